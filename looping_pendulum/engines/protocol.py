@@ -1,0 +1,167 @@
+"""The one shape that every engine has, the reference included."""
+
+from __future__ import annotations
+
+import abc
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, Supplies, Trajectory, from_samples
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.scenarios.scenario import Scenario
+
+SAMPLE_INTERVAL = 1e-3
+"""Time between samples [s]; every engine's step divides it, so that nothing is ever resampled."""
+
+STRETCH_BUDGET = 0.05
+"""A string longer than its rest length by more than this fraction ends a run: it no longer is the apparatus."""
+
+
+class Profile(StrEnum):
+    """How much a run may cost."""
+
+    QUICK = "quick"
+    """Seconds: for a first look and for the tests."""
+    ACCURATE = "accurate"
+    """Minutes: the best that the adapter knows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Abilities:
+    """What an engine variant can do, as plain data."""
+
+    releases: frozenset[Release]
+    """Releases that it can represent."""
+    supplies: Supplies
+    packages: tuple[str, ...]
+    """Packages that it needs, as pip names them."""
+    summary: str
+    """One sentence on what the variant is."""
+    limits: tuple[str, ...] = ()
+    """What it cannot do, each with its reason."""
+
+
+class Recorder(Protocol):
+    """Where samples go as they are made, so that a crash loses none; see `isolation.SharedRecorder`."""
+
+    def add(self, row: Sequence[float]) -> None:
+        """Keep one row of `COLUMNS`."""
+
+    def rows(self) -> Array:
+        """All rows kept so far, shape (n, len(COLUMNS))."""
+
+
+class MemoryRecorder:
+    """Keeps samples in this process."""
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[float, ...]] = []
+
+    def add(self, row: Sequence[float]) -> None:
+        """Keep one row of `COLUMNS`."""
+        self._rows.append(tuple(row))
+
+    def rows(self) -> Array:
+        """All rows kept so far, shape (n, len(COLUMNS))."""
+        return np.array(self._rows, dtype=float).reshape(-1, len(COLUMNS))
+
+
+@runtime_checkable
+class Engine(Protocol):
+    """Simulates scenarios. Making one imports nothing; its package is imported by `simulate`."""
+
+    name: str
+    variant: str
+    profile: Profile
+    abilities: Abilities
+    settings: Any
+    """A frozen dataclass of every numerical setting that changes the answer, SI."""
+
+    def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
+        """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
+
+
+class Rig(Protocol):
+    """The apparatus, built in one engine."""
+
+    def advance(self) -> None:
+        """Step the engine through one `SAMPLE_INTERVAL`, applying the effects' forces at every step."""
+
+    def read(self) -> tuple[float, ...]:
+        """Positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
+
+
+class SteppedEngine(abc.ABC):
+    """An engine that steps through time: an adapter says how to build its rig, and the loop is here."""
+
+    name: str
+    variant: str
+    profile: Profile
+    abilities: Abilities
+    settings: Any
+
+    @abc.abstractmethod
+    def build(self, scenario: Scenario) -> Rig:
+        """Rebuild the scenario's apparatus at the moment of release."""
+
+    @abc.abstractmethod
+    def versions(self) -> dict[str, str]:
+        """Package -> version of what `simulate` uses."""
+
+    def end_length(self, scenario: Scenario) -> float:
+        """Free length [m] at which the run ends; an adapter raises it where its rig cannot follow further."""
+        return max(scenario.parameters.end_length, 4e-3)
+
+    def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
+        """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
+        recorder = recorder if recorder is not None else MemoryRecorder()
+        rig = self.build(scenario)
+        started = time.perf_counter()
+        status = _run(rig, scenario, self.end_length(scenario), recorder.add)
+        return from_samples(
+            recorder.rows(),
+            parameters=scenario.parameters,
+            engine=self.name,
+            variant=self.variant,
+            profile=self.profile.value,
+            scenario=scenario.name,
+            status=status,
+            wall_time=time.perf_counter() - started,
+            provenance=self.provenance(),
+        )
+
+    def provenance(self) -> Provenance:
+        """Versions, settings and suppliers of this engine's runs."""
+        import dataclasses
+
+        return Provenance(
+            versions=self.versions(), settings=dataclasses.asdict(self.settings), supplies=self.abilities.supplies
+        )
+
+
+def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequence[float]], None]) -> RunStatus:
+    """Advance ``rig`` sample by sample; say how it ended."""
+    p = scenario.parameters
+    has_string = p.release is not Release.DROP
+    end_distance = math.hypot(end_length, p.rod_radius)
+    stretch_limit = STRETCH_BUDGET * p.string_length
+    row = rig.read()
+    add((0.0, *row))
+    for sample in range(1, round(scenario.duration / SAMPLE_INTERVAL) + 1):
+        rig.advance()
+        row = rig.read()
+        if not all(math.isfinite(value) for value in row[:8]):
+            return RunStatus.NOT_FINITE
+        add((sample * SAMPLE_INTERVAL, *row))
+        if has_string and math.hypot(row[0], row[1]) <= end_distance:
+            return RunStatus.LIGHT_REACHED_ROD
+        if has_string and row[8] > stretch_limit:
+            return RunStatus.STRING_DRIFT
+    return RunStatus.FINISHED

@@ -1,0 +1,180 @@
+"""What every engine returns: samples of the motion, how the run ended, and who supplied which physics."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.errors import EngineError
+from looping_pendulum.reference_ode.geometry import Array, string_coordinates
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+
+COLUMNS = ("t", "light_x", "light_y", "light_vx", "light_vy", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "string_stretch")
+"""What an adapter reads back at each sample, SI: positions from the rod's centre, x right and y up."""
+
+UNKNOWN_MODE = -1
+"""Mode of a sample whose engine does not say whether the string slides or sticks."""
+
+
+class RunStatus(StrEnum):
+    """How a run ended; the value is what a user reads."""
+
+    FINISHED = "ran for the scenario's whole duration"
+    LIGHT_REACHED_ROD = "ran until the light mass reached the rod"
+    STRING_DRIFT = "the string's length left its budget; raise solver iterations or shorten the time step"
+    NOT_FINITE = "a position became infinite or not a number; shorten the time step"
+    TIME_LIMIT = "stopped by its time limit; raise --time-limit or use --profile quick"
+    CRASHED = "the engine's process died; its output says more"
+    FAILED = "the engine raised an error"
+    MISSING = "the engine is not installed; `looping-pendulum engines` says how to get it"
+    UNSUPPORTED = "the engine cannot represent this scenario"
+    INTERRUPTED = "interrupted by the user; what was computed is kept"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the run came to its proper end."""
+        return self in (RunStatus.FINISHED, RunStatus.LIGHT_REACHED_ROD)
+
+
+class Supplier(StrEnum):
+    """Who supplies a piece of physics: a law that an adapter feeds in is no evidence for that law."""
+
+    ENGINE = "engine"
+    ADAPTER = "adapter"
+    NOBODY = "nobody"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Supply:
+    """One piece of physics, who supplies it, and by what."""
+
+    by: Supplier
+    how: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Supplies:
+    """Who supplies the physics in which engines and adapters differ."""
+
+    winding: Supply
+    friction_law: Supply
+    stick_slip: Supply
+    drag: Supply
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """What made a trajectory."""
+
+    versions: dict[str, str]
+    """Package -> version."""
+    settings: dict[str, Any]
+    """Every numerical setting that changes the answer, SI."""
+    supplies: Supplies
+    seed: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrajectoryEvent:
+    """Something that happened at one time."""
+
+    time: float
+    """[s]"""
+    name: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectory:
+    """The motion that one engine computed. A failed run keeps what it has."""
+
+    engine: str
+    variant: str
+    profile: str
+    scenario: str
+    t: Array
+    """Sample times [s], shape (n,)."""
+    light_position: Array
+    """Light mass from the rod's centre, x right and y up [m], shape (n, 2)."""
+    light_velocity: Array
+    """[m/s], shape (n, 2)."""
+    heavy_position: Array
+    """[m], shape (n, 2)."""
+    heavy_velocity: Array
+    """[m/s], shape (n, 2)."""
+    free_length: Array
+    """Straight string to the light mass, from its position [m], shape (n,); NaN without a string."""
+    wrap_angle: Array
+    """Turns counted [rad], shape (n,); NaN without a string."""
+    string_stretch: Array
+    """How much longer than its rest length the string is [m], shape (n,); NaN where the engine cannot say."""
+    mode: NDArray[np.int8]
+    """Value of `reference_ode.transitions.Mode` per sample, `UNKNOWN_MODE` where the engine does not say."""
+    light_tension: Array | None = None
+    """Tension in the free string [N], shape (n,), where known."""
+    heavy_tension: Array | None = None
+    """Tension above the heavy mass [N], shape (n,), where known."""
+    events: tuple[TrajectoryEvent, ...] = ()
+    status: RunStatus = RunStatus.FINISHED
+    message: str = ""
+    """What the engine said about its end, if it failed."""
+    provenance: Provenance
+    wall_time: float = float("nan")
+    """Seconds that the simulation took, building and starting apart."""
+    output: str = field(default="", repr=False)
+    """What the engine printed."""
+
+    @property
+    def label(self) -> str:
+        """Engine and variant, "pymunk:chain"."""
+        return f"{self.engine}:{self.variant}"
+
+    @property
+    def heavy_drop(self) -> Array:
+        """How far the heavy mass is below its release [m], shape (n,)."""
+        if len(self.t) == 0:
+            return np.empty(0)
+        return np.asarray(self.heavy_position[0, 1] - self.heavy_position[:, 1])
+
+    def raise_if_failed(self) -> Trajectory:
+        """Return this trajectory if its run came to its proper end.
+
+        Raises
+        ------
+        EngineError
+            Otherwise, with the run's status and message.
+        """
+        if not self.status.ok:
+            raise EngineError(f"{self.label}: {self.status.value}. {self.message}".strip())
+        return self
+
+
+def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Trajectory:
+    """Make a trajectory of rows of `COLUMNS`, shape (n, 10); wrap angle and free length follow from the positions."""
+    light = samples[:, 1:3]
+    free_length, wrap_angle = string_coordinates(light, parameters.rod_radius, parameters.release_angle)
+    if parameters.release is Release.DROP:
+        free_length, wrap_angle = np.full(len(light), np.nan), np.full(len(light), np.nan)
+    defaults: dict[str, Any] = {
+        "free_length": free_length,
+        "wrap_angle": wrap_angle,
+        "mode": np.full(len(samples), UNKNOWN_MODE, dtype=np.int8),
+    }
+    return Trajectory(
+        t=samples[:, 0],
+        light_position=light,
+        light_velocity=samples[:, 3:5],
+        heavy_position=samples[:, 5:7],
+        heavy_velocity=samples[:, 7:9],
+        string_stretch=samples[:, 9],
+        **(defaults | fields),
+    )
+
+
+def supplies_as_rows(supplies: Supplies) -> list[tuple[str, str, str]]:
+    """(piece of physics, who, how) for tables."""
+    return [(f.name.replace("_", " "), s.by.value, s.how) for f in dataclasses.fields(supplies) if (s := getattr(supplies, f.name))]

@@ -1,0 +1,27 @@
+"""The errors a user may meet. Each says where, what was found, what was needed, and a way out."""
+
+from __future__ import annotations
+
+
+class HarnessError(Exception):
+    """Base of every error that this package raises on purpose; the command line prints it as one line."""
+
+
+class ParameterError(HarnessError, ValueError):
+    """A physical quantity is impossible, on its own or together with the others."""
+
+
+class ScenarioError(HarnessError, ValueError):
+    """A scenario file cannot be read as a scenario."""
+
+
+class EngineError(HarnessError, RuntimeError):
+    """An engine run failed, or an engine was asked for something that it cannot do."""
+
+
+class MissingPackageError(HarnessError, ImportError):
+    """An optional engine or integrator is not installed."""
+
+
+class IntegrationError(HarnessError, ArithmeticError):
+    """The reference could not be integrated to its end."""

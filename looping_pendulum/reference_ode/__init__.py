@@ -1,0 +1,1 @@
+"""The exact hybrid model of the looping pendulum."""

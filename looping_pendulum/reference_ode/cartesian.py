@@ -1,0 +1,51 @@
+"""The one path by which the effects' forces reach engines that work in x and y."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from looping_pendulum.reference_ode import effects
+from looping_pendulum.reference_ode.effects import GRAVITY, EffectKind, Kinematics
+from looping_pendulum.reference_ode.parameters import Parameters
+
+CartesianForce = Callable[[float, float, float, float, float, float], tuple[float, float, float]]
+
+
+def cartesian_force(parameters: Parameters) -> CartesianForce | None:
+    """Return ``force(time, x, y, vx, vy, heavy_vy) -> (fx, fy, heavy_fy)`` [N], or None where no such force acts.
+
+    Gravity is left out (every engine has its own), and so is the string's law on the rod. Positions [m] are from the rod's
+    centre, velocities in m/s. The formulas are the reference's own. The function counts the light mass's turns, so it must be
+    called in the order of time, more than twice a turn.
+    """
+    p, radius = parameters.values(), parameters.rod_radius
+    acting = tuple(
+        effect
+        for effect in parameters.effects
+        if effect.kind is EffectKind.FORCE
+        and effect is not GRAVITY
+        and any(parameters.coefficients[c.name] != c.null for c in effect.coefficients)
+    )
+    if not acting:
+        return None
+    last_angle = parameters.release_angle
+
+    def force(time: float, x: float, y: float, vx: float, vy: float, heavy_vy: float) -> tuple[float, float, float]:
+        nonlocal last_angle
+        free_length = math.sqrt(max(x * x + y * y - radius * radius, 1e-16))
+        angle = math.atan2(y, x) - math.atan2(free_length, radius)
+        last_angle += (angle - last_angle + math.pi) % (2 * math.pi) - math.pi
+        cosine, sine = math.cos(last_angle), math.sin(last_angle)
+        retreat, across = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
+        k = Kinematics(
+            time, free_length, last_angle, retreat, across, abs(across), math.hypot(vx, vy), heavy_vy, abs(heavy_vy)
+        )
+        along_force, across_force = effects.light_force(math, k, p, acting)
+        return (
+            along_force * sine - across_force * cosine,
+            -along_force * cosine - across_force * sine,
+            effects.heavy_force(math, k, p, acting),
+        )
+
+    return force

@@ -1,0 +1,34 @@
+"""Where things are: string coordinates (free length l, wrap angle theta) to x and y, and back. Origin: the rod's centre."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def light_position(xp: Any, free_length: Any, wrap_angle: Any, rod_radius: Any) -> tuple[Any, Any]:
+    """Light mass (x, y) [m]: R cos(theta) - l sin(theta), R sin(theta) + l cos(theta) (paper, sec. II)."""
+    cosine, sine = xp.cos(wrap_angle), xp.sin(wrap_angle)
+    return rod_radius * cosine - free_length * sine, rod_radius * sine + free_length * cosine
+
+
+def light_velocity(xp: Any, wrap_angle: Any, retreat_speed: Any, across_speed: Any) -> tuple[Any, Any]:
+    """Light mass velocity (x, y) [m/s]: -u e1 + w t1 (paper, eq. v1)."""
+    cosine, sine = xp.cos(wrap_angle), xp.sin(wrap_angle)
+    return -retreat_speed * sine - across_speed * cosine, retreat_speed * cosine - across_speed * sine
+
+
+def string_coordinates(light_position: Array, rod_radius: float, release_angle: float) -> tuple[Array, Array]:
+    """Free length [m] and wrap angle [rad], turns counted, of a light mass seen at ``light_position`` (n, 2) [m].
+
+    The inverse of :func:`light_position` for a taut string. Samples must be closer than half a turn.
+    """
+    x, y = light_position[:, 0], light_position[:, 1]
+    free_length = np.sqrt(np.maximum(x * x + y * y - rod_radius**2, 0.0))
+    angle = np.arctan2(y, x) - np.arctan2(free_length, rod_radius)
+    unwrapped = np.unwrap(np.concatenate([[release_angle], angle]))[1:]
+    return free_length, unwrapped

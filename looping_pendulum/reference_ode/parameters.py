@@ -1,0 +1,142 @@
+"""What a trial is made of: apparatus, release and the coefficients of the effects that act. Physics only, SI and radians."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType, SimpleNamespace
+
+from looping_pendulum.errors import ParameterError
+from looping_pendulum.reference_ode import effects as effect_library
+from looping_pendulum.reference_ode.effects import Effect
+
+POINT_MASS_END = 1e-6
+"""Free length [m] at which a light mass without a radius of its own counts as having reached the rod."""
+
+
+class Release(StrEnum):
+    """How one apparatus is let go."""
+
+    LOOPING = "looping"
+    """The light mass is held at the release angle, the string taut, and let go; the heavy mass is free."""
+    VERTICAL = "vertical"
+    """Both masses hang vertically and the string slides (an Atwood machine: the paper's friction calibration)."""
+    HELD = "held"
+    """The heavy mass is clamped: the light mass swings as a pendulum whose string winds on the rod."""
+    DROP = "drop"
+    """No string at all: both masses fall from where the looping release would have held them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameters:
+    """One apparatus and one release of it.
+
+    Raises
+    ------
+    ParameterError
+        If a quantity is impossible (a negative mass, a static friction below the kinetic one, ...).
+    """
+
+    light_mass: float
+    """Mass M1 that whips round the rod [kg]."""
+    heavy_mass: float
+    """Mass M2 that falls and is stopped [kg]."""
+    rod_radius: float
+    """Radius R of the rod [m]."""
+    free_length: float
+    """String l from the rod's tangent point to the light mass at release [m]."""
+    release_angle: float
+    """Wrap angle theta at release [rad]; 0: straight up, pi/2: horizontal, pi: straight down."""
+    hanging_length: float = 0.03
+    """String h from the rod's tangent point to the heavy mass at release [m]."""
+    light_radius: float = 0.0
+    """Radius of the light mass [m]; the run ends when its surface touches the rod. 0: a point."""
+    release: Release = Release.LOOPING
+    coefficients: Mapping[str, float] = field(default_factory=dict)
+    """Coefficient name -> value [SI] of the effects that act; those not named keep their default."""
+
+    def __post_init__(self) -> None:
+        """Fill in default coefficients and refuse what cannot be."""
+        unknown = sorted(set(self.coefficients) - set(effect_library.COEFFICIENTS))
+        if unknown:
+            known = ", ".join(effect_library.COEFFICIENTS)
+            raise ParameterError(f"coefficients: no effect has a coefficient {unknown[0]!r}; known: {known}")
+        values = {name: c.default for name, c in effect_library.COEFFICIENTS.items()} | dict(self.coefficients)
+        if "static_friction" not in self.coefficients:
+            values["static_friction"] = values["kinetic_friction"]
+        object.__setattr__(self, "coefficients", MappingProxyType(values))
+        object.__setattr__(self, "release", Release(self.release))
+        if self.release is Release.VERTICAL:
+            object.__setattr__(self, "release_angle", math.pi)
+        self._refuse_impossible()
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle by value: a read-only mapping does not pickle by itself."""
+        return _rebuild, (self.as_dict(),)
+
+    def _refuse_impossible(self) -> None:
+        for name in ("light_mass", "heavy_mass", "rod_radius", "free_length", "hanging_length"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ParameterError(f"{name}: found {value:g}, needed a finite number above 0")
+        if not (math.isfinite(self.light_radius) and self.light_radius >= 0):
+            raise ParameterError(f"light_radius: found {self.light_radius:g}, needed 0 or more")
+        if not 0 < self.release_angle < 2 * math.pi:
+            degrees = math.degrees(self.release_angle)
+            raise ParameterError(f"release_angle: found {degrees:g} deg, needed between 0 and 360 deg")
+        for name, value in self.coefficients.items():
+            low, high = effect_library.COEFFICIENTS[name].bounds
+            if not (math.isfinite(value) and low <= value <= high):
+                raise ParameterError(f"{name}: found {value:g}, needed between {low:g} and {high:g}")
+        kinetic, static = self.coefficients["kinetic_friction"], self.coefficients["static_friction"]
+        if static < kinetic:
+            raise ParameterError(f"static_friction: found {static:g}, needed at least kinetic_friction ({kinetic:g})")
+        if self.free_length <= self.end_length:
+            raise ParameterError(
+                f"free_length: found {self.free_length:g} m, but the light mass already touches the rod "
+                f"at {self.end_length:g} m; lengthen the string or shrink light_radius"
+            )
+
+    @property
+    def end_length(self) -> float:
+        """Free length at which the light mass touches the rod [m]."""
+        touching = math.sqrt(self.light_radius**2 + 2 * self.light_radius * self.rod_radius)
+        return max(touching, POINT_MASS_END)
+
+    @property
+    def string_length(self) -> float:
+        """Whole string L = l + R theta + h [m] (paper, before eq. 1)."""
+        return self.free_length + self.rod_radius * self.release_angle + self.hanging_length
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects that act here: the declared model's own, and any other with a coefficient off its null value."""
+        return tuple(
+            effect
+            for effect in effect_library.EFFECTS.values()
+            if effect.in_base_model or any(self.coefficients[c.name] != c.null for c in effect.coefficients)
+        )
+
+    def values(self) -> SimpleNamespace:
+        """Every number as an attribute, coefficients included: what the equations read."""
+        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "coefficients"}
+        return SimpleNamespace(**fields, end_length=self.end_length, **self.coefficients)
+
+    def replace(self, **changes: object) -> Parameters:
+        """Return a copy with fields or coefficients changed (``replace(light_mass=0.02, kinetic_friction=0.3)``)."""
+        coefficients = dict(self.coefficients)
+        for name in [n for n in changes if n in effect_library.COEFFICIENTS]:
+            coefficients[name] = float(changes.pop(name))  # type: ignore[arg-type]
+        return dataclasses.replace(self, coefficients=coefficients, **changes)  # type: ignore[arg-type]
+
+    def as_dict(self) -> dict[str, object]:
+        """Plain data, for JSON and for another process."""
+        data = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        return data | {"release": self.release.value, "coefficients": dict(self.coefficients)}
+
+
+def _rebuild(data: dict[str, object]) -> Parameters:
+    return Parameters(**data)  # type: ignore[arg-type]
