@@ -78,6 +78,8 @@ class Effect:
     coefficients: tuple[Coefficient, ...]
     in_base_model: bool = False
     """Whether the paper's model has it; such effects are always compiled in, at their null value if need be."""
+    needs_string: bool = False
+    """Whether the effect is absent without a string (drop release)."""
     light_force: LightForce | None = None
     """(xp, kinematics, p) -> force on the light mass (along, across) [N]."""
     heavy_force: HeavyForce | None = None
@@ -206,6 +208,7 @@ STRING_DRAG = Effect(
         ),
     ),
     in_base_model=True,
+    needs_string=True,
     light_force=lambda xp, k, p: (
         0.0,
         -p.string_drag * k.free_length * k.across_speed_size * k.across_speed,

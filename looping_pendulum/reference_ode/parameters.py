@@ -13,8 +13,12 @@ from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Effect
 
-POINT_MASS_END = 1e-6
-"""Free length [m] at which a light mass without a radius of its own counts as having reached the rod."""
+POINT_MASS_END = 1 / 3
+"""Free length, in rod radii, at which a light mass without a radius counts as having reached the rod.
+
+It is then within 6 % of a radius of the rod's surface. A true point would go on to pull with a tension M1 w^2 / l beyond all
+bounds, and so lift the heavy mass again over the last tenths of a millimetre, which no real mass does.
+"""
 
 
 class Release(StrEnum):
@@ -104,7 +108,7 @@ class Parameters:
     def end_length(self) -> float:
         """Free length at which the light mass touches the rod [m]."""
         touching = math.sqrt(self.light_radius**2 + 2 * self.light_radius * self.rod_radius)
-        return max(touching, POINT_MASS_END)
+        return touching if self.light_radius > 0 else POINT_MASS_END * self.rod_radius
 
     @property
     def string_length(self) -> float:
@@ -117,17 +121,21 @@ class Parameters:
         return tuple(
             effect
             for effect in effect_library.EFFECTS.values()
+            if not (effect.needs_string and self.release is Release.DROP)
             if effect.in_base_model or any(self.coefficients[c.name] != c.null for c in effect.coefficients)
         )
 
     def values(self) -> SimpleNamespace:
         """Every number as an attribute, coefficients included: what the equations read."""
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "coefficients"}
-        return SimpleNamespace(**fields, end_length=self.end_length, **self.coefficients)
+        derived = {"end_length": self.end_length, "string_length": self.string_length}
+        return SimpleNamespace(**fields, **derived, **self.coefficients)
 
     def replace(self, **changes: object) -> Parameters:
         """Return a copy with fields or coefficients changed (``replace(light_mass=0.02, kinetic_friction=0.3)``)."""
         coefficients = dict(self.coefficients)
+        if coefficients["static_friction"] == coefficients["kinetic_friction"]:
+            del coefficients["static_friction"]  # it was not given apart, so it follows the kinetic one
         for name in [n for n in changes if n in effect_library.COEFFICIENTS]:
             coefficients[name] = float(changes.pop(name))  # type: ignore[arg-type]
         return dataclasses.replace(self, coefficients=coefficients, **changes)  # type: ignore[arg-type]

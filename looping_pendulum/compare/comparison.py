@@ -1,0 +1,212 @@
+"""From trajectories to the one result object."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from looping_pendulum.compare import metrics as measure
+from looping_pendulum.compare.align import Aligned, Truth, align
+from looping_pendulum.compare.json_text import plain
+from looping_pendulum.compare.landmarks import finite_length, run_landmarks, truth_landmarks
+from looping_pendulum.compare.result import (
+    Clock,
+    ComparisonResult,
+    EngineResult,
+    InferredEntry,
+    Landmarks,
+    MeasuredRow,
+    RunProvenance,
+    Samples,
+    SupplyEntry,
+    TruthResult,
+    WallTime,
+)
+from looping_pendulum.compare.stories import story
+from looping_pendulum.compare.tolerances import NOT_RUN, judge
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
+from looping_pendulum.engines.trajectory import Provenance, Trajectory, supplies_as_rows
+from looping_pendulum.scenarios.scenario import Scenario
+
+
+class EventRow(Protocol):
+    """One row of a measured event table, as `scenarios.measured` reads it."""
+
+    @property
+    def quantity(self) -> str:
+        """Name, "x1_extremum"."""
+
+    @property
+    def index(self) -> int:
+        """Which one, from 1."""
+
+    @property
+    def measured(self) -> float | None:
+        """SI, None where not measured."""
+
+    @property
+    def paper_numerical(self) -> float | None:
+        """The paper's own simulation, SI."""
+
+    @property
+    def unit(self) -> str:
+        """SI unit."""
+
+
+class EventTable(Protocol):
+    """A measured event table."""
+
+    @property
+    def rows(self) -> Sequence[EventRow]:
+        """In the order of the source."""
+
+
+def compare(
+    scenario: Scenario, truth: Truth, trajectories: Sequence[Trajectory], measured: EventTable | None = None
+) -> ComparisonResult:
+    """Compare engines with the truth, and both with a measured event table if there is one.
+
+    Parameters
+    ----------
+    truth
+        The reference's `Trajectory` at exactly the times it is given [s], rising; its events are the whole run's.
+    trajectories
+        One per engine, failed and missing ones included: they keep their row.
+    """
+    grid = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1) * SAMPLE_INTERVAL
+    true_run = truth(grid)
+    true = truth_landmarks(truth, grid)
+    aligned = tuple(align(_known(run), truth) for run in trajectories)
+    engines = tuple(_engine(run, a, scenario, truth, true_run, true) for run, a in zip(trajectories, aligned, strict=True))
+    return ComparisonResult(
+        scenario=scenario.name,
+        title=scenario.title,
+        description=scenario.description,
+        parameters=plain(scenario.parameters.as_dict()),
+        duration=scenario.duration,
+        inferred=tuple(InferredEntry(parameters=tuple(i.parameters), how=i.how, script=i.script) for i in scenario.inferred),
+        truth=TruthResult(
+            engine=true_run.engine,
+            variant=true_run.variant,
+            landmarks=true,
+            events=tuple((event.name, float(event.time)) for event in true_run.events),
+            end_time=float(true_run.t[finite_length(true_run) - 1]),
+            provenance=_provenance(true_run.provenance),
+        ),
+        engines=engines,
+        tolerances=judge(scenario.tolerances, engines),
+        measured=() if measured is None else _measured(measured, true, engines),
+        measured_source="" if scenario.measured is None else scenario.measured.source,
+        clock=Clock(
+            written=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+            wall_times=tuple(_wall_time(run) for run in trajectories),
+        ),
+        samples=Samples(truth=true_run, aligned=aligned),
+    )
+
+
+def _engine(
+    run: Trajectory, aligned: Aligned, scenario: Scenario, truth: Truth, true_run: Trajectory, true: Landmarks
+) -> EngineResult:
+    own = run_landmarks(run, scenario.parameters)
+    in_tube = measure.tube(aligned, truth)
+    found = measure.departures(aligned, true_run.events)
+    provenance = _provenance(run.provenance)
+    return EngineResult(
+        engine=run.engine,
+        variant=run.variant,
+        profile=run.profile,
+        status=run.status.name,
+        status_sentence=run.status.value,
+        ok=run.status.ok,
+        available=run.status not in NOT_RUN,
+        message=run.message,
+        samples=len(run.t),
+        end_time=float(aligned.t[-1]) if len(aligned.t) else None,
+        landmarks=own,
+        metrics=measure.metrics(aligned, scenario.parameters, own, true, in_tube),
+        tube=in_tube,
+        departures=found,
+        growth_rate=measure.growth_rate(found),
+        story=story(aligned.run, scenario.parameters, provenance.supplies, found, own, true),
+        provenance=provenance,
+    )
+
+
+def _known(run: Trajectory) -> Trajectory:
+    """``run`` up to its first sample that is not a number."""
+    count = finite_length(run)
+    if count == len(run.t):
+        return run
+    per_sample = {
+        f.name: value[:count]
+        for f in dataclasses.fields(run)
+        if isinstance(value := getattr(run, f.name), np.ndarray)
+    }
+    return dataclasses.replace(run, **per_sample)
+
+
+def _provenance(provenance: Provenance) -> RunProvenance:
+    rows = supplies_as_rows(provenance.supplies)
+    return RunProvenance(
+        versions=plain(provenance.versions),
+        settings=plain(provenance.settings),
+        supplies=tuple(SupplyEntry(what=what, by=by, how=how) for what, by, how in rows),
+        seed=provenance.seed,
+    )
+
+
+def _wall_time(run: Trajectory) -> WallTime:
+    known = math.isfinite(run.wall_time) and len(run.t) > 1
+    return WallTime(
+        engine=run.label,
+        profile=run.profile,
+        seconds=run.wall_time if math.isfinite(run.wall_time) else None,
+        per_simulated_second=float(run.wall_time / run.t[-1]) if known else None,
+    )
+
+
+def _measured(table: EventTable, true: Landmarks, engines: tuple[EngineResult, ...]) -> tuple[MeasuredRow, ...]:
+    return tuple(
+        MeasuredRow(
+            quantity=row.quantity,
+            index=row.index,
+            unit=row.unit,
+            measured=plain(row.measured),
+            paper_numerical=plain(row.paper_numerical),
+            truth=event_value(true, row.quantity, row.index),
+            engines=tuple(event_value(e.landmarks, row.quantity, row.index) for e in engines),
+        )
+        for row in table.rows
+    )
+
+
+def event_value(found: Landmarks, quantity: str, index: int) -> float | None:
+    """Value [SI] of a quantity of a measured event table; None where the run has none.
+
+    A and B are the first two stops, C is the break-away before the halt: the start of the final plunge.
+    """
+    stop_a, stop_b = ([*found.stops, None, None])[:2]
+    halt = found.halting_time
+    before_halt = [t for t in found.break_aways if halt is not None and t < halt]
+    series = {"x1_extremum": [e.time for e in found.x1_extrema], "y1_extremum": [e.time for e in found.y1_extrema]}
+    if quantity in series:
+        return series[quantity][index - 1] if 0 < index <= len(series[quantity]) else None
+    return {
+        "t_A": stop_a and stop_a.time,
+        "height_change_at_A": stop_a and stop_a.height_change,
+        "t_B": stop_b and stop_b.time,
+        "height_change_at_B": stop_b and stop_b.height_change,
+        "t_C": before_halt[-1] if before_halt else None,
+        "halting_time": halt,
+        "drop_at_halt": found.drop_at_halt,
+        "height_change_at_halt": None if found.drop_at_halt is None else -found.drop_at_halt,
+        "wrap_angle_at_halt": found.wrap_angle_at_halt,
+        "free_length_at_halt": found.free_length_at_halt,
+        "time_light_reaches_rod": found.light_reaches_rod,
+    }.get(quantity)

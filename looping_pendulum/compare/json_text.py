@@ -1,0 +1,90 @@
+"""Results as JSON and back; the layout is documented in `result`."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import types
+import typing
+from collections.abc import Mapping
+from enum import Enum
+from typing import Any, TypeVar
+
+import numpy as np
+
+from looping_pendulum.compare.result import SCHEMA_ID, SCHEMA_VERSION, ComparisonResult, ResultError
+
+T = TypeVar("T")
+
+
+def plain(value: Any) -> Any:
+    """Return ``value`` as what JSON knows: sorted dicts, lists, and None for a number that is not finite.
+
+    Anything else becomes its text, so that an engine's odd setting never costs the whole result.
+    """
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value) if f.compare}
+    if isinstance(value, Mapping):
+        return {str(key): plain(value[key]) for key in sorted(value, key=str)}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, (set, frozenset)):
+        return sorted((plain(item) for item in value), key=str)
+    if isinstance(value, Enum):
+        return plain(value.value)
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    return str(value)
+
+
+def dump(result: ComparisonResult) -> str:
+    """Write a result as JSON text."""
+    tree = {"schema": {"id": SCHEMA_ID, "version": SCHEMA_VERSION}} | plain(result)
+    return json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def load(cls: type[T], text: str) -> T:
+    """Read `dump`'s text back as ``cls``."""
+    try:
+        tree = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise ResultError(f"result.json: line {error.lineno}: {error.msg}; write it again with `looping-pendulum compare`") from None
+    schema = tree.pop("schema", None) if isinstance(tree, dict) else None
+    if not isinstance(schema, dict) or schema.get("id") != SCHEMA_ID:
+        raise ResultError(f"result.json: schema: found {schema!r}, needed the id {SCHEMA_ID!r}")
+    if not isinstance(schema.get("version"), int) or schema["version"] > SCHEMA_VERSION:
+        found = schema.get("version")
+        raise ResultError(f"result.json: schema: found version {found}, needed {SCHEMA_VERSION} or less; update looping-pendulum")
+    try:
+        return typing.cast(T, _build(cls, tree))
+    except (KeyError, TypeError, ValueError) as error:
+        raise ResultError(f"result.json: not as documented: {error!r}; write it again with `looping-pendulum compare`") from None
+
+
+def _build(kind: Any, value: Any) -> Any:
+    """Rebuild a value of the annotated ``kind`` from plain data."""
+    if kind is Any:
+        return value
+    origin, inner = typing.get_origin(kind), typing.get_args(kind)
+    if origin is types.UnionType or origin is typing.Union:
+        return None if value is None else _build(next(k for k in inner if k is not type(None)), value)
+    if origin is tuple:
+        if len(inner) == 2 and inner[1] is Ellipsis:
+            return tuple(_build(inner[0], item) for item in value)
+        return tuple(_build(k, item) for k, item in zip(inner, value, strict=True))
+    if origin is dict:
+        return {key: _build(inner[1], item) for key, item in value.items()}
+    if dataclasses.is_dataclass(kind):
+        hints = typing.get_type_hints(kind)
+        names = [f.name for f in dataclasses.fields(kind) if f.compare]
+        return typing.cast(Any, kind)(**{name: _build(hints[name], value[name]) for name in names})
+    if kind is float:
+        return float(value)
+    return kind(value)

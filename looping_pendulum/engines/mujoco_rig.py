@@ -1,0 +1,223 @@
+"""The rig of the MuJoCo tendon variants: winds, pushes and grips the string at every step.
+
+MuJoCo's step (new velocity from the forces now, new position from the new velocity) is a leapfrog step if its velocities are
+read as those half a step earlier. So the rig starts them half a step early and takes them half a step on wherever a velocity
+enters (drag, the string's turning, samples): second order in the time step at no cost.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from looping_pendulum.engines.mujoco_model import SWITCH_DOWN, SWITCH_UP, TendonSettings, model_xml
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
+from looping_pendulum.errors import EngineError
+from looping_pendulum.reference_ode import effects
+from looping_pendulum.reference_ode.cartesian import cartesian_force
+from looping_pendulum.reference_ode.effects import Kinematics
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+
+HEAVY = 2
+"""Degree of freedom of the heavy mass, after the light mass's two; a held heavy mass has none."""
+STRING_ROW, FRICTION_ROW = 0, 1
+"""MuJoCo's constraint rows: equalities come first, then friction losses."""
+NO_FRICTION = 1e-12
+"""A friction loss [N] that keeps the friction row in being: at 0 MuJoCo leaves it out."""
+
+
+class TendonRig:
+    """The apparatus in MuJoCo.
+
+    Parameters
+    ----------
+    parameters, settings
+        Physics and numerics.
+    end_length
+        Free length [m] below which the rig stands still: beyond it the light mass would run into the rod.
+    with_friction
+        Whether the effects' string laws act between string and rod.
+    """
+
+    def __init__(self, parameters: Parameters, settings: TendonSettings, *, end_length: float, with_friction: bool) -> None:
+        import mujoco
+
+        p = parameters
+        self._model: Any = mujoco.MjModel.from_xml_string(model_xml(p, settings))
+        self._data: Any = mujoco.MjData(self._model)
+        self._step, self._solve, self._place = mujoco.mj_step, mujoco.mj_forward, mujoco.mj_fwdPosition
+        self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
+        self._applied, self._target = self._data.qfrc_applied, self._model.eq_data
+        self._diverged = self._data.warning[mujoco.mjtWarning.mjWARN_BADQACC]
+        self._dt, self._steps = settings.time_step, _steps_per_sample(settings.time_step)
+        self._radius, self._hanging, self._whole_length = p.rod_radius, p.hanging_length, p.string_length
+        self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
+        self._free_length, self._wrap_angle = p.free_length, p.release_angle
+        self._end_length = end_length if self._has_string else -math.inf
+        # MuJoCo leaves the string's turning (l omega^2) out of a tendon's acceleration, so the target length is shifted by what
+        # pulls just as much. The rows' own damping sees velocities half a step old and so already pulls a part of it.
+        softness = settings.impedance * settings.string_time_constant
+        self._turning_shift = softness * softness * (1 - self._dt / softness)
+        self._force = cartesian_force(p)
+        gripping = with_friction and self._has_string and not self._held
+        self._grip = CapstanGrip(p, self._model, self._data, settings) if gripping else None
+        self._half_turns = 0
+        self._start()
+
+    def advance(self) -> None:
+        """Step through one sample interval, or less if the light mass reaches the rod."""
+        for _ in range(self._steps):
+            if self._free_length <= self._end_length:
+                return
+            self._prepare()
+            self._step(self._model, self._data)
+            self._follow_light_mass()
+
+    def read(self) -> tuple[float, ...]:
+        """Positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
+        if self._diverged.number:
+            return (math.nan,) * 9
+        x, y = self._qpos[:2].tolist()
+        vx, vy, heavy_v = self._velocities()
+        heavy_y = -self._hanging if self._held else float(self._qpos[HEAVY])
+        return (x, y, vx, vy, self._radius, heavy_y, 0.0, heavy_v, self._stretch())
+
+    def _start(self) -> None:
+        """Find the accelerations at release, and start the velocities half a step early."""
+        if self._has_string:
+            self._use_tendon()
+        self._prepare()
+        self._solve(self._model, self._data)
+        self._qvel[:] = -0.5 * self._dt * self._qacc
+
+    def _follow_light_mass(self) -> None:
+        """Free length and wrap angle of the taut string, turns counted."""
+        x, y = self._qpos[:2].tolist()
+        self._free_length = free_length = math.sqrt(max(x * x + y * y - self._radius * self._radius, 1e-16))
+        angle = math.atan2(y, x) - math.atan2(free_length, self._radius)
+        self._wrap_angle += (angle - self._wrap_angle + math.pi) % (2 * math.pi) - math.pi
+
+    def _velocities(self) -> tuple[float, float, float]:
+        """Velocities now: light x and y, heavy y [m/s]; the engine's are half a step old."""
+        half = 0.5 * self._dt
+        velocity, acceleration = self._qvel.tolist(), self._qacc.tolist()
+        heavy = 0.0 if self._held else velocity[HEAVY] + half * acceleration[HEAVY]
+        return velocity[0] + half * acceleration[0], velocity[1] + half * acceleration[1], heavy
+
+    def _prepare(self) -> None:
+        """Set the string's target length, the applied forces and the friction bound for the coming step."""
+        vx, vy, heavy_v = self._velocities()
+        cosine, sine = math.cos(self._wrap_angle), math.sin(self._wrap_angle)
+        retreat, across = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
+        if self._has_string:
+            self._wind()
+            turning = across * across / self._free_length
+            self._target[self._tendon, 0] = self._rest_length - self._length_offset - self._turning_shift * turning
+        heavy_force = 0.0
+        if self._force is not None:
+            x, y = self._qpos[:2].tolist()
+            self._applied[0], self._applied[1], heavy_force = self._force(self._data.time, x, y, vx, vy, heavy_v)
+            if not self._held:
+                self._applied[HEAVY] = heavy_force
+        if self._grip is not None:
+            k = Kinematics(
+                self._data.time,
+                self._free_length,
+                self._wrap_angle,
+                retreat,
+                across,
+                abs(across),
+                math.hypot(vx, vy),
+                heavy_v,
+                abs(heavy_v),
+            )
+            self._applied[HEAVY] = heavy_force + self._grip.prepare(k)
+
+    def _wind(self) -> None:
+        """Use the tendon that is right for the wrap angle, with its turns taken off the target length."""
+        above = self._wrap_angle - self._half_turns * math.pi
+        if self._half_turns >= 0 and (SWITCH_DOWN <= above <= SWITCH_UP or (above < SWITCH_DOWN and self._half_turns == 0)):
+            return
+        while self._wrap_angle > self._half_turns * math.pi + SWITCH_UP:
+            self._half_turns += 1
+        while self._half_turns > 0 and self._wrap_angle < self._half_turns * math.pi + SWITCH_DOWN:
+            self._half_turns -= 1
+        self._use_tendon()
+
+    def _use_tendon(self) -> None:
+        self._tendon = self._half_turns % 2
+        self._rest_length = self._whole_length - (self._half_turns // 2) * 2 * math.pi * self._radius
+        self._length_offset = float(self._model.tendon_length0[self._tendon])
+        self._data.eq_active[self._tendon] = 1
+        self._data.eq_active[1 - self._tendon] = 0
+
+    def _stretch(self) -> float:
+        """How much longer than its rest length the string is now [m]."""
+        if not self._has_string:
+            return math.nan
+        self._place(self._model, self._data)
+        return float(self._data.ten_length[self._tendon]) - self._rest_length
+
+
+class CapstanGrip:
+    """Feeds the string laws' friction bound to the heavy mass's slide.
+
+    The string's friction on the rod is T2 - T1. It acts on the heavy mass alone, the tendon's tension being T1, so the friction
+    loss of the heavy mass's slide is its bound. While the string is taut, tension and acceleration fall and rise in proportion
+    to friction, so one solve with the friction of the step before gives the bound that is consistent with its own effect.
+    """
+
+    def __init__(self, parameters: Parameters, model: Any, data: Any, settings: TendonSettings) -> None:
+        import mujoco
+
+        self._model, self._data, self._solve = model, data, mujoco.mj_forward
+        self._bound, self._velocity, self._acceleration = model.dof_frictionloss, data.qvel, data.qacc
+        self._bound[HEAVY] = NO_FRICTION
+        self._dt, self._rest_speed = settings.time_step, settings.rest_speed
+        self._values = parameters.values()
+        self._effects = parameters.effects
+        self._total_mass = parameters.light_mass + parameters.heavy_mass
+        self._light_share = parameters.light_mass / self._total_mass
+
+    def prepare(self, k: Kinematics) -> float:
+        """Set the bound for the coming step; return a force to apply besides [N], not 0 only where the string turns back."""
+        self._solve(self._model, self._data)
+        rows = self._data.efc_force
+        friction = float(rows[FRICTION_ROW])
+        tension_without = max(-float(rows[STRING_ROW]) + self._light_share * friction, 0.0)
+        acceleration_without = float(self._acceleration[HEAVY]) - friction / self._total_mass
+        # At release the mass is at rest, though the velocity of half a step before is not 0.
+        velocity = float(self._velocity[HEAVY]) if k.time > 0 else 0.0
+        sliding = effects.sliding_exponent(math, k, self._values, self._effects)
+        before, left = 0.0, 0.0
+        if abs(velocity) > self._rest_speed:
+            before = self._friction(math.copysign(sliding, velocity), tension_without)
+            acceleration = acceleration_without + before / self._total_mass
+            if velocity * (velocity + acceleration * self._dt) > 0:
+                self._bound[HEAVY] = max(abs(before), NO_FRICTION)
+                return 0.0
+            left = -velocity / acceleration / self._dt  # share of the step until the heavy mass stops
+        holding = effects.holding_exponent(math, k, self._values, self._effects)
+        needed = -self._total_mass * acceleration_without  # to keep the heavy mass at rest
+        bound = self._friction(math.copysign(holding, -needed), tension_without)
+        if abs(needed) <= abs(bound):
+            self._bound[HEAVY] = max(abs(before), abs(bound), NO_FRICTION)  # the engine's constraint stops and holds it
+            return 0.0
+        after = self._friction(math.copysign(sliding, -needed), tension_without)
+        self._bound[HEAVY] = max(abs(after), NO_FRICTION)
+        return (before - after) * left
+
+    def _friction(self, exponent: float, tension_without: float) -> float:
+        """Friction T2 - T1 on the heavy mass, upward [N], where ln(T2/T1) = -exponent, positive for sliding upward.
+
+        With T1 = T - share * F, T being the tension without friction, F = T1 (e^-exponent - 1) is solved for F.
+        """
+        ratio = math.expm1(-exponent)
+        return ratio * tension_without / (1 + self._light_share * ratio)
+
+
+def _steps_per_sample(time_step: float) -> int:
+    steps = round(SAMPLE_INTERVAL / time_step)
+    if steps < 1 or not math.isclose(steps * time_step, SAMPLE_INTERVAL, rel_tol=1e-9):
+        raise EngineError(f"time_step: found {time_step:g} s, needed a whole fraction of {SAMPLE_INTERVAL:g} s; write 1e-4")
+    return steps

@@ -1,0 +1,140 @@
+"""Integrate one mode with heyoka: Taylor series of high order, compiled once per mode, tolerance and set of effects."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.errors import IntegrationError
+from looping_pendulum.reference_ode import equations
+from looping_pendulum.reference_ode.equations import HEAVY_SPEED, RETREAT_SPEED, VARIABLES, Effects, Signs, State
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.solution import Part, Segment
+from looping_pendulum.reference_ode.transitions import PHASE_ZERO, Event, Mode
+
+NAME = "heyoka"
+MAX_STEPS = 20_000
+
+
+class _Compiled:
+    """A Taylor integrator of one mode, with what it needs to translate states, parameters and events."""
+
+    def __init__(self, mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...]) -> None:
+        import heyoka as hy
+
+        self.mode = mode
+        names = VARIABLES[mode]
+        expressions = dict(zip(names, hy.make_vars(*names), strict=True))
+        y, t = equations.complete(mode, **expressions), hy.time
+        signs = Signs(*(hy.par[i] for i in range(len(Signs._fields))))
+        offset = len(Signs._fields)
+        p = SimpleNamespace(**{name: hy.par[offset + i] for i, name in enumerate(parameter_names)})
+        rates = equations.rates(hy, mode, t, y, signs, p, effects)
+        watched = equations.event_functions(hy, mode, t, y, signs, p, effects)
+        self.events = tuple(watched)
+        falling = hy.event_direction.negative
+        self.integrator = hy.taylor_adaptive(
+            [(expressions[name], hy.expression(0.0) + getattr(rates, name)) for name in names],
+            [1.0] * len(names),
+            tol=tolerance,
+            t_events=[hy.t_event(function, direction=falling) for function in watched.values()],
+        )
+        self.success, self.time_limit = hy.taylor_outcome.success, hy.taylor_outcome.time_limit
+        self.rows = np.array([State._fields.index(name) for name in names])
+        self.powers = np.arange(self.integrator.order + 1)
+
+
+@lru_cache(maxsize=64)
+def _compiled(mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...]) -> _Compiled:
+    return _Compiled(mode, effects, tolerance, parameter_names)
+
+
+class HeyokaIntegrator:
+    """Runs a mode until one of its events."""
+
+    def __init__(self, values: SimpleNamespace, effects: Effects, tolerance: float) -> None:
+        self._effects = effects
+        self._tolerance = tolerance
+        numbers = {name: value for name, value in vars(values).items() if isinstance(value, float)}
+        self._names = tuple(sorted(numbers))
+        self._numbers = [numbers[name] for name in self._names]
+
+    def advance(self, mode: Mode, t: float, y: State, signs: Signs, until: float) -> tuple[Event, float, State, Segment]:
+        """Integrate ``mode`` from ``y`` at ``t`` [s] until an event, or past the time ``until`` [s].
+
+        Raises
+        ------
+        IntegrationError
+            If the state becomes non-finite or the steps do not end.
+        """
+        run = self._start(mode, t, y, signs)
+        taylor = run.integrator
+        series: list[Any] = []
+        times = [t]
+        event = Event.TIME_UP
+        for _ in range(MAX_STEPS):
+            outcome, _ = taylor.step(write_tc=True)
+            series.append(taylor.tc.copy())
+            times.append(taylor.time)
+            if outcome != run.success:
+                event = self._event(run, outcome, signs)
+                break
+            if taylor.time >= until:
+                break
+        else:
+            raise IntegrationError(f"{mode.name.lower()}: no event within {MAX_STEPS} steps, at t = {taylor.time:g} s")
+        return event, taylor.time, self._final(run), _segment(run, signs, series, times)
+
+    def advance_sampled(
+        self, mode: Mode, t: float, y: State, signs: Signs, until: float, times: Array
+    ) -> tuple[Event, float, State, Part]:
+        """As `advance`, but return samples at those ``times`` [s] after ``t`` that it reaches: half the work of a segment."""
+        run = self._start(mode, t, y, signs)
+        taylor = run.integrator
+        outcome, *_, rows = taylor.propagate_grid(np.concatenate([[t], times]), max_steps=MAX_STEPS)
+        if outcome == run.time_limit and taylor.time < until:
+            outcome = taylor.propagate_until(until, max_steps=MAX_STEPS)[0]
+        event = Event.TIME_UP if outcome == run.time_limit else self._event(run, outcome, signs)
+        values = _full(run, rows[1:].T)
+        return event, taylor.time, self._final(run), Part(mode=mode, signs=signs, t=times[: values.shape[1]], values=values)
+
+    def _start(self, mode: Mode, t: float, y: State, signs: Signs) -> _Compiled:
+        run = _compiled(mode, self._effects, self._tolerance, self._names)
+        taylor = run.integrator
+        taylor.time = t
+        taylor.state[:] = [y[i] for i in run.rows]
+        taylor.pars[:] = [*signs, *self._numbers][: len(taylor.pars)]
+        taylor.reset_cooldowns()
+        return run
+
+    @staticmethod
+    def _final(run: _Compiled) -> State:
+        names = VARIABLES[run.mode]
+        return equations.complete(run.mode, **dict(zip(names, run.integrator.state.tolist(), strict=True)))
+
+    def _event(self, run: _Compiled, outcome: Any, signs: Signs) -> Event:
+        number = -int(getattr(outcome, "value", outcome)) - 1
+        if not 0 <= number < len(run.events):
+            state = ", ".join(f"{value:g}" for value in run.integrator.state)
+            raise IntegrationError(f"{run.mode.name.lower()}: integration broke down ({outcome}) at state {state}")
+        event = run.events[number]
+        return PHASE_ZERO.get(event, event) if signs.phase == 0 else event
+
+
+def _segment(run: _Compiled, signs: Signs, series: list[Any], times: list[float]) -> Segment:
+    """Turn Taylor series in time into polynomials in the fraction of each step."""
+    edges = np.array(times)
+    scale = np.diff(edges)[:, None] ** run.powers
+    return Segment(mode=run.mode, signs=signs, times=edges, coefficients=_full(run, np.array(series) * scale[:, None, :]))
+
+
+def _full(run: _Compiled, variables: Array) -> Array:
+    """Fill in the entries of the state that the mode implies, along the last axis but one."""
+    full = np.zeros((*variables.shape[:-2], len(State._fields), variables.shape[-1]))
+    full[..., run.rows, :] = variables
+    if run.mode.sliding:
+        full[..., HEAVY_SPEED, :] = full[..., RETREAT_SPEED, :]
+    return full

@@ -1,0 +1,124 @@
+"""Integrate one mode with SciPy's DOP853: slower, but everywhere, and a check on heyoka that shares only the equations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+
+from looping_pendulum.errors import IntegrationError
+from looping_pendulum.reference_ode import equations
+from looping_pendulum.reference_ode.equations import HEAVY_SPEED, RETREAT_SPEED, VARIABLES, Effects, Signs, State
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.solution import Part, Segment
+from looping_pendulum.reference_ode.transitions import PHASE_ZERO, Event, Mode
+
+NAME = "scipy"
+MAX_STEPS = 200_000
+DEGREE = 7
+"""Degree of DOP853's dense output."""
+CHECKS = np.linspace(0.0, 1.0, 9)
+"""Fractions of a step at which events are looked for, so that two crossings within one step are seen."""
+
+_NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
+_TO_POWERS = np.linalg.inv(np.vander(_NODES, DEGREE + 1, increasing=True))
+
+
+class ScipyIntegrator:
+    """Runs a mode until one of its events."""
+
+    def __init__(self, values: SimpleNamespace, effects: Effects, tolerance: float) -> None:
+        self._p = values
+        self._effects = effects
+        self._tolerance = max(tolerance, 1e-13)  # DOP853 warns below about 2e-14 and gains nothing
+
+    def advance(self, mode: Mode, t: float, y: State, signs: Signs, until: float) -> tuple[Event, float, State, Segment]:
+        """Integrate ``mode`` from ``y`` at ``t`` [s] until an event, or past the time ``until`` [s].
+
+        Raises
+        ------
+        IntegrationError
+            If the step size collapses or the steps do not end.
+        """
+        from scipy.integrate import DOP853
+
+        names = VARIABLES[mode]
+        rows = [State._fields.index(name) for name in names]
+        solver = DOP853(
+            self._rates(mode, names, signs),
+            t,
+            np.array([float(y[i]) for i in rows]),
+            np.inf,
+            rtol=self._tolerance,
+            atol=0.1 * self._tolerance,
+            first_step=1e-6,
+        )
+        times: list[float] = [t]
+        steps: list[Array] = []
+        for _ in range(MAX_STEPS):
+            message = solver.step()
+            if solver.status == "failed":
+                raise IntegrationError(f"{mode.name.lower()}: {message}")
+            polynomial = self._polynomial(mode, rows, solver.dense_output(), solver.t_old, solver.t)
+            event, fraction = self._first_event(mode, (solver.t_old, solver.t), polynomial, signs)
+            if fraction < 1:
+                polynomial = polynomial * fraction ** np.arange(DEGREE + 1)
+            steps.append(polynomial)
+            times.append(solver.t_old + fraction * (solver.t - solver.t_old))
+            if event is not None or solver.t >= until:
+                segment = Segment(mode=mode, signs=signs, times=np.array(times), coefficients=np.array(steps))
+                return event or Event.TIME_UP, times[-1], State(*polynomial.sum(axis=1).tolist()), segment
+        raise IntegrationError(f"{mode.name.lower()}: no event within {MAX_STEPS} steps")
+
+    def advance_sampled(
+        self, mode: Mode, t: float, y: State, signs: Signs, until: float, times: Array
+    ) -> tuple[Event, float, State, Part]:
+        """As `advance`, but return samples at those ``times`` [s] after ``t`` that it reaches."""
+        event, end, final, segment = self.advance(mode, t, y, signs, until)
+        return event, end, final, segment.sample(times[times <= end])
+
+    def _rates(self, mode: Mode, names: tuple[str, ...], signs: Signs) -> Callable[[float, Array], list[float]]:
+        rows = [State._fields.index(name) for name in names]
+
+        def rates(now: float, values: Array) -> list[float]:
+            y = equations.complete(mode, **dict(zip(names, values.tolist(), strict=True)))
+            derivative = equations.rates(math, mode, now, y, signs, self._p, self._effects)
+            return [derivative[i] for i in rows]
+
+        return rates
+
+    def _polynomial(
+        self, mode: Mode, rows: list[int], dense: Callable[[Array], Array], start: float, stop: float
+    ) -> Array:
+        """DOP853's dense output of one step as powers of the step's fraction, shape (len(State), DEGREE + 1)."""
+        full = np.zeros((len(State._fields), DEGREE + 1))
+        full[rows] = dense(start + (stop - start) * _NODES) @ _TO_POWERS.T
+        if mode.sliding:
+            full[HEAVY_SPEED] = full[RETREAT_SPEED]
+        return full
+
+    def _first_event(
+        self, mode: Mode, ends: tuple[float, float], polynomial: Array, signs: Signs
+    ) -> tuple[Event | None, float]:
+        """Earliest fall through zero within a step and the fraction of the step at which it is; (None, 1) without one."""
+        from scipy.optimize import brentq
+
+        def watched(x: Array) -> dict[Event, Array]:
+            y = State(*(polynomial @ np.vander(x, DEGREE + 1, increasing=True).T))
+            t = ends[0] + x * (ends[1] - ends[0])
+            functions = equations.event_functions(np, mode, t, y, signs, self._p, self._effects)
+            return {event: np.broadcast_to(values, x.shape) for event, values in functions.items()}
+
+        first: tuple[Event | None, float] = None, 1.0
+        for event, values in watched(CHECKS).items():
+            falls = np.flatnonzero((values[:-1] > 0) & (values[1:] <= 0))
+            if falls.size:
+                low, high = CHECKS[falls[0]], CHECKS[falls[0] + 1]
+                root = brentq(lambda x, e=event: float(watched(np.array([x]))[e][0]), low, high, xtol=1e-15, rtol=1e-15)
+                if first[0] is None or root < first[1]:
+                    first = event, float(root)
+        if signs.phase == 0 and first[0] is not None:
+            return PHASE_ZERO.get(first[0], first[0]), first[1]
+        return first

@@ -1,0 +1,209 @@
+"""An exact run: what happened when, and where everything was, at any time to the integrator's accuracy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.reference_ode import equations
+from looping_pendulum.reference_ode.equations import Signs, State
+from looping_pendulum.reference_ode.geometry import Array, light_position, light_velocity
+from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunEvent:
+    """One event of a run."""
+
+    event: Event | None
+    """None: the release."""
+    time: float
+    mode_before: Mode
+    mode_after: Mode
+    state: State
+    """Just after the event."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """What happened in a run of the reference, from release to end."""
+
+    parameters: Parameters
+    integrator: str
+    tolerance: float
+    events: tuple[RunEvent, ...]
+    """Every event in order, the release first and the end last."""
+
+    @property
+    def end(self) -> RunEvent:
+        """How the run ended."""
+        return self.events[-1]
+
+    @property
+    def end_time(self) -> float:
+        """[s]"""
+        return self.end.time
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The sequence of modes, from the release's to ENDED."""
+        return tuple(e.mode_after for e in self.events if e.event not in PHASE_EVENTS)
+
+    @property
+    def stops(self) -> tuple[float, ...]:
+        """Times at which the heavy mass's speed becomes zero [s]."""
+        return tuple(e.time for e in self.events if e.event is Event.STOP)
+
+    @property
+    def halt(self) -> RunEvent | None:
+        """What began the sticking that lasted until the light mass reached the rod; None without one."""
+        if self.end.event is not Event.LIGHT_REACHES_ROD or self.end.mode_before is not Mode.STICKING:
+            return None
+        return next(e for e in reversed(self.events[:-1]) if e.event not in PHASE_EVENTS)
+
+    @property
+    def halting_time(self) -> float | None:
+        """Start of the sticking that lasts until the light mass reaches the rod [s]; None without one."""
+        return None if self.halt is None else self.halt.time
+
+    def heavy_drop(self, state: State) -> Array:
+        """How far the heavy mass is below its release [m] in states of this run (numbers or arrays)."""
+        p = self.parameters
+        path = state.free_length + p.rod_radius * state.wrap_angle + state.slack
+        return np.asarray(p.free_length + p.rod_radius * p.release_angle - path)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Samples:
+    """A run at given times; arrays of shape (n,) or (n, 2), SI."""
+
+    run: Run
+    t: Array
+    state: State
+    mode: NDArray[np.int8]
+    signs: Signs
+    """What the equations need beside the state, for each sample."""
+
+    @cached_property
+    def light_position(self) -> Array:
+        """[m], shape (n, 2)."""
+        s, radius = self.state, self.run.parameters.rod_radius
+        return np.stack(light_position(np, s.free_length, s.wrap_angle, radius), axis=1)
+
+    @cached_property
+    def light_velocity(self) -> Array:
+        """[m/s], shape (n, 2)."""
+        s = self.state
+        return np.stack(light_velocity(np, s.wrap_angle, s.retreat_speed, s.across_speed), axis=1)
+
+    @cached_property
+    def heavy_position(self) -> Array:
+        """[m], shape (n, 2)."""
+        p = self.run.parameters
+        height = -p.hanging_length - self.run.heavy_drop(self.state)
+        return np.stack([np.full_like(height, p.rod_radius), height], axis=1)
+
+    @cached_property
+    def heavy_velocity(self) -> Array:
+        """[m/s], shape (n, 2)."""
+        speed = self.state.heavy_speed
+        return np.stack([np.zeros_like(speed), speed], axis=1)
+
+    @cached_property
+    def tensions(self) -> tuple[Array, Array]:
+        """Tension in the free string and above the heavy mass, arrays of shape (n,) [N]."""
+        p, effects = self.run.parameters.values(), self.run.parameters.effects
+        light, heavy = np.zeros(len(self.t)), np.zeros(len(self.t))
+        for mode in map(Mode, np.unique(self.mode)):
+            here = self.mode == mode
+            state, signs = State(*(v[here] for v in self.state)), Signs(*(v[here] for v in self.signs))
+            light[here], heavy[here] = equations.tensions(np, mode, self.t[here], state, signs, p, effects)
+        return light, heavy
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """Samples of a run between two events."""
+
+    mode: Mode
+    signs: Signs
+    t: Array
+    values: Array
+    """Every entry of the state, shape (len(State), n)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """What an integrator did between two events: for each of its steps, a polynomial in the fraction of that step."""
+
+    mode: Mode
+    signs: Signs
+    times: Array
+    """Edges of the steps [s], shape (steps + 1,)."""
+    coefficients: Array
+    """Ascending powers of x, 0 <= x <= 1, shape (steps, len(State), order + 1)."""
+
+    def sample(self, t: Array) -> Part:
+        """Evaluate the polynomials at times ``t`` [s] within the segment."""
+        step = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.coefficients) - 1)
+        start = self.times[step]
+        x = (t - start) / (self.times[step + 1] - start)
+        polynomials = self.coefficients[step]
+        values = polynomials[:, :, -1]
+        for power in range(polynomials.shape[2] - 2, -1, -1):
+            values = values * x[:, None] + polynomials[:, :, power]
+        return Part(mode=self.mode, signs=self.signs, t=t, values=values.T)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution(Run):
+    """A run that can be sampled at any time: piecewise polynomials, exact to the integrator's tolerance."""
+
+    segments: tuple[Segment, ...]
+
+    def sample(self, t: Array) -> Samples:
+        """Sample the run at times ``t`` [s], shape (n,), which must lie within it.
+
+        Raises
+        ------
+        ValueError
+            If a time lies outside the run.
+        """
+        t = np.asarray(t, dtype=float)
+        if t.size and not (t.min() >= 0 and t.max() <= self.end_time):
+            raise ValueError(f"times from {t.min():g} to {t.max():g} s asked for; the run covers 0 to {self.end_time:g} s")
+        starts = np.array([segment.times[0] for segment in self.segments])
+        owner = np.searchsorted(starts, t, side="right") - 1
+        order = np.argsort(owner, kind="stable")
+        parts = [segment.sample(t[owner == i]) for i, segment in enumerate(self.segments)]
+        samples = join(self, parts)
+        return samples if np.array_equal(order, np.arange(len(t))) else _reordered(samples, np.argsort(order))
+
+
+def join(run: Run, parts: Sequence[Part]) -> Samples:
+    """Put the samples of a run's parts together."""
+    counts = [len(part.t) for part in parts]
+    values = np.concatenate([part.values for part in parts], axis=1)
+    signs = np.repeat(np.array([part.signs for part in parts]), counts, axis=0)
+    return Samples(
+        run=run,
+        t=np.concatenate([part.t for part in parts]),
+        state=State(*values),
+        mode=np.repeat([part.mode.value for part in parts], counts).astype(np.int8),
+        signs=Signs(*signs.T),
+    )
+
+
+def _reordered(samples: Samples, index: NDArray[np.int64]) -> Samples:
+    return Samples(
+        run=samples.run,
+        t=samples.t[index],
+        state=State(*(v[index] for v in samples.state)),
+        mode=samples.mode[index],
+        signs=Signs(*(v[index] for v in samples.signs)),
+    )

@@ -1,0 +1,98 @@
+"""When the motion changes its kind: the modes, the events that end them, and one table of (mode, event) -> mode."""
+
+from __future__ import annotations
+
+from enum import Enum, IntEnum, StrEnum
+
+
+class Mode(IntEnum):
+    """Which equations hold."""
+
+    STICKING = 0
+    """The rod holds the string: the heavy mass rests, the light one winds."""
+    SLIDING_DOWN = 1
+    """The string slides and the heavy mass falls."""
+    SLIDING_UP = 2
+    """The string slides and the heavy mass rises."""
+    SLACK = 3
+    """No tension: the light mass flies freely, the heavy one falls freely."""
+    CLAMPED = 4
+    """As sticking, but a clamp holds the heavy mass, whatever the tension (held release)."""
+    CLAMPED_SLACK = 5
+    """The string of a clamped heavy mass is slack."""
+    FALLING = 6
+    """No string at all (drop release)."""
+    ENDED = 7
+    """The model's reach ends here."""
+
+    @property
+    def sliding(self) -> bool:
+        """Whether the string slides over the rod."""
+        return self in (Mode.SLIDING_DOWN, Mode.SLIDING_UP)
+
+    @property
+    def slack(self) -> bool:
+        """Whether the string carries no tension."""
+        return self in (Mode.SLACK, Mode.CLAMPED_SLACK, Mode.FALLING)
+
+
+class Event(StrEnum):
+    """What ends a mode, or a phase of it. Each is a function that falls through zero (`equations.event_functions`)."""
+
+    LIGHT_REACHES_ROD = "light_reaches_rod"
+    HEAVY_REACHES_ROD = "heavy_reaches_rod"
+    UNWRAPPED = "unwrapped"
+    """The wrap angle fell to zero: the string has left the rod."""
+    TIME_UP = "time_up"
+    STOP = "stop"
+    """The heavy mass's speed is zero."""
+    SLOWS = "slows"
+    """Its acceleration turned against its speed; only from here on can it stop, so only from here on is a stop looked for."""
+    LOSES_TENSION = "slack"
+    BREAKS_DOWN = "breaks_away_down"
+    BREAKS_UP = "breaks_away_up"
+    ACROSS_REVERSES = "across_reverses"
+    """The light mass's speed across the string changes sign; |w| is carried as sign times w."""
+    CLOSES = "closes"
+    """The slack has stopped growing; only from here on can the string become taut."""
+    TAUT = "taut"
+    HEAVY_REVERSES = "heavy_reverses"
+    """The heavy mass turns while the string is slack."""
+
+
+END_EVENTS = frozenset({Event.LIGHT_REACHES_ROD, Event.HEAVY_REACHES_ROD, Event.UNWRAPPED, Event.TIME_UP})
+PHASE_EVENTS = frozenset({Event.SLOWS, Event.CLOSES, Event.ACROSS_REVERSES, Event.HEAVY_REVERSES})
+"""Events that change what is watched or a sign that is carried, not the mode."""
+
+PHASE_ZERO = {Event.STOP: Event.SLOWS, Event.TAUT: Event.CLOSES}
+"""What a return to zero stands for in phase 0, when only the precondition of that return is watched."""
+
+
+class Choice(Enum):
+    """Where the next mode depends on the forces, not on the event alone."""
+
+    BY_HOLDING = "sticks if the rod can hold the difference of the tensions, else slides the way it is pulled"
+    BY_IMPULSE = "slides the way the inelastic pull leaves it, or sticks inside the friction cone"
+
+
+TABLE: dict[tuple[Mode, Event], Mode | Choice] = {
+    (Mode.SLIDING_DOWN, Event.STOP): Choice.BY_HOLDING,
+    (Mode.SLIDING_UP, Event.STOP): Choice.BY_HOLDING,
+    (Mode.SLIDING_DOWN, Event.LOSES_TENSION): Mode.SLACK,
+    (Mode.SLIDING_UP, Event.LOSES_TENSION): Mode.SLACK,
+    (Mode.STICKING, Event.BREAKS_DOWN): Mode.SLIDING_DOWN,
+    (Mode.STICKING, Event.BREAKS_UP): Mode.SLIDING_UP,
+    (Mode.SLACK, Event.TAUT): Choice.BY_IMPULSE,
+    (Mode.CLAMPED, Event.LOSES_TENSION): Mode.CLAMPED_SLACK,
+    (Mode.CLAMPED_SLACK, Event.TAUT): Mode.CLAMPED,
+}
+"""The whole transition table; `END_EVENTS` end any mode and `PHASE_EVENTS` leave it as it is."""
+
+
+def next_mode(mode: Mode, event: Event) -> Mode | Choice:
+    """Look up what follows ``event`` in ``mode``."""
+    if event in END_EVENTS:
+        return Mode.ENDED
+    if event in PHASE_EVENTS:
+        return mode
+    return TABLE[mode, event]
