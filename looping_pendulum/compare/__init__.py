@@ -1,0 +1,40 @@
+"""Where, when and by how much engines depart from the truth.
+
+`compare` makes one frozen `ComparisonResult` of a scenario, the truth and several trajectories; `write` puts it on disk as
+``report.md``, ``result.json``, ``figures/*.png`` and ``trajectories/*.csv``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from looping_pendulum.compare.comparison import compare
+from looping_pendulum.compare.export import file_stem, trajectory_csv, write_whole
+from looping_pendulum.compare.result import ComparisonResult
+
+__all__ = ["ComparisonResult", "compare", "write"]
+
+
+def write(result: ComparisonResult, folder: Path | str) -> Path:
+    """Write ``result`` below ``folder`` and return the report's path; each file is whole or absent.
+
+    A result read back from JSON has no samples: then the report has no figures and there are no CSV files.
+    """
+    from looping_pendulum.compare.plots import draw
+    from looping_pendulum.compare.report import render
+
+    folder = Path(folder)
+    write_whole(folder / "result.json", result.to_json())
+    figures = draw(result)
+    for name, (_, png) in figures.items():
+        write_whole(folder / "figures" / name, png)
+    if result.samples is not None:
+        write_whole(folder / "trajectories" / "truth.csv", trajectory_csv(result.samples.truth))
+        for aligned in result.samples.aligned:
+            run = aligned.run
+            if len(run.t):
+                name = file_stem(run.label, run.profile) + ".csv"
+                write_whole(folder / "trajectories" / name, trajectory_csv(run))
+    report = folder / "report.md"
+    write_whole(report, render(result, {f"figures/{name}": caption for name, (caption, _) in figures.items()}))
+    return report

@@ -6,7 +6,7 @@ import dataclasses
 import datetime
 import math
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from looping_pendulum.compare.result import (
     MeasuredRow,
     RunProvenance,
     Samples,
+    Stop,
     SupplyEntry,
     TruthResult,
     WallTime,
@@ -31,6 +32,7 @@ from looping_pendulum.compare.stories import story
 from looping_pendulum.compare.tolerances import NOT_RUN, judge
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.engines.trajectory import Provenance, Trajectory, supplies_as_rows
+from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.scenario import Scenario
 
 
@@ -78,7 +80,7 @@ def compare(
     trajectories
         One per engine, failed and missing ones included: they keep their row.
     """
-    grid = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1) * SAMPLE_INTERVAL
+    grid: Array = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1) * SAMPLE_INTERVAL
     true_run = truth(grid)
     true = truth_landmarks(truth, grid)
     aligned = tuple(align(_known(run), truth) for run in trajectories)
@@ -143,10 +145,8 @@ def _known(run: Trajectory) -> Trajectory:
     count = finite_length(run)
     if count == len(run.t):
         return run
-    per_sample = {
-        f.name: value[:count]
-        for f in dataclasses.fields(run)
-        if isinstance(value := getattr(run, f.name), np.ndarray)
+    per_sample: dict[str, Any] = {
+        f.name: value[:count] for f in dataclasses.fields(run) if isinstance(value := getattr(run, f.name), np.ndarray)
     }
     return dataclasses.replace(run, **per_sample)
 
@@ -191,17 +191,18 @@ def event_value(found: Landmarks, quantity: str, index: int) -> float | None:
 
     A and B are the first two stops, C is the break-away before the halt: the start of the final plunge.
     """
-    stop_a, stop_b = ([*found.stops, None, None])[:2]
+    stops: tuple[Stop | None, ...] = (*found.stops, None, None)
+    stop_a, stop_b = stops[:2]
     halt = found.halting_time
     before_halt = [t for t in found.break_aways if halt is not None and t < halt]
     series = {"x1_extremum": [e.time for e in found.x1_extrema], "y1_extremum": [e.time for e in found.y1_extrema]}
     if quantity in series:
         return series[quantity][index - 1] if 0 < index <= len(series[quantity]) else None
     return {
-        "t_A": stop_a and stop_a.time,
-        "height_change_at_A": stop_a and stop_a.height_change,
-        "t_B": stop_b and stop_b.time,
-        "height_change_at_B": stop_b and stop_b.height_change,
+        "t_A": None if stop_a is None else stop_a.time,
+        "height_change_at_A": None if stop_a is None else stop_a.height_change,
+        "t_B": None if stop_b is None else stop_b.time,
+        "height_change_at_B": None if stop_b is None else stop_b.height_change,
         "t_C": before_halt[-1] if before_halt else None,
         "halting_time": halt,
         "drop_at_halt": found.drop_at_halt,

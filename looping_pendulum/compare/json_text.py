@@ -17,6 +17,8 @@ from looping_pendulum.compare.result import SCHEMA_ID, SCHEMA_VERSION, Compariso
 
 T = TypeVar("T")
 
+AGAIN = "write it again with `looping-pendulum compare`"
+
 
 def plain(value: Any) -> Any:
     """Return ``value`` as what JSON knows: sorted dicts, lists, and None for a number that is not finite.
@@ -55,17 +57,17 @@ def load(cls: type[T], text: str) -> T:
     try:
         tree = json.loads(text)
     except json.JSONDecodeError as error:
-        raise ResultError(f"result.json: line {error.lineno}: {error.msg}; write it again with `looping-pendulum compare`") from None
+        raise ResultError(f"result.json: line {error.lineno}: {error.msg}; {AGAIN}") from None
     schema = tree.pop("schema", None) if isinstance(tree, dict) else None
     if not isinstance(schema, dict) or schema.get("id") != SCHEMA_ID:
         raise ResultError(f"result.json: schema: found {schema!r}, needed the id {SCHEMA_ID!r}")
     if not isinstance(schema.get("version"), int) or schema["version"] > SCHEMA_VERSION:
-        found = schema.get("version")
-        raise ResultError(f"result.json: schema: found version {found}, needed {SCHEMA_VERSION} or less; update looping-pendulum")
+        found = f"found version {schema.get('version')}, needed {SCHEMA_VERSION} or less"
+        raise ResultError(f"result.json: schema: {found}; update looping-pendulum")
     try:
         return typing.cast(T, _build(cls, tree))
     except (KeyError, TypeError, ValueError) as error:
-        raise ResultError(f"result.json: not as documented: {error!r}; write it again with `looping-pendulum compare`") from None
+        raise ResultError(f"result.json: not as documented: {error!r}; {AGAIN}") from None
 
 
 def _build(kind: Any, value: Any) -> Any:

@@ -14,11 +14,14 @@ from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 REST_SPEED = 0.02
-"""A heavy mass slower than this [m/s] counts as at rest: chains jitter by millimetres per second, and gravity alone gives a free
-mass this speed in 2 ms."""
+"""A heavy mass slower than this [m/s] counts as at rest: chains jitter by millimetres per second, and gravity gives a free mass
+this speed in 2 ms."""
 
 LEAVE_SPEED = 2 * REST_SPEED
-"""A heavy mass at rest must exceed this [m/s] to count as moving again, so that noise at the band's edge makes no extra stops."""
+"""A heavy mass at rest must exceed this [m/s] to count as moving again: noise at the band's edge makes no extra stops."""
+
+STICK_TIME = 0.01
+"""A rest shorter than this [s] is a turn, not a stick: the time that noise can hide in the dead band at 2 m/s^2."""
 
 MIN_REST = 0.05
 """A rest at the cut end of a run must have lasted this long [s] to be called halting: a turn at the very end is none."""
@@ -61,8 +64,8 @@ def rest_intervals(t: Array, speed: Array) -> list[tuple[int, int]]:
 def stop_time(t: Array, speed: Array, last: int, rest_end: int) -> float:
     """When ``speed`` reached zero after sample ``last``, the last one above the band [s].
 
-    The line through the last two samples above the band is carried on to zero: friction flips or sets in at the stop, so samples
-    beyond it would bias the crossing. The crossing seen in the samples, if there is one, bounds it.
+    The line through the last two samples above the band is carried on to zero: friction flips or sets in at the stop, so
+    samples beyond it would bias the crossing. The crossing seen in the samples, if there is one, bounds it.
     """
     sign = np.sign(speed[last])
     after = speed[last + 1 : min(rest_end + 1, len(t))] * sign
@@ -79,15 +82,21 @@ def stop_time(t: Array, speed: Array, last: int, rest_end: int) -> float:
     return float(t[last + 1]) if last + 1 < len(t) else latest
 
 
-def break_away_time(t: Array, speed: Array, first: int, parameters: Parameters) -> float:
-    """When a resting mass began to move, from the first samples above the band [s].
+def break_away_time(t: Array, speed: Array, stop: float, first: int, parameters: Parameters) -> float | None:
+    """When a mass at rest since ``stop`` [s] began to move again [s]; None if it only turned there.
 
     With equal friction coefficients the force leaves zero linearly, so the speed grows as the square of the time since; with a
-    larger static one it jumps, and the speed grows linearly. The law is carried back to zero from two samples, the second at
-    four times the speed of the first.
+    larger static one it jumps, and the speed grows linearly, as it does after a turn.
     """
+    if _back_to_rest(t, speed, first, 1.0) - stop < STICK_TIME:
+        return None
     c = parameters.coefficients
     power = 0.5 if c["static_friction"] == c["kinetic_friction"] else 1.0
+    return max(_back_to_rest(t, speed, first, power), stop)
+
+
+def _back_to_rest(t: Array, speed: Array, first: int, power: float) -> float:
+    """When ``speed**power`` was zero [s], on the line through sample ``first`` and the one at four times its speed."""
     faster = np.flatnonzero(np.abs(speed[first:]) >= 4 * abs(speed[first]))
     if not len(faster):
         return float(t[first])
@@ -97,7 +106,7 @@ def break_away_time(t: Array, speed: Array, first: int, parameters: Parameters) 
 
 
 def extrema(t: Array, values: Array) -> tuple[Extremum, ...]:
-    """Local extrema inside the run: turns by more than `EXTREMUM_BAND`, each at the apex of the parabola through three samples."""
+    """Turns by more than `EXTREMUM_BAND` inside the run, each at the apex of the parabola through three samples."""
     found: list[int] = []
     best = start = 0
     rising = 0
@@ -146,7 +155,9 @@ def run_landmarks(run: Trajectory, parameters: Parameters) -> Landmarks:
     return Landmarks(
         stops=tuple(Stop(time=time, height_change=at(time, height) - float(height[0])) for time in times),
         break_aways=tuple(
-            break_away_time(t, speed, after, parameters) for last, after in rests if after < count and after > last + 1
+            moved
+            for stop, (_, after) in zip(times, rests, strict=True)
+            if after < count and (moved := break_away_time(t, speed, stop, after, parameters)) is not None
         ),
         halting_time=halt,
         halting_confirmed=halts and ends_on_rod,
@@ -167,7 +178,8 @@ def truth_landmarks(truth: Truth, grid: Array) -> Landmarks:
     for event in run.events:
         named.setdefault(event.name, []).append(event.time)
     halt = named["halt"][0] if "halt" in named else None
-    stops = _merged(named.get("stop", []) + named.get("stick", []) + named.get("halt", []))
+    at_rest = named.get("stop", []) + named.get("stick", []) + named.get("halt", [])
+    stops = _merged([time for time in at_rest if time > 0])  # a string that sticks from the release on has not stopped
     at = sample_truth(truth, np.array([0.0, *([] if halt is None else [halt]), *stops]))
     first = float(at.heavy_height[0])
     return Landmarks(

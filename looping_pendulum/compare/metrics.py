@@ -10,12 +10,14 @@ from looping_pendulum.compare.align import Aligned, Truth, sample_truth
 from looping_pendulum.compare.landmarks import finite_length
 from looping_pendulum.compare.result import Departure, Landmarks, Tube
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, TrajectoryEvent
+from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
+from looping_pendulum.reference_ode.effects import GRAVITY, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.transitions import Mode
 
 RMS_MARKS = {"rms_0.35s": 0.35, "rms_0.7s": 0.7, "rms_1.0s": 1.0}
-"""Metric name -> time [s] up to which the light mass's deviation is averaged: the fall, the first loops, nearly all of a trial."""
+"""Metric name -> time [s] up to which the deviation is averaged: the fall, the first loops, nearly all of a trial."""
 
 TUBE = (5e-3, 5e-3)
 """Half-widths of the tube in time [s] and distance [m]: half of the last digit that the paper prints of either."""
@@ -126,31 +128,20 @@ def acceleration(t: Array, drop: Array) -> float | None:
     return float(2 * (drop * t**2).sum() / weight) if weight > 0 and np.isfinite(drop).all() else None
 
 
-def vertical_acceleration(parameters: Parameters) -> float | None:
-    """Closed form of the heavy mass's downward acceleration when both masses hang vertically [m/s^2].
-
-    a = g (M2 - E M1) / (M2 + E M1) with E = exp(mu pi) (paper, friction calibration). None where it does not hold: with drag, or
-    where the heavy mass does not slide down.
-    """
-    c = parameters.coefficients
-    if any(e.heavy_force or e.light_force for e in parameters.effects if e.name != "gravity" and _acts(e.name, parameters)):
-        return None
-    ratio = math.exp(c["kinetic_friction"] * math.pi)
-    if parameters.heavy_mass <= parameters.light_mass * math.exp(c["static_friction"] * math.pi):
-        return None
-    light = ratio * parameters.light_mass
-    return c["gravity"] * (parameters.heavy_mass - light) / (parameters.heavy_mass + light)
-
-
-def _acts(name: str, parameters: Parameters) -> bool:
-    effect = next(e for e in parameters.effects if e.name == name)
-    return any(parameters.coefficients[c.name] != c.null for c in effect.coefficients)
+def drag_acts(parameters: Parameters) -> bool:
+    """Whether a force other than gravity acts on the masses, so that no acceleration is constant."""
+    return any(
+        effect.kind is EffectKind.FORCE
+        and effect is not GRAVITY
+        and any(parameters.coefficients[c.name] != c.null for c in effect.coefficients)
+        for effect in parameters.effects
+    )
 
 
 def acceleration_error(aligned: Aligned, parameters: Parameters) -> float | None:
     """Relative error of the heavy mass's fitted acceleration in a vertical release.
 
-    Against the closed form where that holds; else against the same fit through the truth at the same times.
+    Against the closed form; with drag, where that does not hold, against the same fit through the truth at the same times.
     """
     if parameters.release is not Release.VERTICAL:
         return None
@@ -159,14 +150,14 @@ def acceleration_error(aligned: Aligned, parameters: Parameters) -> float | None
         return None
     t = aligned.t[known]
     fitted = acceleration(t, aligned.run.heavy_drop[known])
-    exact = vertical_acceleration(parameters)
-    if exact is None:
-        height = aligned.truth.heavy_height[known]
-        exact = acceleration(t, height[0] - height)
+    height = aligned.truth.heavy_height[known]
+    exact = acceleration(t, height[0] - height) if drag_acts(parameters) else atwood_acceleration(parameters)
     return None if fitted is None or not exact else fitted / exact - 1
 
 
-def metrics(aligned: Aligned, parameters: Parameters, own: Landmarks, true: Landmarks, in_tube: Tube) -> dict[str, float | None]:
+def metrics(
+    aligned: Aligned, parameters: Parameters, own: Landmarks, true: Landmarks, in_tube: Tube
+) -> dict[str, float | None]:
     """Every metric of one run, SI; None where it cannot be said."""
     stretch = aligned.run.string_stretch[: finite_length(aligned.run)]
     known = stretch[np.isfinite(stretch)]

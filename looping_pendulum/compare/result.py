@@ -1,9 +1,9 @@
 """What a comparison found: frozen, free of NaN (a missing number is None), and the same JSON for the same input.
 
-`result.json` is this tree of dataclasses, one JSON object per dataclass and one key per field, in the order below; the text under
-a field is its documentation. Units are SI and radians throughout. Two things are added and one is left out: the first key
-``schema`` holds `SCHEMA_ID` and `SCHEMA_VERSION`; everything that differs between two runs of the same input (times of day, wall
-times) is in the last block, ``clock``; and `ComparisonResult.samples`, the trajectories, are written as CSV instead.
+`result.json` is this tree of dataclasses, one JSON object per dataclass and one key per field, in the order below; the text
+under a field is its documentation. Units are SI and radians throughout. One key is added, ``schema``, the first: it holds
+`SCHEMA_ID` and `SCHEMA_VERSION`. One is left out: `ComparisonResult.samples`, the trajectories, are written as CSV instead.
+Everything that differs between two runs of the same input (times of day, wall times) is in the last block, ``clock``.
 A reader must refuse another id and a higher version; a version grows when a key changes its meaning or goes away.
 """
 
@@ -298,6 +298,11 @@ class ComparisonResult:
     def within_tolerance(self) -> bool:
         """Whether no tolerance is broken and no run broke off unexpectedly: what the exit code says."""
         return all(t.outcome.good for t in self.tolerances) and not any(self.broke_off(e) for e in self.engines)
+
+    def short_name(self, engine: EngineResult) -> str:
+        """Label of ``engine``, with its profile if one label was run with several."""
+        same = sum(e.label == engine.label for e in self.engines)
+        return engine.label if same == 1 else f"{engine.label} ({engine.profile})"
 
     def judged(self, engine: EngineResult) -> tuple[ToleranceResult, ...]:
         """Return the tolerances that apply to ``engine``."""

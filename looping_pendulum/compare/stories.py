@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from looping_pendulum.compare.result import Departure, Landmarks, SupplyEntry
 from looping_pendulum.engines.trajectory import RunStatus, Supplier, Trajectory
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -15,7 +17,22 @@ EVENT_WORDS = {
     "slack": "the string fell slack",
     "taut": "the string became taut again",
     "light_reaches_rod": "the light mass reached the rod",
+    "heavy_reaches_rod": "the heavy mass reached the rod",
+    "unwrapped": "the string left the rod",
 }
+
+PHYSICS_WORDS = {
+    "winding": "the winding",
+    "friction law": "the string's friction on the rod",
+    "stick slip": "sticking and slipping",
+    "drag": "the drag",
+}
+
+SAME_MOMENT = 1e-9
+"""Events closer than this [s] are one moment under several names."""
+
+ON_TIME = 1e-5
+"""A halt closer to the truth's than this [s] is called on time: stops are located to about that from samples."""
 
 STRETCH_SHARE = 0.5
 """A string stretched by at least this share of the deviation is named as a cause of it."""
@@ -40,6 +57,19 @@ def story(
     if not run.status.ok:
         sentences.append(f"The run broke off at {run.t[-1]:.3f} s: {run.status.value}.")
     return " ".join(s for s in sentences if s)
+
+
+def told_events(events: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:
+    """(name, time [s]) of the events worth telling, one per moment: a halt is also a stop and a stick, and says it best."""
+    rank = {name: place for place, name in enumerate(("halt", "stick", "stop"))}
+    told: list[tuple[str, float]] = []
+    for name, time in sorted(events, key=lambda e: (e[1], rank.get(e[0], -1))):
+        if name == "release" or name not in EVENT_WORDS:
+            continue
+        if told and time - told[-1][1] < SAME_MOMENT and name in rank:
+            continue
+        told.append((name, time))
+    return told
 
 
 def missing_physics(supplies: tuple[SupplyEntry, ...], parameters: Parameters) -> tuple[str, ...]:
@@ -76,7 +106,7 @@ def _first(found: tuple[Departure, ...], end: float) -> str:
 
 def _where(first: Departure, parameters: Parameters) -> str:
     if parameters.release is Release.DROP:
-        return ""
+        return f"There its heavy mass is {_mm(first.heavy)} {'higher' if first.heavy > 0 else 'lower'}."
     out = "further out" if first.along > 0 else "further in"
     ahead = "ahead" if first.across > 0 else "behind"
     up = "higher" if first.heavy > 0 else "lower"
@@ -87,17 +117,21 @@ def _where(first: Departure, parameters: Parameters) -> str:
 def _why(first: Departure, missing: tuple[str, ...], supplies: tuple[SupplyEntry, ...], parameters: Parameters) -> str:
     causes = []
     if missing:
-        causes.append(f"nobody supplies {_listed(['the ' + m for m in missing])}, which this scenario has")
+        causes.append(f"nobody supplies {_listed([PHYSICS_WORDS[m] for m in missing])}, which this scenario has")
     if first.stretch is not None and first.stretch >= STRETCH_SHARE * first.threshold:
         causes.append(f"its string had stretched by up to {_mm(first.stretch)} by then")
     if causes:
         return f"Likely why: {' and '.join(causes)}."
     text = "No physics is declared missing"
     if first.stretch is not None:
-        text += f" and its string had stretched by no more than {_mm(first.stretch)}"
+        text += (
+            f" and its string had stretched by no more than {_mm(first.stretch)}"
+            if first.stretch
+            else " nor did its string stretch"
+        )
     needed = needed_physics(parameters)
-    own = [s.what for s in supplies if s.by == Supplier.ENGINE.value and s.what in needed]
-    fed = [s.what for s in supplies if s.by == Supplier.ADAPTER.value and s.what in needed]
+    own = [PHYSICS_WORDS[s.what] for s in supplies if s.by == Supplier.ENGINE.value and s.what in needed]
+    fed = [PHYSICS_WORDS[s.what] for s in supplies if s.by == Supplier.ADAPTER.value and s.what in needed]
     parts = [f"{_listed(own)} by the engine itself"] if own else []
     parts += [f"{_listed(fed)} fed in by the adapter"] if fed else []
     return f"{text} ({'; '.join(parts)}): what is left is how it discretises them." if parts else f"{text}."
@@ -116,7 +150,7 @@ def _halting(own: Landmarks, true: Landmarks, run: Trajectory) -> str:
         turned = f"; it stops at {_listed([f'{t:.3f} s' for t in later[:3]])} and moves on" if later else ""
         return f"Its heavy mass does not halt (the truth's halts at {true.halting_time:.3f} s){turned}."
     late = own.halting_time - true.halting_time
-    text = f"Halts {abs(late) * 1e3:.2f} ms {'late' if late > 0 else 'early'}"
+    text = f"Halts {abs(late) * 1e3:.2g} ms {'late' if late > 0 else 'early'}" if abs(late) > ON_TIME else "Halts on time"
     if not own.halting_confirmed and run.status is not RunStatus.LIGHT_REACHED_ROD:
         text += f" (seen at rest until the run's end at {end:.3f} s)"
     return text + "."

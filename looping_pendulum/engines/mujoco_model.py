@@ -29,6 +29,8 @@ class TendonSettings:
     """Share of a constraint that is enforced at once, the largest that MuJoCo takes; its `solimp`."""
     rest_speed: float = 1e-5
     """Below this speed [m/s] the heavy mass counts as at rest; held string creeps at about 1e-6 m/s."""
+    catch_time: float = 2e-3
+    """A slack string becomes taut within a step and so up to a step's way too late; time constant of taking that back [s]."""
     integrator: str = "implicitfast"
     jacobian: str = "dense"
     """MuJoCo 4.0.0 has a wrong Hessian with a sparse one."""
@@ -42,12 +44,13 @@ def model_xml(parameters: Parameters, settings: TendonSettings) -> str:
     MuJoCo's x is the plane's x and its z is the plane's y. A spatial tendon knows no turns: it takes the shortest way round the
     rod on the side that its side site names. Tendon 0 goes from the heavy mass to the rod's right edge and on round the rod to
     the light mass; tendon 1 goes half a turn further before that. Both are right for any wrap angle half a turn up, so that in
-    turn, the target length shortened by a turn's worth of string at every second switch, they wind without end.
+    turn, the length allowed shortened by a turn's worth of string at every second switch, they wind without end. The string
+    is the upper limit of a tendon's length, so it pulls and never pushes.
     """
     p, s = parameters, settings
     x, y = light_position(math, p.free_length, p.release_angle, p.rod_radius)
-    constraint = f'solref="{s.string_time_constant!r} 1" solimp="{s.impedance!r} {s.impedance!r} 0.001"'
-    # A row of friction loss exists only if the loss is not zero when the model is compiled or stepped; the rig sets it.
+    stiffness = f'solreflimit="{s.string_time_constant!r} 1" solimplimit="{s.impedance!r} {s.impedance!r} 0.001"'
+    string = f'range="0 {p.string_length!r}" {stiffness}'  # the rig switches the limit of the tendon in use on
     friction = f'solreffriction="{s.friction_time_constant!r} 1" solimpfriction="{s.impedance!r} {s.impedance!r} 0.001"'
     heavy_joint = f'<joint name="heavy_y" type="slide" axis="0 0 1" ref="{-p.hanging_length!r}" {friction}/>'
     return f"""
@@ -77,15 +80,12 @@ def model_xml(parameters: Parameters, settings: TendonSettings) -> str:
     </body>
   </worldbody>
   <tendon>
-    <spatial name="even"><site site="heavy"/><site site="right"/>
-      <geom geom="rod" sidesite="ahead_of_right"/><site site="light"/></spatial>
-    <spatial name="odd"><site site="heavy"/><site site="right"/><geom geom="rod" sidesite="above"/><site site="left"/>
+    <spatial name="even" limited="false" {string}>
+      <site site="heavy"/><site site="right"/><geom geom="rod" sidesite="ahead_of_right"/><site site="light"/></spatial>
+    <spatial name="odd" limited="false" {string}>
+      <site site="heavy"/><site site="right"/><geom geom="rod" sidesite="above"/><site site="left"/>
       <geom geom="rod" sidesite="ahead_of_left"/><site site="light"/></spatial>
   </tendon>
-  <equality>
-    <tendon name="even" tendon1="even" active="false" {constraint}/>
-    <tendon name="odd" tendon1="odd" active="false" {constraint}/>
-  </equality>
 </mujoco>"""
 
 

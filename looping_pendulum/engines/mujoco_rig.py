@@ -20,10 +20,14 @@ from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 HEAVY = 2
 """Degree of freedom of the heavy mass, after the light mass's two; a held heavy mass has none."""
-STRING_ROW, FRICTION_ROW = 0, 1
-"""MuJoCo's constraint rows: equalities come first, then friction losses."""
+FRICTION_ROW, STRING_ROW = 0, 1
+"""MuJoCo's constraint rows: friction losses come first, then the limits that are reached; a slack string has no row."""
 NO_FRICTION = 1e-12
 """A friction loss [N] that keeps the friction row in being: at 0 MuJoCo leaves it out."""
+TAUT = 1e-9
+"""The string is this much shorter [m] than it should be, so that one exactly as long as it should be counts as taut."""
+SLACK = 1e-6
+"""A string with this much length to spare [m] counts as slack; a taut one's length varies by far less."""
 
 
 class TendonRig:
@@ -47,14 +51,15 @@ class TendonRig:
         self._data: Any = mujoco.MjData(self._model)
         self._step, self._solve, self._place = mujoco.mj_step, mujoco.mj_forward, mujoco.mj_fwdPosition
         self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
-        self._applied, self._target = self._data.qfrc_applied, self._model.eq_data
+        self._applied, self._allowed = self._data.qfrc_applied, self._model.tendon_range
         self._diverged = self._data.warning[mujoco.mjtWarning.mjWARN_BADQACC]
         self._dt, self._steps = settings.time_step, _steps_per_sample(settings.time_step)
+        self._rest_speed = settings.rest_speed
         self._radius, self._hanging, self._whole_length = p.rod_radius, p.hanging_length, p.string_length
         self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
         self._free_length, self._wrap_angle = p.free_length, p.release_angle
         self._end_length = end_length if self._has_string else -math.inf
-        # MuJoCo leaves the string's turning (l omega^2) out of a tendon's acceleration, so the target length is shifted by what
+        # MuJoCo leaves the string's turning (l omega^2) out of a tendon's acceleration, so the length allowed is shifted by what
         # pulls just as much. The rows' own damping sees velocities half a step old and so already pulls a part of it.
         softness = settings.impedance * settings.string_time_constant
         self._turning_shift = softness * softness * (1 - self._dt / softness)
@@ -62,6 +67,7 @@ class TendonRig:
         gripping = with_friction and self._has_string and not self._held
         self._grip = CapstanGrip(p, self._model, self._data, settings) if gripping else None
         self._half_turns = 0
+        self._was_slack, self._caught, self._catch_factor = False, 0.0, math.exp(-settings.time_step / settings.catch_time)
         self._start()
 
     def advance(self) -> None:
@@ -101,18 +107,22 @@ class TendonRig:
         """Velocities now: light x and y, heavy y [m/s]; the engine's are half a step old."""
         half = 0.5 * self._dt
         velocity, acceleration = self._qvel.tolist(), self._qacc.tolist()
-        heavy = 0.0 if self._held else velocity[HEAVY] + half * acceleration[HEAVY]
+        heavy = 0.0
+        if not self._held:
+            heavy = velocity[HEAVY]
+            if self._grip is None or abs(heavy) > self._rest_speed:  # gripped string stops for good within the step
+                heavy += half * acceleration[HEAVY]
         return velocity[0] + half * acceleration[0], velocity[1] + half * acceleration[1], heavy
 
     def _prepare(self) -> None:
-        """Set the string's target length, the applied forces and the friction bound for the coming step."""
+        """Set the length allowed to the string, the applied forces and the friction bound for the coming step."""
         vx, vy, heavy_v = self._velocities()
         cosine, sine = math.cos(self._wrap_angle), math.sin(self._wrap_angle)
         retreat, across = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
         if self._has_string:
             self._wind()
             turning = across * across / self._free_length
-            self._target[self._tendon, 0] = self._rest_length - self._length_offset - self._turning_shift * turning
+            self._allowed[self._tendon, 1] = self._rest_length - self._turning_shift * turning + self._overshoot() - TAUT
         heavy_force = 0.0
         if self._force is not None:
             x, y = self._qpos[:2].tolist()
@@ -134,7 +144,7 @@ class TendonRig:
             self._applied[HEAVY] = heavy_force + self._grip.prepare(k)
 
     def _wind(self) -> None:
-        """Use the tendon that is right for the wrap angle, with its turns taken off the target length."""
+        """Use the tendon that is right for the wrap angle, with its turns taken off the length allowed."""
         above = self._wrap_angle - self._half_turns * math.pi
         if self._half_turns >= 0 and (SWITCH_DOWN <= above <= SWITCH_UP or (above < SWITCH_DOWN and self._half_turns == 0)):
             return
@@ -147,9 +157,21 @@ class TendonRig:
     def _use_tendon(self) -> None:
         self._tendon = self._half_turns % 2
         self._rest_length = self._whole_length - (self._half_turns // 2) * 2 * math.pi * self._radius
-        self._length_offset = float(self._model.tendon_length0[self._tendon])
-        self._data.eq_active[self._tendon] = 1
-        self._data.eq_active[1 - self._tendon] = 0
+        self._model.tendon_limited[self._tendon] = 1
+        self._model.tendon_limited[1 - self._tendon] = 0
+
+    def _overshoot(self) -> float:
+        """How much too long the string still may be because it became taut within a step, a little less each time [m].
+
+        Pulling that back at once would throw the light mass off the string again.
+        """
+        hanging = self._hanging if self._held else -float(self._qpos[HEAVY])
+        excess = self._free_length + self._radius * self._wrap_angle + hanging - self._whole_length
+        if self._was_slack and excess > 0:
+            self._caught = excess
+        self._was_slack = excess < -SLACK
+        self._caught *= self._catch_factor
+        return self._caught
 
     def _stretch(self) -> float:
         """How much longer than its rest length the string is now [m]."""
@@ -184,7 +206,8 @@ class CapstanGrip:
         self._solve(self._model, self._data)
         rows = self._data.efc_force
         friction = float(rows[FRICTION_ROW])
-        tension_without = max(-float(rows[STRING_ROW]) + self._light_share * friction, 0.0)
+        tension = float(rows[STRING_ROW]) if len(rows) > STRING_ROW else 0.0
+        tension_without = max(tension + self._light_share * friction, 0.0)
         acceleration_without = float(self._acceleration[HEAVY]) - friction / self._total_mass
         # At release the mass is at rest, though the velocity of half a step before is not 0.
         velocity = float(self._velocity[HEAVY]) if k.time > 0 else 0.0

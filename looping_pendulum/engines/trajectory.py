@@ -177,4 +177,6 @@ def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Tr
 
 def supplies_as_rows(supplies: Supplies) -> list[tuple[str, str, str]]:
     """(piece of physics, who, how) for tables."""
-    return [(f.name.replace("_", " "), s.by.value, s.how) for f in dataclasses.fields(supplies) if (s := getattr(supplies, f.name))]
+    return [
+        (f.name.replace("_", " "), s.by.value, s.how) for f in dataclasses.fields(supplies) if (s := getattr(supplies, f.name))
+    ]

@@ -38,9 +38,7 @@ def cartesian_force(parameters: Parameters) -> CartesianForce | None:
         last_angle += (angle - last_angle + math.pi) % (2 * math.pi) - math.pi
         cosine, sine = math.cos(last_angle), math.sin(last_angle)
         retreat, across = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
-        k = Kinematics(
-            time, free_length, last_angle, retreat, across, abs(across), math.hypot(vx, vy), heavy_vy, abs(heavy_vy)
-        )
+        k = Kinematics(time, free_length, last_angle, retreat, across, abs(across), math.hypot(vx, vy), heavy_vy, abs(heavy_vy))
         along_force, across_force = effects.light_force(math, k, p, acting)
         return (
             along_force * sine - across_force * cosine,

@@ -265,4 +265,3 @@ def sliding_exponent(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]
 def holding_exponent(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
     """Largest |ln(T2/T1)| that the rod can hold while the string sticks."""
     return sum(e.holding_exponent(xp, k, p) for e in effects if e.holding_exponent is not None)
-

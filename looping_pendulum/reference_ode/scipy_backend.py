@@ -66,7 +66,7 @@ class ScipyIntegrator:
             if fraction < 1:
                 polynomial = polynomial * fraction ** np.arange(DEGREE + 1)
             steps.append(polynomial)
-            times.append(solver.t_old + fraction * (solver.t - solver.t_old))
+            times.append(float(solver.t_old + fraction * (solver.t - solver.t_old)))
             if event is not None or solver.t >= until:
                 segment = Segment(mode=mode, signs=signs, times=np.array(times), coefficients=np.array(steps))
                 return event or Event.TIME_UP, times[-1], State(*polynomial.sum(axis=1).tolist()), segment
@@ -89,9 +89,7 @@ class ScipyIntegrator:
 
         return rates
 
-    def _polynomial(
-        self, mode: Mode, rows: list[int], dense: Callable[[Array], Array], start: float, stop: float
-    ) -> Array:
+    def _polynomial(self, mode: Mode, rows: list[int], dense: Callable[[Array], Array], start: float, stop: float) -> Array:
         """DOP853's dense output of one step as powers of the step's fraction, shape (len(State), DEGREE + 1)."""
         full = np.zeros((len(State._fields), DEGREE + 1))
         full[rows] = dense(start + (stop - start) * _NODES) @ _TO_POWERS.T

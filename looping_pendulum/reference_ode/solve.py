@@ -31,9 +31,7 @@ TINY = 1e-300
 class Integrator(Protocol):
     """Runs one mode until one of its events."""
 
-    def advance(
-        self, mode: Mode, t: float, y: State, signs: Signs, until: float
-    ) -> tuple[Event, float, State, Segment]:
+    def advance(self, mode: Mode, t: float, y: State, signs: Signs, until: float) -> tuple[Event, float, State, Segment]:
         """Integrate ``mode`` from ``y`` at ``t`` [s] until an event, or past the time ``until`` [s]."""
 
     def advance_sampled(

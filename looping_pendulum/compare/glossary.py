@@ -1,0 +1,24 @@
+"""The report's words, for a reader who teaches physics rather than simulation."""
+
+from __future__ import annotations
+
+GLOSSARY: dict[str, str] = {
+    "light mass, heavy mass": "the small bob that loops around the rod (M1), and the large one that falls and is caught (M2).",
+    "truth": "the exact mathematical model of the apparatus, solved far more finely than any engine; not the measured trial.",
+    "engine": "a general physics simulation program (pymunk, MuJoCo, PyBullet) in which the same apparatus was built.",
+    "deviation": "how far the engine's light mass is from the truth's at the same moment, in millimetres.",
+    "RMS": "root mean square: the typical deviation up to a time; square it at each moment, average, take the root.",
+    "tube": "a sample is inside if the truth passes within 5 mm of it, give or take 5 ms: a small delay is forgiven.",
+    "stop": "the heavy mass's speed is zero, if only for an instant.",
+    "halting time": "when the heavy mass comes to rest for good, held by the string's friction on the rod.",
+    "break-away": "the rod can no longer hold the string, and a resting heavy mass moves again.",
+    "drop": "how far the heavy mass is below where it was let go.",
+    "wrap angle": "how much string lies on the rod, as an angle: it grows by 6.28 rad with every loop of the light mass.",
+    "free length": "the straight piece of string from the rod to the light mass.",
+    "slack": "the string carries no tension: both masses fly freely until it is taut again.",
+    "capstan law": "a wound string holds a tension that grows exponentially with the wrap angle: T2 = T1 exp(mu theta).",
+    "stretch": "how much longer than its rest length an engine let the string become; the truth's does not stretch.",
+    "growth": "how fast a deviation grew from 1 to 10 mm, as the rate of an exponential; large: small errors matter soon.",
+    "expected failure": "a limit that the engine is known not to keep, for the reason given; keeping it counts as a failure too.",
+}
+"""Word -> meaning."""

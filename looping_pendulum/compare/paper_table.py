@@ -1,0 +1,101 @@
+"""Moments side by side: measurement, the paper's own numbers, the reference and each engine."""
+
+from __future__ import annotations
+
+import math
+
+from looping_pendulum.compare.result import ComparisonResult, Extremum, MeasuredRow
+from looping_pendulum.compare.tables import GAP, fixed, signed, table
+
+SMALL_UNIT = {"s": "ms", "m": "mm", "rad": "mrad"}
+"""Unit -> a thousandth of it, in which differences are read."""
+
+DECIMALS = {"s": 4, "m": 4, "rad": 3}
+
+
+def quantity_words(quantity: str, index: int) -> str:
+    """("x1_extremum", 3) -> "x1 extremum 3"; the number only where there are several."""
+    return f"{quantity.replace('_', ' ')} {index}" if quantity.endswith("extremum") else quantity.replace("_", " ")
+
+
+def render(result: ComparisonResult) -> str:
+    """Return the side-by-side table, or how to provide the measurements."""
+    if not result.measured:
+        return (
+            f"This trial was measured ({result.measured_source}), but its table of events is not part of the package.\n"
+            "Give the folder that holds it with `--data DIR` or in `$LOOPING_PENDULUM_DATA`.\n"
+        )
+    head = ["quantity", "unit", "measured", "paper's numerical", "truth", *(result.short_name(e) for e in result.engines)]
+    rows = [_row(row) for row in result.measured]
+    rows.append(_summary(result))
+    note = (
+        "In brackets: the difference from the measured value, or where nothing was measured from the paper's numerical one, "
+        "in thousandths of the unit (ms, mm, mrad). The paper prints times to 10 ms and lengths to 10 mm.\n\n"
+    )
+    source = f"Source: {result.measured_source}.\n\n" if result.measured_source else ""
+    return source + note + table(head, rows, left=2)
+
+
+def _row(row: MeasuredRow) -> list[str]:
+    base = row.paper_numerical if row.measured is None else row.measured
+    against_measured = row.measured is not None
+    cells = [quantity_words(row.quantity, row.index), row.unit, fixed(row.measured, 2)]
+    decimals = 2 if against_measured else DECIMALS.get(row.unit, 3) - 1
+    cells.append(_with_difference(row.paper_numerical, base if against_measured else None, decimals))
+    return cells + [_with_difference(v, base, DECIMALS.get(row.unit, 4)) for v in (row.truth, *row.engines)]
+
+
+def _with_difference(value: float | None, base: float | None, decimals: int) -> str:
+    if value is None or base is None:
+        return fixed(value, decimals)
+    return f"{value:.{decimals}f} ({round((value - base) * 1e3):+d})"
+
+
+def _summary(result: ComparisonResult) -> list[str]:
+    """Root mean square difference from the measured times, per column, over the times that the column has."""
+    rows = [r for r in result.measured if r.unit == "s" and r.measured is not None]
+    columns = [[r.paper_numerical for r in rows], [r.truth for r in rows]]
+    columns += [[r.engines[i] for r in rows] for i in range(len(result.engines))]
+    cells = []
+    for column in columns:
+        differences = [v - r.measured for v, r in zip(column, rows, strict=True) if v is not None and r.measured is not None]
+        if differences:
+            rms = math.sqrt(sum(d * d for d in differences) / len(differences))
+            cells.append(f"{rms * 1e3:.1f} ({len(differences)} of {len(rows)})")
+        else:
+            cells.append(GAP)
+    return ["RMS difference of the times", "ms", GAP, *cells]
+
+
+def moments(result: ComparisonResult) -> str:
+    """Stops, break-aways and extrema of the truth and each engine, as times."""
+    truth = result.truth.landmarks
+    marks = [result.truth.landmarks, *(e.landmarks for e in result.engines)]
+    rows = _series("stop", [[s.time for s in m.stops] for m in marks])
+    rows += _series("break-away", [list(m.break_aways) for m in marks])
+    rows += _series("x1 extremum", [_times(m.x1_extrema) for m in marks])
+    rows += _series("y1 extremum", [_times(m.y1_extrema) for m in marks])
+    if truth.light_reaches_rod is not None:
+        rows += _series("light mass reaches rod", [[] if m.light_reaches_rod is None else [m.light_reaches_rod] for m in marks])
+    if not rows:
+        return ""
+    head = ["moment", "truth [s]", *(f"{result.short_name(e)} [ms later]" for e in result.engines)]
+    note = (
+        "Moments of the truth, and how much later (+) or earlier (-) each engine has them. A moment that the truth does not have\n"
+        "is given as a time. An engine's run ends a little early, at a free length of its own choosing.\n\n"
+    )
+    return note + table(head, rows)
+
+
+def _times(found: tuple[Extremum, ...]) -> list[float]:
+    return [e.time for e in found]
+
+
+def _series(what: str, columns: list[list[float]]) -> list[list[str]]:
+    rows = []
+    for i in range(max(len(c) for c in columns)):
+        values = [c[i] if i < len(c) else None for c in columns]
+        truth = values[0]
+        cells = [GAP if v is None else f"at {v:.4f} s" if truth is None else signed(v - truth, 1e3) for v in values[1:]]
+        rows.append([f"{what} {i + 1}" if max(len(c) for c in columns) > 1 else what, fixed(truth, 4), *cells])
+    return rows

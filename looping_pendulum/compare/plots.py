@@ -1,0 +1,244 @@
+"""Figures of a comparison. Truth black, one colour and line style per engine label, measurements as points with bars."""
+
+from __future__ import annotations
+
+import io
+import zlib
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from looping_pendulum.compare.align import Aligned
+from looping_pendulum.compare.metrics import THRESHOLDS
+from looping_pendulum.compare.paper_table import quantity_words
+from looping_pendulum.compare.result import ComparisonResult, Samples
+from looping_pendulum.compare.stories import told_events
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Okabe and Ito's colour-blind-safe palette without black (the truth) and yellow (faint on white)."""
+DASHES: tuple[tuple[float, ...], ...] = ((1, 0), (6, 2), (2, 1.5), (6, 2, 1.5, 2), (9, 3), (4, 1.5, 1, 1.5, 1, 1.5))
+MARKERS = "osD^vP"
+PRINTED_HALF_DIGIT = 0.005
+"""Bars of the paper's values: half of the last digit printed, in s and in m; the paper states no uncertainty."""
+GREY = "0.55"
+FLOOR = 1e-8
+"""Deviations below this [m] are not drawn on the log axis: they would squeeze the visible ones."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Style:
+    """How one engine is drawn everywhere."""
+
+    colour: str
+    dashes: tuple[float, ...]
+    marker: str
+
+
+def styles(labels: Iterable[str]) -> dict[str, Style]:
+    """Colour, dashes and marker per label: by the label's checksum; a later label (in order) gives way if they clash."""
+    taken: dict[int, str] = {}
+    for label in sorted(set(labels)):
+        wanted = zlib.crc32(label.encode()) % len(COLOURS)
+        free = [slot for k in range(len(COLOURS)) if (slot := (wanted + k) % len(COLOURS)) not in taken]
+        taken[free[0] if free else len(taken)] = label
+    count = len(COLOURS)
+    return {
+        label: Style(
+            colour=COLOURS[slot % count],
+            dashes=DASHES[(slot + slot // count) % count],
+            marker=MARKERS[(slot + slot // count) % count],
+        )
+        for slot, label in taken.items()
+    }
+
+
+def draw(result: ComparisonResult) -> dict[str, tuple[str, bytes]]:
+    """Every figure that the result has data for: file name -> (caption, PNG)."""
+    figures: dict[str, tuple[str, bytes]] = {}
+    look = styles(e.label for e in result.engines)
+    if result.samples is not None:
+        panels: tuple[tuple[str, str, Callable[[ComparisonResult, Samples, dict[str, Style]], Figure]], ...] = (
+            ("path.png", "Path of the light mass around the rod (to scale); star: halt, cross: a run broke off.", path_figure),
+            ("drop.png", "Drop of the heavy mass, and below it each engine's deviation from the truth.", drop_figure),
+            (
+                "divergence.png",
+                "Distance of each engine's light mass from the truth's, and the truth's events.",
+                divergence_figure,
+            ),
+        )
+        for name, caption, make in panels:
+            figures[name] = caption, _png(make(result, result.samples, look))
+    if any(row.unit == "s" and row.measured is not None for row in result.measured):
+        caption = "Event times less the measured ones; grey bars: half of the last digit that the paper prints."
+        figures["events.png"] = caption, _png(events_figure(result, look))
+    return figures
+
+
+def path_figure(result: ComparisonResult, samples: Samples, look: dict[str, Style]) -> Figure:
+    """Path of the light mass, equal axes."""
+    figure, (axes,) = _figure(7.0, 6.4)
+    truth = samples.truth
+    axes.plot(*truth.light_position.T, color="black", lw=2.4, label="truth", zorder=2)
+    for aligned in _drawn(samples):
+        style = look[aligned.run.label]
+        axes.plot(*aligned.run.light_position.T, **_line(style), label=_name(aligned, result), zorder=3)
+    radius = float(result.parameters["rod_radius"])
+    axes.add_patch(Circle((0, 0), radius, facecolor="0.8", edgecolor="black", lw=0.8, zorder=4))
+    _halts(axes, result, samples, look)
+    axes.set_aspect("equal")
+    axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{result.scenario}: path of the light mass")
+    _legend(figure)
+    return figure
+
+
+def _halts(axes: Axes, result: ComparisonResult, samples: Samples, look: dict[str, Style]) -> None:
+    runs = [(samples.truth, result.truth.landmarks.halting_time, "black", 190.0, 5)]
+    runs += [
+        (a.run, e.landmarks.halting_time, look[e.label].colour, 70.0, 6)
+        for a, e in zip(samples.aligned, result.engines, strict=True)
+    ]
+    for run, halt, colour, size, order in runs:
+        if not run.status.ok and len(run.t):
+            axes.scatter(*run.light_position[-1], marker="x", s=60.0, color=colour, zorder=order)
+        if halt is not None:
+            x, y = (np.interp(halt, run.t, run.light_position[:, k]) for k in (0, 1))
+            axes.scatter([x], [y], marker="*", s=size, color=colour, edgecolor="white", linewidth=0.6, zorder=order)
+
+
+def drop_figure(result: ComparisonResult, samples: Samples, look: dict[str, Style]) -> Figure:
+    """Drop of the heavy mass against time, deviation panel below."""
+    figure, (top, below) = _figure(8.0, 6.8, rows=(3, 2))
+    top.plot(samples.truth.t, samples.truth.heavy_drop, color="black", lw=2.4, label="truth", zorder=2)
+    for aligned in _drawn(samples):
+        line = _line(look[aligned.run.label])
+        top.plot(aligned.t, aligned.run.heavy_drop, **line, label=_name(aligned, result), zorder=3)
+        below.plot(aligned.t, -aligned.heavy_deviation * 1e3, **line, zorder=3)
+    points = measured_drops(result)
+    if points:
+        t, drop = zip(*points, strict=True)
+        bar = PRINTED_HALF_DIGIT
+        how = {"fmt": "o", "color": "black", "mfc": "white", "ms": 5, "capsize": 3}
+        top.errorbar(t, drop, xerr=bar, yerr=bar, label="measured", zorder=5, **how)  # type: ignore[arg-type]
+    top.invert_yaxis()
+    top.set(ylabel="drop of the heavy mass [m]", title=f"{result.scenario}: heavy mass")
+    below.axhline(0, color="black", lw=1.2)
+    below.set_yscale("symlog", linthresh=0.1)
+    below.yaxis.set_major_formatter("{x:g}")
+    below.set(xlabel="time since release [s]", ylabel="drop, engine less truth\n[mm] (linear within ±0.1)")
+    _legend(figure)
+    return figure
+
+
+def measured_drops(result: ComparisonResult) -> list[tuple[float, float]]:
+    """Measured (time [s], drop [m]) of the heavy mass."""
+    value = {(row.quantity, row.index): row.measured for row in result.measured}
+    pairs = [("t_A", "height_change_at_A", -1), ("t_B", "height_change_at_B", -1)]
+    pairs += [("halting_time", "height_change_at_halt", -1), ("halting_time", "drop_at_halt", 1)]
+    found = [(value.get((t, 1)), value.get((height, 1)), sign) for t, height, sign in pairs]
+    return [(t, sign * height) for t, height, sign in found if t is not None and height is not None]
+
+
+def divergence_figure(result: ComparisonResult, samples: Samples, look: dict[str, Style]) -> Figure:
+    """Distance from the truth's light mass on a log axis, with the truth's events."""
+    figure, (axes,) = _figure(8.0, 5.4)
+    largest, smallest = THRESHOLDS[1], THRESHOLDS[0]
+    for aligned in _drawn(samples):
+        distance = np.where(aligned.distance > FLOOR, aligned.distance, np.nan)
+        seen = bool(np.isfinite(distance).any())
+        label = _name(aligned, result) if seen else f"{_name(aligned, result)} (below {FLOOR * 1e3:g} mm)"
+        axes.plot(aligned.t, distance * 1e3, **_line(look[aligned.run.label]), label=label, zorder=3)
+        if seen:
+            largest = max(largest, float(np.nanmax(distance)))
+            smallest = min(smallest, float(np.nanpercentile(distance, 5)))
+    for threshold in THRESHOLDS:
+        axes.axhline(threshold * 1e3, color=GREY, lw=0.8, dashes=(1, 2))
+    axes.set_yscale("log")
+    axes.set_ylim(smallest * 1e3 / 2, largest * 1e3 * 2)
+    axes.set_xlim(0, result.duration)
+    axes.yaxis.set_major_formatter("{x:g}")
+    for name, time in told_events(result.truth.events):
+        if time <= result.duration:
+            axes.axvline(time, color=GREY, lw=0.9, zorder=1)
+            place, text = axes.get_xaxis_transform(), name.replace("_", " ")
+            axes.text(time, 1.01, text, transform=place, rotation=40, ha="left", va="bottom", fontsize=8, color="0.25")
+    axes.set(xlabel="time since release [s]", ylabel="distance from the truth's light mass [mm]")
+    axes.set_title(f"{result.scenario}: divergence", pad=46)  # room for the events' names
+    _legend(figure)
+    return figure
+
+
+def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
+    """Event times less the measured ones."""
+    rows = [row for row in result.measured if row.unit == "s" and row.measured is not None]
+    figure, (axes,) = _figure(8.0, 2.2 + 0.36 * len(rows))
+    y = np.arange(len(rows), dtype=float)
+    bar = PRINTED_HALF_DIGIT * 1e3
+    axes.errorbar(np.zeros(len(rows)), y, xerr=bar, fmt="none", ecolor="0.8", elinewidth=9, label="measured", zorder=1)
+    axes.axvline(0, color="black", lw=0.8, zorder=1)
+
+    def points(values: list[float | None], offset: float, label: str, **how: Any) -> None:
+        cells = zip(values, rows, y, strict=True)
+        known = [(1e3 * (v - r.measured), k) for v, r, k in cells if v is not None and r.measured is not None]
+        if known:
+            x, k = np.array(known).T
+            axes.plot(x, k + offset, ls="none", label=label, **how)
+
+    points([r.paper_numerical for r in rows], -0.3, "paper's numerical", marker="s", mfc="white", mec="black", ms=5)
+    points([r.truth for r in rows], -0.18, "truth", marker="o", color="black", ms=5)
+    shown = [i for i in range(len(result.engines)) if any(r.engines[i] is not None for r in rows)]
+    for place, i in enumerate(shown):
+        engine = result.engines[i]
+        style = look[engine.label]
+        offset = -0.04 + 0.36 * place / max(len(shown) - 1, 1)
+        points([r.engines[i] for r in rows], offset, engine.label, marker=style.marker, color=style.colour, ms=4.5)
+    axes.set_yticks(y, [quantity_words(r.quantity, r.index) for r in rows])
+    axes.invert_yaxis()
+    axes.set_xscale("symlog", linthresh=20)
+    axes.set_xticks([-500, -100, -20, -10, 0, 10, 20, 100, 500], minor=False)
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.set(xlabel="time less measured time [ms] (linear within ±20)", title=f"{result.scenario}: event times")
+    _legend(figure)
+    return figure
+
+
+def _drawn(samples: Samples) -> list[Aligned]:
+    return [a for a in samples.aligned if len(a.t) > 1]
+
+
+def _name(aligned: Aligned, result: ComparisonResult) -> str:
+    run = aligned.run
+    return next(result.short_name(e) for e in result.engines if (e.label, e.profile) == (run.label, run.profile))
+
+
+def _line(style: Style) -> dict[str, Any]:
+    dashes: dict[str, Any] = {} if style.dashes == (1, 0) else {"dashes": style.dashes}
+    return {"color": style.colour, "lw": 1.4, **dashes}
+
+
+def _figure(width: float, height: float, rows: tuple[int, ...] = (1,)) -> tuple[Figure, tuple[Axes, ...]]:
+    figure = Figure(figsize=(width, height), dpi=130, layout="constrained")
+    FigureCanvasAgg(figure)
+    grid = figure.subplots(len(rows), 1, squeeze=False, sharex=True, height_ratios=list(rows))
+    for axes in grid[:, 0]:
+        axes.grid(True, color="0.92", lw=0.6)
+        axes.set_axisbelow(True)
+    return figure, tuple(grid[:, 0])
+
+
+def _legend(figure: Figure) -> None:
+    pairs = [pair for axes in figure.axes for pair in zip(*axes.get_legend_handles_labels(), strict=True)]
+    if pairs:
+        handles, labels = zip(*pairs, strict=True)
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(3, len(pairs)), frameon=False, handlelength=3.2)
+
+
+def _png(figure: Figure) -> bytes:
+    out = io.BytesIO()
+    figure.savefig(out, format="png", metadata={"Software": None})  # no version, so that the same figure has the same bytes
+    return out.getvalue()

@@ -1,0 +1,197 @@
+"""Each run in a process of its own, with a time limit: an engine that crashes or hangs takes nothing else with it.
+
+The worker (`worker.py`) appends every sample to a file as it is made, so the parent keeps what a dead run had computed.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
+from looping_pendulum.engines.registry import HOW_TO_GET, missing_packages
+from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, Trajectory, from_samples
+from looping_pendulum.scenarios.scenario import Scenario
+
+TIME_LIMIT = 900.0
+"""Default limit on one run [s]."""
+POLL_INTERVAL = 0.05
+ROW_BYTES = 8 * len(COLUMNS)
+
+Progress = Callable[[Engine, float], None]
+"""Called with an engine and the share of its run that is done, 0 to 1."""
+
+
+class FileRecorder:
+    """Appends samples to a file, each with its own write, so that a crash of this process loses none."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file = path.open("ab", buffering=0)
+
+    def add(self, row: Sequence[float]) -> None:
+        """Keep one row of `COLUMNS`."""
+        self._file.write(np.array(row, dtype=float).tobytes())
+
+    def rows(self) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+        """All rows kept so far, shape (n, len(COLUMNS))."""
+        return read_rows(self._path)
+
+
+def read_rows(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Whole rows of a recorder's file; a half-written last one is left out."""
+    data = path.read_bytes() if path.exists() else b""
+    whole = len(data) // ROW_BYTES
+    return np.frombuffer(data[: whole * ROW_BYTES], dtype=float).reshape(whole, len(COLUMNS)).copy()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """What a worker is asked to do; it travels to it as a pickle."""
+
+    engine: Engine
+    scenario: Scenario
+
+
+def run_isolated(
+    engine: Engine,
+    scenario: Scenario,
+    *,
+    time_limit: float = TIME_LIMIT,
+    progress: Progress | None = None,
+    cancelled: threading.Event | None = None,
+) -> Trajectory:
+    """Run ``engine`` on ``scenario`` in a process of its own; whatever happens there, return a trajectory that says so."""
+    missing = missing_packages(engine)
+    if missing:
+        return _without_run(
+            engine, scenario, RunStatus.MISSING, f"get it: {HOW_TO_GET.get(missing[0], f'pip install {missing[0]}')}"
+        )
+    if scenario.parameters.release not in engine.abilities.releases:
+        return _without_run(engine, scenario, RunStatus.UNSUPPORTED, f"release {scenario.parameters.release.value!r}")
+    with tempfile.TemporaryDirectory(prefix="looping-pendulum-") as name:
+        folder = Path(name)
+        (folder / "job.pickle").write_bytes(pickle.dumps(Job(engine=engine, scenario=scenario)))
+        status, message = _watch(folder, engine, scenario, time_limit, progress, cancelled)
+        output = (folder / "output.txt").read_text(errors="replace")
+        result = folder / "trajectory.pickle"
+        if status is None and result.exists():
+            trajectory: Trajectory = pickle.loads(result.read_bytes())
+            return replace(trajectory, output=output)
+        return from_samples(
+            read_rows(folder / "samples.bin"),
+            parameters=scenario.parameters,
+            status=status or RunStatus.CRASHED,
+            message=message or "it ended without a result",
+            output=output,
+            **identity(engine, scenario),
+        )
+
+
+def run_all(
+    engines: Sequence[Engine],
+    scenario: Scenario,
+    *,
+    jobs: int | None = None,
+    time_limit: float = TIME_LIMIT,
+    progress: Progress | None = None,
+    finished: Callable[[Trajectory], None] | None = None,
+) -> list[Trajectory]:
+    """Run several engines side by side, at most ``jobs`` at once (default: one per core); results in the order of ``engines``.
+
+    An interrupt (Ctrl-C) stops all that still run; their trajectories come back as INTERRUPTED with what they had.
+    """
+    cancelled = threading.Event()
+
+    def one(engine: Engine) -> Trajectory:
+        trajectory = run_isolated(engine, scenario, time_limit=time_limit, progress=progress, cancelled=cancelled)
+        if finished is not None:
+            finished(trajectory)
+        return trajectory
+
+    with ThreadPoolExecutor(max_workers=jobs or os.cpu_count() or 1) as pool:
+        futures = [pool.submit(one, engine) for engine in engines]
+        while not all(future.done() for future in futures):
+            try:
+                time.sleep(POLL_INTERVAL)
+            except KeyboardInterrupt:
+                cancelled.set()
+        return [future.result() for future in futures]
+
+
+def _watch(
+    folder: Path,
+    engine: Engine,
+    scenario: Scenario,
+    time_limit: float,
+    progress: Progress | None,
+    cancelled: threading.Event | None,
+) -> tuple[RunStatus | None, str]:
+    """Start the worker and wait for it; return (None, "") if it ended by itself with success."""
+    samples = folder / "samples.bin"
+    expected = max(1, round(scenario.duration / SAMPLE_INTERVAL) + 1)
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONFAULTHANDLER": "1"}
+    with (folder / "output.txt").open("wb") as output:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "looping_pendulum.engines.worker", str(folder)],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            env=environment,
+            start_new_session=True,  # Ctrl-C reaches the parent alone, which then decides
+        )
+        deadline = time.monotonic() + time_limit
+        try:
+            while process.poll() is None:
+                if cancelled is not None and cancelled.is_set():
+                    return RunStatus.INTERRUPTED, ""
+                if time.monotonic() > deadline:
+                    return RunStatus.TIME_LIMIT, f"limit {time_limit:g} s"
+                if progress is not None and samples.exists():
+                    progress(engine, min(1.0, samples.stat().st_size / ROW_BYTES / expected))
+                time.sleep(POLL_INTERVAL)
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+    if progress is not None:
+        progress(engine, 1.0)
+    code = process.returncode
+    if code < 0:
+        return RunStatus.CRASHED, f"killed by signal {signal.Signals(-code).name}"
+    return (None, "") if code == 0 else (RunStatus.CRASHED, f"exit status {code}")
+
+
+def identity(engine: Engine, scenario: Scenario) -> dict[str, Any]:
+    """Fields that name a run, for a trajectory that its engine could not make itself."""
+    provenance = Provenance(versions={}, settings=vars(engine.settings), supplies=engine.abilities.supplies)
+    return {
+        "engine": engine.name,
+        "variant": engine.variant,
+        "profile": engine.profile.value,
+        "scenario": scenario.name,
+        "provenance": provenance,
+    }
+
+
+def _without_run(engine: Engine, scenario: Scenario, status: RunStatus, message: str) -> Trajectory:
+    return from_samples(
+        np.empty((0, len(COLUMNS))),
+        parameters=scenario.parameters,
+        status=status,
+        message=message,
+        **identity(engine, scenario),
+    )

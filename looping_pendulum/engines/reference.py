@@ -1,0 +1,162 @@
+"""The exact hybrid model as an engine, and as the truth that every other engine is held against."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+
+import numpy as np
+
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Engine, MemoryRecorder, Profile, Recorder
+from looping_pendulum.engines.trajectory import (
+    Provenance,
+    RunStatus,
+    Supplier,
+    Supplies,
+    Supply,
+    Trajectory,
+    TrajectoryEvent,
+    from_samples,
+)
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.reference_ode.solution import Run, Samples
+from looping_pendulum.reference_ode.solve import DURATION, available_integrators, solve, solve_at
+from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
+from looping_pendulum.scenarios.scenario import Scenario
+
+TOLERANCES = {Profile.QUICK: 1e-9, Profile.ACCURATE: 1e-12}
+
+SUPPLIES = Supplies(
+    winding=Supply(by=Supplier.ENGINE, how="wrap angle is a coordinate"),
+    friction_law=Supply(by=Supplier.ENGINE, how="capstan law, T2 = T1 exp(-sign(v2) mu theta)"),
+    stick_slip=Supply(by=Supplier.ENGINE, how="modes and events, located to the integrator's tolerance"),
+    drag=Supply(by=Supplier.ENGINE, how="the effects' forces in the equations of motion"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReferenceSettings:
+    """Numerics of a reference run."""
+
+    tolerance: float
+    """Relative tolerance of a step."""
+    integrator: str
+    """"heyoka" or "scipy"."""
+
+
+class ReferenceEngine:
+    """The hybrid model, integrated by heyoka or SciPy."""
+
+    name = "reference"
+
+    def __init__(self, integrator: str, profile: Profile) -> None:
+        self.variant = integrator
+        self.profile = profile
+        self.settings = ReferenceSettings(tolerance=TOLERANCES[profile], integrator=integrator)
+        self.abilities = Abilities(
+            releases=frozenset(Release),
+            supplies=SUPPLIES,
+            packages=("heyoka",) if integrator == "heyoka" else ("scipy",),
+            summary=f"the exact hybrid model (stick, slip, slack), integrated with {integrator}",
+        )
+
+    def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
+        """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
+        recorder = recorder if recorder is not None else MemoryRecorder()
+        started = time.perf_counter()
+        times = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1) * SAMPLE_INTERVAL
+        samples = solve_at(
+            scenario.parameters,
+            times,
+            duration=scenario.duration,
+            tolerance=self.settings.tolerance,
+            integrator=self.settings.integrator,
+        )
+        wall_time = time.perf_counter() - started
+        trajectory = _trajectory(samples, scenario, self, wall_time)
+        for row in _rows(samples):
+            recorder.add(row.tolist())
+        return trajectory
+
+    def provenance(self) -> Provenance:
+        """Versions, settings and suppliers of this engine's runs."""
+        packages = {"numpy", "scipy", *self.abilities.packages}
+        return Provenance(
+            versions={name: version(name) for name in sorted(packages)}, settings=asdict(self.settings), supplies=SUPPLIES
+        )
+
+
+class Truth:
+    """The reference's run of one scenario, to be sampled at whatever times an engine has: no engine is ever resampled."""
+
+    def __init__(self, scenario: Scenario, profile: Profile = Profile.ACCURATE) -> None:
+        self.scenario = scenario
+        self.engine = ReferenceEngine(available_integrators()[0], profile)
+        tolerance = self.engine.settings.tolerance
+        self.solution = solve(scenario.parameters, duration=max(DURATION, scenario.duration), tolerance=tolerance)
+
+    def __call__(self, t: Array) -> Trajectory:
+        """Sample the truth at times ``t`` [s]; times after its end are left out."""
+        t = np.asarray(t, dtype=float)
+        samples = self.solution.sample(t[t <= self.solution.end_time])
+        return _trajectory(samples, self.scenario, self.engine, float("nan"))
+
+
+def event_names(run: Run) -> tuple[TrajectoryEvent, ...]:
+    """What happened in a run, in words that reports use: stop, stick, break_away, slack, taut, halt, light_reaches_rod ..."""
+    named: list[TrajectoryEvent] = []
+    for event in run.events:
+        if event.event in PHASE_EVENTS:
+            continue
+        name = {
+            None: "release",
+            Event.LOSES_TENSION: "slack",
+            Event.BREAKS_DOWN: "break_away",
+            Event.BREAKS_UP: "break_away",
+        }.get(event.event, str(event.event))
+        named.append(TrajectoryEvent(time=event.time, name=name))
+        if event.mode_after is Mode.STICKING:
+            named.append(TrajectoryEvent(time=event.time, name="stick"))
+    if run.halt is not None:
+        named.append(TrajectoryEvent(time=run.halt.time, name="halt"))
+    return tuple(sorted(named, key=lambda e: e.time))
+
+
+def engines(profile: Profile) -> list[Engine]:
+    """The reference with each integrator that is installed or could be."""
+    return [ReferenceEngine("heyoka", profile), ReferenceEngine("scipy", profile)]
+
+
+def _rows(samples: Samples) -> Array:
+    """Rows of `trajectory.COLUMNS`; the model's string does not stretch."""
+    parts = (samples.light_position, samples.light_velocity, samples.heavy_position, samples.heavy_velocity)
+    return np.column_stack([samples.t, *parts, np.zeros(len(samples.t))])
+
+
+def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine, wall_time: float) -> Trajectory:
+    run = samples.run
+    without_string = scenario.parameters.release is Release.DROP
+    nothing = np.full(len(samples.t), math.nan)
+    light_tension, heavy_tension = samples.tensions
+    heavy_tension = np.where(np.isin(samples.mode, (Mode.CLAMPED, Mode.CLAMPED_SLACK)), math.nan, heavy_tension)
+    reached = run.end.event is Event.LIGHT_REACHES_ROD and run.end_time <= scenario.duration
+    return from_samples(
+        _rows(samples),
+        parameters=scenario.parameters,
+        engine=engine.name,
+        variant=engine.variant,
+        profile=engine.profile.value,
+        scenario=scenario.name,
+        free_length=nothing if without_string else samples.state.free_length,
+        wrap_angle=nothing if without_string else samples.state.wrap_angle,
+        mode=samples.mode,
+        light_tension=light_tension,
+        heavy_tension=heavy_tension,
+        events=event_names(run),
+        status=RunStatus.LIGHT_REACHED_ROD if reached else RunStatus.FINISHED,
+        wall_time=wall_time,
+        provenance=engine.provenance(),
+    )

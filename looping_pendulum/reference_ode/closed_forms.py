@@ -1,0 +1,97 @@
+"""Exact solutions of special cases: the first in the order of trust, and the oracle of every solver and engine."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Parameters
+
+HELD_PERIOD_NODES = 200
+
+
+def atwood_acceleration(parameters: Parameters) -> float:
+    """Downward acceleration of the heavy mass, both masses hanging, no drag [m/s^2] (paper, eq. for y2(t)).
+
+    g (M2 - M1 e^{mu pi}) / (M2 + M1 e^{mu pi}); zero if the rod holds the string.
+    """
+    c, pi = parameters.coefficients, math.pi
+    if parameters.heavy_mass <= parameters.light_mass * math.exp(c["static_friction"] * pi):
+        return 0.0
+    pull = parameters.light_mass * math.exp(c["kinetic_friction"] * pi)
+    return c["gravity"] * (parameters.heavy_mass - pull) / (parameters.heavy_mass + pull)
+
+
+def free_fall(t: Array, *, mass: float, drag: float, gravity: float) -> Array:
+    """Distance fallen from rest after ``t`` [s] under quadratic drag ``drag`` [kg/m]; shape of ``t`` [m].
+
+    (m / gamma) ln cosh(sqrt(g gamma / m) t), or g t^2 / 2 without drag.
+    """
+    if drag == 0:
+        return 0.5 * gravity * t**2
+    x = math.sqrt(gravity * drag / mass) * t
+    return mass / drag * (np.logaddexp(x, -x) - math.log(2))
+
+
+def spiral(wrap_angle: Array, *, halt_length: float, halt_angle: float, rod_radius: float) -> tuple[Array, Array]:
+    """Path of the light mass once the heavy one has halted, in polar coordinates (rho [m], psi [rad]) (paper, appendix B).
+
+    rho = sqrt(R^2 + l^2) and psi = theta + arctan(l / R), with l + R theta constant.
+    """
+    free_length = halt_length + rod_radius * (halt_angle - wrap_angle)
+    return np.hypot(rod_radius, free_length), wrap_angle + np.arctan2(free_length, rod_radius)
+
+
+def halted_free_length(t: Array, *, halt_length: float, halt_time: float, end_time: float) -> Array:
+    """Free length after the halt, gravity and drag neglected [m]: l_halt sqrt((t_end - t) / (t_end - t_halt)) (paper, eq. l0).
+
+    Exact without gravity and drag; the paper finds it within a few percent with them.
+    """
+    return halt_length * np.sqrt((end_time - t) / (end_time - halt_time))
+
+
+def halted_wrap_angle(
+    t: Array, *, halt_length: float, halt_angle: float, halt_time: float, end_time: float, rod_radius: float
+) -> Array:
+    """Wrap angle that goes with `halted_free_length` [rad] (paper, eq. theta0)."""
+    free_length = halted_free_length(t, halt_length=halt_length, halt_time=halt_time, end_time=end_time)
+    return halt_angle + (halt_length - free_length) / rod_radius
+
+
+def held_period(parameters: Parameters) -> float:
+    """Period of the held pendulum, whose string winds on and off the rod, without drag [s].
+
+    From the energy integral: with the heavy mass clamped l + R theta is constant, w = l theta' is the light mass's speed, and
+    T = 2 times the integral of l / w over theta between the turning points. In s, theta = middle - half cos(s), the integrand is
+    smooth and periodic, so that the midpoint rule converges exponentially.
+
+    Raises
+    ------
+    ValueError
+        If the string would go slack (release above the horizontal).
+    """
+    from scipy.optimize import brentq
+
+    p, gravity, start = parameters, parameters.coefficients["gravity"], parameters.release_angle
+    if not math.pi / 2 <= start < math.pi:
+        raise ValueError("held_period: needs a release between 90 and 180 deg; above the horizontal the string is slack")
+    total = p.free_length + p.rod_radius * start
+
+    def height(theta: Array | float) -> Array:
+        return np.asarray(p.rod_radius * np.sin(theta) + (total - p.rod_radius * theta) * np.cos(theta))
+
+    turn = brentq(lambda theta: float(height(theta) - height(start)), math.pi, min(2 * math.pi, total / p.rod_radius))
+    nodes = (np.arange(HELD_PERIOD_NODES) + 0.5) * math.pi / HELD_PERIOD_NODES
+    theta = (start + turn) / 2 - (turn - start) / 2 * np.cos(nodes)
+    speed = np.sqrt(2 * gravity * (height(start) - height(theta)))
+    integrand = (total - p.rod_radius * theta) / speed * (turn - start) / 2 * np.sin(nodes)
+    return float(2 * integrand.sum() * math.pi / HELD_PERIOD_NODES)
+
+
+def simple_pendulum_period(length: float, amplitude: float, gravity: float) -> float:
+    """Period of a pendulum on a thin pivot, any amplitude [rad]: 4 sqrt(l / g) K(sin^2(A / 2)) [s]."""
+    from scipy.special import ellipk
+
+    return float(4 * math.sqrt(length / gravity) * ellipk(math.sin(amplitude / 2) ** 2))
