@@ -80,7 +80,7 @@ def compare(
     trajectories
         One per engine, failed and missing ones included: they keep their row.
     """
-    grid: Array = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1) * SAMPLE_INTERVAL
+    grid: Array = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL
     true_run = truth(grid)
     true = truth_landmarks(truth, grid)
     aligned = tuple(align(_known(run), truth) for run in trajectories)

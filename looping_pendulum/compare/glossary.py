@@ -18,7 +18,7 @@ GLOSSARY: dict[str, str] = {
     "slack": "the string carries no tension: both masses fly freely until it is taut again.",
     "capstan law": "a wound string holds a tension that grows exponentially with the wrap angle: T2 = T1 exp(mu theta).",
     "stretch": "how much longer than its rest length an engine let the string become; the truth's does not stretch.",
-    "growth": "how fast a deviation grew from 1 to 10 mm, as the rate of an exponential; large: small errors matter soon.",
-    "expected failure": "a limit that the engine is known not to keep, for the reason given; keeping it counts as a failure too.",
+    "growth": "how fast a deviation grew from 1 to 10 mm, as the rate of an exponential; large: small errors matter.",
+    "expected failure": "a limit that the engine is known not to keep, for the reason given; keeping it fails too.",
 }
 """Word -> meaning."""

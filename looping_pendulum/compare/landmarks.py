@@ -86,7 +86,8 @@ def break_away_time(t: Array, speed: Array, stop: float, first: int, parameters:
     """When a mass at rest since ``stop`` [s] began to move again [s]; None if it only turned there.
 
     With equal friction coefficients the force leaves zero linearly, so the speed grows as the square of the time since; with a
-    larger static one it jumps, and the speed grows linearly, as it does after a turn.
+    larger static one it jumps, and the speed grows linearly, as it does after a turn. Good to some 3 ms: the law is only the
+    leading term, and the dead band hides the start.
     """
     if _back_to_rest(t, speed, first, 1.0) - stop < STICK_TIME:
         return None
@@ -96,8 +97,8 @@ def break_away_time(t: Array, speed: Array, stop: float, first: int, parameters:
 
 
 def _back_to_rest(t: Array, speed: Array, first: int, power: float) -> float:
-    """When ``speed**power`` was zero [s], on the line through sample ``first`` and the one at four times its speed."""
-    faster = np.flatnonzero(np.abs(speed[first:]) >= 4 * abs(speed[first]))
+    """When ``speed**power`` was zero [s], on the line through sample ``first`` and the one at twice its speed."""
+    faster = np.flatnonzero(np.abs(speed[first:]) >= 2 * abs(speed[first]))
     if not len(faster):
         return float(t[first])
     second = first + int(faster[0])

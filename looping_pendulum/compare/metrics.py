@@ -9,12 +9,12 @@ import numpy as np
 from looping_pendulum.compare.align import Aligned, Truth, sample_truth
 from looping_pendulum.compare.landmarks import finite_length
 from looping_pendulum.compare.result import Departure, Landmarks, Tube
-from looping_pendulum.engines.trajectory import UNKNOWN_MODE, TrajectoryEvent
+from looping_pendulum.compare.words import mode_words, told_events
+from looping_pendulum.engines.trajectory import TrajectoryEvent
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.effects import GRAVITY, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.transitions import Mode
 
 RMS_MARKS = {"rms_0.35s": 0.35, "rms_0.7s": 0.7, "rms_1.0s": 1.0}
 """Metric name -> time [s] up to which the deviation is averaged: the fall, the first loops, nearly all of a trial."""
@@ -83,7 +83,8 @@ def departures(aligned: Aligned, events: tuple[TrajectoryEvent, ...]) -> tuple[D
 
 def _departure(aligned: Aligned, i: int, threshold: float, events: tuple[TrajectoryEvent, ...]) -> Departure:
     time, truth, run = float(aligned.t[i]), aligned.truth, aligned.run
-    before = max((e for e in events if e.time <= time), key=lambda e: e.time, default=TrajectoryEvent(time=0.0, name="release"))
+    told = [("release", 0.0), *told_events((e.name, e.time) for e in events if e.time <= time)]
+    after, after_time = told[-1]
     free_length, turned = truth.free_length[i], run.wrap_angle[i] - truth.wrap_angle[i]
     stretch = run.string_stretch[: i + 1]
     known = stretch[np.isfinite(stretch)]
@@ -91,28 +92,13 @@ def _departure(aligned: Aligned, i: int, threshold: float, events: tuple[Traject
         threshold=threshold,
         time=time,
         mode=mode_words(int(truth.mode[i])),
-        after=before.name,
-        after_time=before.time,
+        after=after,
+        after_time=after_time,
         along=_number(run.free_length[i] - free_length) or 0.0,
         across=_number(free_length * turned) or 0.0,
         heavy=float(aligned.heavy_deviation[i]),
         stretch=float(np.abs(known).max()) if len(known) else None,
     )
-
-
-def mode_words(mode: int) -> str:
-    """Mode of the truth in plain words."""
-    words = {
-        Mode.STICKING: "the string sticks to the rod",
-        Mode.SLIDING_DOWN: "the string slides and the heavy mass falls",
-        Mode.SLIDING_UP: "the string slides and the heavy mass rises",
-        Mode.SLACK: "the string is slack",
-        Mode.CLAMPED: "the light mass swings and the heavy one is clamped",
-        Mode.CLAMPED_SLACK: "the string is slack and the heavy mass clamped",
-        Mode.FALLING: "both masses fall freely",
-        Mode.ENDED: "the truth ends",
-    }
-    return "the truth does not say its mode" if mode == UNKNOWN_MODE else words[Mode(mode)]
 
 
 def growth_rate(found: tuple[Departure, ...]) -> float | None:

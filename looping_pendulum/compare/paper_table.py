@@ -81,8 +81,8 @@ def moments(result: ComparisonResult) -> str:
         return ""
     head = ["moment", "truth [s]", *(f"{result.short_name(e)} [ms later]" for e in result.engines)]
     note = (
-        "Moments of the truth, and how much later (+) or earlier (-) each engine has them. A moment that the truth does not have\n"
-        "is given as a time. An engine's run ends a little early, at a free length of its own choosing.\n\n"
+        "Moments of the truth, and how much later (+) or earlier (-) each engine has them. A moment that the truth\n"
+        "does not have is given as a time. An engine's run ends a little early, at a free length of its own choosing.\n\n"
     )
     return note + table(head, rows)
 

@@ -18,7 +18,7 @@ from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.metrics import THRESHOLDS
 from looping_pendulum.compare.paper_table import quantity_words
 from looping_pendulum.compare.result import ComparisonResult, Samples
-from looping_pendulum.compare.stories import told_events
+from looping_pendulum.compare.words import told_events
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's colour-blind-safe palette without black (the truth) and yellow (faint on white)."""
@@ -91,10 +91,20 @@ def path_figure(result: ComparisonResult, samples: Samples, look: dict[str, Styl
     radius = float(result.parameters["rod_radius"])
     axes.add_patch(Circle((0, 0), radius, facecolor="0.8", edgecolor="black", lw=0.8, zorder=4))
     _halts(axes, result, samples, look)
+    _widen(axes)
     axes.set_aspect("equal")
     axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{result.scenario}: path of the light mass")
     _legend(figure)
     return figure
+
+
+def _widen(axes: Axes) -> None:
+    """Give a path that is nearly a line (a vertical drop) room to both sides."""
+    spans = [(low, high) for low, high in (axes.get_xlim(), axes.get_ylim())]
+    room = max(high - low for low, high in spans) / 2
+    (x, width), (y, height) = [((low + high) / 2, max(high - low, room)) for low, high in spans]
+    axes.set_xlim(x - width / 2, x + width / 2)
+    axes.set_ylim(y - height / 2, y + height / 2)
 
 
 def _halts(axes: Axes, result: ComparisonResult, samples: Samples, look: dict[str, Style]) -> None:
@@ -105,7 +115,7 @@ def _halts(axes: Axes, result: ComparisonResult, samples: Samples, look: dict[st
     ]
     for run, halt, colour, size, order in runs:
         if not run.status.ok and len(run.t):
-            axes.scatter(*run.light_position[-1], marker="x", s=60.0, color=colour, zorder=order)
+            axes.plot(*run.light_position[-1], marker="x", ms=9, mew=2, color=colour, zorder=order)
         if halt is not None:
             x, y = (np.interp(halt, run.t, run.light_position[:, k]) for k in (0, 1))
             axes.scatter([x], [y], marker="*", s=size, color=colour, edgecolor="white", linewidth=0.6, zorder=order)
@@ -125,10 +135,12 @@ def drop_figure(result: ComparisonResult, samples: Samples, look: dict[str, Styl
         bar = PRINTED_HALF_DIGIT
         how = {"fmt": "o", "color": "black", "mfc": "white", "ms": 5, "capsize": 3}
         top.errorbar(t, drop, xerr=bar, yerr=bar, label="measured", zorder=5, **how)  # type: ignore[arg-type]
-    top.invert_yaxis()
+    least, most = top.get_ylim()
+    top.set_ylim(max(most, 0.01), min(least, -0.001))  # down is down; a clamped mass is drawn at rest, not as its rounding
     top.set(ylabel="drop of the heavy mass [m]", title=f"{result.scenario}: heavy mass")
     below.axhline(0, color="black", lw=1.2)
     below.set_yscale("symlog", linthresh=0.1)
+    below.set_ylim(min(below.get_ylim()[0], -0.2), max(below.get_ylim()[1], 0.2))
     below.yaxis.set_major_formatter("{x:g}")
     below.set(xlabel="time since release [s]", ylabel="drop, engine less truth\n[mm] (linear within ±0.1)")
     _legend(figure)
@@ -168,7 +180,7 @@ def divergence_figure(result: ComparisonResult, samples: Samples, look: dict[str
             place, text = axes.get_xaxis_transform(), name.replace("_", " ")
             axes.text(time, 1.01, text, transform=place, rotation=40, ha="left", va="bottom", fontsize=8, color="0.25")
     axes.set(xlabel="time since release [s]", ylabel="distance from the truth's light mass [mm]")
-    axes.set_title(f"{result.scenario}: divergence", pad=46)  # room for the events' names
+    axes.set_title(f"{result.scenario}: divergence", pad=58)  # room for the events' names
     _legend(figure)
     return figure
 
@@ -200,7 +212,9 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
     axes.set_yticks(y, [quantity_words(r.quantity, r.index) for r in rows])
     axes.invert_yaxis()
     axes.set_xscale("symlog", linthresh=20)
-    axes.set_xticks([-500, -100, -20, -10, 0, 10, 20, 100, 500], minor=False)
+    limits = axes.get_xlim()
+    axes.set_xticks([-500, -100, -20, -10, 0, 10, 20, 100, 500])
+    axes.set_xlim(limits)
     axes.xaxis.set_major_formatter("{x:g}")
     axes.set(xlabel="time less measured time [ms] (linear within ±20)", title=f"{result.scenario}: event times")
     _legend(figure)

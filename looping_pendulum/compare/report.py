@@ -8,9 +8,9 @@ from typing import Any
 from looping_pendulum.compare import paper_table
 from looping_pendulum.compare.glossary import GLOSSARY
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, Outcome, RunProvenance, ToleranceResult
-from looping_pendulum.compare.stories import told_events
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 from looping_pendulum.compare.tolerances import AT_LEAST
+from looping_pendulum.compare.words import told_events
 
 UNITS: dict[str, tuple[str, float]] = {
     "rms_0.35s": ("mm", 1e3),
@@ -26,6 +26,10 @@ UNITS: dict[str, tuple[str, float]] = {
     "tube_fraction": ("%", 1e2),
 }
 """Metric -> the unit a reader likes, and how many of it make one SI unit."""
+
+
+REFUSED = ("no:", "no (")
+"""How a verdict begins that leaves the comparison outside tolerance."""
 
 
 def render(result: ComparisonResult, figures: Mapping[str, str] | None = None) -> str:
@@ -60,7 +64,8 @@ def name(engine: EngineResult) -> str:
     return f"{engine.label}, {engine.profile}" if engine.profile else engine.label
 
 
-def _verdict(result: ComparisonResult) -> str:
+def verdict_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of the verdict table as plain text, the truth first, for Markdown and for a terminal."""
     vertical = any(e.metrics.get("acceleration_error") is not None for e in result.engines)
     head = ["engine", "within tolerance?", "RMS to 0.35 s [mm]", "to 0.7 s [mm]", "to 1.0 s [mm]", "halting time [s]"]
     head += ["halting error [ms]", "drop error [mm]", *(["acceleration error [%]"] if vertical else []), "wall time [s per s]"]
@@ -73,6 +78,14 @@ def _verdict(result: ComparisonResult) -> str:
         cells += [fixed(halt, 4), signed(m["halting_time_error"], 1e3), signed(m["drop_error"], 1e3)]
         cells += [signed(m["acceleration_error"], 1e2)] if vertical else []
         rows.append([name(engine), _within(result, engine), *cells, number(wall.per_simulated_second, digits=2)])
+    return head, rows
+
+
+def _verdict(result: ComparisonResult) -> str:
+    head, rows = verdict_rows(result)
+    for row in rows:
+        if row[1].startswith(REFUSED):
+            row[1] = f"**no**{row[1].removeprefix('no')}"
     return f"{_verdict_sentence(result)}\n\n{table(head, rows, left=2)}"
 
 
@@ -97,9 +110,9 @@ def _within(result: ComparisonResult, engine: EngineResult) -> str:
     expected = sum(t.outcome is Outcome.EXPECTED_FAILURE for t in judged)
     note = f"; {expected} expected failure{'s' if expected > 1 else ''}" if expected else ""
     if result.broke_off(engine):
-        return f"**no**: {engine.status_sentence}{note}"
+        return f"no: {engine.status_sentence}{note}"
     if bad:
-        return f"**no** ({bad} of {len(judged)} limits){note}"
+        return f"no ({bad} of {len(judged)} limits){note}"
     if not judged:
         return "no limits declared"
     return f"yes{note}" if expected < len(judged) else f"as expected, no{note}"
@@ -178,7 +191,8 @@ def _provenance(result: ComparisonResult) -> str:
     listed = ", ".join(f"{k} {_setting(v)}" for k, v in (p | dict(coefficients)).items())
     text = f"Scenario `{result.scenario}`, watched for {result.duration:g} s. SI and radians: {listed}.\n\n"
     for i in result.inferred:
-        text += f"- Inferred, not printed by the source: {', '.join(i.parameters)}. {i.how} (`{i.script}`)\n"
+        script = f" (`{i.script}`)" if i.script else ""
+        text += f"- Inferred, not printed by the source: {', '.join(i.parameters)}. {i.how}{script}\n"
     runs = [(f"truth, {result.truth.engine}:{result.truth.variant}", result.truth.provenance)]
     runs += [(name(e), e.provenance) for e in result.engines]
     return text + "\n" + table(["run", "versions", "settings [SI]", "seed"], [_provenance_row(*run) for run in runs], left=4)

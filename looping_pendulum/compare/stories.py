@@ -2,34 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from looping_pendulum.compare.result import Departure, Landmarks, SupplyEntry
+from looping_pendulum.compare.words import EVENT_WORDS, PHYSICS_WORDS
 from looping_pendulum.engines.trajectory import RunStatus, Supplier, Trajectory
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-
-EVENT_WORDS = {
-    "release": "the release",
-    "stop": "a stop of the heavy mass",
-    "stick": "the string began to stick",
-    "halt": "the halt",
-    "break_away": "the string broke away",
-    "slack": "the string fell slack",
-    "taut": "the string became taut again",
-    "light_reaches_rod": "the light mass reached the rod",
-    "heavy_reaches_rod": "the heavy mass reached the rod",
-    "unwrapped": "the string left the rod",
-}
-
-PHYSICS_WORDS = {
-    "winding": "the winding",
-    "friction law": "the string's friction on the rod",
-    "stick slip": "sticking and slipping",
-    "drag": "the drag",
-}
-
-SAME_MOMENT = 1e-9
-"""Events closer than this [s] are one moment under several names."""
 
 ON_TIME = 1e-5
 """A halt closer to the truth's than this [s] is called on time: stops are located to about that from samples."""
@@ -52,24 +28,11 @@ def story(
     sentences = [_first(found, float(run.t[-1]))]
     if found:
         sentences.append(_where(found[0], parameters))
-        sentences.append(_why(found[0], missing_physics(supplies, parameters), supplies, parameters))
-    sentences.append(_halting(own, true, run))
+        sentences.append(_why(found[0], supplies, parameters))
+    sentences.append(_halting(own, true, run, missing_physics(supplies, parameters)))
     if not run.status.ok:
         sentences.append(f"The run broke off at {run.t[-1]:.3f} s: {run.status.value}.")
     return " ".join(s for s in sentences if s)
-
-
-def told_events(events: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:
-    """(name, time [s]) of the events worth telling, one per moment: a halt is also a stop and a stick, and says it best."""
-    rank = {name: place for place, name in enumerate(("halt", "stick", "stop"))}
-    told: list[tuple[str, float]] = []
-    for name, time in sorted(events, key=lambda e: (e[1], rank.get(e[0], -1))):
-        if name == "release" or name not in EVENT_WORDS:
-            continue
-        if told and time - told[-1][1] < SAME_MOMENT and name in rank:
-            continue
-        told.append((name, time))
-    return told
 
 
 def missing_physics(supplies: tuple[SupplyEntry, ...], parameters: Parameters) -> tuple[str, ...]:
@@ -114,9 +77,10 @@ def _where(first: Departure, parameters: Parameters) -> str:
     return f"{text}, its heavy mass {_mm(first.heavy)} {up}."
 
 
-def _why(first: Departure, missing: tuple[str, ...], supplies: tuple[SupplyEntry, ...], parameters: Parameters) -> str:
+def _why(first: Departure, supplies: tuple[SupplyEntry, ...], parameters: Parameters) -> str:
     causes = []
-    if missing:
+    missing = [m for m in missing_physics(supplies, parameters) if m != "stick slip" or first.after != "release"]
+    if missing:  # a string that has slid ever since its release has not needed to stick yet
         causes.append(f"nobody supplies {_listed([PHYSICS_WORDS[m] for m in missing])}, which this scenario has")
     if first.stretch is not None and first.stretch >= STRETCH_SHARE * first.threshold:
         causes.append(f"its string had stretched by up to {_mm(first.stretch)} by then")
@@ -134,10 +98,10 @@ def _why(first: Departure, missing: tuple[str, ...], supplies: tuple[SupplyEntry
     fed = [PHYSICS_WORDS[s.what] for s in supplies if s.by == Supplier.ADAPTER.value and s.what in needed]
     parts = [f"{_listed(own)} by the engine itself"] if own else []
     parts += [f"{_listed(fed)} fed in by the adapter"] if fed else []
-    return f"{text} ({'; '.join(parts)}): what is left is how it discretises them." if parts else f"{text}."
+    return f"{text} ({'; '.join(parts)}): suspect its time step, its solver or a coefficient." if parts else f"{text}."
 
 
-def _halting(own: Landmarks, true: Landmarks, run: Trajectory) -> str:
+def _halting(own: Landmarks, true: Landmarks, run: Trajectory, missing: tuple[str, ...]) -> str:
     end = float(run.t[-1])
     if true.halting_time is None:
         if own.halting_time is None:
@@ -145,10 +109,13 @@ def _halting(own: Landmarks, true: Landmarks, run: Trajectory) -> str:
         return f"Its heavy mass comes to rest at {own.halting_time:.3f} s; the truth's never does."
     if own.halting_time is None:
         if end < true.halting_time:
-            return ""
+            early = f"before the truth's heavy mass halts ({true.halting_time:.3f} s)"
+            return f"Its light mass reaches the rod at {end:.3f} s, {early}." if own.light_reaches_rod is not None else ""
         later = [s.time for s in own.stops]
         turned = f"; it stops at {_listed([f'{t:.3f} s' for t in later[:3]])} and moves on" if later else ""
-        return f"Its heavy mass does not halt (the truth's halts at {true.halting_time:.3f} s){turned}."
+        needed = [PHYSICS_WORDS[m] for m in missing if m in ("friction law", "stick slip")]
+        why = f": nobody supplies {_listed(needed)}" if needed else ""
+        return f"Its heavy mass does not halt (the truth's halts at {true.halting_time:.3f} s){turned}{why}."
     late = own.halting_time - true.halting_time
     text = f"Halts {abs(late) * 1e3:.2g} ms {'late' if late > 0 else 'early'}" if abs(late) > ON_TIME else "Halts on time"
     if not own.halting_confirmed and run.status is not RunStatus.LIGHT_REACHED_ROD:

@@ -21,13 +21,18 @@ class Variant(StrEnum):
 
 
 SETTINGS = {
-    Profile.QUICK: TendonSettings(time_step=1e-3, string_time_constant=2e-3, friction_time_constant=2e-3),
-    Profile.ACCURATE: TendonSettings(time_step=1e-4, string_time_constant=2e-4, friction_time_constant=2e-4),
+    Profile.QUICK: TendonSettings(time_step=5e-4, string_time_constant=1e-3, friction_time_constant=1e-3),
+    Profile.ACCURATE: TendonSettings(time_step=5e-5, string_time_constant=1e-4, friction_time_constant=1e-4),
 }
 
-_WINDING = Supply(by=Supplier.ENGINE, how="spatial tendon wrapped over a cylinder; the adapter counts half turns and switches tendons")
+_WINDING = Supply(by=Supplier.ENGINE, how="spatial tendon wrapped over a cylinder; the adapter counts turns, using two in turn")
 _DRAG = Supply(by=Supplier.ADAPTER, how="the reference's formulas as applied forces")
-_TWO_SIDED = "the tendon is a two-sided constraint: it pushes where a string would go slack"
+_LIMITS = (
+    "a slack string is caught within one time step, so up to a step's way too late",
+    "where the catch turns the heavy mass round, friction turns with it; the reference gives the whole pull one direction",
+    "the rig does not stop where the string leaves the rod (wrap angle 0) or the heavy mass reaches it, as the reference does",
+)
+_STICK_SLIP = "friction-loss constraint; the adapter picks the static or kinetic bound and splits a step that reverses"
 _SUPPLIES = {
     Variant.DOCUMENTED: Supplies(
         winding=_WINDING,
@@ -37,8 +42,8 @@ _SUPPLIES = {
     ),
     Variant.CAPSTAN: Supplies(
         winding=_WINDING,
-        friction_law=Supply(by=Supplier.ADAPTER, how="capstan bound from the tendon's tension, fed to dof_frictionloss of the heavy mass"),
-        stick_slip=Supply(by=Supplier.ENGINE, how="friction-loss constraint of the heavy mass's slide; the adapter chooses static or kinetic"),
+        friction_law=Supply(by=Supplier.ADAPTER, how="capstan bound from the tendon's tension, fed to dof_frictionloss"),
+        stick_slip=Supply(by=Supplier.ENGINE, how=_STICK_SLIP),
         drag=_DRAG,
     ),
 }
@@ -66,13 +71,14 @@ class MujocoTendon(SteppedEngine):
         self.variant = Variant(variant).value
         self.profile = profile
         self.settings: TendonSettings = settings if settings is not None else SETTINGS[profile]
+        limits = _LIMITS if variant == Variant.CAPSTAN else (*_LIMITS, "without friction the heavy mass never halts")
         friction = "no friction on the rod" if variant == Variant.DOCUMENTED else "the capstan law fed in as friction loss"
         self.abilities = Abilities(
             releases=frozenset(Release),
             supplies=_SUPPLIES[Variant(variant)],
             packages=("mujoco",),
             summary=f"Two spatial tendons used in turn over a cylinder, {friction}.",
-            limits=(_TWO_SIDED,) if variant == Variant.CAPSTAN else (_TWO_SIDED, "the string slides freely, so it never halts"),
+            limits=limits,
         )
 
     def build(self, scenario: Scenario) -> TendonRig:

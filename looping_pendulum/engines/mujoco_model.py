@@ -28,7 +28,7 @@ class TendonSettings:
     impedance: float = 0.9999
     """Share of a constraint that is enforced at once, the largest that MuJoCo takes; its `solimp`."""
     rest_speed: float = 1e-5
-    """Below this speed [m/s] the heavy mass counts as at rest; held string creeps at about 1e-6 m/s."""
+    """Below this speed [m/s] the heavy mass counts as at rest; held string creeps at 1e-6 m/s or less."""
     catch_time: float = 2e-3
     """A slack string becomes taut within a step and so up to a step's way too late; time constant of taking that back [s]."""
     integrator: str = "implicitfast"

@@ -52,15 +52,16 @@ class TendonRig:
         self._step, self._solve, self._place = mujoco.mj_step, mujoco.mj_forward, mujoco.mj_fwdPosition
         self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
         self._applied, self._allowed = self._data.qfrc_applied, self._model.tendon_range
-        self._diverged = self._data.warning[mujoco.mjtWarning.mjWARN_BADQACC]
+        warnings = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+        self._breakdowns = tuple(self._data.warning[kind] for kind in warnings)
         self._dt, self._steps = settings.time_step, _steps_per_sample(settings.time_step)
         self._rest_speed = settings.rest_speed
         self._radius, self._hanging, self._whole_length = p.rod_radius, p.hanging_length, p.string_length
         self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
         self._free_length, self._wrap_angle = p.free_length, p.release_angle
         self._end_length = end_length if self._has_string else -math.inf
-        # MuJoCo leaves the string's turning (l omega^2) out of a tendon's acceleration, so the length allowed is shifted by what
-        # pulls just as much. The rows' own damping sees velocities half a step old and so already pulls a part of it.
+        # MuJoCo leaves the string's turning (l omega^2) out of a tendon's acceleration, so the length allowed is shifted by
+        # what pulls just as much. The row's own damping sees velocities half a step old and so already pulls a part of it.
         softness = settings.impedance * settings.string_time_constant
         self._turning_shift = softness * softness * (1 - self._dt / softness)
         self._force = cartesian_force(p)
@@ -81,8 +82,8 @@ class TendonRig:
 
     def read(self) -> tuple[float, ...]:
         """Positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
-        if self._diverged.number:
-            return (math.nan,) * 9
+        if any(warning.number for warning in self._breakdowns):
+            return (math.nan,) * 9  # MuJoCo only warns, and what follows looks like motion
         x, y = self._qpos[:2].tolist()
         vx, vy, heavy_v = self._velocities()
         heavy_y = -self._hanging if self._held else float(self._qpos[HEAVY])
@@ -130,28 +131,19 @@ class TendonRig:
             if not self._held:
                 self._applied[HEAVY] = heavy_force
         if self._grip is not None:
-            k = Kinematics(
-                self._data.time,
-                self._free_length,
-                self._wrap_angle,
-                retreat,
-                across,
-                abs(across),
-                math.hypot(vx, vy),
-                heavy_v,
-                abs(heavy_v),
-            )
+            time, length, angle, speed = self._data.time, self._free_length, self._wrap_angle, math.hypot(vx, vy)
+            k = Kinematics(time, length, angle, retreat, across, abs(across), speed, heavy_v, abs(heavy_v))
             self._applied[HEAVY] = heavy_force + self._grip.prepare(k)
 
     def _wind(self) -> None:
         """Use the tendon that is right for the wrap angle, with its turns taken off the length allowed."""
         above = self._wrap_angle - self._half_turns * math.pi
-        if self._half_turns >= 0 and (SWITCH_DOWN <= above <= SWITCH_UP or (above < SWITCH_DOWN and self._half_turns == 0)):
-            return
-        while self._wrap_angle > self._half_turns * math.pi + SWITCH_UP:
+        if above > SWITCH_UP:
             self._half_turns += 1
-        while self._half_turns > 0 and self._wrap_angle < self._half_turns * math.pi + SWITCH_DOWN:
+        elif above < SWITCH_DOWN and self._half_turns > 0:
             self._half_turns -= 1
+        else:
+            return
         self._use_tendon()
 
     def _use_tendon(self) -> None:
@@ -203,15 +195,10 @@ class CapstanGrip:
 
     def prepare(self, k: Kinematics) -> float:
         """Set the bound for the coming step; return a force to apply besides [N], not 0 only where the string turns back."""
-        self._solve(self._model, self._data)
-        rows = self._data.efc_force
-        friction = float(rows[FRICTION_ROW])
-        tension = float(rows[STRING_ROW]) if len(rows) > STRING_ROW else 0.0
-        tension_without = max(tension + self._light_share * friction, 0.0)
-        acceleration_without = float(self._acceleration[HEAVY]) - friction / self._total_mass
+        tension_without, acceleration_without = self._without_friction()
         # At release the mass is at rest, though the velocity of half a step before is not 0.
         velocity = float(self._velocity[HEAVY]) if k.time > 0 else 0.0
-        sliding = effects.sliding_exponent(math, k, self._values, self._effects)
+        sliding = max(effects.sliding_exponent(math, k, self._values, self._effects), 0.0)
         before, left = 0.0, 0.0
         if abs(velocity) > self._rest_speed:
             before = self._friction(math.copysign(sliding, velocity), tension_without)
@@ -220,7 +207,7 @@ class CapstanGrip:
                 self._bound[HEAVY] = max(abs(before), NO_FRICTION)
                 return 0.0
             left = -velocity / acceleration / self._dt  # share of the step until the heavy mass stops
-        holding = effects.holding_exponent(math, k, self._values, self._effects)
+        holding = max(effects.holding_exponent(math, k, self._values, self._effects), 0.0)
         needed = -self._total_mass * acceleration_without  # to keep the heavy mass at rest
         bound = self._friction(math.copysign(holding, -needed), tension_without)
         if abs(needed) <= abs(bound):
@@ -229,6 +216,18 @@ class CapstanGrip:
         after = self._friction(math.copysign(sliding, -needed), tension_without)
         self._bound[HEAVY] = max(abs(after), NO_FRICTION)
         return (before - after) * left
+
+    def _without_friction(self) -> tuple[float, float]:
+        """Tension [N] and the heavy mass's upward acceleration [m/s^2] that there would be without friction."""
+        self._solve(self._model, self._data)
+        rows = self._data.efc_force
+        tension = float(rows[STRING_ROW]) if len(rows) > STRING_ROW else 0.0
+        if tension <= 0.0 and self._bound[HEAVY] > NO_FRICTION:  # too much friction for a taut string: not in proportion
+            self._bound[HEAVY] = NO_FRICTION
+            return self._without_friction()
+        friction = float(rows[FRICTION_ROW])
+        tension_without = max(tension + self._light_share * friction, 0.0)
+        return tension_without, float(self._acceleration[HEAVY]) - friction / self._total_mass
 
     def _friction(self, exponent: float, tension_without: float) -> float:
         """Friction T2 - T1 on the heavy mass, upward [N], where ln(T2/T1) = -exponent, positive for sliding upward.

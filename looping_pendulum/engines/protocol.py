@@ -159,9 +159,9 @@ def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequenc
         row = rig.read()
         if not all(math.isfinite(value) for value in row[:8]):
             return RunStatus.NOT_FINITE
-        add((sample * SAMPLE_INTERVAL, *row))
         if has_string and math.hypot(row[0], row[1]) <= end_distance:
-            return RunStatus.LIGHT_REACHED_ROD
+            return RunStatus.LIGHT_REACHED_ROD  # somewhere in this interval: a rig that stopped there has no sample at its end
+        add((sample * SAMPLE_INTERVAL, *row))
         if has_string and row[8] > stretch_limit:
             return RunStatus.STRING_DRIFT
     return RunStatus.FINISHED

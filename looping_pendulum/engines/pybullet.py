@@ -47,6 +47,12 @@ class ChainSettings:
     relative_inertia: float = 1e-2
     """Moment of inertia of a link about its end, in its mass times its length squared: small, but not singular."""
     corner_mean: bool = True
+    rod_shape: str = 'sphere'
+    cbt: float | None = None
+    slop: float | None = None
+    k: float | None = None
+    d: float = 10.
+    warm: float | None = None
     mean_radius: bool = True
 
 
@@ -139,12 +145,13 @@ class ChainRig:
     def _lay_rod(self, p, s, chain) -> None:
         api, client = self._api, self._client
         contact_radius = chain.node_circle - s.node_radius
-        shape = api.createCollisionShape(api.GEOM_SPHERE, radius=contact_radius, physicsClientId=client)
+        shape = api.createCollisionShape(api.GEOM_SPHERE, radius=contact_radius, physicsClientId=client) if s.rod_shape=='sphere' else api.createCollisionShape(api.GEOM_CAPSULE, radius=contact_radius, height=.02, physicsClientId=client)
         self._rod = api.createMultiBody(0, shape, -1, [0, 0, 0], physicsClientId=client)
         wrap = p.release_angle + (0 if p.release is Release.VERTICAL else math.pi / 2)
         mu = contact_friction(p.coefficients["kinetic_friction"], chain.bend, wrap, s.corner_mean)
         self._mu = mu * chain.node_circle / contact_radius
         _set_friction(api, client, self._rod, -1, self._mu)
+        if s.k: api.changeDynamics(self._rod, -1, contactStiffness=s.k, contactDamping=s.d, physicsClientId=client)
 
     def _load_chain(self, p, s, chain) -> None:
         api, client = self._api, self._client
@@ -207,6 +214,9 @@ class ChainRig:
 
 
 def _prepare_world(api, client, p, s):
+    if s.cbt: api.setPhysicsEngineParameter(contactBreakingThreshold=s.cbt, physicsClientId=client)
+    if s.slop is not None: api.setPhysicsEngineParameter(contactSlop=s.slop, physicsClientId=client)
+    if s.warm is not None: api.setPhysicsEngineParameter(warmStartingFactor=s.warm, physicsClientId=client)
     api.setGravity(0, -p.coefficients["gravity"], 0, physicsClientId=client)
     api.setTimeStep(s.time_step, physicsClientId=client)
     api.setPhysicsEngineParameter(

@@ -129,9 +129,12 @@ class _Driver:
     def run_sampled(self, times: Array) -> list[Part]:
         """Run to the end; return samples at ``times``."""
         times = times[times <= self.duration]
+        at_release = np.repeat(np.array(self.y)[:, None], np.count_nonzero(times == 0), axis=1)
         parts = [segment.sample(times[times <= START]) for segment in self._begin()]
+        if not parts:
+            parts = [Part(mode=self.mode, signs=self.signs, t=times[times == 0], values=at_release)]
         for _ in range(MAX_EVENTS):
-            ahead = times[np.searchsorted(times, self.t, side="right" if parts else "left") :]
+            ahead = times[np.searchsorted(times, self.t, side="right") :]
             event, self.t, self.y, part = self.integrator.advance_sampled(
                 self.mode, self.t, self.y, self.signs, self.duration, ahead
             )

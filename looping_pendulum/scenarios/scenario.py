@@ -2,9 +2,57 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from types import MappingProxyType
 
+from looping_pendulum.errors import ScenarioError
 from looping_pendulum.reference_ode.parameters import Parameters
+
+METRICS = MappingProxyType(
+    {
+        "rms_0.35s": "m",
+        "rms_0.7s": "m",
+        "rms_1.0s": "m",
+        "rms_halt": "m",
+        "halting_time_error": "s",
+        "drop_error": "m",
+        "wrap_angle_error": "rad",
+        "free_length_error": "m",
+        "string_stretch": "m",
+        "acceleration_error": "",
+        "tube_fraction": "",
+    }
+)
+"""Metric that a tolerance may limit -> its SI unit; '' for a plain number (a relative error, a share of the samples)."""
+
+FILE_KEYS = MappingProxyType(
+    {
+        "light_mass": "light.mass",
+        "light_radius": "light.radius",
+        "light_drag": "light.drag",
+        "heavy_mass": "heavy.mass",
+        "heavy_drag": "heavy.drag",
+        "rod_radius": "rod.radius",
+        "kinetic_friction": "string.kinetic_friction",
+        "static_friction": "string.static_friction",
+        "string_drag": "string.drag",
+        "gravity": "gravity",
+        "release": "release.kind",
+        "release_angle": "release.angle",
+        "free_length": "release.free_length",
+        "hanging_length": "release.hanging_length",
+    }
+)
+"""Name of a parameter or coefficient -> where a scenario file writes it; any other coefficient stands under ``effects``."""
+
+PROFILES = ("quick", "accurate")
+"""Profiles that a tolerance may speak of."""
+
+
+def file_key(parameter: str) -> str:
+    """Where a scenario file writes a parameter or coefficient: "release_angle" -> "release.angle"."""
+    return FILE_KEYS.get(parameter, f"effects.{parameter}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,11 +66,20 @@ class Tolerance:
     metric: str
     """Name of the metric, "rms_0.35s"."""
     limit: float
-    """Largest absolute value allowed, in the metric's SI unit."""
+    """Largest absolute value allowed, in the metric's SI unit; of the tube fraction, the smallest."""
     reason: str
     """Why this much: its source."""
     expected_failure: str = ""
     """Measured reason why it is not kept; then keeping it is the surprise. Empty: it must be kept."""
+
+    def __post_init__(self) -> None:
+        """Refuse a limit that nothing could be judged by."""
+        if self.metric not in METRICS:
+            raise ScenarioError(f"tolerances: found metric {self.metric!r}, needed one of {', '.join(METRICS)}")
+        if self.profile not in PROFILES:
+            raise ScenarioError(f"tolerances: found profile {self.profile!r}, needed one of {', '.join(PROFILES)}")
+        if not (math.isfinite(self.limit) and self.limit >= 0):
+            raise ScenarioError(f"tolerances: {self.engine} {self.metric}: found limit {self.limit}, needed 0 or more")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +87,10 @@ class Inference:
     """A value that the source does not print and somebody inferred."""
 
     parameters: tuple[str, ...]
+    """Keys as the scenario file writes them, "release.angle"."""
     how: str
     script: str
+    """Path of the script that inferred it, from the project's folder; empty for a value that was assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,5 +114,16 @@ class Scenario:
     duration: float
     """How long engines are watched [s]; a run ends sooner if the light mass reaches the rod."""
     tolerances: tuple[Tolerance, ...] = ()
+    """By engine, then profile, then in the order of `METRICS`."""
     inferred: tuple[Inference, ...] = ()
     measured: MeasuredTrial | None = None
+
+    def __post_init__(self) -> None:
+        """Put the tolerances in order, so that equal scenarios compare equal; refuse two limits on one number."""
+        order = {metric: i for i, metric in enumerate(METRICS)}
+        keys = [(t.engine, PROFILES.index(t.profile), order[t.metric]) for t in self.tolerances]
+        ordered = [t for _, t in sorted(zip(keys, self.tolerances, strict=True), key=lambda pair: pair[0])]
+        object.__setattr__(self, "tolerances", tuple(ordered))
+        for one, other in zip(ordered, ordered[1:], strict=False):
+            if (one.engine, one.profile, one.metric) == (other.engine, other.profile, other.metric):
+                raise ScenarioError(f"tolerances: {one.engine}, {one.profile}, {one.metric}: found two limits, needed one")

@@ -231,6 +231,15 @@ def test_sampling_while_integrating_is_sampling_the_solution():
     assert np.allclose([e.time for e in direct.run.events], [e.time for e in run.events], atol=1e-13)
 
 
+@pytest.mark.parametrize("release", ["looping", "vertical", "held", "drop"])
+def test_every_release_can_be_sampled_from_its_first_instant(release):
+    t = np.arange(0, 0.3, 1e-3)
+    p = TEN_TO_ONE.replace(release=release)
+    direct, dense = solve_at(p, t, duration=0.3), solve(p, duration=0.3).sample(t)
+    assert np.array_equal(direct.t, t)
+    assert np.abs(direct.light_position - dense.light_position).max() < 1e-13
+
+
 def test_samples_come_in_the_order_of_the_times_asked_for():
     run = solve(TWO_TO_ONE)
     t = np.linspace(0, run.end_time, 100)

@@ -1,0 +1,46 @@
+# Every target sets up what it needs in a virtual environment of its own, .venv.
+# PyBullet has wheels only up to Python 3.11, so that one is preferred where it is installed.
+PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+VENV ?= .venv
+BIN = $(VENV)/bin
+DATA ?= ../shared/data
+
+.PHONY: compare test accurate lint benchmark infer clean
+
+compare: $(VENV)/main ## run all engines on the 10:1 trial and write report/ten_to_one/report.md
+	$(BIN)/looping-pendulum compare ten_to_one --profile quick --out report/ten_to_one
+
+test: $(VENV)/test ## run the tests (some minutes)
+	$(BIN)/python -m pytest -n 2
+
+accurate: $(VENV)/test ## run the tolerance checks of the accurate profile (an hour or so)
+	$(BIN)/python -m pytest -m accurate -o addopts= --strict-markers
+
+lint: $(VENV)/dev ## style, types, and the one-way direction of the imports
+	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
+
+benchmark: $(VENV)/test ## time what users wait for
+	$(BIN)/python -m benchmarks
+
+infer: $(VENV)/main ## infer what the paper does not print (needs the data folder)
+	$(BIN)/python scripts/infer_paper_trials.py --data $(DATA)
+
+clean:
+	rm -rf $(VENV) build report *.egg-info
+
+$(VENV)/pip:
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	touch $@
+
+$(VENV)/main: $(VENV)/pip pyproject.toml
+	$(BIN)/python -m pip install --quiet -e .
+	touch $@
+
+$(VENV)/test: $(VENV)/pip pyproject.toml
+	$(BIN)/python -m pip install --quiet -e ".[test]"
+	touch $@ $(VENV)/main
+
+$(VENV)/dev: $(VENV)/pip pyproject.toml
+	$(BIN)/python -m pip install --quiet -e ".[dev]"
+	touch $@ $(VENV)/test $(VENV)/main

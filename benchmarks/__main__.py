@@ -1,0 +1,106 @@
+"""Time what users wait for, against what they would use instead, in one run: `python -m benchmarks`.
+
+Prints a Markdown table. Ratios are between medians of interleaved repetitions, so that a machine that slows down slows both.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from benchmarks.plain_scipy import plain_run
+from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.solve import available_integrators, solve_at
+
+TEN_TO_ONE = Parameters(
+    light_mass=0.010,
+    heavy_mass=0.100,
+    rod_radius=0.00625,
+    free_length=0.58,
+    release_angle=math.radians(112),
+    coefficients={"kinetic_friction": 0.34, "light_drag": 1e-3, "heavy_drag": 1e-3, "string_drag": 1e-3},
+)
+
+
+def interleaved(tasks: dict[str, Callable[[], object]], repeats: int) -> dict[str, float]:
+    """Median seconds of each task, taken in turn after a warm-up."""
+    times: dict[str, list[float]] = {name: [] for name in tasks}
+    for task in tasks.values():
+        task()
+    for _ in range(repeats):
+        for name, task in tasks.items():
+            inner = 20 if name.startswith("heyoka") else 1
+            started = time.perf_counter()
+            for _ in range(inner):
+                task()
+            times[name].append((time.perf_counter() - started) / inner)
+    return {name: statistics.median(values) for name, values in times.items()}
+
+
+def reference(repeats: int) -> None:
+    """One run of the reference, sampled at 1 kHz, positions of both masses."""
+    t = np.arange(0.0, 1.2, 1e-3)
+
+    def ours(integrator: str, tolerance: float) -> Callable[[], object]:
+        def task() -> object:
+            samples = solve_at(TEN_TO_ONE, t, tolerance=tolerance, integrator=integrator)
+            return samples.light_position, samples.heavy_position
+
+        return task
+
+    tasks: dict[str, Callable[[], object]] = {
+        "SciPy DOP853, 1e-9, our driver": ours("scipy", 1e-9),
+        "SciPy solve_ivp DOP853, 1e-9, plain script": lambda: plain_run(TEN_TO_ONE, t),
+    }
+    if "heyoka" in available_integrators():
+        tasks = {"heyoka, 1e-12": ours("heyoka", 1e-12), "heyoka, 1e-9": ours("heyoka", 1e-9)} | tasks
+    medians = interleaved(tasks, repeats)
+    fastest = next(iter(medians.values()))
+    print("\n## One reference run of ten_to_one, sampled at 1 kHz, warm\n")
+    print("| integrator | median [ms] | times the first |\n|---|---|---|")
+    for name, seconds in medians.items():
+        print(f"| {name} | {1e3 * seconds:.3f} | {seconds / fastest:.1f} |")
+
+
+def command_line(repeats: int) -> None:
+    """How long `--help` takes."""
+    command = [sys.executable, "-m", "looping_pendulum", "--help"]
+    seconds = interleaved({"help": lambda: subprocess.run(command, check=True, capture_output=True)}, repeats)["help"]
+    print(f"\n## Command line\n\n`--help`: {seconds:.2f} s")
+
+
+def quick_comparison() -> None:
+    """How long the main job takes."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "looping_pendulum", "compare", "ten_to_one", "--profile", "quick", "--out", folder]
+        started = time.perf_counter()
+        done = subprocess.run(command, capture_output=True, text=True)
+        seconds = time.perf_counter() - started
+    print(f"\n## `compare ten_to_one --profile quick`, all engines\n\n{seconds:.1f} s (exit status {done.returncode})")
+    print("\n```text\n" + done.stderr.strip() + "\n```")
+
+
+def main() -> None:
+    """Run the benchmarks that were asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", choices=["reference", "command-line", "comparison"])
+    parser.add_argument("--repeats", type=int, default=15)
+    options = parser.parse_args()
+    if options.only in (None, "reference"):
+        reference(options.repeats)
+    if options.only in (None, "command-line"):
+        command_line(options.repeats)
+    if options.only in (None, "comparison"):
+        quick_comparison()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,57 @@
+"""Names that the program uses, in words for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from looping_pendulum.compare.align import SAME_TIME
+from looping_pendulum.engines.trajectory import UNKNOWN_MODE
+from looping_pendulum.reference_ode.transitions import Mode
+
+EVENT_WORDS = {
+    "release": "the release",
+    "stop": "a stop of the heavy mass",
+    "stick": "the string began to stick",
+    "halt": "the halt",
+    "break_away": "the string broke away",
+    "slack": "the string fell slack",
+    "taut": "the string became taut again",
+    "light_reaches_rod": "the light mass reached the rod",
+    "heavy_reaches_rod": "the heavy mass reached the rod",
+    "unwrapped": "the string left the rod",
+}
+
+PHYSICS_WORDS = {
+    "winding": "the winding",
+    "friction law": "the string's friction on the rod",
+    "stick slip": "sticking and slipping",
+    "drag": "the drag",
+}
+
+
+def told_events(events: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:
+    """(name, time [s]) of the events worth telling, one per moment: a halt is also a stop and a stick, and says it best."""
+    rank = {name: place for place, name in enumerate(("halt", "stick", "stop"))}
+    told: list[tuple[str, float]] = []
+    for name, time in sorted(events, key=lambda e: (e[1], rank.get(e[0], -1))):
+        if name == "release" or name not in EVENT_WORDS:
+            continue
+        if told and time - told[-1][1] < SAME_TIME and name in rank:
+            continue
+        told.append((name, time))
+    return told
+
+
+def mode_words(mode: int) -> str:
+    """Mode of the truth in plain words."""
+    words = {
+        Mode.STICKING: "the string sticks to the rod",
+        Mode.SLIDING_DOWN: "the string slides and the heavy mass falls",
+        Mode.SLIDING_UP: "the string slides and the heavy mass rises",
+        Mode.SLACK: "the string is slack",
+        Mode.CLAMPED: "the light mass swings and the heavy one is clamped",
+        Mode.CLAMPED_SLACK: "the string is slack and the heavy mass clamped",
+        Mode.FALLING: "both masses fall freely",
+        Mode.ENDED: "the truth ends",
+    }
+    return "the truth does not say its mode" if mode == UNKNOWN_MODE else words[Mode(mode)]

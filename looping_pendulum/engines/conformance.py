@@ -1,0 +1,156 @@
+"""What every engine must do, the reference included: each check is a function of an engine that raises AssertionError.
+
+Checks hold an engine against closed forms only, so that the reference is examined like the rest. Those of a law that an engine
+lacks (a frictionless tendon) are left out for it by its own declaration of who supplies what.
+"""
+
+from __future__ import annotations
+
+import math
+import pickle
+from collections.abc import Callable
+
+import numpy as np
+
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
+from looping_pendulum.engines.trajectory import Supplier, Trajectory
+from looping_pendulum.reference_ode import closed_forms
+from looping_pendulum.reference_ode.geometry import light_position
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.scenarios.scenario import Scenario
+
+Check = Callable[[Engine], None]
+
+FRICTIONLESS = Parameters(
+    light_mass=0.01, heavy_mass=0.1, rod_radius=0.02, free_length=0.4, release_angle=math.radians(112)
+)
+ACCELERATION_TOLERANCE = 0.01
+"""Relative. A quick chain of some millimetres' links may be one link's share of the wound string off."""
+START_TOLERANCE = 1e-9
+"""[m] A chain's end node stands exactly where the light mass is held."""
+
+
+def scenario(parameters: Parameters, duration: float) -> Scenario:
+    """Wrap ``parameters`` for a check."""
+    return Scenario(name="conformance", title="", description="", parameters=parameters, duration=duration)
+
+
+def makes_nothing_heavy(engine: Engine) -> None:
+    """An engine travels to its process as a pickle, so making one may hold no handle of its package."""
+    again = pickle.loads(pickle.dumps(engine))
+    assert (again.name, again.variant, again.settings) == (engine.name, engine.variant, engine.settings)
+
+
+def samples_every_millisecond_from_rest(engine: Engine) -> None:
+    """Sample times are whole multiples of the sample interval; the first sample is the release, at rest."""
+    p = FRICTIONLESS
+    run = engine.simulate(scenario(p, 0.02))
+    assert np.allclose(run.t, np.arange(21) * SAMPLE_INTERVAL, rtol=0, atol=1e-12), "sample times"
+    start = light_position(math, p.free_length, p.release_angle, p.rod_radius)
+    assert np.allclose(run.light_position[0], start, rtol=0, atol=START_TOLERANCE), "light mass at release"
+    assert np.allclose(run.heavy_position[0], (p.rod_radius, -p.hanging_length), rtol=0, atol=START_TOLERANCE), "heavy mass"
+    assert not run.light_velocity[0].any(), "light mass not at rest"
+    assert not run.heavy_velocity[0].any(), "heavy mass not at rest"
+    arrays = (run.light_position, run.light_velocity, run.heavy_position, run.heavy_velocity, run.free_length, run.wrap_angle)
+    assert all(len(a) == len(run.t) and np.isfinite(a).all() for a in arrays), "shapes or values"
+
+
+def velocity_is_the_rate_of_position(engine: Engine) -> None:
+    """Velocities read back are those of the positions, within what a first-order step of a millisecond allows."""
+    run = engine.simulate(scenario(FRICTIONLESS, 0.05))
+    for position, velocity in ((run.light_position, run.light_velocity), (run.heavy_position, run.heavy_velocity)):
+        moved = np.diff(position, axis=0) / SAMPLE_INTERVAL
+        middle = 0.5 * (velocity[1:] + velocity[:-1])
+        assert np.abs(moved - middle).max() < 2 * 9.81 * SAMPLE_INTERVAL, "velocity against position"
+
+
+def is_deterministic(engine: Engine) -> None:
+    """The same input gives the same bytes."""
+    first, second = (engine.simulate(scenario(FRICTIONLESS, 0.03)) for _ in range(2))
+    assert first.light_position.tobytes() == second.light_position.tobytes()
+    assert first.heavy_position.tobytes() == second.heavy_position.tobytes()
+
+
+def drop_is_free_fall(engine: Engine) -> None:
+    """Without a string both masses fall g t^2 / 2, but for a first-order step's g t dt."""
+    run = engine.simulate(scenario(FRICTIONLESS.replace(release=Release.DROP), 0.1))
+    fallen = closed_forms.free_fall(run.t, mass=1.0, drag=0.0, gravity=9.81)
+    bound = 9.81 * run.t * step_of(engine) + 1e-9
+    for position in (run.light_position, run.heavy_position):
+        assert (np.abs(position[0, 1] - position[:, 1] - fallen) <= bound).all(), "free fall"
+    assert np.isnan(run.wrap_angle).all(), "a wrap angle without a string"
+
+
+def frictionless_vertical_release_is_an_atwood_machine(engine: Engine) -> None:
+    """Both masses hanging, no friction: a = g (M2 - M1) / (M2 + M1)."""
+    _atwood(engine, FRICTIONLESS.replace(release=Release.VERTICAL))
+
+
+def vertical_release_obeys_the_capstan_law(engine: Engine) -> None:
+    """Both masses hanging, friction: a = g (M2 - M1 e^{mu pi}) / (M2 + M1 e^{mu pi})."""
+    if engine.abilities.supplies.friction_law.by is not Supplier.NOBODY:
+        _atwood(engine, FRICTIONLESS.replace(release=Release.VERTICAL, kinetic_friction=0.3))
+
+
+def _atwood(engine: Engine, p: Parameters) -> None:
+    run = engine.simulate(scenario(p, 0.12))
+    found = fitted_acceleration(run)
+    exact = closed_forms.atwood_acceleration(p)
+    assert abs(found / exact - 1) < ACCELERATION_TOLERANCE, f"acceleration {found:.4f}, exact {exact:.4f} m/s^2"
+
+
+def held_pendulum_swings_to_the_other_side(engine: Engine) -> None:
+    """Heavy mass clamped: it stays, and the light mass crosses the lowest point after a quarter of its period."""
+    p = FRICTIONLESS.replace(release=Release.HELD, free_length=0.15, release_angle=math.radians(150))
+    run = engine.simulate(scenario(p, 0.5))
+    assert np.abs(run.heavy_position - run.heavy_position[0]).max() < 1e-4, "the clamped mass moved"
+    rising = run.light_velocity[:, 1] > 0
+    turn = run.t[np.flatnonzero(rising & (run.t > 0.05))[0]]
+    half = closed_forms.held_period(p) / 2
+    assert 0.3 * half < turn < 0.7 * half, f"lowest point at {turn:.3f} s, half a period is {half:.3f} s"
+    speed = np.hypot(*run.light_velocity.T)
+    fall = run.light_position[0, 1] - run.light_position[:, 1]
+    energy = 0.5 * speed**2 - 9.81 * fall
+    assert np.abs(energy).max() < 0.02 * 9.81 * fall.max(), "energy of the held pendulum"
+
+
+def string_keeps_its_length(engine: Engine) -> None:
+    """The light mass stays on the taut string: l + R theta + h is the string's length within 1 mm."""
+    p = FRICTIONLESS
+    run = engine.simulate(scenario(p, 0.15))
+    path = run.free_length + p.rod_radius * run.wrap_angle - run.heavy_position[:, 1]
+    assert np.abs(path - p.string_length).max() < 1e-3, f"string off by {1e3 * np.abs(path - p.string_length).max():.2f} mm"
+
+
+def says_who_supplies_what(engine: Engine) -> None:
+    """Versions, settings and suppliers are all there."""
+    run = engine.simulate(scenario(FRICTIONLESS, 0.002))
+    assert run.provenance.versions, "no versions"
+    assert run.provenance.settings, "no settings"
+    assert all(s.how for s in vars(run.provenance.supplies).values()), "a supplier without a how"
+    assert (run.engine, run.variant, run.profile) == (engine.name, engine.variant, engine.profile.value)
+
+
+CHECKS: tuple[Check, ...] = (
+    makes_nothing_heavy,
+    samples_every_millisecond_from_rest,
+    velocity_is_the_rate_of_position,
+    is_deterministic,
+    drop_is_free_fall,
+    frictionless_vertical_release_is_an_atwood_machine,
+    vertical_release_obeys_the_capstan_law,
+    held_pendulum_swings_to_the_other_side,
+    string_keeps_its_length,
+    says_who_supplies_what,
+)
+
+
+def step_of(engine: Engine) -> float:
+    """Time step of ``engine`` [s]; the reference has none and gets zero."""
+    return float(getattr(engine.settings, "time_step", 0.0))
+
+
+def fitted_acceleration(run: Trajectory) -> float:
+    """Acceleration a of the heavy mass's drop a t^2 / 2, by least squares [m/s^2]."""
+    square = 0.5 * run.t**2
+    return float(square @ run.heavy_drop / (square @ square))

@@ -1,0 +1,180 @@
+"""YAML text to plain data whose scalars are still text, with the line of every key.
+
+Stricter than YAML: no anchors (so no alias bombs), no tags, no key twice, and only as deep and as long as a scenario can be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import yaml
+
+from looping_pendulum.errors import ScenarioError
+
+LARGEST_FILE = 256 * 1024
+"""[bytes]; a hundred times a long scenario."""
+DEEPEST = 12
+"""Levels of nesting; a scenario needs five."""
+_NULLS = frozenset({"", "~", "null", "Null", "NULL"})
+_TAGS = {
+    yaml.ScalarNode: "tag:yaml.org,2002:str",
+    yaml.SequenceNode: "tag:yaml.org,2002:seq",
+    yaml.MappingNode: "tag:yaml.org,2002:map",
+}
+
+Path = tuple[str | int, ...]
+
+
+class Nothing:
+    """What stands behind a key that has no value."""
+
+
+NOTHING = Nothing()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Document:
+    """A file's content, and where in the file it stands."""
+
+    file: str
+    """What to call the file in an error."""
+    data: dict[str, Any]
+    lines: dict[Path, int] = field(repr=False)
+
+    def error(self, path: Path, message: str) -> ScenarioError:
+        """Return an error about the key at ``path``, with the line of it or of the nearest group around it."""
+        known = next((path[:n] for n in range(len(path), 0, -1) if path[:n] in self.lines), ())
+        line = f":{self.lines[known]}" if known else ""
+        key = f" {key_text(path)}:" if path else ""
+        return ScenarioError(one_line(f"{self.file}{line}:{key} {message}"))
+
+
+def key_text(path: Path) -> str:
+    """("inferred", 0, "how") -> "inferred[0].how"."""
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{shorten(part)}" if text else shorten(part)
+    return text
+
+
+def quote(found: object) -> str:
+    """What the file has, as an error names it."""
+    if isinstance(found, Nothing):
+        return "nothing"
+    if isinstance(found, dict):
+        return "a group of keys"
+    if isinstance(found, list):
+        return "a list"
+    return f"'{shorten(str(found))}'"
+
+
+def shorten(text: str, longest: int = 60) -> str:
+    """Cut a long text."""
+    return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
+def one_line(text: str) -> str:
+    """Return ``text`` with whatever could break or colour a terminal's line shown as an escape."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def parse(raw: bytes, file: str) -> Document:
+    """Read YAML.
+
+    Raises
+    ------
+    ScenarioError
+        In one line, with the file and where possible the line.
+    """
+    text = _decode(raw, file)
+    try:
+        node = _Loader(text, file).get_single_node()
+    except yaml.MarkedYAMLError as error:
+        raise ScenarioError(one_line(_yaml_error(error, file))) from None
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        message = f"{file}:{line}: found the character {chr(error.character)!a}, needed plain text; delete it"
+        raise ScenarioError(one_line(message)) from None
+    if node is None or (isinstance(node, yaml.ScalarNode) and node.value in _NULLS):
+        raise ScenarioError(one_line(f"{file}: found an empty file, needed a scenario; start from a copy of a shipped one"))
+    if not isinstance(node, yaml.MappingNode):
+        what = "a list" if isinstance(node, yaml.SequenceNode) else f"'{shorten(node.value)}'"
+        raise ScenarioError(one_line(f"{file}: found {what}, needed keys with values; write for example 'title: Ten to one'"))
+    lines: dict[Path, int] = {}
+    return Document(file=file, data=_plain(node, (), lines, file), lines=lines)
+
+
+def _decode(raw: bytes, file: str) -> str:
+    if len(raw) > LARGEST_FILE:
+        size = f"more than {LARGEST_FILE // 1024} KiB"
+        raise ScenarioError(one_line(f"{file}: found {size}, needed a scenario of a few KiB; keep data in a file of its own"))
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        message = f"{file}:{line}: found the byte 0x{raw[error.start]:02x}, needed UTF-8 text; save the file as UTF-8"
+        raise ScenarioError(one_line(message)) from None
+
+
+class _Loader(yaml.BaseLoader):
+    """PyYAML's composer without anchors, tags and bottomless nesting; nothing is ever constructed."""
+
+    def __init__(self, text: str, file: str) -> None:
+        super().__init__(text)
+        self.file = file
+        self.depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        composer: Any = self  # PyYAML's type stubs leave its parser untyped.
+        event = composer.peek_event()
+        line = event.start_mark.line + 1
+        if getattr(event, "anchor", None) is not None:
+            sign = "*" if isinstance(event, yaml.AliasEvent) else "&"
+            name = f"{sign}{shorten(event.anchor)}"
+            message = f"{self.file}:{line}: found the YAML anchor or alias '{name}', needed the value itself; write it out"
+            raise ScenarioError(one_line(message))
+        self.depth += 1
+        if self.depth > DEEPEST:
+            message = f"{self.file}:{line}: found more than {DEEPEST} levels of nesting, needed at most five"
+            raise ScenarioError(one_line(message))
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        if node is not None and node.tag != _TAGS[type(node)]:
+            message = f"{self.file}:{line}: found the YAML tag '{shorten(node.tag)}', needed a plain value; leave the tag out"
+            raise ScenarioError(one_line(message))
+        return node
+
+
+def _plain(node: yaml.Node, path: Path, lines: dict[Path, int], file: str) -> Any:
+    """Data of a node; notes the line of everything below it."""
+    if isinstance(node, yaml.ScalarNode):
+        return NOTHING if node.style is None and node.value in _NULLS else node.value
+    if isinstance(node, yaml.SequenceNode):
+        for i, item in enumerate(node.value):
+            lines[*path, i] = item.start_mark.line + 1
+        return [_plain(item, (*path, i), lines, file) for i, item in enumerate(node.value)]
+    data: dict[str, Any] = {}
+    for key, value in node.value:
+        line = key.start_mark.line + 1
+        if not isinstance(key, yaml.ScalarNode):
+            raise ScenarioError(one_line(f"{file}:{line}: found a list or group as a key, needed a word"))
+        here = (*path, key.value)
+        if key.value in data:
+            message = f"{file}:{line}: {key_text(here)}: found this key twice (first on line {lines[here]}), needed it once"
+            raise ScenarioError(one_line(f"{message}; delete one"))
+        lines[here] = line
+        data[key.value] = _plain(value, here, lines, file)
+    return data
+
+
+def _yaml_error(error: yaml.MarkedYAMLError, file: str) -> str:
+    mark = error.problem_mark or error.context_mark
+    line = f":{mark.line + 1}" if mark else ""
+    problem = " ".join((error.problem or error.context or "no YAML").split())
+    if "'\\t'" in problem:
+        return f"{file}{line}: found a tab, needed spaces; indent with spaces"
+    if "another document" in problem or "single document" in str(error.context):
+        return f"{file}{line}: found a second document ('---'), needed one scenario per file"
+    advice = "check the indentation, the quotes and brackets, and that a space follows each colon"
+    return f"{file}{line}: found no readable YAML ({problem}), needed 'key: value' lines; {advice}"

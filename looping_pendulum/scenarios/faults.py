@@ -1,0 +1,109 @@
+"""What pydantic finds wrong with a scenario file, as one line for its author."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from looping_pendulum.errors import ScenarioError
+from looping_pendulum.scenarios import schema
+from looping_pendulum.scenarios.document import Document, Path, quote
+from looping_pendulum.scenarios.scenario import FILE_KEYS
+from looping_pendulum.scenarios.schema import suggest
+
+
+def first_fault(error: ValidationError, doc: Document, model: type[BaseModel]) -> ScenarioError:
+    """Return the fault to mend first: an unknown key (it often is the missing one, misspelt), else the topmost."""
+    faults = error.errors(include_url=False)
+
+    def order(fault: ErrorDetails) -> tuple[bool, int]:
+        path = _path(fault)
+        known = [doc.lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in doc.lines]
+        return fault["type"] != "extra_forbidden", known[0] if known else 1 << 30
+
+    fault = min(faults, key=order)
+    return doc.error(_path(fault), _message(fault, model))
+
+
+def _path(fault: ErrorDetails) -> Path:
+    path = tuple(part for part in fault["loc"] if part not in ("<direct>", "<shape>", "[key]"))
+    key = fault.get("ctx", {}).get("key")
+    return (*path, key) if key else path
+
+
+def _message(fault: ErrorDetails, model: type[BaseModel]) -> str:
+    """Say what was found and needed."""
+    path = _path(fault)
+    kind, found = fault["type"], fault["input"]
+    if kind == "scenario":
+        return fault["msg"]
+    if kind == "extra_forbidden":
+        return _unknown_key(str(path[-1]), keys_below(model, path[:-1]), path)
+    if kind == "missing":
+        return f"missing, needed {_needed(model, path)}"
+    if kind == "too_short":
+        return "found an empty list, needed at least one entry; write for example '[release.angle]'"
+    if kind == "list_type":
+        return f"expected a list, got {quote(found)}; begin each entry with '- '"
+    below = keys_below(model, path)
+    if below:
+        return f"expected a group of keys ({', '.join(below)}), got {quote(found)}; write them indented below it"
+    return f"expected a group of keys, got {quote(found)}; write 'key: value' lines indented below it"
+
+
+def _unknown_key(key: str, known: list[str], path: Path) -> str:
+    hint = suggest(key, known)
+    elsewhere = [k for k in FILE_KEYS.values() if k.rpartition(".")[2] == key]
+    if path[0] == "effects" and key in FILE_KEYS:
+        hint = f"; write it as '{FILE_KEYS[key]}'"
+    elif key in FILE_KEYS and not hint:
+        hint = f"; did you mean '{FILE_KEYS[key]}'?"
+    elif len(elsewhere) == 1 and not hint:
+        hint = f"; did you mean '{elsewhere[0]}'?"
+    return f"found an unknown key, needed one of: {', '.join(known) or 'none (no further effects are known)'}{hint}"
+
+
+def _needed(model: type[BaseModel], path: Path) -> str:
+    """What a missing key takes, with an example."""
+    field = _group_at(model, path[:-1]).model_fields[str(path[-1])]
+    for mark in field.metadata:
+        if isinstance(mark, schema.Quantity):
+            return f"{mark.kind.wanted}; write for example '{path[-1]}: {mark.kind.way_out}'"
+    below = keys_below(model, path)
+    if below:
+        return f"a group of keys ({', '.join(below)})"
+    return f"text; write for example '{path[-1]}: ...'"
+
+
+def keys_below(model: type[BaseModel], path: Path) -> list[str]:
+    """Keys that the group at ``path`` knows; none if it is no group."""
+    group = _group_at(model, path)
+    return [f.alias or name for name, f in group.model_fields.items()] if group is not BaseModel else []
+
+
+def _group_at(model: type[BaseModel], path: Path) -> type[BaseModel]:
+    """Return the model of the group at ``path``; BaseModel itself, which has no fields, if there is none."""
+    if not path:
+        return model
+    for name, field in model.model_fields.items():
+        if path[0] in (name, field.alias):
+            below, rest = _model_in(field.annotation), path[1:]
+            is_collection = not _is_model(field.annotation) and path[0] in ("inferred", "tolerances")
+            if is_collection and not rest:
+                return BaseModel
+            return _group_at(below, rest[1:] if is_collection else rest)
+    return BaseModel
+
+
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _model_in(annotation: Any) -> type[BaseModel]:
+    """Return the model somewhere in ``X | None``, ``list[X]`` or ``dict[str, X]``."""
+    if _is_model(annotation):
+        return annotation  # type: ignore[no-any-return]
+    inner = [_model_in(a) for a in getattr(annotation, "__args__", ())]
+    return next((m for m in inner if m is not BaseModel), BaseModel)

@@ -1,0 +1,195 @@
+"""Scenario files to `Scenario` and back. Every fault is a `ScenarioError` of one line: file, line, key, found, needed."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import os
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from looping_pendulum.errors import ParameterError, ScenarioError
+from looping_pendulum.reference_ode import effects as effect_library
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.scenarios import document, schema
+from looping_pendulum.scenarios.document import Document, one_line
+from looping_pendulum.scenarios.faults import first_fault
+from looping_pendulum.scenarios.scenario import (
+    FILE_KEYS,
+    METRICS,
+    PROFILES,
+    Inference,
+    MeasuredTrial,
+    Scenario,
+    Tolerance,
+    file_key,
+)
+from looping_pendulum.scenarios.schema import ScenarioFile, json_schema
+from looping_pendulum.scenarios.units import show
+
+__all__ = ["dump", "json_schema", "load", "load_text", "shipped"]
+
+AIR_DENSITY = 1.2
+"""Density of air [kg/m^3] where a drag shape does not give it (paper, sec. IV)."""
+SUFFIXES = (".yaml", ".yml")
+
+
+def shipped() -> list[str]:
+    """Names of the scenarios that come with the package."""
+    return sorted(Path(entry.name).stem for entry in _folder().iterdir() if entry.name.endswith(".yaml"))
+
+
+def load(name_or_path: str | Path) -> Scenario:
+    """Load a shipped scenario by its name, or any by its path.
+
+    Raises
+    ------
+    ScenarioError
+        If there is none, or if it is faulty.
+    """
+    if isinstance(name_or_path, str) and name_or_path in shipped():
+        file = f"{name_or_path}.yaml"
+        return _scenario(document.parse((_folder() / file).read_bytes(), file), name_or_path)
+    path, shown = Path(name_or_path), os.fspath(name_or_path)
+    try:
+        found = path.is_file()
+    except (OSError, ValueError):
+        found = False
+    if not found:
+        raise ScenarioError(one_line(_not_found(path, shown)))
+    try:
+        with path.open("rb") as stream:
+            raw = stream.read(document.LARGEST_FILE + 1)
+    except OSError as error:
+        raise ScenarioError(one_line(f"{shown}: cannot be read: {error.strerror}")) from None
+    return _scenario(document.parse(raw, shown), path.stem)
+
+
+def load_text(text: str, name: str) -> Scenario:
+    """Load a scenario from YAML text; ``name`` may end in ".yaml" and is what errors call the file.
+
+    Raises
+    ------
+    ScenarioError
+        If it is faulty.
+    """
+    stem = Path(name).stem if name.endswith(SUFFIXES) else name
+    return _scenario(document.parse(text.encode("utf-8", "surrogatepass"), name), stem)
+
+
+def _folder() -> Any:
+    return resources.files("looping_pendulum.scenarios")
+
+
+def _not_found(path: Path, shown: str) -> str:
+    names = shipped()
+    wanted = path.stem if path.suffix in SUFFIXES else shown
+    near = difflib.get_close_matches(wanted, names, n=1, cutoff=0.5)
+    hint = f"did you mean '{near[0]}'? " if near else ""
+    found = "found neither a file nor a shipped scenario of this name"
+    return f"{document.shorten(shown)}: {found}; {hint}shipped: {', '.join(names)}"
+
+
+def _scenario(doc: Document, name: str) -> Scenario:
+    """Check a document and make the scenario of it."""
+    model = schema.file_model()
+    try:
+        file = model.model_validate(doc.data)
+    except ValidationError as error:
+        raise first_fault(error, doc, model) from None
+    try:
+        parameters = _parameters(file)
+    except ParameterError as error:
+        parameter, _, message = str(error).partition(": ")
+        raise doc.error(tuple(file_key(parameter).split(".")), message) from None
+    return Scenario(
+        name=name,
+        title=file.title,
+        description=file.description,
+        parameters=parameters,
+        duration=file.duration,
+        tolerances=_tolerances(file),
+        inferred=tuple(Inference(parameters=tuple(i.parameters), how=i.how, script=i.script) for i in file.inferred),
+        measured=MeasuredTrial(**file.measured.model_dump()) if file.measured else None,
+    )
+
+
+def _parameters(file: ScenarioFile) -> Parameters:
+    """Physics of a checked file; what it leaves out keeps the model's default."""
+    fields: dict[str, Any] = {}
+    coefficients: dict[str, float] = file.effects.model_dump(exclude_none=True)
+    for parameter, key in FILE_KEYS.items():
+        value: Any = file
+        for part in key.split("."):
+            value = getattr(value, part)
+        if isinstance(value, schema.DragShape):
+            density = AIR_DENSITY if value.air_density is None else value.air_density
+            value = effect_library.drag_coefficient(value.shape_factor, density, value.area)
+        if value is not None:
+            (coefficients if parameter in effect_library.COEFFICIENTS else fields)[parameter] = value
+    if fields["release"] == Release.VERTICAL.value:
+        fields["release_angle"] = math.pi
+    return Parameters(**fields, coefficients=coefficients)
+
+
+def _tolerances(file: ScenarioFile) -> tuple[Tolerance, ...]:
+    found = []
+    for engine, profiles in file.tolerances.items():
+        for profile in PROFILES:
+            limits = getattr(profiles, profile)
+            given = limits.model_dump(by_alias=True, exclude_none=True) if limits else {}
+            found += [Tolerance(engine=engine, profile=profile, metric=metric, **limit) for metric, limit in given.items()]
+    return tuple(found)
+
+
+def dump(scenario: Scenario) -> str:
+    """Write ``scenario`` as YAML with units, which loads back to an equal one."""
+    p = scenario.parameters
+    data: dict[str, Any] = {"title": scenario.title, "description": scenario.description}
+    values = vars(p.values())
+    for parameter, key in FILE_KEYS.items():
+        same = parameter == "static_friction" and values[parameter] == values["kinetic_friction"]
+        vertical = parameter == "release_angle" and p.release is Release.VERTICAL
+        if same or vertical or (parameter == "light_radius" and not p.light_radius):
+            continue
+        group, _, name = key.rpartition(".")
+        (data.setdefault(group, {}) if group else data)[name] = _written(parameter, values[parameter])
+    data["duration"] = show(scenario.duration, "s")
+    known = effect_library.COEFFICIENTS
+    others = {n: _written(n, v) for n, v in p.coefficients.items() if n not in FILE_KEYS and v != known[n].default}
+    measured = dataclasses.asdict(scenario.measured) if scenario.measured else {}
+    inferred = [_inferred_entry(i) for i in scenario.inferred]
+    tail = {"effects": others, "inferred": inferred, "measured": measured, "tolerances": _tolerance_tree(scenario)}
+    data |= {key: value for key, value in tail.items() if value}
+    return str(yaml.dump(data, Dumper=yaml.SafeDumper, sort_keys=False, allow_unicode=True, width=100))
+
+
+def _inferred_entry(inference: Inference) -> dict[str, Any]:
+    entry: dict[str, Any] = {"parameters": list(inference.parameters), "how": inference.how}
+    return entry | ({"script": inference.script} if inference.script else {})
+
+
+def _written(parameter: str, value: Any) -> Any:
+    """Value of a parameter as a file has it."""
+    known = effect_library.COEFFICIENTS.get(parameter)
+    units = {"light_mass": "kg", "heavy_mass": "kg", "release_angle": "rad", "release": None}
+    unit = known.unit if known else units.get(parameter, "m")
+    if unit is None:
+        return str(value.value)
+    return show(value, unit) if unit else float(value)
+
+
+def _tolerance_tree(scenario: Scenario) -> dict[str, Any]:
+    tree: dict[str, Any] = {}
+    for t in scenario.tolerances:
+        unit = METRICS[t.metric]
+        entry: dict[str, Any] = {"limit": show(t.limit, unit) if unit else float(t.limit), "reason": t.reason}
+        if t.expected_failure:
+            entry["expected_failure"] = t.expected_failure
+        tree.setdefault(t.engine, {}).setdefault(t.profile, {})[t.metric] = entry
+    return tree

@@ -1,0 +1,166 @@
+"""Measured event tables: where they are (outside the package), and what is in them."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from looping_pendulum.errors import ScenarioError
+from looping_pendulum.scenarios.document import one_line, quote
+from looping_pendulum.scenarios.units import UnitError, to_si
+
+DATA_VARIABLE = "LOOPING_PENDULUM_DATA"
+"""Environment variable that names a data folder."""
+NEARBY = ("data", "../shared/data")
+"""Data folders to look in, from the current directory."""
+COLUMNS = ("quantity", "index", "measured", "paper_numerical", "unit")
+LARGEST_TABLE = 1024 * 1024
+"""[bytes]"""
+_SI_UNITS = ("s", "m", "rad", "kg", "m/s", "m/s**2", "")
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventRow:
+    """One number that was measured, or that the paper computed."""
+
+    quantity: str
+    """Name, "x1_extremum"."""
+    index: int
+    """Which one, from 1."""
+    measured: float | None
+    """SI; None where not measured."""
+    paper_numerical: float | None
+    """The paper's own simulation, SI; None where it prints none."""
+    unit: str
+    """SI unit of both."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventTable:
+    """The measured events of one trial."""
+
+    file: str
+    rows: tuple[EventRow, ...]
+    """In the order of the source."""
+
+
+def find_data(file: str, folders: Path | Sequence[Path] | None = None) -> Path | None:
+    """Find a file of measured data, or return None.
+
+    Parameters
+    ----------
+    file
+        Path below a data folder, as `MeasuredTrial.file`.
+    folders
+        Data folders to look in first; then in $LOOPING_PENDULUM_DATA, then near the current directory.
+    """
+    given = [folders] if isinstance(folders, Path) else list(folders or ())
+    named = os.environ.get(DATA_VARIABLE)
+    for folder in [*given, *([Path(named)] if named else []), *map(Path, NEARBY)]:
+        path = folder / file
+        if path.is_file():
+            return path
+    return None
+
+
+def read_event_table(path: Path, sha256: str | None = None) -> EventTable:
+    """Read an event table: CSV with the `COLUMNS`; lines that begin with # are comments.
+
+    Parameters
+    ----------
+    sha256
+        Checksum that the file must have; None: any.
+
+    Raises
+    ------
+    ScenarioError
+        In one line, with the file, the row's line and the column.
+    """
+    file = str(path)
+    text = _read(path, sha256)
+    rows: list[EventRow] = []
+    seen: dict[tuple[str, int], int] = {}
+    head: list[str] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        cells = [cell.strip() for cell in next(csv.reader([line]))]
+        if not head:
+            head = cells
+            if tuple(head) != COLUMNS:
+                raise _error(file, number, "", f"found columns {quote(','.join(head))}, needed '{','.join(COLUMNS)}'")
+            continue
+        row = _row(file, number, cells)
+        first = seen.setdefault((row.quantity, row.index), number)
+        if first != number:
+            raise _error(file, number, "index", f"found {row.quantity} {row.index} a second time (first on line {first})")
+        rows.append(row)
+    if not rows:
+        raise ScenarioError(one_line(f"{file}: found no rows, needed a line '{','.join(COLUMNS)}' and rows below it"))
+    return EventTable(file=file, rows=tuple(rows))
+
+
+def _read(path: Path, sha256: str | None) -> str:
+    try:
+        with path.open("rb") as stream:
+            raw = stream.read(LARGEST_TABLE + 1)
+    except OSError as error:
+        raise ScenarioError(one_line(f"{path}: cannot be read: {error.strerror}")) from None
+    if len(raw) > LARGEST_TABLE:
+        raise ScenarioError(one_line(f"{path}: found more than {LARGEST_TABLE // 1024} KiB, needed a table of events"))
+    found = hashlib.sha256(raw).hexdigest()
+    if sha256 is not None and found != sha256.lower():
+        message = f"{path}: found SHA-256 {found[:12]}..., needed {sha256[:12]}...; it is not the scenario's own table"
+        raise ScenarioError(one_line(message))
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise _error(str(path), line, "", f"found the byte 0x{raw[error.start]:02x}, needed UTF-8 text") from None
+
+
+def _row(file: str, line: int, cells: list[str]) -> EventRow:
+    if len(cells) != len(COLUMNS):
+        raise _error(file, line, "", f"found {len(cells)} columns, needed {len(COLUMNS)}: {','.join(COLUMNS)}")
+    quantity, index, measured, numerical, unit = cells
+    if not quantity:
+        raise _error(file, line, "quantity", "found nothing, needed a name; write for example 'halting_time'")
+    if not (index.isascii() and index.isdigit() and 0 < int(index[:9]) and len(index) < 10):
+        raise _error(file, line, "index", f"found {quote(index)}, needed a whole number from 1")
+    si = _si_unit(file, line, unit)
+    return EventRow(
+        quantity=quantity,
+        index=int(index),
+        measured=_number(file, line, "measured", measured, unit, si),
+        paper_numerical=_number(file, line, "paper_numerical", numerical, unit, si),
+        unit=si,
+    )
+
+
+def _si_unit(file: str, line: int, unit: str) -> str:
+    """SI unit of the same dimension."""
+    for si in _SI_UNITS:
+        try:
+            to_si(f"1 {unit}", si)
+        except UnitError:
+            continue
+        return si
+    raise _error(file, line, "unit", f"found {quote(unit)}, needed a unit of time, length or angle; write for example 's'")
+
+
+def _number(file: str, line: int, column: str, text: str, unit: str, si: str) -> float | None:
+    """Value [SI]; an empty cell is None."""
+    if not text:
+        return None
+    try:
+        return to_si(f"{float(text)!r} {unit}", si)
+    except ValueError:  # UnitError, which NaN and infinity raise, is one too.
+        raise _error(file, line, column, f"found {quote(text)}, needed a finite number or nothing") from None
+
+
+def _error(file: str, line: int, column: str, message: str) -> ScenarioError:
+    return ScenarioError(one_line(f"{file}:{line}: {column + ': ' if column else ''}{message}"))

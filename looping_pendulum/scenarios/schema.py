@@ -1,0 +1,350 @@
+"""The shape of a scenario file, as pydantic models: what keys there are, what each takes, and what to say otherwise.
+
+The models read plain data whose every scalar is still text (see `document`), so that a unit is never lost on the way.
+"""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import math
+import re
+from collections.abc import Iterable
+from typing import Annotated, Any
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Tag,
+    WithJsonSchema,
+    create_model,
+    model_validator,
+)
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from looping_pendulum.reference_ode import effects as effect_library
+from looping_pendulum.reference_ode import parameters
+from looping_pendulum.reference_ode.effects import Coefficient
+from looping_pendulum.scenarios.document import quote
+from looping_pendulum.scenarios.scenario import FILE_KEYS, METRICS, file_key
+from looping_pendulum.scenarios.units import Kind, UnitError
+
+NUMBER_PATTERN = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
+_WORDS = "x-words"
+LONGEST_DURATION = 3600.0
+"""[s]; an hour, far beyond any trial: a slip of the pen must not keep an engine busy for days."""
+
+
+def fault(message: str, key: str = "") -> PydanticCustomError:
+    """Return an error whose text is for the user as it stands; ``key`` is the key at fault below the validated group."""
+    return PydanticCustomError("scenario", "{message}", {"message": message, "key": key})
+
+
+class Quantity:
+    """Pydantic's view of a `Kind`: text with a unit in the file, a number [SI] in the program."""
+
+    def __init__(self, kind: Kind) -> None:
+        self.kind = kind
+
+    def read(self, found: object) -> float:
+        """Value [SI] of what the file has."""
+        detail = ""
+        if isinstance(found, str):
+            try:
+                return self.kind.parse(found)
+            except UnitError as error:
+                detail = f" ({error})" if str(error) else ""
+        raise fault(f"expected {self.kind.wanted}, got {quote(found)}{detail}; write for example '{self.kind.way_out}'")
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read, metadata={"kind": self.kind})
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        if not self.kind.unit:
+            bounds = {"minimum": self.kind.low, "maximum": self.kind.high}
+            number = {"type": "number"} | {name: bound for name, bound in bounds.items() if math.isfinite(bound)}
+            percent = {"type": "string", "pattern": rf"^{NUMBER_PATTERN} ?%$"}
+            return {"anyOf": [number, percent], "examples": [float(self.kind.way_out)], _WORDS: self.kind.wanted}
+        return {
+            "type": "string",
+            "pattern": rf"^{NUMBER_PATTERN} ?[A-Za-z°µ1].*$",
+            "examples": [self.kind.way_out],
+            _WORDS: f"{self.kind.wanted}, with its unit",
+        }
+
+
+def coefficient(name: str) -> Quantity:
+    """Quantity of an effect's coefficient, with the bounds that the effect declares."""
+    return _quantity_of(effect_library.COEFFICIENTS[name])
+
+
+def _quantity_of(c: Coefficient) -> Quantity:
+    return Quantity(Kind(unit=c.unit, low=c.bounds[0], high=c.bounds[1]))
+
+
+def _text(found: object) -> str:
+    if isinstance(found, str):
+        return found
+    raise fault(f"expected text, got {quote(found)}; write for example 'two words'")
+
+
+def _choice(found: object, known: Iterable[str]) -> str:
+    known = tuple(known)
+    if isinstance(found, str) and found in known:
+        return found
+    raise fault(f"expected one of {', '.join(known)}, got {quote(found)}{suggest(str(found), known)}")
+
+
+def _parameter_key(found: object) -> str:
+    known = [*FILE_KEYS.values(), *(file_key(name) for name in effect_library.COEFFICIENTS)]
+    if isinstance(found, str) and found in known:
+        return found
+    near = suggest(found, known) if isinstance(found, str) else ""
+    raise fault(f"expected a key of this file such as 'release.angle', got {quote(found)}{near}")
+
+
+def _data_path(found: object) -> str:
+    parts = found.split("/") if isinstance(found, str) else []
+    if isinstance(found, str) and re.fullmatch(r"[\w.-]+(/[\w.-]+)*", found) and not {".", ".."} & set(parts):
+        return found
+    wanted = "a path below a data folder, with forward slashes and no '..'"
+    raise fault(f"expected {wanted}, got {quote(found)}; write for example 'paper/trial.csv'")
+
+
+def _sha256(found: object) -> str:
+    if isinstance(found, str) and re.fullmatch(r"[0-9a-fA-F]{64}", found):
+        return found.lower()
+    raise fault(f"expected 64 hexadecimal digits, got {quote(found)}; copy what 'sha256sum FILE' prints")
+
+
+def suggest(found: str, known: Iterable[str]) -> str:
+    """Return "; did you mean 'radius'?", or nothing if nothing is near."""
+    near = difflib.get_close_matches(found, list(known), n=1, cutoff=0.6)
+    return f"; did you mean '{near[0]}'?" if near else ""
+
+
+LENGTH = Quantity(Kind(unit="m", low=0.0, above_low=True))
+MASS = Quantity(Kind(unit="kg", low=0.0, above_low=True))
+Text = Annotated[str, BeforeValidator(_text)]
+
+
+class Group(BaseModel):
+    """A group of keys; one that is not declared is an error."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class DragShape(Group):
+    """Quadratic drag by shape, gamma = C rho A / 2."""
+
+    shape_factor: Annotated[float, Quantity(Kind(unit="", low=0.0, high=10.0, example="1.0"))]
+    """Drag coefficient C: about 0.5 for a ball, 1 for a cylinder."""
+    area: Annotated[float, Quantity(Kind(unit="m**2", low=0.0, high=1.0, above_low=True))]
+    """Area across the motion: pi r^2 for a ball, height times diameter for a cylinder."""
+    air_density: Annotated[float, Quantity(Kind(unit="kg/m**3", low=0.0, high=2000.0))] | None = None
+    """Density of the air; 1.2 kg/m^3 if not given."""
+
+
+def _drag_way(found: object) -> str:
+    return "<shape>" if isinstance(found, dict) else "<direct>"
+
+
+LightDrag = Annotated[
+    Annotated[float, coefficient("light_drag"), Tag("<direct>")] | Annotated[DragShape, Tag("<shape>")],
+    Discriminator(_drag_way),
+]
+HeavyDrag = Annotated[
+    Annotated[float, coefficient("heavy_drag"), Tag("<direct>")] | Annotated[DragShape, Tag("<shape>")],
+    Discriminator(_drag_way),
+]
+
+
+class LightGroup(Group):
+    """The light mass, which whips round the rod."""
+
+    mass: Annotated[float, MASS]
+    """Its mass M1."""
+    radius: Annotated[float, Quantity(Kind(unit="m", low=0.0, example="5 mm"))] | None = None
+    """Its radius: the run ends when its surface touches the rod. Not given: a point."""
+    drag: LightDrag | None = None
+    """Quadratic drag coefficient gamma1, or the shape from which it follows."""
+
+
+class HeavyGroup(Group):
+    """The heavy mass, which falls and is caught."""
+
+    mass: Annotated[float, Quantity(Kind(unit="kg", low=0.0, above_low=True, example="100 g"))]
+    """Its mass M2."""
+    drag: HeavyDrag | None = None
+    """Quadratic drag coefficient gamma2, or the shape from which it follows."""
+
+
+class RodGroup(Group):
+    """The rod."""
+
+    radius: Annotated[float, LENGTH]
+    """Its radius R: half the diameter."""
+
+
+class StringGroup(Group):
+    """The string, and its friction on the rod."""
+
+    kinetic_friction: Annotated[float, coefficient("kinetic_friction")] | None = None
+    """Friction coefficient while the string slides on the rod."""
+    static_friction: Annotated[float, coefficient("static_friction")] | None = None
+    """Friction coefficient before it slides; the kinetic one if not given."""
+    drag: Annotated[float, coefficient("string_drag")] | None = None
+    """Drag coefficient alpha of the free string, per length."""
+
+
+class ReleaseGroup(Group):
+    """How the masses are let go."""
+
+    kind: Annotated[
+        str,
+        BeforeValidator(lambda found: _choice(found, parameters.Release)),
+        WithJsonSchema({"type": "string", "enum": [str(r.value) for r in parameters.Release]}),
+    ] = parameters.Release.LOOPING.value
+    """looping: as in the demonstration; vertical: both hang; held: the heavy mass is clamped; drop: no string."""
+    angle: Annotated[float, Quantity(Kind(unit="rad", low=0.0, high=2 * math.pi, above_low=True))] | None = None
+    """Angle of the string to the light mass: 0 deg is straight up, 90 deg is level, 180 deg is straight down."""
+    free_length: Annotated[float, Quantity(Kind(unit="m", low=0.0, above_low=True, example="58 cm"))]
+    """String from the rod to the light mass."""
+    hanging_length: Annotated[float, Quantity(Kind(unit="m", low=0.0, above_low=True, example="3 cm"))] | None = None
+    """String from the rod to the heavy mass; 3 cm if not given."""
+
+    @model_validator(mode="after")
+    def _angle_suits_kind(self) -> ReleaseGroup:
+        vertical = self.kind == parameters.Release.VERTICAL.value
+        if self.angle is None and not vertical:
+            raise fault(f"missing, and a {self.kind} release needed an angle; write for example 'angle: 112 deg'", "angle")
+        if self.angle is not None and vertical and self.angle != math.pi:
+            degrees = math.degrees(self.angle)
+            raise fault(f"found {degrees:g} deg, needed no angle: a vertical release hangs at 180 deg; leave it out", "angle")
+        return self
+
+
+class InferredEntry(Group):
+    """Values that the source does not print."""
+
+    parameters: Annotated[list[Annotated[str, BeforeValidator(_parameter_key)]], Field(min_length=1)]
+    """Which keys of this file, as "release.angle"."""
+    how: Text
+    """How they were found."""
+    script: Text = ""
+    """The script that found them; not given for an assumption."""
+
+
+class MeasuredGroup(Group):
+    """The measured event table of this trial."""
+
+    file: Annotated[str, BeforeValidator(_data_path)]
+    """Path below a data folder; the data is not part of the package."""
+    sha256: Annotated[str, BeforeValidator(_sha256)]
+    """Checksum of that file."""
+    source: Text
+    """Who measured it and where it is printed."""
+
+
+class Limit(Group):
+    """What an engine must keep."""
+
+    limit: float
+    reason: Text
+    """Why this much: its source."""
+    expected_failure: Text = ""
+    """Measured reason why it is not kept; then keeping it is the surprise."""
+
+
+def _limit_of(unit: str) -> type[Limit]:
+    example = {"m": "0.6 mm", "s": "8 ms", "rad": "0.01 rad", "": "0.003"}.get(unit, "")
+    quantity = Quantity(Kind(unit=unit, low=0.0, example=example))
+    return create_model(f"Limit of {unit or 'a number'}", __base__=Limit, limit=(Annotated[float, quantity], ...))
+
+
+_LIMITS = {unit: _limit_of(unit) for unit in dict.fromkeys(METRICS.values())}
+
+# Names such as rms_0.35s are no Python names, so they stand as aliases.
+_METRIC_FIELDS: dict[str, Any] = {
+    f"metric_{i}": (_LIMITS[unit] | None, Field(None, alias=name)) for i, (name, unit) in enumerate(METRICS.items())
+}
+Limits: type[BaseModel] = create_model("Limits", __base__=Group, **_METRIC_FIELDS)
+
+
+class ProfilesGroup(Group):
+    """One engine's limits, by profile."""
+
+    quick: Limits | None = None  # type: ignore[valid-type]
+    accurate: Limits | None = None  # type: ignore[valid-type]
+
+
+class ScenarioFile(Group):
+    """A trial of the looping pendulum: apparatus, release, and what is expected of an engine that rebuilds it."""
+
+    title: Text
+    """A few words."""
+    description: Text = ""
+    """What there is to see, for a reader who has not seen it."""
+    light: LightGroup
+    heavy: HeavyGroup
+    rod: RodGroup
+    string: StringGroup = StringGroup()
+    gravity: Annotated[float, coefficient("gravity")] | None = None
+    """Acceleration of free fall; 9.81 m/s^2 if not given."""
+    release: ReleaseGroup
+    duration: Annotated[float, Quantity(Kind(unit="s", low=0.0, high=LONGEST_DURATION, above_low=True, example="1.05 s"))]
+    """How long to watch; a run ends sooner if the light mass reaches the rod."""
+    inferred: list[InferredEntry] = []
+    """What the source does not print, and how it was inferred."""
+    measured: MeasuredGroup | None = None
+    tolerances: dict[str, ProfilesGroup] = {}
+    """Engine and variant ("pymunk:chain"), profile and metric -> limit."""
+    effects: Any = None
+    """Coefficients of further effects."""
+
+
+def file_model() -> type[ScenarioFile]:
+    """Return the model of a whole file, with a key under ``effects`` for each coefficient that has no other home."""
+    return _file_model(tuple(c for name, c in effect_library.COEFFICIENTS.items() if name not in FILE_KEYS))
+
+
+@functools.lru_cache(maxsize=8)
+def _file_model(others: tuple[Coefficient, ...]) -> type[ScenarioFile]:
+    fields: dict[str, Any] = {
+        c.name: (Annotated[float, _quantity_of(c)] | None, Field(None, description=c.meaning)) for c in others
+    }
+    effects = create_model("EffectsGroup", __base__=Group, __doc__="Coefficients of further effects.", **fields)
+    return create_model("ScenarioFile", __base__=ScenarioFile, __doc__=ScenarioFile.__doc__, effects=(effects, effects()))
+
+
+class _EditorSchema(GenerateJsonSchema):
+    """JSON Schema without nulls: a key is either given or left out."""
+
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
+        return self.generate_inner(schema["schema"])
+
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
+        return self.generate_inner(schema["schema"])
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of a scenario file, for editors that complete and check YAML."""
+    schema = file_model().model_json_schema(schema_generator=_EditorSchema)
+    _describe_units(schema)
+    return {"$schema": _EditorSchema.schema_dialect} | schema | {"title": "Looping pendulum scenario"}
+
+
+def _describe_units(schema: Any) -> None:
+    """Add to the description of each quantity what kind of quantity it is."""
+    if isinstance(schema, dict):
+        words = schema.pop(_WORDS, "")
+        if words:
+            schema["description"] = f"{schema.get('description', '')} Needed: {words}.".strip()
+    for inner in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
+        _describe_units(inner)

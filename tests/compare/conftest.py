@@ -1,0 +1,175 @@
+"""A truth in closed form: constant acceleration, constant braking, rest; the light mass winds at a constant rate."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from looping_pendulum.engines.trajectory import (
+    COLUMNS,
+    Provenance,
+    RunStatus,
+    Supplier,
+    Supplies,
+    Supply,
+    Trajectory,
+    TrajectoryEvent,
+    from_samples,
+)
+from looping_pendulum.reference_ode.geometry import light_position
+from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.scenarios.scenario import MeasuredTrial, Scenario, Tolerance
+
+FALL, BRAKE, TURN, RATE = 5.0, 40.0, 0.3, 6.0  # m/s^2, m/s^2, s, rad/s
+HALT = TURN * (1 + FALL / BRAKE)
+
+EVENTS = (("release", 0.0), ("stop", HALT), ("stick", HALT), ("halt", HALT), ("light_reaches_rod", 1.1))
+
+SUPPLY = Supply(by=Supplier.ENGINE, how="by closed form")
+SUPPLIES = Supplies(winding=SUPPLY, friction_law=SUPPLY, stick_slip=SUPPLY, drag=SUPPLY)
+NO_FRICTION = dataclasses.replace(
+    SUPPLIES,
+    friction_law=Supply(by=Supplier.NOBODY, how="left out"),
+    stick_slip=Supply(by=Supplier.NOBODY, how="left out"),
+)
+
+PARAMETERS = Parameters(
+    light_mass=0.01,
+    heavy_mass=0.1,
+    rod_radius=0.00625,
+    free_length=0.58,
+    release_angle=math.radians(112),
+    coefficients={"kinetic_friction": 0.34},
+)
+
+
+def drop(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Drop [m] and downward speed [m/s] of the heavy mass."""
+    falling, braking = np.minimum(t, TURN), np.clip(t - TURN, 0, HALT - TURN)
+    top = FALL * TURN
+    return 0.5 * FALL * falling**2 + top * braking - 0.5 * BRAKE * braking**2, FALL * falling - BRAKE * braking
+
+
+def rows(t: np.ndarray, delay: float = 0.0) -> np.ndarray:
+    at = np.maximum(t - delay, 0.0)
+    fallen, speed = drop(at)
+    p = PARAMETERS
+    angle = p.release_angle + RATE * at
+    free_length = p.string_length - p.hanging_length - fallen - p.rod_radius * angle
+    x, y = light_position(np, free_length, angle, p.rod_radius)
+    zero = np.zeros_like(t)
+    columns = (t, x, y, zero, zero, zero + p.rod_radius, -p.hanging_length - fallen, zero, -speed, zero)
+    assert len(columns) == len(COLUMNS)
+    return np.column_stack(columns)
+
+
+@pytest.fixture
+def times() -> np.ndarray:
+    return np.arange(1051) * 1e-3
+
+
+@pytest.fixture
+def closed_form() -> SimpleNamespace:
+    """What the closed form says."""
+    fallen = float(drop(np.array([HALT]))[0][0])
+    angle = PARAMETERS.release_angle + RATE * HALT
+    length = PARAMETERS.string_length - PARAMETERS.hanging_length - fallen - PARAMETERS.rod_radius * angle
+    return SimpleNamespace(
+        halt=HALT, drop=fallen, wrap_angle=angle, free_length=length, parameters=PARAMETERS, supplies=SUPPLIES
+    )
+
+
+@pytest.fixture
+def make_run(times: np.ndarray) -> Callable[..., Trajectory]:
+    """Run of the closed form: ``shift`` (x, y) [m], ``delay`` [s], ``until`` [s]; other fields as given."""
+
+    def make(shift=(0.0, 0.0), delay=0.0, until=1.05, supplies=SUPPLIES, settings=None, samples=None, **fields) -> Trajectory:
+        samples = rows(times[times <= until + 1e-9], delay) if samples is None else samples
+        samples[:, 1:3] += shift
+        defaults = {
+            "parameters": PARAMETERS,
+            "engine": "pymunk",
+            "variant": "chain",
+            "profile": "quick",
+            "scenario": "made_up",
+            "provenance": Provenance(versions={"pymunk": "7.3"}, settings=settings or {"dt": 1e-3}, supplies=supplies),
+            "wall_time": 2.1,
+        }
+        return from_samples(samples, **(defaults | fields))
+
+    return make
+
+
+@pytest.fixture
+def missing(make_run: Callable[..., Trajectory]) -> Trajectory:
+    return make_run(samples=np.empty((0, len(COLUMNS))), engine="pybullet", status=RunStatus.MISSING, wall_time=math.nan)
+
+
+@pytest.fixture
+def truth(make_run: Callable[..., Trajectory]) -> Callable[..., Trajectory]:
+    """The closed form as a truth, to its end at 1.1 s."""
+
+    def sample(t: np.ndarray, end: float = 1.1) -> Trajectory:
+        t = t[t <= end]
+        return make_run(
+            samples=rows(t),
+            engine="reference",
+            variant="closed form",
+            mode=np.where(t < HALT, Mode.SLIDING_DOWN, Mode.STICKING).astype(np.int8),
+            events=tuple(
+                TrajectoryEvent(time=time, name=name)
+                for name, time in (
+                    ("release", 0.0),
+                    ("stop", HALT),
+                    ("stick", HALT),
+                    ("halt", HALT),
+                    ("light_reaches_rod", 1.1),
+                )
+            ),
+        )
+
+    return sample
+
+
+@pytest.fixture
+def scenario() -> Scenario:
+    return Scenario(name="made_up", title="Made up", description="A closed form.", parameters=PARAMETERS, duration=1.05)
+
+
+@pytest.fixture
+def measured_scenario(scenario: Scenario) -> Scenario:
+    trial = MeasuredTrial(file="trial.csv", sha256="0", source="a table")
+    return dataclasses.replace(scenario, measured=trial)
+
+
+@pytest.fixture
+def table() -> SimpleNamespace:
+    names = ("quantity", "index", "measured", "paper_numerical", "unit")
+    rows = (
+        ("halting_time", 1, 0.3512, 0.34, "s"),
+        ("drop_at_halt", 1, 0.25, 0.25, "m"),
+        ("wrap_angle_at_halt", 1, None, 4.0, "rad"),
+        ("x1_extremum", 99, 0.34, 0.34, "s"),
+    )
+    return SimpleNamespace(rows=[SimpleNamespace(**dict(zip(names, row, strict=True))) for row in rows])
+
+
+@pytest.fixture
+def limit() -> Callable[..., Tolerance]:
+    def make(metric: str, value: float, expected_failure: str = "", engine: str = "pymunk:chain") -> Tolerance:
+        return Tolerance(
+            engine=engine, profile="quick", metric=metric, limit=value, reason="by design", expected_failure=expected_failure
+        )
+
+    return make
+
+
+@pytest.fixture
+def no_friction() -> Supplies:
+    return NO_FRICTION

@@ -1,0 +1,50 @@
+"""The tolerances that stand in the shipped scenarios, over every engine: the same judgement as `looping-pendulum check`."""
+
+from __future__ import annotations
+
+import pytest
+
+from looping_pendulum.compare.harness import compare_engines
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.registry import label, missing_packages, select
+from looping_pendulum.scenarios import loader
+
+
+def cases(profile: Profile):
+    """(scenario, engine) for every engine that a shipped scenario has tolerances for."""
+    for name in loader.shipped():
+        engines = sorted({t.engine for t in loader.load(name).tolerances if t.profile == profile.value})
+        for engine in engines:
+            yield pytest.param(name, engine, id=f"{name}-{engine}")
+
+
+def keeps_its_tolerances(name: str, engine: str, profile: Profile):
+    (chosen,) = select([engine], profile)
+    missing = missing_packages(chosen)
+    if missing:
+        pytest.skip(f"{missing[0]} is not installed")
+    result = compare_engines(loader.load(name), engines=[label(chosen)], profile=profile, time_limit=1800)
+    judged = [f"{t.metric}: {t.value} (limit {t.limit}): {t.outcome.value}. {t.explanation}" for t in result.tolerances]
+    assert judged, "no tolerance was judged"
+    assert result.within_tolerance, "\n".join([result.engines[0].status_sentence, *judged])
+
+
+@pytest.mark.parametrize(("name", "engine"), cases(Profile.QUICK))
+def test_quick_profile(name, engine):
+    keeps_its_tolerances(name, engine, Profile.QUICK)
+
+
+@pytest.mark.accurate
+@pytest.mark.parametrize(("name", "engine"), cases(Profile.ACCURATE))
+def test_accurate_profile(name, engine):
+    keeps_its_tolerances(name, engine, Profile.ACCURATE)
+
+
+def test_every_engine_has_a_quick_tolerance_in_every_scenario_that_it_can_run():
+    from looping_pendulum.engines.registry import challengers
+
+    for name in loader.shipped():
+        scenario = loader.load(name)
+        judged = {t.engine for t in scenario.tolerances if t.profile == "quick"}
+        able = {label(e) for e in challengers(Profile.QUICK) if scenario.parameters.release in e.abilities.releases}
+        assert able <= judged, f"{name}: no quick tolerance for {sorted(able - judged)}"
