@@ -182,7 +182,7 @@ def compare(
         table.add_row(*row)
     _print(table)
     for one in result.engines:
-        typer.echo(f"- {one.story}")
+        typer.echo(f"- {one.label}: {one.story}")
     typer.echo(f"wrote {write(result, out or Path('report') / chosen.name)}")
     assert result.samples is not None
     runs = [aligned.run for aligned in result.samples.aligned]

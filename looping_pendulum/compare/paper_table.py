@@ -5,10 +5,7 @@ from __future__ import annotations
 import math
 
 from looping_pendulum.compare.result import ComparisonResult, Extremum, MeasuredRow
-from looping_pendulum.compare.tables import GAP, fixed, signed, table
-
-SMALL_UNIT = {"s": "ms", "m": "mm", "rad": "mrad"}
-"""Unit -> a thousandth of it, in which differences are read."""
+from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 
 DECIMALS = {"s": 4, "m": 4, "rad": 3}
 
@@ -38,10 +35,11 @@ def render(result: ComparisonResult) -> str:
 
 def _row(row: MeasuredRow) -> list[str]:
     base = row.paper_numerical if row.measured is None else row.measured
-    against_measured = row.measured is not None
     cells = [quantity_words(row.quantity, row.index), row.unit, fixed(row.measured, 2)]
-    decimals = 2 if against_measured else DECIMALS.get(row.unit, 3) - 1
-    cells.append(_with_difference(row.paper_numerical, base if against_measured else None, decimals))
+    if row.measured is None:
+        cells.append(number(row.paper_numerical, digits=4))  # as printed: the paper gives these more digits
+    else:
+        cells.append(_with_difference(row.paper_numerical, base, 2))
     return cells + [_with_difference(v, base, DECIMALS.get(row.unit, 4)) for v in (row.truth, *row.engines)]
 
 

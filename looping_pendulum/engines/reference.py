@@ -67,7 +67,7 @@ class ReferenceEngine:
         """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
         recorder = recorder if recorder is not None else MemoryRecorder()
         started = time.perf_counter()
-        times = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1) * SAMPLE_INTERVAL
+        times = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL
         samples = solve_at(
             scenario.parameters,
             times,

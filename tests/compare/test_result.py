@@ -146,7 +146,7 @@ def test_the_report_begins_with_the_verdict(measured_scenario, truth, make_run, 
     assert heads[-1] == "## Words"
     assert "| pymunk:chain, quick | no limits declared | 3 | 3 | 3 | 0.3375 |" in report
     assert "| halting time | s | 0.35 | 0.34 (-11) | 0.3375 (-14) | 0.3375 (-14) |" in report
-    assert "| wrap angle at halt | rad | – | 4.00 | 3.980 (-20) |" in report
+    assert "| wrap angle at halt | rad | – | 4 | 3.980 (-20) |" in report
     assert "| x1 extremum 99 | s | 0.34 | 0.34 (+0) | – | – |" in report
 
 
