@@ -64,3 +64,34 @@ def polygon_friction(friction: float, bend: float) -> float:
     (1 + m tan(b/2)) / (1 - m tan(b/2)); setting that to exp(mu b) gives m = tanh(mu b / 2) / tan(b / 2).
     """
     return math.tanh(friction * bend / 2) / math.tan(bend / 2)
+
+
+def polygon_radius(rod_radius: float, bend: float) -> float:
+    """Radius [m] on which nodes must lie so that links bent by ``bend`` [rad] wind up R per radian, as a string does.
+
+    A link of length h = R b turns the string by b where its nodes lie on the radius h / (2 sin(b/2)). The straight string then
+    pivots about its last node from -b/2 to b/2, and its mean distance from the centre is then that times sin(b/2) / (b/2) = R.
+    """
+    return rod_radius * (bend / 2) / math.sin(bend / 2)
+
+
+def point_on_string(parameters: Parameters, arc: float, node_radius: float) -> tuple[float, float]:
+    """Where the taut string is at release, ``arc`` [m] from the light mass; its wound part lies on ``node_radius`` [m]."""
+    p = parameters
+    wound_arc = arc - p.free_length
+    if wound_arc < 0:
+        return light_position(math, -wound_arc, p.release_angle, p.rod_radius)
+    hanging_arc = wound_arc - p.rod_radius * p.release_angle
+    if hanging_arc < 0:
+        return light_position(math, 0.0, p.release_angle - wound_arc / p.rod_radius, node_radius)
+    return (p.rod_radius, -hanging_arc)
+
+
+def bead_places(parameters: Parameters, link_length: float, node_radius: float, margin: float) -> list[tuple[float, float]]:
+    """Beads at release, a link apart: on the rod and ``margin`` links beyond it, but a link or more from either mass."""
+    first = parameters.free_length - margin * link_length
+    wound = parameters.rod_radius * parameters.release_angle
+    count = math.ceil(wound / link_length + 2 * margin)
+    arcs = (first + i * link_length for i in range(count + 1))
+    inside = (arc for arc in arcs if link_length <= arc <= parameters.string_length - link_length)
+    return [point_on_string(parameters, arc, node_radius) for arc in inside]

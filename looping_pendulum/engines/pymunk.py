@@ -1,147 +1,411 @@
-"""pymunk (Chipmunk): the string as a chain of point-mass beads that slides over a static circle under Coulomb friction."""
+"""pymunk (Chipmunk): the string as point-mass beads that slide over a static circle under Coulomb contact.
+
+Chipmunk solves its joints by a few sweeps of projected Gauss-Seidel per step, each joint starting from its impulse of the step
+before. A chain under tension then acts as a spring of stiffness about ``iterations * bead_mass / (links * time_step**2)``:
+few links and a short step make it stiff. So beads stand only where the string touches the rod or is about to; straight string
+is one massless joint. As the string slides or winds, beads come and go on the straight parts, where they carry no load
+sideways; every bead that touches the rod is Chipmunk's alone.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import importlib.metadata
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
-import numpy as np
-
-from looping_pendulum.engines.chain import lay_chain, polygon_friction
+from looping_pendulum.engines.chain import bead_places, point_on_string, polygon_friction, polygon_radius
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Engine, Profile, SteppedEngine
-from looping_pendulum.reference_ode.geometry import light_position
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.engines.trajectory import Provenance, Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
 
+DIRECT_CALLS = ("cpBodyGetPosition", "cpBodyGetVelocity", "cpBodySetForce", "cpSpaceSetCurrentTimeStep", "cpSpaceStep")
+"""Chipmunk functions that pymunk calls but does not publish."""
+
+NEAR_LINKS = 2.0
+"""A bead is added when the outermost one is nearer than this to its tangent point, in links: it comes free and then lands."""
+FAR_LINKS = 3.5
+"""A bead is taken away when the second one is farther than this; more than a link above `NEAR_LINKS`: none flickers."""
+MIN_BEADS = 4
+"""Beads that always stay."""
+TAUT = 1e-3
+"""A straight part shorter than its string by more than this fraction hangs slack, and its beads are left alone."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ChainSettings:
+    """Numerical settings of the bead chain."""
+
     time_step: float
-    link_length: float
-    iterations: int = 10
-    long_range: int = 64
-    bead_radius: float = 1e-3
-    contact_slop: float = 1e-5
+    """[s]; divides the sample interval."""
+    bend: float
+    """Angle between neighbouring links on the rod [rad]; a link is R times this long."""
+    bead_mass_ratio: float
+    """Mass of one bead over the light mass. Lighter: a softer chain; heavier: the string's own inertia shows."""
+    iterations: int = 20
+    """Sweeps of the solver per step."""
+    impulse_leak: float = 150.0
+    """Rate at which joints forget their warm-start impulse [1/s]: damps the spring that it makes of the chain."""
     error_rate: float = 100.0
-    impulse_leak: float = 200.0
-    contact_push: float = 0.1
+    """Rate at which joints remove their length error [1/s]; it must stay below the leak, or the chain rings ever louder."""
+    contact_rate: float = 100.0
+    """Rate at which contacts remove penetration beyond the slop [1/s]."""
+    bead_radius: float = 1e-3
+    """[m]; the circle is that much smaller, so that the bead's centre runs where the string should."""
+    contact_slop: float = 1e-5
+    """Depth to which beads rest in the circle [m]; allowed for in its radius."""
     force_interval: int = 10
-    mass_fraction: float = 0.01
-    comp: float = 0.4
-    polyr: bool = True
-    shapes_all: bool = True
+    """Steps between two updates of the drag forces and of the beads on the straight parts."""
+
+    def __post_init__(self) -> None:
+        """Refuse a step that samples cannot be taken at."""
+        steps = SAMPLE_INTERVAL / self.time_step
+        if abs(steps - round(steps)) > 1e-6 or round(steps) % self.force_interval:
+            raise ValueError(
+                f"time_step: found {self.time_step:g} s in groups of {self.force_interval}, needed a whole number of groups "
+                f"in {SAMPLE_INTERVAL:g} s"
+            )
+
+    @property
+    def steps_per_sample(self) -> int:
+        """Steps in one sample interval."""
+        return round(SAMPLE_INTERVAL / self.time_step)
 
 
-class Rig:
-    def __init__(self, p, s):
+SETTINGS = {
+    Profile.QUICK: ChainSettings(time_step=5e-6, bend=0.32, bead_mass_ratio=2e-4),
+    Profile.ACCURATE: ChainSettings(time_step=2e-6, bend=0.24, bead_mass_ratio=1e-4),
+}
+
+PUBLIC_ERROR_RATE = 6.3
+"""Chipmunk's default rate [1/s]. Without the leak nothing damps the chain, so it must correct no faster."""
+
+
+class _Calls(Protocol):
+    """What the rig asks of Chipmunk at every step."""
+
+    def step(self, count: int) -> None:
+        """Take ``count`` steps."""
+
+    def motion(self, body: Any) -> tuple[float, float, float, float]:
+        """Position [m] and velocity [m/s]: x, y, vx, vy."""
+
+    def push(self, body: Any, fx: float, fy: float) -> None:
+        """Apply a force [N] for the next step."""
+
+
+class _DirectCalls:
+    """Straight to Chipmunk: several times faster than pymunk's properties, and the only way to the leaky warm start.
+
+    Chipmunk scales warm-start impulses by the new step over the last one. Told before each step that the last one was
+    dt / (1 - leak dt) long, it keeps the share 1 - leak dt of them.
+    """
+
+    def __init__(self, library: Any, space: Any, settings: ChainSettings) -> None:
+        self._library = library
+        self._space = space._space
+        self._time_step = settings.time_step
+        self._claimed_step = settings.time_step / (1 - settings.impulse_leak * settings.time_step)
+
+    def step(self, count: int) -> None:
+        space, time_step, claimed_step = self._space, self._time_step, self._claimed_step
+        claim, step = self._library.cpSpaceSetCurrentTimeStep, self._library.cpSpaceStep
+        for _ in range(count):
+            claim(space, claimed_step)
+            step(space, time_step)
+
+    def motion(self, body: Any) -> tuple[float, float, float, float]:
+        position = self._library.cpBodyGetPosition(body._body)
+        velocity = self._library.cpBodyGetVelocity(body._body)
+        return position.x, position.y, velocity.x, velocity.y
+
+    def push(self, body: Any, fx: float, fy: float) -> None:
+        self._library.cpBodySetForce(body._body, (fx, fy))
+
+
+class _PublicCalls:
+    """pymunk's published interface only."""
+
+    def __init__(self, space: Any, settings: ChainSettings) -> None:
+        self._space = space
+        self._time_step = settings.time_step
+
+    def step(self, count: int) -> None:
+        for _ in range(count):
+            self._space.step(self._time_step)
+
+    def motion(self, body: Any) -> tuple[float, float, float, float]:
+        return (*body.position, *body.velocity)
+
+    def push(self, body: Any, fx: float, fy: float) -> None:
+        body.force = (fx, fy)
+
+
+def direct_library() -> Any:
+    """Chipmunk's functions below pymunk, or None where this pymunk has not all of `DIRECT_CALLS`."""
+    try:
+        library = importlib.import_module("pymunk._chipmunk").lib
+    except (ImportError, AttributeError):
+        return None
+    return library if all(hasattr(library, name) for name in DIRECT_CALLS) else None
+
+
+class _BeadString:
+    """Light mass, beads and heavy mass in a row, joined by links; the first and the last link are the straight string."""
+
+    def __init__(self, space: Any, parameters: Parameters, settings: ChainSettings, error_bias: float) -> None:
         import pymunk
-        from pymunk._chipmunk import lib
-        self.lib = lib
-        self.s = s
-        self.p = p
-        sp = self.space = pymunk.Space()
-        sp.iterations = s.iterations
-        sp.gravity = (0, -p.coefficients["gravity"])
-        sp.damping = 1
-        sp.collision_slop = s.contact_slop
-        sp.collision_bias = (1 - s.contact_push) ** (1 / s.time_step)
-        sp.collision_persistence = 3
-        R = p.rod_radius
-        L = p.string_length
-        n = round(L / s.link_length)
-        h = L / n
-        if s.polyr:
-            b = h / R; Rb = h / (2 * math.sin(b / 2))
+
+        self._pymunk = pymunk
+        self._space = space
+        self._rod_radius = parameters.rod_radius
+        self._link_length = parameters.rod_radius * settings.bend
+        self._bead_mass = settings.bead_mass_ratio * parameters.light_mass
+        self._bead_radius = settings.bead_radius
+        self._error_bias = error_bias
+        self._no_mutual_contact = pymunk.ShapeFilter(group=1)
+        node_radius = polygon_radius(parameters.rod_radius, settings.bend)
+        rod = pymunk.Circle(space.static_body, node_radius - settings.bead_radius + settings.contact_slop)
+        rod.friction = polygon_friction(parameters.coefficients["kinetic_friction"], settings.bend)
+        space.add(rod)
+        light, heavy = masses(space, parameters)
+        places = bead_places(parameters, self._link_length, node_radius, NEAR_LINKS)
+        beads = [self._bead(place, (0.0, 0.0)) for place in places]
+        self.bodies = [light, *beads, heavy]
+        pairs = list(zip(self.bodies[:-1], self.bodies[1:], strict=True))
+        self.lengths = [a.position.get_distance(b.position) for a, b in pairs]
+        last = len(pairs) - 1
+        self._links = [
+            self._straight(a, b, length) if i in (0, last) else self._link(a, b, length)
+            for i, ((a, b), length) in enumerate(zip(pairs, self.lengths, strict=True))
+        ]
+
+    def tend(self, calls: _Calls) -> None:
+        """Add or take away a bead on either straight part, so that beads stand where the string will meet the rod."""
+        for _ in range(2):
+            self._tend_first(calls)
+            self._turn_round()
+
+    def _turn_round(self) -> None:
+        for row in (self.bodies, self._links, self.lengths):
+            row.reverse()
+
+    def _tend_first(self, calls: _Calls) -> None:
+        if self._tangent_distance(calls, 1) < NEAR_LINKS * self._link_length:
+            if self.lengths[0] > 2 * self._link_length:
+                self._add_bead()
+        elif (
+            len(self.bodies) - 2 > MIN_BEADS
+            and self._tangent_distance(calls, 2) > FAR_LINKS * self._link_length
+            and self.bodies[0].position.get_distance(self.bodies[1].position) > (1 - TAUT) * self.lengths[0]
+        ):
+            self._take_bead()
+
+    def _tangent_distance(self, calls: _Calls, index: int) -> float:
+        x, y, _, _ = calls.motion(self.bodies[index])
+        return math.sqrt(max(x * x + y * y - self._rod_radius**2, 0.0))
+
+    def _add_bead(self) -> None:
+        """Put a bead where the outermost one is, and move that one a link towards the mass.
+
+        The straight part keeps its joint, and with it the impulse that carries the mass.
+        """
+        mass, end, following = self.bodies[:3]
+        share = self._link_length / self.lengths[0]
+        bead = self._bead(end.position, end.velocity)
+        end.position += (mass.position - end.position) * share
+        end.velocity += (mass.velocity - end.velocity) * share
+        self._space.remove(self._links[1])
+        self._set_straight(self.lengths[0] - self._link_length)
+        self.lengths.insert(1, self._link_length)
+        self.bodies.insert(2, bead)
+        self._links[1:2] = [self._link(end, bead, self.lengths[1]), self._link(bead, following, self.lengths[2])]
+
+    def _take_bead(self) -> None:
+        """Take the second bead away and put the outermost one in its place."""
+        end, bead, following = self.bodies[1:4]
+        self._space.remove(self._links[1], self._links[2], bead, *bead.shapes)
+        end.position, end.velocity = bead.position, bead.velocity
+        del self.bodies[2]
+        self._set_straight(self.lengths[0] + self.lengths.pop(1))
+        self._links[1:3] = [self._link(end, following, self.lengths[1])]
+
+    def _bead(self, position: tuple[float, float], velocity: tuple[float, float]) -> Any:
+        body = self._pymunk.Body(self._bead_mass, math.inf)
+        body.position, body.velocity = position, velocity
+        shape = self._pymunk.Circle(body, self._bead_radius)
+        shape.friction = 1.0  # Chipmunk multiplies the two shapes' coefficients: the circle's is then the pair's
+        shape.filter = self._no_mutual_contact
+        self._space.add(body, shape)
+        return body
+
+    def _link(self, a: Any, b: Any, length: float) -> Any:
+        joint = self._pymunk.PinJoint(a, b)
+        joint.distance = length
+        return self._join(joint)
+
+    def _straight(self, a: Any, b: Any, length: float) -> Any:
+        return self._join(self._pymunk.SlideJoint(a, b, (0, 0), (0, 0), 0, length))
+
+    def _join(self, joint: Any) -> Any:
+        joint.error_bias = self._error_bias
+        joint.collide_bodies = False
+        self._space.add(joint)
+        return joint
+
+    def _set_straight(self, length: float) -> None:
+        self.lengths[0] = length
+        self._links[0].max = length
+
+    def stretch(self, calls: _Calls) -> float:
+        """How much longer than its rest length the string is [m]; negative where it hangs slack."""
+        places = [calls.motion(body)[:2] for body in self.bodies]
+        return math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self.lengths)
+
+
+def masses(space: Any, parameters: Parameters) -> tuple[Any, Any]:
+    """Light and heavy mass where they are released, as bodies of ``space``; a clamped mass is a static body."""
+    import pymunk
+
+    light = pymunk.Body(parameters.light_mass, math.inf)
+    if parameters.release is Release.HELD:
+        heavy = pymunk.Body(body_type=pymunk.Body.STATIC)
+    else:
+        heavy = pymunk.Body(parameters.heavy_mass, math.inf)
+    light.position = point_on_string(parameters, 0.0, parameters.rod_radius)
+    heavy.position = point_on_string(parameters, parameters.string_length, parameters.rod_radius)
+    space.add(light, heavy)
+    return light, heavy
+
+
+def empty_space(parameters: Parameters, settings: ChainSettings) -> Any:
+    """A Chipmunk space with gravity and the solver's settings."""
+    import pymunk
+
+    space = pymunk.Space()
+    space.gravity = (0.0, -parameters.coefficients["gravity"])
+    space.damping = 1.0  # share of speed kept per second; drag is the effects' business
+    space.iterations = settings.iterations
+    space.collision_slop = settings.contact_slop
+    space.collision_bias = math.exp(-settings.contact_rate)  # share of an error left after a second
+    return space
+
+
+class ChainRig:
+    """The apparatus in one Chipmunk space."""
+
+    def __init__(self, parameters: Parameters, settings: ChainSettings, library: Any) -> None:
+        space = empty_space(parameters, settings)
+        self._space = space
+        self._settings = settings
+        self._calls: _Calls
+        if library is None:
+            self._calls, error_rate = _PublicCalls(space, settings), PUBLIC_ERROR_RATE
         else:
-            Rb = R; b = 2 * math.asin(h / 2 / R)
-        mu = polygon_friction(p.coefficients["kinetic_friction"], b)
-        arcs = np.linspace(0, L, n + 1)
-        P = []
-        w = R * p.release_angle
-        for q in arcs:
-            if q < p.free_length:
-                P.append(light_position(math, p.free_length - q, p.release_angle, R))
-            elif q < p.free_length + w:
-                P.append(light_position(math, 0., p.release_angle - (q - p.free_length) / R, Rb))
-            else:
-                P.append((R, -(q - p.free_length - w)))
-        circ = pymunk.Circle(sp.static_body, Rb - s.bead_radius + s.contact_slop)
-        circ.friction = mu
-        sp.add(circ)
-        F = pymunk.ShapeFilter(group=1)
-        cm = s.mass_fraction * p.light_mass
-        self.bodies = []
-        self.keep = []
-        for i, q in enumerate(P):
-            m = p.light_mass - s.comp * cm if i == 0 else p.heavy_mass if i == n else cm / n
-            bd = pymunk.Body(m, math.inf)
-            bd.position = q
-            sp.add(bd)
-            self.bodies.append(bd)
-            if 0 < i < n:
-                c = pymunk.Circle(bd, s.bead_radius); c.friction = 1; c.filter = F; sp.add(c)
-        eb = math.exp(-s.error_rate)
-        self.rest = 0
-        for i in range(n):
-            j = pymunk.PinJoint(self.bodies[i], self.bodies[i + 1]); j.error_bias = eb
-            j.collide_bodies = False
-            self.rest += j.distance
-            sp.add(j)
-        lv = 2
-        while lv <= s.long_range:
-            for i in range(0, n - lv + 1, lv):
-                j = pymunk.SlideJoint(self.bodies[i], self.bodies[i + lv], (0, 0), (0, 0), 0, lv * h)
-                j.error_bias = eb; j.collide_bodies = False
-                sp.add(j)
-            lv *= 2
-        self.force = cartesian_force(p)
-        self.k = 0
-        self.L = self.bodies[0]._body; self.H = self.bodies[-1]._body; self.S = sp._space
-        self.spi = round(SAMPLE_INTERVAL / s.time_step)
+            self._calls, error_rate = _DirectCalls(library, space, settings), settings.error_rate
+        self._string: _BeadString | None = None
+        if parameters.release is Release.DROP:
+            self._light, self._heavy = masses(space, parameters)
+        else:
+            self._string = _BeadString(space, parameters, settings, math.exp(-error_rate))
+            self._light, self._heavy = self._string.bodies[0], self._string.bodies[-1]
+        self._force = cartesian_force(parameters)
+        self._clamped = parameters.release is Release.HELD
+        self._groups = 0
 
-    def advance(self):
-        lib = self.lib; s = self.s
-        step = lib.cpSpaceStep; setdt = lib.cpSpaceSetCurrentTimeStep
-        S = self.S; dt = s.time_step; warm = dt / (1 - s.impulse_leak * dt)
-        n = s.force_interval
-        for k in range(self.spi):
-            if k % n == 0 and self.force:
-                a = lib.cpBodyGetPosition(self.L); v = lib.cpBodyGetVelocity(self.L); hv = lib.cpBodyGetVelocity(self.H)
-                fx, fy, hf = self.force(0., a.x, a.y, v.x, v.y, hv.y)
-                lib.cpBodySetForce(self.L, (n * fx, n * fy)); lib.cpBodySetForce(self.H, (0, n * hf))
-            setdt(S, warm)
-            step(S, dt)
+    def advance(self) -> None:
+        """Step through one `SAMPLE_INTERVAL`."""
+        group = self._settings.force_interval
+        for _ in range(self._settings.steps_per_sample // group):
+            if self._string is not None:
+                self._string.tend(self._calls)
+            self._push(group)
+            self._calls.step(group)
+            self._groups += 1
 
-    def read(self):
-        lib = self.lib
-        a = lib.cpBodyGetPosition(self.L); v = lib.cpBodyGetVelocity(self.L)
-        c = lib.cpBodyGetPosition(self.H); w = lib.cpBodyGetVelocity(self.H)
-        xs = np.array([b.position for b in self.bodies])
-        st = np.linalg.norm(np.diff(xs, axis=0), axis=1).sum() - self.rest
-        return a.x, a.y, v.x, v.y, c.x, c.y, w.x, w.y, st
+    def _push(self, group: int) -> None:
+        """Apply the drag of a group of steps in its first one: Chipmunk forgets forces after each step."""
+        if self._force is None:
+            return
+        time = self._groups * group * self._settings.time_step
+        heavy_vy = self._calls.motion(self._heavy)[3]
+        fx, fy, heavy_fy = self._force(time, *self._calls.motion(self._light), heavy_vy)
+        self._calls.push(self._light, group * fx, group * fy)
+        if not self._clamped:
+            self._calls.push(self._heavy, 0.0, group * heavy_fy)
+
+    def read(self) -> tuple[float, ...]:
+        """Positions, velocities and string stretch."""
+        lx, ly, lvx, lvy = self._calls.motion(self._light)
+        hx, hy, hvx, hvy = self._calls.motion(self._heavy)
+        stretch = math.nan if self._string is None else self._string.stretch(self._calls)
+        return lx, ly, lvx, lvy, hx, hy, hvx, hvy, stretch
 
 
-_ENGINE = Supplier.ENGINE
-SUP = Supplies(winding=Supply(by=_ENGINE, how=""), friction_law=Supply(by=_ENGINE, how=""), stick_slip=Supply(by=_ENGINE, how=""), drag=Supply(by=Supplier.ADAPTER, how=""))
+_CONTACT = "Coulomb friction between beads and circle, corrected for the polygon's corners"
+_SUPPLIES = Supplies(
+    winding=Supply(
+        by=Supplier.ENGINE,
+        how="contact of beads with a static circle; the adapter adds and removes beads on the straight parts only",
+    ),
+    friction_law=Supply(by=Supplier.ENGINE, how=_CONTACT),
+    stick_slip=Supply(by=Supplier.ENGINE, how="the same contact: the solver clamps friction to its cone"),
+    drag=Supply(by=Supplier.ADAPTER, how="the reference's formulas as applied forces"),
+)
+_LIMITS = (
+    "one Coulomb coefficient only: where static_friction differs from kinetic_friction, the kinetic one acts in both",
+    "damps its joints through a private pymunk call (a leaky warm start); where a pymunk lacks it the chain is softer, rings "
+    "and runs slower, and provenance.settings says leaky_warm_start: False",
+    "straight string has no mass and stays straight: no waves run along it, and slack string does not fall",
+)
 
 
 class PymunkChain(SteppedEngine):
+    """Chain of beads over a static circle.
+
+    Parameters
+    ----------
+    profile
+        Chooses the settings.
+    settings
+        Replaces the profile's settings, for studies of convergence.
+    """
+
     name = "pymunk"
     variant = "chain"
 
-    def __init__(self, settings):
-        self.settings = settings
-        self.profile = Profile.QUICK
-        self.abilities = Abilities(releases=frozenset(Release), supplies=SUP, packages=("pymunk",), summary="")
+    def __init__(self, *, profile: Profile = Profile.QUICK, settings: ChainSettings | None = None) -> None:
+        self.profile = profile
+        self.settings: ChainSettings = settings if settings is not None else SETTINGS[profile]
+        self.abilities = Abilities(
+            releases=frozenset(Release),
+            supplies=_SUPPLIES,
+            packages=("pymunk",),
+            summary="Point beads on pin joints over a static circle, a slide joint for each straight part of the string.",
+            limits=_LIMITS,
+        )
+        self._leaky = True
 
-    def build(self, scenario):
-        return Rig(scenario.parameters, self.settings)
+    def build(self, scenario: Scenario) -> ChainRig:
+        """Rebuild the scenario's apparatus at the moment of release."""
+        library = direct_library()
+        self._leaky = library is not None
+        return ChainRig(scenario.parameters, self.settings, library)
 
-    def versions(self):
-        return {}
+    def versions(self) -> dict[str, str]:
+        """Version of pymunk."""
+        return {"pymunk": importlib.metadata.version("pymunk")}
+
+    def provenance(self) -> Provenance:
+        """Versions, settings and suppliers, and whether the private call was there."""
+        provenance = super().provenance()
+        return dataclasses.replace(provenance, settings=provenance.settings | {"leaky_warm_start": self._leaky})
+
+
+def engines(profile: Profile) -> list[Engine]:
+    """Every variant of this engine, in ``profile``."""
+    return [PymunkChain(profile=profile)]

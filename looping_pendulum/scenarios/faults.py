@@ -62,7 +62,8 @@ def _unknown_key(key: str, known: list[str], path: Path) -> str:
         hint = f"; did you mean '{FILE_KEYS[key]}'?"
     elif len(elsewhere) == 1 and not hint:
         hint = f"; did you mean '{elsewhere[0]}'?"
-    return f"found an unknown key, needed one of: {', '.join(known) or 'none (no further effects are known)'}{hint}"
+    needed = f"needed one of: {', '.join(known)}" if known else "and no keys are known here"
+    return f"found an unknown key, {needed}{hint}"
 
 
 def _needed(model: type[BaseModel], path: Path) -> str:

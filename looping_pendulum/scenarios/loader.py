@@ -52,9 +52,27 @@ def load(name_or_path: str | Path) -> Scenario:
     ScenarioError
         If there is none, or if it is faulty.
     """
+    raw, file, name = _read(name_or_path)
+    return _scenario(document.parse(raw, file), name)
+
+
+def source_text(name_or_path: str | Path) -> str:
+    """Text of a scenario's file, comments included, after checking that it loads.
+
+    Raises
+    ------
+    ScenarioError
+        As `load`.
+    """
+    load(name_or_path)
+    return _read(name_or_path)[0].decode("utf-8-sig")
+
+
+def _read(name_or_path: str | Path) -> tuple[bytes, str, str]:
+    """Raw text of a scenario's file, what errors call the file, and the scenario's name."""
     if isinstance(name_or_path, str) and name_or_path in shipped():
         file = f"{name_or_path}.yaml"
-        return _scenario(document.parse((_folder() / file).read_bytes(), file), name_or_path)
+        return (_folder() / file).read_bytes(), file, name_or_path
     path, shown = Path(name_or_path), os.fspath(name_or_path)
     try:
         found = path.is_file()
@@ -67,7 +85,7 @@ def load(name_or_path: str | Path) -> Scenario:
             raw = stream.read(document.LARGEST_FILE + 1)
     except OSError as error:
         raise ScenarioError(one_line(f"{shown}: cannot be read: {error.strerror}")) from None
-    return _scenario(document.parse(raw, shown), path.stem)
+    return raw, shown, path.stem
 
 
 def load_text(text: str, name: str) -> Scenario:
@@ -91,6 +109,7 @@ def _not_found(path: Path, shown: str) -> str:
     wanted = path.stem if path.suffix in SUFFIXES else shown
     near = difflib.get_close_matches(wanted, names, n=1, cutoff=0.5)
     hint = f"did you mean '{near[0]}'? " if near else ""
+    shown = shown or "''"
     found = "found neither a file nor a shipped scenario of this name"
     return f"{document.shorten(shown)}: {found}; {hint}shipped: {', '.join(names)}"
 
@@ -147,6 +166,18 @@ def _tolerances(file: ScenarioFile) -> tuple[Tolerance, ...]:
     return tuple(found)
 
 
+class _Dumper(yaml.SafeDumper):
+    """PyYAML's, but text with odd characters in double quotes: elsewhere it writes some line breaks that YAML then folds."""
+
+
+def _text_node(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
+    odd = not text.replace("\n", " ").isprintable()
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"' if odd else None)
+
+
+_Dumper.add_representer(str, _text_node)
+
+
 def dump(scenario: Scenario) -> str:
     """Write ``scenario`` as YAML with units, which loads back to an equal one."""
     p = scenario.parameters
@@ -166,7 +197,7 @@ def dump(scenario: Scenario) -> str:
     inferred = [_inferred_entry(i) for i in scenario.inferred]
     tail = {"effects": others, "inferred": inferred, "measured": measured, "tolerances": _tolerance_tree(scenario)}
     data |= {key: value for key, value in tail.items() if value}
-    return str(yaml.dump(data, Dumper=yaml.SafeDumper, sort_keys=False, allow_unicode=True, width=100))
+    return str(yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100))
 
 
 def _inferred_entry(inference: Inference) -> dict[str, Any]:

@@ -33,7 +33,7 @@ from looping_pendulum.reference_ode import parameters
 from looping_pendulum.reference_ode.effects import Coefficient
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import FILE_KEYS, METRICS, file_key
-from looping_pendulum.scenarios.units import Kind, UnitError
+from looping_pendulum.scenarios.units import Kind, RangeError, UnitError
 
 NUMBER_PATTERN = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
 _WORDS = "x-words"
@@ -54,13 +54,15 @@ class Quantity:
 
     def read(self, found: object) -> float:
         """Value [SI] of what the file has."""
-        detail = ""
+        detail, wanted = "", self.kind.words
         if isinstance(found, str):
             try:
                 return self.kind.parse(found)
+            except RangeError:
+                wanted = self.kind.wanted
             except UnitError as error:
                 detail = f" ({error})" if str(error) else ""
-        raise fault(f"expected {self.kind.wanted}, got {quote(found)}{detail}; write for example '{self.kind.way_out}'")
+        raise fault(f"expected {wanted}, got {quote(found)}{detail}; write for example '{self.kind.way_out}'")
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self.read, metadata={"kind": self.kind})

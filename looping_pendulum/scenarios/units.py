@@ -90,6 +90,10 @@ class UnitError(ValueError):
     """A text is not a quantity of the wanted kind; the message says why, unless that is plain to see."""
 
 
+class RangeError(UnitError):
+    """A quantity is of the wanted kind but too large or too small."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Kind:
     """What sort of quantity a key takes."""
@@ -105,9 +109,14 @@ class Kind:
     example: str = ""
 
     @property
+    def words(self) -> str:
+        """What to call it: "a length"."""
+        return WORDS.get(self.unit) or f"a quantity in {pretty(self.unit)}"
+
+    @property
     def wanted(self) -> str:
-        """What to call it in an error: "a length above 0"."""
-        words = WORDS.get(self.unit) or f"a quantity in {pretty(self.unit)}"
+        """The same with its bounds: "a length above 0"."""
+        words = self.words
         shown = [show(bound, self.unit) if bound else "0" for bound in (self.low, self.high)]
         if math.isfinite(self.low) and math.isfinite(self.high):
             return f"{words} {'above' if self.above_low else 'from'} {shown[0]} {'up ' if self.above_low else ''}to {shown[1]}"
@@ -125,12 +134,14 @@ class Kind:
 
         Raises
         ------
+        RangeError
+            If it is out of bounds.
         UnitError
-            If it is not a quantity of this kind.
+            If it is no quantity of this dimension.
         """
         value = to_si(text, self.unit)
         if value > self.high or value < self.low or (self.above_low and value == self.low):
-            raise UnitError("")
+            raise RangeError("")
         return value
 
 

@@ -1,0 +1,197 @@
+"""The chain that stands for the string in PyBullet: where its links lie, what friction they need, and its URDF."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION, polygon_friction
+from looping_pendulum.errors import EngineError
+from looping_pendulum.reference_ode.geometry import Array, light_position
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+
+MAX_JOINTS = 127
+"""Joints of one multibody that PyBullet loads and reports; it drops any further ones without a word."""
+NO_SPEED_LIMIT = 1e9
+"""In place of PyBullet's clamp of joint speeds, 100 m/s or rad/s: links turn faster than that as they pass over the rod."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChainSettings:
+    """Numerics of the link chain."""
+
+    time_step: float
+    """[s]; stable below about the link length over the speed of a wave on the string, sqrt(tension / mass per length)."""
+    link_length: float
+    """Length of a link that may slide over the rod [m]; adjusted a little so that links end at the light mass."""
+    outer_link_length: float
+    """Length of a link near the light mass, which at most winds on to the rod [m]; adjusted alike."""
+    least_bend: float = 0.2
+    """Links are made longer than asked for if they would turn by less than this on the rod [rad]: a thick rod needs no finer."""
+    sliding_share: float = 0.7
+    """Share of the free string, from the rod on, that is laid in links of `link_length`."""
+    hanging_link_length: float = 0.01
+    """Length of the links below the rod on the heavy side at release, which never come to lie on it [m]."""
+    node_radius: float = 2e-4
+    """Radius of a node's contact sphere [m]; larger where links are longer, see `lay_chain`."""
+    relative_inertia: float = 1e-2
+    """Moment of inertia of a link about its end, in its mass times its length squared: small, but not singular."""
+    solver_iterations: int = 20
+    error_reduction: float = 0.2
+    """Share of a penetration that a step takes back (Bullet's erp)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaidChain:
+    """A chain at release, from the heavy mass to the light one."""
+
+    nodes: Array
+    """Shape (n + 1, 2) [m]; the first is the heavy mass, the last the light one."""
+    link_lengths: Array
+    """Shape (n,) [m]"""
+    bends: Array
+    """Angle that the string turns through at each inner node where it lies on the rod [rad], shape (n - 1,)."""
+    node_circles: Array
+    """Distance of each inner node from the rod's centre where it lies on the rod [m], shape (n - 1,)."""
+
+
+def node_circle(link_length: float | Array, rod_radius: float) -> Any:
+    """Distance from the rod's centre [m] at which nodes stand for a string of no thickness on the rod.
+
+    A polygon of links h with corners on a circle of radius c turns by b = 2 asin(h / 2c) per link, so it winds h / b of string
+    per angle; and the free string swings about its last corner with a lever arm c cos(x), -b/2 < x < b/2, on average h / b too.
+    Both are the rod's radius R if b = h / R, so c = h / (2 sin(h / 2R)).
+    """
+    return link_length / (2 * np.sin(link_length / (2 * rod_radius)))
+
+
+def lay_chain(parameters: Parameters, settings: ChainSettings) -> LaidChain:
+    """Lay the chain along the string at release: masses exactly in place, nodes on the rod at their circle.
+
+    Raises
+    ------
+    EngineError
+        If a link is longer than the rod is thick, or the chain has more joints than PyBullet can hold.
+    """
+    p, s = parameters, settings
+    light = np.array(light_position(np, p.free_length, p.release_angle, p.rod_radius))
+    heavy = np.array([p.rod_radius, -p.hanging_length])
+    inner = max(s.link_length, s.least_bend * p.rod_radius)
+    outer = max(s.outer_link_length, inner)
+    straight = p.free_length
+    inner_count = max(1, round(s.sliding_share * straight / inner))
+    outer_count = max(1, round((straight - inner_count * inner) / outer))
+    for _ in range(20):  # a link's length moves the last node on the rod, and so the straight string: converges fast
+        stretch = straight / (inner_count * inner + outer_count * outer)
+        inner, outer = inner * stretch, outer * stretch
+        on_rod = _nodes_on_rod(p, inner)
+        straight = math.dist(on_rod[-1], light)
+    if max(inner, outer) > 2 * p.rod_radius:
+        raise EngineError(
+            f"pybullet:chain: links of {1e3 * max(inner, outer):.3g} mm cannot wrap a rod of radius "
+            f"{1e3 * p.rod_radius:.3g} mm; shorten link_length and outer_link_length"
+        )
+    corner = on_rod[-1] + (light - on_rod[-1]) * (inner_count * inner / straight)
+    hanging_count = max(1, round(math.dist(heavy, on_rod[0]) / s.hanging_link_length))
+    nodes = np.concatenate([
+        np.linspace(heavy, on_rod[0], hanging_count, endpoint=False),
+        on_rod[:-1],
+        np.linspace(on_rod[-1], corner, inner_count, endpoint=False),
+        np.linspace(corner, light, outer_count + 1),
+    ])  # fmt: skip
+    joints = len(nodes)  # one hinge per link, and the heavy mass's slide
+    if joints > MAX_JOINTS:
+        needed = s.link_length * joints / MAX_JOINTS
+        raise EngineError(
+            f"pybullet:chain: the string needs {joints} joints and PyBullet holds {MAX_JOINTS}; "
+            f"raise link_length above {1e3 * needed:.2g} mm or outer_link_length, or shorten the string"
+        )
+    lengths = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
+    lengths_on_rod = np.minimum(lengths, np.where(np.arange(len(lengths)) < hanging_count, inner, np.inf))
+    local = 0.5 * (lengths_on_rod[1:] + lengths_on_rod[:-1])
+    return LaidChain(
+        nodes=nodes, link_lengths=lengths, bends=local / p.rod_radius, node_circles=node_circle(local, p.rod_radius)
+    )
+
+
+def _nodes_on_rod(p: Parameters, link_length: float) -> Array:
+    """Nodes that lie on the rod at release, heavy side first, placed evenly about the middle of the wound string."""
+    bend, circle = link_length / p.rod_radius, node_circle(link_length, p.rod_radius)
+    links = round(p.release_angle / bend)
+    angles = 0.5 * p.release_angle + bend * (np.arange(links + 1) - 0.5 * links)
+    return np.stack([circle * np.cos(angles), circle * np.sin(angles)], axis=1)
+
+
+def contact_friction(friction: float, bend: float, wrap_angle: float) -> float:
+    """Contact friction with which a sliding polygon obeys the capstan law, on average over how its ends lie.
+
+    `polygon_friction` is right for full corners. A corner of angle d makes ln(T2/T1) = 2 artanh(m tan(d/2)), which grows faster
+    than d; and the first and last corner on the rod turn by anything from 0 to the full ``bend``, evenly as the string winds.
+    So the wrap angle theta is theta / bend - 1 full corners and two such ends, and m solves
+    (theta / bend - 1) f(bend) + 2 mean(f) = mu theta.
+    """
+    if friction == 0:
+        return 0.0
+    points, weights = np.polynomial.legendre.leggauss(16)
+    tangents = np.tan(0.25 * bend * (points + 1))
+    full = math.tan(bend / 2)
+
+    def exponent(m: float) -> float:
+        ends = float(weights @ np.arctanh(m * tangents)) * 2  # the weights add up to 2: both ends
+        return (wrap_angle / bend - 1) * 2 * math.atanh(m * full) + ends
+
+    low, high = polygon_friction(friction, bend), (1 - 1e-12) / full
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if exponent(middle) < friction * wrap_angle else (low, middle)
+    return low
+
+
+def chain_urdf(p: Parameters, s: ChainSettings, chain: LaidChain, node_radii: Array) -> str:
+    """The multibody as URDF: base, heavy mass on a vertical slide (not if held), links, light mass at the end of the last."""
+    string_mass = MASS_FRACTION * p.light_mass
+    density = string_mass / chain.link_lengths.sum()
+    x, y = chain.nodes[0]
+    rows = [_link("base", mass=0.0, at=0.0, inertia=0.0)]
+    parent = "base"
+    if p.release is not Release.HELD:
+        parent = "heavy"
+        rows += [_link(parent, mass=p.heavy_mass, at=0.0, inertia=p.heavy_mass * p.rod_radius**2)]
+        rows += [_joint("prismatic", "base", parent, x=x, y=y, turn=0.0, axis="0 1 0")]
+        x = y = 0.0
+    steps = np.diff(chain.nodes, axis=0)
+    directions = np.arctan2(steps[:, 1], steps[:, 0])
+    last = len(steps) - 1
+    for i, (turn, length) in enumerate(zip(np.diff(directions, prepend=0.0), chain.link_lengths, strict=True)):
+        if i < last:
+            mass, node_radius = density * 0.5 * (length + chain.link_lengths[i + 1]), float(node_radii[i])
+        else:
+            mass, node_radius = p.light_mass - MASS_COMPENSATION * string_mass, None
+        child = f"link{i}"
+        rows += [_link(child, mass=mass, at=length, inertia=s.relative_inertia * mass * length**2, node_radius=node_radius)]
+        rows += [_joint("continuous", parent, child, x=x, y=y, turn=turn, axis="0 0 1")]
+        parent, x, y = child, length, 0.0
+    return "\n".join(['<robot name="string">', *rows, "</robot>"])
+
+
+def _link(name: str, *, mass: float, at: float, inertia: float, node_radius: float | None = None) -> str:
+    """A point-like mass ``at`` [m] along the link, with a node there."""
+    origin = f'<origin xyz="{float(at)!r} 0 0"/>'
+    i = float(inertia)
+    node = f'<collision>{origin}<geometry><sphere radius="{node_radius!r}"/></geometry></collision>' if node_radius else ""
+    return (
+        f'<link name="{name}"><inertial>{origin}<mass value="{float(mass)!r}"/>'
+        f'<inertia ixx="{i!r}" ixy="0" ixz="0" iyy="{i!r}" iyz="0" izz="{i!r}"/></inertial>{node}</link>'
+    )
+
+
+def _joint(kind: str, parent: str, child: str, *, x: float, y: float, turn: float, axis: str) -> str:
+    # A lower limit above the upper one means none; a slide needs the element to be read at all.
+    limit = f'<limit lower="1" upper="-1" effort="0" velocity="{NO_SPEED_LIMIT!r}"/>' if kind == "prismatic" else ""
+    return (
+        f'<joint name="to_{child}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{float(x)!r} {float(y)!r} 0" rpy="0 0 {float(turn)!r}"/><axis xyz="{axis}"/>{limit}</joint>'
+    )

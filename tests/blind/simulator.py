@@ -1,0 +1,445 @@
+"""An apparatus in Cartesian coordinates, made to produce data that the package's own equations did not produce.
+
+Nothing here is imported from the package. Where the reference eliminates the string and switches between modes, this one keeps
+it: a stiff, damped, unilateral string in two parts, one on either side of the place where it leaves the rod towards the heavy
+mass, and one number ``passed`` for the string that has gone over to the light side. The rod lets string through only while
+the tensions lie outside the friction cone, and then at the rate that puts them back onto its edge::
+
+    T1 = k1 (p1 - L1 - s) + c1 (p1' - s'),   T2 = k2 (p2 - L2 + s) + c2 (p2' + s'),   T2 = T1 exp(-+ exponent) while s' != 0
+
+with p the paths from that place to each mass. So sliding either way, sticking, slack and the pull that ends it are one set of
+ordinary differential equations with a continuous right side, integrated by RK4 in fixed steps (shortened near the rod).
+
+Origin: the centre of the rod, x right, y up, z along the rod. SI units.
+
+Accuracy: the string's stiffness sets the distance to a rigid string (order 1/k, see the tests), not the step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import atan2, exp, hypot, pi, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+STIFFNESS = 2e5
+"""Of each part of the string where nothing says that it stretches [N/m]: 1 N then stretches it by 5 um."""
+LOSS_TIME = 3e-4
+"""Damping over stiffness of such a string [s]: about 0.7 of critical for 10 g."""
+STEP = 1e-4
+"""[s]; the stiff string's frequency with 10 g is 4500 rad/s, and RK4 is stable up to 2.8 over that."""
+STEP_AT_ROD = 0.04
+"""Largest angle of the light mass about the string's tangent point in a step [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Apparatus:
+    """What the experimenter would declare: the paper's model."""
+
+    light_mass: float = 0.010
+    heavy_mass: float = 0.100
+    rod_radius: float = 0.00625
+    free_length: float = 0.58
+    release_angle: float = math.radians(112)
+    hanging_length: float = 0.05
+    gravity: float = 9.81
+    friction: float = 0.34
+    light_drag: float = 1e-3
+    heavy_drag: float = 1e-3
+    string_drag: float = 1e-3
+    release: str = "looping"
+    """"looping", "vertical", "held" (heavy mass clamped) or "drop" (no string)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effects:
+    """What nobody declared. Every default is the null value: the effect is absent."""
+
+    linear_drag: float = 0.0
+    """F = -b v on the light mass [kg/s]."""
+    wind: float = 0.0
+    """Horizontal speed of the air at the light mass, for its quadratic and linear drag [m/s]."""
+    attitude_drag: float = 0.0
+    """Relative growth of the light mass's quadratic drag: 1 + c cos^2 of the angle between velocity and string [1]."""
+    static_excess: float = 0.0
+    """Static over kinetic friction, less 1 [1]."""
+    friction_per_speed: float = 0.0
+    """Relative growth of friction with the speed of the string on the rod [s/m]."""
+    friction_per_wrap: float = 0.0
+    """Relative growth of friction with wrap angle [1/rad]."""
+    string_on_string: float = 0.0
+    """Friction added to that of the rod for wrap beyond the first full turn [1]."""
+    string_density: float = 0.0
+    """Mass of the string per length [kg/m]. Approximate: its hanging part joins the heavy mass (weight and inertia); of its free
+    part, half the weight and a half (along) or a third (across) of the inertia join the light mass; the part on the rod and the
+    momentum of string that changes sides are left out."""
+    compliance: float = 0.0
+    """Stretch of the whole string per force [m/N]; each part has its share by length."""
+    string_loss_time: float = LOSS_TIME
+    """Damping over stiffness of the string [s]; above 1e-4."""
+    string_thickness: float = 0.0
+    """Growth of the radius per turn, from the second turn on: the string lies on itself [m]."""
+    rod_mobility: float = 0.0
+    """R^2 over the rod's moment of inertia: how freely it turns in its bearing [1/kg]; 0: it is fixed."""
+    bearing_friction: float = 0.0
+    """Coulomb friction of the bearing, as a force at the rod's surface [N]."""
+    light_radius: float = 0.0
+    """Of a solid ball that turns with the string (moment of inertia 2/5 M1 r^2) and ends the run when it touches the rod [m]."""
+    heavy_swing: float = 0.0
+    """Angle to the vertical from which the heavy mass, too, is released at rest [rad]."""
+    sideways_push: float = 0.0
+    """Speed of the light mass along the rod at release [m/s]. The string may shift along the rod without friction."""
+    side_force: float = 0.0
+    """Constant horizontal force on the light mass [N]."""
+    side_stiffness: float = 0.0
+    """Horizontal force on the light mass per x [N/m]; positive: away from the rod's vertical plane."""
+    push: float = 0.0
+    """Speed of the light mass across the string at release, the way it loops [m/s]."""
+    magnet: float = 0.0
+    """Largest force of a magnet on the light mass, F = k exp(-d^2 / 2 s^2) towards it (negative: away) [N]."""
+    magnet_place: tuple[float, float] = (-0.3, -0.35)
+    magnet_range: float = 0.08
+    thrust: float = 0.0
+    """Largest force of a pulse along the light mass's velocity, F = k exp(-(t - t0)^2 / 2 s^2) [N]."""
+    thrust_time: float = 0.3
+    thrust_width: float = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """What happened, at every step. Arrays of shape (n,) or (n, 3)."""
+
+    apparatus: Apparatus
+    t: Array
+    light: Array
+    heavy: Array
+    light_velocity: Array
+    heavy_velocity: Array
+    wrap_angle: Array
+    light_tension: Array
+    heavy_tension: Array
+    stretch: Array
+    """Of the part at the light mass and of the part at the heavy one [m], shape (n, 2)."""
+    ended: bool
+    """Whether the light mass reached the rod (or the heavy one did) before the time was up."""
+
+    def at(self, t: Array) -> tuple[Array, Array]:
+        """Positions (x, y) of the light and the heavy mass at times ``t`` [s], by cubic Hermite interpolation."""
+        step = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
+        width = (self.t[step + 1] - self.t[step])[:, None]
+        z = (t - self.t[step])[:, None] / width
+        left, right = (1 + 2 * z) * (1 - z) ** 2, z * z * (3 - 2 * z)
+        rise, fall = z * (1 - z) ** 2 * width, -z * z * (1 - z) * width
+
+        def between(place: Array, speed: Array) -> Array:
+            return (left * place[step] + right * place[step + 1] + rise * speed[step] + fall * speed[step + 1])[:, :2]
+
+        return between(self.light, self.light_velocity), between(self.heavy, self.heavy_velocity)
+
+    def energy(self) -> Array:
+        """Kinetic, potential and elastic energy without any injected effect [J], shape (n,)."""
+        a = self.apparatus
+        moving = a.light_mass * (self.light_velocity**2).sum(axis=1) + a.heavy_mass * (self.heavy_velocity**2).sum(axis=1)
+        height = a.gravity * (a.light_mass * self.light[:, 1] + a.heavy_mass * self.heavy[:, 1])
+        return moving / 2 + height + STIFFNESS * (np.maximum(self.stretch, 0) ** 2).sum(axis=1) / 2
+
+
+State = list[float]
+"""x, y, z of the light mass, x, y of the heavy one, passed string, their velocities in the same order, speed of the rod's surface
+towards the light side."""
+
+
+@dataclass
+class _Contact:
+    """What the string does on the rod, held during a step."""
+
+    wrap_angle: float
+    slip: int = 0
+    """Direction in which the string slips: -1 towards the heavy mass, 0 none, 1 towards the light one."""
+    rod: int = 0
+    """Direction in which the rod turns."""
+
+
+@dataclass(frozen=True)
+class _Instant:
+    """Rates of the state and what else the step control needs."""
+
+    rates: State = field(repr=False)
+    wrap_angle: float
+    free_length: float
+    light_tension: float
+    heavy_tension: float
+    holding_ratio: float
+    stretch: tuple[float, float]
+
+    @property
+    def margin(self) -> float:
+        """How far the rod is from letting a resting string slip [N]; negative: it slips."""
+        down = self.holding_ratio * self.light_tension - self.heavy_tension
+        return min(down, self.holding_ratio * self.heavy_tension - self.light_tension)
+
+
+def simulate(apparatus: Apparatus, effects: Effects | None = None, *, duration: float = 1.1, step: float = STEP) -> Motion:
+    """Let go, and follow the masses until ``duration`` [s] or until one of them reaches the rod."""
+    e = effects if effects is not None else Effects()
+    state, rates, contact = _released(apparatus, e)
+    end_length = sqrt(e.light_radius**2 + 2 * e.light_radius * apparatus.rod_radius) or apparatus.rod_radius / 3
+    t, now, rows, ended = 0.0, rates(0.0, state, contact), [], False
+    while True:
+        if _settle(contact, state, now, e):
+            now = rates(t, state, contact)
+        rows.append((t, *state, now.wrap_angle, now.light_tension, now.heavy_tension, *now.stretch))
+        ended = apparatus.release != "drop" and (now.free_length <= end_length or state[4] >= 0)
+        if ended or t >= duration - 1e-12:
+            break
+        speed = hypot(state[6], state[7])
+        h = min(step, STEP_AT_ROD * now.free_length / speed if speed > 0 else step, duration - t)
+        following = _runge_kutta(rates, t, state, now, contact, h)
+        then = rates(t + h, following, contact)
+        if e.static_excess > 0 and contact.slip == 0 and then.margin < 0 < now.margin:
+            h *= max(now.margin / (now.margin - then.margin), 1e-3)  # land on the break-away, to second order
+            following = _runge_kutta(rates, t, state, now, contact, h)
+            then = rates(t + h, following, contact)
+            contact.slip = -1 if then.heavy_tension > then.light_tension else 1
+            then = rates(t + h, following, contact)
+        t, state, now = t + h, following, then
+        contact.wrap_angle = now.wrap_angle
+    return _motion(apparatus, np.array(rows), ended)
+
+
+def _motion(apparatus: Apparatus, rows: Array, ended: bool) -> Motion:
+    flat = np.zeros(len(rows))
+    return Motion(
+        apparatus=apparatus,
+        t=rows[:, 0],
+        light=rows[:, 1:4],
+        heavy=np.stack([rows[:, 4], rows[:, 5], flat], axis=1),
+        light_velocity=rows[:, 7:10],
+        heavy_velocity=np.stack([rows[:, 10], rows[:, 11], flat], axis=1),
+        wrap_angle=rows[:, 13],
+        light_tension=rows[:, 14],
+        heavy_tension=rows[:, 15],
+        stretch=rows[:, 16:18],
+        ended=ended,
+    )
+
+
+Rates = Callable[[float, State, _Contact], _Instant]
+
+
+def _runge_kutta(rates: Rates, t: float, y: State, now: _Instant, contact: _Contact, h: float) -> State:
+    half = h / 2
+    k1 = now.rates
+    k2 = rates(t + half, [a + half * b for a, b in zip(y, k1, strict=True)], contact).rates
+    k3 = rates(t + half, [a + half * b for a, b in zip(y, k2, strict=True)], contact).rates
+    k4 = rates(t + h, [a + h * b for a, b in zip(y, k3, strict=True)], contact).rates
+    sixth = h / 6
+    return [a + sixth * (b + 2 * (c + d) + f) for a, b, c, d, f in zip(y, k1, k2, k3, k4, strict=True)]
+
+
+def _settle(contact: _Contact, state: State, now: _Instant, e: Effects) -> bool:
+    """Update what is held during a step; say whether anything changed."""
+    before = (contact.slip, contact.rod)
+    if e.static_excess > 0:
+        passing = now.rates[5] - state[11]
+        if contact.slip != 0 and passing * contact.slip <= 0:
+            contact.slip = 0
+        elif contact.slip == 0 and now.margin < 0:
+            contact.slip = -1 if now.heavy_tension > now.light_tension else 1
+    if e.rod_mobility > 0:
+        pull = now.light_tension - now.heavy_tension
+        if contact.rod != 0 and state[11] * contact.rod < 0:
+            state[11], contact.rod = 0.0, 0
+        if contact.rod == 0 and abs(pull) > e.bearing_friction:
+            contact.rod = 1 if pull > 0 else -1
+    return before != (contact.slip, contact.rod)
+
+
+def _released(a: Apparatus, e: Effects) -> tuple[State, Rates, _Contact]:
+    """State at release, its equations of motion, and the contact.
+
+    Just before, the heavy mass hangs at rest and the hand that holds the light one has let the string come to the verge of
+    sliding; this sets the string's first stretch and nothing else.
+    """
+    angle = pi if a.release == "vertical" else a.release_angle
+    normal, away = (math.cos(angle), math.sin(angle)), (-math.sin(angle), math.cos(angle))
+    radius, slope, wound = _profile(angle, a.rod_radius, e.string_thickness)
+    x, y = (radius * n + (a.free_length + slope) * w for n, w in zip(normal, away, strict=True))
+    swing = e.heavy_swing
+    hx = a.rod_radius * math.cos(swing) + a.hanging_length * math.sin(swing)
+    hy = a.rod_radius * math.sin(swing) - a.hanging_length * math.cos(swing)
+    velocity = [-e.push * normal[0], -e.push * normal[1], e.sideways_push, 0.0, 0.0]
+    paths = (a.free_length + slope + wound, a.hanging_length - a.rod_radius * swing)
+    state = [x, y, 0.0, hx, hy, 0.0, *velocity, 0.0]
+    return state, _equations(a, e, paths), _Contact(angle)
+
+
+def _profile(angle: float, radius: float, thickness: float) -> tuple[float, float, float]:
+    """Support function h of the wound rod at normal angle ``angle``, its slope h', and the integral of h from 0."""
+    turned = angle - 2 * pi
+    if thickness == 0 or turned <= 0:
+        return radius, 0.0, radius * angle
+    slope = thickness / (2 * pi)
+    return radius + slope * turned, slope, radius * angle + slope * turned * turned / 2
+
+
+def _equations(a: Apparatus, e: Effects, paths: tuple[float, float]) -> Rates:
+    """Return the right side as a function of time, state and contact; ``paths`` are the string's at release."""
+    m1, m2, radius, g = a.light_mass, a.heavy_mass, a.rod_radius, a.gravity
+    dropped, held, swings, lateral = a.release == "drop", a.release == "held", e.heavy_swing != 0, e.sideways_push != 0
+    base_compliance, tau = 1 / STIFFNESS, e.string_loss_time
+    whole = sum(paths)
+    spin = 0.4 * m1 * e.light_radius**2
+    light_force = _light_force(a, e)
+
+    def parts(passed: float) -> tuple[float, float]:
+        """Stiffness of the light and of the heavy part [N/m]."""
+        if e.compliance == 0:
+            return STIFFNESS, STIFFNESS
+        share = (paths[0] + passed) / whole
+        return 1 / (base_compliance + e.compliance * share), 1 / (base_compliance + e.compliance * (1 - share))
+
+    def exponent(wrap: float, speed: float) -> float:
+        """ln of the ratio of tensions on the edge of the friction cone."""
+        if wrap <= 0:
+            return 0.0
+        value = a.friction * wrap * (1 + e.friction_per_speed * speed + e.friction_per_wrap * wrap)
+        if wrap > 2 * pi:
+            value += e.string_on_string * (wrap - 2 * pi)
+        return min(value, 80.0)
+
+    first_k1, first_k2 = parts(0.0)
+    hanging = (m2 + e.string_density * a.hanging_length) * g
+    first_ratio = exp(-exponent(pi if a.release == "vertical" else a.release_angle, 0.0))
+    natural1, natural2 = paths[0] - hanging * first_ratio / first_k1, paths[1] - hanging / first_k2
+
+    def tensions(e1: float, e2: float, v1: float, v2: float, s: float, cone: float, slip: int) -> tuple[float, float, float]:
+        """T1, T2 [N] and the speed at which string passes over the rod's surface [m/s].
+
+        ``e`` are stretches, ``v`` their rates if none passed.
+        """
+        k1, k2 = parts(s)
+        c1, c2 = (tau * k1 if e1 > 0 else 0.0), (tau * k2 if e2 > 0 else 0.0)
+        t1 = k1 * e1 + c1 * v1 if e1 > 0 else 0.0
+        t2 = k2 * e2 + c2 * v2 if e2 > 0 else 0.0
+        passing = 0.0
+        if not held and not (slip == 0 and e.static_excess > 0):
+            if t2 > cone * t1 and c2 > 0 and (slip <= 0 or e.static_excess == 0):
+                passing = (cone * t1 - t2) / (c2 + cone * c1)
+            elif t1 > cone * t2 and c1 > 0 and (slip >= 0 or e.static_excess == 0):
+                passing = (t1 - cone * t2) / (c1 + cone * c2)
+        return max(t1 - c1 * passing, 0.0), max(t2 + c2 * passing, 0.0), passing
+
+    def rates(t: float, state: State, contact: _Contact) -> _Instant:
+        x, y, z, hx, hy, passed, vx, vy, vz, hvx, hvy, surface = state
+        square = x * x + y * y
+        free = sqrt(max(square - radius * radius, 1e-12))
+        nx, ny = (radius * x + free * y) / square, (radius * y - free * x) / square  # the rod's normal where the string leaves
+        wrap = atan2(ny, nx)
+        wrap += 2 * pi * round((contact.wrap_angle - wrap) / (2 * pi))
+        path = free + radius * wrap
+        if e.string_thickness != 0 and wrap > 2 * pi - 0.5:
+            for _ in range(3):  # Newton: the string's line touches the wound string, position . normal = h
+                h, slope, wound = _profile(wrap, radius, e.string_thickness)
+                nx, ny = math.cos(wrap), math.sin(wrap)
+                wrap -= (x * nx + y * ny - h) / (y * nx - x * ny - slope)
+            h, slope, wound = _profile(wrap, radius, e.string_thickness)
+            nx, ny = math.cos(wrap), math.sin(wrap)
+            free, path = y * nx - x * ny - slope, y * nx - x * ny + wound
+        ax, ay = -ny, nx  # away from the rod along the string
+        out, across = vx * ax + vy * ay, vx * nx + vy * ny
+        in_plane = 1.0
+        rate = out
+        pull_z = 0.0
+        if lateral:  # the rod unrolls: the string is the hypotenuse over path and z, on the rod as well as off it
+            flat, path = path, hypot(path, z)
+            in_plane, pull_z = flat / path, z / path
+            rate = out * in_plane + vz * pull_z
+        lift_x, lift_y, heavy_path, heavy_rate, tilt = 0.0, 1.0, -hy, -hvy, 0.0
+        if swings:
+            heavy_square = hx * hx + hy * hy
+            heavy_free = sqrt(heavy_square - radius * radius)
+            mx, my = (radius * hx - heavy_free * hy) / heavy_square, (radius * hy + heavy_free * hx) / heavy_square
+            tilt = atan2(my, mx)
+            lift_x, lift_y = -my, mx
+            heavy_path, heavy_rate = heavy_free - radius * tilt, hvx * my - hvy * mx
+        t1 = t2 = passing = 0.0
+        stretch1, stretch2 = path - natural1 - passed, heavy_path - natural2 + passed
+        cone = holding = 1.0
+        if not dropped:
+            value = exponent(wrap - tilt, abs(heavy_rate + surface))
+            cone = exp(value)
+            holding = exp(value * (1 + e.static_excess)) if e.static_excess else cone
+            t1, t2, passing = tensions(
+                stretch1, stretch2, rate - surface, heavy_rate + surface, passed, cone, contact.slip
+            )
+        fx, fy, fz = light_force(t, x, y, vx, vy, vz, ax, ay, nx, ny, free)
+        along, toward = fx * ax + fy * ay - t1 * in_plane, fx * nx + fy * ny
+        string_mass = e.string_density * free
+        mass_across = m1 + string_mass / 3
+        if spin:
+            turning, share = -across / free, spin / (free * free)
+            toward -= share * turning * (2 * out - radius * turning)
+            mass_across += share
+        along /= m1 + string_mass / 2
+        toward /= mass_across
+        heavy_total = m2 + e.string_density * heavy_path
+        heavy_speed = hypot(hvx, hvy)
+        hax = (t2 * lift_x - a.heavy_drag * heavy_speed * hvx) / heavy_total if swings else 0.0
+        hay = (t2 * lift_y - a.heavy_drag * heavy_speed * hvy) / heavy_total - g
+        if held:
+            hax = hay = 0.0
+        turning_up = e.rod_mobility * (t1 - t2 - e.bearing_friction * contact.rod) if contact.rod else 0.0
+        return _Instant(
+            [vx, vy, vz, hvx, hvy, surface + passing]
+            + [along * ax + toward * nx, along * ay + toward * ny, fz / m1 - t1 * pull_z / m1, hax, hay, turning_up],
+            wrap,
+            free,
+            t1,
+            t2,
+            holding,
+            (stretch1, stretch2),
+        )
+
+    return rates
+
+
+def _light_force(a: Apparatus, e: Effects) -> Callable[..., Any]:
+    """Everything that acts on the light mass but the string's pull, as (x, y, z) [N]."""
+    gravity, drag, string_drag = a.light_mass * a.gravity, a.light_drag, a.string_drag if a.release != "drop" else 0.0
+    half_string = e.string_density * a.gravity / 2
+    near = -0.5 / e.magnet_range**2
+    extra = any((e.side_force, e.side_stiffness, e.magnet, e.thrust))
+
+    def force(
+        t: float, x: float, y: float, vx: float, vy: float, vz: float, ax: float, ay: float, nx: float, ny: float, free: float
+    ) -> tuple[float, float, float]:
+        wx = vx - e.wind
+        speed = sqrt(wx * wx + vy * vy + vz * vz)
+        quadratic = drag
+        if e.attitude_drag and speed > 0:
+            quadratic *= 1 + e.attitude_drag * ((wx * ax + vy * ay) / speed) ** 2
+        resist = quadratic * speed + e.linear_drag
+        across = vx * nx + vy * ny
+        swept = string_drag * free * abs(across) * across
+        fx, fy, fz = -resist * wx - swept * nx, -resist * vy - swept * ny - gravity - half_string * free, -resist * vz
+        if extra:
+            fx += e.side_force + e.side_stiffness * x
+            dx, dy = e.magnet_place[0] - x, e.magnet_place[1] - y
+            distance = hypot(dx, dy)
+            if e.magnet and distance > 0:
+                pull = e.magnet * exp(near * distance * distance) / distance
+                fx, fy = fx + pull * dx, fy + pull * dy
+            velocity = hypot(vx, vy)
+            if e.thrust and velocity > 0:
+                pulse = e.thrust * exp(-0.5 * ((t - e.thrust_time) / e.thrust_width) ** 2) / velocity
+                fx, fy = fx + pulse * vx, fy + pulse * vy
+        return fx, fy, fz
+
+    return force

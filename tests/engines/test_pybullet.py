@@ -1,0 +1,205 @@
+"""The PyBullet chain against closed forms and the reference, in seconds: the long accuracy runs are elsewhere."""
+
+import gc
+import math
+import subprocess
+import sys
+import tempfile
+
+import numpy as np
+import pytest
+
+from looping_pendulum.engines.protocol import Engine, Profile
+from looping_pendulum.engines.pybullet import SETTINGS, PybulletChain, engines
+from looping_pendulum.engines.pybullet_model import ChainSettings, contact_friction, lay_chain, node_circle
+from looping_pendulum.errors import EngineError
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.solve import solve_at
+from looping_pendulum.scenarios.scenario import Scenario
+
+G = 9.81
+
+
+def scenario(duration: float, **changes: object) -> Scenario:
+    """A light mass of 10 g and a heavy one of 100 g on a rod of 6.25 mm, without drag unless asked for."""
+    base: dict[str, object] = {
+        "light_mass": 0.01,
+        "heavy_mass": 0.1,
+        "rod_radius": 0.00625,
+        "free_length": 0.4,
+        "release_angle": math.radians(112),
+    }
+    parameters = Parameters(**(base | changes))  # type: ignore[arg-type]
+    return Scenario(name="test", title="", description="", parameters=parameters, duration=duration)
+
+
+def polygon_ripple(settings: ChainSettings, rod_radius: float) -> float:
+    """Largest lever-arm error of a chain on a rod [m]: |c - R| and |R - c cos(b/2)| are below h^2 / 8R to leading order; twice."""
+    return 2 * settings.link_length**2 / (8 * rod_radius)
+
+
+def test_importing_the_adapter_and_making_an_engine_imports_no_pybullet() -> None:
+    code = (
+        "import sys; from looping_pendulum.engines.pybullet import engines; from looping_pendulum.engines.protocol import Profile;"
+        "engines(Profile.QUICK); sys.exit('pybullet' in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("profile", Profile)
+def test_every_variant_is_an_engine(profile: Profile) -> None:
+    (engine,) = engines(profile)
+    assert isinstance(engine, Engine)
+    assert engine.settings == SETTINGS[profile]
+    assert engine.abilities.releases == frozenset(Release)
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.34, 0.8])
+@pytest.mark.parametrize("bend", [0.2, 0.7, 1.2])
+def test_contact_friction_gives_the_capstan_law_averaged_over_how_the_polygon_lies(friction: float, bend: float) -> None:
+    theta = 3.3
+    contact = contact_friction(friction, bend, theta)
+    first = (np.arange(2000) + 0.5) / 2000 * bend  # how far the first corner turns: evenly spread as the string winds
+    corners, last = np.divmod(theta - first, bend)
+
+    def exponent(angle):  # ln(T2/T1) of one corner of a massless chain under Coulomb friction
+        return 2 * np.arctanh(contact * np.tan(angle / 2))
+
+    mean = np.mean(exponent(first) + corners * exponent(bend) + exponent(last))
+    assert mean == pytest.approx(friction * theta, rel=1e-6)  # the midpoint rule's error over 2000 points is below 1e-6
+
+
+def test_node_circle_winds_and_pulls_like_the_rod() -> None:
+    radius, link = 0.00625, 0.005
+    circle = node_circle(link, radius)
+    bend = 2 * math.asin(link / (2 * circle))
+    assert link / bend == pytest.approx(radius, rel=1e-12)  # string wound per angle
+    lean = np.linspace(-bend / 2, bend / 2, 20001)
+    assert np.trapezoid(circle * np.cos(lean), lean) / bend == pytest.approx(radius, rel=1e-8)  # mean lever arm
+
+
+@pytest.mark.parametrize("release", [Release.LOOPING, Release.VERTICAL, Release.HELD])
+def test_chain_is_laid_between_the_masses_with_its_nodes_on_the_rod(release: Release) -> None:
+    p = scenario(0.1, release=release).parameters
+    chain = lay_chain(p, SETTINGS[Profile.QUICK])
+    theta = p.release_angle
+    light = (
+        p.rod_radius * math.cos(theta) - p.free_length * math.sin(theta),
+        p.rod_radius * math.sin(theta) + p.free_length * math.cos(theta),
+    )
+    assert chain.nodes[-1] == pytest.approx(light, abs=1e-12)
+    assert chain.nodes[0] == pytest.approx((p.rod_radius, -p.hanging_length), abs=1e-12)
+    distances = np.hypot(*chain.nodes[1:-1].T)
+    assert np.all(distances >= chain.node_circles.min() * (1 - 1e-9))  # no node inside the rod
+    # Between corners a polygon's length differs from the string's by |c sin(x) - R x| < R (b/2)^3 / 6 at either end.
+    bend = chain.bends.min()
+    assert chain.link_lengths.sum() == pytest.approx(p.string_length, abs=2 * p.rod_radius * (bend / 2) ** 3 / 6)
+
+
+def test_string_too_long_for_a_multibody_is_refused_with_a_way_out() -> None:
+    with pytest.raises(EngineError, match=r"joints and PyBullet holds 127; raise link_length above .* mm"):
+        lay_chain(scenario(0.1, free_length=1.5).parameters, SETTINGS[Profile.QUICK])
+
+
+def test_links_too_long_for_the_rod_are_refused() -> None:
+    with pytest.raises(EngineError, match="cannot wrap a rod of radius 1 mm"):
+        lay_chain(scenario(0.1, rod_radius=1e-3).parameters, SETTINGS[Profile.QUICK])
+
+
+def test_time_step_that_does_not_divide_the_sample_interval_is_refused() -> None:
+    pytest.importorskip("pybullet")
+    settings = ChainSettings(time_step=3e-5, link_length=5e-3, outer_link_length=8e-3)
+    with pytest.raises(EngineError, match="does not divide"):
+        PybulletChain(settings=settings).simulate(scenario(0.01))
+
+
+def test_drop_is_free_fall() -> None:
+    pytest.importorskip("pybullet")
+    engine = PybulletChain()
+    run = engine.simulate(scenario(0.2, release="drop")).raise_if_failed()
+    # Velocity first, then position with the new velocity: n steps fall g dt^2 n (n + 1) / 2, so too far by exactly g dt t / 2.
+    expected = 0.5 * G * run.t**2 + 0.5 * G * engine.settings.time_step * run.t
+    assert run.heavy_drop == pytest.approx(expected, abs=1e-12)
+    assert run.light_position[0, 1] - run.light_position[:, 1] == pytest.approx(expected, abs=1e-12)
+    assert run.light_position[:, 0] == pytest.approx(run.light_position[0, 0], abs=1e-12)
+
+
+def test_fall_with_quadratic_drag_follows_its_closed_form() -> None:
+    pytest.importorskip("pybullet")
+    engine, drag = PybulletChain(), 0.05
+    falling = scenario(0.3, release="drop", coefficients={"heavy_drag": drag})
+    run = engine.simulate(falling).raise_if_failed()
+    terminal = math.sqrt(0.1 * G / drag)
+    exact = terminal**2 / G * np.log(np.cosh(G * run.t / terminal))
+    # First order in the step: half a step's fall too far (as without drag), less as drag grows with it.
+    bound = 0.5 * engine.settings.time_step * G * run.t + 1e-12
+    assert np.all(np.abs(run.heavy_drop - exact) <= bound)
+    assert exact[-1] < 0.95 * 0.5 * G * 0.3**2  # the drag is felt, or this would test nothing
+
+
+@pytest.mark.parametrize("radius", [0.00625, 0.03])
+def test_vertical_release_is_an_atwood_machine_with_capstan_friction(radius: float) -> None:
+    pytest.importorskip("pybullet")
+    engine, friction = PybulletChain(), 0.34
+    vertical = scenario(
+        0.15, release="vertical", rod_radius=radius, free_length=0.25, coefficients={"kinetic_friction": friction}
+    )
+    run = engine.simulate(vertical).raise_if_failed()
+    pull = 0.01 * math.exp(friction * math.pi)
+    acceleration = G * (0.1 - pull) / (0.1 + pull)  # g (M2 - M1 e^(mu pi)) / (M2 + M1 e^(mu pi))
+    # The lever-arm ripple at both ends, and 1 % of the way. The wrap angle stays, so the sum of the two end corners takes one value
+    # or another by one bend b where friction is right on average: their exponent is off by at most f(b) - 2 f(b/2), 0.013 at
+    # b = 0.8 and mu = 0.34, and ln a falls by 2x / (1 - x^2) = 0.64 times that, x = M1 e^(mu pi) / M2.
+    bound = 2 * polygon_ripple(engine.settings, radius) + 0.01 * 0.5 * acceleration * run.t**2
+    assert np.all(np.abs(run.heavy_drop - 0.5 * acceleration * run.t**2) <= bound)
+    assert run.status.ok
+
+
+def test_held_heavy_mass_makes_a_pendulum_that_winds_as_the_reference_does() -> None:
+    pytest.importorskip("pybullet")
+    engine = PybulletChain()
+    held = scenario(0.15, release="held", coefficients={"kinetic_friction": 0.34, "light_drag": 1e-3})
+    run = engine.simulate(held).raise_if_failed()
+    exact = solve_at(held.parameters, run.t, duration=held.duration)
+    error = np.linalg.norm(run.light_position[: len(exact.t)] - exact.light_position, axis=1)
+    assert np.all(run.heavy_drop == 0)
+    # The release stands the string on a corner: a lever arm off by one ripple is a pendulum hung that far off.
+    assert np.max(error) <= polygon_ripple(engine.settings, held.parameters.rod_radius)
+
+
+def test_looping_release_follows_the_reference_while_the_string_slides() -> None:
+    pytest.importorskip("pybullet")
+    looping = scenario(0.15, free_length=0.58, coefficients={"kinetic_friction": 0.34, "light_drag": 1e-3})
+    engine = PybulletChain()
+    run = engine.simulate(looping).raise_if_failed()
+    exact = solve_at(looping.parameters, run.t, duration=looping.duration)
+    error = np.linalg.norm(run.light_position[: len(exact.t)] - exact.light_position, axis=1)
+    bound = 2 * polygon_ripple(engine.settings, looping.parameters.rod_radius)  # a ripple at each end of the wound string
+    assert np.max(error) <= bound
+    assert (
+        np.max(
+            np.abs(
+                run.heavy_drop[: len(exact.t)] - run.heavy_drop[0] - (exact.heavy_position[0, 1] - exact.heavy_position[:, 1])
+            )
+        )
+        <= bound
+    )
+
+
+def test_a_rig_leaves_no_file_and_no_server_behind(tmp_path, monkeypatch) -> None:
+    pybullet = pytest.importorskip("pybullet")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    rig = PybulletChain().build(scenario(0.01))
+    client = rig._world.client
+    assert pybullet.isConnected(physicsClientId=client)
+    assert list(tmp_path.iterdir()) == []
+    del rig
+    gc.collect()
+    assert not pybullet.isConnected(physicsClientId=client)
+
+
+def test_same_scenario_gives_the_same_numbers() -> None:
+    pytest.importorskip("pybullet")
+    short = scenario(0.02, coefficients={"kinetic_friction": 0.34})
+    first, second = PybulletChain().simulate(short), PybulletChain().simulate(short)
+    assert np.array_equal(first.light_position, second.light_position)
