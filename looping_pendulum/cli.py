@@ -301,11 +301,12 @@ def _show_output_of_failed(runs: list[Trajectory]) -> None:
 
 def _table(*columns: str) -> Any:
     from rich.box import SIMPLE_HEAD
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for column in columns:
-        table.add_column(column, overflow="fold")
+        table.add_column(escape(column), overflow="fold")  # else rich takes "[mm]" for markup
     return table
 
 

@@ -30,7 +30,7 @@ from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
 Array = np.ndarray
-STARTS = 24
+STARTS = 16
 SAMPLE_STEP = 5e-4
 DRAG_ESTIMATE = 1e-3
 """The paper's order of magnitude for both masses [kg/m] and for the string [kg/m^2]."""
@@ -170,7 +170,7 @@ def infer(
         for start in tries[:STARTS]
         for power in (1, 3)
     ]
-    fits += [prefer_plausible_drag(trial, radius, table, x) for x in fits]
+    fits += [prefer_plausible_drag(trial, radius, table, x, floor) for x in fits[:STARTS] for floor in (1e-3, 0.5)]
 
     def badness(x: Array) -> float:
         miss = float(np.max(np.abs(residuals(trial, radius, table, x))))
@@ -188,9 +188,9 @@ def implausibility(trial: Trial, x: Array) -> Array:
 
 
 def prefer_plausible_drag(
-    trial: Trial, radius: float, table: dict[tuple[str, int], tuple[float, float]], start: Array
+    trial: Trial, radius: float, table: dict[tuple[str, int], tuple[float, float]], start: Array, floor: float
 ) -> Array:
-    """Move along the family of equal fits towards plausible drag; drag is varied by its logarithm."""
+    """Move along the family of equal fits towards plausible drag, varied by its logarithm, from at least ``floor`` estimates."""
     low, high = (np.array([b[k] / b[2] for b in trial.free.values()]) for k in (0, 1))
 
     def unpack(z: Array) -> Array:
@@ -201,7 +201,7 @@ def prefer_plausible_drag(
         excess = np.maximum(np.abs(residuals(trial, radius, table, x)) - KEEP, 0.0)
         return np.concatenate([30.0 * excess, 0.1 * implausibility(trial, x)])
 
-    z0 = np.concatenate([start[:3], np.log10(np.clip(start[3:], 1e-3, high[3:] * 0.999))])
+    z0 = np.concatenate([start[:3], np.log10(np.clip(start[3:], floor, high[3:] * 0.999))])
     bounds = (np.concatenate([low[:3], np.full(3, -6.0)]), np.concatenate([high[:3], np.log10(high[3:])]))
     return unpack(least_squares(cost, np.clip(z0, *bounds), bounds=bounds, diff_step=1e-5, max_nfev=120).x)
 

@@ -16,6 +16,7 @@ from typing import Any
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Engine, Profile, Rig, SteppedEngine
 from looping_pendulum.engines.pybullet_model import (
+    COARSEST,
     MAX_JOINTS,
     NO_SPEED_LIMIT,
     ChainSettings,
@@ -36,7 +37,7 @@ TURN_TO_HALT = math.pi / 2
 
 SETTINGS = {
     Profile.QUICK: ChainSettings(time_step=2e-5, link_length=5e-3, outer_link_length=8e-3),
-    Profile.ACCURATE: ChainSettings(time_step=1e-5, link_length=4.3e-3, outer_link_length=8e-3),
+    Profile.ACCURATE: ChainSettings(time_step=1e-5, link_length=4.3e-3, outer_link_length=8.5e-3),
 }
 
 
@@ -238,7 +239,8 @@ _ABILITIES = Abilities(
     summary="One Featherstone multibody of links that slides over a static sphere under Coulomb contact.",
     limits=(
         "one Coulomb coefficient: of a static friction above the kinetic one, only the kinetic one is represented",
-        f"at most {MAX_JOINTS} joints to a multibody, so a string beyond 0.7 m or so needs longer links than the profiles have",
+        f"at most {MAX_JOINTS} joints are reported rightly: links of a long string are laid up to {COARSEST:g} times longer "
+        "than the settings say, and a longer string still is refused",
         "links of several millimetres are long for a thin rod: the string's speed over it ripples as nodes pass",
         "reduced coordinates cannot stretch: the string stretch is 0 by construction, not a measurement",
     ),

@@ -13,8 +13,13 @@ from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
-MAX_JOINTS = 127
-"""Joints of one multibody that PyBullet loads and reports; it drops any further ones without a word."""
+MAX_JOINTS = 121
+"""Joints that PyBullet reports rightly: its state has room for 128 numbers, 7 of them the base's.
+
+With more, the first links' positions come back overwritten; beyond 127 the joints themselves are dropped, without a word.
+"""
+COARSEST = 1.5
+"""How many times longer than asked for links may be laid so that a long string fits `MAX_JOINTS`."""
 NO_SPEED_LIMIT = 1e9
 """In place of PyBullet's clamp of joint speeds, 100 m/s or rad/s: links turn faster than that as they pass over the rod."""
 
@@ -26,14 +31,14 @@ class ChainSettings:
     time_step: float
     """[s]; stable below about the link length over the speed of a wave on the string, sqrt(tension / mass per length)."""
     link_length: float
-    """Length of a link that may slide over the rod [m]; adjusted a little so that links end at the light mass."""
+    """Length of a link that may slide over the rod [m]; see `lay_chain` for when links are laid longer."""
     outer_link_length: float
-    """Length of a link near the light mass, which at most winds on to the rod [m]; adjusted alike."""
+    """Length of a link near the light mass, which at most winds on to the rod [m]; adjusted to end at the light mass."""
     least_bend: float = 0.2
-    """Links are made longer than asked for if they would turn by less than this on the rod [rad]: a thick rod needs no finer."""
+    """Links are laid longer than asked for if they would turn by less than this on the rod [rad]: no need on a thick rod."""
     sliding_share: float = 0.7
     """Share of the free string, from the rod on, that is laid in links of `link_length`."""
-    hanging_link_length: float = 0.01
+    hanging_link_length: float = 0.015
     """Length of the links below the rod on the heavy side at release, which never come to lie on it [m]."""
     node_radius: float = 2e-4
     """Radius of a node's contact sphere [m]; larger where links are longer, see `lay_chain`."""
@@ -71,50 +76,63 @@ def node_circle(link_length: float | Array, rod_radius: float) -> Any:
 def lay_chain(parameters: Parameters, settings: ChainSettings) -> LaidChain:
     """Lay the chain along the string at release: masses exactly in place, nodes on the rod at their circle.
 
+    A string that needs more joints than PyBullet can hold gets evenly longer links, up to `COARSEST` times.
+
     Raises
     ------
     EngineError
-        If a link is longer than the rod is thick, or the chain has more joints than PyBullet can hold.
+        If a link is longer than the rod is thick, or the links would be longer than that.
     """
     p, s = parameters, settings
-    light = np.array(light_position(np, p.free_length, p.release_angle, p.rod_radius))
-    heavy = np.array([p.rod_radius, -p.hanging_length])
     inner = max(s.link_length, s.least_bend * p.rod_radius)
     outer = max(s.outer_link_length, inner)
-    straight = p.free_length
-    inner_count = max(1, round(s.sliding_share * straight / inner))
+    coarser = 1.0
+    while True:
+        if outer * coarser > 2 * p.rod_radius:
+            raise EngineError(
+                f"pybullet:chain: links of {1e3 * outer * coarser:.3g} mm cannot wrap a rod of radius "
+                f"{1e3 * p.rod_radius:.3g} mm; shorten link_length and outer_link_length"
+            )
+        chain = _lay(p, s, inner * coarser, outer * coarser)
+        joints = len(chain.nodes)  # one hinge per link, and the heavy mass's slide
+        if joints <= MAX_JOINTS:
+            return chain
+        coarser *= 1.01
+        if coarser > COARSEST:
+            raise EngineError(
+                f"pybullet:chain: the string of {p.string_length:.3g} m needs {joints} joints of longer links "
+                f"and PyBullet holds {MAX_JOINTS}; raise link_length or outer_link_length, or shorten the string"
+            )
+
+
+def _lay(p: Parameters, s: ChainSettings, inner: float, outer: float) -> LaidChain:
+    """Lay links of about ``inner`` and, near the light mass, ``outer`` [m]."""
+    light = np.array(light_position(np, p.free_length, p.release_angle, p.rod_radius))
+    heavy = np.array([p.rod_radius, -p.hanging_length])
+    if p.release is Release.VERTICAL:
+        # The wrap angle stays. Links that divide it come on and off the rod at the same moments, so that the ripple which a
+        # passing node makes in the string's speed is the same at both ends, and the masses do not feel it.
+        inner = p.rod_radius * p.release_angle / max(1, round(p.rod_radius * p.release_angle / inner))
+    on_rod = _nodes_on_rod(p, inner)
+    straight = math.dist(on_rod[-1], light)
+    inner_count = round(s.sliding_share * straight / inner)
     outer_count = max(1, round((straight - inner_count * inner) / outer))
-    for _ in range(20):  # a link's length moves the last node on the rod, and so the straight string: converges fast
-        stretch = straight / (inner_count * inner + outer_count * outer)
-        inner, outer = inner * stretch, outer * stretch
-        on_rod = _nodes_on_rod(p, inner)
-        straight = math.dist(on_rod[-1], light)
-    if max(inner, outer) > 2 * p.rod_radius:
-        raise EngineError(
-            f"pybullet:chain: links of {1e3 * max(inner, outer):.3g} mm cannot wrap a rod of radius "
-            f"{1e3 * p.rod_radius:.3g} mm; shorten link_length and outer_link_length"
-        )
     corner = on_rod[-1] + (light - on_rod[-1]) * (inner_count * inner / straight)
     hanging_count = max(1, round(math.dist(heavy, on_rod[0]) / s.hanging_link_length))
-    nodes = np.concatenate([
-        np.linspace(heavy, on_rod[0], hanging_count, endpoint=False),
-        on_rod[:-1],
-        np.linspace(on_rod[-1], corner, inner_count, endpoint=False),
-        np.linspace(corner, light, outer_count + 1),
-    ])  # fmt: skip
-    joints = len(nodes)  # one hinge per link, and the heavy mass's slide
-    if joints > MAX_JOINTS:
-        needed = s.link_length * joints / MAX_JOINTS
-        raise EngineError(
-            f"pybullet:chain: the string needs {joints} joints and PyBullet holds {MAX_JOINTS}; "
-            f"raise link_length above {1e3 * needed:.2g} mm or outer_link_length, or shorten the string"
-        )
-    lengths = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
-    lengths_on_rod = np.minimum(lengths, np.where(np.arange(len(lengths)) < hanging_count, inner, np.inf))
-    local = 0.5 * (lengths_on_rod[1:] + lengths_on_rod[:-1])
-    return LaidChain(
-        nodes=nodes, link_lengths=lengths, bends=local / p.rod_radius, node_circles=node_circle(local, p.rod_radius)
+    nodes = np.concatenate(
+        [
+            np.linspace(heavy, on_rod[0], hanging_count, endpoint=False),
+            on_rod[:-1],
+            np.linspace(on_rod[-1], corner, inner_count, endpoint=False),
+            np.linspace(corner, light, outer_count + 1),
+        ]
     )
+    lengths = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
+    # Hanging links do not come to lie on the rod: their last node bends as the links above it do.
+    lengths_on_rod = np.where(np.arange(len(lengths)) < hanging_count, inner, lengths)
+    local = 0.5 * (lengths_on_rod[1:] + lengths_on_rod[:-1])
+    circles = node_circle(local, p.rod_radius)
+    return LaidChain(nodes=nodes, link_lengths=lengths, bends=local / p.rod_radius, node_circles=circles)
 
 
 def _nodes_on_rod(p: Parameters, link_length: float) -> Array:

@@ -28,14 +28,23 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-STIFFNESS = 2e5
-"""Of each part of the string where nothing says that it stretches [N/m]: 1 N then stretches it by 5 um."""
-LOSS_TIME = 3e-4
-"""Damping over stiffness of such a string [s]: about 0.7 of critical for 10 g."""
-STEP = 1e-4
-"""[s]; the stiff string's frequency with 10 g is 4500 rad/s, and RK4 is stable up to 2.8 over that."""
 STEP_AT_ROD = 0.04
 """Largest angle of the light mass about the string's tangent point in a step [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Numerics:
+    """How closely the string stands for a rigid one, and the step."""
+
+    stiffness: float = 4e6
+    """Of each part of the string where nothing says that it stretches [N/m]: 1 N then stretches it by 0.25 um."""
+    loss_time: float = 1e-4
+    """Damping over stiffness of such a string [s]: critical for 10 g."""
+    step: float = 5e-5
+    """[s]; the string's frequency with 10 g is 2e4 rad/s, and RK4 is stable up to 2.8 over that."""
+
+
+DEFAULT = Numerics()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,12 +90,12 @@ class Effects:
     momentum of string that changes sides are left out."""
     compliance: float = 0.0
     """Stretch of the whole string per force [m/N]; each part has its share by length."""
-    string_loss_time: float = LOSS_TIME
-    """Damping over stiffness of the string [s]; above 1e-4."""
+    string_loss_time: float = 0.0
+    """Damping over stiffness of a string that stretches [s]; 0: that of the numerics."""
     string_thickness: float = 0.0
     """Growth of the radius per turn, from the second turn on: the string lies on itself [m]."""
     rod_mobility: float = 0.0
-    """R^2 over the rod's moment of inertia: how freely it turns in its bearing [1/kg]; 0: it is fixed."""
+    """R^2 over the rod's moment of inertia: how freely it turns in its bearing [1/kg]; 0: it is fixed, below 40 for stability."""
     bearing_friction: float = 0.0
     """Coulomb friction of the bearing, as a force at the rod's surface [N]."""
     light_radius: float = 0.0
@@ -116,6 +125,7 @@ class Motion:
     """What happened, at every step. Arrays of shape (n,) or (n, 3)."""
 
     apparatus: Apparatus
+    numerics: Numerics
     t: Array
     light: Array
     heavy: Array
@@ -147,7 +157,7 @@ class Motion:
         a = self.apparatus
         moving = a.light_mass * (self.light_velocity**2).sum(axis=1) + a.heavy_mass * (self.heavy_velocity**2).sum(axis=1)
         height = a.gravity * (a.light_mass * self.light[:, 1] + a.heavy_mass * self.heavy[:, 1])
-        return moving / 2 + height + STIFFNESS * (np.maximum(self.stretch, 0) ** 2).sum(axis=1) / 2
+        return moving / 2 + height + self.numerics.stiffness * (np.maximum(self.stretch, 0) ** 2).sum(axis=1) / 2
 
 
 State = list[float]
@@ -185,10 +195,12 @@ class _Instant:
         return min(down, self.holding_ratio * self.heavy_tension - self.light_tension)
 
 
-def simulate(apparatus: Apparatus, effects: Effects | None = None, *, duration: float = 1.1, step: float = STEP) -> Motion:
+def simulate(
+    apparatus: Apparatus, effects: Effects | None = None, *, duration: float = 1.1, numerics: Numerics = DEFAULT
+) -> Motion:
     """Let go, and follow the masses until ``duration`` [s] or until one of them reaches the rod."""
     e = effects if effects is not None else Effects()
-    state, rates, contact = _released(apparatus, e)
+    state, rates, contact = _released(apparatus, e, numerics)
     end_length = sqrt(e.light_radius**2 + 2 * e.light_radius * apparatus.rod_radius) or apparatus.rod_radius / 3
     t, now, rows, ended = 0.0, rates(0.0, state, contact), [], False
     while True:
@@ -199,7 +211,7 @@ def simulate(apparatus: Apparatus, effects: Effects | None = None, *, duration: 
         if ended or t >= duration - 1e-12:
             break
         speed = hypot(state[6], state[7])
-        h = min(step, STEP_AT_ROD * now.free_length / speed if speed > 0 else step, duration - t)
+        h = min(numerics.step, STEP_AT_ROD * now.free_length / max(speed, 1e-3), duration - t)
         following = _runge_kutta(rates, t, state, now, contact, h)
         then = rates(t + h, following, contact)
         if e.static_excess > 0 and contact.slip == 0 and then.margin < 0 < now.margin:
@@ -210,13 +222,14 @@ def simulate(apparatus: Apparatus, effects: Effects | None = None, *, duration: 
             then = rates(t + h, following, contact)
         t, state, now = t + h, following, then
         contact.wrap_angle = now.wrap_angle
-    return _motion(apparatus, np.array(rows), ended)
+    return _motion(apparatus, numerics, np.array(rows), ended)
 
 
-def _motion(apparatus: Apparatus, rows: Array, ended: bool) -> Motion:
+def _motion(apparatus: Apparatus, numerics: Numerics, rows: Array, ended: bool) -> Motion:
     flat = np.zeros(len(rows))
     return Motion(
         apparatus=apparatus,
+        numerics=numerics,
         t=rows[:, 0],
         light=rows[:, 1:4],
         heavy=np.stack([rows[:, 4], rows[:, 5], flat], axis=1),
@@ -261,7 +274,7 @@ def _settle(contact: _Contact, state: State, now: _Instant, e: Effects) -> bool:
     return before != (contact.slip, contact.rod)
 
 
-def _released(a: Apparatus, e: Effects) -> tuple[State, Rates, _Contact]:
+def _released(a: Apparatus, e: Effects, numerics: Numerics) -> tuple[State, Rates, _Contact]:
     """State at release, its equations of motion, and the contact.
 
     Just before, the heavy mass hangs at rest and the hand that holds the light one has let the string come to the verge of
@@ -277,7 +290,7 @@ def _released(a: Apparatus, e: Effects) -> tuple[State, Rates, _Contact]:
     velocity = [-e.push * normal[0], -e.push * normal[1], e.sideways_push, 0.0, 0.0]
     paths = (a.free_length + slope + wound, a.hanging_length - a.rod_radius * swing)
     state = [x, y, 0.0, hx, hy, 0.0, *velocity, 0.0]
-    return state, _equations(a, e, paths), _Contact(angle)
+    return state, _equations(a, e, paths, numerics), _Contact(angle)
 
 
 def _profile(angle: float, radius: float, thickness: float) -> tuple[float, float, float]:
@@ -289,11 +302,11 @@ def _profile(angle: float, radius: float, thickness: float) -> tuple[float, floa
     return radius + slope * turned, slope, radius * angle + slope * turned * turned / 2
 
 
-def _equations(a: Apparatus, e: Effects, paths: tuple[float, float]) -> Rates:
+def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: Numerics) -> Rates:
     """Return the right side as a function of time, state and contact; ``paths`` are the string's at release."""
     m1, m2, radius, g = a.light_mass, a.heavy_mass, a.rod_radius, a.gravity
     dropped, held, swings, lateral = a.release == "drop", a.release == "held", e.heavy_swing != 0, e.sideways_push != 0
-    base_compliance, tau = 1 / STIFFNESS, e.string_loss_time
+    base_compliance, tau = 1 / numerics.stiffness, e.string_loss_time or numerics.loss_time
     whole = sum(paths)
     spin = 0.4 * m1 * e.light_radius**2
     light_force = _light_force(a, e)
@@ -301,7 +314,7 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float]) -> Rates:
     def parts(passed: float) -> tuple[float, float]:
         """Stiffness of the light and of the heavy part [N/m]."""
         if e.compliance == 0:
-            return STIFFNESS, STIFFNESS
+            return numerics.stiffness, numerics.stiffness
         share = (paths[0] + passed) / whole
         return 1 / (base_compliance + e.compliance * share), 1 / (base_compliance + e.compliance * (1 - share))
 

@@ -11,8 +11,16 @@ import pytest
 
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.pybullet import SETTINGS, PybulletChain, engines
-from looping_pendulum.engines.pybullet_model import ChainSettings, contact_friction, lay_chain, node_circle
+from looping_pendulum.engines.pybullet_model import (
+    COARSEST,
+    MAX_JOINTS,
+    ChainSettings,
+    contact_friction,
+    lay_chain,
+    node_circle,
+)
 from looping_pendulum.errors import EngineError
+from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.scenarios.scenario import Scenario
@@ -34,14 +42,14 @@ def scenario(duration: float, **changes: object) -> Scenario:
 
 
 def polygon_ripple(settings: ChainSettings, rod_radius: float) -> float:
-    """Largest lever-arm error of a chain on a rod [m]: |c - R| and |R - c cos(b/2)| are below h^2 / 8R to leading order; twice."""
+    """Twice the largest lever-arm error of a chain on a rod [m]: c - R and R - c cos(b/2) are about h^2 / 8R."""
     return 2 * settings.link_length**2 / (8 * rod_radius)
 
 
 def test_importing_the_adapter_and_making_an_engine_imports_no_pybullet() -> None:
     code = (
-        "import sys; from looping_pendulum.engines.pybullet import engines; from looping_pendulum.engines.protocol import Profile;"
-        "engines(Profile.QUICK); sys.exit('pybullet' in sys.modules)"
+        "import sys; from looping_pendulum.engines import protocol, pybullet;"
+        "pybullet.engines(protocol.Profile.QUICK); sys.exit('pybullet' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 
@@ -96,9 +104,24 @@ def test_chain_is_laid_between_the_masses_with_its_nodes_on_the_rod(release: Rel
     assert chain.link_lengths.sum() == pytest.approx(p.string_length, abs=2 * p.rod_radius * (bend / 2) ** 3 / 6)
 
 
-def test_string_too_long_for_a_multibody_is_refused_with_a_way_out() -> None:
-    with pytest.raises(EngineError, match=r"joints and PyBullet holds 127; raise link_length above .* mm"):
-        lay_chain(scenario(0.1, free_length=1.5).parameters, SETTINGS[Profile.QUICK])
+def test_long_string_gets_longer_links_and_one_too_long_is_refused_with_a_way_out() -> None:
+    settings = SETTINGS[Profile.QUICK]
+    longer = lay_chain(scenario(0.1, free_length=0.8).parameters, settings)
+    assert len(longer.nodes) <= MAX_JOINTS
+    assert settings.link_length < longer.link_lengths[20] <= COARSEST * 1.02 * settings.link_length
+    with pytest.raises(EngineError, match=r"needs \d+ joints .* PyBullet holds 121; raise link_length or outer_link_length"):
+        lay_chain(scenario(0.1, free_length=1.5, rod_radius=0.0125).parameters, settings)
+
+
+def test_state_of_the_longest_chain_is_read_back_whole() -> None:
+    pytest.importorskip("pybullet")
+    held_up = scenario(0.01, free_length=0.68)
+    settings = SETTINGS[Profile.ACCURATE]
+    assert MAX_JOINTS - 2 <= len(lay_chain(held_up.parameters, settings).nodes) <= MAX_JOINTS
+    row = PybulletChain(settings=settings).build(held_up).read()
+    p = held_up.parameters
+    start = light_position(math, p.free_length, p.release_angle, p.rod_radius)
+    assert row == pytest.approx((*start, 0, 0, p.rod_radius, -p.hanging_length, 0, 0, 0), abs=1e-9)
 
 
 def test_links_too_long_for_the_rod_are_refused() -> None:
@@ -147,9 +170,9 @@ def test_vertical_release_is_an_atwood_machine_with_capstan_friction(radius: flo
     run = engine.simulate(vertical).raise_if_failed()
     pull = 0.01 * math.exp(friction * math.pi)
     acceleration = G * (0.1 - pull) / (0.1 + pull)  # g (M2 - M1 e^(mu pi)) / (M2 + M1 e^(mu pi))
-    # The lever-arm ripple at both ends, and 1 % of the way. The wrap angle stays, so the sum of the two end corners takes one value
-    # or another by one bend b where friction is right on average: their exponent is off by at most f(b) - 2 f(b/2), 0.013 at
-    # b = 0.8 and mu = 0.34, and ln a falls by 2x / (1 - x^2) = 0.64 times that, x = M1 e^(mu pi) / M2.
+    # The lever-arm ripple at both ends, and 1 % of the way. The wrap angle stays, so the first and last corner keep one sum
+    # where the friction is right on average over all: their exponent is off by at most f(b) - 2 f(b/2), 0.013 at b = 0.8 and
+    # mu = 0.34, and ln a falls by 2x / (1 - x^2) = 0.64 times that, where x = M1 e^(mu pi) / M2.
     bound = 2 * polygon_ripple(engine.settings, radius) + 0.01 * 0.5 * acceleration * run.t**2
     assert np.all(np.abs(run.heavy_drop - 0.5 * acceleration * run.t**2) <= bound)
     assert run.status.ok
@@ -176,14 +199,8 @@ def test_looping_release_follows_the_reference_while_the_string_slides() -> None
     error = np.linalg.norm(run.light_position[: len(exact.t)] - exact.light_position, axis=1)
     bound = 2 * polygon_ripple(engine.settings, looping.parameters.rod_radius)  # a ripple at each end of the wound string
     assert np.max(error) <= bound
-    assert (
-        np.max(
-            np.abs(
-                run.heavy_drop[: len(exact.t)] - run.heavy_drop[0] - (exact.heavy_position[0, 1] - exact.heavy_position[:, 1])
-            )
-        )
-        <= bound
-    )
+    drop = exact.heavy_position[0, 1] - exact.heavy_position[:, 1]
+    assert np.max(np.abs(run.heavy_drop[: len(drop)] - drop)) <= bound
 
 
 def test_a_rig_leaves_no_file_and_no_server_behind(tmp_path, monkeypatch) -> None:
