@@ -52,11 +52,13 @@ EngineNames = Annotated[
     typer.Option("--engine", "-e", metavar="NAME", help="Only this engine (pymunk) or variant (mujoco:capstan); repeatable."),
 ]
 ProfileName = Annotated[ProfileChoice, typer.Option("--profile", "-p", help="quick: seconds to a minute. accurate: minutes.")]
-TimeLimit = Annotated[float, typer.Option(metavar="SECONDS", min=0.1, help="Stop an engine's run after this long; keep what it has.")]
+TimeLimit = Annotated[
+    float, typer.Option(metavar="SECONDS", min=0.1, help="Stop an engine's run after this long; keep what it has.")
+]
 Jobs = Annotated[int | None, typer.Option(metavar="N", min=1, help="Runs at once; default: one per core.")]
 DataFolder = Annotated[
     Path | None,
-    typer.Option("--data", metavar="DIR", help="Folder with measured tables (paper/trial_10to1.csv); also $LOOPING_PENDULUM_DATA."),
+    typer.Option("--data", metavar="DIR", help="Folder with measured tables (paper/...); also $LOOPING_PENDULUM_DATA."),
 ]
 
 
@@ -136,9 +138,7 @@ def run(
     chosen, speed = _load(scenario), Profile(profile.value)
     wanted = chosen_engines(engine, speed) if engine else [ReferenceEngine(available_integrators()[0], speed)]
     with _Progress() as progress:
-        runs = run_all(
-            wanted, chosen, jobs=jobs, time_limit=time_limit, progress=progress.update, finished=progress.finished
-        )
+        runs = run_all(wanted, chosen, jobs=jobs, time_limit=time_limit, progress=progress.update, finished=progress.finished)
     table = _table("engine", "samples", "until [s]", "M2 dropped [m]", "wall [s]", "ended")
     for result in runs:
         until, drop = ("", "") if not len(result.t) else (f"{result.t[-1]:.3f}", f"{result.heavy_drop[-1]:.4f}")

@@ -190,7 +190,7 @@ def implausibility(trial: Trial, x: Array) -> Array:
 def prefer_plausible_drag(
     trial: Trial, radius: float, table: dict[tuple[str, int], tuple[float, float]], start: Array, floor: float
 ) -> Array:
-    """Move along the family of equal fits towards plausible drag, varied by its logarithm, from at least ``floor`` estimates."""
+    """Move along the family of equal fits towards plausible drag (by its logarithm), from at least ``floor`` estimates."""
     low, high = (np.array([b[k] / b[2] for b in trial.free.values()]) for k in (0, 1))
 
     def unpack(z: Array) -> Array:
@@ -230,9 +230,8 @@ def main() -> None:
             rows = trial.predict(solve(parameters(trial, radius * 1e-3, values)))
             for (quantity, index), (value, half) in table.items():
                 found = rows.get((quantity, index), math.nan)
-                print(
-                    f"  {quantity:24s} {index}  paper {value:8.3f}  here {found:9.4f}  miss {found - value:+.4f} ({(found - value) / half:+.2f} half digits)"
-                )
+                miss_text = f"{found - value:+.4f} ({(found - value) / half:+.2f} half digits)"
+                print(f"  {quantity:24s} {index}  paper {value:8.3f}  here {found:9.4f}  miss {miss_text}")
 
 
 if __name__ == "__main__":

@@ -98,8 +98,7 @@ def test_outside_tolerance_is_exit_status_one(tmp_path):
     text = command("scenarios", "drop").stdout
     start = text.index("tolerances:") if "tolerances:" in text else len(text)
     strict = text[:start] + (
-        "tolerances:\n  reference:scipy:\n    quick:\n"
-        "      tube_fraction: {limit: 1.5, reason: cannot be kept}\n"
+        "tolerances:\n  reference:scipy:\n    quick:\n      tube_fraction: {limit: 1.5, reason: cannot be kept}\n"
     )
     path = tmp_path / "strict.yaml"
     path.write_text(strict)

@@ -6,16 +6,15 @@ A cell without a mark is missing, never zero. Whatever is not used is counted wi
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
-from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from looping_pendulum.discrepancy.columns import Column, Notes, read_columns
 from looping_pendulum.discrepancy.delimited import Row, Table, data_error, read_table
 from looping_pendulum.discrepancy.events import is_event_table, read_events
 from looping_pendulum.discrepancy.observations import UNITS, Channel, DataError, Dropped, Observations
@@ -35,36 +34,7 @@ LONGEST_STEP = 0.5
 SAME_RATE = 0.01
 """Relative difference of frame rates that is only the rounding of printed times."""
 _DEFAULT_UNITS = {"length": "m", "time": "s", "angle": "rad"}
-_ROLES = {
-    "t": "t", "time": "t", "zeit": "t", "temps": "t", "tiempo": "t", "frame": "frame", "x": "x", "y": "y", "drop": "drop",
-    "height": "height", "h": "height", "angle": "angle", "theta": "angle", "rate": "angle_rate", "omega": "angle_rate",
-    "angle_rate": "angle_rate", "angular_velocity": "angle_rate", "angular_rate": "angle_rate",
-}  # fmt: skip
-_TIDY = re.compile(r"(light|heavy|m1|m2)[_ ]?([xy])|([xy])[_ ]?([12])")
-_SUFFIX = re.compile(r"(.*?)_(s|ms|m|cm|mm|rad|deg|m_per_s|rad_per_s)")
 _KIND_OF_UNIT = {"t": "time", "x": "length", "y": "length", "height": "length", "angle": "angle"}
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Column:
-    """What one column holds."""
-
-    index: int
-    label: str
-    """Name for errors, track included: "x (mass A)"."""
-    role: str
-    """t, frame, drop, x, y, height, angle, angle_rate; '' for what is not used."""
-    track: str
-    unit: str
-    """As the header writes it; '' if it does not."""
-
-
-@dataclass(kw_only=True)
-class _Notes:
-    """What is left out and taken for granted while a file is read."""
-
-    dropped: Counter[str] = field(default_factory=Counter)
-    assumptions: list[str] = field(default_factory=list)
 
 
 def read(
@@ -88,7 +58,7 @@ def read(
         Frame rate by which the file's times were made [Hz], for slow-motion clips; None: one row is one frame, unless the file
         has a column of frame numbers.
     tracks
-        Mass -> name of its track in the file, ``{"light": "mass A"}``.
+        Mass -> name of its track in the file, ``{"light": "mass A"}``; an empty name: the file's only track.
     kind
         One of `KINDS`.
     units
@@ -110,15 +80,14 @@ def read(
     table = read_table(path)
     if kind == "events" or (kind == "auto" and is_event_table(table)):
         return read_events(path, table, name)
-    notes = _Notes()
-    columns = _columns(table, kind, tracks, notes)
+    notes = Notes()
+    columns = read_columns(table, kind, tracks, notes)
+    _refuse_ragged(table, columns)
     rows = _rows_of_drop(table, columns, drop)
-    _refuse_ragged(table, rows, columns)
     units = _DEFAULT_UNITS | dict(units or {})
-    channels = _channels(table, rows, columns, tracks, units, notes)
-    channels = _retimed(table, rows, columns, channels, frame_rate, clip_rate, notes)
-    channels = _checked_rate(channels, notes)
-    _refuse_absurd(table, channels)
+    seen = _channels(table, rows, columns, tracks, units, notes)
+    _refuse_absurd(table, seen, check_times=frame_rate is None)
+    channels = _checked_rate(_retimed(table, columns, seen, frame_rate, clip_rate, notes), notes)
     return Observations(
         name=name,
         file=file,
@@ -128,89 +97,7 @@ def read(
     )
 
 
-def _columns(table: Table, kind: str, tracks: Mapping[str, str] | None, notes: _Notes) -> list[_Column]:
-    """What the columns hold, by the header or by their number."""
-    names = next((row for row in reversed(table.head) if _role(row.cells[0])[0] in ("t", "frame", "drop")), None)
-    above = [row for row in table.head if row is not names]
-    if names is None:
-        return _columns_without_names(table, kind, tracks, above, notes)
-    # A name stands above the first column of its track; all columns up to the next name are that track's.
-    starts = {i: cell for row in above for i, cell in enumerate(row.cells) if cell}
-    if len(starts) == 1:
-        starts = {0: next(iter(starts.values()))}  # `cm_A` alone in a line stands anywhere above the only track
-    columns, track = [], ""
-    for index, cell in enumerate(names.cells):
-        track = starts.get(index, track)
-        role, own, unit = _role(cell)
-        if cell:
-            owner = own or track
-            label = f"{cell} ({owner})" if owner and not own else cell
-            columns.append(_Column(index=index, label=label, role=role, track=owner, unit=unit))
-    if not any(c.role == "t" for c in columns) and not any(c.role == "frame" for c in columns):
-        raise table.error(
-            names.line, "", f"found no column of times among {quote(', '.join(filter(None, names.cells)))}, needed 't'"
-        )
-    return _known_roles(table, names, columns)
-
-
-def _known_roles(table: Table, names: Row, columns: list[_Column]) -> list[_Column]:
-    """Refuse a header from which nothing could be used."""
-    if any(c.role in ("x", "y", "height", "angle") for c in columns):
-        return columns
-    near = [
-        (c, difflib.get_close_matches(c.label.lower(), ["x", "y", "light_x", "heavy_y", "angle", "height"], 1)) for c in columns
-    ]
-    hint = next((f"; did you mean '{m[0]}' by '{c.label}'?" for c, m in near if m), "; rename the columns so")
-    found = quote(", ".join(c.label for c in columns))
-    raise table.error(
-        names.line, "", f"found columns {found}, needed positions (x, y), an angle or a height beside the time{hint}"
-    )
-
-
-def _role(cell: str) -> tuple[str, str, str]:
-    """Role, mass and unit of a column's name: "light_x [cm]" -> ("x", "light", "cm")."""
-    text, unit = cell.strip(), ""
-    bracket = re.fullmatch(r"(.*?)\s*[\[(]([^\])]*)[\])]", text)
-    if bracket:
-        text, unit = bracket[1], bracket[2].strip()
-    text = text.lower()
-    suffix = _SUFFIX.fullmatch(text)
-    if suffix and not unit and not _TIDY.fullmatch(text):
-        text, unit = suffix[1], suffix[2].replace("_per_", "/")
-    tidy = _TIDY.fullmatch(text)
-    if tidy:
-        mass, axis = (tidy[1], tidy[2]) if tidy[1] else (tidy[4], tidy[3])
-        return axis, {"m1": "light", "1": "light", "m2": "heavy", "2": "heavy"}.get(mass, mass), unit
-    return _ROLES.get(text, ""), "", unit
-
-
-def _columns_without_names(
-    table: Table, kind: str, tracks: Mapping[str, str] | None, above: Sequence[Row], notes: _Notes
-) -> list[_Column]:
-    """Columns of a file that does not name them: t,x,y for each track, or t,angle[,rate]."""
-    width = max(len([c for c in row.cells if c]) for row in table.rows)
-    titles = [cell for row in above for cell in row.cells if cell]
-    if kind == "drop":
-        raise table.error(table.rows[0].line, "", "found no names of columns, needed 'time' and 'height'; write them above")
-    is_angle = kind == "angle" or (kind == "auto" and not tracks and not titles and table.delimiter == " " and width in (2, 3))
-    if is_angle:
-        roles = [("t", ""), ("angle", ""), ("angle_rate", "")][:width]
-        notes.assumptions.append("columns without names: taken as t [s], angle [rad]" + (", rate [rad/s]" if width > 2 else ""))
-    elif width in (3, 5) and (width == 3 or (tracks and len(tracks) == 2) or len(titles) == 2):
-        names = titles if len(titles) == width // 2 else list((tracks or {}).values())
-        names = names if len(names) == width // 2 else [Path(table.file).stem]
-        roles = [("t", "")] + [(axis, track) for track in names for axis in "xy"]
-        notes.assumptions.append("columns without names: taken as t, x, y" + (", x, y" if width == 5 else ""))
-    else:
-        found = f"found {width} columns without names"
-        raise table.error(table.rows[0].line, "", f"{found}, needed a line of names above such as 't,light_x,light_y'; add it")
-    return [
-        _Column(index=i, label=f"{i + 1} ({role}{' of ' + track if track else ''})", role=role, track=track, unit="")
-        for i, (role, track) in enumerate(roles)
-    ]
-
-
-def _rows_of_drop(table: Table, columns: list[_Column], drop: int | None) -> list[Row]:
+def _rows_of_drop(table: Table, columns: list[Column], drop: int | None) -> list[Row]:
     """Rows of the chosen drop; all where the file has no such column."""
     column = next((c for c in columns if c.role == "drop"), None)
     if column is None:
@@ -228,10 +115,10 @@ def _rows_of_drop(table: Table, columns: list[_Column], drop: int | None) -> lis
     return [row for row, number in zip(table.rows, numbers, strict=True) if number == wanted]
 
 
-def _refuse_ragged(table: Table, rows: list[Row], columns: list[_Column]) -> None:
+def _refuse_ragged(table: Table, columns: list[Column]) -> None:
     """Refuse rows of another width than the header's; blank cells at the end are Tracker's trailing delimiter."""
     width = columns[-1].index + 1
-    for row in rows:
+    for row in table.rows:
         filled = max((i + 1 for i, cell in enumerate(row.cells) if cell), default=0)
         # Editors trim the tabs at the end of a line, so there a short row only misses its last marks.
         short = len(row.cells) < width and table.delimiter != "\t"
@@ -244,10 +131,10 @@ def _refuse_ragged(table: Table, rows: list[Row], columns: list[_Column]) -> Non
 def _channels(
     table: Table,
     rows: list[Row],
-    columns: list[_Column],
+    columns: list[Column],
     tracks: Mapping[str, str] | None,
     units: Mapping[str, str],
-    notes: _Notes,
+    notes: Notes,
 ) -> list[tuple[Channel, list[Row]]]:
     """Channels by the file's clock, each with the rows that its points stand in."""
     masses = _masses(table, columns, tracks)
@@ -270,7 +157,7 @@ def _channels(
     return list(found.values())
 
 
-def _masses(table: Table, columns: list[_Column], tracks: Mapping[str, str] | None) -> dict[str, str]:
+def _masses(table: Table, columns: list[Column], tracks: Mapping[str, str] | None) -> dict[str, str]:
     """Track -> mass, as asked for or by the track's own name."""
     have = list(dict.fromkeys(c.track for c in columns if c.role in ("x", "y")))
     shown = ", ".join(f"'{t}'" if t else "one without a name" for t in have)
@@ -279,8 +166,8 @@ def _masses(table: Table, columns: list[_Column], tracks: Mapping[str, str] | No
         if unknown:
             raise table.error(None, "", f"tracks: found {quote(unknown[0])}, needed 'light' or 'heavy'")
         lost = [t for t in tracks.values() if t not in have]
-        if lost and len(tracks) == len(have) == 1:
-            return {have[0]: next(iter(tracks))}  # the only track is meant, whatever it is called
+        if len(have) == 1 and (have == [""] or list(tracks.values()) == [""]) and len(tracks) == 1:
+            return {have[0]: next(iter(tracks))}
         if lost:
             raise table.error(None, "", f"found the tracks {shown}, needed {quote(lost[0])}; correct 'tracks'")
         return {track: mass for mass, track in tracks.items()}
@@ -292,7 +179,7 @@ def _masses(table: Table, columns: list[_Column], tracks: Mapping[str, str] | No
 
 
 def _channel(
-    table: Table, rows: list[Row], clock: _Column, column: _Column, channel: str, units: Mapping[str, str], notes: _Notes
+    table: Table, rows: list[Row], clock: Column, column: Column, channel: str, units: Mapping[str, str], notes: Notes
 ) -> tuple[Channel, list[Row]]:
     time_factor = 1.0 if clock.role == "frame" else _to_si(table, clock, "s", units)
     value_factor = _to_si(table, column, UNITS[channel], units)
@@ -324,7 +211,7 @@ def _channel(
     return Channel(name=channel, t=t, value=v, column=column.label), kept
 
 
-def _to_si(table: Table, column: _Column, si: str, units: Mapping[str, str]) -> float:
+def _to_si(table: Table, column: Column, si: str, units: Mapping[str, str]) -> float:
     """Factor from the column's unit to SI."""
     written = column.unit or units.get(_KIND_OF_UNIT.get(column.role, ""), si)
     try:
@@ -338,45 +225,50 @@ def _to_si(table: Table, column: _Column, si: str, units: Mapping[str, str]) -> 
 
 def _retimed(
     table: Table,
-    rows: list[Row],
-    columns: list[_Column],
-    channels: list[tuple[Channel, list[Row]]],
+    columns: list[Column],
+    seen: list[tuple[Channel, list[Row]]],
     frame_rate: float | None,
     clip_rate: float | None,
-    notes: _Notes,
+    notes: Notes,
 ) -> list[Channel]:
     """Put the true frame rate in place of the one by which the file's times were made."""
-    frames = next((c for c in columns if c.role == "frame"), None)
+    frames = [c for c in columns if c.role == "frame"]
     if frame_rate is None:
         if not any(c.role == "t" for c in columns):
             raise table.error(None, "", "found frame numbers but no times, needed the camera's frame rate; give 'frame_rate'")
-        return [channel for channel, _ in channels]
-    if frames is not None:
-        counts = [table.number(row, frames.index, frames.label) for row in rows]
-        first = min((c for c in counts if c is not None), default=0.0)
-        return [_by_frame(table, frames, channel, kept, first, frame_rate) for channel, kept in channels]
-    steps = np.diff(np.unique(np.concatenate([channel.t for channel, _ in channels])))
+        return [channel for channel, _ in seen]
+    if frames:
+        return _by_frames(table, frames, columns, seen, frame_rate)
+    steps = np.diff(np.unique(np.concatenate([channel.t for channel, _ in seen])))
     own = clip_rate or (1 / float(np.median(steps)) if steps.size else frame_rate)
     if abs(own / frame_rate - 1) < SAME_RATE:
-        return [channel for channel, _ in channels]
+        return [channel for channel, _ in seen]
     known = "" if clip_rate else ", taking one row as one frame"
     notes.assumptions.append(f"times made for {own:.4g} frames a second were put to {frame_rate:.4g}{known}")
-    return [Channel(name=c.name, t=c.t * own / frame_rate, value=c.value, column=c.column) for c, _ in channels]
+    return [replace(c, t=c.t * own / frame_rate) for c, _ in seen]
 
 
-def _by_frame(table: Table, frames: _Column, channel: Channel, kept: list[Row], first: float, frame_rate: float) -> Channel:
-    counts: list[float] = []
-    for row in kept:
-        count = table.number(row, frames.index, frames.label)
-        if count is None or (counts and count <= counts[-1]):
-            found = "nothing" if count is None else f"{count:g} after {counts[-1]:g}"
-            raise table.error(row.line, frames.label, f"found {found}, needed frame numbers that grow; export them again")
-        counts.append(count)
-    t = (np.array(counts) - first) / frame_rate
-    return Channel(name=channel.name, t=t, value=channel.value, column=channel.column)
+def _by_frames(
+    table: Table, frames: list[Column], columns: list[Column], seen: list[tuple[Channel, list[Row]]], frame_rate: float
+) -> list[Channel]:
+    """Times from frame numbers; all tracks count from the first frame that any was marked in."""
+    tracks = {c.label: c.track for c in columns}
+    counted = []
+    for channel, kept in seen:
+        own = next((f for f in frames if f.track == tracks[channel.column]), frames[0])
+        counts: list[float] = []
+        for row in kept:
+            count = table.number(row, own.index, own.label)
+            if count is None or (counts and count <= counts[-1]):
+                found = "nothing" if count is None else f"{count:g} after {counts[-1]:g}"
+                raise table.error(row.line, own.label, f"found {found}, needed frame numbers that grow; export them again")
+            counts.append(count)
+        counted.append(np.array(counts))
+    first = min(float(c[0]) for c in counted)
+    return [replace(c, t=(n - first) / frame_rate) for (c, _), n in zip(seen, counted, strict=True)]
 
 
-def _checked_rate(channels: list[Channel], notes: _Notes) -> list[Channel]:
+def _checked_rate(channels: list[Channel], notes: Notes) -> list[Channel]:
     """Leave out an angular rate that is not the rate of the angle beside it."""
     named = {c.name: c for c in channels}
     if "angle_rate" not in named or "angle" not in named or len(named["angle"]) < 5:
@@ -393,19 +285,17 @@ def _checked_rate(channels: list[Channel], notes: _Notes) -> list[Channel]:
     return [c for c in channels if c is not rate]
 
 
-def _refuse_absurd(table: Table, channels: list[Channel]) -> None:
+def _refuse_absurd(table: Table, seen: list[tuple[Channel, list[Row]]], *, check_times: bool) -> None:
     """Refuse numbers that must be in another unit."""
-    for channel in channels:
+    for channel, rows in seen:
         limit = FARTHEST.get(channel.name.partition("_")[0], FARTHEST[channel.unit])
         worst = int(np.argmax(np.abs(channel.value)))
         if abs(channel.value[worst]) > limit:
-            found = f"found {channel.value[worst]:g} {channel.unit} at t = {channel.t[worst]:g} s"
             kind, unit = ("angle", "deg") if channel.unit.startswith("rad") else ("length", "cm")
-            message = (
-                f"{found}, needed at most {limit:.4g}; if the file is in another unit, say so: 'units: {{{kind}: {unit}}}'"
-            )
-            raise table.error(None, channel.column, message)
+            found = f"found {channel.value[worst]:g} {channel.unit}, needed at most {limit:.4g}"
+            message = f"{found}; if the file is in another unit, say so: 'units: {{{kind}: {unit}}}'"
+            raise table.error(rows[worst].line, channel.column, message)
         step = float(np.median(np.diff(channel.t))) if len(channel) > 1 else 0.0
-        if step > LONGEST_STEP:
+        if check_times and step > LONGEST_STEP:
             message = f"found a row every {step:g} s, needed many a second; if times are in ms, say so: 'units: {{time: ms}}'"
-            raise table.error(None, "t", message)
+            raise table.error(rows[0].line, "t", message)

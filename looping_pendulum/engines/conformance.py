@@ -21,9 +21,7 @@ from looping_pendulum.scenarios.scenario import Scenario
 
 Check = Callable[[Engine], None]
 
-FRICTIONLESS = Parameters(
-    light_mass=0.01, heavy_mass=0.1, rod_radius=0.02, free_length=0.4, release_angle=math.radians(112)
-)
+FRICTIONLESS = Parameters(light_mass=0.01, heavy_mass=0.1, rod_radius=0.02, free_length=0.4, release_angle=math.radians(112))
 ACCELERATION_TOLERANCE = 0.01
 """Relative. A quick chain of some millimetres' links may be one link's share of the wound string off."""
 START_TOLERANCE = 1e-9

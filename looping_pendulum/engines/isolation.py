@@ -143,7 +143,12 @@ def _watch(
     """Start the worker and wait for it; return (None, "") if it ended by itself with success."""
     samples = folder / "samples.bin"
     expected = max(1, round(scenario.duration / SAMPLE_INTERVAL) + 1)
-    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONFAULTHANDLER": "1"}
+    environment = os.environ | {
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+        "PYTHONFAULTHANDLER": "1",
+        "PYTHONPATH": os.pathsep.join(path for path in sys.path if path),  # where the engine's class was imported from
+    }
     with (folder / "output.txt").open("wb") as output:
         process = subprocess.Popen(
             [sys.executable, "-m", "looping_pendulum.engines.worker", str(folder)],

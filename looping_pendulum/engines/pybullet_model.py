@@ -112,7 +112,8 @@ def _lay(p: Parameters, s: ChainSettings, inner: float, outer: float) -> LaidCha
     if p.release is Release.VERTICAL:
         # The wrap angle stays. Links that divide it come on and off the rod at the same moments, so that the ripple which a
         # passing node makes in the string's speed is the same at both ends, and the masses do not feel it.
-        inner = p.rod_radius * p.release_angle / max(1, round(p.rod_radius * p.release_angle / inner))
+        wound = p.rod_radius * p.release_angle
+        inner = wound / math.ceil(wound / inner)
     on_rod = _nodes_on_rod(p, inner)
     straight = math.dist(on_rod[-1], light)
     inner_count = round(s.sliding_share * straight / inner)

@@ -10,21 +10,25 @@ sideways; every bead that touches the rod is Chipmunk's alone.
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import importlib.metadata
 import math
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from looping_pendulum.engines.chain import bead_places, point_on_string, polygon_friction, polygon_radius
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Engine, Profile, SteppedEngine
+from looping_pendulum.engines.protocol import Abilities, Engine, Profile, SteppedEngine
+from looping_pendulum.engines.pymunk_calls import (
+    PUBLIC_ERROR_RATE,
+    SETTINGS,
+    Calls,
+    ChainSettings,
+    DirectCalls,
+    PublicCalls,
+    direct_library,
+)
 from looping_pendulum.engines.trajectory import Provenance, Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
-
-DIRECT_CALLS = ("cpBodyGetPosition", "cpBodyGetVelocity", "cpBodySetForce", "cpSpaceSetCurrentTimeStep", "cpSpaceStep")
-"""Chipmunk functions that pymunk calls but does not publish."""
 
 NEAR_LINKS = 2.0
 """A bead is added when the outermost one is nearer than this to its tangent point, in links: it comes free and then lands."""
@@ -34,124 +38,6 @@ MIN_BEADS = 4
 """Beads that always stay."""
 TAUT = 1e-3
 """A straight part shorter than its string by more than this fraction hangs slack, and its beads are left alone."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ChainSettings:
-    """Numerical settings of the bead chain."""
-
-    time_step: float
-    """[s]; divides the sample interval."""
-    bend: float
-    """Angle between neighbouring links on the rod [rad]; a link is R times this long."""
-    bead_mass_ratio: float
-    """Mass of one bead over the light mass. Lighter: a softer chain; heavier: the string's own inertia shows."""
-    iterations: int = 20
-    """Sweeps of the solver per step."""
-    impulse_leak: float = 150.0
-    """Rate at which joints forget their warm-start impulse [1/s]: damps the spring that it makes of the chain."""
-    error_rate: float = 100.0
-    """Rate at which joints remove their length error [1/s]; it must stay below the leak, or the chain rings ever louder."""
-    contact_rate: float = 100.0
-    """Rate at which contacts remove penetration beyond the slop [1/s]."""
-    bead_radius: float = 1e-3
-    """[m]; the circle is that much smaller, so that the bead's centre runs where the string should."""
-    contact_slop: float = 1e-5
-    """Depth to which beads rest in the circle [m]; allowed for in its radius."""
-    force_interval: int = 10
-    """Steps between two updates of the drag forces and of the beads on the straight parts; a test shows that it may be 1."""
-
-    def __post_init__(self) -> None:
-        """Refuse a step that samples cannot be taken at."""
-        steps = SAMPLE_INTERVAL / self.time_step
-        if abs(steps - round(steps)) > 1e-6 or round(steps) % self.force_interval:
-            raise ValueError(
-                f"time_step: found {self.time_step:g} s in groups of {self.force_interval}, needed a whole number of groups "
-                f"in {SAMPLE_INTERVAL:g} s"
-            )
-
-    @property
-    def steps_per_sample(self) -> int:
-        """Steps in one sample interval."""
-        return round(SAMPLE_INTERVAL / self.time_step)
-
-
-SETTINGS = {
-    Profile.QUICK: ChainSettings(time_step=5e-6, bend=0.32, bead_mass_ratio=2e-4),
-    Profile.ACCURATE: ChainSettings(time_step=2e-6, bend=0.24, bead_mass_ratio=1e-4),
-}
-
-PUBLIC_ERROR_RATE = 6.3
-"""Chipmunk's default rate [1/s]. Without the leak nothing damps the chain, so it must correct no faster."""
-
-
-class _Calls(Protocol):
-    """What the rig asks of Chipmunk at every step."""
-
-    def step(self, count: int) -> None:
-        """Take ``count`` steps."""
-
-    def motion(self, body: Any) -> tuple[float, float, float, float]:
-        """Position [m] and velocity [m/s]: x, y, vx, vy."""
-
-    def push(self, body: Any, fx: float, fy: float) -> None:
-        """Apply a force [N] for the next step."""
-
-
-class _DirectCalls:
-    """Straight to Chipmunk: the only way to the leaky warm start.
-
-    Chipmunk scales warm-start impulses by the new step over the last one. Told before each step that the last one was
-    dt / (1 - leak dt) long, it keeps the share 1 - leak dt of them.
-    """
-
-    def __init__(self, library: Any, space: Any, settings: ChainSettings) -> None:
-        self._library = library
-        self._space = space._space
-        self._time_step = settings.time_step
-        self._claimed_step = settings.time_step / (1 - settings.impulse_leak * settings.time_step)
-
-    def step(self, count: int) -> None:
-        space, time_step, claimed_step = self._space, self._time_step, self._claimed_step
-        claim, step = self._library.cpSpaceSetCurrentTimeStep, self._library.cpSpaceStep
-        for _ in range(count):
-            claim(space, claimed_step)
-            step(space, time_step)
-
-    def motion(self, body: Any) -> tuple[float, float, float, float]:
-        position = self._library.cpBodyGetPosition(body._body)
-        velocity = self._library.cpBodyGetVelocity(body._body)
-        return position.x, position.y, velocity.x, velocity.y
-
-    def push(self, body: Any, fx: float, fy: float) -> None:
-        self._library.cpBodySetForce(body._body, (fx, fy))
-
-
-class _PublicCalls:
-    """pymunk's published interface only."""
-
-    def __init__(self, space: Any, settings: ChainSettings) -> None:
-        self._space = space
-        self._time_step = settings.time_step
-
-    def step(self, count: int) -> None:
-        for _ in range(count):
-            self._space.step(self._time_step)
-
-    def motion(self, body: Any) -> tuple[float, float, float, float]:
-        return (*body.position, *body.velocity)
-
-    def push(self, body: Any, fx: float, fy: float) -> None:
-        body.force = (fx, fy)
-
-
-def direct_library() -> Any:
-    """Chipmunk's functions below pymunk, or None where this pymunk has not all of `DIRECT_CALLS`."""
-    try:
-        library = importlib.import_module("pymunk._chipmunk").lib
-    except (ImportError, AttributeError):
-        return None
-    return library if all(hasattr(library, name) for name in DIRECT_CALLS) else None
 
 
 class _BeadString:
@@ -184,7 +70,7 @@ class _BeadString:
             for i, ((a, b), length) in enumerate(zip(pairs, self.lengths, strict=True))
         ]
 
-    def tend(self, calls: _Calls) -> None:
+    def tend(self, calls: Calls) -> None:
         """Add or take away a bead on either straight part, so that beads stand where the string will meet the rod."""
         for _ in range(2):
             self._tend_first(calls)
@@ -194,7 +80,7 @@ class _BeadString:
         for row in (self.bodies, self._links, self.lengths):
             row.reverse()
 
-    def _tend_first(self, calls: _Calls) -> None:
+    def _tend_first(self, calls: Calls) -> None:
         if self._tangent_distance(calls, 1) < NEAR_LINKS * self._link_length:
             if self.lengths[0] > 2 * self._link_length:
                 self._add_bead()
@@ -205,7 +91,7 @@ class _BeadString:
         ):
             self._take_bead()
 
-    def _tangent_distance(self, calls: _Calls, index: int) -> float:
+    def _tangent_distance(self, calls: Calls, index: int) -> float:
         x, y, _, _ = calls.motion(self.bodies[index])
         return math.sqrt(max(x * x + y * y - self._rod_radius**2, 0.0))
 
@@ -261,7 +147,7 @@ class _BeadString:
         self.lengths[0] = length
         self._links[0].max = length
 
-    def stretch(self, calls: _Calls) -> float:
+    def stretch(self, calls: Calls) -> float:
         """How much longer than its rest length the string is [m]; negative where it hangs slack."""
         places = [calls.motion(body)[:2] for body in self.bodies]
         return math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self.lengths)
@@ -302,11 +188,11 @@ class ChainRig:
         space = empty_space(parameters, settings)
         self._space = space
         self._settings = settings
-        self._calls: _Calls
+        self._calls: Calls
         if library is None:
-            self._calls, error_rate = _PublicCalls(space, settings), PUBLIC_ERROR_RATE
+            self._calls, error_rate = PublicCalls(space, settings), PUBLIC_ERROR_RATE
         else:
-            self._calls, error_rate = _DirectCalls(library, space, settings), settings.error_rate
+            self._calls, error_rate = DirectCalls(library, space, settings), settings.error_rate
         self._string: _BeadString | None = None
         if parameters.release is Release.DROP:
             self._light, self._heavy = masses(space, parameters)

@@ -22,7 +22,7 @@ HOW_TO_GET = {
     "heyoka": "pip install heyoka (wheels for Linux x86-64, Python 3.11 to 3.13); SciPy stands in for it everywhere else",
     "mujoco": "pip install mujoco",
     "pymunk": "pip install pymunk",
-    "pybullet": "use Python 3.11, where `pip install pybullet` finds a wheel; above it compiles for many minutes and needs a C++ compiler",
+    "pybullet": "use Python 3.11, where `pip install pybullet` finds a wheel; above it pip compiles for many minutes",
     "scipy": "pip install scipy",
 }
 

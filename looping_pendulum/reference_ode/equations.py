@@ -153,7 +153,7 @@ def rates(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effects: 
 
 
 def tensions(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effects: Effects) -> tuple[Any, Any]:
-    """Tension in the free string and above the heavy mass, (T1, T2) [N]; a clamped heavy mass is taken to hang by the string."""
+    """Tension in the free string and above the heavy mass, (T1, T2) [N]; a clamped heavy mass counts as hanging by it."""
     b = _balance(xp, mode, t, y, signs, p, effects)
     if mode.slack:
         return 0.0 * b.pull, 0.0 * b.pull

@@ -11,7 +11,10 @@ from looping_pendulum.reference_ode.parameters import Parameters
 def mechanical_energy(
     parameters: Parameters, light_position: Array, light_velocity: Array, heavy_position: Array, heavy_velocity: Array
 ) -> Array:
-    """Kinetic and potential energy of both masses [J], shape (n,); all arrays (n, 2), SI. Constant without friction and drag."""
+    """Kinetic and potential energy of both masses [J], shape (n,); arguments (n, 2), SI.
+
+    Constant without friction and drag.
+    """
     gravity = parameters.coefficients["gravity"]
     light = 0.5 * np.sum(light_velocity**2, axis=1) + gravity * light_position[:, 1]
     heavy = 0.5 * np.sum(heavy_velocity**2, axis=1) + gravity * heavy_position[:, 1]

@@ -26,6 +26,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.blind import Apparatus, Effects
+
 Array = NDArray[np.float64]
 
 STEP_AT_ROD = 0.04
@@ -45,79 +47,6 @@ class Numerics:
 
 
 DEFAULT = Numerics()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Apparatus:
-    """What the experimenter would declare: the paper's model."""
-
-    light_mass: float = 0.010
-    heavy_mass: float = 0.100
-    rod_radius: float = 0.00625
-    free_length: float = 0.58
-    release_angle: float = math.radians(112)
-    hanging_length: float = 0.05
-    gravity: float = 9.81
-    friction: float = 0.34
-    light_drag: float = 1e-3
-    heavy_drag: float = 1e-3
-    string_drag: float = 1e-3
-    release: str = "looping"
-    """"looping", "vertical", "held" (heavy mass clamped) or "drop" (no string)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Effects:
-    """What nobody declared. Every default is the null value: the effect is absent."""
-
-    linear_drag: float = 0.0
-    """F = -b v on the light mass [kg/s]."""
-    wind: float = 0.0
-    """Horizontal speed of the air at the light mass, for its quadratic and linear drag [m/s]."""
-    attitude_drag: float = 0.0
-    """Relative growth of the light mass's quadratic drag: 1 + c cos^2 of the angle between velocity and string [1]."""
-    static_excess: float = 0.0
-    """Static over kinetic friction, less 1 [1]."""
-    friction_per_speed: float = 0.0
-    """Relative growth of friction with the speed of the string on the rod [s/m]."""
-    friction_per_wrap: float = 0.0
-    """Relative growth of friction with wrap angle [1/rad]."""
-    string_on_string: float = 0.0
-    """Friction added to that of the rod for wrap beyond the first full turn [1]."""
-    string_density: float = 0.0
-    """Mass of the string per length [kg/m]. Approximate: its hanging part joins the heavy mass (weight and inertia); of its free
-    part, half the weight and a half (along) or a third (across) of the inertia join the light mass; the part on the rod and the
-    momentum of string that changes sides are left out."""
-    compliance: float = 0.0
-    """Stretch of the whole string per force [m/N]; each part has its share by length."""
-    string_loss_time: float = 0.0
-    """Damping over stiffness of a string that stretches [s]; 0: that of the numerics."""
-    string_thickness: float = 0.0
-    """Growth of the radius per turn, from the second turn on: the string lies on itself [m]."""
-    rod_mobility: float = 0.0
-    """R^2 over the rod's moment of inertia: how freely it turns in its bearing [1/kg]; 0: it is fixed, below 40 for stability."""
-    bearing_friction: float = 0.0
-    """Coulomb friction of the bearing, as a force at the rod's surface [N]."""
-    light_radius: float = 0.0
-    """Of a solid ball that turns with the string (moment of inertia 2/5 M1 r^2) and ends the run when it touches the rod [m]."""
-    heavy_swing: float = 0.0
-    """Angle to the vertical from which the heavy mass, too, is released at rest [rad]."""
-    sideways_push: float = 0.0
-    """Speed of the light mass along the rod at release [m/s]. The string may shift along the rod without friction."""
-    side_force: float = 0.0
-    """Constant horizontal force on the light mass [N]."""
-    side_stiffness: float = 0.0
-    """Horizontal force on the light mass per x [N/m]; positive: away from the rod's vertical plane."""
-    push: float = 0.0
-    """Speed of the light mass across the string at release, the way it loops [m/s]."""
-    magnet: float = 0.0
-    """Largest force of a magnet on the light mass, F = k exp(-d^2 / 2 s^2) towards it (negative: away) [N]."""
-    magnet_place: tuple[float, float] = (-0.3, -0.35)
-    magnet_range: float = 0.08
-    thrust: float = 0.0
-    """Largest force of a pulse along the light mass's velocity, F = k exp(-(t - t0)^2 / 2 s^2) [N]."""
-    thrust_time: float = 0.3
-    thrust_width: float = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,8 +90,8 @@ class Motion:
 
 
 State = list[float]
-"""x, y, z of the light mass, x, y of the heavy one, passed string, their velocities in the same order, speed of the rod's surface
-towards the light side."""
+"""x, y, z of the light mass, x, y of the heavy one, string passed to the light side; x, y, z and x, y velocities; speed of the
+rod's surface towards the light side."""
 
 
 @dataclass
@@ -198,8 +127,16 @@ class _Instant:
 def simulate(
     apparatus: Apparatus, effects: Effects | None = None, *, duration: float = 1.1, numerics: Numerics = DEFAULT
 ) -> Motion:
-    """Let go, and follow the masses until ``duration`` [s] or until one of them reaches the rod."""
+    """Let go, and follow the masses until ``duration`` [s] or until one of them reaches the rod.
+
+    Raises
+    ------
+    ValueError
+        If the rod turns too easily for the step: then its coupling to the string's dampers is unstable.
+    """
     e = effects if effects is not None else Effects()
+    if 2 * e.rod_mobility * numerics.stiffness * numerics.loss_time * numerics.step > 2.5:
+        raise ValueError(f"rod_mobility: found {e.rod_mobility:g}, too large for these numerics; shorten the step")
     state, rates, contact = _released(apparatus, e, numerics)
     end_length = sqrt(e.light_radius**2 + 2 * e.light_radius * apparatus.rod_radius) or apparatus.rod_radius / 3
     t, now, rows, ended = 0.0, rates(0.0, state, contact), [], False
@@ -389,9 +326,7 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: N
             value = exponent(wrap - tilt, abs(heavy_rate + surface))
             cone = exp(value)
             holding = exp(value * (1 + e.static_excess)) if e.static_excess else cone
-            t1, t2, passing = tensions(
-                stretch1, stretch2, rate - surface, heavy_rate + surface, passed, cone, contact.slip
-            )
+            t1, t2, passing = tensions(stretch1, stretch2, rate - surface, heavy_rate + surface, passed, cone, contact.slip)
         fx, fy, fz = light_force(t, x, y, vx, vy, vz, ax, ay, nx, ny, free)
         along, toward = fx * ax + fy * ay - t1 * in_plane, fx * nx + fy * ny
         string_mass = e.string_density * free

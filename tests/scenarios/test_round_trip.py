@@ -103,8 +103,8 @@ def test_dump_writes_units_as_people_do():
     for line in (
         "mass: 10 g",
         "radius: 6.25 mm",
-        "angle: 112.5 deg",
-        "free_length: 58.2 cm",
+        "angle: 113.08 deg",
+        "free_length: 58.08 cm",
         "gravity: 9.81 m/s^2",
         "duration: 1.05 s",
     ):

@@ -148,7 +148,7 @@ def test_json_schema_accepts_what_is_shipped(name):
         ("6.25 mm", "6.25", ".rod.radius: not a string"),
         ("  radius:", "  raduis:", ".rod.radius: missing"),
         ("kind: looping", "kind: lopping", ".release.kind: enum"),
-        ("kinetic_friction: 0.341", "kinetic_friction: -1", ".string.kinetic_friction: none of anyOf"),
+        ("kinetic_friction: 0.3431", "kinetic_friction: -1", ".string.kinetic_friction: none of anyOf"),
         ("rms_0.7s:", "rms:", ".tolerances.mujoco:capstan.accurate.rms: unknown"),
     ],
 )

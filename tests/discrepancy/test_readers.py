@@ -1,0 +1,334 @@
+"""Every form in which measured data comes, good and bad; the oracle is the table that the text was made from."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from looping_pendulum.discrepancy.observations import Channel, Observations, merge, mirrored, with_event_errors
+from looping_pendulum.discrepancy.readers import DataError, read
+from looping_pendulum.errors import HarnessError
+from looping_pendulum.scenarios.measured import find_data
+
+ROOT = Path(__file__).parents[2]
+LIGHT = {"light": "mass A"}
+BOTH = {"light": "mass A", "heavy": "mass B"}
+
+
+def real(file):
+    path = find_data(file, ROOT / ".." / "shared" / "data")
+    if path is None:
+        pytest.skip(f"no data folder with {file}: set LOOPING_PENDULUM_DATA to it")
+    return path
+
+
+@pytest.fixture
+def clip(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def write(content):
+        Path("clip.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
+        return "clip.csv"
+
+    return write
+
+
+XY = {"light_x": [1.2, -1.4], "light_y": [2.1, 0.5]}
+FORMS = {
+    "tracker": (",mass A,,\nt,x,y,\n0.0E0,1.2E0,2.1E0,\n1.0E-2,-1.4E0,5.0E-1,\n", {"tracks": LIGHT}),
+    "tracker, name above the second column": (",,mass A,\nt,x,y,\n0,1.2,2.1,\n.01,-1.4,.5,\n", {"tracks": LIGHT}),
+    "no trailing delimiter": (",mass A,\nt,x,y\n0,1.2,2.1\n.01,-1.4,.5\n", {"tracks": LIGHT}),
+    "multi with one track": ("#multi:\n,mass A,,\nt,x,y,\n0,1.2,2.1,\n.01,-1.4,.5,\n", {"tracks": LIGHT}),
+    "tabs": ("\tmass A\t\t\nt\tx\ty\t\n0\t1.2\t2.1\t\n.01\t-1.4\t.5\t\n", {"tracks": LIGHT}),
+    "semicolons": (";mass A;;\nt;x;y;\n0;1.2;2.1;\n.01;-1.4;.5;\n", {"tracks": LIGHT}),
+    "semicolons, decimal comma": (";mass A;;\nt;x;y;\n0;1,2;2,1;\n,01;-1,4E0;5,0E-1;\n", {"tracks": LIGHT}),
+    "tabs, decimal comma": ("t\tx\ty\n0\t1,2\t2,1\n0,01\t-1,4\t0,5\n", {"tracks": LIGHT}),
+    "spaces, decimal comma": ("t x y\n0 1,2 2,1\n0,01 -1,4 0,5\n", {"tracks": LIGHT}),
+    "byte order mark": ("\ufeff,mass A,,\nt,x,y,\n0,1.2,2.1,\n.01,-1.4,.5,\n", {"tracks": LIGHT}),
+    "utf-16": (",mass A,,\nt,x,y,\n0,1.2,2.1,\n.01,-1.4,.5,\n".encode("utf-16"), {"tracks": LIGHT}),
+    "latin-1 name": (",K\xfcgel,,\nt,x,y,\n0,1.2,2.1,\n.01,-1.4,.5,\n".encode("latin-1"), {"tracks": {"light": "K\xfcgel"}}),
+    "CRLF": (",mass A,,\r\nt,x,y,\r\n0,1.2,2.1,\r\n.01,-1.4,.5,\r\n", {"tracks": LIGHT}),
+    "CR": (",mass A,,\rt,x,y,\r0,1.2,2.1,\r.01,-1.4,.5,\r", {"tracks": LIGHT}),
+    "old: the name alone": ("cm_A\nt,x,y,\n0,1.2,2.1,\n.01,-1.4,.5,\n", {"tracks": {"light": "cm_A"}}),
+    "old: the name alone, no columns": ("cm_A\n0\t1.2\t2.1\n.01\t-1.4\t.5\n", {"tracks": {"light": "cm_A"}}),
+    "no header": ("0,1.2,2.1\n.01,-1.4,.5\n", {"tracks": LIGHT}),
+    "no name row": ("t,x,y\n0,1.2,2.1\n.01,-1.4,.5\n", {"tracks": LIGHT}),
+    "the only track": (",mass Q,,\nt,x,y,\n0,1.2,2.1,\n.01,-1.4,.5,\n", {"tracks": {"light": ""}}),
+    "named as the mass": (",light mass,,\nt,x,y,\n0,1.2,2.1,\n.01,-1.4,.5,\n", {}),
+    "tidy": ("t,light_x,light_y\n0,1.2,2.1\n.01,-1.4,.5\n", {}),
+    "tidy, units in brackets": ("t [ms],light_x [cm],light_y (mm)\n0,120,2100\n10,-140,500\n", {}),
+    "tidy, units as suffix": ("time_s,light_x_cm,light_y_m\n0,120,2.1\n.01,-140,.5\n", {}),
+    "tidy, paper's names": ("t,x1,y1\n0,1.2,2.1\n.01,-1.4,.5\n", {}),
+    "units given": ("t,light_x,light_y\n0,120,210\n10,-140,50\n", {"units": {"length": "cm", "time": "ms"}}),
+    "slow motion, true rate given": ("t,light_x,light_y\n0,1.2,2.1\n.0333,-1.4,.5\n", {"frame_rate": 100.0}),
+    "slow motion, every second frame": (
+        "t,light_x,light_y\n0,1.2,2.1\n.06667,-1.4,.5\n",
+        {"frame_rate": 200.0, "clip_rate": 30},
+    ),
+    "frame numbers": ("t,frame,light_x,light_y\n0,7,1.2,2.1\n.03,9,-1.4,.5\n", {"frame_rate": 200.0}),
+    "frame numbers only": ("frame,light_x,light_y\n7,1.2,2.1\n9,-1.4,.5\n", {"frame_rate": 200.0}),
+    "rate given, times right already": ("t,light_x,light_y\n0,1.2,2.1\n.01,-1.4,.5\n", {"frame_rate": 100.3}),
+    "comments and blank lines": ("# by hand\n\nt,light_x,light_y\n0,1.2,2.1\n\n# again\n.01,-1.4,.5\n", {}),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_every_form_gives_the_same_table(clip, form):
+    text, options = FORMS[form]
+    found = read(clip(text), **options)
+    assert {c.name: c.value.tolist() for c in found.channels} == {n: pytest.approx(v, abs=1e-15) for n, v in XY.items()}
+    rounding = 2e-3 * 0.01 if "slow" in form else 1e-12  # the clip's own times are printed to three or four digits
+    for channel in found.channels:
+        assert channel.t == pytest.approx([0.0, 0.01], abs=rounding)
+    assert sum(d.count for d in found.dropped) == 0
+
+
+def test_two_tracks_with_the_same_column_names(clip):
+    text = "#multi:\n,mass A,,mass B,,\nt,x,y,x,y,\n0,1,2,3,4,\n.01,,,3.5,4.5,\n.02,1.2,2.2,,,\n"
+    found = read(clip(text), tracks=BOTH)
+    assert found.channel("light_x").t.tolist() == [0, 0.02]
+    assert found.channel("light_y").value.tolist() == [2, 2.2]
+    assert found.channel("heavy_y").value.tolist() == [4, 4.5]
+    assert {d.reason: d.count for d in found.dropped} == {
+        "light_x: no mark in the cell": 1,
+        "light_y: no mark in the cell": 1,
+        "heavy_x: no mark in the cell": 1,
+        "heavy_y: no mark in the cell": 1,
+    }
+
+
+def test_frame_numbers_of_each_track_are_its_own(clip):
+    head = "#multi:\n,mass A,,,,,mass B,,,,,\nt,frame,x,y,pixelx,pixely,frame,x,y,pixelx,pixely,\n"
+    rows = "0,10,.1,.2,500,600,,,,,,\n.033,,,,,,12,.3,.4,5,6,\n.066,14,.5,.6,1,2,14,.7,.8,3,4,\n"
+    found = read(clip(head + rows), tracks=BOTH, frame_rate=200.0)
+    assert found.channel("light_x").t.tolist() == [0, 0.02]
+    assert found.channel("heavy_x").t.tolist() == [0.01, 0.02]
+    assert {d.count for d in found.dropped if "pixel" in d.reason} == {2}
+
+
+def test_columns_of_the_tool_that_imports_them(clip):
+    found = read(clip("t,heavyx,heavyy,lightx,lighty\n0,1,2,3,4\n.01,5,6,7,8\n"))
+    assert {c.name: c.value[0] for c in found.channels} == {"heavy_x": 1, "heavy_y": 2, "light_x": 3, "light_y": 4}
+
+
+@pytest.mark.parametrize("mark", ["", "-", "NaN", "n/a", "NA", " "])
+def test_a_missing_mark_is_missing_and_counted(clip, mark):
+    found = read(clip(f"t,light_x,light_y\n0,1,2\n.01,{mark},3\n.02,4,5\n"))
+    assert found.channel("light_x").value.tolist() == [1, 4]
+    assert found.channel("light_y").value.tolist() == [2, 3, 5]
+    assert found.used == 5
+    assert "1 not used: light_x: no mark in the cell" in found.summary()
+
+
+def test_what_is_not_used_is_counted(clip):
+    found = read(clip("t,light_x,light_y,vx\n0,1,2,9\n.01,1,3,\n.01,1,3,8\n.02,,,7\n,4,4,1\n"))
+    assert {d.reason: d.count for d in found.dropped} == {
+        "light_x: the row before repeated": 1,
+        "light_y: the row before repeated": 1,
+        "light_x: no mark in the cell": 1,
+        "light_y: no mark in the cell": 1,
+        "light_x: a mark without a time": 1,
+        "light_y: a mark without a time": 1,
+        "column 'vx': not a time or a position": 4,
+    }
+
+
+BAD = {
+    "text": ("t,light_x,light_y\n0,1,2\n.01,abc,3\n", {}, r"clip.csv:3: column light_x: found 'abc', needed a number .*; "),
+    "infinite": ("t,light_x,light_y\n0,1e999,2\n.01,1,3\n", {}, r"clip.csv:2: column light_x: found '1e999'"),
+    "ragged": ("t,light_x,light_y\n0,1,2\n.01,1,2,5\n", {}, r"clip.csv:3: found 4 cells, needed 3; if .*decimal commas"),
+    "cut off": ("t,light_x,light_y\n0,1,2\n.01,1\n", {}, r"clip.csv:3: found 2 cells, needed 3; complete or delete"),
+    "times go back": ("t,light_x,light_y\n0,1,2\n.02,1,2\n.01,1,3\n", {}, r"clip.csv:4: column t: found 0.01 after 0.02 \(line 3\)"),
+    "two values at once": ("t,light_x,light_y\n0,1,2\n0,1.5,2\n", {}, r"clip.csv:3: column t: found 0 after 0"),
+    "pixels": ("t,light_x,light_y\n0,300,200\n.01,534,2\n", {}, r"clip.csv:3: column light_x: found 534 m, needed at most 20; .*units"),
+    "degrees": ("t,angle\n0,40\n.01,39\n", {}, r"clip.csv:2: column angle: found 40 rad.*\{angle: deg\}"),
+    "milliseconds": ("t,light_x,light_y\n0,1,2\n4.2,1,2\n8.3,1,2\n", {}, r"clip.csv:2: column t: found a row every 4.* s.*time: ms"),
+    "no unit of length": ("t,light_x [kg],light_y\n0,1,2\n", {}, r"clip.csv:1: column light_x \[kg\]: found the unit 'kg'"),
+    "unknown unit": ("t,light_x [px],light_y\n0,1,2\n", {}, r"clip.csv:1: column light_x \[px\]: found the unit 'px' \('px' is no"),
+    "mixed decimals": ("t;x;y\n0,1;1.5;2,2\n", {"tracks": LIGHT}, r"clip.csv:2: column 2: found '1.5' among .*decimal comma"),
+    "decimal commas": ("t,x,y\n0,00,1,5,2,3\n", {"tracks": LIGHT}, r"clip.csv:2: found 6 cells, needed 3; if these are decimal commas"),
+    "which mass": ("#multi:\n,mass A,,mass B,,\nt,x,y,x,y,\n0,1,2,3,4,\n", {}, r"found the tracks 'mass A', 'mass B', .*tracks: \{light: mass A\}"),
+    "another track": (",mass B,,\nt,x,y,\n0,1,2,\n", {"tracks": LIGHT}, r"found the tracks 'mass B', needed 'mass A'; correct 'tracks'"),
+    "no such mass": (",mass B,,\nt,x,y,\n0,1,2,\n", {"tracks": {"big": "mass B"}}, r"tracks: found 'big', needed 'light' or 'heavy'"),
+    "one column twice": ("t,light_x,light_x\n0,1,2\n", {}, r"column light_x: found light_x a second time"),
+    "no marks": ("t,light_x,light_y\n0,,2\n.01,,3\n", {}, r"column light_x: found no marks at all"),
+    "misspelt": ("t,ligth_x,ligth_y\n0,1,2\n", {}, r"clip.csv:1: found columns .*did you mean 'light_x' by 'ligth_x'\?"),
+    "no times": ("x,y\n0,1\n", {}, r"clip.csv:1: found 2 columns without names|clip.csv:2: found 2 columns without names"),
+    "six columns": ("0,1,2,3,4,5\n", {}, r"clip.csv:1: found 6 columns without names, needed a line of names above"),
+    "frames without rate": ("frame,light_x,light_y\n7,1,2\n9,1,2\n", {}, r"found frame numbers but no times, .*'frame_rate'"),
+    "frames go back": ("t,frame,light_x\n0,9,1\n.1,7,2\n", {"frame_rate": 30.0}, r"clip.csv:3: column frame: found 7 after 9"),
+    "empty": ("", {}, r"clip.csv: found no rows"),
+    "only names": ("t,light_x,light_y\n", {}, r"clip.csv:1: found no row of numbers"),
+    "spreadsheet": (b"PK\x03\x04rest", {}, r"clip.csv: found a zip archive .*File > Export > Data"),
+    "Tracker project": (b"<?xml version='1.0'?>", {}, r"clip.csv: found XML \(a Tracker project\?\)"),
+    "binary": (b"\x00\x01\x02", {}, r"clip.csv: found binary data"),
+    "kind": ("t,light_x\n0,1\n", {"kind": "vido"}, r"clip.csv: found kind 'vido', needed one of auto, positions"),
+    "which drop": ("drop,time,height\n1,0,9\n2,0,9\n", {}, r"column drop: found drops 1, 2, needed one trial; choose by 'drop: 1'"),
+    "no such drop": ("drop,time,height\n1,0,9\n2,0,9\n", {"drop": 3}, r"column drop: found drops 1, 2, needed drop 3"),
+    "no drops": ("t,height\n0,9\n", {"drop": 1}, r"found no column 'drop'"),
+    "event twice": ("quantity,index,value,sigma,unit\nstop,1,1,1,s\nstop,1,2,1,s\n", {}, r"clip.csv:3: column index: found stop 1 again"),
+    "event without error": ("quantity,index,value,sigma,unit\nstop,1,1,,s\n", {}, r"clip.csv:2: column sigma: found nothing"),
+    "event unit": ("quantity,index,value,sigma,unit\nstop,1,1,1,K\n", {}, r"clip.csv:2: column unit: found 'K'"),
+    "event columns": ("quantity,value\nstop,1\nstop,2\n", {"kind": "events"}, r"found columns 'quantity,value', needed 'quantity,index"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_file_gives_one_clear_line(clip, case):
+    text, options, pattern = BAD[case]
+    with pytest.raises(DataError) as caught:
+        read(clip(text), **options)
+    message = str(caught.value)
+    assert re.search(pattern, message), message
+    assert "\n" not in message
+    assert message.startswith("clip.csv")
+
+
+def test_a_missing_file_says_so(tmp_path):
+    with pytest.raises(DataError, match=r"none.csv: cannot be read: No such file"):
+        read(tmp_path / "none.csv")
+    assert issubclass(DataError, HarnessError)
+    assert issubclass(DataError, ValueError)
+
+
+number = st.floats(-9.0, 9.0, allow_nan=False).map(lambda v: round(v, 6) + 0.0)
+marks = st.lists(
+    st.tuples(st.none() | number, st.none() | number, st.none() | number, st.none() | number), min_size=1, max_size=12
+)
+
+
+def java(value, decimal):
+    """1.245987E1, as Java writes it."""
+    if value is None:
+        return ""
+    text = np.format_float_scientific(value, trim="0", exp_digits=1).replace("e+", "E").replace("e", "E")
+    return text.replace(".", decimal)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    marks=marks,
+    style=st.sampled_from([(",", "."), (";", "."), ("\t", "."), (";", ","), ("\t", ",")]),
+    bom=st.booleans(),
+    newline=st.sampled_from(["\n", "\r\n"]),
+    trailing=st.booleans(),
+    multi=st.booleans(),
+)
+def test_a_generated_tracker_file_reads_back(tmp_path_factory, marks, style, bom, newline, trailing, multi):
+    delimiter, decimal = style
+    end = delimiter if trailing else ""
+    lines = ["#multi:"] if multi else []
+    lines += [delimiter.join(["", "mass A", "", "mass B", ""]) + end, delimiter.join("txyxy") + end]
+    times = [k / 240 for k in range(len(marks))]
+    lines += [delimiter.join(java(v, decimal) for v in (t, *row)) + end for t, row in zip(times, marks, strict=True)]
+    path = tmp_path_factory.mktemp("tracker") / "clip.csv"
+    path.write_bytes((("\ufeff" if bom else "") + newline.join(lines) + newline).encode())
+    wanted = {
+        name: [(t, row[i]) for t, row in zip(times, marks, strict=True) if row[i] is not None]
+        for i, name in enumerate(("light_x", "light_y", "heavy_x", "heavy_y"))
+    }
+    if not all(wanted.values()):
+        with pytest.raises(DataError, match="found no marks at all"):
+            read(path, tracks=BOTH)
+        return
+    found = read(path, tracks=BOTH)
+    # Exact: the text has the shortest digits that give each number back.
+    assert {c.name: list(zip(c.t.tolist(), c.value.tolist(), strict=True)) for c in found.channels} == wanted
+    assert found.used + sum(d.count for d in found.dropped) == 4 * len(marks)
+
+
+def test_angles_with_and_without_names(clip):
+    t = np.arange(40) * 0.05
+    angle, rate = 0.5 * np.cos(4 * t), -2 * np.sin(4 * t)
+    rows = "\n".join(f"{a} {b} {c}" for a, b, c in zip(t, angle, rate, strict=True))
+    bare = read(clip(rows))
+    assert [c.name for c in bare.channels] == ["angle", "angle_rate"]
+    assert bare.channels[0].value == pytest.approx(angle)
+    assert bare.assumptions == ("columns without names: taken as t [s], angle [rad], rate [rad/s]",)
+    named = read(clip("t,theta [deg]\n" + "\n".join(f"{a},{math.degrees(b)}" for a, b in zip(t, angle, strict=True))))
+    assert named.channel("angle").value == pytest.approx(angle)
+    assert not named.assumptions
+
+
+def test_a_rate_that_is_none_is_left_out_with_its_reason(clip):
+    t = np.arange(40) * 0.05
+    rows = "\n".join(f"{a} {0.5 * np.cos(4 * a)} {0.3 * np.cos(4 * a)}" for a in t)
+    found = read(clip(rows))
+    assert [c.name for c in found.channels] == ["angle"]
+    assert found.dropped[0].count == 40
+    assert "not the rate of the angle" in found.dropped[0].reason
+
+
+def test_tidy_events(clip):
+    found = read(clip("quantity,index,value,sigma,unit\nstop,1,310,8,ms\ndrop_at_halt,1,37,1,cm\nstop,2,,8,ms\n"))
+    first, second = found.events
+    assert (first.quantity, first.index, first.unit) == ("stop", 1, "s")
+    assert (first.value, first.sigma) == pytest.approx((0.31, 0.008))
+    assert (second.value, second.sigma, second.unit) == (pytest.approx(0.37), pytest.approx(0.01), "m")
+    assert found.dropped[0].reason == "not measured: stop 2"
+
+
+def test_merge_and_mirror(clip):
+    light = read(clip("t,x,y\n0,1,2\n.01,3,4\n"), tracks={"light": ""})
+    heavy = read(clip("t,x,y\n0,5,6\n.01,7,8\n"), tracks={"heavy": ""})
+    both = merge("a", (light, heavy))
+    assert [c.name for c in both.channels] == ["light_x", "light_y", "heavy_x", "heavy_y"]
+    assert set(both.bodies()) == {"light", "heavy"}
+    with pytest.raises(DataError, match="found light_x again"):
+        merge("a", (light, light))
+    assert mirrored(both).channel("light_x").value.tolist() == [-1, -3]
+    assert mirrored(both).channel("light_y").value.tolist() == [2, 4]
+    with pytest.raises(DataError, match="found no angle, only light_x"):
+        both.channel("angle")
+
+
+@pytest.mark.parametrize(("name", "t"), [("light_z", [0.0, 1.0]), ("light_x", [1.0, 1.0]), ("light_x", [0.0, np.nan])])
+def test_a_channel_refuses_what_it_cannot_be(name, t):
+    with pytest.raises(DataError):
+        Channel(name=name, t=np.array(t), value=np.zeros(2))
+
+
+@pytest.mark.parametrize(
+    ("file", "drops"),
+    [("baseball", (44, 44)), ("bowling_ball", (43, 42)), ("green_basketball", (45, 44)), ("tennis_ball", (46, 47)),
+     ("wiffle_ball_1", (54, 53))],
+)  # fmt: skip
+def test_the_falling_balls(file, drops):
+    path = real(f"falling_balls/{file}.csv")
+    for drop, count in enumerate(drops, start=1):
+        found = read(path, drop=drop)
+        height = found.channel("height")
+        assert len(height) == count
+        assert 45 < height.value[0] < 49
+        assert height.value[-1] < 10
+        assert [(d.count, d.reason) for d in found.dropped] == [(count, "column 'velocity_m_per_s': not a time or a position")]
+
+
+def test_the_pendulum():
+    found = read(real("pendulum/free_decay_65cm.txt"))
+    assert [c.name for c in found.channels] == ["angle"]
+    assert len(found.channel("angle")) == 2330
+    assert found.channel("angle").value[0] == 0.7020338666008175
+    # Its third column follows neither the angle nor its slope.
+    assert found.dropped[0].count == 2330
+    assert "not the rate of the angle" in found.dropped[0].reason
+
+
+def test_the_papers_tables():
+    ten = read(real("paper/trial_10to1.csv"))
+    assert len(ten.events) == 16
+    assert ten.events[0].value == 0.38
+    assert {e.sigma for e in ten.events} == {0.01}
+    assert ten.dropped[0].count == 3
+    two = read(real("paper/trial_2to1.csv"))
+    assert {e.quantity: (e.value, e.sigma) for e in two.events}["halting_time"] == (1.0, 0.1)  # printed as 1.0
+    better = with_event_errors(two, {"s": 0.008})
+    assert {e.sigma for e in better.events if e.unit == "s"} == {0.008}
+    assert {e.sigma for e in better.events if e.unit == "m"} == {0.01}
+    assert isinstance(better, Observations)
