@@ -82,8 +82,13 @@ def data_error(file: str, line: int | None, column: str, message: str) -> DataEr
     return DataError(one_line(f"{where}: {'column ' + column + ': ' if column else ''}{message}"))
 
 
-def read_table(path: str | Path) -> Table:
+def read_table(path: str | Path, worded: str = "") -> Table:
     """Read a text table.
+
+    Parameters
+    ----------
+    worded
+        Name of a first column that holds words, not numbers: below such a name all is data.
 
     Raises
     ------
@@ -99,7 +104,8 @@ def read_table(path: str | Path) -> Table:
         raise data_error(file, None, "", "found no rows, needed a table of numbers; export the data again")
     delimiter, decimal_comma = _dialect([line for _, line in lines])
     rows = [Row(line=n, cells=_split(line, delimiter)) for n, line in lines]
-    first = next((i for i, row in enumerate(rows) if _is_data(row.cells, decimal_comma)), len(rows))
+    named = next((i + 1 for i, row in enumerate(rows) if worded and row.cells[0].lower() == worded), None)
+    first = named or next((i for i, row in enumerate(rows) if _is_data(row.cells, decimal_comma)), len(rows))
     if first == len(rows):
         raise data_error(
             file, rows[-1].line, "", f"found no row of numbers (last row {quote(lines[-1][1].strip())}), needed rows such as "
@@ -168,11 +174,13 @@ def _dialect(lines: list[str]) -> tuple[str, bool]:
 
 
 def _is_data(cells: tuple[str, ...], decimal_comma: bool) -> bool:
-    """Whether a row is one of numbers: its first cell is, which is the time, or most of its cells are."""
+    """Whether a row is one of numbers: its first cell is, which is the time, or most of its cells are.
+
+    One whose first cell is empty has the names of tracks, even if they are numbers.
+    """
     filled = [c for c in cells if c]
     numbers = [bool(_POINT.fullmatch(c) or (decimal_comma and _COMMA.fullmatch(c))) for c in filled]
-    first = bool(cells[0]) and bool(numbers) and numbers[0]
-    return bool(filled) and (first or 2 * sum(numbers) > len(filled))
+    return bool(cells[0]) and (numbers[0] or 2 * sum(numbers) > len(filled))
 
 
 def _refuse_mixed_decimals(table: Table) -> None:

@@ -77,7 +77,7 @@ def read(
     name = name or Path(path).stem
     if kind not in KINDS:
         raise data_error(file, None, "", f"found kind {quote(kind)}, needed one of {', '.join(KINDS)}")
-    table = read_table(path)
+    table = read_table(path, worded="quantity")
     if kind == "events" or (kind == "auto" and is_event_table(table)):
         return read_events(path, table, name)
     notes = Notes()
@@ -86,7 +86,7 @@ def read(
     rows = _rows_of_drop(table, columns, drop)
     units = _DEFAULT_UNITS | dict(units or {})
     seen = _channels(table, rows, columns, tracks, units, notes)
-    _refuse_absurd(table, seen, check_times=frame_rate is None)
+    _refuse_absurd(table, seen, check_times=any(c.role == "t" for c in columns) and frame_rate is None)
     channels = _checked_rate(_retimed(table, columns, seen, frame_rate, clip_rate, notes), notes)
     return Observations(
         name=name,

@@ -21,7 +21,6 @@ from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 __all__ = ["Estimate", "Limits", "Study", "Trial", "Unknown", "read_trial"]
 
-
 SHARED = MappingProxyType({"light_mass": "kg", "light_radius": "m", "heavy_mass": "kg", "rod_radius": "m"})
 """Parameters of the apparatus -> SI unit."""
 PER_TRIAL = MappingProxyType({"release_angle": "rad", "free_length": "m", "hanging_length": "m"})
@@ -218,7 +217,7 @@ class Study:
         wanted += ["origin_y", "scale"] if "height" in named else []
         priors = {n: Estimate(value=CAMERA[n].null, sigma=CAMERA[n].sigma) for n in dict.fromkeys(wanted)}
         if named:
-            step = max(float(np.median(np.diff(c.t))) for c in named.values() if len(c) > 1)
+            step = max((float(np.median(np.diff(c.t))) for c in named.values() if len(c) > 1), default=0.0)
             # The first frame after the release is known to a frame or two.
             priors["clock_offset"] = Estimate(value=0.0, sigma=max(CAMERA["clock_offset"].sigma, 2 * step))
         if "height" in named:

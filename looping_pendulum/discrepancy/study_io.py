@@ -27,6 +27,16 @@ _PATHS = {"light_mass": ("light", "mass"), "light_radius": ("light", "radius"), 
           "rod_radius": ("rod", "radius"), "release_angle": ("release", "angle"), "free_length": ("release", "free_length"),
           "hanging_length": ("release", "hanging_length")}  # fmt: skip
 
+_EXAMPLES = MappingProxyType(
+    {
+        "light_mass": "10 g +/- 0.05 g",
+        "heavy_mass": "100 g +/- 0.5 g",
+        "rod_radius": "6.25 mm +/- 1 %",
+        "release_angle": "112 deg +/- 0.5 deg",
+        "free_length": "58 cm +/- 1 mm",
+    }
+)
+
 
 class StudyError(HarnessError, ValueError):
     """A study file cannot be read as a study."""
@@ -151,7 +161,7 @@ def _check_trial(study: Study, trial: Trial, doc: Document, index: int) -> None:
     for name in needs:
         if study.estimate(name, trial) is None:
             where = ".".join(("apparatus", *_PATHS[name]) if name in SHARED else _PATHS[name])
-            example = {"kg": "10 g +/- 0.05 g", "rad": "112 deg +/- 0.5 deg"}.get((SHARED | PER_TRIAL)[name], "58 cm +/- 1 mm")
+            example = _EXAMPLES[name]
             message = f"a {trial.release.value} release needed '{where}'; write for example '{_PATHS[name][-1]}: {example}'"
             raise doc.error(("trials", index), f"{trial.name}: {message}")
     try:

@@ -23,7 +23,7 @@ Check = Callable[[Engine], None]
 
 FRICTIONLESS = Parameters(light_mass=0.01, heavy_mass=0.1, rod_radius=0.02, free_length=0.4, release_angle=math.radians(112))
 ACCELERATION_TOLERANCE = 0.01
-"""Relative. A quick chain of some millimetres' links may be one link's share of the wound string off."""
+"""Relative. A chain's nodes reach and leave the rod one by one: some 0.5 mm of ripple in a drop of 11 to 16 cm."""
 START_TOLERANCE = 1e-9
 """[m] A chain's end node stands exactly where the light mass is held."""
 
@@ -91,7 +91,7 @@ def vertical_release_obeys_the_capstan_law(engine: Engine) -> None:
 
 
 def _atwood(engine: Engine, p: Parameters) -> None:
-    run = engine.simulate(scenario(p, 0.12))
+    run = engine.simulate(scenario(p, 0.2))
     found = fitted_acceleration(run)
     exact = closed_forms.atwood_acceleration(p)
     assert abs(found / exact - 1) < ACCELERATION_TOLERANCE, f"acceleration {found:.4f}, exact {exact:.4f} m/s^2"

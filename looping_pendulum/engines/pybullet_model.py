@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
-from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION, polygon_friction
+from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION, polygon_friction, polygon_radius
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -61,16 +61,6 @@ class LaidChain:
     """Angle that the string turns through at each inner node where it lies on the rod [rad], shape (n - 1,)."""
     node_circles: Array
     """Distance of each inner node from the rod's centre where it lies on the rod [m], shape (n - 1,)."""
-
-
-def node_circle(link_length: float | Array, rod_radius: float) -> Any:
-    """Distance from the rod's centre [m] at which nodes stand for a string of no thickness on the rod.
-
-    A polygon of links h with corners on a circle of radius c turns by b = 2 asin(h / 2c) per link, so it winds h / b of string
-    per angle; and the free string swings about its last corner with a lever arm c cos(x), -b/2 < x < b/2, on average h / b too.
-    Both are the rod's radius R if b = h / R, so c = h / (2 sin(h / 2R)).
-    """
-    return link_length / (2 * np.sin(link_length / (2 * rod_radius)))
 
 
 def lay_chain(parameters: Parameters, settings: ChainSettings) -> LaidChain:
@@ -132,13 +122,14 @@ def _lay(p: Parameters, s: ChainSettings, inner: float, outer: float) -> LaidCha
     # Hanging links do not come to lie on the rod: their last node bends as the links above it do.
     lengths_on_rod = np.where(np.arange(len(lengths)) < hanging_count, inner, lengths)
     local = 0.5 * (lengths_on_rod[1:] + lengths_on_rod[:-1])
-    circles = node_circle(local, p.rod_radius)
+    circles = polygon_radius(p.rod_radius, local / p.rod_radius)
     return LaidChain(nodes=nodes, link_lengths=lengths, bends=local / p.rod_radius, node_circles=circles)
 
 
 def _nodes_on_rod(p: Parameters, link_length: float) -> Array:
     """Nodes that lie on the rod at release, heavy side first, placed evenly about the middle of the wound string."""
-    bend, circle = link_length / p.rod_radius, node_circle(link_length, p.rod_radius)
+    bend = link_length / p.rod_radius
+    circle = polygon_radius(p.rod_radius, bend)
     links = round(p.release_angle / bend)
     angles = 0.5 * p.release_angle + bend * (np.arange(links + 1) - 0.5 * links)
     return np.stack([circle * np.cos(angles), circle * np.sin(angles)], axis=1)
@@ -162,11 +153,8 @@ def contact_friction(friction: float, bend: float, wrap_angle: float) -> float:
         ends = float(weights @ np.arctanh(m * tangents)) * 2  # the weights add up to 2: both ends
         return (wrap_angle / bend - 1) * 2 * math.atanh(m * full) + ends
 
-    low, high = polygon_friction(friction, bend), (1 - 1e-12) / full
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if exponent(middle) < friction * wrap_angle else (low, middle)
-    return low
+    lowest, highest = polygon_friction(friction, bend), (1 - 1e-12) / full
+    return float(brentq(lambda m: exponent(m) - friction * wrap_angle, 0.5 * lowest, highest, xtol=1e-15))
 
 
 def chain_urdf(p: Parameters, s: ChainSettings, chain: LaidChain, node_radii: Array) -> str:

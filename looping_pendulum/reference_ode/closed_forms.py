@@ -64,7 +64,7 @@ def held_period(parameters: Parameters) -> float:
     """Period of the held pendulum, whose string winds on and off the rod, without drag [s].
 
     From the energy integral: with the heavy mass clamped l + R theta is constant, w = l theta' is the light mass's speed, and
-    T = 2 times the integral of l / w over theta between the turning points. In s, theta = middle - half cos(s), the integrand is
+    T = 2 times the integral of l / w over theta between the turning points. In s (theta = middle - half cos s) the integrand is
     smooth and periodic, so that the midpoint rule converges exponentially.
 
     Raises

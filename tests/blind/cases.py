@@ -192,11 +192,15 @@ def with_signature(case: Case, target: float, *, tolerance: float = 0.05) -> Cas
     ValueError
         If it does not come that close in a few trials.
     """
-    for _ in range(8):
+    power, step, last = 1.0, 1.0, math.nan
+    for _ in range(10):
         found = signature(case)
         if abs(found / target - 1) <= tolerance:
             return case
-        case = case.scaled(float(np.clip(target / found, 0.2, 5.0)))
+        if not math.isnan(last) and found != last:  # some grow with the square, some only beyond a threshold
+            power = float(np.clip(math.log(found / last) / math.log(step), 0.5, 4.0))
+        step, last = float(np.clip((target / found) ** (1 / power), 0.2, 5.0)), found
+        case = case.scaled(step)
     raise ValueError(f"{case.name}: no scale found that moves the light mass by {target:g} m")
 
 

@@ -9,6 +9,7 @@ import tempfile
 import numpy as np
 import pytest
 
+from looping_pendulum.engines.chain import polygon_radius
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.pybullet import SETTINGS, PybulletChain, engines
 from looping_pendulum.engines.pybullet_model import (
@@ -17,7 +18,6 @@ from looping_pendulum.engines.pybullet_model import (
     ChainSettings,
     contact_friction,
     lay_chain,
-    node_circle,
 )
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.geometry import light_position
@@ -79,7 +79,7 @@ def test_contact_friction_gives_the_capstan_law_averaged_over_how_the_polygon_li
 
 def test_node_circle_winds_and_pulls_like_the_rod() -> None:
     radius, link = 0.00625, 0.005
-    circle = node_circle(link, radius)
+    circle = polygon_radius(radius, link / radius)
     bend = 2 * math.asin(link / (2 * circle))
     assert link / bend == pytest.approx(radius, rel=1e-12)  # string wound per angle
     lean = np.linspace(-bend / 2, bend / 2, 20001)

@@ -1,0 +1,280 @@
+"""Study files: what they say, what is wrong with bad ones, and that a written one reads back the same."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from looping_pendulum.discrepancy.measurement import Camera, predict, sampler
+from looping_pendulum.discrepancy.observations import DataError
+from looping_pendulum.discrepancy.study import Estimate, read_trial
+from looping_pendulum.discrepancy.study_io import StudyError, dump, load, load_text
+from looping_pendulum.errors import HarnessError
+from looping_pendulum.reference_ode.parameters import Release
+from tests.discrepancy.test_readers import real
+
+STUDY = """
+title: Two trials
+apparatus:
+  light: {mass: 10 g +/- 0.05 g}
+  heavy: {mass: 100 g +/- 0.5 %}
+  rod: {radius: 6.25 mm +/- 1 %}
+effects:
+  capstan: free
+  light_drag: free from 2e-3 kg/m
+  heavy_drag: 1e-3 kg/m
+  string_drag: 1e-3 kg/m^2 +/- 50 %
+trials:
+  - name: first
+    files: {light: a.csv, heavy: b.csv}
+    frame_rate: 240 Hz
+    clip_rate: 30 Hz
+    release: {kind: looping, angle: (112 +/- 0.5) deg, free_length: 58 cm +/- 1 mm, hanging_length: 30 mm ± 1 mm}
+  - file: c.csv
+    tracks: {light: mass A, heavy: mass B}
+    heavy: {mass: 60 g +/- 0.5 %}
+    release: {angle: 100 deg +/- 0.5 deg, free_length: 58 cm +/- 1 mm}
+    camera: {scale: 1 +/- 1 %}
+  - name: test
+    file: d.csv
+    held_out: true
+    mirrored: true
+    heavy: {mass: 60 g +/- 0.5 %}
+    release: {angle: 90 deg +/- 0.5 deg, free_length: 58 cm +/- 1 mm}
+    event_errors: {time: 8 ms, length: 6 mm}
+limits:
+  release_angle: [60 deg, 130 deg]
+  mass_ratio: [2, 10]
+  releases: [looping, held]
+"""
+SHARED = {"kinetic_friction", "light_drag", "string_drag", "light_mass", "rod_radius"}
+FREE = {"first.release_angle", "first.free_length", "first.hanging_length"}
+
+
+@pytest.fixture(scope="module")
+def study():
+    return load_text(STUDY, "two.yaml")
+
+
+def test_what_was_measured(study):
+    assert study.apparatus["heavy_mass"] == Estimate(value=0.1, sigma=0.0005)
+    assert study.apparatus["rod_radius"] == Estimate(value=0.00625, sigma=6.25e-5)
+    assert study.effects["kinetic_friction"] == Estimate(value=0.3, free=True)
+    assert study.effects["light_drag"] == Estimate(value=0.002, free=True)
+    assert study.effects["heavy_drag"] == Estimate(value=0.001)
+    assert study.effects["string_drag"] == Estimate(value=0.001, sigma=0.0005)
+    assert study.declared == ("gravity", "capstan", "light_drag", "heavy_drag", "string_drag")
+    first, second, test = study.trials
+    assert first.own["release_angle"] == Estimate(value=math.radians(112), sigma=math.radians(0.5))
+    assert first.own["hanging_length"] == Estimate(value=0.03, sigma=0.001)
+    assert first.files == (("a.csv", {"light": ""}), ("b.csv", {"heavy": ""}))
+    assert (first.frame_rate, first.clip_rate) == (240.0, 30.0)
+    assert (second.name, second.files[0][1]) == ("c", {"light": "mass A", "heavy": "mass B"})
+    assert second.own["hanging_length"].free
+    assert study.training == (first, second)
+    assert study.held_out == (test,)
+    assert test.event_errors == {"s": 0.008, "m": 0.006}
+    assert study.limits.releases == (Release.LOOPING, Release.HELD)
+    assert study.limits.release_angle == pytest.approx((math.radians(60), math.radians(130)))
+
+
+def test_unknowns_are_shared_where_the_thing_is(study):
+    found = {u.name: u for u in study.unknowns()}
+    assert SHARED | FREE < set(found)
+    assert "heavy_drag" not in found
+    assert found["rod_radius"].trials == ("first", "c")
+    assert found["heavy_mass"].trials == ("first",)
+    assert found["c.heavy_mass"].trials == ("c",)
+    assert found["light_drag"].sigma is None
+    assert found["light_drag"].bounds == (0.0, 1.0)
+    everything = {u.name: u for u in study.unknowns(study.trials)}
+    assert everything["c.heavy_mass"].trials == ("c", "test")  # the same 60 g
+    assert "test.heavy_mass" not in everything
+
+
+def test_parameters_of_a_trial(study):
+    first, second, test = study.trials
+    nominal = study.parameters({}, first)
+    assert (nominal.light_mass, nominal.heavy_mass, nominal.rod_radius) == (0.01, 0.1, 0.00625)
+    assert nominal.coefficients["kinetic_friction"] == nominal.coefficients["static_friction"] == 0.3
+    values = {"kinetic_friction": 0.34, "heavy_mass": 0.11, "c.heavy_mass": 0.061, "first.free_length": 0.57, "gravity": 9.8}
+    assert study.parameters(values, first).heavy_mass == 0.11
+    assert study.parameters(values, first).free_length == 0.57
+    assert study.parameters(values, second).heavy_mass == study.parameters(values, test).heavy_mass == 0.061
+    assert study.parameters(values, second).free_length == 0.58
+    assert study.parameters(values, test).coefficients["gravity"] == 9.8
+    assert study.parameters(values, test).coefficients["static_friction"] == 0.34
+    assert study.parameters(values, test).release_angle == math.radians(90)
+
+
+def test_fit_names_what_may_move():
+    study = load_text(STUDY.replace("trials:\n", "fit: [kinetic_friction, light_drag, release_angle]\ntrials:\n"), "two.yaml")
+    wanted = ["kinetic_friction", "light_drag", "first.release_angle", "c.release_angle"]
+    assert [u.name for u in study.unknowns()] == wanted
+
+
+def test_a_written_study_reads_back_the_same(study):
+    text = dump(study)
+    assert load_text(text, "two.yaml") == study
+    assert dump(load_text(text, "two.yaml")) == text
+
+
+positive = st.floats(1e-6, 1e3)
+
+
+@settings(max_examples=60, deadline=None)
+@given(mass=positive, error=st.floats(1e-9, 1e3), angle=st.floats(0.01, 6.28), friction=st.floats(0, 5), rate=positive)
+def test_any_numbers_read_back_exactly(study, mass, error, angle, friction, rate):
+    own = {**study.trials[0].own, "release_angle": Estimate(value=angle, sigma=error)}
+    changed = replace(
+        study,
+        apparatus={**study.apparatus, "light_mass": Estimate(value=mass, sigma=error)},
+        effects={**study.effects, "kinetic_friction": Estimate(value=friction, free=True)},
+        trials=(replace(study.trials[0], own=own, frame_rate=rate), *study.trials[1:]),
+    )
+    assert load_text(dump(changed), "two.yaml") == changed
+
+
+BAD = [
+    ("10 g +/- 0.05 g", "10 g +/- 0.05 mm", "apparatus.light.mass: found '0.05 mm' after '+/-', needed a standard error"),
+    ("10 g +/- 0.05 g", "10 mm", "apparatus.light.mass: expected a mass"),
+    ("10 g +/- 0.05 g", "10", "got '10' (the unit is missing)"),
+    ("10 g +/- 0.05 g", "10 g +/- 0 g", "apparatus.light.mass: found a standard error of '0 g', needed one above 0"),
+    ("10 g +/- 0.05 g", "10 g +/- 1 g +/- 2 g", "apparatus.light.mass: expected one '+/-'"),
+    ("10 g +/- 0.05 g", "free", "apparatus.light.mass: found 'free' without a start"),
+    (
+        "{mass: 10 g +/- 0.05 g}",
+        "{mas: 10 g}",
+        "apparatus.light.mas: found an unknown key, needed one of: mass, radius; did you",
+    ),
+    ("{mass: 10 g +/- 0.05 g}", "10 g", "apparatus.light: expected a group of keys (mass, radius), got '10 g'"),
+    ("light_drag: free", "light_darg: free", "effects.light_darg: found an unknown effect, needed one of: gravity, capstan"),
+    ("capstan: free", "capstan: {kinetic: free}", "effects.capstan.kinetic: found an unknown key"),
+    ("capstan: free", "capstan: {kinetic_friction: 1 kg}", "effects.capstan.kinetic_friction: expected a plain number"),
+    ("held_out: true", "held_out: yes", "trials[2].held_out: expected true or false, got 'yes'"),
+    ("240 Hz", "240", "trials[0].frame_rate: expected a quantity in Hz"),
+    ("kind: looping", "kind: loping", "did you mean 'looping'?"),
+    ("    tracks:", "    track:", "trials[1].track: found an unknown key"),
+    (
+        "{light: a.csv, heavy: b.csv}",
+        "{ligt: a.csv}",
+        "trials[0].files.ligt: found an unknown key, needed one of: light, heavy",
+    ),
+    ("    file: d.csv\n", "", "trials[2].file: found nothing, needed one of them"),
+    ("name: first", "file: e.csv", "trials[0].file: found both 'file' and 'files', needed one of them"),
+    ("name: test", "name: first", "trials[2].name: found a second trial 'first'"),
+    ("[looping, held]", "looping", "limits.releases: expected a list, got 'looping'"),
+    ("[60 deg, 130 deg]", "[130 deg, 60 deg]", "limits.release_angle: found the lowest value above the highest"),
+    ("title: Two trials\n", "", "title: missing, needed text"),
+    (
+        "  rod: {radius: 6.25 mm +/- 1 %}\n",
+        "",
+        "first: a looping release needed 'apparatus.rod.radius'; write for example 'radius",
+    ),
+    ("angle: 100 deg +/- 0.5 deg, ", "", "c: a looping release needed 'release.angle'"),
+    ("kind: looping", "kind: vertical", "trials[0].release.angle: found an angle, needed none"),
+    ("trials:\n", "fit: [kinetic_frction]\ntrials:\n", "did you mean 'kinetic_friction'?"),
+    ("trials:\n", "fit: [light_mass]\ntrials:\n", "found 'free', but 'fit' leaves it out"),
+    ("58 cm +/- 1 mm, hang", "1 mm, hang", "first: free_length: found 0.001 m, but the light mass already touches the rod"),
+    ("apparatus:\n", "apparatus:\n\t", "found a tab, needed spaces"),
+    ("scale: 1 +/- 1 %", "zoom: 1", "trials[1].camera.zoom: found an unknown key, needed one of: origin_x"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "wanted"), BAD)
+def test_a_bad_study_gives_one_clear_line(old, new, wanted):
+    assert old in STUDY
+    with pytest.raises(StudyError) as caught:
+        load_text(STUDY.replace(old, new, 1), "two.yaml")
+    message = str(caught.value)
+    assert wanted in message, message
+    assert message.startswith("two.yaml:")
+    assert "\n" not in message
+
+
+def test_only_held_out_trials_teach_nothing():
+    text = STUDY.replace("    frame_rate: 240 Hz\n", "    held_out: true\n").replace(
+        "    tracks:", "    held_out: true\n    tracks:"
+    )
+    with pytest.raises(StudyError, match="found only held-out trials"):
+        load_text(text, "two.yaml")
+
+
+def test_errors_of_files(tmp_path):
+    with pytest.raises(StudyError, match="none.yaml: cannot be read"):
+        load(tmp_path / "none.yaml")
+    with pytest.raises(StudyError, match="needed a study"):
+        load_text("", "two.yaml")
+    assert issubclass(StudyError, HarnessError)
+
+
+def test_trials_are_read_from_the_study_s_folder(tmp_path):
+    (tmp_path / "two.yaml").write_text(STUDY, encoding="utf-8")
+    head = ",mass A,,\nt,x,y,\n"
+    (tmp_path / "a.csv").write_text(head + "0,-.5,-.2,\n.033333,-.5,-.21,\n")
+    (tmp_path / "b.csv").write_text(head + "0,.006,-.03,\n.033333,.006,-.03,\n")
+    (tmp_path / "d.csv").write_text("t,light_x,light_y\n0,.5,-.2\n.004,.5,-.2\n")
+    study = load(tmp_path / "two.yaml")
+    found = read_trial(study, study.trial("first"))
+    assert {c.name for c in found.channels} == {"light_x", "light_y", "heavy_x", "heavy_y"}
+    assert found.channel("light_x").t == pytest.approx([0, 1 / 240], rel=1e-4)
+    assert read_trial(study, study.trial("test")).channel("light_x").value.tolist() == [-0.5, -0.5]  # mirrored
+    with pytest.raises(DataError, match=r"c.csv: cannot be read"):
+        read_trial(study, study.trial("c"))
+    priors = study.camera_priors(study.trial("first"), found)
+    assert set(priors) == {"origin_x", "origin_y", "scale", "tilt", "clock_offset", "clock_ratio"}
+
+
+def test_a_drop_needs_only_what_falls():
+    path = real("falling_balls/bowling_ball.csv")
+    text = f"""
+title: Bowling ball
+apparatus: {{heavy: {{mass: 81 oz +/- 1 %}}}}
+effects: {{gravity: 9.81 m/s^2}}
+trials:
+  - {{file: {path.name}, name: one, drop: 1, release: {{kind: drop}}}}
+  - {{file: {path.name}, name: two, drop: 2, release: {{kind: drop}}, held_out: true}}
+"""
+    study = load_text(text, "balls.yaml", Path(path).parent)
+    assert load_text(dump(study), "balls.yaml") == study
+    one = study.trials[0]
+    found = read_trial(study, one)
+    priors = study.camera_priors(one, found)
+    assert set(priors) == {"origin_y", "scale", "clock_offset", "clock_ratio"}
+    assert [u.name for u in study.unknowns()] == ["heavy_mass"]
+    # Gravity alone, with nothing but the time of release looked for: the near-null control misses by some tenths of a metre.
+    height = found.channel("height")
+
+    def miss(offset):
+        camera = Camera(origin_y=priors["origin_y"].value, clock_offset=offset)
+        seen = predict(sampler(study.parameters({}, one)), camera, found.channels, dropped=one.dropped)
+        return float(np.sqrt(np.mean((seen.values["height"] - height.value) ** 2)))
+
+    assert min(miss(offset) for offset in np.linspace(-0.2, 0.1, 31)) < 0.5
+
+
+def test_a_held_pendulum_needs_no_rod():
+    path = real("pendulum/free_decay_65cm.txt")
+    text = f"""
+title: Pendulum
+apparatus: {{light: {{mass: 41.52 g}}}}
+effects: {{light_drag: free}}
+trials:
+  - {{file: {path.name}, release: {{kind: held, angle: 221 deg +/- 1 deg, free_length: (65 +/- 1) cm}}}}
+"""
+    study = load_text(text, "pendulum.yaml", Path(path).parent)
+    assert [u.name for u in study.unknowns()] == ["light_drag", "free_decay_65cm.release_angle", "free_decay_65cm.free_length"]
+    trial = study.trials[0]
+    found = read_trial(study, trial)
+    assert set(study.camera_priors(trial, found)) == {"clock_offset", "clock_ratio", "tilt"}
+    seen = predict(sampler(study.parameters({}, trial)), Camera(), found.channels)
+    assert np.all(np.isfinite(seen.values["angle"]))
+    # The first swing, before drag counts: the same period and side.
+    first = found.channel("angle").t < 1.2
+    assert np.corrcoef(seen.values["angle"][first], found.channel("angle").value[first])[0, 1] > 0.98
