@@ -11,7 +11,7 @@ from looping_pendulum.discrepancy.observations import DataError, Dropped, EventR
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.measured import COLUMNS, read_event_table
-from looping_pendulum.scenarios.units import UnitError, factor, to_si
+from looping_pendulum.scenarios.units import UnitError, to_si
 
 TIDY = ("quantity", "index", "value", "sigma", "unit")
 """Columns of an event table with stated errors; the other form is that of the scenarios' measured tables."""
@@ -53,7 +53,7 @@ def _printed(path: str | Path, table: Table, name: str) -> Observations:
             missing.append(f"{row.quantity} {row.index}")
             continue
         unit = row.unit
-        sigma = _last_digit(printed.cells[COLUMNS.index("measured")]) * float(factor(printed.cells[-1], unit))
+        sigma = _last_digit(printed.cells[COLUMNS.index("measured")]) * to_si(f"1 {printed.cells[-1]}", unit)
         events.append(EventRow(quantity=row.quantity, index=row.index, value=row.measured, sigma=sigma, unit=unit))
     dropped = (Dropped(count=len(missing), reason=f"not measured: {', '.join(missing)}"),) if missing else ()
     assumption = "event errors taken as one unit of the last printed digit"
@@ -100,7 +100,7 @@ def _event(table: Table, row: Row) -> EventRow | None:
     if sigma is None or not sigma > 0:
         found = quote(row.cells[3]) if row.cells[3] else "nothing"
         raise table.error(row.line, "sigma", f"found {found}, needed the standard error of {quantity}, above 0")
-    scale = float(factor(written, unit))
+    scale = to_si(f"1 {written}", unit)
     if not math.isfinite(value * scale):
         raise data_error(table.file, row.line, "value", f"found {quote(row.cells[2])}, needed a finite number")
     return EventRow(quantity=quantity, index=int(index), value=value * scale, sigma=sigma * scale, unit=unit)

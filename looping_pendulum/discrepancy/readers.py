@@ -20,7 +20,7 @@ from looping_pendulum.discrepancy.events import is_event_table, read_events
 from looping_pendulum.discrepancy.observations import UNITS, Channel, DataError, Dropped, Observations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import quote
-from looping_pendulum.scenarios.units import UnitError, factor
+from looping_pendulum.scenarios.units import UnitError, to_si
 
 __all__ = ["KINDS", "DataError", "read"]
 
@@ -77,6 +77,9 @@ def read(
     name = name or Path(path).stem
     if kind not in KINDS:
         raise data_error(file, None, "", f"found kind {quote(kind)}, needed one of {', '.join(KINDS)}")
+    for key, rate in (("frame_rate", frame_rate), ("clip_rate", clip_rate)):
+        if rate is not None and not (np.isfinite(rate) and rate > 0):
+            raise data_error(file, None, "", f"{key}: found {rate:g} Hz, needed a number above 0")
     table = read_table(path, worded="quantity")
     if kind == "events" or (kind == "auto" and is_event_table(table)):
         return read_events(path, table, name)
@@ -86,6 +89,10 @@ def read(
     rows = _rows_of_drop(table, columns, drop)
     units = _DEFAULT_UNITS | dict(units or {})
     seen = _channels(table, rows, columns, tracks, units, notes)
+    if not seen:
+        raise table.error(
+            None, "", "found no positions, angles or heights, needed one column of them; check 'tracks' and 'kind'"
+        )
     _refuse_absurd(table, seen, check_times=any(c.role == "t" for c in columns) and frame_rate is None)
     channels = _checked_rate(_retimed(table, columns, seen, frame_rate, clip_rate, notes), notes)
     return Observations(
@@ -215,7 +222,7 @@ def _to_si(table: Table, column: Column, si: str, units: Mapping[str, str]) -> f
     """Factor from the column's unit to SI."""
     written = column.unit or units.get(_KIND_OF_UNIT.get(column.role, ""), si)
     try:
-        return float(factor(written.replace("**", "^"), si))
+        return to_si(f"1 {written}", si)
     except UnitError as error:
         line = table.head[-1].line if table.head and column.unit else None
         detail = f" ({error})" if str(error) else ""

@@ -11,8 +11,8 @@ import re
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, Field, PlainValidator, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic import BaseModel, BeforeValidator, Field, GetCoreSchemaHandler, PlainValidator, ValidationError
+from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
 
 from looping_pendulum.discrepancy.measurement import CAMERA
 from looping_pendulum.discrepancy.readers import KINDS
@@ -94,9 +94,7 @@ class Measured(Quantity):
             raise fault(f"found a standard error of {quote(text)}, needed one above 0; leave '+/-' out if the value is exact")
         return sigma
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        from pydantic_core import core_schema
-
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self.estimate)
 
 
@@ -184,7 +182,7 @@ def _effects(found: object) -> dict[str, Estimate]:
             kind = Kind(unit=c.unit, low=c.bounds[0], high=c.bounds[1])
             try:
                 values[name] = Measured(kind, start=FREE_STARTS.get(name, c.default)).estimate(each)
-            except Exception as error:
+            except PydanticCustomError as error:
                 raise fault(str(error), key) from None
     return values
 

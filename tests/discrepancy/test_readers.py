@@ -201,6 +201,8 @@ BAD = {
     "spreadsheet": (b"PK\x03\x04rest", {}, r"clip.csv: found a zip archive .*File > Export > Data"),
     "Tracker project": (b"<?xml version='1.0'?>", {}, r"clip.csv: found XML \(a Tracker project\?\)"),
     "binary": (b"\x00\x01\x02", {}, r"clip.csv: found binary data"),
+    "rate": ("t,light_x\n0,1\n", {"frame_rate": 0.0}, r"clip.csv: frame_rate: found 0 Hz"),
+    "nothing asked for": ("t,light_x\n0,1\n", {"tracks": {"light": "light", "heavy": "light"}}, r"clip.csv"),
     "kind": ("t,light_x\n0,1\n", {"kind": "vido"}, r"clip.csv: found kind 'vido', needed one of auto, positions"),
     "which drop": (
         "drop,time,height\n1,0,9\n2,0,9\n",
@@ -286,6 +288,43 @@ def test_a_generated_tracker_file_reads_back(tmp_path_factory, marks, style, bom
     # Exact: the text has the shortest digits that give each number back.
     assert {c.name: list(zip(c.t.tolist(), c.value.tolist(), strict=True)) for c in found.channels} == wanted
     assert found.used + sum(d.count for d in found.dropped) == 4 * len(marks)
+
+
+pieces = st.sampled_from(
+    [
+        *"txy,;\t \n-²",
+        "\r\n",
+        "#multi:\n",
+        "light_x",
+        "frame",
+        "angle",
+        "height",
+        "drop",
+        "quantity",
+        "index",
+        "value",
+        "sigma",
+        "unit",
+    ]
+    + ["1", "2.5", "0,5", "nan", "inf", "1e999", "mass A", "[cm]", "(kg)", '"', "\ufeff", "\u2028"]
+)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    text=st.lists(pieces, max_size=40).map("".join),
+    tracks=st.sampled_from([None, {"light": ""}, LIGHT, BOTH]),
+    frame_rate=st.sampled_from([None, 30.0]),
+)
+def test_whatever_the_file_it_reads_or_says_why_not(tmp_path_factory, text, tracks, frame_rate):
+    path = tmp_path_factory.mktemp("any") / "clip.csv"
+    path.write_bytes(text.encode())
+    try:
+        found = read(path, tracks=tracks, frame_rate=frame_rate)
+    except DataError as error:
+        assert "\n" not in str(error)
+    else:
+        assert found.used > 0
 
 
 def test_angles_with_and_without_names(clip):
