@@ -172,6 +172,10 @@ def _masses(table: Table, columns: list[Column], tracks: Mapping[str, str] | Non
         unknown = [m for m in tracks if m not in MASSES]
         if unknown:
             raise table.error(None, "", f"tracks: found {quote(unknown[0])}, needed 'light' or 'heavy'")
+        if len(set(tracks.values())) < len(tracks):
+            raise table.error(
+                None, "", f"tracks: found {quote(next(iter(tracks.values())))} for both masses, needed one for each"
+            )
         lost = [t for t in tracks.values() if t not in have]
         if len(have) == 1 and (have == [""] or list(tracks.values()) == [""]) and len(tracks) == 1:
             return {have[0]: next(iter(tracks))}
