@@ -14,7 +14,7 @@ test: $(VENV)/test ## run the tests (some minutes)
 	$(BIN)/python -m pytest -n 2
 
 accurate: $(VENV)/test ## run the tolerance checks of the accurate profile (an hour or so)
-	$(BIN)/python -m pytest -m accurate -o addopts= --strict-markers
+	$(BIN)/python -m pytest -m accurate -n 2
 
 lint: $(VENV)/dev ## style, types, and the one-way direction of the imports
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports

@@ -136,6 +136,8 @@ def run(
     from looping_pendulum.reference_ode.solve import available_integrators
 
     chosen, speed = _load(scenario), Profile(profile.value)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
     wanted = chosen_engines(engine, speed) if engine else [ReferenceEngine(available_integrators()[0], speed)]
     with _Progress() as progress:
         runs = run_all(wanted, chosen, jobs=jobs, time_limit=time_limit, progress=progress.update, finished=progress.finished)
@@ -175,6 +177,8 @@ def compare(
     from looping_pendulum.compare.report import verdict_rows
 
     chosen = _load(scenario)
+    folder = out or Path("report") / chosen.name
+    folder.mkdir(parents=True, exist_ok=True)  # before the work, not after it
     result = _compared(chosen, engine, profile, data, time_limit, jobs)
     header, rows = verdict_rows(result)
     table = _table(*header)
@@ -183,7 +187,7 @@ def compare(
     _print(table)
     for one in result.engines:
         typer.echo(f"- {one.label}: {one.story}")
-    typer.echo(f"wrote {write(result, out or Path('report') / chosen.name)}")
+    typer.echo(f"wrote {write(result, folder)}")
     assert result.samples is not None
     runs = [aligned.run for aligned in result.samples.aligned]
     _show_output_of_failed(runs)

@@ -71,7 +71,7 @@ class ReferenceEngine:
         samples = solve_at(
             scenario.parameters,
             times,
-            duration=scenario.duration,
+            duration=max(DURATION, scenario.duration),  # whether a stop is the halt shows only at the run's end
             tolerance=self.settings.tolerance,
             integrator=self.settings.integrator,
         )
