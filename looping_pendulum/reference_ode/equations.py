@@ -119,7 +119,7 @@ def _balance(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effect
     k = kinematics(xp, mode, t, y, signs)
     along, across = forces.light_force(xp, k, p, effects)
     heavy = forces.heavy_force(xp, k, p, effects)
-    pull = p.light_mass * y.across_speed * y.across_speed / y.free_length - along
+    pull = p.light_mass * y.across_speed * (y.across_speed / y.free_length) - along
     ratio = xp.exp(-signs.slide * forces.sliding_exponent(xp, k, p, effects)) if mode.sliding else None
     holding = xp.exp(forces.holding_exponent(xp, k, p, effects)) if mode is Mode.STICKING else None
     return _Balance(pull, across, heavy, ratio, holding)
