@@ -6,7 +6,6 @@ Prints a Markdown table. Ratios are between medians of interleaved repetitions, 
 from __future__ import annotations
 
 import argparse
-import math
 import statistics
 import subprocess
 import sys
@@ -17,17 +16,10 @@ from collections.abc import Callable
 import numpy as np
 
 from benchmarks.plain_scipy import plain_run
-from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import available_integrators, solve_at
+from looping_pendulum.scenarios import load
 
-TEN_TO_ONE = Parameters(
-    light_mass=0.010,
-    heavy_mass=0.100,
-    rod_radius=0.00625,
-    free_length=0.58,
-    release_angle=math.radians(112),
-    coefficients={"kinetic_friction": 0.34, "light_drag": 1e-3, "heavy_drag": 1e-3, "string_drag": 1e-3},
-)
+TEN_TO_ONE = load("ten_to_one").parameters
 
 
 def interleaved(tasks: dict[str, Callable[[], object]], repeats: int) -> dict[str, float]:

@@ -16,25 +16,10 @@ from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve, solve_at
 from looping_pendulum.scenarios.scenario import Scenario
+from tests.apparatus import TEN_TO_ONE, TWO_TO_ONE
 
 pytest.importorskip("mujoco")
 
-TEN_TO_ONE = Parameters(
-    light_mass=0.01,
-    heavy_mass=0.1,
-    rod_radius=6.25e-3,
-    free_length=0.58,
-    release_angle=math.radians(112),
-    coefficients={"kinetic_friction": 0.34, "light_drag": 1e-3, "heavy_drag": 1e-3, "string_drag": 1e-3},
-)
-TWO_TO_ONE = Parameters(
-    light_mass=0.05,
-    heavy_mass=0.1,
-    rod_radius=7e-3,
-    free_length=0.584,
-    release_angle=math.radians(68),
-    coefficients={"kinetic_friction": 0.265, "light_drag": 6e-4, "heavy_drag": 1e-3, "string_drag": 5.9e-3},
-)
 NO_DRAG = {"light_drag": 0.0, "heavy_drag": 0.0, "string_drag": 0.0}
 
 

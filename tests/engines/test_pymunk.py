@@ -14,21 +14,14 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pymunk import SETTINGS, ChainSettings, PymunkChain, engines
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
-from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve, solve_at
 from looping_pendulum.scenarios.scenario import Scenario
+from tests.apparatus import TEN_TO_ONE
 
 pytest.importorskip("pymunk")
 
 QUICK = SETTINGS[Profile.QUICK]
-TEN_TO_ONE = Parameters(
-    light_mass=0.01,
-    heavy_mass=0.1,
-    rod_radius=6.25e-3,
-    free_length=0.58,
-    release_angle=math.radians(112),
-    coefficients={"kinetic_friction": 0.34, "light_drag": 1e-3, "heavy_drag": 1e-3, "string_drag": 1e-3},
-)
 NO_DRAG = {"light_drag": 0.0, "heavy_drag": 0.0, "string_drag": 0.0}
 
 
