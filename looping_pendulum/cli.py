@@ -355,7 +355,8 @@ class _Progress:
     def finished(self, run: Trajectory) -> None:
         """Say that a run has ended."""
         if self._bars is None:
-            typer.echo(f"{run.label}: {run.status.value} ({run.wall_time:.1f} s)", err=True)
+            took = f" ({run.wall_time:.1f} s)" if run.wall_time == run.wall_time else ""  # NaN: it never ended by itself
+            typer.echo(f"{run.label}: {run.status.value}{took}", err=True)
 
 
 if __name__ == "__main__":
