@@ -112,8 +112,13 @@ def test_outside_tolerance_is_exit_status_one(tmp_path):
 def test_interrupt_keeps_what_was_computed(tmp_path):
     arguments = [sys.executable, "-m", "looping_pendulum", "compare", "held", "-e", "pymunk", "--out", str(tmp_path)]
     pytest.importorskip("pymunk")
-    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(4)
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    environment = os.environ | {"TMPDIR": str(scratch)}
+    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    deadline = time.monotonic() + 60
+    while not any(path.stat().st_size for path in scratch.glob("*/samples.bin")) and time.monotonic() < deadline:
+        time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130, stderr
