@@ -1,8 +1,9 @@
-"""Physics as data: each effect once, for the reference, the fit and the engines.
+"""Physics as data: each effect once, for the reference, the fit and the engines. Here: the paper's model, and the library.
 
-An effect is a force on a mass, or the law of the string on the rod. Its functions take a math namespace ``xp`` (``math``,
-``numpy``, ``sympy`` or ``heyoka``), the :class:`Kinematics` of one instant and the parameters ``p`` (an object with a
-coefficient per attribute), so that numbers, arrays, symbols and compiled expressions run the same lines.
+An effect is a force on a mass, the law of the string on the rod, a property of string, rod or mass, or a motion at release.
+Its functions take a math namespace ``xp`` (``math``, ``numpy``, ``sympy`` or ``heyoka``), the :class:`Kinematics` of one
+instant and the parameters ``p`` (an object with a coefficient per attribute), so that numbers, arrays, symbols and compiled
+expressions run the same lines.
 
 Directions are the paper's: *along* the string from the light mass towards the rod (e1 = sin(theta) x - cos(theta) y) and
 *across* it the way the light mass loops (t1 = -cos(theta) x - sin(theta) y).
@@ -10,85 +11,28 @@ Directions are the paper's: *along* the string from the light mass towards the r
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from enum import StrEnum
-from typing import Any, NamedTuple
+from typing import Any
 
+from looping_pendulum.reference_ode.effect_types import Coefficient, Effect, EffectKind, Kinematics
+from looping_pendulum.reference_ode.further_forces import FURTHER_FORCES
+from looping_pendulum.reference_ode.further_properties import FURTHER_PROPERTIES
 
-class Kinematics(NamedTuple):
-    """What an effect may depend on at one instant. SI; numbers, arrays or expressions."""
-
-    time: Any
-    """Time since release [s]."""
-    free_length: Any
-    """Straight string from the rod's tangent point to the light mass, l [m]."""
-    wrap_angle: Any
-    """Wrap angle theta [rad]."""
-    retreat_speed: Any
-    """Speed of the light mass away from the rod along the string, u = l' + R theta' [m/s]; its velocity is -u e1 + w t1."""
-    across_speed: Any
-    """Speed of the light mass across the string, w = l theta' [m/s]."""
-    across_speed_size: Any
-    """|w| [m/s]; apart because an absolute value is not analytic and the integrators carry its sign."""
-    light_speed: Any
-    """Speed of the light mass, hypot(u, w) [m/s]."""
-    heavy_speed: Any
-    """Upward speed of the heavy mass [m/s]; equal to u while the string is taut."""
-    heavy_speed_size: Any
-    """Its absolute value [m/s]."""
-
-
-LightForce = Callable[[Any, Kinematics, Any], tuple[Any, Any]]
-HeavyForce = Callable[[Any, Kinematics, Any], Any]
-
-
-class EffectKind(StrEnum):
-    """What sort of physics an effect is."""
-
-    FORCE = "force on a mass"
-    STRING_LAW = "law of the string on the rod"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Coefficient:
-    """One number of an effect."""
-
-    name: str
-    unit: str
-    """SI unit, as pint reads it; '' for a pure number."""
-    default: float
-    null: float
-    """Value at which the effect is absent."""
-    bounds: tuple[float, float]
-    """Physically possible values."""
-    meaning: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Effect:
-    """One named, fittable piece of physics."""
-
-    name: str
-    kind: EffectKind
-    formula: str
-    source: str
-    acts_on: str
-    depends_on: tuple[str, ...]
-    coefficients: tuple[Coefficient, ...]
-    in_base_model: bool = False
-    """Whether the paper's model has it; such effects are always compiled in, at their null value if need be."""
-    needs_string: bool = False
-    """Whether the effect is absent without a string (drop release)."""
-    light_force: LightForce | None = None
-    """(xp, kinematics, p) -> force on the light mass (along, across) [N]."""
-    heavy_force: HeavyForce | None = None
-    """(xp, kinematics, p) -> upward force on the heavy mass [N]."""
-    sliding_exponent: HeavyForce | None = None
-    """(xp, kinematics, p) -> ln of the tension ratio while the string slides, taken positive."""
-    holding_exponent: HeavyForce | None = None
-    """(xp, kinematics, p) -> ln of the largest tension ratio that the rod can hold without sliding."""
-
+__all__ = [
+    "COEFFICIENTS",
+    "EFFECTS",
+    "GRAVITY",
+    "Coefficient",
+    "Effect",
+    "EffectKind",
+    "Kinematics",
+    "drag_coefficient",
+    "heavy_force",
+    "heavy_inertia",
+    "holding_exponent",
+    "light_force",
+    "light_inertia",
+    "sliding_exponent",
+]
 
 GRAVITY = Effect(
     name="gravity",
@@ -141,8 +85,8 @@ CAPSTAN = Effect(
         ),
     ),
     in_base_model=True,
-    sliding_exponent=lambda xp, k, p: p.kinetic_friction * k.wrap_angle,
-    holding_exponent=lambda xp, k, p: p.static_friction * k.wrap_angle,
+    sliding_exponent=lambda xp, k, p: p.kinetic_friction * k.contact_angle,
+    holding_exponent=lambda xp, k, p: p.static_friction * k.contact_angle,
 )
 
 LIGHT_DRAG = Effect(
@@ -215,7 +159,9 @@ STRING_DRAG = Effect(
     ),
 )
 
-EFFECTS: dict[str, Effect] = {e.name: e for e in (GRAVITY, CAPSTAN, LIGHT_DRAG, HEAVY_DRAG, STRING_DRAG)}
+EFFECTS: dict[str, Effect] = {
+    e.name: e for e in (GRAVITY, CAPSTAN, LIGHT_DRAG, HEAVY_DRAG, STRING_DRAG, *FURTHER_FORCES, *FURTHER_PROPERTIES)
+}
 """The library, by name."""
 
 COEFFICIENTS: dict[str, Coefficient] = {c.name: c for e in EFFECTS.values() for c in e.coefficients}
@@ -265,3 +211,22 @@ def sliding_exponent(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]
 def holding_exponent(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
     """Largest |ln(T2/T1)| that the rod can hold while the string sticks."""
     return sum(e.holding_exponent(xp, k, p) for e in effects if e.holding_exponent is not None)
+
+
+def light_inertia(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> tuple[Any, Any]:
+    """Light mass and what moves with it, (along, across) the string [kg]."""
+    along = across = p.light_mass
+    for effect in effects:
+        if effect.light_inertia is not None:
+            a, b = effect.light_inertia(xp, k, p)
+            along, across = along + a, across + b
+    return along, across
+
+
+def heavy_inertia(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
+    """Heavy mass and what moves with it [kg]."""
+    total = p.heavy_mass
+    for effect in effects:
+        if effect.heavy_inertia is not None:
+            total = total + effect.heavy_inertia(xp, k, p)
+    return total

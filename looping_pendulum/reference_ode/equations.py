@@ -1,14 +1,18 @@
 """The equations of motion and of the events, each written once, for numbers, arrays, symbols and compiled expressions.
 
-State (paper's l and theta, but speeds chosen so that each mode is simple): free length l, wrap angle theta,
-u = l' + R theta' (the light mass's speed away from the rod along the string; the heavy mass's upward speed while taut),
-w = l theta'. Newton's second law in the paper's directions e1 (along, towards the rod) and t1 (across) reads::
+With u = l' + R theta' and w = l theta' (see `state`), Newton's second law in the paper's directions e1 (along, towards the rod)
+and t1 (across) reads::
 
     M1 (w theta' - u') = T1 + F_along          M1 (w' + u theta') = F_across
     M2 u2'             = T2 + F_heavy          T2 = T1 exp(-sign(u2) X(theta))
 
 with every force but the string's pull in F, and the capstan exponent X = mu theta. Dividing by M1 the string's drag too is what
 the paper's own force balance demands; its combined equation for theta'' omits that (an erratum, see docs/derivation.md).
+
+Effects that the paper lacks change the inertias (M1 along and across, M2) or the radius, or add entries to the state. A string
+that also runs along the rod, by z, is S = hypot(P, z) long on the light side, P = l + R theta, so that T1 has the share
+c = P / S in the plane and s = z / S along the rod. A rod that turns moves its surface by the speed v, and the string slides by
+u2 - v.
 """
 
 from __future__ import annotations
@@ -16,95 +20,42 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from looping_pendulum.reference_ode import effects as forces
-from looping_pendulum.reference_ode.effects import Effect, Kinematics
+from looping_pendulum.reference_ode.effect_types import TURN, Kinematics
+from looping_pendulum.reference_ode.further_forces import air_resistance
+from looping_pendulum.reference_ode.further_properties import swing_rates
+from looping_pendulum.reference_ode.state import Effects, Signs, State, kinematics, own_variables, string_path, winding
+from looping_pendulum.reference_ode.stretch import Springs, light_share, springs
 from looping_pendulum.reference_ode.transitions import Event, Mode
-
-Effects = tuple[Effect, ...]
 
 NUDGE = 1e-18
 """Added to a phase's first event function: heyoka misses later roots of a function that is exactly zero where it starts."""
 
 
-class State(NamedTuple):
-    """State of a run, or its rate of change. SI."""
-
-    free_length: Any
-    wrap_angle: Any
-    retreat_speed: Any
-    """u: of the light mass, along the string, away from the rod [m/s]."""
-    across_speed: Any
-    """w = l theta' [m/s]."""
-    heavy_speed: Any
-    """Upward speed of the heavy mass [m/s]; equal to u while taut."""
-    slack: Any
-    """String length beyond the shortest path over the rod [m]; 0 while taut."""
+PASSING_NUDGE = 1e-12
+"""The same for the speed of passing string, which is the difference of numbers about 1 m/s."""
 
 
-RETREAT_SPEED, HEAVY_SPEED = State._fields.index("retreat_speed"), State._fields.index("heavy_speed")
+class _Slant(NamedTuple):
+    """A string that also runs along the rod."""
 
-
-class Signs(NamedTuple):
-    """Piecewise constants that keep the equations analytic between events."""
-
-    slide: Any
-    """+1 sliding up, -1 sliding down."""
-    across: Any
-    """Sign of w."""
-    heavy: Any
-    """Sign of the heavy mass's speed while slack."""
-    phase: Any
-    """0: wait until a return to zero becomes possible (SLOWS, CLOSES); 1: watch for the return (STOP, TAUT)."""
-
-
-VARIABLES: dict[Mode, tuple[str, ...]] = {
-    Mode.STICKING: ("free_length", "wrap_angle", "across_speed"),
-    Mode.CLAMPED: ("free_length", "wrap_angle", "across_speed"),
-    Mode.SLIDING_DOWN: ("free_length", "wrap_angle", "retreat_speed", "across_speed"),
-    Mode.SLIDING_UP: ("free_length", "wrap_angle", "retreat_speed", "across_speed"),
-    Mode.SLACK: State._fields,
-    Mode.CLAMPED_SLACK: State._fields,
-    Mode.FALLING: State._fields,
-}
-"""Which entries of the state change in each mode; the others are zero, or the heavy speed that follows u."""
-
-
-def complete(mode: Mode, **variables: Any) -> State:
-    """Fill in the entries of the state that a mode implies."""
-    if mode.slack:
-        return State(**variables)
-    u = variables.pop("retreat_speed", 0.0)
-    return State(**variables, retreat_speed=u, heavy_speed=u, slack=0.0)
-
-
-def kinematics(xp: Any, mode: Mode, t: Any, y: State, signs: Signs) -> Kinematics:
-    """What the effects may depend on, with absolute values written through their signs."""
-    across_size = signs.across * y.across_speed
-    if mode.sliding:
-        heavy_size = signs.slide * y.heavy_speed
-    elif mode.slack:
-        heavy_size = signs.heavy * y.heavy_speed
-    else:
-        heavy_size = 0.0
-    moving_along = mode.sliding or mode.slack
-    speed = xp.sqrt(y.retreat_speed * y.retreat_speed + y.across_speed * y.across_speed) if moving_along else across_size
-    return Kinematics(
-        time=t,
-        free_length=y.free_length,
-        wrap_angle=y.wrap_angle,
-        retreat_speed=y.retreat_speed,
-        across_speed=y.across_speed,
-        across_speed_size=across_size,
-        light_speed=speed,
-        heavy_speed=y.heavy_speed,
-        heavy_speed_size=heavy_size,
-    )
+    in_plane: Any
+    """c"""
+    along_rod: Any
+    """s"""
+    speed: Any
+    """S' = c u + s z' [m/s]."""
+    bend: Any
+    """What S'' has beyond c u' + s z'' [m/s^2]: (u^2 + z'^2 - S'^2) / S."""
+    force: Any
+    """Force on the light mass along the rod but the string's [N]."""
 
 
 class _Balance(NamedTuple):
-    """Forces of one instant."""
+    """Forces and inertias of one instant."""
 
+    k: Kinematics
     pull: Any
-    """Tension that would hold the light mass at u' = 0: M1 w theta' - F_along [N]."""
+    """Tension that would hold the light side of the string at a constant rate: M1 w theta' - F_along in the plane [N]."""
     across: Any
     """F_across [N]."""
     heavy: Any
@@ -113,61 +64,163 @@ class _Balance(NamedTuple):
     """T2 / T1 while sliding."""
     holding: Any
     """Largest T2 / T1 that the rod can hold."""
+    mass: Any
+    """Of the light side, against a pull along the string [kg]."""
+    along_mass: Any
+    """Of the light side, in the plane along the string [kg]."""
+    across_mass: Any
+    heavy_mass: Any
+    plane_pull: Any
+    """M1 w theta' - F_along [N]."""
+    string_speed: Any
+    """Speed at which the path on the light side grows, S' [m/s]."""
+    slant: _Slant | None
+    """None in the plane."""
+    springs: Springs | None
+    """None for a string that does not stretch."""
 
 
 def _balance(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effects: Effects) -> _Balance:
-    k = kinematics(xp, mode, t, y, signs)
+    k = kinematics(xp, mode, t, y, signs, p, effects)
     along, across = forces.light_force(xp, k, p, effects)
     heavy = forces.heavy_force(xp, k, p, effects)
-    pull = p.light_mass * y.across_speed * (y.across_speed / y.free_length) - along
+    along_mass, across_mass = forces.light_inertia(xp, k, p, effects)
+    heavy_mass = forces.heavy_inertia(xp, k, p, effects)
+    mass, pull = along_mass, along_mass * y.across_speed * (y.across_speed / y.free_length) - along
+    slant, plane_pull, string_speed = None, pull, y.retreat_speed
+    if "sideways" in own_variables(effects):
+        slant = _slant(xp, k, y, signs, p, effects)
+        c, s, string_speed = slant.in_plane, slant.along_rod, slant.speed
+        mass = 1.0 / (c * c / along_mass + s * s / p.light_mass)
+        pull = mass * (c * plane_pull / along_mass + s * slant.force / p.light_mass + slant.bend)
     ratio = xp.exp(-signs.slide * forces.sliding_exponent(xp, k, p, effects)) if mode.sliding else None
-    holding = xp.exp(forces.holding_exponent(xp, k, p, effects)) if mode is Mode.STICKING else None
-    return _Balance(pull, across, heavy, ratio, holding)
+    gripped = mode in (Mode.STICKING, Mode.ROLLING)
+    holding = xp.exp(forces.holding_exponent(xp, k, p, effects)) if gripped else None
+    stretched = None
+    if "light_stretch" in own_variables(effects):
+        path = string_path(xp, y, signs.overlap, p, effects)
+        stretched = springs(mode, y, string_speed, path, ratio, p)
+    return _Balance(
+        k=k,
+        pull=pull,
+        across=across,
+        heavy=heavy,
+        ratio=ratio,
+        holding=holding,
+        mass=mass,
+        along_mass=along_mass,
+        across_mass=across_mass,
+        heavy_mass=heavy_mass,
+        plane_pull=plane_pull,
+        string_speed=string_speed,
+        slant=slant,
+        springs=stretched,
+    )
+
+
+def _slant(xp: Any, k: Kinematics, y: State, signs: Signs, p: Any, effects: Effects) -> _Slant:
+    whole, path = string_path(xp, y, signs.overlap, p, effects), winding(y, signs.overlap, p, effects).path
+    c, s, u, v = path / whole, y.sideways / whole, y.retreat_speed, y.sideways_speed
+    speed = c * u + s * v
+    return _Slant(c, s, speed, (u * u + v * v - speed * speed) / whole, -air_resistance(xp, k, p) * v)
 
 
 def _sliding_drive(b: _Balance) -> Any:
-    """(M2 + M1 T2/T1) u' [N]: what accelerates both masses along the string."""
+    """(M2 + M1 T2/T1) u2' [N]: what accelerates both masses along the string."""
     return b.ratio * b.pull + b.heavy
+
+
+def _heavy_rate(mode: Mode, signs: Signs, b: _Balance, p: Any) -> Any:
+    """Upward acceleration u2' of the heavy mass [m/s^2]."""
+    if b.springs is not None and mode in (Mode.SLIDING_DOWN, Mode.SLIDING_UP, Mode.STICKING):
+        return (b.springs.heavy_tension + b.heavy) / b.heavy_mass
+    if mode.sliding:
+        return _sliding_drive(b) / (b.heavy_mass + b.mass * b.ratio)
+    if mode is Mode.ROLLING:
+        mobility = p.rod_mobility
+        driven = b.pull + b.heavy - p.bearing_friction * signs.rod
+        return mobility * driven / (1.0 + mobility * (b.mass + b.heavy_mass))
+    return b.heavy / b.heavy_mass if mode in (Mode.SLACK, Mode.FALLING) else 0.0
+
+
+def _tensions(mode: Mode, b: _Balance, heavy_rate: Any) -> tuple[Any, Any]:
+    if mode.slack:
+        return 0.0 * b.pull, 0.0 * b.pull
+    if b.springs is not None:
+        return b.springs.light_tension, b.springs.heavy_tension
+    return b.pull - b.mass * heavy_rate, b.heavy_mass * heavy_rate - b.heavy
+
+
+def _rod_rate(mode: Mode, signs: Signs, b: _Balance, p: Any, heavy_rate: Any) -> Any:
+    """Acceleration of the rod's surface [m/s^2]: R^2 / I (T1 - T2 - sign F0), 0 while its bearing holds it."""
+    if mode is Mode.ROLLING:
+        return heavy_rate
+    if not (mode.sliding or mode is Mode.SLACK):
+        return 0.0
+    light, heavy = _tensions(mode, b, heavy_rate)
+    return signs.rod * signs.rod * p.rod_mobility * (light - heavy - p.bearing_friction * signs.rod)
 
 
 def rates(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effects: Effects) -> State:
     """Derivatives of the state by time."""
     b = _balance(xp, mode, t, y, signs, p, effects)
-    u, w = y.retreat_speed, y.across_speed
-    turning = w / y.free_length
-    if mode.sliding:
-        u_rate = heavy_rate = _sliding_drive(b) / (p.heavy_mass + p.light_mass * b.ratio)
-    elif mode.slack:
-        u_rate = b.pull / p.light_mass
-        heavy_rate = 0.0 if mode is Mode.CLAMPED_SLACK else b.heavy / p.heavy_mass
-    else:
-        u_rate = heavy_rate = 0.0
+    own = own_variables(effects)
+    turning = y.across_speed / y.free_length
+    heavy_rate = _heavy_rate(mode, signs, b, p)
+    u_rate = b.pull / b.mass if mode.slack else heavy_rate
+    sideways_rate = 0.0
+    if b.slant is not None:
+        light_tension, _ = _tensions(mode, b, heavy_rate)
+        u_rate = (b.plane_pull - b.slant.in_plane * light_tension) / b.along_mass
+        sideways_rate = (b.slant.force - b.slant.along_rod * light_tension) / p.light_mass
+    elif b.springs is not None:
+        u_rate = (b.pull - _tensions(mode, b, heavy_rate)[0]) / b.along_mass
+    passing = 0.0 if b.springs is None or mode.slack else b.springs.passing
+    tilt_rate = swing_rate = 0.0
+    if "heavy_tilt" in own and mode not in (Mode.CLAMPED, Mode.CLAMPED_SLACK):
+        tilt_rate, swing_rate = swing_rates(xp, b.k, p)
     return State(
-        free_length=u - p.rod_radius * turning,
+        free_length=y.retreat_speed - winding(y, signs.overlap, p, effects).radius * turning,
         wrap_angle=turning,
         retreat_speed=u_rate,
-        across_speed=b.across / p.light_mass - u * turning,
+        across_speed=b.across / b.across_mass - y.retreat_speed * turning,
         heavy_speed=heavy_rate,
-        slack=y.heavy_speed - u,
+        slack=y.heavy_speed - b.string_speed,
+        heavy_tilt=tilt_rate,
+        heavy_across_speed=swing_rate,
+        sideways=y.sideways_speed,
+        sideways_speed=sideways_rate,
+        rod_speed=_rod_rate(mode, signs, b, p, heavy_rate) if "rod_speed" in own else 0.0,
+        light_stretch=b.string_speed - (y.heavy_speed if mode.slack else passing),
+        heavy_stretch=0.0 if mode.slack else passing - y.heavy_speed,
     )
 
 
 def tensions(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effects: Effects) -> tuple[Any, Any]:
     """Tension in the free string and above the heavy mass, (T1, T2) [N]; a clamped heavy mass counts as hanging by it."""
     b = _balance(xp, mode, t, y, signs, p, effects)
-    if mode.slack:
-        return 0.0 * b.pull, 0.0 * b.pull
-    u_rate = _sliding_drive(b) / (p.heavy_mass + p.light_mass * b.ratio) if mode.sliding else 0.0
-    return b.pull - p.light_mass * u_rate, p.heavy_mass * u_rate - b.heavy
+    return _tensions(mode, b, _heavy_rate(mode, signs, b, p))
 
 
-def holding_margins(xp: Any, t: Any, y: State, signs: Signs, p: Any, effects: Effects) -> tuple[Any, Any]:
-    """How far the rod is from letting a resting string slide (down, up), as tensions [N]; below zero it slides.
+def holding_margins(
+    xp: Any, t: Any, y: State, signs: Signs, p: Any, effects: Effects, mode: Mode = Mode.STICKING
+) -> tuple[Any, Any]:
+    """How far the rod is from letting a string slide that it holds (down, up), as tensions [N]; below zero it slides.
 
-    With T1 taken at u = u' = 0, the string rests while T1 / H <= T2 <= T1 H, H the largest tension ratio the rod can hold.
+    It holds while T1 / H <= T2 <= T1 H, H the largest tension ratio that it can hold. ``mode``: whether it rests or turns.
     """
-    b = _balance(xp, Mode.STICKING, t, y, signs, p, effects)
-    return b.pull * b.holding + b.heavy, -b.heavy * b.holding - b.pull
+    b = _balance(xp, mode, t, y, signs, p, effects)
+    return _margins(mode, signs, b, p)
+
+
+def _margins(mode: Mode, signs: Signs, b: _Balance, p: Any) -> tuple[Any, Any]:
+    light, heavy = _tensions(mode, b, _heavy_rate(mode, signs, b, p))
+    return light * b.holding - heavy, heavy * b.holding - light
+
+
+def _rod_returns(signs: Signs, y: State, rod_rate: Any) -> Any:
+    """Fall through zero: the rod slows (phase 0), or has come to rest (phase 1)."""
+    return signs.rod_phase * signs.rod * y.rod_speed + (1.0 - signs.rod_phase) * (signs.rod * rod_rate + NUDGE)
 
 
 def event_functions(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effects: Effects) -> dict[Event, Any]:
@@ -177,33 +230,100 @@ def event_functions(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any,
     if mode is Mode.FALLING:
         return watched
     b = _balance(xp, mode, t, y, signs, p, effects)
-    hanging = p.string_length - length - p.rod_radius * y.wrap_angle - y.slack
+    turns = "rod_speed" in own_variables(effects)
+    hanging = p.string_length - string_path(xp, y, signs.overlap, p, effects) - y.slack
     watched[Event.UNWRAPPED] = y.wrap_angle
-    if mode.sliding:
+    if any(effect.watches_first_turn for effect in effects):
+        watched[Event.FIRST_TURN] = (2.0 * signs.overlap - 1.0) * (y.wrap_angle - TURN)
+    if mode.string_moves or mode is Mode.SLACK:
         watched[Event.HEAVY_REACHES_ROD] = hanging
-        drive = signs.slide * _sliding_drive(b) + NUDGE
-        watched[Event.STOP] = signs.phase * signs.slide * y.retreat_speed + (1.0 - signs.phase) * drive
-        watched[Event.LOSES_TENSION] = p.heavy_mass * b.pull - p.light_mass * b.heavy
-    elif mode is Mode.STICKING:
-        watched[Event.BREAKS_DOWN], watched[Event.BREAKS_UP] = holding_margins(xp, t, y, signs, p, effects)
+    if mode.sliding:
+        returning, drive = signs.slide * y.heavy_speed, signs.slide * _sliding_drive(b)
+        if turns:
+            heavy_rate = _heavy_rate(mode, signs, b, p)
+            light, heavy = _tensions(mode, b, heavy_rate)
+            returning = signs.slide * (y.heavy_speed - y.rod_speed)
+            held = p.bearing_friction - signs.slide * (light - heavy)
+            rod_rate = _rod_rate(mode, signs, b, p, heavy_rate)
+            drive = signs.slide * (heavy_rate - rod_rate)
+            watched[Event.ROD_CHANGES] = _rod_returns(signs, y, rod_rate) + (1.0 - signs.rod * signs.rod) * held
+        if b.springs is not None:
+            watched[Event.STOP] = signs.slide * b.springs.passing + PASSING_NUDGE
+            watched[Event.LOSES_TENSION] = b.springs.reserve
+        else:
+            watched[Event.STOP] = signs.phase * returning + (1.0 - signs.phase) * (drive + NUDGE)
+            watched[Event.LOSES_TENSION] = b.heavy_mass * b.pull - b.mass * b.heavy
+    elif mode in (Mode.STICKING, Mode.ROLLING):
+        watched[Event.BREAKS_DOWN], watched[Event.BREAKS_UP] = _margins(mode, signs, b, p)
+        if mode is Mode.ROLLING:
+            watched[Event.ROD_STOPS] = _rod_returns(signs, y, _heavy_rate(mode, signs, b, p))
+        elif turns:
+            watched[Event.ROD_YIELDS_UP] = p.bearing_friction - (b.pull + b.heavy)
+            watched[Event.ROD_YIELDS_DOWN] = p.bearing_friction + (b.pull + b.heavy)
     elif mode is Mode.CLAMPED:
-        watched[Event.LOSES_TENSION] = b.pull
+        watched[Event.LOSES_TENSION] = b.pull if b.springs is None else b.springs.light_tension
     else:
-        closing = y.heavy_speed - y.retreat_speed + NUDGE
-        watched[Event.TAUT] = signs.phase * y.slack + (1.0 - signs.phase) * closing
+        slack, closing = y.slack, y.heavy_speed - b.string_speed + NUDGE
+        if b.springs is not None:
+            slack = -b.springs.reserve
+            closing = closing + p.string_loss_time * (_heavy_rate(mode, signs, b, p) - b.pull / b.mass)
+        watched[Event.TAUT] = signs.phase * slack + (1.0 - signs.phase) * closing
         if mode is Mode.SLACK:
-            watched[Event.HEAVY_REACHES_ROD] = hanging
             watched[Event.HEAVY_REVERSES] = signs.heavy * y.heavy_speed
+            if turns:
+                watched[Event.ROD_CHANGES] = signs.rod * y.rod_speed + (1.0 - signs.rod * signs.rod)
     return watched
 
 
-def retaut_speed(xp: Any, slide: float, t: Any, y: State, signs: Signs, p: Any, effects: Effects) -> Any:
-    """Common speed along the string after an inelastic pull with the string sliding by ``slide`` (+1 up, -1 down) [m/s].
+class Impact(NamedTuple):
+    """Just after a string became taut, or a pull along it."""
 
-    The impulses on the two sides obey the capstan law too, J2 = J1 exp(-slide X), so that
-    u = (M2 u2 + E M1 u1) / (M2 + E M1), E = exp(-slide X).
+    state: State
+    sliding: Any
+    """Speed at which the string then slides over the rod, up being positive [m/s]."""
+
+
+def impact(xp: Any, slide: float, t: Any, y: State, signs: Signs, p: Any, effects: Effects) -> Impact:
+    """Inelastic pull along the string, which slides by ``slide`` (+1 up, -1 down; 0: the rod holds it).
+
+    The impulses on the two sides obey the capstan law too, J2 = J1 E with E = exp(-slide X), so that
+    u = (M2 u2 + E M1 u1) / (M2 + E M1). A rod that turns takes up J1 - J2; one that cannot stops a string that it holds.
     """
-    k = kinematics(xp, Mode.SLACK, t, y, signs)
-    ratio = xp.exp(-slide * forces.sliding_exponent(xp, k, p, effects))
-    momentum = p.heavy_mass * y.heavy_speed + ratio * p.light_mass * y.retreat_speed
-    return momentum / (p.heavy_mass + ratio * p.light_mass)
+    b = _balance(xp, Mode.SLACK, t, y, signs, p, effects)
+    ratio = xp.exp(-slide * forces.sliding_exponent(xp, b.k, p, effects))
+    light_speed = b.string_speed
+    turns = "rod_speed" in own_variables(effects)
+    if slide:
+        momentum = b.heavy_mass * y.heavy_speed + ratio * b.mass * light_speed
+        speed = momentum / (b.heavy_mass + ratio * b.mass)
+    elif turns:
+        momentum = b.heavy_mass * y.heavy_speed + b.mass * light_speed + y.rod_speed / p.rod_mobility
+        speed = momentum / (b.heavy_mass + b.mass + 1.0 / p.rod_mobility)
+    else:
+        speed = 0.0
+    impulse = b.mass * (light_speed - speed)
+    after = y._replace(retreat_speed=speed, heavy_speed=speed, slack=0.0)
+    if b.slant is not None:
+        after = after._replace(
+            retreat_speed=y.retreat_speed - b.slant.in_plane * impulse / b.along_mass,
+            sideways_speed=y.sideways_speed - b.slant.along_rod * impulse / p.light_mass,
+        )
+    if turns:
+        rod_speed = y.rod_speed + p.rod_mobility * impulse * (1.0 - ratio) if slide else speed
+        after = after._replace(rod_speed=rod_speed)
+    return Impact(after, speed - after.rod_speed)
+
+
+def stretched_at_rest(xp: Any, t: Any, y: State, signs: Signs, p: Any, effects: Effects) -> State:
+    """``y``, at rest, with the stretch of a string on the verge of sliding down: T2 the heavy mass's weight, T1 = T2 / E."""
+    b = _balance(xp, Mode.SLIDING_DOWN, t, y, signs, p, effects)
+    share = light_share(string_path(xp, y, signs.overlap, p, effects), 0.0, p)
+    weight, c = -b.heavy, p.string_compliance
+    return y._replace(light_stretch=weight / b.ratio * c * share, heavy_stretch=weight * c * (1.0 - share))
+
+
+def evened_out(xp: Any, y: State, signs: Signs, p: Any, effects: Effects) -> State:
+    """``y`` with its stretch spread evenly, as a string without tension does."""
+    whole = y.light_stretch + y.heavy_stretch
+    share = light_share(string_path(xp, y, signs.overlap, p, effects), y.light_stretch, p)
+    return y._replace(light_stretch=whole * share, heavy_stretch=whole * (1.0 - share))

@@ -10,10 +10,11 @@ import numpy as np
 
 from looping_pendulum.errors import IntegrationError
 from looping_pendulum.reference_ode import equations
-from looping_pendulum.reference_ode.equations import HEAVY_SPEED, RETREAT_SPEED, VARIABLES, Effects, Signs, State
+from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solution import Part, Segment
-from looping_pendulum.reference_ode.transitions import PHASE_ZERO, Event, Mode
+from looping_pendulum.reference_ode.state import Effects, Signs, State, complete, follow, meaning, variables
+from looping_pendulum.reference_ode.transitions import Event, Mode
 
 NAME = "heyoka"
 MAX_STEPS = 20_000
@@ -26,12 +27,13 @@ class _Compiled:
         import heyoka as hy
 
         self.mode = mode
-        names = VARIABLES[mode]
+        self.names = names = variables(mode, effects)
         expressions = dict(zip(names, hy.make_vars(*names), strict=True))
-        y, t = equations.complete(mode, **expressions), hy.time
+        y, t = complete(mode, **expressions), hy.time
         signs = Signs(*(hy.par[i] for i in range(len(Signs._fields))))
         offset = len(Signs._fields)
-        p = SimpleNamespace(**{name: hy.par[offset + i] for i, name in enumerate(parameter_names)})
+        absent = {c.name: c.null for effect in EFFECTS.values() for c in effect.coefficients}  # constants, so they fold away
+        p = SimpleNamespace(**(absent | {name: hy.par[offset + i] for i, name in enumerate(parameter_names)}))
         rates = equations.rates(hy, mode, t, y, signs, p, effects)
         watched = equations.event_functions(hy, mode, t, y, signs, p, effects)
         self.events = tuple(watched)
@@ -52,14 +54,27 @@ def _compiled(mode: Mode, effects: Effects, tolerance: float, parameter_names: t
     return _Compiled(mode, effects, tolerance, parameter_names)
 
 
+@lru_cache(maxsize=64)
+def _in_the_equations(effects: Effects) -> Effects:
+    """Effects that change an equation: a motion at release needs nothing compiled."""
+    return tuple(effect for effect in effects if effect.kind is not EffectKind.RELEASE)
+
+
+@lru_cache(maxsize=64)
+def _parameter_names(known: tuple[str, ...], effects: Effects) -> tuple[str, ...]:
+    """Numbers that a compiled integrator takes: not those of effects that are absent."""
+    absent = {c.name for effect in EFFECTS.values() if effect not in effects for c in effect.coefficients}
+    return tuple(sorted(set(known) - absent - {"release"}))
+
+
 class HeyokaIntegrator:
     """Runs a mode until one of its events."""
 
     def __init__(self, values: SimpleNamespace, effects: Effects, tolerance: float) -> None:
-        self._effects = effects
+        self._effects = _in_the_equations(effects)
         self._tolerance = tolerance
-        numbers = {name: value for name, value in vars(values).items() if isinstance(value, float)}
-        self._names = tuple(sorted(numbers))
+        numbers = vars(values)
+        self._names = _parameter_names(tuple(numbers), self._effects)
         self._numbers = [numbers[name] for name in self._names]
 
     def advance(self, mode: Mode, t: float, y: State, signs: Signs, until: float) -> tuple[Event, float, State, Segment]:
@@ -112,16 +127,14 @@ class HeyokaIntegrator:
 
     @staticmethod
     def _final(run: _Compiled) -> State:
-        names = VARIABLES[run.mode]
-        return equations.complete(run.mode, **dict(zip(names, run.integrator.state.tolist(), strict=True)))
+        return complete(run.mode, **dict(zip(run.names, run.integrator.state.tolist(), strict=True)))
 
     def _event(self, run: _Compiled, outcome: Any, signs: Signs) -> Event:
         number = -int(getattr(outcome, "value", outcome)) - 1
         if not 0 <= number < len(run.events):
             state = ", ".join(f"{value:g}" for value in run.integrator.state)
             raise IntegrationError(f"{run.mode.name.lower()}: integration broke down ({outcome}) at state {state}")
-        event = run.events[number]
-        return PHASE_ZERO.get(event, event) if signs.phase == 0 else event
+        return meaning(run.events[number], signs)
 
 
 def _segment(run: _Compiled, signs: Signs, series: list[Any], times: list[float]) -> Segment:
@@ -135,6 +148,5 @@ def _full(run: _Compiled, variables: Array) -> Array:
     """Fill in the entries of the state that the mode implies, along the last axis but one."""
     full = np.zeros((*variables.shape[:-2], len(State._fields), variables.shape[-1]))
     full[..., run.rows, :] = variables
-    if run.mode.sliding:
-        full[..., HEAVY_SPEED, :] = full[..., RETREAT_SPEED, :]
+    follow(run.mode, run.names, full)
     return full

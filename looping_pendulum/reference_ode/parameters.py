@@ -7,11 +7,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cached_property
 from types import MappingProxyType, SimpleNamespace
 
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Effect
+from looping_pendulum.reference_ode.further_properties import LEAST_LOSS_TIME
 
 POINT_MASS_END = 1 / 3
 """Free length, in rod radii, at which a light mass without a radius counts as having reached the rod.
@@ -98,6 +100,8 @@ class Parameters:
         kinetic, static = self.coefficients["kinetic_friction"], self.coefficients["static_friction"]
         if static < kinetic:
             raise ParameterError(f"static_friction: found {static:g}, needed at least kinetic_friction ({kinetic:g})")
+        if self.coefficients["rod_mobility"] > 0 and self.coefficients["string_compliance"] > 0:
+            raise ParameterError("rod_mobility and string_compliance: found both above 0, needed one of them 0")
         if self.free_length <= self.end_length:
             raise ParameterError(
                 f"free_length: found {self.free_length:g} m, but the light mass already touches the rod "
@@ -112,24 +116,31 @@ class Parameters:
 
     @property
     def string_length(self) -> float:
-        """Whole string L = l + R theta + h [m] (paper, before eq. 1)."""
-        return self.free_length + self.rod_radius * self.release_angle + self.hanging_length
+        """Whole string L = l + R theta + h [m] (paper, before eq. 1), less what a tilted heavy mass unwinds."""
+        wound = self.release_angle - self.coefficients["heavy_swing"]
+        return self.free_length + self.rod_radius * wound + self.hanging_length
 
-    @property
+    @cached_property
     def effects(self) -> tuple[Effect, ...]:
         """The effects that act here: the declared model's own, and any other with a coefficient off its null value."""
+        off = {name for name, value in self.coefficients.items() if value != effect_library.COEFFICIENTS[name].null}
         return tuple(
             effect
             for effect in effect_library.EFFECTS.values()
-            if not (effect.needs_string and self.release is Release.DROP)
-            if effect.in_base_model or any(self.coefficients[c.name] != c.null for c in effect.coefficients)
+            if (effect.in_base_model or effect.acts(off)) and not (effect.needs_string and self.release is Release.DROP)
         )
 
     def values(self) -> SimpleNamespace:
-        """Every number as an attribute, coefficients included: what the equations read."""
+        """Every number as an attribute, coefficients included: what the equations read. One object, not to be changed."""
+        return self._values
+
+    @cached_property
+    def _values(self) -> SimpleNamespace:
         fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "coefficients"}
         derived = {"end_length": self.end_length, "string_length": self.string_length}
-        return SimpleNamespace(**fields, **derived, **self.coefficients)
+        values = SimpleNamespace(**fields, **derived, **self.coefficients)
+        values.string_loss_time = max(values.string_loss_time, LEAST_LOSS_TIME)
+        return values
 
     def replace(self, **changes: object) -> Parameters:
         """Return a copy with fields or coefficients changed (``replace(light_mass=0.02, kinetic_friction=0.3)``)."""

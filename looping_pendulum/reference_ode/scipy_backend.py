@@ -10,10 +10,10 @@ import numpy as np
 
 from looping_pendulum.errors import IntegrationError
 from looping_pendulum.reference_ode import equations
-from looping_pendulum.reference_ode.equations import HEAVY_SPEED, RETREAT_SPEED, VARIABLES, Effects, Signs, State
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solution import Part, Segment
-from looping_pendulum.reference_ode.transitions import PHASE_ZERO, Event, Mode
+from looping_pendulum.reference_ode.state import Effects, Signs, State, complete, follow, meaning, variables
+from looping_pendulum.reference_ode.transitions import Event, Mode
 
 NAME = "scipy"
 MAX_STEPS = 200_000
@@ -44,7 +44,7 @@ class ScipyIntegrator:
         """
         from scipy.integrate import DOP853
 
-        names = VARIABLES[mode]
+        names = variables(mode, self._effects)
         rows = [State._fields.index(name) for name in names]
         solver = DOP853(
             self._rates(mode, names, signs),
@@ -61,7 +61,7 @@ class ScipyIntegrator:
             message = solver.step()
             if solver.status == "failed":
                 raise IntegrationError(f"{mode.name.lower()}: {message}")
-            polynomial = self._polynomial(mode, rows, solver.dense_output(), solver.t_old, solver.t)
+            polynomial = self._polynomial(mode, names, solver.dense_output(), solver.t_old, solver.t)
             event, fraction = self._first_event(mode, (solver.t_old, solver.t), polynomial, signs)
             if fraction < 1:
                 polynomial = polynomial * fraction ** np.arange(DEGREE + 1)
@@ -83,18 +83,19 @@ class ScipyIntegrator:
         rows = [State._fields.index(name) for name in names]
 
         def rates(now: float, values: Array) -> list[float]:
-            y = equations.complete(mode, **dict(zip(names, values.tolist(), strict=True)))
+            y = complete(mode, **dict(zip(names, values.tolist(), strict=True)))
             derivative = equations.rates(math, mode, now, y, signs, self._p, self._effects)
             return [derivative[i] for i in rows]
 
         return rates
 
-    def _polynomial(self, mode: Mode, rows: list[int], dense: Callable[[Array], Array], start: float, stop: float) -> Array:
+    def _polynomial(
+        self, mode: Mode, names: tuple[str, ...], dense: Callable[[Array], Array], start: float, stop: float
+    ) -> Array:
         """DOP853's dense output of one step as powers of the step's fraction, shape (len(State), DEGREE + 1)."""
         full = np.zeros((len(State._fields), DEGREE + 1))
-        full[rows] = dense(start + (stop - start) * _NODES) @ _TO_POWERS.T
-        if mode.sliding:
-            full[HEAVY_SPEED] = full[RETREAT_SPEED]
+        full[[State._fields.index(name) for name in names]] = dense(start + (stop - start) * _NODES) @ _TO_POWERS.T
+        follow(mode, names, full)
         return full
 
     def _first_event(
@@ -117,6 +118,4 @@ class ScipyIntegrator:
                 root = brentq(lambda x, e=event: float(watched(np.array([x]))[e][0]), low, high, xtol=1e-15, rtol=1e-15)
                 if first[0] is None or root < first[1]:
                     first = event, float(root)
-        if signs.phase == 0 and first[0] is not None:
-            return PHASE_ZERO.get(first[0], first[0]), first[1]
-        return first
+        return (None if first[0] is None else meaning(first[0], signs)), first[1]

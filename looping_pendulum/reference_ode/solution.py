@@ -10,10 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode import equations
-from looping_pendulum.reference_ode.equations import Signs, State
+from looping_pendulum.reference_ode.effect_types import TURN
 from looping_pendulum.reference_ode.geometry import Array, light_position, light_velocity
 from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.state import Signs, State, own_variables, string_path, winding, winds
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
+
+NO_SPEED = 1e-200
+"""A rod that turns faster than this turns [m/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +60,9 @@ class Run:
 
     @property
     def stops(self) -> tuple[float, ...]:
-        """Times at which the heavy mass's speed becomes zero [s]."""
-        return tuple(e.time for e in self.events if e.event is Event.STOP)
+        """Times at which the heavy mass's speed becomes zero [s]; of a string that stretches, its sliding speed."""
+        ends = (Event.STOP, Event.ROD_STOPS)
+        return tuple(e.time for e in self.events if e.event in ends and abs(e.state.rod_speed) < NO_SPEED)
 
     @property
     def halt(self) -> RunEvent | None:
@@ -74,7 +79,8 @@ class Run:
     def heavy_drop(self, state: State) -> Array:
         """How far the heavy mass is below its release [m] in states of this run (numbers or arrays)."""
         p = self.parameters
-        path = state.free_length + p.rod_radius * state.wrap_angle + state.slack
+        overlap = _overlap(state) if winds(p.effects) else 0.0
+        path = string_path(np, state, overlap, p.values(), p.effects) + state.slack
         return np.asarray(p.free_length + p.rod_radius * p.release_angle - path)
 
 
@@ -92,8 +98,11 @@ class Samples:
     @cached_property
     def light_position(self) -> Array:
         """[m], shape (n, 2)."""
-        s, radius = self.state, self.run.parameters.rod_radius
-        return np.stack(light_position(np, s.free_length, s.wrap_angle, radius), axis=1)
+        s, p = self.state, self.run.parameters
+        if not winds(p.effects):
+            return np.stack(light_position(np, s.free_length, s.wrap_angle, p.rod_radius), axis=1)
+        wound = winding(s, _overlap(s), p.values(), p.effects)
+        return np.stack(light_position(np, s.free_length + wound.foot, s.wrap_angle, wound.radius), axis=1)
 
     @cached_property
     def light_velocity(self) -> Array:
@@ -106,13 +115,25 @@ class Samples:
         """[m], shape (n, 2)."""
         p = self.run.parameters
         height = -p.hanging_length - self.run.heavy_drop(self.state)
-        return np.stack([np.full_like(height, p.rod_radius), height], axis=1)
+        if not self._swings:
+            return np.stack([np.full_like(height, p.rod_radius), height], axis=1)
+        tilt = self.state.heavy_tilt
+        length = p.rod_radius * (tilt - p.coefficients["heavy_swing"]) - height
+        cosine, sine = np.cos(tilt), np.sin(tilt)
+        return np.stack([p.rod_radius * cosine + length * sine, p.rod_radius * sine - length * cosine], axis=1)
 
     @cached_property
     def heavy_velocity(self) -> Array:
         """[m/s], shape (n, 2)."""
         speed = self.state.heavy_speed
-        return np.stack([np.zeros_like(speed), speed], axis=1)
+        if not self._swings:
+            return np.stack([np.zeros_like(speed), speed], axis=1)
+        across, cosine, sine = self.state.heavy_across_speed, np.cos(self.state.heavy_tilt), np.sin(self.state.heavy_tilt)
+        return np.stack([across * cosine - speed * sine, across * sine + speed * cosine], axis=1)
+
+    @cached_property
+    def _swings(self) -> bool:
+        return "heavy_tilt" in own_variables(self.run.parameters.effects)
 
     @cached_property
     def tensions(self) -> tuple[Array, Array]:
@@ -183,6 +204,11 @@ class Solution(Run):
         parts = [segment.sample(t[owner == i]) for i, segment in enumerate(self.segments)]
         samples = join(self, parts)
         return samples if np.array_equal(order, np.arange(len(t))) else _reordered(samples, np.argsort(order))
+
+
+def _overlap(state: State) -> Array:
+    """1 where the string lies on itself, else 0."""
+    return np.asarray(np.asarray(state.wrap_angle) > TURN, dtype=float)
 
 
 def join(run: Run, parts: Sequence[Part]) -> Samples:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum, IntEnum, StrEnum
+from functools import cached_property
 
 
 class Mode(IntEnum):
@@ -24,13 +25,20 @@ class Mode(IntEnum):
     """No string at all (drop release)."""
     ENDED = 7
     """The model's reach ends here."""
+    ROLLING = 8
+    """The string sticks to a rod that turns in its bearing."""
 
-    @property
+    @cached_property
     def sliding(self) -> bool:
         """Whether the string slides over the rod."""
         return self in (Mode.SLIDING_DOWN, Mode.SLIDING_UP)
 
-    @property
+    @cached_property
+    def string_moves(self) -> bool:
+        """Whether a taut string moves, over the rod or with it."""
+        return self.sliding or self is Mode.ROLLING
+
+    @cached_property
     def slack(self) -> bool:
         """Whether the string carries no tension."""
         return self in (Mode.SLACK, Mode.CLAMPED_SLACK, Mode.FALLING)
@@ -58,10 +66,31 @@ class Event(StrEnum):
     TAUT = "taut"
     HEAVY_REVERSES = "heavy_reverses"
     """The heavy mass turns while the string is slack."""
+    FIRST_TURN = "first_turn"
+    """The wrap angle passes a full turn, from where the string lies on itself."""
+    ROD_CHANGES = "rod_changes"
+    """The rod begins or ends to turn while the string slides on it or is slack."""
+    ROD_SLOWS = "rod_slows"
+    """The rod's acceleration turned against its speed; only from here on can it stop."""
+    ROD_STOPS = "rod_stops"
+    """The rod, and with it the string, comes to rest."""
+    ROD_YIELDS_UP = "rod_yields_up"
+    """The bearing no longer holds the rod, and the string the heavy mass."""
+    ROD_YIELDS_DOWN = "rod_yields_down"
 
 
 END_EVENTS = frozenset({Event.LIGHT_REACHES_ROD, Event.HEAVY_REACHES_ROD, Event.UNWRAPPED, Event.TIME_UP})
-PHASE_EVENTS = frozenset({Event.SLOWS, Event.CLOSES, Event.ACROSS_REVERSES, Event.HEAVY_REVERSES})
+PHASE_EVENTS = frozenset(
+    {
+        Event.SLOWS,
+        Event.CLOSES,
+        Event.ACROSS_REVERSES,
+        Event.HEAVY_REVERSES,
+        Event.FIRST_TURN,
+        Event.ROD_CHANGES,
+        Event.ROD_SLOWS,
+    }
+)
 """Events that change what is watched or a sign that is carried, not the mode."""
 
 PHASE_ZERO = {Event.STOP: Event.SLOWS, Event.TAUT: Event.CLOSES}
@@ -82,6 +111,11 @@ TABLE: dict[tuple[Mode, Event], Mode | Choice] = {
     (Mode.SLIDING_UP, Event.LOSES_TENSION): Mode.SLACK,
     (Mode.STICKING, Event.BREAKS_DOWN): Mode.SLIDING_DOWN,
     (Mode.STICKING, Event.BREAKS_UP): Mode.SLIDING_UP,
+    (Mode.STICKING, Event.ROD_YIELDS_UP): Mode.ROLLING,
+    (Mode.STICKING, Event.ROD_YIELDS_DOWN): Mode.ROLLING,
+    (Mode.ROLLING, Event.BREAKS_DOWN): Mode.SLIDING_DOWN,
+    (Mode.ROLLING, Event.BREAKS_UP): Mode.SLIDING_UP,
+    (Mode.ROLLING, Event.ROD_STOPS): Choice.BY_HOLDING,
     (Mode.SLACK, Event.TAUT): Choice.BY_IMPULSE,
     (Mode.CLAMPED, Event.LOSES_TENSION): Mode.CLAMPED_SLACK,
     (Mode.CLAMPED_SLACK, Event.TAUT): Mode.CLAMPED,
