@@ -80,8 +80,9 @@ def run_isolated(
         return _without_run(
             engine, scenario, RunStatus.MISSING, f"get it: {HOW_TO_GET.get(missing[0], f'pip install {missing[0]}')}"
         )
-    if scenario.parameters.release not in engine.abilities.releases:
-        return _without_run(engine, scenario, RunStatus.UNSUPPORTED, f"release {scenario.parameters.release.value!r}")
+    unsupported = engine.abilities.unsupported(scenario.parameters)
+    if unsupported:
+        return _without_run(engine, scenario, RunStatus.UNSUPPORTED, unsupported)
     with tempfile.TemporaryDirectory(prefix="looping-pendulum-") as name:
         folder = Path(name)
         (folder / "job.pickle").write_bytes(pickle.dumps(Job(engine=engine, scenario=scenario)))

@@ -9,6 +9,7 @@ from looping_pendulum.engines.mujoco_model import TendonSettings
 from looping_pendulum.engines.mujoco_rig import TendonRig
 from looping_pendulum.engines.protocol import Abilities, Engine, Profile, SteppedEngine
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -32,6 +33,10 @@ _LIMITS = (
     "where the catch turns the heavy mass round, friction turns with it; the reference gives the whole pull one direction",
     "the rig does not stop where the string leaves the rod (wrap angle 0) or the heavy mass reaches it, as the reference does",
 )
+_EFFECT_KINDS = {
+    Variant.DOCUMENTED: frozenset({EffectKind.FORCE}),
+    Variant.CAPSTAN: frozenset({EffectKind.FORCE, EffectKind.STRING_LAW}),
+}
 _STICK_SLIP = "friction-loss constraint; the adapter picks the static or kinetic bound and splits a step that reverses"
 _SUPPLIES = {
     Variant.DOCUMENTED: Supplies(
@@ -75,6 +80,7 @@ class MujocoTendon(SteppedEngine):
         friction = "no friction on the rod" if variant == Variant.DOCUMENTED else "the capstan law fed in as friction loss"
         self.abilities = Abilities(
             releases=frozenset(Release),
+            effect_kinds=_EFFECT_KINDS[Variant(variant)],
             supplies=_SUPPLIES[Variant(variant)],
             packages=("mujoco",),
             summary=f"Two spatial tendons used in turn over a cylinder, {friction}.",

@@ -13,8 +13,9 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, Supplies, Trajectory, from_samples
+from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
 
 SAMPLE_INTERVAL = 1e-3
@@ -46,6 +47,15 @@ class Abilities:
     """One sentence on what the variant is."""
     limits: tuple[str, ...] = ()
     """What it cannot do, each with its reason."""
+    effect_kinds: frozenset[EffectKind] = frozenset({EffectKind.FORCE})
+    """Kinds of effects beyond the paper's model that reach it; forces reach every engine (`reference_ode.cartesian`)."""
+
+    def unsupported(self, parameters: Parameters) -> str:
+        """Return what of ``parameters`` this variant cannot represent; empty: nothing."""
+        if parameters.release not in self.releases:
+            return f"release {parameters.release.value!r}"
+        beyond = (e for e in parameters.effects if not e.in_base_model and e.kind not in self.effect_kinds)
+        return ", ".join(f"effect {e.name!r} ({e.kind.value})" for e in beyond)
 
 
 class Recorder(Protocol):

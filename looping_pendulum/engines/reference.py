@@ -20,6 +20,7 @@ from looping_pendulum.engines.trajectory import (
     TrajectoryEvent,
     from_samples,
 )
+from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solution import Run, Samples
@@ -58,6 +59,7 @@ class ReferenceEngine:
         self.settings = ReferenceSettings(tolerance=TOLERANCES[profile], integrator=integrator)
         self.abilities = Abilities(
             releases=frozenset(Release),
+            effect_kinds=frozenset(EffectKind),
             supplies=SUPPLIES,
             packages=("heyoka",) if integrator == "heyoka" else ("scipy",),
             summary=f"the exact hybrid model (stick, slip, slack), integrated with {integrator}",
