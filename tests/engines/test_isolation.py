@@ -73,11 +73,9 @@ def test_a_release_beyond_an_engines_abilities_is_a_gap():
 
 
 def test_an_effect_that_does_not_reach_an_engine_is_a_gap_not_a_wrong_result():
-    for effect, mentioned in (
-        ({"string_thickness": 1e-4}, "string_thickness"),
-        ({"friction_per_wrap": 0.1}, "friction_per_wrap"),
-    ):
-        scenario = Scenario(name="s", title="", description="", parameters=TEN_TO_ONE.replace(**effect), duration=0.05)
+    for name, value in (("string_thickness", 1e-4), ("friction_per_wrap", 0.1)):
+        parameters = TEN_TO_ONE.replace(**{name: value})
+        scenario = Scenario(name="s", title="", description="", parameters=parameters, duration=0.05)
         run = run_isolated(FaultyEngine("nan"), scenario)
         assert run.status is RunStatus.UNSUPPORTED
         assert name in run.message
