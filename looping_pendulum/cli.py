@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 from contextlib import nullcontext
 from enum import StrEnum
@@ -225,6 +227,43 @@ def check(
     raise typer.Exit(0 if within else OUTSIDE)
 
 
+@app.command()
+def identify(
+    study: Annotated[Path, typer.Argument(metavar="STUDY.yaml", help="Apparatus, declared effects, trials and their files.")],
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Where the report goes; default: report/STUDY.")] = None,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the second start of the fit.")] = 0,
+) -> None:
+    """Find the physics that a model of measured trials lacks, and report the error before and after adding it.
+
+    Writes report.md with figures, verdict.json and repaired.yaml, a scenario that `compare` runs as it is.
+
+    looping-pendulum identify trials/study.yaml --out report/trials
+    """
+    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")  # before numpy comes: threads on such small matrices cost three times what they do
+
+    from looping_pendulum.discrepancy import study_io, writing
+    from looping_pendulum.discrepancy.identify import identify as find
+    from looping_pendulum.discrepancy.verdict import Verdict
+
+    loaded = study_io.load(study)
+    with _Stages() as stages:
+        result = find(loaded, seed=seed, progress=stages.update)
+    typer.echo(f"{result.verdict.value}: {result.sentence}")
+    table = _table("trial", "seen by the fit", "RMS before [mm]", "RMS after [mm]", "before [noise]", "after [noise]")
+    for e in result.errors:
+        numbers = (1e3 * e.rms_before, 1e3 * e.rms_after, e.noise_before, e.noise_after)
+        table.add_row(e.trial, "no" if e.held_out else "yes", *(f"{value:.2f}" for value in numbers))
+    _print(table)
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # what was found is written whole; that takes two seconds
+    try:
+        typer.echo(f"wrote {writing.write(result, out or Path('report') / loaded.name)}")
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if result.verdict is Verdict.INTERRUPTED:
+        raise typer.Exit(INTERRUPTED)
+
+
 def main() -> None:
     """Run the command line; print a user's mistake as one line."""
     debug = "--debug" in sys.argv
@@ -357,6 +396,28 @@ class _Progress:
         if self._bars is None:
             took = f" ({run.wall_time:.1f} s)" if run.wall_time == run.wall_time else ""  # NaN: it never ended by itself
             typer.echo(f"{run.label}: {run.status.value}{took}", err=True)
+
+
+class _Stages:
+    """One bar on a terminal that says what goes on; else nothing."""
+
+    def __enter__(self) -> _Stages:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        console = Console(stderr=True)
+        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+        self._bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+        self._task = self._bar.add_task("reading", total=1.0)
+        self._bar.start()
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        self._bar.stop()
+
+    def update(self, what: str, share: float) -> None:
+        """Show what goes on, and that ``share`` of the work is done."""
+        self._bar.update(self._task, description=what, completed=share)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,315 @@
+"""Which candidate explains what a fit leaves: screen by sensitivities, refit the best, judge on what no fit saw."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.discrepancy.calibration import Data, Fit, FitError, Number, Problem, calibrate, minimise
+from looping_pendulum.discrepancy.candidates import Candidate
+from looping_pendulum.discrepancy.residual import with_noise_of_residuals
+from looping_pendulum.reference_ode.geometry import Array
+
+LINEAR, TEMPLATES = 0.3, (3.0, 12.0)
+"""Sizes of the tried changes [RMS, in units of noise]: one that is still linear, and finite ones."""
+UNIT = 10.0
+"""Change that one scale of a candidate makes [RMS, in units of noise]."""
+VISIBLE = 1e-3
+"""Part of a change that must be left beyond all fitted numbers: below it finite differences decide."""
+SCORE_LIMIT = 4.0
+"""Of a candidate's |z|; 120 clean studies reach 3.94."""
+HELD_OUT_LIMIT = 1.08
+"""Of chi2 per value of a held-out trial; clean maximum 1.072 with about a thousand values."""
+SCATTER = 3.0
+"""Standard errors 1/sqrt(n) of chi2 per value that are granted to trials with fewer values."""
+WIDEST = 10.0
+"""Largest amplitude that the screening may start a refit from, in scales."""
+TRIES, FAILURES = 12, 2
+"""Values that are tried for a template of the wanted size, and how many of them may be impossible."""
+PATIENCE = 10
+"""Iterations in each window of a refit; right explanations need about four."""
+BLOCKS = 8
+"""Blocks of time that a single trial is cut into; two that lie far apart are held out at once."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Screened:
+    """How well a candidate's sensitivity fits what is left."""
+
+    candidate: Candidate
+    score: float
+    """z of the best template; its square is the decrease of the cost that it promises."""
+    amplitude: float
+    """Value less null that it promises [SI]."""
+    scale: float
+    """Change [SI] that moves the prediction by `UNIT`."""
+    companions: tuple[Number, ...] = ()
+    """What is fitted with it, at the values that promise most."""
+
+
+def screen(fit: Fit, chosen: Sequence[Candidate], without: Sequence[str] = ()) -> list[Screened]:
+    """Score candidates, best first. Those that move nothing here are left out.
+
+    Parameters
+    ----------
+    without
+        Numbers of the fit that are at their null value while sensitivities are taken: every new set of effects costs a
+        compilation, and an effect that was added hardly changes what another one does.
+    """
+    kept = [i for i, n in enumerate(fit.problem.names) if n not in without]
+    jacobian = fit.jacobian
+    if without:  # both sensitivities at the same place, or their difference passes for a cause
+        null = np.where(np.isin(fit.problem.names, without), 0.0, fit.x)
+        jacobian = fit.problem.jacobian(null, central=True)
+    basis, _ = np.linalg.qr(jacobian)
+    left = _beyond(basis, fit.residuals)
+    bare = Problem(fit.problem.study, fit.problem.data, [fit.problem.numbers[i] for i in kept])
+    found = []
+    for candidate in chosen:
+        tried = [_screen_one(bare, fit.x[kept], basis, left, candidate, values) for values in candidate.companion_grid()]
+        found += sorted((s for s in tried if s), key=lambda s: -abs(s.score))[:1]
+    return sorted(found, key=lambda s: -abs(s.score))
+
+
+def _beyond(basis: Array, v: Array) -> Array:
+    """Part of ``v`` that no fitted number can make."""
+    return np.asarray(v - basis @ (basis.T @ v))
+
+
+def _screen_one(
+    bare: Problem, x: Array, basis: Array, left: Array, candidate: Candidate, values: Sequence[float]
+) -> Screened | None:
+    companions = candidate.companion_numbers(values)
+    problem = bare.with_numbers(candidate.number(1.0), *companions)
+    here = bare.residuals(x)
+    if here is None:
+        return None
+    measured = sum(len(d.t) for d in bare.data)
+    v = np.zeros(len(left))  # no prior speaks of a candidate
+
+    def change(delta: float) -> Array | None:
+        moved = problem.residuals(np.concatenate([x, [delta], np.zeros(len(companions))]))
+        if moved is None:
+            return None
+        v[:measured] = (here - moved[: len(here)])[:measured]
+        return v.copy()
+
+    best, scale = (0.0, 0.0), 0.0
+    for side in (1.0, -1.0):
+        reach = (candidate.bounds[1] if side > 0 else candidate.bounds[0]) - candidate.null
+        if side * reach <= 0:
+            continue
+        delta = side * (1e-3 * abs(candidate.null) or 1e-6)
+        for size in (LINEAR, *TEMPLATES):
+            delta, template = _sized(change, delta, reach, size)
+            if template is None:  # too small to be integrated, or nothing moves: try the next size from afar
+                delta = 0.01 * reach
+                continue
+            score, amplitude = _score(basis, left, template, delta)
+            allowed = candidate.bounds[0] <= candidate.null + amplitude <= candidate.bounds[1]
+            # a finite template only speaks for its own side
+            if allowed and abs(score) > abs(best[0]) and (score > 0 or size == LINEAR):
+                best = score, amplitude
+            if size == TEMPLATES[-1]:
+                scale = max(scale, abs(delta))
+    if not scale:
+        return None
+    scale *= UNIT / TEMPLATES[-1]
+    return Screened(candidate=candidate, score=best[0], amplitude=best[1], scale=scale, companions=companions)
+
+
+def _score(basis: Array, left: Array, v: Array, delta: float) -> tuple[float, float]:
+    beyond = _beyond(basis, v)
+    norm = float(np.linalg.norm(beyond))
+    if norm < VISIBLE * float(np.linalg.norm(v)) or norm == 0:
+        return 0.0, 0.0
+    return float(beyond @ left) / norm, delta * float(beyond @ left) / norm**2
+
+
+def _sized(change: Callable[[float], Array | None], delta: float, reach: float, size: float) -> tuple[float, Array | None]:
+    """Find a value that moves the prediction by about ``size``; None where the bound comes first and nothing moves."""
+    low, high, failures = 0.0, math.inf, 0
+    v: Array | None = None
+    for _ in range(TRIES):
+        delta = math.copysign(min(abs(delta), abs(reach)), reach)
+        v = change(delta)
+        failures += v is None
+        if failures > FAILURES:
+            return delta, None
+        rms = math.inf if v is None else float(np.sqrt(np.mean(v**2)))
+        if 0.5 < rms / size < 2:
+            return delta, v
+        if rms < size:
+            if abs(delta) >= abs(reach):
+                return delta, v if rms > 0.1 * LINEAR else None
+            low = abs(delta)
+        else:
+            high = abs(delta)
+        factor = min(max(size / max(rms, 1e-30), 1e-2), 1e2)
+        guess = abs(delta) * factor
+        delta = math.copysign(guess if low < guess < high else math.sqrt(max(low, high / 100) * high), reach)
+    return delta, v
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Refit:
+    """A model with one candidate more."""
+
+    screened: Screened
+    fit: Fit
+    gain: float
+    """On the Bayesian information criterion, over the model without it."""
+
+    @property
+    def candidate(self) -> Candidate:
+        """What was added."""
+        return self.screened.candidate
+
+    @property
+    def value(self) -> float:
+        """[SI]"""
+        return self.fit.values[self.candidate.name]
+
+    @property
+    def error(self) -> float:
+        """Standard error [SI]."""
+        return self.fit.errors[self.candidate.name]
+
+    @property
+    def inside(self) -> bool:
+        """Whether the value is physically possible and not on a bound other than the null value's."""
+        return self.candidate.name not in self.fit.at_bounds
+
+
+def refit(base: Fit, screened: Screened, to_beat: float = 0.0) -> Refit | None:
+    """Fit the model with a candidate from its own start; None where it cannot run.
+
+    Parameters
+    ----------
+    to_beat
+        Gain that another candidate has: a second start is only worth while if the screening promises more.
+    """
+    problem = base.problem.with_numbers(screened.candidate.number(screened.scale), *screened.companions)
+    amplitude = float(np.clip(screened.amplitude / screened.scale, -WIDEST, WIDEST))
+    fits = []
+    promised = base.cost - 0.5 * screened.score**2
+    # where its own start leads nowhere near what the screening promises, the base's optimum is tried too
+    for start in (base.problem.prior_mean, base.x):
+        try:
+            full = start is base.problem.prior_mean
+            x = np.concatenate([start, [amplitude], np.zeros(len(screened.companions))])
+            fits.append(calibrate(problem, x, most=PATIENCE) if full else minimise(problem, x, most=PATIENCE))
+        except FitError:
+            continue
+        if fits[-1].cost < promised or (screened.score**2 < to_beat and fits[-1].cost < base.cost - 1):
+            break
+    if not fits:
+        return None
+    best = min(fits, key=lambda f: f.cost)
+    penalty = (1 + len(screened.companions)) * math.log(base.problem.count)
+    return Refit(screened=screened, fit=best, gain=base.cost - best.cost - penalty)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Unseen:
+    """How a fit explains data that it did not see."""
+
+    names: tuple[str, ...]
+    """Trials, or blocks of time of the only one."""
+    chi2: tuple[float, ...]
+    """Of each, per value."""
+    counts: tuple[int, ...]
+    """Values behind each."""
+    rms: tuple[float, ...]
+    """Of the residual of each [SI]."""
+    fits: tuple[Fit, ...] = ()
+
+    @property
+    def worst(self) -> float:
+        """Largest chi2 per value."""
+        return max(self.chi2)
+
+    @property
+    def explained(self) -> bool:
+        """Whether all of it is explained to its noise."""
+        limits = [max(HELD_OUT_LIMIT, 1 + SCATTER / math.sqrt(n)) for n in self.counts]
+        return all(c <= limit for c, limit in zip(self.chi2, limits, strict=True))
+
+
+def judge(fit: Fit, held: Sequence[tuple[Data, Sequence[Number]]]) -> Unseen:
+    """Judge a fit on held-out trials, or on blocks of time of the training ones if there are none."""
+    if not held:
+        return _blocks(fit)
+    fits = [_explain(fit, data, numbers) for data, numbers in held]
+    return Unseen(
+        names=tuple(d.trial.name for d, _ in held),
+        chi2=tuple(f.cost / f.problem.count for f in fits),
+        counts=tuple(f.problem.count for f in fits),
+        rms=tuple(rms(f, 0) for f in fits),
+        fits=tuple(fits),
+    )
+
+
+def rms(fit: Fit, k: int) -> float:
+    """Residual of a trial [SI]: of the light mass's place where it was seen."""
+    d = fit.problem.data[k]
+    residual = d.value - fit.problem.predict(fit.x, k)
+    parts = [d.slices[n] for n in ("light_x", "light_y") if n in d.slices] or list(d.slices.values())
+    return math.sqrt(sum(float(np.mean(residual[p] ** 2)) for p in parts))
+
+
+def _explain(fit: Fit, data: Data, own: Sequence[Number]) -> Fit:
+    """Fit only what is the held-out trial's own; what training knows is a prior as narrow as it left it."""
+    p = fit.problem
+    known = {n.name: i for i, n in enumerate(p.numbers)}
+    added = [n for n in p.numbers if data.trial.name in n.trials and n.name not in {o.name for o in own}]
+    numbers = [*own, *added]
+    here = [i for i, n in enumerate(numbers) if n.name in known]
+    there = [known[numbers[i].name] for i in here]
+    mean, weights = np.zeros(len(numbers)), np.diag([1 / (n.prior or 10.0) for n in numbers])
+    if here:
+        covariance = fit.covariance[np.ix_(there, there)]
+        values, vectors = np.linalg.eigh(covariance)
+        root = (vectors / np.sqrt(np.maximum(values, 1e-12 * values.max()))).T
+        weights[np.ix_(here, here)] = root
+        mean[here] = fit.x[there]
+    problem = Problem(p.study, [data], numbers, (mean, weights))
+    return with_noise_of_residuals(calibrate(problem))
+
+
+def _blocks(fit: Fit) -> Unseen:
+    """Leave out two of `BLOCKS` blocks of time after another; judge them by the prediction's own uncertainty."""
+    problem = fit.problem
+    names, chi2, sizes = [], [], []
+    half = BLOCKS // 2
+    for j in range(half):
+        out = [(_block(d) % half) == j for d in problem.data]
+        masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
+        partial = minimise(problem.with_data(masked), fit.x)
+        whole = Problem.jacobian(problem, partial.x)
+        rows = np.concatenate(out)
+        r = problem.residuals(partial.x)
+        assert r is not None
+        part = whole[: len(rows)][rows]
+        spread = np.eye(len(part)) + part @ partial.covariance @ part.T
+        left = r[: len(rows)][rows]
+        names.append(f"blocks {j + 1} and {j + 1 + half} of {BLOCKS}")
+        chi2.append(float(left @ np.linalg.solve(spread, left)) / len(left))
+        sizes.append(math.sqrt(2 * float(np.mean((left * np.concatenate([d.sigma for d in problem.data])[rows]) ** 2))))
+    return Unseen(
+        names=tuple(names),
+        chi2=(float(np.mean(chi2)),),
+        counts=(problem.count,),
+        rms=(float(np.sqrt(np.mean(np.square(sizes)))),),
+    )
+
+
+def _block(d: Data) -> NDArray[np.int_]:
+    """Number of the block of time that each value belongs to."""
+    span = float(np.ptp(d.t)) or 1.0
+    return np.asarray(np.minimum((BLOCKS * (d.t - d.t.min()) / span).astype(int), BLOCKS - 1))

@@ -1,0 +1,221 @@
+"""From fitted models to the one result object."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from looping_pendulum.discrepancy.attribution import rms
+from looping_pendulum.discrepancy.calibration import Fit
+from looping_pendulum.discrepancy.candidates import Candidate
+from looping_pendulum.discrepancy.study import Study
+from looping_pendulum.discrepancy.verdict import (
+    Effect,
+    Experiment,
+    FitReport,
+    FittedNumber,
+    Identification,
+    Picture,
+    Round,
+    TrialError,
+    Verdict,
+)
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.scenarios import loader
+from looping_pendulum.scenarios.scenario import Scenario
+
+if TYPE_CHECKING:
+    from looping_pendulum.discrepancy.identify import Model
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Conclusion:
+    """What the search ended with."""
+
+    before: Model
+    after: Model
+    ties: tuple[Model, ...]
+    rounds: tuple[Round, ...]
+    experiments: tuple[Experiment, ...]
+
+
+def identification(
+    study: Study, data: Sequence[str], seed: int, verdict: Verdict, found: Conclusion, provenance: Mapping[str, str]
+) -> Identification:
+    """Put the result together."""
+    before, after = found.before, found.after
+    effects = _effects(after)
+    ties = tuple(_effects(t) for t in found.ties)
+    return Identification(
+        study=study.name,
+        title=study.title,
+        seed=seed,
+        verdict=verdict,
+        sentence=_sentence(verdict, effects, ties, found),
+        effects=effects,
+        ties=ties,
+        next_experiments=found.experiments,
+        rounds=found.rounds,
+        errors=_errors(before, after),
+        before=_fit_report(before),
+        after=_fit_report(after),
+        judged_on="held-out trials" if before.unseen.fits else "held-out blocks of time",
+        data=tuple(data),
+        provenance=provenance,
+        scenario=_scenario(study, after, effects),
+        pictures=_pictures(before, after),
+    )
+
+
+def _effects(model: Model) -> tuple[Effect, ...]:
+    values, errors = model.fit.values, model.fit.errors
+    return tuple(_effect(c, values, errors) for c in model.added)
+
+
+def _effect(c: Candidate, values: Mapping[str, float], errors: Mapping[str, float]) -> Effect:
+    return Effect(
+        name=c.name,
+        kind=c.kind,
+        acts_on=c.acts_on,
+        depends_on=c.depends_on,
+        formula=c.formula,
+        source=c.source,
+        parameter=c.parameter,
+        meaning=c.how.value,
+        value=values[c.name],
+        error=errors[c.name],
+        null=c.null,
+        unit=c.unit,
+        companions=tuple((k.name, values[k.name], errors[k.name]) for k in c.companions),
+    )
+
+
+def told(effect: Effect) -> str:
+    """One effect in words: "linear_drag = 0.0012 +/- 0.00003 kg/s"."""
+    return f"{effect.name} = {effect.value:.4g} +/- {effect.error:.2g} {effect.unit}".rstrip()
+
+
+def _sentence(verdict: Verdict, effects: Sequence[Effect], ties: Sequence[Sequence[Effect]], found: Conclusion) -> str:
+    if verdict is Verdict.NO_MISSING_EFFECT:
+        return "The declared model explains the data to their noise; nothing was added."
+    left = "; ".join(found.before.alarms)
+    if verdict is Verdict.IDENTIFIED:
+        added = " and ".join(told(e) for e in effects)
+        return f"The declared model leaves something ({left}); {added} explains it, and nothing is left."
+    if verdict is Verdict.AMBIGUOUS:
+        each = "; or ".join(" and ".join(told(e) for e in tie) for tie in ties)
+        return f"The declared model leaves something ({left}). These data cannot tell which explains it: {each}."
+    if verdict is Verdict.INTERRUPTED:
+        return f"Interrupted; what was found until then stands below. The declared model leaves: {left or 'nothing'}."
+    best = next((r for r in found.rounds[0].ranking if r.gain is not None), None) if found.rounds else None
+    nearest = f" The nearest is {best.name}, which does not pass: {best.reason}." if best else ""
+    return f"The declared model leaves something ({left}), and no listed effect explains it.{nearest} Nothing was added."
+
+
+def _errors(before: Model, after: Model) -> tuple[TrialError, ...]:
+    rows = []
+    for k, d in enumerate(before.fit.problem.data):
+        chi2 = [_chi2(m.fit, k) for m in (before, after)]
+        sizes = [rms(m.fit, k) for m in (before, after)]
+        rows.append(_trial_error(d.trial.name, False, sizes, chi2))
+    for i, name in enumerate(before.unseen.names if before.unseen.fits else ()):
+        chi2 = [m.unseen.chi2[i] for m in (before, after)]
+        rows.append(_trial_error(name, True, [m.unseen.rms[i] for m in (before, after)], chi2))
+    if not before.unseen.fits:
+        sizes = [m.unseen.rms[0] for m in (before, after)]
+        rows.append(_trial_error("blocks of time", True, sizes, [m.unseen.chi2[0] for m in (before, after)]))
+    return tuple(rows)
+
+
+def _trial_error(name: str, held_out: bool, sizes: Sequence[float], chi2: Sequence[float]) -> TrialError:
+    return TrialError(
+        trial=name,
+        held_out=held_out,
+        rms_before=sizes[0],
+        rms_after=sizes[1],
+        noise_before=math.sqrt(chi2[0]),
+        noise_after=math.sqrt(chi2[1]),
+    )
+
+
+def _chi2(fit: Fit, k: int) -> float:
+    return float(np.mean(np.square(_standardised(fit, k))))
+
+
+def _standardised(fit: Fit, k: int) -> Array:
+    d = fit.problem.data[k]
+    return np.asarray((d.value - fit.problem.predict(fit.x, k)) / d.sigma)
+
+
+def _fit_report(model: Model) -> FitReport:
+    fit = model.fit
+    values, errors, stuck = fit.values, fit.errors, set(fit.at_bounds)
+    return FitReport(
+        numbers=tuple(
+            FittedNumber(
+                name=n.name,
+                value=values[n.name],
+                error=errors[n.name],
+                measured=n.start,
+                measured_error=n.scale if n.prior == 1.0 else None,
+                at_bound=n.name in stuck,
+            )
+            for n in fit.problem.numbers
+        ),
+        correlations=fit.correlations(),
+        condition=fit.condition,
+        chi2_per_dof=model.tests.chi2_per_dof,
+        held_out=model.unseen.worst,
+        largest_score=abs(model.left[0].score) if model.left else 0.0,
+        alarms=model.alarms,
+        starts=model.starts,
+    )
+
+
+def _scenario(study: Study, model: Model, effects: Sequence[Effect]) -> str:
+    """The first training trial under the repaired model, as a scenario file."""
+    parameters, _ = model.fit.problem.setting(model.fit.x, 0)
+    d = model.fit.problem.data[0]
+    camera = ", ".join(told(e) for e in effects if e.acts_on == "camera")
+    added = ", ".join(told(e) for e in effects if e.acts_on != "camera") or "nothing"
+    text = f"Fitted to the trials of the study '{study.name}', as trial '{d.trial.name}'. Added to what was declared: {added}."
+    if camera:
+        text += f" The camera's own errors are no part of a scenario: {camera}."
+    return loader.dump(
+        Scenario(
+            name=f"{study.name}_repaired",
+            title=f"{study.title}: repaired model",
+            description=text,
+            parameters=parameters,
+            duration=float(d.t.max()),
+        )
+    )
+
+
+def _pictures(before: Model, after: Model) -> tuple[Picture, ...]:
+    pairs = [(before.fit, after.fit, k, False) for k in range(len(before.fit.problem.data))]
+    pairs += [(b, a, 0, True) for b, a in zip(before.unseen.fits, after.unseen.fits, strict=True)]
+    return tuple(_picture(*pair) for pair in pairs)
+
+
+def _picture(before: Fit, after: Fit, k: int, held_out: bool) -> Picture:
+    d = before.problem.data[k]
+
+    def split(values: Array) -> dict[str, Array]:
+        return {name: values[part] for name, part in d.slices.items()}
+
+    return Picture(
+        trial=d.trial.name,
+        held_out=held_out,
+        channels=tuple(d.slices),
+        t=split(d.t),
+        measured=split(d.value),
+        before=split(before.problem.predict(before.x, k)),
+        after=split(after.problem.predict(after.x, k)),
+        residual_before=split(_standardised(before, k)),
+        residual_after=split(_standardised(after, k)),
+    )

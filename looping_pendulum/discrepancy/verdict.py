@@ -1,0 +1,202 @@
+"""What identification found, as plain data: the one object that the report, the figures and verdict.json are made of.
+
+Layout of ``verdict.json``: ``schema`` {id, version}, then the fields of `Identification` by their names, as documented there;
+SI and radians; null for what is not known or not finite. Fields marked `compare=False` (arrays for figures) are left out.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from looping_pendulum.compare.json_text import plain
+from looping_pendulum.reference_ode.geometry import Array
+
+SCHEMA_ID = "looping-pendulum/identification"
+SCHEMA_VERSION = 1
+
+
+class Verdict(StrEnum):
+    """What the data say about the declared model."""
+
+    NO_MISSING_EFFECT = "no_missing_effect"
+    IDENTIFIED = "identified"
+    AMBIGUOUS = "ambiguous"
+    UNEXPLAINED = "unexplained"
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect:
+    """One effect that the declared model lacks or has wrong."""
+
+    name: str
+    kind: str
+    acts_on: str
+    depends_on: tuple[str, ...]
+    formula: str
+    source: str
+    parameter: str
+    meaning: str
+    """How the value enters: "is", "multiplies"."""
+    value: float
+    error: float
+    """Standard error."""
+    null: float
+    """Value at which the effect is absent."""
+    unit: str
+    companions: tuple[tuple[str, float, float], ...]
+    """Further coefficients of the effect, fitted with it: name, value, standard error [SI]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranked:
+    """One candidate in one round."""
+
+    name: str
+    kind: str
+    score: float
+    """z of its sensitivity against what the model leaves."""
+    gain: float | None
+    """On the Bayesian information criterion; None: not refitted."""
+    value: float | None
+    error: float | None
+    held_out: float | None
+    """Largest chi2 per value on data that no fit saw; None: not judged."""
+    passes: bool
+    reason: str
+    """Why it does not pass; empty if it does."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Round:
+    """One addition: what the model had, and how the candidates did."""
+
+    added_before: tuple[str, ...]
+    ranking: tuple[Ranked, ...]
+    """Best first."""
+    best: str
+    runner_up: str
+    margin: float | None
+    """Gain of the best less that of the runner-up."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialError:
+    """How far a model is from one trial."""
+
+    trial: str
+    held_out: bool
+    rms_before: float
+    """Residual of the declared model after calibration, of the light mass's place where it was seen [m]."""
+    rms_after: float
+    noise_before: float
+    """Root mean square in units of the noise."""
+    noise_after: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedNumber:
+    """One number of the fit."""
+
+    name: str
+    value: float
+    error: float
+    measured: float
+    """What was measured or where the fit began."""
+    measured_error: float | None
+    at_bound: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitReport:
+    """How a fit went."""
+
+    numbers: tuple[FittedNumber, ...]
+    correlations: tuple[tuple[str, str, float], ...]
+    """Pairs above 0.9 in size."""
+    condition: float
+    """Of the scaled Jacobian."""
+    chi2_per_dof: float
+    held_out: float
+    """Largest chi2 per value on data that no fit saw."""
+    largest_score: float
+    """Of any candidate that was left."""
+    alarms: tuple[str, ...]
+    """What is not quiet; empty: nothing is left."""
+    starts: tuple[float, ...]
+    """Costs that the starts ended at."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """A trial that would separate what is tied."""
+
+    release: str
+    release_angle: float
+    """[rad]"""
+    mass_ratio: float
+    """M2/M1"""
+    distance: float
+    """Expected distance between the tied explanations [units of noise], after all else is fitted to the new trial."""
+    tells_apart: tuple[str, str]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Picture:
+    """One trial's arrays for the figures; residuals in units of noise."""
+
+    trial: str
+    held_out: bool
+    channels: tuple[str, ...]
+    t: Mapping[str, Array]
+    measured: Mapping[str, Array]
+    before: Mapping[str, Array]
+    after: Mapping[str, Array]
+    residual_before: Mapping[str, Array]
+    residual_after: Mapping[str, Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Identification:
+    """Everything that identification found."""
+
+    study: str
+    title: str
+    seed: int
+    verdict: Verdict
+    sentence: str
+    """The verdict in words."""
+    effects: tuple[Effect, ...]
+    """Added to the model; if ambiguous, one of the tied explanations, the best."""
+    ties: tuple[tuple[Effect, ...], ...]
+    """Every explanation that these data cannot tell from the best, the best included; empty unless ambiguous."""
+    next_experiments: tuple[Experiment, ...]
+    """Best first."""
+    rounds: tuple[Round, ...]
+    errors: tuple[TrialError, ...]
+    before: FitReport
+    after: FitReport
+    judged_on: str
+    """What no fit saw: "held-out trials" or "held-out blocks of time"."""
+    data: tuple[str, ...]
+    """What was used of each trial, and what not and why."""
+    provenance: Mapping[str, str]
+    """Versions."""
+    scenario: str = field(compare=False)
+    """The repaired model of the first trial as a scenario file."""
+    pictures: tuple[Picture, ...] = field(default=(), compare=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the added effects."""
+        return tuple(e.name for e in self.effects)
+
+
+def dump(result: Identification) -> str:
+    """Write a result as JSON text."""
+    tree: dict[str, Any] = {"schema": {"id": SCHEMA_ID, "version": SCHEMA_VERSION}} | plain(result)
+    return json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"

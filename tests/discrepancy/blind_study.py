@@ -1,0 +1,57 @@
+"""The study file that an experimenter would write about a blind case: what is known, and nothing of what is hidden."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from tests.blind.cases import Case, write_case
+
+
+def write_study(
+    folder: Path, case: Case, seed: int, *, trials: Sequence[str] | None = None, undeclared: Sequence[str] = (),
+    **limits: Any,
+) -> Path:  # fmt: skip
+    """Write a case's files and a study of them; ``trials``: only these; ``undeclared``: what is left out of it."""
+    known = write_case(folder, case, seed)
+    all_limits = {"release_angle": ["60 deg", "130 deg"], "mass_ratio": [2, 10], "releases": ["looping", "vertical", "held"]}
+    study = {
+        "title": "A blind study",
+        "apparatus": {
+            "light": {"mass": _measured(known["light_mass"], "kg")},
+            "rod": {"radius": _measured(known["rod_radius"], "m")},
+        },
+        "effects": {"gravity": f"{known['gravity']} m/s^2"}
+        | {name: "free" for name in ("capstan", "light_drag", "heavy_drag", "string_drag") if name not in undeclared},
+        "trials": [_trial(known, trial) for trial in known["trials"] if trials is None or trial["name"] in trials],
+        "limits": all_limits | limits,
+    }
+    path = folder / "study.yaml"
+    path.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
+    return path
+
+
+def _trial(known: dict[str, Any], trial: dict[str, Any]) -> dict[str, Any]:
+    origin = _measured(trial["origin"], "m")
+    return {
+        "name": trial["name"],
+        "file": trial["file"],
+        "tracks": {mass: track for track, mass in known["tracks"].items()},
+        "held_out": trial["held_out"],
+        "heavy": {"mass": _measured(trial["heavy_mass"], "kg")},
+        "release": {
+            "kind": trial["release"],
+            "angle": _measured(trial["release_angle"], "rad", math.degrees, "deg"),
+            "free_length": _measured(trial["free_length"], "m"),
+            "hanging_length": _measured(trial["hanging_length"], "m"),
+        },
+        "camera": {"origin_x": origin, "origin_y": origin},
+    }
+
+
+def _measured(known: dict[str, float], unit: str, convert: Any = float, shown: str = "") -> str:
+    return f"{convert(known['value'])!r} {shown or unit} +/- {convert(known['uncertainty'])!r} {shown or unit}"

@@ -1,0 +1,38 @@
+"""What the loop should say of each blind case: the candidate's name, and the value that was planted, in its own terms."""
+
+from __future__ import annotations
+
+from tests.blind.cases import CASES
+
+
+def _hidden(case: str) -> float:
+    c = CASES[case]
+    return (c.effects + c.apparatus_errors + c.camera_errors)[0][1]
+
+
+EXPECTED = {
+    "linear_drag": ("light_linear_drag", _hidden("linear_drag")),
+    "wind": ("wind_speed", _hidden("wind")),
+    "attitude_drag": ("attitude_drag", _hidden("attitude_drag")),
+    "static_excess": ("static_friction", 1 + _hidden("static_excess")),
+    "friction_per_speed": ("friction_per_speed", _hidden("friction_per_speed")),
+    "friction_per_wrap": ("friction_per_wrap", _hidden("friction_per_wrap")),
+    "string_on_string": ("string_on_string", _hidden("string_on_string")),
+    "string_density": ("string_density", _hidden("string_density")),
+    "compliance": ("string_compliance", _hidden("compliance")),
+    "string_thickness": ("string_thickness", _hidden("string_thickness")),
+    "rod_mobility": ("rod_mobility", _hidden("rod_mobility")),
+    "heavy_swing": ("heavy_swing", _hidden("heavy_swing")),
+    "sideways_push": ("push_sideways", _hidden("sideways_push")),
+    "side_force": ("side_force", _hidden("side_force")),
+    "side_stiffness": ("side_stiffness", _hidden("side_stiffness")),
+    "push": ("push_across", _hidden("push")),
+    "wrong_mass": ("wrong_light_mass", 1 + _hidden("wrong_mass")),
+    "wrong_length": ("wrong_free_length", 1 + _hidden("wrong_length")),
+    "wrong_gravity": ("wrong_gravity", 9.81 * (1 + _hidden("wrong_gravity"))),
+    "scale": ("scale", 1 + _hidden("scale")),
+    "tilt": ("tilt", -_hidden("tilt")),  # the operator's axes turn, so the picture turns the other way
+    "clock_offset": ("clock_offset", -_hidden("clock_offset")),
+    "frame_rate": ("clock_ratio", 1 / (1 + _hidden("frame_rate"))),
+}
+"""Blind case -> candidate and value."""

@@ -1,0 +1,83 @@
+"""The fit: planted values come back, wrong starts end at the same place, derivatives are derivatives, bounds hold."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from looping_pendulum.discrepancy.calibration import Problem, calibrate, minimise
+from looping_pendulum.discrepancy.identify import read_inputs
+from looping_pendulum.discrepancy.residual import calibrated
+from looping_pendulum.discrepancy.study_io import load
+from tests.blind import Apparatus
+from tests.blind.cases import CLEAN, TRIALS
+from tests.discrepancy.blind_study import write_study
+
+
+@pytest.fixture(scope="module")
+def problem(tmp_path_factory):
+    inputs = read_inputs(load(write_study(tmp_path_factory.mktemp("clean"), CLEAN, 0)))
+    return Problem(inputs.study, inputs.training, inputs.numbers)
+
+
+@pytest.fixture(scope="module")
+def fit(problem):
+    return calibrated(calibrate(problem))
+
+
+def test_planted_values_come_back(fit):
+    true = Apparatus()
+    values, errors = fit.values, fit.errors
+    for number, planted in (
+        ("kinetic_friction", true.friction),
+        ("light_drag", true.light_drag),
+        ("string_drag", true.string_drag),
+        ("rod_radius", true.rod_radius),
+        ("ten_a.release_angle", TRIALS[0].release_angle),
+        ("six.free_length", true.free_length),
+    ):
+        assert abs(values[number] - planted) < 4 * errors[number], number  # 6 numbers: one in 3000 sets by chance
+    ratio = values["ten_a.heavy_mass"] / values["light_mass"]
+    assert ratio == pytest.approx(10, rel=5e-3)  # only the ratio is seen; each mass is known to 0.5 %
+
+
+def test_wrong_starts_end_at_the_same_minimum(problem, fit):
+    rng = np.random.default_rng(1)
+    for _ in range(4):
+        start = np.clip(2 * rng.standard_normal(len(problem.numbers)), problem.low, problem.high)
+        again = calibrate(fit.problem, start)
+        # the last iterations gain less than a millionth; where a window's event sequence changes, the cost has small steps
+        assert again.cost == pytest.approx(fit.cost, abs=0.2)
+
+
+def test_derivatives_agree_with_coarser_central_differences(fit):
+    p = fit.problem
+    fine = fit.jacobian[: p.count]
+    for i, name in enumerate(p.names):
+        if name == "heavy_drag":  # on its bound, where only one side exists
+            continue
+        moved = [p.residuals(fit.x + s * 5e-3 * np.eye(len(fit.x))[i]) for s in (1, -1)]
+        coarse = (moved[1] - moved[0])[: p.count] / 1e-2
+        assert np.linalg.norm(coarse - fine[:, i]) < 1e-2 * np.linalg.norm(fine[:, i]), name
+
+
+def test_what_the_data_cannot_tell_apart_is_said(fit):
+    pairs = {frozenset(pair[:2]) for pair in fit.correlations()}
+    assert frozenset({"ten_a.heavy_mass", "six.heavy_mass"}) in pairs  # both only through their ratio to the light mass
+    assert all(abs(c) > 0.9 for *_, c in fit.correlations())
+    assert math.isfinite(fit.condition)
+
+
+def test_bounds_hold_and_are_reported(problem):
+    tight = Problem(problem.study, problem.data, [n if n.name != "kinetic_friction" else _narrow(n) for n in problem.numbers])
+    fit = minimise(tight, tight.prior_mean)
+    assert fit.values["kinetic_friction"] == pytest.approx(0.32)
+    assert "kinetic_friction" in fit.at_bounds
+
+
+def _narrow(number):
+    import dataclasses
+
+    return dataclasses.replace(number, bounds=(0.2, 0.32))

@@ -1,0 +1,56 @@
+"""Residual tests: quiet on noise, loud on what is planted in it; the noise law comes back."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from looping_pendulum.discrepancy.calibration import Problem, calibrate
+from looping_pendulum.discrepancy.identify import read_inputs
+from looping_pendulum.discrepancy.residual import calibrated, check_residuals
+from looping_pendulum.discrepancy.study_io import load
+from tests.blind.camera import Camera
+from tests.blind.cases import CLEAN
+from tests.discrepancy.blind_study import write_study
+
+
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory):
+    inputs = read_inputs(load(write_study(tmp_path_factory.mktemp("clean"), CLEAN, 1)))
+    return calibrated(calibrate(Problem(inputs.study, inputs.training, inputs.numbers)))
+
+
+def test_a_clean_study_is_quiet(fit):
+    tests = check_residuals(fit)
+    assert tests.quiet
+    assert not tests.loudest
+    assert abs(tests.chi2_per_dof - 1) < 4 / np.sqrt(tests.count)  # by differences of neighbours it scatters by 1/sqrt(n)
+    assert {g.group for g in tests.groups} >= {"sliding, light along", "not sliding, heavy_y"}
+
+
+def test_the_noise_law_is_the_cameras(fit):
+    camera = Camera()
+    for k, data in enumerate(fit.problem.data):
+        samples = fit.problem.run(fit.x, k)
+        speed = np.interp(data.t, samples.t, np.linalg.norm(samples.light_velocity, axis=1))
+        for channel in ("light_x", "light_y"):
+            part = data.slices[channel]
+            true = camera.noise + camera.blur * speed[part]
+            # about 450 differences of two axes: 4 % at the mean speed, twice that at the ends of a straight line
+            assert np.abs(data.sigma[part] / true - 1).mean() < 0.12
+
+
+@pytest.mark.parametrize("size", [0.7, 1.5])
+def test_a_slow_wave_under_the_noise_is_loud(fit, size):
+    data = [dataclasses.replace(d, channels=_wavy(d.channels, size * 1e-3)) for d in fit.problem.data]
+    tests = check_residuals(dataclasses.replace(fit, problem=fit.problem.with_data(data)))
+    assert not tests.quiet
+    assert "light" in tests.loudest
+
+
+def _wavy(channels, size):
+    return tuple(
+        dataclasses.replace(c, value=c.value + size * np.sin(40 * c.t)) if c.name.startswith("light") else c for c in channels
+    )
