@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from contextlib import nullcontext
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from looping_pendulum import __version__
+from looping_pendulum.cli_progress import EngineBars, StageBar
 from looping_pendulum.errors import HarnessError
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ def run(
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     wanted = chosen_engines(engine, speed) if engine else [ReferenceEngine(available_integrators()[0], speed)]
-    with _Progress() as progress:
+    with EngineBars() as progress:
         runs = run_all(wanted, chosen, jobs=jobs, time_limit=time_limit, progress=progress.update, finished=progress.finished)
     table = _table("engine", "samples", "until [s]", "M2 dropped [m]", "wall [s]", "ended")
     for result in runs:
@@ -247,7 +247,7 @@ def identify(
     from looping_pendulum.discrepancy.verdict import Verdict
 
     loaded = study_io.load(study)
-    with _Stages() as stages:
+    with StageBar() as stages:
         result = find(loaded, seed=seed, progress=stages.update)
     typer.echo(f"{result.verdict.value}: {result.sentence}")
     table = _table("trial", "seen by the fit", "RMS before [mm]", "RMS after [mm]", "before [noise]", "after [noise]")
@@ -307,7 +307,7 @@ def _compared(
 ) -> ComparisonResult:
     from looping_pendulum.compare.harness import compare_engines
 
-    with _Progress() as progress:
+    with EngineBars() as progress:
         return compare_engines(
             scenario,
             engines=engine or (),
@@ -360,64 +360,6 @@ def _print(table: Any) -> None:
     if not console.is_terminal:
         console = Console(width=200)
     console.print(table)
-
-
-class _Progress:
-    """A bar per engine on a terminal; else a line as each run ends."""
-
-    def __enter__(self) -> _Progress:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-        console = Console(stderr=True)
-        self._tasks: dict[str, Any] = {}
-        self._bars = None
-        if console.is_terminal:
-            columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-            self._bars = Progress(*columns, TimeRemainingColumn(), console=console)
-        self._context = self._bars or nullcontext()
-        self._context.__enter__()
-        return self
-
-    def __exit__(self, *exception: Any) -> None:
-        self._context.__exit__(*exception)
-
-    def update(self, engine: Any, share: float) -> None:
-        """Show that ``share`` of the run of ``engine`` is done."""
-        if self._bars is None:
-            return
-        name = f"{engine.name}:{engine.variant}"
-        if name not in self._tasks:
-            self._tasks[name] = self._bars.add_task(name, total=1.0)
-        self._bars.update(self._tasks[name], completed=share)
-
-    def finished(self, run: Trajectory) -> None:
-        """Say that a run has ended."""
-        if self._bars is None:
-            took = f" ({run.wall_time:.1f} s)" if run.wall_time == run.wall_time else ""  # NaN: it never ended by itself
-            typer.echo(f"{run.label}: {run.status.value}{took}", err=True)
-
-
-class _Stages:
-    """One bar on a terminal that says what goes on; else nothing."""
-
-    def __enter__(self) -> _Stages:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-        console = Console(stderr=True)
-        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-        self._bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
-        self._task = self._bar.add_task("reading", total=1.0)
-        self._bar.start()
-        return self
-
-    def __exit__(self, *exception: Any) -> None:
-        self._bar.stop()
-
-    def update(self, what: str, share: float) -> None:
-        """Show what goes on, and that ``share`` of the work is done."""
-        self._bar.update(self._task, description=what, completed=share)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from looping_pendulum.discrepancy.calibration import How, Number
 from looping_pendulum.discrepancy.measurement import CAMERA
 from looping_pendulum.discrepancy.study import Study
 from looping_pendulum.reference_ode import effects as effect_library
-from looping_pendulum.reference_ode.effects import Coefficient, Effect
+from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
 from looping_pendulum.reference_ode.parameters import Release
 
 APPARATUS = MappingProxyType(
@@ -100,7 +100,7 @@ def candidates(study: Study, fitted: Iterable[Number], camera: Iterable[str]) ->
     releases = {t.release for t in study.trials}
     found = []
     for effect in effect_library.EFFECTS.values():
-        if effect.needs_string and releases == {Release.DROP}:
+        if effect.kind is EffectKind.CLOSURE or (effect.needs_string and releases == {Release.DROP}):
             continue
         found += [_of_library(study, effect, c, trials) for c in effect.coefficients if not _companion(effect, c)]
     if releases - {Release.DROP}:

@@ -17,6 +17,7 @@ from looping_pendulum.discrepancy import outcome
 from looping_pendulum.discrepancy.attribution import SCORE_LIMIT, Refit, Screened, Unseen, judge, refit, screen
 from looping_pendulum.discrepancy.calibration import Data, Fit, Number, Problem, calibrate, minimise, numbers_of
 from looping_pendulum.discrepancy.candidates import Candidate, candidates
+from looping_pendulum.discrepancy.discovery import Found, discover
 from looping_pendulum.discrepancy.next_experiment import best_experiments
 from looping_pendulum.discrepancy.observations import DataError, Observations
 from looping_pendulum.discrepancy.residual import (
@@ -29,6 +30,7 @@ from looping_pendulum.discrepancy.residual import (
     with_noise_of_residuals,
 )
 from looping_pendulum.discrepancy.study import Study, Trial, read_trial
+from looping_pendulum.discrepancy.unlisted import unlisted
 from looping_pendulum.discrepancy.verdict import Experiment, Identification, Ranked, Round, Verdict
 from looping_pendulum.reference_ode.solve import available_integrators
 
@@ -154,12 +156,20 @@ def identify(study: Study, *, seed: int = 0, progress: Progress = lambda what, s
     if len(ties) > 1:
         with contextlib.suppress(KeyboardInterrupt):
             experiments = best_experiments(study, [t.fit for t in ties], [t.names for t in ties])
+    force = unlisted(search.forces, search.base.unseen.worst) if verdict is Verdict.UNLISTED else None
     return outcome.identification(
         inputs.study,
         [o.summary() for _, o in inputs.observed],
         seed,
         verdict,
-        outcome.Conclusion(before=search.base, after=model, ties=ties, rounds=tuple(search.rounds), experiments=experiments),
+        outcome.Conclusion(
+            before=search.base,
+            after=model,
+            ties=ties,
+            rounds=tuple(search.rounds),
+            experiments=experiments,
+            unlisted=force,
+        ),
         _provenance(),
     )
 
@@ -175,6 +185,8 @@ class _Search:
         self.base: Model | None = None
         self.winners: tuple[Model, ...] = ()
         """Explanations that pass, the best first; those within the margin are tied."""
+        self.forces: tuple[Found, ...] = ()
+        """Unlisted forces that explain what no fit saw, the best first."""
 
     def run(self) -> None:
         """Search until nothing is left or nothing passes."""
@@ -193,8 +205,9 @@ class _Search:
             if self.winners:
                 return self.contest() if number else None
             if following is None:
-                return
+                break
             current = following
+        self.forces = self.unlisted_forces()
 
     def contest(self) -> None:
         """Look for rivals of every effect that was added before the last, with the later ones in the model."""
@@ -268,6 +281,13 @@ class _Search:
             found[r.candidate.name] = self.model(with_noise_of_residuals(r.fit), (*current.added, r.candidate))
         return found
 
+    def unlisted_forces(self) -> tuple[Found, ...]:
+        """Search for a force that no library lists; keep those that gain and explain unseen data."""
+        assert self.base is not None
+        found = discover(self.base.fit, self.inputs.held, lambda what: self.progress(what, 0.85))
+        passing = [f for f in found if f.gain >= GAIN and f.unseen.explained and f.unseen.worst < self.base.unseen.worst]
+        return tuple(passing + [f for f in found if f not in passing]) if passing else ()
+
     def conclusion(self, interrupted: bool) -> tuple[Verdict, Model, tuple[Model, ...]]:
         """Verdict, the model to go on with, and what is tied."""
         assert self.base is not None
@@ -275,6 +295,10 @@ class _Search:
             return Verdict.INTERRUPTED, self.winners[0] if self.winners else self.base, ()
         if not self.base.alarms:
             return Verdict.NO_MISSING_EFFECT, self.base, ()
+        if not self.winners and self.forces:
+            best = self.forces[0]
+            tests = check_residuals(best.fit)
+            return Verdict.UNLISTED, Model(fit=best.fit, added=(), tests=tests, unseen=best.unseen, screening=tuple), ()
         if not self.winners:
             return Verdict.UNEXPLAINED, self.base, ()
         if len(self.winners) > 1:

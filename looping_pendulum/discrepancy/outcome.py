@@ -22,6 +22,7 @@ from looping_pendulum.discrepancy.verdict import (
     Picture,
     Round,
     TrialError,
+    Unlisted,
     Verdict,
 )
 from looping_pendulum.reference_ode.geometry import Array
@@ -41,6 +42,7 @@ class Conclusion:
     ties: tuple[Model, ...]
     rounds: tuple[Round, ...]
     experiments: tuple[Experiment, ...]
+    unlisted: Unlisted | None = None
 
 
 def identification(
@@ -58,6 +60,7 @@ def identification(
         sentence=_sentence(verdict, effects, ties, found),
         effects=effects,
         ties=ties,
+        unlisted=found.unlisted,
         next_experiments=found.experiments,
         rounds=found.rounds,
         errors=_errors(before, after),
@@ -111,6 +114,15 @@ def _sentence(verdict: Verdict, effects: Sequence[Effect], ties: Sequence[Sequen
         return f"The declared model leaves something ({left}). These data cannot tell which explains it: {each}."
     if verdict is Verdict.INTERRUPTED:
         return f"Interrupted; what was found until then stands below. The declared model leaves: {left or 'nothing'}."
+    if found.unlisted is not None:
+        force = found.unlisted
+        each = "; ".join(f"{p.side}: {p.formula} N" for p in force.profiles)
+        name = force.depends_on.replace("_", " ")
+        return (
+            f"The declared model leaves something ({left}), and no listed effect explains it. A force on the {force.acts_on} "
+            f"that depends on the {name} s does ({each}): on data that no fit saw chi2 per value falls from "
+            f"{force.held_out_before:.3g} to {force.held_out_after:.3g}."
+        )
     best = next((r for r in found.rounds[0].ranking if r.gain is not None), None) if found.rounds else None
     nearest = f" The nearest is {best.name}, which does not pass: {best.reason}." if best else ""
     return f"The declared model leaves something ({left}), and no listed effect explains it.{nearest} Nothing was added."

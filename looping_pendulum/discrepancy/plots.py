@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from looping_pendulum.compare.plots import COLOURS, GREY
+from looping_pendulum.discrepancy import unlisted_report
 from looping_pendulum.discrepancy.verdict import Identification, Picture
 
 BEFORE, AFTER = COLOURS[1], COLOURS[0]
@@ -26,6 +27,9 @@ def draw(result: Identification) -> dict[str, tuple[str, bytes]]:
     if result.rounds and any(r.gain is not None for r in result.rounds[0].ranking):
         caption = "First round: gain of every refitted candidate on the Bayesian information criterion; blue: passes."
         figures["ranking.png"] = caption, _png(ranking_figure(result))
+    if result.unlisted is not None:
+        caption = "The unlisted force along its coordinate; bands: two standard errors."
+        figures["unlisted_force.png"] = caption, _png(unlisted_report.figure(result.unlisted))
     figures["errors.png"] = "Error of each trial before and after, in units of noise.", _png(error_figure(result))
     return figures
 

@@ -6,12 +6,14 @@ import math
 from collections.abc import Mapping
 
 from looping_pendulum.compare.tables import GAP, number, signed, table
+from looping_pendulum.discrepancy import unlisted_report
 from looping_pendulum.discrepancy.verdict import Effect, FitReport, Identification, Round, Verdict
 
 HEADLINES = {
     Verdict.NO_MISSING_EFFECT: "Nothing is missing",
     Verdict.IDENTIFIED: "A missing effect was found",
     Verdict.AMBIGUOUS: "Something is missing, and these data allow several explanations",
+    Verdict.UNLISTED: "A force that no library lists was found",
     Verdict.UNEXPLAINED: "Something is missing that no listed effect explains",
     Verdict.INTERRUPTED: "Interrupted",
 }
@@ -29,13 +31,14 @@ def render(result: Identification, figures: Mapping[str, str] | None = None) -> 
         f"# {result.title}\n",
         f"## Verdict: {HEADLINES[result.verdict]} (`{result.verdict.value}`)\n\n{result.sentence}\n",
         _effects(result),
+        unlisted_report.section(result),
         "## Error before and after\n\n" + _errors(result),
         _ties(result),
         _figures(figures or {}),
         "## Candidates\n\n" + _rounds(result),
         "## Declared model, calibrated\n\n" + _fit(result.before),
     ]
-    if result.effects:
+    if result.effects or result.unlisted:
         sections.append("## Repaired model\n\n" + _fit(result.after))
     sections += ["## Data\n\n" + "".join(f"- {line}\n" for line in result.data), "## Provenance\n\n" + _provenance(result)]
     return "\n".join(s for s in sections if s)

@@ -25,6 +25,7 @@ class Verdict(StrEnum):
     NO_MISSING_EFFECT = "no_missing_effect"
     IDENTIFIED = "identified"
     AMBIGUOUS = "ambiguous"
+    UNLISTED = "unlisted"
     UNEXPLAINED = "unexplained"
     INTERRUPTED = "interrupted"
 
@@ -145,6 +146,64 @@ class Experiment:
     tells_apart: tuple[str, str]
 
 
+@dataclass(frozen=True, kw_only=True)
+class ForceProfile:
+    """An unknown force on one side, as a function of one coordinate."""
+
+    side: str
+    """"along" the light mass's string towards the rod, "across" it, or on the "heavy" mass upward."""
+    coordinate: tuple[float, ...]
+    value: tuple[float, ...]
+    """[N], or [N s/m] if multiplied by a speed."""
+    error: tuple[float, ...]
+    """Standard error of each value."""
+    largest: float
+    largest_at: float
+    """Coordinate of the largest value."""
+    sure_from: float | None
+    sure_to: float | None
+    """Where it exceeds two standard errors; None: nowhere."""
+    form: str
+    formula: str
+    """The simplest form that the data cannot tell from the profile; s is the coordinate, u and w the light mass's speeds."""
+    numbers: tuple[float, ...]
+    errors: tuple[float, ...]
+    misfit: float
+    """Chi2 of the formula against the profile's twelve bumps."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OtherClosure:
+    """Another form of the unknown force that was refitted."""
+
+    acts_on: str
+    depends_on: str
+    multiplied_by: str
+    gain: float
+    held_out: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unlisted:
+    """A force that no listed effect is."""
+
+    acts_on: str
+    depends_on: str
+    multiplied_by: str
+    unit: str
+    """Of the coordinate."""
+    profiles: tuple[ForceProfile, ...]
+    phase: str
+    """When most of it acts."""
+    gain: float
+    """Twice the log evidence over the declared model."""
+    held_out_before: float
+    """Largest chi2 per value of data that no fit saw."""
+    held_out_after: float
+    others: tuple[OtherClosure, ...]
+    """Refitted forms that explain unseen data less well."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Picture:
     """One trial's arrays for the figures; residuals in units of noise."""
@@ -174,6 +233,8 @@ class Identification:
     """Added to the model; if ambiguous, one of the tied explanations, the best."""
     ties: tuple[tuple[Effect, ...], ...]
     """Every explanation that these data cannot tell from the best, the best included; empty unless ambiguous."""
+    unlisted: Unlisted | None
+    """The unknown force, if the verdict is unlisted."""
     next_experiments: tuple[Experiment, ...]
     """Best first."""
     rounds: tuple[Round, ...]

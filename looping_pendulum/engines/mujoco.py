@@ -34,8 +34,8 @@ _LIMITS = (
     "the rig does not stop where the string leaves the rod (wrap angle 0) or the heavy mass reaches it, as the reference does",
 )
 _EFFECT_KINDS = {
-    Variant.DOCUMENTED: frozenset({EffectKind.FORCE}),
-    Variant.CAPSTAN: frozenset({EffectKind.FORCE, EffectKind.STRING_LAW}),
+    Variant.DOCUMENTED: frozenset({EffectKind.FORCE, EffectKind.CLOSURE}),
+    Variant.CAPSTAN: frozenset({EffectKind.FORCE, EffectKind.CLOSURE, EffectKind.STRING_LAW}),
 }
 _STICK_SLIP = "friction-loss constraint; the adapter picks the static or kinetic bound and splits a step that reverses"
 _SUPPLIES = {

@@ -47,7 +47,7 @@ class Abilities:
     """One sentence on what the variant is."""
     limits: tuple[str, ...] = ()
     """What it cannot do, each with its reason."""
-    effect_kinds: frozenset[EffectKind] = frozenset({EffectKind.FORCE})
+    effect_kinds: frozenset[EffectKind] = frozenset({EffectKind.FORCE, EffectKind.CLOSURE})
     """Kinds of effects beyond the paper's model that reach it; forces reach every engine (`reference_ode.cartesian`)."""
 
     def unsupported(self, parameters: Parameters) -> str:

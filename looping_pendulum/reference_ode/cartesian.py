@@ -23,7 +23,7 @@ def cartesian_force(parameters: Parameters) -> CartesianForce | None:
     acting = tuple(
         effect
         for effect in parameters.effects
-        if effect.kind is EffectKind.FORCE
+        if effect.kind in (EffectKind.FORCE, EffectKind.CLOSURE)
         and effect is not GRAVITY
         and any(parameters.coefficients[c.name] != c.null for c in effect.coefficients)
     )

@@ -76,6 +76,7 @@ class EffectKind(StrEnum):
 
     FORCE = "force on a mass"
     STRING_LAW = "law of the string on the rod"
+    CLOSURE = "unknown force, found from data"
     PROPERTY = "property of string, rod or mass"
     RELEASE = "motion at release"
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from looping_pendulum.reference_ode.closure import CLOSURE
 from looping_pendulum.reference_ode.effect_types import Coefficient, Effect, EffectKind, Kinematics
 from looping_pendulum.reference_ode.further_forces import FURTHER_FORCES
 from looping_pendulum.reference_ode.further_properties import FURTHER_PROPERTIES
@@ -160,7 +161,7 @@ STRING_DRAG = Effect(
 )
 
 EFFECTS: dict[str, Effect] = {
-    e.name: e for e in (GRAVITY, CAPSTAN, LIGHT_DRAG, HEAVY_DRAG, STRING_DRAG, *FURTHER_FORCES, *FURTHER_PROPERTIES)
+    e.name: e for e in (GRAVITY, CAPSTAN, LIGHT_DRAG, HEAVY_DRAG, STRING_DRAG, *FURTHER_FORCES, *FURTHER_PROPERTIES, CLOSURE)
 }
 """The library, by name."""
 

@@ -26,6 +26,8 @@ class _Compiled:
     def __init__(self, mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...]) -> None:
         import heyoka as hy
 
+        hy.set_logger_level_critical()  # what it would warn of comes back as an outcome
+
         self.mode = mode
         self.names = names = variables(mode, effects)
         expressions = dict(zip(names, hy.make_vars(*names), strict=True))

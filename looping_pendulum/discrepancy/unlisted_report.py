@@ -1,0 +1,69 @@
+"""The unlisted force in words and as a figure, from the result object."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from looping_pendulum.compare.plots import COLOURS
+from looping_pendulum.compare.tables import GAP, number, table
+from looping_pendulum.discrepancy.verdict import ForceProfile, Identification, Unlisted
+
+SIDES = {
+    "along": "along the string, towards the rod",
+    "across": "across the string, the way it loops",
+    "heavy": "on the heavy mass, upward",
+}
+
+
+def section(result: Identification) -> str:
+    """Return the section on the unlisted force; empty without one."""
+    force = result.unlisted
+    if force is None:
+        return ""
+    name = force.depends_on.replace("_", " ")
+    unit = force.unit
+    head = ["direction", f"largest at {name} [{unit}]", f"largest [{_unit(force)}]", f"sure between [{unit}]", "formula"]
+    rows = [
+        [SIDES[p.side], number(p.largest_at), number(p.largest), _sure(p), f"`{p.formula}` ({p.form})"] for p in force.profiles
+    ]
+    text = (
+        "## The unlisted force\n\n"
+        f"It acts on the {force.acts_on}, {force.phase}, and depends on the {name} (s below). It was found as a row of bumps "
+        "along that coordinate; the formula is the simplest that the data cannot tell from them. *Sure*: above two standard "
+        "errors.\n\n"
+        + table(head, rows, left=1)
+        + f"\nTwice the log evidence gained: {force.gain:.0f}. On data that no fit saw chi2 per value falls from "
+        f"{force.held_out_before:.3f} to {force.held_out_after:.3f}.\n"
+    )
+    if not force.others:
+        return text
+    head = ["it acts on", "depends on", "multiplied by", "gain", "unseen chi2/n"]
+    rows = [
+        [o.acts_on, *(word.replace("_", " ") for word in (o.depends_on, o.multiplied_by)), number(o.gain), number(o.held_out)]
+        for o in force.others
+    ]
+    return text + "\nOther forms, which explain unseen data less well:\n\n" + table(head, rows, left=3)
+
+
+def figure(force: Unlisted) -> Figure:
+    """Profile of every side with two standard errors."""
+    drawn = Figure(figsize=(8.0, 3.6), layout="constrained")
+    axes = drawn.subplots()
+    axes.axhline(0.0, color="black", lw=0.8)
+    for colour, p in zip(COLOURS, force.profiles, strict=False):
+        s, value, error = np.array(p.coordinate), np.array(p.value), np.array(p.error)
+        axes.fill_between(s, value - 2 * error, value + 2 * error, color=colour, alpha=0.25, lw=0)
+        axes.plot(s, value, color=colour, label=SIDES[p.side])
+    axes.set_xlabel(f"{force.depends_on.replace('_', ' ')} [{force.unit}]")
+    axes.set_ylabel(f"unlisted force [{_unit(force)}]")
+    axes.legend(loc="best", fontsize=8)
+    return drawn
+
+
+def _unit(force: Unlisted) -> str:
+    return "N" if force.multiplied_by == "constant" else "N s/m"
+
+
+def _sure(p: ForceProfile) -> str:
+    return GAP if p.sure_from is None else f"{number(p.sure_from)} and {number(p.sure_to)}"
