@@ -27,7 +27,7 @@ from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import solve_at
 
 WINDOWS = (0.3, 0.5, 0.8, 1.0)
-"""Shares of the longest trial that are fitted one after the other; the notes' 0.3, 0.5 and 0.8 s of one second."""
+"""Shares of the longest trial that are fitted one after the other."""
 STEP = 1e-3
 """Of finite differences, in scales: good to 2e-4 or so while the sequence of events stays the same."""
 LARGEST_STEP = 3.0
