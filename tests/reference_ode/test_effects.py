@@ -45,6 +45,14 @@ TYPICAL = {
     "out_of_plane": {"push_sideways": 0.4},
     "turning_rod": {"rod_mobility": 20.0, "bearing_friction": 0.2},
     "string_stretch": {"string_compliance": 1 / 1500, "string_loss_time": 5e-4},
+    "closure": {
+        "closure_of_time": 1.0,
+        "closure_by_constant": 1.0,
+        "closure_scale": 12.0,
+        "closure_across_3": 0.01,
+        "closure_along_5": 5e-3,
+        "closure_heavy_2": 0.01,
+    },
 }
 EACH = pytest.mark.parametrize("name", FURTHER)
 
@@ -261,7 +269,7 @@ def test_only_forces_reach_the_engines_through_cartesian_force():
     for name, values in TYPICAL.items():
         found = cartesian_force(p.replace(**values)) is not None
         # drag in moving or slanting air needs a drag to begin with, and then is a force all the same
-        assert found is (FURTHER[name].kind is EffectKind.FORCE)
+        assert found is (FURTHER[name].kind in (EffectKind.FORCE, EffectKind.CLOSURE))
 
 
 def test_a_scenario_file_holds_every_coefficient():
