@@ -110,7 +110,9 @@ def test_an_effect_compiled_in_at_its_null_value_changes_nothing(base, name):
     bound = 1e-6 if name == "heavy_swing" else 1e-9
     assert apart.max() < bound
     if base is TEN_TO_ONE:
-        assert apart[t < 0.35].max() < (1e-9 if name == "heavy_swing" else 1e-12)
+        # DOP853 chooses other steps where there are more entries of the state, so it agrees to its tolerance only
+        exact = 1e-12 if available_integrators()[0] == "heyoka" else 1e-10
+        assert apart[t < 0.35].max() < (1e-9 if name == "heavy_swing" else exact)
 
 
 @pytest.mark.parametrize("name", [name for name, effect in FURTHER.items() if effect.switch])
