@@ -77,9 +77,13 @@ class Closure:
         }
         return dataclasses.replace(study, effects={**study.effects, **{n: Estimate(value=v) for n, v in fixed.items()}})
 
+    def bumps(self, s: Array) -> Array:
+        """Every bump at coordinates ``s``, shape (n, BUMPS)."""
+        return np.asarray(np.exp(-0.5 * ((s[:, None] - self.centres) / self.step) ** 2), dtype=np.float64)
+
     def profile(self, weights: Array, s: Array) -> Array:
         """Sum of the bumps at coordinates ``s``, shape of ``s``; [N], or [N s/m] if multiplied by a speed."""
-        return np.asarray(np.exp(-0.5 * ((s[:, None] - self.centres) / self.step) ** 2) @ weights, dtype=np.float64)
+        return np.asarray(self.bumps(s) @ weights)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,14 +104,17 @@ class Found:
         values = self.fit.values
         return np.array([values[n] for n in self.closure.names]).reshape(-1, BUMPS)
 
-    def band(self, s: Array) -> Array:
-        """Standard error of every side's profile at ``s``, shape (sides, n)."""
-        index = [self.fit.problem.names.index(n) for n in self.closure.names]
-        scale = np.array([self.fit.problem.numbers[i].scale for i in index])
-        covariance = self.fit.covariance[np.ix_(index, index)] * np.outer(scale, scale)
-        bumps = np.exp(-0.5 * ((s[:, None] - self.closure.centres) / self.closure.step) ** 2)
-        parts = [slice(k * BUMPS, (k + 1) * BUMPS) for k in range(len(self.weights))]
-        return np.array([np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", bumps, covariance[p, p], bumps), 0.0)) for p in parts])
+    def covariance(self, side: int) -> Array:
+        """Of a side's weights [N^2], shape (BUMPS, BUMPS)."""
+        problem = self.fit.problem
+        index = [problem.names.index(n) for n in self.closure.names[side * BUMPS : (side + 1) * BUMPS]]
+        scale = np.array([problem.numbers[i].scale for i in index])
+        return np.asarray(self.fit.covariance[np.ix_(index, index)] * np.outer(scale, scale))
+
+    def band(self, side: int, s: Array) -> Array:
+        """Standard error of a side's profile at ``s``, shape of ``s``."""
+        bumps = self.closure.bumps(s)
+        return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", bumps, self.covariance(side), bumps), 0.0)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -100,17 +100,13 @@ def simplify(found: Found, side: int) -> Formula:
 
 def _laying(closure: Closure, s: Array) -> Array:
     """Matrix from a profile at ``s`` to the weights of the bumps nearest to it."""
-    bumps = np.exp(-0.5 * ((s[:, None] - closure.centres) / closure.step) ** 2)
+    bumps = closure.bumps(s)
     return np.asarray(np.linalg.solve(bumps.T @ bumps + 1e-6 * len(s) * np.eye(BUMPS), bumps.T))
 
 
 def _weights(found: Found, side: int) -> tuple[Array, Array]:
     """Weights of a side, and a root of the inverse of their covariance."""
-    names = found.closure.names[side * BUMPS : (side + 1) * BUMPS]
-    index = [found.fit.problem.names.index(n) for n in names]
-    scale = np.array([found.fit.problem.numbers[i].scale for i in index])
-    covariance = found.fit.covariance[np.ix_(index, index)] * np.outer(scale, scale)
-    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = np.linalg.eigh(found.covariance(side))
     root = (vectors / np.sqrt(np.maximum(values, 1e-12 * values.max()))).T
     return found.weights[side], root
 

@@ -50,7 +50,7 @@ def unlisted(found: Sequence[Found], before: float) -> Unlisted:
 
 def _profile(found: Found, index: int, side: str) -> ForceProfile:
     s = np.linspace(found.coordinates.min(), found.coordinates.max(), POINTS)
-    value, error = found.closure.profile(found.weights[index], s), found.band(s)[index]
+    value, error = found.closure.profile(found.weights[index], s), found.band(index, s)
     sure = s[np.abs(value) > SIGNIFICANT * error]
     formula = simplify(found, index)
     factor = TIMES[found.closure.factor]

@@ -11,8 +11,7 @@ import math
 from typing import Any
 
 from looping_pendulum.engines.mujoco_model import SWITCH_DOWN, SWITCH_UP, TendonSettings, model_xml
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
-from looping_pendulum.errors import EngineError
+from looping_pendulum.engines.protocol import steps_per_sample
 from looping_pendulum.reference_ode import effects
 from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.effects import Kinematics
@@ -54,7 +53,7 @@ class TendonRig:
         self._applied, self._allowed = self._data.qfrc_applied, self._model.tendon_range
         warnings = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
         self._breakdowns = tuple(self._data.warning[kind] for kind in warnings)
-        self._dt, self._steps = settings.time_step, _steps_per_sample(settings.time_step)
+        self._dt, self._steps = settings.time_step, steps_per_sample(settings.time_step)
         self._rest_speed = settings.rest_speed
         self._radius, self._hanging, self._whole_length = p.rod_radius, p.hanging_length, p.string_length
         self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
@@ -236,10 +235,3 @@ class CapstanGrip:
         """
         ratio = math.expm1(-exponent)
         return ratio * tension_without / (1 + self._light_share * ratio)
-
-
-def _steps_per_sample(time_step: float) -> int:
-    steps = round(SAMPLE_INTERVAL / time_step)
-    if steps < 1 or not math.isclose(steps * time_step, SAMPLE_INTERVAL, rel_tol=1e-9):
-        raise EngineError(f"time_step: found {time_step:g} s, needed a whole fraction of {SAMPLE_INTERVAL:g} s; write 1e-4")
-    return steps

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import dataclasses
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -13,6 +14,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, Supplies, Trajectory, from_samples
+from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -59,7 +61,7 @@ class Abilities:
 
 
 class Recorder(Protocol):
-    """Where samples go as they are made, so that a crash loses none; see `isolation.SharedRecorder`."""
+    """Where samples go as they are made, so that a crash loses none; see `isolation.FileRecorder`."""
 
     def add(self, row: Sequence[float]) -> None:
         """Keep one row of `COLUMNS`."""
@@ -149,11 +151,26 @@ class SteppedEngine(abc.ABC):
 
     def provenance(self) -> Provenance:
         """Versions, settings and suppliers of this engine's runs."""
-        import dataclasses
-
         return Provenance(
             versions=self.versions(), settings=dataclasses.asdict(self.settings), supplies=self.abilities.supplies
         )
+
+
+def steps_per_sample(time_step: float) -> int:
+    """Steps of ``time_step`` [s] in one `SAMPLE_INTERVAL`.
+
+    Raises
+    ------
+    EngineError
+        If it is no whole number.
+    """
+    steps = round(SAMPLE_INTERVAL / time_step)
+    if steps < 1 or not math.isclose(steps * time_step, SAMPLE_INTERVAL, rel_tol=1e-9):
+        raise EngineError(
+            f"time_step: found {time_step:g} s, which does not divide the sample interval; "
+            f"needed a whole fraction of {SAMPLE_INTERVAL:g} s; write 1e-4"
+        )
+    return steps
 
 
 def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequence[float]], None]) -> RunStatus:

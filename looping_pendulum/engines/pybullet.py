@@ -14,7 +14,7 @@ import tempfile
 import weakref
 from typing import Any
 
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Engine, Profile, Rig, SteppedEngine
+from looping_pendulum.engines.protocol import Abilities, Engine, Profile, Rig, SteppedEngine, steps_per_sample
 from looping_pendulum.engines.pybullet_model import (
     COARSEST,
     MAX_JOINTS,
@@ -52,7 +52,7 @@ class _World:
         self.client: int = pybullet.connect(pybullet.DIRECT)
         weakref.finalize(self, pybullet.disconnect, self.client)
         self.time_step = settings.time_step
-        self.steps = _steps_per_sample(settings.time_step)
+        self.steps = steps_per_sample(settings.time_step)
         pybullet.setGravity(0, -parameters.coefficients["gravity"], 0, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=settings.time_step,
@@ -215,15 +215,6 @@ def _load(world: _World, urdf: str) -> int:
     finally:
         os.remove(path)
     return body
-
-
-def _steps_per_sample(time_step: float) -> int:
-    steps = max(1, round(SAMPLE_INTERVAL / time_step))
-    if not math.isclose(steps * time_step, SAMPLE_INTERVAL, rel_tol=1e-9):
-        raise EngineError(
-            f"pybullet:chain: time_step {time_step:g} s does not divide the sample interval {SAMPLE_INTERVAL:g} s"
-        )
-    return steps
 
 
 _ABILITIES = Abilities(
