@@ -13,6 +13,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from looping_pendulum.engines.studies import Studies
 from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, Supplies, Trajectory, from_samples
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.effects import EffectKind
@@ -51,6 +52,8 @@ class Abilities:
     """What it cannot do, each with its reason."""
     effect_kinds: frozenset[EffectKind] = frozenset({EffectKind.FORCE, EffectKind.CLOSURE})
     """Kinds of effects beyond the paper's model that reach it; forces reach every engine (`reference_ode.cartesian`)."""
+    main: bool = True
+    """Whether a comparison that names no engine runs it; the others are for studies, and catastrophic ones among them."""
 
     def unsupported(self, parameters: Parameters) -> str:
         """Return what of ``parameters`` this variant cannot represent; empty: nothing."""
@@ -98,6 +101,9 @@ class Engine(Protocol):
 
     def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
         """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
+
+    def studies(self) -> Studies:
+        """What can be varied of this variant, with its settings as the middle of it."""
 
 
 class Rig(Protocol):
@@ -148,6 +154,10 @@ class SteppedEngine(abc.ABC):
             wall_time=time.perf_counter() - started,
             provenance=self.provenance(),
         )
+
+    def studies(self) -> Studies:
+        """What can be varied of this variant; an adapter that has nothing to vary keeps this."""
+        return Studies()
 
     def provenance(self) -> Provenance:
         """Versions, settings and suppliers of this engine's runs."""

@@ -10,6 +10,7 @@ from importlib.metadata import version
 import numpy as np
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Engine, MemoryRecorder, Profile, Recorder
+from looping_pendulum.engines.studies import Ladder, Studies
 from looping_pendulum.engines.trajectory import (
     Provenance,
     RunStatus,
@@ -38,6 +39,10 @@ SUPPLIES = Supplies(
 )
 
 
+LADDER = (1e-6, 1e-8, 1e-10, 1e-12)
+"""Tolerances of a step, from coarse to fine."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class ReferenceSettings:
     """Numerics of a reference run."""
@@ -53,10 +58,11 @@ class ReferenceEngine:
 
     name = "reference"
 
-    def __init__(self, integrator: str, profile: Profile) -> None:
+    def __init__(self, integrator: str, profile: Profile, *, tolerance: float | None = None) -> None:
         self.variant = integrator
         self.profile = profile
-        self.settings = ReferenceSettings(tolerance=TOLERANCES[profile], integrator=integrator)
+        chosen = TOLERANCES[profile] if tolerance is None else tolerance
+        self.settings = ReferenceSettings(tolerance=chosen, integrator=integrator)
         self.abilities = Abilities(
             releases=frozenset(Release),
             effect_kinds=frozenset(EffectKind),
@@ -82,6 +88,11 @@ class ReferenceEngine:
         for row in _rows(samples):
             recorder.add(row.tolist())
         return trajectory
+
+    def studies(self) -> Studies:
+        """One ladder: the tolerance of a step."""
+        rungs = tuple(ReferenceEngine(self.variant, self.profile, tolerance=value) for value in LADDER)
+        return Studies(ladders=(Ladder(setting="tolerance", unit="", values=LADDER, engines=rungs),))
 
     def provenance(self) -> Provenance:
         """Versions, settings and suppliers of this engine's runs."""

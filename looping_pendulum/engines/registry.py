@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from functools import cache
 from importlib import import_module
+from importlib.metadata import entry_points
 from importlib.util import find_spec
 
 from looping_pendulum.engines.protocol import Engine, Profile
@@ -17,6 +19,12 @@ ADAPTERS = {
     "pybullet": "looping_pendulum.engines.pybullet",
 }
 """Engine name -> module of its adapter, which has ``engines(profile) -> list[Engine]``."""
+
+ENTRY_POINTS = "looping_pendulum.engines"
+"""Group of entry points by which other packages offer adapters: name -> module, as in `ADAPTERS`."""
+
+EVERYTHING = "all"
+"""What a user writes for every variant, those that are only for studies too."""
 
 HOW_TO_GET = {
     "heyoka": "pip install heyoka (wheels for Linux x86-64, Python 3.11 to 3.13); SciPy stands in for it everywhere else",
@@ -32,9 +40,34 @@ def label(engine: Engine) -> str:
     return f"{engine.name}:{engine.variant}"
 
 
+@cache
+def adapters() -> dict[str, str]:
+    """Engine name -> module of its adapter, those of other packages included; these cannot take the place of our own."""
+    offered = {point.name: point.value for point in entry_points(group=ENTRY_POINTS)}
+    return ADAPTERS | {name: module for name, module in sorted(offered.items()) if name not in ADAPTERS}
+
+
 def all_engines(profile: Profile) -> list[Engine]:
-    """Every engine variant with its settings for ``profile``, installed or not."""
-    return [engine for module in ADAPTERS.values() for engine in import_module(module).engines(profile)]
+    """Every engine variant with its settings for ``profile``, installed or not.
+
+    Raises
+    ------
+    EngineError
+        If another package's adapter cannot be loaded.
+    """
+    return [engine for name, module in adapters().items() for engine in _load(name, module, profile)]
+
+
+def _load(name: str, module: str, profile: Profile) -> list[Engine]:
+    if name in ADAPTERS:
+        return list(import_module(module).engines(profile))
+    try:
+        return list(import_module(module).engines(profile))
+    except Exception as error:
+        raise EngineError(
+            f"adapter '{name}' ({module}), offered by another package, cannot be loaded: {type(error).__name__}: {error}; "
+            "mend or uninstall that package"
+        ) from error
 
 
 def missing_packages(engine: Engine) -> tuple[str, ...]:
@@ -43,12 +76,12 @@ def missing_packages(engine: Engine) -> tuple[str, ...]:
 
 
 def challengers(profile: Profile) -> list[Engine]:
-    """Every engine that is held against the reference."""
-    return [engine for engine in all_engines(profile) if engine.name != "reference"]
+    """Engines that are held against the reference where none is named: the main variants."""
+    return [engine for engine in all_engines(profile) if engine.name != "reference" and engine.abilities.main]
 
 
 def select(wanted: Iterable[str], profile: Profile) -> list[Engine]:
-    """Engines named by ``wanted``: "pymunk" for all variants of one, "mujoco:capstan" for one variant.
+    """Engines named by ``wanted``: "pymunk" for all variants of one, "mujoco:capstan" for one variant, "all" for all.
 
     Raises
     ------
@@ -59,9 +92,11 @@ def select(wanted: Iterable[str], profile: Profile) -> list[Engine]:
     chosen: list[Engine] = []
     for name in wanted:
         found = [engine for engine in engines if name in (engine.name, label(engine))]
+        if name == EVERYTHING:
+            found = [engine for engine in engines if engine.name != "reference"]
         if not found:
             known = [label(engine) for engine in engines]
-            near = difflib.get_close_matches(name, [*ADAPTERS, *known], n=1)
+            near = difflib.get_close_matches(name, [*adapters(), *known], n=1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
             raise EngineError(f"--engine: no engine is called {name!r}{hint} Known: {', '.join(known)}")
         chosen += [engine for engine in found if engine not in chosen]

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.mujoco import SETTINGS, MujocoTendon, Variant, engines
-from looping_pendulum.engines.mujoco_model import TendonSettings
+from looping_pendulum.engines.mujoco import engines
+from looping_pendulum.engines.mujoco.tendon import SETTINGS, MujocoTendon, Variant
+from looping_pendulum.engines.mujoco.tendon_model import TendonSettings
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError

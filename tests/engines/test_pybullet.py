@@ -11,8 +11,9 @@ import pytest
 
 from looping_pendulum.engines.chain import polygon_radius
 from looping_pendulum.engines.protocol import Engine, Profile
-from looping_pendulum.engines.pybullet import SETTINGS, PybulletChain, engines
-from looping_pendulum.engines.pybullet_model import (
+from looping_pendulum.engines.pybullet import engines
+from looping_pendulum.engines.pybullet.chain import SETTINGS, PybulletChain
+from looping_pendulum.engines.pybullet.chain_model import (
     COARSEST,
     MAX_JOINTS,
     ChainSettings,

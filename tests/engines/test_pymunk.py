@@ -8,10 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from looping_pendulum.engines import pymunk as adapter
 from looping_pendulum.engines.chain import polygon_radius
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.pymunk import SETTINGS, ChainSettings, PymunkChain, engines
+from looping_pendulum.engines.pymunk import chain as adapter
+from looping_pendulum.engines.pymunk import engines
+from looping_pendulum.engines.pymunk.calls import SETTINGS, ChainSettings
+from looping_pendulum.engines.pymunk.chain import PymunkChain
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Release

@@ -5,9 +5,9 @@ from __future__ import annotations
 import importlib.metadata
 from enum import StrEnum
 
-from looping_pendulum.engines.mujoco_model import TendonSettings
-from looping_pendulum.engines.mujoco_rig import TendonRig
-from looping_pendulum.engines.protocol import Abilities, Engine, Profile, SteppedEngine
+from looping_pendulum.engines.mujoco.tendon_model import TendonSettings
+from looping_pendulum.engines.mujoco.tendon_rig import TendonRig
+from looping_pendulum.engines.protocol import Abilities, Profile, SteppedEngine
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.parameters import Release
@@ -99,8 +99,3 @@ class MujocoTendon(SteppedEngine):
     def versions(self) -> dict[str, str]:
         """Version of MuJoCo."""
         return {"mujoco": importlib.metadata.version("mujoco")}
-
-
-def engines(profile: Profile) -> list[Engine]:
-    """Every variant of this engine, in ``profile``."""
-    return [MujocoTendon(variant=variant, profile=profile) for variant in Variant]

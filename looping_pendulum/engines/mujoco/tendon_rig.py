@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from looping_pendulum.engines.mujoco_model import SWITCH_DOWN, SWITCH_UP, TendonSettings, model_xml
+from looping_pendulum.engines.mujoco.tendon_model import SWITCH_DOWN, SWITCH_UP, TendonSettings, model_xml
 from looping_pendulum.engines.protocol import steps_per_sample
 from looping_pendulum.reference_ode import effects
 from looping_pendulum.reference_ode.cartesian import cartesian_force

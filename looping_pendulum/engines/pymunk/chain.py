@@ -15,8 +15,8 @@ import math
 from typing import Any
 
 from looping_pendulum.engines.chain import bead_places, point_on_string, polygon_friction, polygon_radius
-from looping_pendulum.engines.protocol import Abilities, Engine, Profile, SteppedEngine
-from looping_pendulum.engines.pymunk_calls import (
+from looping_pendulum.engines.protocol import Abilities, Profile, SteppedEngine
+from looping_pendulum.engines.pymunk.calls import (
     PUBLIC_ERROR_RATE,
     SETTINGS,
     Calls,
@@ -291,8 +291,3 @@ class PymunkChain(SteppedEngine):
         """Versions, settings and suppliers, and whether the private call was there."""
         provenance = super().provenance()
         return dataclasses.replace(provenance, settings=provenance.settings | {"leaky_warm_start": self._leaky})
-
-
-def engines(profile: Profile) -> list[Engine]:
-    """Every variant of this engine, in ``profile``."""
-    return [PymunkChain(profile=profile)]

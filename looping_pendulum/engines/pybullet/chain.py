@@ -14,8 +14,8 @@ import tempfile
 import weakref
 from typing import Any
 
-from looping_pendulum.engines.protocol import Abilities, Engine, Profile, Rig, SteppedEngine, steps_per_sample
-from looping_pendulum.engines.pybullet_model import (
+from looping_pendulum.engines.protocol import Abilities, Profile, Rig, SteppedEngine, steps_per_sample
+from looping_pendulum.engines.pybullet.chain_model import (
     COARSEST,
     MAX_JOINTS,
     NO_SPEED_LIMIT,
@@ -270,8 +270,3 @@ class PybulletChain(SteppedEngine):
     def versions(self) -> dict[str, str]:
         """Version of PyBullet."""
         return {"pybullet": importlib.metadata.version("pybullet")}
-
-
-def engines(profile: Profile) -> list[Engine]:
-    """Every variant of this engine, in ``profile``."""
-    return [PybulletChain(profile=profile)]

@@ -1,0 +1,11 @@
+"""MuJoCo: the string as tendons over a cylinder, a drum, or a chain of beads."""
+
+from __future__ import annotations
+
+from looping_pendulum.engines.mujoco.tendon import MujocoTendon, Variant
+from looping_pendulum.engines.protocol import Engine, Profile
+
+
+def engines(profile: Profile) -> list[Engine]:
+    """Every variant of this engine, in ``profile``."""
+    return [MujocoTendon(variant=variant, profile=profile) for variant in Variant]
