@@ -15,6 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from benchmarks import identify
 from benchmarks.plain_scipy import plain_run
 from looping_pendulum.reference_ode.solve import available_integrators, solve_at
 from looping_pendulum.scenarios import load
@@ -87,7 +88,7 @@ def quick_comparison() -> None:
 def main() -> None:
     """Run the benchmarks that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", choices=["reference", "command-line", "comparison"])
+    parser.add_argument("--only", choices=["reference", "command-line", "comparison", "identify"])
     parser.add_argument("--repeats", type=int, default=15)
     options = parser.parse_args()
     if options.only in (None, "reference"):
@@ -96,6 +97,8 @@ def main() -> None:
         command_line(options.repeats)
     if options.only in (None, "comparison"):
         quick_comparison()
+    if options.only in (None, "identify"):
+        identify.benchmark()
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ import numpy as np
 
 from looping_pendulum.compare import metrics as measure
 from looping_pendulum.compare.align import Aligned, Truth, align
+from looping_pendulum.compare.event_quantities import event_value
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.landmarks import finite_length, run_landmarks, truth_landmarks
 from looping_pendulum.compare.result import (
@@ -23,7 +24,6 @@ from looping_pendulum.compare.result import (
     MeasuredRow,
     RunProvenance,
     Samples,
-    Stop,
     SupplyEntry,
     TruthResult,
     WallTime,
@@ -184,30 +184,3 @@ def _measured(table: EventTable, true: Landmarks, engines: tuple[EngineResult, .
         )
         for row in table.rows
     )
-
-
-def event_value(found: Landmarks, quantity: str, index: int) -> float | None:
-    """Value [SI] of a quantity of a measured event table; None where the run has none.
-
-    A and B are the first two stops, C is the break-away before the halt: the start of the final plunge.
-    """
-    stops: tuple[Stop | None, ...] = (*found.stops, None, None)
-    stop_a, stop_b = stops[:2]
-    halt = found.halting_time
-    before_halt = [t for t in found.break_aways if halt is not None and t < halt]
-    series = {"x1_extremum": [e.time for e in found.x1_extrema], "y1_extremum": [e.time for e in found.y1_extrema]}
-    if quantity in series:
-        return series[quantity][index - 1] if 0 < index <= len(series[quantity]) else None
-    return {
-        "t_A": None if stop_a is None else stop_a.time,
-        "height_change_at_A": None if stop_a is None else stop_a.height_change,
-        "t_B": None if stop_b is None else stop_b.time,
-        "height_change_at_B": None if stop_b is None else stop_b.height_change,
-        "t_C": before_halt[-1] if before_halt else None,
-        "halting_time": halt,
-        "drop_at_halt": found.drop_at_halt,
-        "height_change_at_halt": None if found.drop_at_halt is None else -found.drop_at_halt,
-        "wrap_angle_at_halt": found.wrap_angle_at_halt,
-        "free_length_at_halt": found.free_length_at_halt,
-        "time_light_reaches_rod": found.light_reaches_rod,
-    }.get(quantity)

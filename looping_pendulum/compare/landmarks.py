@@ -5,11 +5,14 @@ Engines are noisy and sampled, so "at rest" has a declared dead band here; the t
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
+
 import numpy as np
 
 from looping_pendulum.compare.align import SAME_TIME, Truth, sample_truth
 from looping_pendulum.compare.result import Extremum, Landmarks, Stop
-from looping_pendulum.engines.trajectory import RunStatus, Trajectory
+from looping_pendulum.engines.trajectory import RunStatus, Trajectory, TrajectoryEvent
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
@@ -108,10 +111,15 @@ def _back_to_rest(t: Array, speed: Array, first: int, power: float) -> float:
 
 def extrema(t: Array, values: Array) -> tuple[Extremum, ...]:
     """Turns by more than `EXTREMUM_BAND` inside the run, each at the apex of the parabola through three samples."""
+    return tuple(_apex(t, values, i) for i in turns(values))
+
+
+def turns(values: Array) -> list[int]:
+    """Indices at which ``values`` [m] turn by more than `EXTREMUM_BAND`."""
     found: list[int] = []
     best = start = 0
     rising = 0
-    for i in range(1, len(t)):
+    for i in range(1, len(values)):
         if rising == 0:
             if abs(values[i] - values[start]) > EXTREMUM_BAND:
                 rising = 1 if values[i] > values[start] else -1
@@ -121,7 +129,7 @@ def extrema(t: Array, values: Array) -> tuple[Extremum, ...]:
         elif rising * (values[best] - values[i]) > EXTREMUM_BAND:
             found.append(best)
             rising, best = -rising, i
-    return tuple(_apex(t, values, i) for i in found)
+    return found
 
 
 def _apex(t: Array, values: Array, i: int) -> Extremum:
@@ -171,16 +179,38 @@ def run_landmarks(run: Trajectory, parameters: Parameters) -> Landmarks:
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class Moments:
+    """When what happened in a run of the reference [s]."""
+
+    stops: tuple[float, ...]
+    """Zeros of the heavy mass's speed."""
+    break_aways: tuple[float, ...]
+    halting_time: float | None
+    light_reaches_rod: float | None
+
+
+def truth_moments(events: Iterable[TrajectoryEvent]) -> Moments:
+    """Moments of the truth by its own named events."""
+    named: dict[str, list[float]] = {}
+    for event in events:
+        named.setdefault(event.name, []).append(event.time)
+    at_rest = named.get("stop", []) + named.get("stick", []) + named.get("halt", [])
+    stops = _merged([time for time in at_rest if time > 0])  # a string that sticks from the release on has not stopped
+    return Moments(
+        stops=tuple(stops),
+        break_aways=tuple(_merged([time for name, times in named.items() if name.startswith("break") for time in times])),
+        halting_time=named["halt"][0] if "halt" in named else None,
+        light_reaches_rod=named["light_reaches_rod"][0] if "light_reaches_rod" in named else None,
+    )
+
+
 def truth_landmarks(truth: Truth, grid: Array) -> Landmarks:
     """Landmarks of the truth, by its own events; only the extrema come from its samples at ``grid`` [s]."""
     run = truth(grid)
     count = finite_length(run)
-    named: dict[str, list[float]] = {}
-    for event in run.events:
-        named.setdefault(event.name, []).append(event.time)
-    halt = named["halt"][0] if "halt" in named else None
-    at_rest = named.get("stop", []) + named.get("stick", []) + named.get("halt", [])
-    stops = _merged([time for time in at_rest if time > 0])  # a string that sticks from the release on has not stopped
+    moments = truth_moments(run.events)
+    stops, halt = moments.stops, moments.halting_time
     at = sample_truth(truth, np.array([0.0, *([] if halt is None else [halt]), *stops]))
     first = float(at.heavy_height[0])
     return Landmarks(
@@ -190,13 +220,13 @@ def truth_landmarks(truth: Truth, grid: Array) -> Landmarks:
         )
         if stops
         else (),
-        break_aways=tuple(_merged([time for name, times in named.items() if name.startswith("break") for time in times])),
+        break_aways=moments.break_aways,
         halting_time=halt,
         halting_confirmed=halt is not None,
         drop_at_halt=None if halt is None else first - float(at.heavy_height[1]),
         wrap_angle_at_halt=None if halt is None else float(at.wrap_angle[1]),
         free_length_at_halt=None if halt is None else float(at.free_length[1]),
-        light_reaches_rod=named["light_reaches_rod"][0] if "light_reaches_rod" in named else None,
+        light_reaches_rod=moments.light_reaches_rod,
         x1_extrema=extrema(run.t[:count], run.light_position[:count, 0]),
         y1_extrema=extrema(run.t[:count], run.light_position[:count, 1]),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES
 from looping_pendulum.compare.result import ComparisonResult, Extremum, MeasuredRow
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 
@@ -12,7 +13,8 @@ DECIMALS = {"s": 4, "m": 4, "rad": 3}
 
 def quantity_words(quantity: str, index: int) -> str:
     """("x1_extremum", 3) -> "x1 extremum 3"; the number only where there are several."""
-    return f"{quantity.replace('_', ' ')} {index}" if quantity.endswith("extremum") else quantity.replace("_", " ")
+    several = quantity in EVENT_QUANTITIES and EVENT_QUANTITIES[quantity].several
+    return f"{quantity.replace('_', ' ')} {index}" if several else quantity.replace("_", " ")
 
 
 def render(result: ComparisonResult) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
@@ -10,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.calibration import Data, Fit, FitError, Number, Problem, calibrate, minimise
+from looping_pendulum.discrepancy.calibration import Fit, FitError, calibrate, minimise
 from looping_pendulum.discrepancy.candidates import Candidate
+from looping_pendulum.discrepancy.event_tests import unseen_limit
+from looping_pendulum.discrepancy.problem import Data, Number, Problem
 from looping_pendulum.discrepancy.residual import with_noise_of_residuals
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -33,6 +36,10 @@ TRIES, FAILURES = 12, 2
 """Values that are tried for a template of the wanted size, and how many of them may be impossible."""
 PATIENCE = 10
 """Iterations in each window of a refit; right explanations need about four."""
+AFRESH = (5.0, 0.2)
+"""Values that a companion is started again from, over the one it was found at: the cost has further minima there."""
+NEAR = 20.0
+"""Part of another candidate's gain that may be missing for that to be worth while."""
 BLOCKS = 8
 """Blocks of time that a single trial is cut into; two that lie far apart are held out at once."""
 
@@ -90,33 +97,40 @@ def _screen_one(
     if here is None:
         return None
     measured = sum(len(d.t) for d in bare.data)
+    happening = bare.happening(x)
     v = np.zeros(len(left))  # no prior speaks of a candidate
 
     def change(delta: float) -> Array | None:
-        moved = problem.residuals(np.concatenate([x, [delta], np.zeros(len(companions))]))
-        if moved is None:
+        there = np.concatenate([x, [delta], np.zeros(len(companions))])
+        moved = problem.residuals(there)
+        if moved is None or np.any(happening & ~problem.happening(there)):
             return None
         v[:measured] = (here - moved[: len(here)])[:measured]
         return v.copy()
 
     best, scale = (0.0, 0.0), 0.0
+    first = 1e-3 * abs(candidate.null) or 1e-6
     for side in (1.0, -1.0):
         reach = (candidate.bounds[1] if side > 0 else candidate.bounds[0]) - candidate.null
         if side * reach <= 0:
             continue
-        delta = side * (1e-3 * abs(candidate.null) or 1e-6)
+        delta = side * first
         for size in (LINEAR, *TEMPLATES):
             delta, template = _sized(change, delta, reach, size)
             if template is None:  # too small to be integrated, or nothing moves: try the next size from afar
                 delta = 0.01 * reach
                 continue
             score, amplitude = _score(basis, left, template, delta)
+            if size == LINEAR:
+                first = abs(delta)  # what was small on this side is so on the other
             allowed = candidate.bounds[0] <= candidate.null + amplitude <= candidate.bounds[1]
             # a finite template only speaks for its own side
             if allowed and abs(score) > abs(best[0]) and (score > 0 or size == LINEAR):
                 best = score, amplitude
             if size == TEMPLATES[-1]:
                 scale = max(scale, abs(delta))
+            else:
+                delta *= TEMPLATES[0] / LINEAR if size == LINEAR else TEMPLATES[-1] / TEMPLATES[0]
     if not scale:
         return None
     scale *= UNIT / TEMPLATES[-1]
@@ -211,8 +225,26 @@ def refit(base: Fit, screened: Screened, to_beat: float = 0.0) -> Refit | None:
     if not fits:
         return None
     best = min(fits, key=lambda f: f.cost)
+    if best.cost > base.cost:  # so far off an event was lost, and no gradient brings it back
+        null = np.concatenate([base.x, np.zeros(1 + len(screened.companions))])
+        with contextlib.suppress(FitError):
+            best = min(best, minimise(problem, null, most=PATIENCE), key=lambda f: f.cost)
     penalty = (1 + len(screened.companions)) * math.log(base.problem.count)
+    if screened.companions and base.cost - best.cost - penalty > max(to_beat - NEAR, 0.0):
+        best = min([best, *_afresh(best, screened)], key=lambda f: f.cost)
     return Refit(screened=screened, fit=best, gain=base.cost - best.cost - penalty)
+
+
+def _afresh(fit: Fit, screened: Screened) -> list[Fit]:
+    """Fit again from other values of what shapes the candidate."""
+    found = []
+    for i, number in enumerate(screened.companions, start=len(fit.x) - len(screened.companions)):
+        for factor in AFRESH:
+            x = fit.x.copy()
+            x[i] = (factor * fit.values[number.name] - number.start) / number.scale
+            with contextlib.suppress(FitError):
+                found.append(minimise(fit.problem, x, most=PATIENCE))
+    return found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -225,8 +257,10 @@ class Unseen:
     """Of each, per value."""
     counts: tuple[int, ...]
     """Values behind each."""
-    rms: tuple[float, ...]
-    """Of the residual of each [SI]."""
+    limits: tuple[float, ...]
+    """Chi2 per value up to which each is explained."""
+    rms: tuple[float | None, ...]
+    """Of the residual of each [SI]; None: it has only events."""
     fits: tuple[Fit, ...] = ()
 
     @property
@@ -237,33 +271,52 @@ class Unseen:
     @property
     def explained(self) -> bool:
         """Whether all of it is explained to its noise."""
-        limits = [max(HELD_OUT_LIMIT, 1 + SCATTER / math.sqrt(n)) for n in self.counts]
-        return all(c <= limit for c, limit in zip(self.chi2, limits, strict=True))
+        return all(c <= limit for c, limit in zip(self.chi2, self.limits, strict=True))
 
 
-def judge(fit: Fit, held: Sequence[tuple[Data, Sequence[Number]]]) -> Unseen:
-    """Judge a fit on held-out trials, or on blocks of time of the training ones if there are none."""
+def judge(fit: Fit, held: Sequence[tuple[Data, Sequence[Number]]], *, settled: bool = False) -> Unseen:
+    """Judge a fit on held-out trials, or on blocks of time of the training ones if there are none.
+
+    Parameters
+    ----------
+    settled
+        Whether the errors of the held-out marks stay as they are.
+    """
     if not held:
         return _blocks(fit)
-    fits = [_explain(fit, data, numbers) for data, numbers in held]
+    fits = [_explain(fit, data, numbers, settled) for data, numbers in held]
     return Unseen(
         names=tuple(d.trial.name for d, _ in held),
         chi2=tuple(f.cost / f.problem.count for f in fits),
         counts=tuple(f.problem.count for f in fits),
+        limits=tuple(_limit(f) for f in fits),
         rms=tuple(rms(f, 0) for f in fits),
         fits=tuple(fits),
     )
 
 
-def rms(fit: Fit, k: int) -> float:
-    """Residual of a trial [SI]: of the light mass's place where it was seen."""
+def _limit(fit: Fit) -> float:
+    """Chi2 per value up to which unseen data are explained; that of marks has noise that was estimated from them."""
+    if not any(d.channels for d in fit.problem.data):
+        return unseen_limit(fit.problem.data)
+    return max(HELD_OUT_LIMIT, 1 + SCATTER / math.sqrt(fit.problem.count))
+
+
+def rms(fit: Fit, k: int) -> float | None:
+    """Residual of a trial [SI]: of the light mass's place where it was seen; None: it has only events."""
     d = fit.problem.data[k]
+    if not d.channels:
+        return None
     residual = d.value - fit.problem.predict(fit.x, k)
-    parts = [d.slices[n] for n in ("light_x", "light_y") if n in d.slices] or list(d.slices.values())
-    return math.sqrt(sum(float(np.mean(residual[p] ** 2)) for p in parts))
+    return math.sqrt(sum(float(np.mean(residual[p] ** 2)) for p in places(d)))
 
 
-def _explain(fit: Fit, data: Data, own: Sequence[Number]) -> Fit:
+def places(d: Data) -> list[slice]:
+    """Where a trial's errors are told from: the light mass's place where it was seen, else all channels."""
+    return [d.slices[n] for n in ("light_x", "light_y") if n in d.slices] or list(d.slices.values())
+
+
+def _explain(fit: Fit, data: Data, own: Sequence[Number], settled: bool) -> Fit:
     """Fit only what is the held-out trial's own; what training knows is a prior as narrow as it left it."""
     p = fit.problem
     known = {n.name: i for i, n in enumerate(p.numbers)}
@@ -279,16 +332,19 @@ def _explain(fit: Fit, data: Data, own: Sequence[Number]) -> Fit:
         weights[np.ix_(here, here)] = root
         mean[here] = fit.x[there]
     problem = Problem(p.study, [data], numbers, (mean, weights))
-    return with_noise_of_residuals(calibrate(problem))
+    explained = calibrate(problem)
+    return explained if settled else with_noise_of_residuals(explained)
 
 
 def _blocks(fit: Fit) -> Unseen:
     """Leave out two of `BLOCKS` blocks of time after another; judge them by the prediction's own uncertainty."""
     problem = fit.problem
-    names, chi2, sizes = [], [], []
+    names, chi2, sizes, counts = [], [], [], []
     half = BLOCKS // 2
     for j in range(half):
         out = [(_block(d) % half) == j for d in problem.data]
+        if not any(o.any() for o in out):
+            continue
         masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
         partial = minimise(problem.with_data(masked), fit.x)
         whole = Problem.jacobian(problem, partial.x)
@@ -300,16 +356,23 @@ def _blocks(fit: Fit) -> Unseen:
         left = r[: len(rows)][rows]
         names.append(f"blocks {j + 1} and {j + 1 + half} of {BLOCKS}")
         chi2.append(float(left @ np.linalg.solve(spread, left)) / len(left))
-        sizes.append(math.sqrt(2 * float(np.mean((left * np.concatenate([d.sigma for d in problem.data])[rows]) ** 2))))
+        counts.append(len(left))
+        marks = np.concatenate([np.arange(len(d.t)) < d.event_slice.start for d in problem.data])[rows]
+        if marks.any():
+            sigma = np.concatenate([d.sigma for d in problem.data])[rows]
+            sizes.append(math.sqrt(2 * float(np.mean((left * sigma)[marks] ** 2))))
     return Unseen(
         names=tuple(names),
-        chi2=(float(np.mean(chi2)),),
+        chi2=(float(np.average(chi2, weights=counts)),),
         counts=(problem.count,),
-        rms=(float(np.sqrt(np.mean(np.square(sizes)))),),
+        limits=(_limit(fit),),
+        rms=(float(np.sqrt(np.mean(np.square(sizes)))) if sizes else None,),
     )
 
 
 def _block(d: Data) -> NDArray[np.int_]:
-    """Number of the block of time that each value belongs to."""
+    """Number of the block of time that each value belongs to; of events alone, their moments one after another."""
+    if not d.channels:
+        return np.asarray(np.unique(d.t, return_inverse=True)[1] % BLOCKS)
     span = float(np.ptp(d.t)) or 1.0
     return np.asarray(np.minimum((BLOCKS * (d.t - d.t.min()) / span).astype(int), BLOCKS - 1))

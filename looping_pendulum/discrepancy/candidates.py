@@ -8,8 +8,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from looping_pendulum.discrepancy.calibration import How, Number
 from looping_pendulum.discrepancy.measurement import CAMERA
+from looping_pendulum.discrepancy.problem import How, Number
 from looping_pendulum.discrepancy.study import Study
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind

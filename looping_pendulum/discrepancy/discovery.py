@@ -18,7 +18,8 @@ from functools import cached_property
 import numpy as np
 
 from looping_pendulum.discrepancy.attribution import Unseen, judge
-from looping_pendulum.discrepancy.calibration import Data, Fit, FitError, How, Number, Problem, minimise
+from looping_pendulum.discrepancy.calibration import ROUGHLY, Fit, FitError, minimise
+from looping_pendulum.discrepancy.problem import Data, How, Number, Problem
 from looping_pendulum.discrepancy.residual import with_noise_of_residuals
 from looping_pendulum.discrepancy.study import Estimate, Study
 from looping_pendulum.reference_ode.closure import BUMPS, COORDINATES, FACTORS, weight
@@ -67,15 +68,20 @@ class Closure:
         """Coordinates of the bumps, shape (BUMPS,)."""
         return np.asarray(self.low + self.step * np.arange(BUMPS), dtype=np.float64)
 
-    def declared(self, study: Study) -> Study:
-        """Return the study with this form, its weights still zero."""
-        fixed = {
+    @property
+    def coefficients(self) -> dict[str, float]:
+        """What the effect needs beside its weights."""
+        return {
             f"closure_of_{self.coordinate}": 1.0,
             f"closure_by_{self.factor}": 1.0,
             "closure_scale": 1 / self.step,
             "closure_start": self.low / self.step,
         }
-        return dataclasses.replace(study, effects={**study.effects, **{n: Estimate(value=v) for n, v in fixed.items()}})
+
+    def declared(self, study: Study) -> Study:
+        """Return the study with this form, its weights still zero."""
+        fixed = {n: Estimate(value=v) for n, v in self.coefficients.items()}
+        return dataclasses.replace(study, effects={**study.effects, **fixed})
 
     def bumps(self, s: Array) -> Array:
         """Every bump at coordinates ``s``, shape (n, BUMPS)."""
@@ -235,7 +241,7 @@ def _refit(
     problem = _problem(base.problem, screened.closure, screened.ridge, 1.0)
     start = np.append(base.x, screened.weights / screened.ridge)
     try:
-        fit = with_noise_of_residuals(minimise(problem, start, most=12))
+        fit = with_noise_of_residuals(minimise(problem, start, close=ROUGHLY, most=12))
     except FitError:
         return None
     return Found(

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import lru_cache
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.noise import Noise, estimate_noise, speed_at
 from looping_pendulum.discrepancy.observations import Channel, DataError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.sensitivity import Sensitivities
 from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import solve_at
 
@@ -107,10 +110,10 @@ class Camera:
 
     def __post_init__(self) -> None:
         """Refuse what no camera does."""
-        for f in fields(self):
-            low, high = CAMERA[f.name].bounds
-            if not low <= getattr(self, f.name) <= high:
-                raise DataError(f"camera {f.name}: found {getattr(self, f.name):g}, needed between {low:g} and {high:g}")
+        for name, p in CAMERA.items():
+            low, high = p.bounds
+            if not low <= getattr(self, name) <= high:
+                raise DataError(f"camera {name}: found {getattr(self, name):g}, needed between {low:g} and {high:g}")
 
     def true_time(self, t: Array) -> Array:
         """Time since release [s] of the file's times ``t`` [s]."""
@@ -118,9 +121,12 @@ class Camera:
 
     def seen(self, position: Array) -> Array:
         """Where a true position [m], shape (n, 2), is seen [m]."""
+        return np.asarray(self.seen_shift(position) + [self.origin_x, self.origin_y])
+
+    def seen_shift(self, shift: Array) -> Array:
+        """What a true shift of a position [m], shape (n, 2), looks like [m]."""
         cosine, sine = math.cos(self.tilt), math.sin(self.tilt)
-        turned = position @ np.array([[cosine, sine], [-sine, cosine]])
-        return np.asarray(self.scale * turned + [self.origin_x, self.origin_y])
+        return np.asarray(self.scale * (shift @ np.array([[cosine, sine], [-sine, cosine]])))
 
     def unseen(self, seen: Array) -> Array:
         """Undo `seen`: true position [m] of a seen one, shape (n, 2)."""
@@ -156,22 +162,70 @@ def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel],
     dropped
         Which mass a channel "height" sees, "light" or "heavy"; its height counts from its release, plus origin_y.
     """
-    wanted = {c.name: camera.true_time(c.t) for c in channels}
-    # Before its release a mass is held where it starts.
-    times = np.unique(np.concatenate([np.maximum(t, 0.0) for t in wanted.values()] + [np.zeros(1)]))
-    samples = sample(times)
-    count = len(samples.t)
-    series = _series(samples, camera, dropped, {c.name for c in channels})
-    values, after, before = {}, {}, {}
-    for name, t in wanted.items():
-        index = np.searchsorted(times, np.maximum(t, 0.0))
-        there = index < count
-        value = np.full(len(t), np.nan)
-        value[there] = series[name][index[there]]
+    moments = _moments(camera.clock_offset, camera.clock_ratio, tuple(channels))
+    samples = sample(moments.times)
+    series = _series(samples, camera, dropped, set(moments.index))
+    values, after = {}, {}
+    for name, index in moments.index.items():
+        known = series[name]
+        beyond = len(moments.times) - len(known)
+        # np.take is several times faster than fancy indexing
+        values[name] = np.take(np.append(known, np.full(beyond, np.nan)) if beyond else known, index)
+        after[name] = int(np.count_nonzero(index >= len(known))) if beyond else 0
         if name == "angle_rate":
-            value[t < 0] = 0.0
-        values[name], after[name], before[name] = value, int(np.sum(~there)), int(np.sum(t < 0))
-    return Prediction(values=values, after_end=after, before_release=before)
+            values[name][: moments.before_release[name]] = 0.0
+    return Prediction(values=values, after_end=after, before_release=moments.before_release)
+
+
+DIFFERENTIABLE = frozenset({"light_x", "light_y", "heavy_x", "heavy_y", "angle"})
+"""Channels of which `differential` knows the derivatives."""
+
+
+def differential(solved: Callable[[Array], Sensitivities], camera: Camera, channels: Sequence[Channel]) -> Mapping[str, Array]:
+    """Derivatives of what ``camera`` measures in each channel, by the numbers of the run: shape (marks, m).
+
+    Parameters
+    ----------
+    solved
+        The run's derivatives at given times, as from `solve_sensitivities`; past its end everything rests.
+    channels
+        Of `DIFFERENTIABLE`.
+    """
+    moments = _moments(camera.clock_offset, camera.clock_ratio, tuple(channels))
+    s = solved(moments.times)
+    known = len(s.samples.t)
+    series: dict[str, Array] = {}
+    for mass, places in (("light", s.light_position), ("heavy", s.heavy_position)):
+        if f"{mass}_x" in moments.index or f"{mass}_y" in moments.index:
+            seen = camera.seen_shift(places.transpose(0, 2, 1))
+            series[f"{mass}_x"], series[f"{mass}_y"] = seen[..., 0], seen[..., 1]
+    if "angle" in moments.index:
+        series["angle"] = s.state.wrap_angle.T
+    return {name: series[name][np.minimum(index, known - 1)] for name, index in moments.index.items()}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Moments:
+    """When marks were made, by one clock."""
+
+    times: Array
+    """All true times since release [s], ascending, the first 0: before its release a mass is held where it starts."""
+    index: Mapping[str, NDArray[np.intp]]
+    """Channel -> which of the times its marks have, shape (n,)."""
+    before_release: Mapping[str, int]
+    """Channel -> how many of its marks lie before the release."""
+
+
+@lru_cache(maxsize=64)
+def _moments(clock_offset: float, clock_ratio: float, channels: tuple[Channel, ...]) -> _Moments:
+    camera = Camera(clock_offset=clock_offset, clock_ratio=clock_ratio)
+    wanted = {c.name: camera.true_time(c.t) for c in channels}
+    times = np.unique(np.concatenate([np.maximum(t, 0.0) for t in wanted.values()] + [np.zeros(1)]))
+    return _Moments(
+        times=times,
+        index={name: np.searchsorted(times, np.maximum(t, 0.0)) for name, t in wanted.items()},
+        before_release={name: int(np.sum(t < 0)) for name, t in wanted.items()},
+    )
 
 
 def _series(samples: Samples, camera: Camera, dropped: str, names: set[str]) -> dict[str, Array]:

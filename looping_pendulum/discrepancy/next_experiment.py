@@ -9,8 +9,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from looping_pendulum.discrepancy.calibration import Data, Fit, Number, Problem, numbers_of
+from looping_pendulum.discrepancy.calibration import Fit
 from looping_pendulum.discrepancy.observations import Channel, DataError, Observations
+from looping_pendulum.discrepancy.problem import Data, Number, Problem, numbers_of
 from looping_pendulum.discrepancy.study import Estimate, Study, Trial
 from looping_pendulum.discrepancy.verdict import Experiment
 from looping_pendulum.errors import HarnessError

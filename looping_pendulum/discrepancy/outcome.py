@@ -12,14 +12,18 @@ import numpy as np
 from looping_pendulum.discrepancy.attribution import rms
 from looping_pendulum.discrepancy.calibration import Fit
 from looping_pendulum.discrepancy.candidates import Candidate
+from looping_pendulum.discrepancy.event_tests import errors_by_unit
+from looping_pendulum.discrepancy.likelihood import interval
 from looping_pendulum.discrepancy.study import Study
 from looping_pendulum.discrepancy.verdict import (
     Effect,
+    EventResidual,
     Experiment,
     FitReport,
     FittedNumber,
     Identification,
     Picture,
+    Remainder,
     Round,
     TrialError,
     Unlisted,
@@ -30,7 +34,8 @@ from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
-    from looping_pendulum.discrepancy.identify import Model
+    from looping_pendulum.discrepancy.remainder import Scaled
+    from looping_pendulum.discrepancy.search import Model
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,6 +48,18 @@ class Conclusion:
     rounds: tuple[Round, ...]
     experiments: tuple[Experiment, ...]
     unlisted: Unlisted | None = None
+    scaled: Scaled | None = None
+    """Set if errors were scaled to contain a remainder."""
+
+    @property
+    def enlarged(self) -> bool:
+        """Whether the models' errors contain it."""
+        return self.scaled is not None and bool(self.after.added)
+
+    @property
+    def lasting(self) -> float:
+        """Marks that count as one in the models' errors."""
+        return self.scaled.lasting if self.scaled and self.enlarged else 1.0
 
 
 def identification(
@@ -61,25 +78,31 @@ def identification(
         effects=effects,
         ties=ties,
         unlisted=found.unlisted,
+        remainder=_remainder(found),
         next_experiments=found.experiments,
         rounds=found.rounds,
-        errors=_errors(before, after),
+        errors=_errors(before, after, found.lasting),
+        events=_events(before, after),
         before=_fit_report(before),
         after=_fit_report(after),
         judged_on="held-out trials" if before.unseen.fits else "held-out blocks of time",
         data=tuple(data),
         provenance=provenance,
         scenario=_scenario(study, after, effects),
-        pictures=_pictures(before, after),
+        pictures=_pictures(before, after, found.lasting),
     )
 
 
 def _effects(model: Model) -> tuple[Effect, ...]:
     values, errors = model.fit.values, model.fit.errors
-    return tuple(_effect(c, values, errors) for c in model.added)
+    # what its companions shape is seldom linear in the numbers
+    curved = {c.name: interval(model.fit, c.name) for c in model.added if c.companions}
+    return tuple(_effect(c, values, errors, curved.get(c.name)) for c in model.added)
 
 
-def _effect(c: Candidate, values: Mapping[str, float], errors: Mapping[str, float]) -> Effect:
+def _effect(
+    c: Candidate, values: Mapping[str, float], errors: Mapping[str, float], between: tuple[float, float] | None
+) -> Effect:
     return Effect(
         name=c.name,
         kind=c.kind,
@@ -91,6 +114,7 @@ def _effect(c: Candidate, values: Mapping[str, float], errors: Mapping[str, floa
         meaning=c.how.value,
         value=values[c.name],
         error=errors[c.name],
+        interval=between,
         null=c.null,
         unit=c.unit,
         companions=tuple((k.name, values[k.name], errors[k.name]) for k in c.companions),
@@ -99,19 +123,23 @@ def _effect(c: Candidate, values: Mapping[str, float], errors: Mapping[str, floa
 
 def told(effect: Effect) -> str:
     """One effect in words: "linear_drag = 0.0012 +/- 0.00003 kg/s"."""
-    return f"{effect.name} = {effect.value:.4g} +/- {effect.error:.2g} {effect.unit}".rstrip()
+    known = f"{effect.name} = {effect.value:.4g} +/- {effect.error:.2g} {effect.unit}".rstrip()
+    return known if effect.interval is None else f"{known} ({effect.interval[0]:.3g} to {effect.interval[1]:.3g} by likelihood)"
 
 
 def _sentence(verdict: Verdict, effects: Sequence[Effect], ties: Sequence[Sequence[Effect]], found: Conclusion) -> str:
     if verdict is Verdict.NO_MISSING_EFFECT:
         return "The declared model explains the data to their noise; nothing was added."
     left = "; ".join(found.before.alarms)
+    remainder = _remainder(found)
     if verdict is Verdict.IDENTIFIED:
         added = " and ".join(told(e) for e in effects)
-        return f"The declared model leaves something ({left}); {added} explains it, and nothing is left."
+        rest = f"but for a remainder: {_told_remainder(remainder)}" if remainder else "and nothing is left"
+        return f"The declared model leaves something ({left}); {added} explains it, {rest}."
     if verdict is Verdict.AMBIGUOUS:
         each = "; or ".join(" and ".join(told(e) for e in tie) for tie in ties)
-        return f"The declared model leaves something ({left}). These data cannot tell which explains it: {each}."
+        rest = f" A remainder stays: {_told_remainder(remainder)}." if remainder else ""
+        return f"The declared model leaves something ({left}). These data cannot tell which explains it: {each}.{rest}"
     if verdict is Verdict.INTERRUPTED:
         return f"Interrupted; what was found until then stands below. The declared model leaves: {left or 'nothing'}."
     if found.unlisted is not None:
@@ -125,25 +153,54 @@ def _sentence(verdict: Verdict, effects: Sequence[Effect], ties: Sequence[Sequen
         )
     best = next((r for r in found.rounds[0].ranking if r.gain is not None), None) if found.rounds else None
     nearest = f" The nearest is {best.name}, which does not pass: {best.reason}." if best else ""
-    return f"The declared model leaves something ({left}), and no listed effect explains it.{nearest} Nothing was added."
+    rest = ""
+    if found.scaled is not None:
+        errors = f"errors that contain what even the best explanation leaves ({found.scaled.ratio:.2g} times the scatter)"
+        asked = found.rounds and found.rounds[-1].errors_times != 1
+        rest = f" Nor does one by {errors}." if asked else f" By {errors} the declared model is not refuted."
+    return f"The declared model leaves something ({left}), and no listed effect explains it.{nearest}{rest} Nothing was added."
 
 
-def _errors(before: Model, after: Model) -> tuple[TrialError, ...]:
+def _remainder(found: Conclusion) -> Remainder | None:
+    if found.scaled is None:
+        return None
+    channel = found.after.fit.problem.data[0].channels[0]
+    return Remainder(
+        rms=found.scaled.beyond(found.after.fit, found.after.unseen, enlarged=found.enlarged),
+        unit=channel.unit,
+        ratio=found.scaled.ratio,
+        lasting=found.scaled.lasting,
+        least=found.scaled.least,
+    )
+
+
+def _told_remainder(remainder: Remainder) -> str:
+    return (
+        f"marks are off by {remainder.rms:.2g} {remainder.unit} more than they scatter; nothing in the library explains that, "
+        f"and it was taken for errors of the marks (times {remainder.ratio:.2g}, lasting {remainder.lasting:.2g} marks)"
+    )
+
+
+def _errors(before: Model, after: Model, lasting: float) -> tuple[TrialError, ...]:
     rows = []
     for k, d in enumerate(before.fit.problem.data):
-        chi2 = [_chi2(m.fit, k) for m in (before, after)]
+        chi2 = [lasting * _chi2(m.fit, k) for m in (before, after)]
         sizes = [rms(m.fit, k) for m in (before, after)]
-        rows.append(_trial_error(d.trial.name, False, sizes, chi2))
+        units = [errors_by_unit(m.fit, k) for m in (before, after)]
+        rows.append(_trial_error(d.trial.name, False, sizes, chi2, units))
     for i, name in enumerate(before.unseen.names if before.unseen.fits else ()):
         chi2 = [m.unseen.chi2[i] for m in (before, after)]
-        rows.append(_trial_error(name, True, [m.unseen.rms[i] for m in (before, after)], chi2))
+        units = [errors_by_unit(m.unseen.fits[i], 0) for m in (before, after)]
+        rows.append(_trial_error(name, True, [m.unseen.rms[i] for m in (before, after)], chi2, units))
     if not before.unseen.fits:
         sizes = [m.unseen.rms[0] for m in (before, after)]
-        rows.append(_trial_error("blocks of time", True, sizes, [m.unseen.chi2[0] for m in (before, after)]))
+        rows.append(_trial_error("blocks of time", True, sizes, [m.unseen.chi2[0] for m in (before, after)], [{}, {}]))
     return tuple(rows)
 
 
-def _trial_error(name: str, held_out: bool, sizes: Sequence[float], chi2: Sequence[float]) -> TrialError:
+def _trial_error(
+    name: str, held_out: bool, sizes: Sequence[float | None], chi2: Sequence[float], units: Sequence[Mapping[str, float]]
+) -> TrialError:
     return TrialError(
         trial=name,
         held_out=held_out,
@@ -151,7 +208,31 @@ def _trial_error(name: str, held_out: bool, sizes: Sequence[float], chi2: Sequen
         rms_after=sizes[1],
         noise_before=math.sqrt(chi2[0]),
         noise_after=math.sqrt(chi2[1]),
+        events_before=units[0],
+        events_after=units[1],
     )
+
+
+def _events(before: Model, after: Model) -> tuple[EventResidual, ...]:
+    rows = []
+    for b, a, k, held_out in _pairs(before, after):
+        data = b.problem.data[k]
+        found = [fit.problem.predict_events(fit.x, k).tolist() for fit in (b, a)] if data.events else [[], []]
+        for row, first, last in zip(data.events, *found, strict=True):
+            rows.append(
+                EventResidual(
+                    trial=data.trial.name,
+                    held_out=held_out,
+                    quantity=row.quantity,
+                    index=row.index,
+                    unit=row.unit,
+                    measured=row.value,
+                    sigma=row.sigma,
+                    before=first if math.isfinite(first) else None,
+                    after=last if math.isfinite(last) else None,
+                )
+            )
+    return tuple(rows)
 
 
 def _chi2(fit: Fit, k: int) -> float:
@@ -208,13 +289,18 @@ def _scenario(study: Study, model: Model, effects: Sequence[Effect]) -> str:
     )
 
 
-def _pictures(before: Model, after: Model) -> tuple[Picture, ...]:
+def _pairs(before: Model, after: Model) -> list[tuple[Fit, Fit, int, bool]]:
+    """Fits before and after of every trial, which of theirs it is, and whether it was held out."""
     pairs = [(before.fit, after.fit, k, False) for k in range(len(before.fit.problem.data))]
-    pairs += [(b, a, 0, True) for b, a in zip(before.unseen.fits, after.unseen.fits, strict=True)]
-    return tuple(_picture(*pair) for pair in pairs)
+    return pairs + [(b, a, 0, True) for b, a in zip(before.unseen.fits, after.unseen.fits, strict=True)]
 
 
-def _picture(before: Fit, after: Fit, k: int, held_out: bool) -> Picture:
+def _pictures(before: Model, after: Model, lasting: float) -> tuple[Picture, ...]:
+    seen = [pair for pair in _pairs(before, after) if pair[0].problem.data[pair[2]].channels]
+    return tuple(_picture(*pair, math.sqrt(lasting)) for pair in seen)
+
+
+def _picture(before: Fit, after: Fit, k: int, held_out: bool, times: float) -> Picture:
     d = before.problem.data[k]
 
     def split(values: Array) -> dict[str, Array]:
@@ -228,6 +314,6 @@ def _picture(before: Fit, after: Fit, k: int, held_out: bool) -> Picture:
         measured=split(d.value),
         before=split(before.problem.predict(before.x, k)),
         after=split(after.problem.predict(after.x, k)),
-        residual_before=split(_standardised(before, k)),
-        residual_after=split(_standardised(after, k)),
+        residual_before=split(times * _standardised(before, k)),
+        residual_after=split(times * _standardised(after, k)),
     )

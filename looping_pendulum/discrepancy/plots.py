@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from looping_pendulum.compare.plots import COLOURS, GREY
-from looping_pendulum.discrepancy import unlisted_report
+from looping_pendulum.discrepancy import event_report, unlisted_report
 from looping_pendulum.discrepancy.verdict import Identification, Picture
 
 BEFORE, AFTER = COLOURS[1], COLOURS[0]
@@ -24,6 +24,9 @@ def draw(result: Identification) -> dict[str, tuple[str, bytes]]:
         word = "held out" if picture.held_out else "seen by the fit"
         caption = f"Trial {picture.trial} ({word}): marks and both models; below, residuals in units of noise (band: 2)."
         figures[f"trial_{picture.trial}.png"] = caption, _png(trial_figure(picture))
+    if result.events:
+        caption = "Measured less predicted events in units of their standard errors (band: 2); crosses: they do not happen."
+        figures["events.png"] = caption, _png(event_report.figure(result.events, BEFORE, AFTER))
     if result.rounds and any(r.gain is not None for r in result.rounds[0].ranking):
         caption = "First round: gain of every refitted candidate on the Bayesian information criterion; blue: passes."
         figures["ranking.png"] = caption, _png(ranking_figure(result))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from looping_pendulum.compare.tables import GAP, number, signed, table
-from looping_pendulum.discrepancy import unlisted_report
+from looping_pendulum.discrepancy import event_report, unlisted_report
 from looping_pendulum.discrepancy.verdict import Effect, FitReport, Identification, Round, Verdict
 
 HEADLINES = {
@@ -31,8 +31,10 @@ def render(result: Identification, figures: Mapping[str, str] | None = None) -> 
         f"# {result.title}\n",
         f"## Verdict: {HEADLINES[result.verdict]} (`{result.verdict.value}`)\n\n{result.sentence}\n",
         _effects(result),
+        _remainder(result),
         unlisted_report.section(result),
         "## Error before and after\n\n" + _errors(result),
+        event_report.section(result),
         _ties(result),
         _figures(figures or {}),
         "## Candidates\n\n" + _rounds(result),
@@ -65,8 +67,21 @@ def _effect_table(effects: tuple[Effect, ...]) -> str:
     return table(head, rows, left=5) + note
 
 
+def _remainder(result: Identification) -> str:
+    r = result.remainder
+    if r is None:
+        return ""
+    judged = "The verdict" if result.effects else "A second look at all candidates"
+    return (
+        f"## Remainder\n\nMarks are off the model by {number(r.rms, digits=2)} {r.unit} more than they scatter from frame to "
+        f"frame; nothing in the library explains that. {judged} takes what the best explanation ({r.least}) leaves for "
+        f"errors of the marks: {number(r.ratio, digits=2)} times their scatter, lasting {number(r.lasting, digits=2)} marks, "
+        "so that as many count as one.\n"
+    )
+
+
 def _errors(result: Identification) -> str:
-    head = ["trial", "seen by the fit?", "RMS before [mm]", "RMS after [mm]", "before [noise]", "after [noise]"]
+    head = ["trial", "seen by the fit?", "RMS before [mm, mrad]", "RMS after [mm, mrad]", "before [noise]", "after [noise]"]
     rows = [
         [e.trial, "no" if e.held_out else "yes", number(e.rms_before, 1e3), number(e.rms_after, 1e3), number(e.noise_before),
          number(e.noise_after)]
@@ -119,6 +134,8 @@ def _round(r: Round, index: int) -> str:
     margin = ""
     if r.margin is not None:
         margin = f"Best: {r.best}; runner-up: {r.runner_up}, {r.margin:.1f} behind.\n\n"
+    if r.errors_times != 1:
+        before += f", errors of the marks {number(r.errors_times, digits=2)} times their scatter"
     return f"### Round {index}{before}\n\n{margin}{table(head, rows, left=3)}"
 
 

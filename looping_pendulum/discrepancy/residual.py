@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from looping_pendulum.discrepancy.calibration import Data, Fit, calibrate, minimise
+from looping_pendulum.discrepancy.calibration import Fit, calibrate, minimise
+from looping_pendulum.discrepancy.event_tests import EventTest, check_events_of
 from looping_pendulum.discrepancy.noise import estimate_noise, speed_at
 from looping_pendulum.discrepancy.observations import BODIES, Observations
+from looping_pendulum.discrepancy.problem import Data
 from looping_pendulum.discrepancy.study import Trial
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
@@ -40,7 +42,7 @@ WILD = 4.0
 
 
 def data_of(trial: Trial, observations: Observations) -> Data:
-    """Channels of a trial, with the noise that the marks alone tell."""
+    """Channels of a trial, with the noise that the marks alone tell, and its events with their stated errors."""
     parts = {}
     for channels in observations.bodies().values():
         noise = estimate_noise(channels)
@@ -50,7 +52,9 @@ def data_of(trial: Trial, observations: Observations) -> Data:
         channels = tuple(c for c in observations.channels if c.name != "angle_rate")  # computed from the angles: no news
     else:
         channels = observations.channels
-    return Data(trial=trial, channels=channels, sigma=np.concatenate([parts[c.name] for c in channels]))
+    stated = np.array([e.sigma for e in observations.events], dtype=float)
+    sigma = np.concatenate([*(parts[c.name] for c in channels), stated])
+    return Data(trial=trial, channels=channels, events=observations.events, sigma=sigma)
 
 
 def with_noise_of_residuals(fit: Fit) -> Fit:
@@ -177,18 +181,25 @@ class ResidualTests:
     """Whether what a fit leaves is noise by itself."""
 
     chi2_per_dof: float
+    """Of marks; of events where there are no marks."""
     count: int
     groups: tuple[GroupTest, ...]
+    events: EventTest | None = None
+    limit: float = CHI2_LIMIT
+    """Of `chi2_per_dof`; infinite where there are no marks: events have a test of their own."""
 
     @property
     def quiet(self) -> bool:
         """Whether nothing is left that can be seen without asking for a cause."""
-        return self.chi2_per_dof <= CHI2_LIMIT and all(g.quiet for g in self.groups)
+        marks = self.chi2_per_dof <= self.limit and all(g.quiet for g in self.groups)
+        return marks and (self.events is None or self.events.quiet)
 
     @property
     def loudest(self) -> str:
         """What is not quiet, in words; empty: all is."""
-        found = [] if self.chi2_per_dof <= CHI2_LIMIT else [f"chi2/dof {self.chi2_per_dof:.3f}"]
+        found = [] if self.chi2_per_dof <= self.limit else [f"chi2/dof {self.chi2_per_dof:.3f}"]
+        if self.events is not None and not self.events.quiet:
+            found.append(self.events.told)
         for g in self.groups:
             if not g.quiet:
                 found.append(f"{g.group}: lag-1 z {g.lag1:.1f}, Ljung-Box p {g.ljung_box:.1g}, runs z {g.runs:.1f}")
@@ -198,15 +209,24 @@ class ResidualTests:
 def check_residuals(fit: Fit) -> ResidualTests:
     """Test the standardised residuals for leftover structure."""
     groups: dict[str, list[Array]] = {}
-    total = 0.0
+    total, marks = 0.0, 0
     for k, d in enumerate(fit.problem.data):
-        z = (d.value - fit.problem.predict(fit.x, k)) / d.sigma
+        if not d.channels:
+            continue
+        z = ((d.value - fit.problem.predict(fit.x, k)) / d.sigma)[: d.event_slice.start]
         total += float(z @ z)
+        marks += int(np.isfinite(d.sigma[: d.event_slice.start]).sum())
         for name, series in _directions(fit, k, z).items():
             groups.setdefault(name, []).append(series)
-    count = fit.problem.count
+    events = check_events_of(fit)
     tests = [_group(n, parts) for n, parts in sorted(groups.items()) if sum(map(len, parts)) >= FEWEST]
-    return ResidualTests(chi2_per_dof=total / max(count - len(fit.x), 1), count=count, groups=tuple(tests))
+    return ResidualTests(
+        chi2_per_dof=total / max(marks - len(fit.x), 1) if marks or events is None else events.chi2 / events.expected,
+        count=fit.problem.count,
+        groups=tuple(tests),
+        events=events,
+        limit=CHI2_LIMIT if marks else math.inf,
+    )
 
 
 def _directions(fit: Fit, k: int, z: Array) -> dict[str, Array]:

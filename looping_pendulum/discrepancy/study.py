@@ -49,6 +49,8 @@ class Trial:
     name: str
     files: tuple[tuple[str, Mapping[str, str]], ...]
     """Path from the study's folder, and which mass is which track in it (an empty name: the only track)."""
+    events: str | None = None
+    """Table of events beside the files; one that stands alone is a file like any other."""
     kind: str = "auto"
     frame_rate: float | None = None
     """True frame rate [Hz]."""
@@ -210,9 +212,10 @@ class Study:
     def camera_priors(self, trial: Trial, observations: Observations) -> dict[str, Estimate]:
         """What is known beforehand of the camera's numbers that these observations depend on."""
         named = {c.name: c for c in observations.channels}
-        wanted = ["clock_offset", "clock_ratio"] if named else []
+        wanted = ["clock_offset", "clock_ratio"] if named or observations.events else []
         if any(n.endswith(("_x", "_y")) for n in named):
             wanted = ["origin_x", "origin_y", "scale", "tilt", *wanted]
+        wanted += ["scale", "tilt"] if observations.events else []
         wanted += ["tilt"] if "angle" in named else []
         wanted += ["origin_y", "scale"] if "height" in named else []
         priors = {n: Estimate(value=CAMERA[n].null, sigma=CAMERA[n].sigma) for n in dict.fromkeys(wanted)}
@@ -266,5 +269,7 @@ def read_trial(study: Study, trial: Trial) -> Observations:
         )
         for path, tracks in trial.files
     )
+    if trial.events is not None:
+        parts = (*parts, read(study.folder / trial.events, kind="events", name=trial.name))
     observations = with_event_errors(merge(trial.name, parts), dict(trial.event_errors))
     return mirrored(observations) if trial.mirrored else observations

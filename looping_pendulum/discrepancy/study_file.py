@@ -253,6 +253,7 @@ class TrialGroup(Group):
     name: Text | None = None
     file: Text | None = None
     files: Annotated[dict[str, str], _words("a file for each mass", ("light", "heavy"))] | None = None
+    events: Text | None = None
     kind: Annotated[str, _one_of(*KINDS)] = "auto"
     frame_rate: Annotated[float, _RATE] | None = None
     clip_rate: Annotated[float, _RATE] | None = None

@@ -129,6 +129,7 @@ def _trial(group: TrialGroup, doc: Document, index: int) -> Trial:
     return Trial(
         name=group.name or Path(files[0][0]).stem,
         files=tuple(files),
+        events=group.events,
         **{n: getattr(group, n) for n in ("kind", "frame_rate", "clip_rate", "drop", "dropped", "mirrored", "held_out")},
         units=group.units or {},
         release=release,
@@ -213,6 +214,7 @@ def _trial_tree(trial: Trial) -> dict[str, Any]:
         "name": trial.name,
         "file": None if by_mass else trial.files[0][0],
         "files": {mass: path for path, tracks in trial.files for mass in tracks} if by_mass else None,
+        "events": trial.events,
         "kind": trial.kind,
         "frame_rate": show(trial.frame_rate, "Hz") if trial.frame_rate else None,
         "clip_rate": show(trial.clip_rate, "Hz") if trial.clip_rate else None,

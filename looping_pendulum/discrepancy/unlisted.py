@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from looping_pendulum.discrepancy.discovery import SIGNIFICANT, TARGETS, Found
-from looping_pendulum.discrepancy.simplify import simplify
-from looping_pendulum.discrepancy.verdict import ForceProfile, OtherClosure, Unlisted
+from looping_pendulum.discrepancy.formula import Written
+from looping_pendulum.discrepancy.simplify import Term
+from looping_pendulum.discrepancy.verdict import ForceProfile, Formula, FormulaNumber, OtherClosure, Unlisted
 from looping_pendulum.reference_ode.effects import Kinematics
 from looping_pendulum.reference_ode.transitions import Mode
 
@@ -21,20 +22,37 @@ TIMES = {"constant": "", "retreat_speed": "-u", "across_speed": "-w"}
 assert set(UNITS) <= set(Kinematics._fields)
 
 
-def unlisted(found: Sequence[Found], before: float) -> Unlisted:
-    """Tell of the best of ``found``; ``before``: largest chi2 per value of unseen data under the declared model."""
-    best = found[0]
-    profiles = tuple(_profile(best, i, side) for i, side in enumerate(TARGETS[best.closure.target]))
+BUMPS_ONLY = "no simple formula; twelve bumps"
+"""What stands in a formula's place where none explains the data."""
+
+
+def unlisted(found: Sequence[Found], written: Sequence[Written], before: float) -> Unlisted:
+    """Tell of an unlisted force.
+
+    Parameters
+    ----------
+    found
+        As bumps, the best first.
+    written
+        As formulas refitted by trajectory; if the first stands, it and its own bumps are told of.
+    before
+        Largest chi2 per value of unseen data under the declared model.
+    """
+    formula = written[0] if written and written[0].stands else None
+    best = formula.found if formula else found[0]
+    unseen = formula.unseen if formula and formula.unseen else best.unseen
     return Unlisted(
         acts_on=best.closure.target,
         depends_on=best.closure.coordinate,
         multiplied_by=best.closure.factor,
         unit=UNITS[best.closure.coordinate],
-        profiles=profiles,
+        profiles=tuple(_profile(best, formula, i) for i in range(len(TARGETS[best.closure.target]))),
+        formula=_formula(formula) if formula else None,
+        formulas=tuple(_formula(w) for w in written),
         phase=_phase(best),
         gain=best.gain,
         held_out_before=before,
-        held_out_after=best.unseen.worst,
+        held_out_after=unseen.worst,
         others=tuple(
             OtherClosure(
                 acts_on=f.closure.target,
@@ -43,33 +61,66 @@ def unlisted(found: Sequence[Found], before: float) -> Unlisted:
                 gain=f.gain,
                 held_out=f.unseen.worst,
             )
-            for f in found[1:]
+            for f in found
+            if f is not best
         ),
     )
 
 
-def _profile(found: Found, index: int, side: str) -> ForceProfile:
+def _formula(written: Written) -> Formula:
+    closure = written.found.closure
+    rows = zip(written.form.terms, written.q, written.errors, strict=True)
+    return Formula(
+        form=written.form.name,
+        depends_on=closure.coordinate,
+        multiplied_by=closure.factor,
+        numbers=tuple(
+            FormulaNumber(name=t.name, value=float(v), error=float(e), unit=_unit(t, closure.factor, UNITS[closure.coordinate]))
+            for t, v, e in rows
+        ),
+        gain=written.gain,
+        gain_of_bumps=written.gain_of_bumps,
+        held_out=written.unseen.worst if written.unseen else None,
+        held_out_of_bumps=written.found.unseen.worst,
+        stands=written.stands,
+    )
+
+
+def _unit(term: Term, factor: str, coordinate: str) -> str:
+    if term.of_coordinate:
+        return coordinate
+    force = "N" if factor == "constant" else "N s/m"
+    per = f"({coordinate})" if "/" in coordinate else coordinate
+    return force if not term.power else f"{force}/{per}" + (f"^{term.power}" if term.power > 1 else "")
+
+
+def _profile(found: Found, formula: Written | None, index: int) -> ForceProfile:
     s = np.linspace(found.coordinates.min(), found.coordinates.max(), POINTS)
     value, error = found.closure.profile(found.weights[index], s), found.band(index, s)
     sure = s[np.abs(value) > SIGNIFICANT * error]
-    formula = simplify(found, index)
-    factor = TIMES[found.closure.factor]
-    text = formula.text.format(*(f"{n:.4g}" for n in formula.numbers))
+    written = formula.form.profile(formula.q, s)[index] if formula else None
+    told = value if written is None else written
     return ForceProfile(
-        side=side,
+        side=TARGETS[found.closure.target][index],
         coordinate=tuple(s.tolist()),
         value=tuple(value.tolist()),
         error=tuple(error.tolist()),
-        largest=float(value[np.argmax(np.abs(value))]),
-        largest_at=float(s[np.argmax(np.abs(value))]),
+        largest=float(told[np.argmax(np.abs(told))]),
+        largest_at=float(s[np.argmax(np.abs(told))]),
         sure_from=float(sure.min()) if sure.size else None,
         sure_to=float(sure.max()) if sure.size else None,
-        form=formula.form,
-        formula=f"{factor} ({text})" if factor and formula.form != "nothing" else text,
-        numbers=formula.numbers,
-        errors=formula.errors,
-        misfit=formula.misfit,
+        formula=_text(formula, index) if formula else BUMPS_ONLY,
+        written=None if written is None else tuple(written.tolist()),
     )
+
+
+def _text(written: Written, index: int) -> str:
+    """Formula of one side, its numbers filled in."""
+    text = written.form.texts[index]
+    values = {t.name: f"{v:.4g}" for t, v in zip(written.form.terms, written.q, strict=True)}
+    factor = TIMES[written.found.closure.factor]
+    filled = text.format(**values)
+    return f"{factor} ({filled})" if factor and text != "0" else filled
 
 
 def _phase(found: Found) -> str:

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from looping_pendulum.compare.plots import COLOURS
 from looping_pendulum.compare.tables import GAP, number, table
-from looping_pendulum.discrepancy.verdict import ForceProfile, Identification, Unlisted
+from looping_pendulum.discrepancy.verdict import ForceProfile, Formula, Identification, Unlisted
 
 SIDES = {
     "along": "along the string, towards the rod",
@@ -24,17 +24,15 @@ def section(result: Identification) -> str:
     name = force.depends_on.replace("_", " ")
     unit = force.unit
     head = ["direction", f"largest at {name} [{unit}]", f"largest [{_unit(force)}]", f"sure between [{unit}]", "formula"]
-    rows = [
-        [SIDES[p.side], number(p.largest_at), number(p.largest), _sure(p), f"`{p.formula}` ({p.form})"] for p in force.profiles
-    ]
+    rows = [[SIDES[p.side], number(p.largest_at), number(p.largest), _sure(p), f"`{p.formula}`"] for p in force.profiles]
     text = (
         "## The unlisted force\n\n"
         f"It acts on the {force.acts_on}, {force.phase}, and depends on the {name} (s below). It was found as a row of bumps "
-        "along that coordinate; the formula is the simplest that the data cannot tell from them. *Sure*: above two standard "
-        "errors.\n\n"
+        f"along that coordinate. {_standing(force)} *Sure*: the bumps are above two standard errors.\n\n"
         + table(head, rows, left=1)
-        + f"\nTwice the log evidence gained: {force.gain:.0f}. On data that no fit saw chi2 per value falls from "
-        f"{force.held_out_before:.3f} to {force.held_out_after:.3f}.\n"
+        + (_numbers(force.formula) if force.formula else "")
+        + f"\nTwice the log evidence gained by the bumps: {force.gain:.0f}. On data that no fit saw chi2 per value falls from "
+        f"{force.held_out_before:.3f} to {force.held_out_after:.3f}.\n" + _formulas(force)
     )
     if not force.others:
         return text
@@ -43,11 +41,40 @@ def section(result: Identification) -> str:
         [o.acts_on, *(word.replace("_", " ") for word in (o.depends_on, o.multiplied_by)), number(o.gain), number(o.held_out)]
         for o in force.others
     ]
-    return text + "\nOther forms, which explain unseen data less well:\n\n" + table(head, rows, left=3)
+    return text + "\nOther coordinates and sides that were fitted as bumps:\n\n" + table(head, rows, left=3)
+
+
+def _standing(force: Unlisted) -> str:
+    f = force.formula
+    if f is None:
+        return "No simple formula explains unseen data as well as the bumps, so these are the model."
+    return (
+        f"The model is the formula, its numbers fitted to the trajectories together with all of the declared model: it gains "
+        f"{f.gain:.0f} on the information criterion over the declared model and {f.gain - f.gain_of_bumps:.0f} over the bumps."
+    )
+
+
+def _numbers(formula: Formula) -> str:
+    head = ["number", "value", "standard error", "unit"]
+    rows = [[n.name.replace("_", ", "), number(n.value, digits=4), number(n.error, digits=2), n.unit] for n in formula.numbers]
+    note = "Widths are standard deviations of a pulse; a pass is a force there and back around its place."
+    return "\n" + table(head, rows, left=1) + f"\n{note}\n"
+
+
+def _formulas(force: Unlisted) -> str:
+    if not force.formulas:
+        return ""
+    head = ["formula", "depends on", "multiplied by", "stands?", "gain (BIC)", "bumps' gain", "unseen chi2/n", "bumps' chi2/n"]
+    rows = [
+        [f.form, *(word.replace("_", " ") for word in (f.depends_on, f.multiplied_by)), "yes" if f.stands else "no",
+         f"{f.gain:.1f}", f"{f.gain_of_bumps:.1f}", number(f.held_out), number(f.held_out_of_bumps)]
+        for f in force.formulas
+    ]  # fmt: skip
+    return "\nFormulas that were refitted by trajectory:\n\n" + table(head, rows, left=4)
 
 
 def figure(force: Unlisted) -> Figure:
-    """Profile of every side with two standard errors."""
+    """Bumps of every side with two standard errors, and the formula."""
     drawn = Figure(figsize=(8.0, 3.6), layout="constrained")
     axes = drawn.subplots()
     axes.axhline(0.0, color="black", lw=0.8)
@@ -55,6 +82,8 @@ def figure(force: Unlisted) -> Figure:
         s, value, error = np.array(p.coordinate), np.array(p.value), np.array(p.error)
         axes.fill_between(s, value - 2 * error, value + 2 * error, color=colour, alpha=0.25, lw=0)
         axes.plot(s, value, color=colour, label=SIDES[p.side])
+        if p.written is not None:
+            axes.plot(s, p.written, "--", color=colour, label="its formula")
     axes.set_xlabel(f"{force.depends_on.replace('_', ' ')} [{force.unit}]")
     axes.set_ylabel(f"unlisted force [{_unit(force)}]")
     axes.legend(loc="best", fontsize=8)

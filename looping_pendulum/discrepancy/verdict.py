@@ -16,7 +16,7 @@ from looping_pendulum.compare.json_text import plain
 from looping_pendulum.reference_ode.geometry import Array
 
 SCHEMA_ID = "looping-pendulum/identification"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 class Verdict(StrEnum):
@@ -46,6 +46,8 @@ class Effect:
     value: float
     error: float
     """Standard error."""
+    interval: tuple[float, float] | None
+    """Where the cost rises by nine, all else refitted, as at three standard errors; None: the model is nearly linear in it."""
     null: float
     """Value at which the effect is absent."""
     unit: str
@@ -83,6 +85,8 @@ class Round:
     runner_up: str
     margin: float | None
     """Gain of the best less that of the runner-up."""
+    errors_times: float = 1.0
+    """By how much the marks' standard errors were multiplied, so that they contain the remainder."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,12 +95,33 @@ class TrialError:
 
     trial: str
     held_out: bool
-    rms_before: float
-    """Residual of the declared model after calibration, of the light mass's place where it was seen [m]."""
-    rms_after: float
+    rms_before: float | None
+    """Residual of the declared model after calibration, of the light mass's place where it was seen [m]; None: only events."""
+    rms_after: float | None
     noise_before: float
     """Root mean square in units of the noise."""
     noise_after: float
+    events_before: Mapping[str, float]
+    """SI unit -> root mean square of measured less predicted events of that unit."""
+    events_after: Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventResidual:
+    """One measured event beside both models."""
+
+    trial: str
+    held_out: bool
+    quantity: str
+    index: int
+    unit: str
+    measured: float
+    """[unit]"""
+    sigma: float
+    """Standard error [unit]."""
+    before: float | None
+    """What the declared model says after its calibration [unit]; None: it does not happen in its run."""
+    after: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,13 +188,11 @@ class ForceProfile:
     sure_from: float | None
     sure_to: float | None
     """Where it exceeds two standard errors; None: nowhere."""
-    form: str
     formula: str
-    """The simplest form that the data cannot tell from the profile; s is the coordinate, u and w the light mass's speeds."""
-    numbers: tuple[float, ...]
-    errors: tuple[float, ...]
-    misfit: float
-    """Chi2 of the formula against the profile's twelve bumps."""
+    """What acts on this side in the model that goes on: the refitted formula, or words for the bumps where none stands; s is
+    the coordinate, u and w the light mass's speeds."""
+    written: tuple[float, ...] | None
+    """Values of the refitted formula along the coordinate; None: none stands."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,6 +207,37 @@ class OtherClosure:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FormulaNumber:
+    """One number of a formula, fitted to the trajectories together with all numbers of the declared model."""
+
+    name: str
+    """"place", "width", or the side and what it is there: "across_height"."""
+    value: float
+    error: float
+    """Standard error."""
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Formula:
+    """A formula of the unknown force, refitted by trajectory."""
+
+    form: str
+    depends_on: str
+    multiplied_by: str
+    numbers: tuple[FormulaNumber, ...]
+    gain: float
+    """On the Bayesian information criterion, over the declared model."""
+    gain_of_bumps: float
+    """The same of the bumps that it came from, by the number of weights that the data set."""
+    held_out: float | None
+    """Largest chi2 per value on data that no fit saw; None: not judged, for it gains less."""
+    held_out_of_bumps: float
+    stands: bool
+    """Whether it gains more than its bumps and explains unseen data as well as the best bumps of all do."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Unlisted:
     """A force that no listed effect is."""
 
@@ -193,6 +247,10 @@ class Unlisted:
     unit: str
     """Of the coordinate."""
     profiles: tuple[ForceProfile, ...]
+    formula: Formula | None
+    """The formula that the model goes on with; None: no simple formula explains unseen data as well as the bumps."""
+    formulas: tuple[Formula, ...]
+    """Every formula that was refitted, the best first."""
     phase: str
     """When most of it acts."""
     gain: float
@@ -202,6 +260,22 @@ class Unlisted:
     held_out_after: float
     others: tuple[OtherClosure, ...]
     """Refitted forms that explain unseen data less well."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Remainder:
+    """What no explanation removes, taken for errors of the marks that last longer than a frame."""
+
+    rms: float
+    """By how much marks are off the repaired model beyond their scatter [SI]."""
+    unit: str
+    """Of `rms`."""
+    ratio: float
+    """Of the marks' errors that explain what is left to their scatter (Birge's ratio)."""
+    lasting: float
+    """Marks over which they keep their sign: n marks count as n / lasting."""
+    least: str
+    """Explanation that leaves least; the errors are from it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -235,10 +309,14 @@ class Identification:
     """Every explanation that these data cannot tell from the best, the best included; empty unless ambiguous."""
     unlisted: Unlisted | None
     """The unknown force, if the verdict is unlisted."""
+    remainder: Remainder | None
+    """What even the best explanation leaves; None if data are explained to their noise, or were not asked for it."""
     next_experiments: tuple[Experiment, ...]
     """Best first."""
     rounds: tuple[Round, ...]
     errors: tuple[TrialError, ...]
+    events: tuple[EventResidual, ...]
+    """Every row of every event table."""
     before: FitReport
     after: FitReport
     judged_on: str

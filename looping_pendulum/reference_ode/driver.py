@@ -41,6 +41,9 @@ class Integrator(Protocol):
 class Driver:
     """The state of one run while it goes on. Its `record` is complete once `run_dense` or `run_sampled` has returned."""
 
+    xp: Any = math
+    """Math namespace of the numbers that the state is made of."""
+
     def __init__(self, parameters: Parameters, duration: float, tolerance: float, integrator: str) -> None:
         self.parameters = parameters
         self.values = parameters.values()
@@ -57,7 +60,7 @@ class Driver:
         self.signs = Signs(slide=-1.0, across=-1.0 if self.y.across_speed < 0 else 1.0, heavy=-1.0, phase=0.0)
         self.stretches = "light_stretch" in own_variables(self.effects)
         if self.stretches:
-            self.y = equations.stretched_at_rest(math, 0.0, self.y, self.signs, self.values, self.effects)
+            self.y = equations.stretched_at_rest(self.xp, 0.0, self.y, self.signs, self.values, self.effects)
             if parameters.release is Release.HELD:  # what the clamp holds does not stretch
                 self.y = self.y._replace(heavy_stretch=0.0)
         self.mode = self._released_mode()
@@ -78,12 +81,12 @@ class Driver:
     def run_sampled(self, times: Array) -> list[Part]:
         """Run to the end; return samples at ``times``."""
         times = times[times <= self.duration]
-        at_release = np.repeat(np.array(self.y)[:, None], np.count_nonzero(times == 0), axis=1)
+        at_release = np.repeat(np.array(self.y, dtype=float)[:, None], np.count_nonzero(times == 0), axis=1)
         parts = [segment.sample(times[times <= START]) for segment in self._begin()]
         if not parts:
             parts = [Part(mode=self.mode, signs=self.signs, t=times[times == 0], values=at_release)]
         for _ in range(MAX_EVENTS):
-            ahead = times[np.searchsorted(times, self.t, side="right") :]
+            ahead = times[np.searchsorted(times, float(self.t), side="right") :]
             event, self.t, self.y, part = self.integrator.advance_sampled(
                 self.mode, self.t, self.y, self.signs, self.duration, ahead
             )
@@ -134,11 +137,15 @@ class Driver:
             self._set_phase(mode)
         return mode if self._light_tension(mode) >= 0 else slack
 
+    def _now(self) -> tuple[Any, State, Signs, Any]:
+        """What decides which mode follows: time, state, signs and values, as plain numbers."""
+        return self.t, self.y, self.signs, self.values
+
     def _light_tension(self, mode: Mode) -> float:
-        return float(equations.tensions(math, mode, self.t, self.y, self.signs, self.values, self.effects)[0])
+        return self._tensions(mode)[0]
 
     def _margins(self, mode: Mode) -> tuple[float, float]:
-        return equations.holding_margins(math, self.t, self.y, self.signs, self.values, self.effects, mode)
+        return equations.holding_margins(math, *self._now(), self.effects, mode)
 
     def _held_or_sliding(self) -> Mode:
         """Choice.BY_HOLDING: whether the rod holds a string that does not slide, and if not which way it slides."""
@@ -174,7 +181,7 @@ class Driver:
         return mode
 
     def _tensions(self, mode: Mode) -> tuple[float, float]:
-        return equations.tensions(math, mode, self.t, self.y, self.signs, self.values, self.effects)
+        return equations.tensions(math, mode, *self._now(), self.effects)
 
     def _turn_rod(self, sign: float) -> None:
         self.signs = self.signs._replace(rod=sign, rod_phase=0.0)
@@ -201,7 +208,7 @@ class Driver:
         return self._held_or_sliding()
 
     def _impact(self, slide: float) -> equations.Impact:
-        return equations.impact(math, slide, self.t, self.y, self.signs, self.values, self.effects)
+        return equations.impact(self.xp, slide, self.t, self.y, self.signs, self.values, self.effects)
 
     def _take(self, state: State) -> None:
         """Go on from ``state``, just after an impulse."""
@@ -242,7 +249,7 @@ class Driver:
         """Change the mode, and the speeds that the event sets."""
         if self.stretches:
             if event is Event.TAUT and self.mode is Mode.SLACK:
-                self.y = equations.evened_out(math, self.y, self.signs, self.values, self.effects)
+                self.y = equations.evened_out(self.xp, self.y, self.signs, self.values, self.effects)
         elif event is Event.STOP:
             self._stop(self.y.rod_speed if self.turns else 0.0)
         elif event is Event.ROD_STOPS:
@@ -295,13 +302,13 @@ class Driver:
 
     def _leave_rest(self) -> list[Segment]:
         """Take the first START seconds by series if the light mass starts at rest and |v| has a root there."""
-        rate = equations.rates(math, self.mode, self.t, self.y, self.signs, self.values, self.effects)
+        rate = equations.rates(self.xp, self.mode, self.t, self.y, self.signs, self.values, self.effects)
         if self.y.across_speed == 0:
             self.signs = self.signs._replace(across=1.0 if rate.across_speed >= 0 else -1.0)
         moving = any((self.y.across_speed, self.y.retreat_speed, self.y.sideways_speed))
         if moving or not (self.mode.string_moves or self.mode.slack or self.stretches):
             if self.y.across_speed == 0:
-                self.y = self.y._replace(across_speed=self.signs.across * TINY)
+                self.y = self.y._replace(across_speed=self.y.across_speed + self.signs.across * TINY)
             return []
         turning = rate.across_speed / self.y.free_length
         tilting = rate.heavy_across_speed / self.parameters.hanging_length
@@ -314,12 +321,10 @@ class Driver:
             slack=rate.heavy_speed - rate.retreat_speed,
             heavy_tilt=tilting,
         )
-        series = np.zeros((len(State._fields), 3))
-        series[:, 0] = self.y
-        series[:, 1] = np.array(rate) * START
-        series[:, 2] = np.array(twice) * (0.5 * START**2)
-        self.t, self.y = START, State(*series.sum(axis=1).tolist())
-        return [Segment(mode=self.mode, signs=self.signs, times=np.array([0.0, START]), coefficients=series[None])]
+        series = (self.y, [START * r for r in rate], [0.5 * START**2 * r for r in twice])
+        self.t, self.y = START, State(*map(sum, zip(*series, strict=True)))
+        coefficients = np.array(series, dtype=float).T[None]
+        return [Segment(mode=self.mode, signs=self.signs, times=np.array([0.0, START]), coefficients=coefficients)]
 
     def _record(self, event: Event | None, before: Mode, after: Mode | None = None) -> None:
         self.events.append(

@@ -20,34 +20,46 @@ NAME = "heyoka"
 MAX_STEPS = 20_000
 
 
+class ModeEquations:
+    """The equations of one mode as heyoka's expressions."""
+
+    def __init__(self, mode: Mode, effects: Effects, parameter_names: tuple[str, ...]) -> None:
+        import heyoka as hy
+
+        hy.set_logger_level_critical()  # what it would warn of comes back as an outcome
+
+        self.names = names = variables(mode, effects)
+        self.variables = dict(zip(names, hy.make_vars(*names), strict=True))
+        y, t = complete(mode, **self.variables), hy.time
+        signs = Signs(*(hy.par[i] for i in range(len(Signs._fields))))
+        offset = len(Signs._fields)
+        self.parameters = {name: hy.par[offset + i] for i, name in enumerate(parameter_names)}
+        """After the signs, the numbers that ``parameter_names`` names."""
+        absent = {c.name: c.null for effect in EFFECTS.values() for c in effect.coefficients}  # constants, so they fold away
+        p = SimpleNamespace(**(absent | self.parameters))
+        rates = equations.rates(hy, mode, t, y, signs, p, effects)
+        self.system = [(self.variables[name], hy.expression(0.0) + getattr(rates, name)) for name in names]
+        self.watched = equations.event_functions(hy, mode, t, y, signs, p, effects)
+        self.rows = np.array([State._fields.index(name) for name in names])
+
+
 class _Compiled:
     """A Taylor integrator of one mode, with what it needs to translate states, parameters and events."""
 
     def __init__(self, mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...]) -> None:
         import heyoka as hy
 
-        hy.set_logger_level_critical()  # what it would warn of comes back as an outcome
-
-        self.mode = mode
-        self.names = names = variables(mode, effects)
-        expressions = dict(zip(names, hy.make_vars(*names), strict=True))
-        y, t = complete(mode, **expressions), hy.time
-        signs = Signs(*(hy.par[i] for i in range(len(Signs._fields))))
-        offset = len(Signs._fields)
-        absent = {c.name: c.null for effect in EFFECTS.values() for c in effect.coefficients}  # constants, so they fold away
-        p = SimpleNamespace(**(absent | {name: hy.par[offset + i] for i, name in enumerate(parameter_names)}))
-        rates = equations.rates(hy, mode, t, y, signs, p, effects)
-        watched = equations.event_functions(hy, mode, t, y, signs, p, effects)
-        self.events = tuple(watched)
+        written = ModeEquations(mode, effects, parameter_names)
+        self.mode, self.names, self.rows = mode, written.names, written.rows
+        self.events = tuple(written.watched)
         falling = hy.event_direction.negative
         self.integrator = hy.taylor_adaptive(
-            [(expressions[name], hy.expression(0.0) + getattr(rates, name)) for name in names],
-            [1.0] * len(names),
+            written.system,
+            [1.0] * len(self.names),
             tol=tolerance,
-            t_events=[hy.t_event(function, direction=falling) for function in watched.values()],
+            t_events=[hy.t_event(function, direction=falling) for function in written.watched.values()],
         )
         self.success, self.time_limit = hy.taylor_outcome.success, hy.taylor_outcome.time_limit
-        self.rows = np.array([State._fields.index(name) for name in names])
         self.powers = np.arange(self.integrator.order + 1)
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import MappingProxyType, SimpleNamespace
 
 from looping_pendulum.errors import ParameterError
@@ -66,11 +66,11 @@ class Parameters:
 
     def __post_init__(self) -> None:
         """Fill in default coefficients and refuse what cannot be."""
-        unknown = sorted(set(self.coefficients) - set(effect_library.COEFFICIENTS))
+        unknown = sorted(self.coefficients.keys() - _DEFAULTS.keys())
         if unknown:
             known = ", ".join(effect_library.COEFFICIENTS)
             raise ParameterError(f"coefficients: no effect has a coefficient {unknown[0]!r}; known: {known}")
-        values = {name: c.default for name, c in effect_library.COEFFICIENTS.items()} | dict(self.coefficients)
+        values = _DEFAULTS | dict(self.coefficients)
         if "static_friction" not in self.coefficients:
             values["static_friction"] = values["kinetic_friction"]
         object.__setattr__(self, "coefficients", MappingProxyType(values))
@@ -94,8 +94,8 @@ class Parameters:
             degrees = math.degrees(self.release_angle)
             raise ParameterError(f"release_angle: found {degrees:g} deg, needed between 0 and 360 deg")
         for name, value in self.coefficients.items():
-            low, high = effect_library.COEFFICIENTS[name].bounds
-            if not (math.isfinite(value) and low <= value <= high):
+            low, high = _BOUNDS[name]
+            if not (low <= value <= high and math.isfinite(value)):
                 raise ParameterError(f"{name}: found {value:g}, needed between {low:g} and {high:g}")
         kinetic, static = self.coefficients["kinetic_friction"], self.coefficients["static_friction"]
         if static < kinetic:
@@ -111,8 +111,15 @@ class Parameters:
     @property
     def end_length(self) -> float:
         """Free length at which the light mass touches the rod [m]."""
-        touching = math.sqrt(self.light_radius**2 + 2 * self.light_radius * self.rod_radius)
-        return touching if self.light_radius > 0 else POINT_MASS_END * self.rod_radius
+        if not self.light_radius > 0:
+            return POINT_MASS_END * self.rod_radius
+        touching: float = (self.light_radius**2 + 2 * self.light_radius * self.rod_radius) ** 0.5
+        return touching
+
+    @property
+    def static_follows(self) -> bool:
+        """Whether the static friction is not a number of its own but the kinetic one's."""
+        return bool(self.coefficients["static_friction"] == self.coefficients["kinetic_friction"])
 
     @property
     def string_length(self) -> float:
@@ -123,12 +130,12 @@ class Parameters:
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
         """The effects that act here: the declared model's own, and any other with a coefficient off its null value."""
-        off = {name for name, value in self.coefficients.items() if value != effect_library.COEFFICIENTS[name].null}
-        return tuple(
-            effect
-            for effect in effect_library.EFFECTS.values()
-            if (effect.in_base_model or effect.acts(off)) and not (effect.needs_string and self.release is Release.DROP)
-        )
+        return self.effects_with(frozenset())
+
+    def effects_with(self, names: Collection[str]) -> tuple[Effect, ...]:
+        """`effects`, with those of the coefficients ``names`` even at their null value."""
+        off = {name for name, value in self.coefficients.items() if value != _NULLS[name]}
+        return _acting(frozenset(off.union(names)), self.release)
 
     def values(self) -> SimpleNamespace:
         """Every number as an attribute, coefficients included: what the equations read. One object, not to be changed."""
@@ -136,7 +143,7 @@ class Parameters:
 
     @cached_property
     def _values(self) -> SimpleNamespace:
-        fields = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "coefficients"}
+        fields = {name: getattr(self, name) for name in _FIELDS}
         derived = {"end_length": self.end_length, "string_length": self.string_length}
         values = SimpleNamespace(**fields, **derived, **self.coefficients)
         values.string_loss_time = max(values.string_loss_time, LEAST_LOSS_TIME)
@@ -145,8 +152,8 @@ class Parameters:
     def replace(self, **changes: object) -> Parameters:
         """Return a copy with fields or coefficients changed (``replace(light_mass=0.02, kinetic_friction=0.3)``)."""
         coefficients = dict(self.coefficients)
-        if coefficients["static_friction"] == coefficients["kinetic_friction"]:
-            del coefficients["static_friction"]  # it was not given apart, so it follows the kinetic one
+        if self.static_follows:
+            del coefficients["static_friction"]
         for name in [n for n in changes if n in effect_library.COEFFICIENTS]:
             coefficients[name] = float(changes.pop(name))  # type: ignore[arg-type]
         return dataclasses.replace(self, coefficients=coefficients, **changes)  # type: ignore[arg-type]
@@ -155,6 +162,23 @@ class Parameters:
         """Plain data, for JSON and for another process."""
         data = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         return data | {"release": self.release.value, "coefficients": dict(self.coefficients)}
+
+
+_FIELDS = tuple(f.name for f in dataclasses.fields(Parameters) if f.name != "coefficients")
+_DEFAULTS = {name: c.default for name, c in effect_library.COEFFICIENTS.items()}
+_NULLS = {name: c.null for name, c in effect_library.COEFFICIENTS.items()}
+_BOUNDS = {name: c.bounds for name, c in effect_library.COEFFICIENTS.items()}
+
+
+@lru_cache(maxsize=256)
+def _acting(off: frozenset[str], release: Release) -> tuple[Effect, ...]:
+    """Effects of the declared model, and those with a coefficient in ``off``, off its null value."""
+    names = set(off)
+    return tuple(
+        effect
+        for effect in effect_library.EFFECTS.values()
+        if (effect.in_base_model or effect.acts(names)) and not (effect.needs_string and release is Release.DROP)
+    )
 
 
 def _rebuild(data: dict[str, object]) -> Parameters:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,10 +79,8 @@ class Run:
 
     def heavy_drop(self, state: State) -> Array:
         """How far the heavy mass is below its release [m] in states of this run (numbers or arrays)."""
-        p = self.parameters
-        overlap = _overlap(state) if winds(p.effects) else 0.0
-        path = string_path(np, state, overlap, p.values(), p.effects) + state.slack
-        return np.asarray(p.free_length + p.rod_radius * p.release_angle - path)
+        overlap = _overlap(state) if winds(self.parameters.effects) else 0.0
+        return np.asarray(_heavy_drop(np, state, overlap, self.parameters))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,11 +97,7 @@ class Samples:
     @cached_property
     def light_position(self) -> Array:
         """[m], shape (n, 2)."""
-        s, p = self.state, self.run.parameters
-        if not winds(p.effects):
-            return np.stack(light_position(np, s.free_length, s.wrap_angle, p.rod_radius), axis=1)
-        wound = winding(s, _overlap(s), p.values(), p.effects)
-        return np.stack(light_position(np, s.free_length + wound.foot, s.wrap_angle, wound.radius), axis=1)
+        return np.stack(light_place(np, self.state, _overlap(self.state), self.run.parameters), axis=1)
 
     @cached_property
     def light_velocity(self) -> Array:
@@ -113,14 +108,8 @@ class Samples:
     @cached_property
     def heavy_position(self) -> Array:
         """[m], shape (n, 2)."""
-        p = self.run.parameters
-        height = -p.hanging_length - self.run.heavy_drop(self.state)
-        if not self._swings:
-            return np.stack([np.full_like(height, p.rod_radius), height], axis=1)
-        tilt = self.state.heavy_tilt
-        length = p.rod_radius * (tilt - p.coefficients["heavy_swing"]) - height
-        cosine, sine = np.cos(tilt), np.sin(tilt)
-        return np.stack([p.rod_radius * cosine + length * sine, p.rod_radius * sine - length * cosine], axis=1)
+        x, y = heavy_place(np, self.state, _overlap(self.state), self.run.parameters)
+        return np.stack([np.broadcast_to(x, y.shape), y], axis=1)
 
     @cached_property
     def heavy_velocity(self) -> Array:
@@ -145,6 +134,30 @@ class Samples:
             state, signs = State(*(v[here] for v in self.state)), Signs(*(v[here] for v in self.signs))
             light[here], heavy[here] = equations.tensions(np, mode, self.t[here], state, signs, p, effects)
         return light, heavy
+
+
+def light_place(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple[Any, Any]:
+    """Light mass (x, y) [m] in states ``s``; ``overlap``: 1 where the string lies on itself, else 0."""
+    if not winds(p.effects):
+        return light_position(xp, s.free_length, s.wrap_angle, p.rod_radius)
+    wound = winding(s, overlap, p.values(), p.effects)
+    return light_position(xp, s.free_length + wound.foot, s.wrap_angle, wound.radius)
+
+
+def heavy_place(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple[Any, Any]:
+    """Heavy mass (x, y) [m], as `light_place`."""
+    height = -p.hanging_length - _heavy_drop(xp, s, overlap, p)
+    if "heavy_tilt" not in own_variables(p.effects):
+        return p.rod_radius, height
+    length = p.rod_radius * (s.heavy_tilt - p.coefficients["heavy_swing"]) - height
+    cosine, sine = xp.cos(s.heavy_tilt), xp.sin(s.heavy_tilt)
+    return p.rod_radius * cosine + length * sine, p.rod_radius * sine - length * cosine
+
+
+def _heavy_drop(xp: Any, s: State, overlap: Any, p: Parameters) -> Any:
+    """How far the heavy mass is below its release [m]."""
+    path = string_path(xp, s, overlap, p.values(), p.effects) + s.slack
+    return p.free_length + p.rod_radius * p.release_angle - path
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tests.blind.rigid import RigidMotion
 from tests.blind.simulator import Motion
 
 Array = NDArray[np.float64]
@@ -49,7 +50,7 @@ class Clip:
     heavy: Array
 
 
-def film(motion: Motion, camera: Camera, rng: np.random.Generator, *, duration: float = 1.0) -> Clip:
+def film(motion: Motion | RigidMotion, camera: Camera, rng: np.random.Generator, *, duration: float = 1.0) -> Clip:
     """Film from the release on, for ``duration`` [s] or until the motion ends."""
     frames = int(np.floor(min(duration, motion.t[-1]) * camera.frame_rate + 1e-9)) + 1
     t = np.arange(frames) / camera.frame_rate

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from tests.blind import Apparatus, Effects
 from tests.blind.camera import Camera, film, tracker_csv
-from tests.blind.simulator import Motion, simulate
+from tests.blind.rigid import RigidMotion, simulate_rigid
+from tests.blind.simulator import DEFAULT, Motion, Numerics, simulate
 
 Array = NDArray[np.float64]
 Numbers = tuple[tuple[str, float], ...]
@@ -69,6 +70,10 @@ class Case:
     """Whether friction, drag and release angles of the truth depend on the seed."""
     listed: bool = True
     """Whether the library that is tested is asked to have it."""
+    numerics: Numerics = DEFAULT
+    """Of the simulator: finer where the motion hangs on the instant at which the string breaks away."""
+    rigid: bool = False
+    """Whether the limit of a rigid string is needed, for a heavy mass that turns at once; takes its own numerics."""
 
     def scaled(self, factor: float) -> Case:
         """Return this case with everything hidden multiplied by ``factor``."""
@@ -115,10 +120,11 @@ SINGLE = (
     _single("linear_drag", 1.2e-3),
     _single("wind", 0.6),
     _single("attitude_drag", 2.0),
-    _single("static_excess", 0.7),
+    _single("static_excess", 0.7, numerics=Numerics(step=1.25e-5)),
     _single("friction_per_speed", 0.015),
     _single("friction_per_wrap", 0.006),
-    _single("string_on_string", 0.02, apparatus=(("friction", 0.1),)),  # only a slippery rod lets the string slide after a turn
+    # only a slippery rod lets the string slide after a turn
+    _single("string_on_string", 0.02, apparatus=(("friction", 0.1),), rigid=True),
     _single("string_density", 6e-4),
     _single("compliance", 1 / 1500, fixed=(("string_loss_time", 5e-4),)),
     _single("string_thickness", 4.5e-4),
@@ -128,7 +134,7 @@ SINGLE = (
     _single("side_force", 5e-3),
     _single("side_stiffness", 0.015),
     _single("push", 0.03),
-    Case(name="wrong_mass", apparatus_errors=(("light_mass", 0.02),)),
+    Case(name="wrong_mass", apparatus_errors=(("light_mass", 0.06),)),  # weighing and data together know it to 0.8 %
     Case(name="wrong_length", apparatus_errors=(("free_length", 0.03),)),
     Case(name="wrong_gravity", apparatus_errors=(("gravity", -0.02),)),
 )
@@ -158,8 +164,15 @@ CASES = {c.name: c for c in (CLEAN, CLEAN_VARIED, *SINGLE, *SMALL, *PAIRS, *MEAS
 
 
 @lru_cache(maxsize=24)
-def _moved(apparatus: Apparatus, effects: Effects) -> Motion:
-    return simulate(apparatus, effects, duration=FILMED)
+def _moved(apparatus: Apparatus, effects: Effects, numerics: Numerics = DEFAULT, rigid: bool = False) -> Motion | RigidMotion:
+    if rigid:
+        return simulate_rigid(apparatus, effects, duration=FILMED)
+    return simulate(apparatus, effects, duration=FILMED, numerics=numerics)
+
+
+def moved(case: Case, trial: Trial, seed: int) -> Motion | RigidMotion:
+    """Motion of a trial as it is, for `FILMED`."""
+    return _moved(case.true(trial, seed), case.hidden(), case.numerics, case.rigid)
 
 
 def signature(case: Case) -> float:
@@ -177,8 +190,8 @@ def displacements(case: Case) -> dict[str, Array]:
     for trial in TRIALS:
         if trial.held_out:
             continue
-        plain = _moved(case.declared(trial), Effects())
-        clip = film(_moved(case.true(trial, 0), case.hidden()), camera, np.random.default_rng(0), duration=FILMED)
+        plain = _moved(case.declared(trial), Effects(), DEFAULT, case.rigid)
+        clip = film(moved(case, trial, 0), camera, np.random.default_rng(0), duration=FILMED)
         inside = (clip.t >= 0) & (clip.t <= plain.t[-1])
         found[trial.name] = np.linalg.norm(clip.light[inside] - plain.at(clip.t[inside])[0], axis=1)
     return found
@@ -210,7 +223,7 @@ def write_case(folder: Path, case: Case, seed: int) -> Known:
     rng = np.random.default_rng([seed, zlib.crc32(case.name.encode())])
     known: Known = {"trials": []}
     for trial in TRIALS:
-        motion = _moved(case.true(trial, seed), case.hidden())
+        motion = moved(case, trial, seed)
         ox, oy = rng.normal(0, LENGTH_UNCERTAINTY / 2, 2)
         camera = dataclasses.replace(case.camera(), origin=(float(ox), float(oy)))
         text = tracker_csv(film(motion, camera, rng, duration=FILMED))

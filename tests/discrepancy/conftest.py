@@ -6,7 +6,15 @@ import pytest
 
 from looping_pendulum.reference_ode.solve import available_integrators
 
-FITTING = ("test_identify", "test_attribution", "test_calibration", "test_residual", "test_discovery")
+FITTING = (
+    "test_events",
+    "test_identify",
+    "test_attribution",
+    "test_calibration",
+    "test_residual",
+    "test_discovery",
+    "test_real_data",
+)
 
 
 def pytest_collection_modifyitems(items):

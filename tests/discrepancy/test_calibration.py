@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.calibration import Problem, calibrate, minimise
-from looping_pendulum.discrepancy.identify import read_inputs
+from looping_pendulum.discrepancy.calibration import calibrate, minimise
+from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.problem import Problem
 from looping_pendulum.discrepancy.residual import calibrated
 from looping_pendulum.discrepancy.study_io import load
 from tests.blind import Apparatus

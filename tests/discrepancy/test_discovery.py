@@ -6,9 +6,19 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import curve_fit
 
-from looping_pendulum.discrepancy.discovery import _evidence
+from looping_pendulum.discrepancy import formula
+from looping_pendulum.discrepancy.calibration import calibrate
+from looping_pendulum.discrepancy.discovery import _evidence, _refit, screen
+from looping_pendulum.discrepancy.formula import PREFIX
 from looping_pendulum.discrepancy.identify import identify
+from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.problem import Problem
+from looping_pendulum.discrepancy.report import render
+from looping_pendulum.discrepancy.residual import calibrated
+from looping_pendulum.discrepancy.search import GAIN
+from looping_pendulum.discrepancy.simplify import Range, forms
 from looping_pendulum.discrepancy.study_io import load
 from looping_pendulum.discrepancy.verdict import Verdict
 from looping_pendulum.reference_ode.cartesian import cartesian_force
@@ -16,7 +26,8 @@ from looping_pendulum.reference_ode.closure import BUMPS, weight
 from looping_pendulum.reference_ode.solve import solve_at
 from tests.apparatus import TEN_TO_ONE
 from tests.blind import Effects
-from tests.blind.cases import CASES
+from tests.blind.cases import CASES, CLEAN, FILMED, TRIALS
+from tests.blind.simulator import simulate
 from tests.discrepancy.blind_study import write_study
 
 PULSE = {"closure_of_time": 1.0, "closure_by_constant": 1.0, "closure_scale": 12.0, "closure_start": 0.0}
@@ -26,21 +37,80 @@ def identified(tmp_path, name, seed):
     return identify(load(write_study(tmp_path, CASES[name], seed)))
 
 
+def pulses_planted():
+    """Place, width and height of the thrust across the string: a Gaussian through its component along the simulated motion."""
+
+    def pulse(t, place, width, height):
+        return height * np.exp(-0.5 * ((t - place) / width) ** 2)
+
+    found = []
+    for trial in (t for t in TRIALS if not t.held_out):
+        case = CASES["thrust"]
+        e, motion = case.hidden(), simulate(case.true(trial, 0), case.hidden(), duration=FILMED)
+        velocity = motion.light_velocity[:, :2]
+        normal = np.stack([np.cos(motion.wrap_angle), np.sin(motion.wrap_angle)], axis=1)
+        size = pulse(motion.t, e.thrust_time, e.thrust_width, e.thrust)
+        across = -size * np.sum(velocity * normal, axis=1) / np.maximum(np.linalg.norm(velocity, axis=1), 1e-9)
+        start = (e.thrust_time, e.thrust_width, e.thrust)
+        found.append(
+            curve_fit(lambda t, place, width, h: h * np.exp(-0.5 * ((t - place) / width) ** 2), motion.t, across, start)[0]
+        )
+    return np.mean(found, axis=0)
+
+
 def test_a_pulse_of_thrust_is_found_as_a_force_of_time(tmp_path):
     """Planted: a pulse along the velocity, 0.3 s after release and 0.05 s wide, by a simulator that shares no equation."""
-    result = identified(tmp_path, "thrust", 1)
+    result = identified(tmp_path, "thrust", 3)
     assert result.verdict is Verdict.UNLISTED
     force = result.unlisted
     assert force.depends_on == "time"
     assert force.acts_on.startswith("light mass")
     across = next(p for p in force.profiles if p.side == "across")
-    # bumps stand 0.09 s apart: the place is told to a third of that, and the width is theirs at best
     assert across.largest_at == pytest.approx(Effects.thrust_time, abs=0.03)
-    assert across.form == "bump"
     assert across.sure_from < Effects.thrust_time < across.sure_to
     assert force.held_out_after < 1.08 < force.held_out_before
     held_out = next(e for e in result.errors if e.held_out)
     assert held_out.rms_after < 0.6 * held_out.rms_before
+    # the bumps stand 0.09 s apart and are as wide; fitted by trajectory, the formula is as narrow as what was planted
+    written = force.formula
+    assert written.form == "pulse along, pulse across"
+    assert written.stands
+    assert written.gain > written.gain_of_bumps
+    assert written.held_out == force.held_out_after
+    numbers = {n.name: n for n in written.numbers}
+    for name, planted in zip(("place", "width", "across_height"), pulses_planted(), strict=True):
+        assert abs(numbers[name].value - planted) < 3 * numbers[name].error
+        assert numbers[name].error < 0.12 * planted
+    assert {n.name for n in result.after.numbers} >= {f"{PREFIX}{name}" for name in numbers}
+    section = render(result)
+    assert all(f"| {name.replace('_', ', ')} |" in section for name in numbers)
+
+
+def test_no_formula_gains_on_clean_data(tmp_path):
+    """Oracle: data in which nothing is hidden. The best closure of all is no force, and no formula of it gains."""
+    inputs = read_inputs(load(write_study(tmp_path, CLEAN, 5)))
+    base = calibrated(calibrate(Problem(inputs.study, inputs.training, inputs.numbers)))
+    samples = [base.problem.run(base.x, k) for k in range(len(base.problem.data))]
+    best = max(screen(base, samples), key=lambda s: s.gain)
+    assert best.gain < GAIN
+    found = _refit(base, best, inputs.held, samples)
+    written = formula.refit(base, [found], inputs.held, lambda what: None)
+    assert written
+    assert all(w.gain < GAIN for w in written)
+
+
+@pytest.mark.parametrize("target", ["heavy mass", "light mass"])
+def test_a_formula_is_laid_into_bumps_to_a_thousandth(target):
+    """Oracle: the formula itself. A step is as sharp as the bumps allow, so to a hundredth."""
+    where = Range(low=0.2, high=1.2, step=0.1)
+    s = np.linspace(where.low, where.high, 500)
+    for form in forms(target):
+        q = np.array([{"place": 0.6, "width": 0.08}.get(t.name, 0.5 + 0.1 * i) for i, t in enumerate(form.terms)])
+        row = form.row(q, where)
+        bumps = np.exp(-0.5 * ((s[:, None] - row.low - row.step * np.arange(BUMPS)) / row.step) ** 2)
+        exact = form.profile(q, s)
+        error = np.abs(bumps @ form.weights(q, row).T - exact.T).max()
+        assert error < (0.01 if "step" in form.name else 1e-3) * np.abs(exact).max(), form.name
 
 
 @pytest.mark.accurate
@@ -48,10 +118,15 @@ def test_a_pulse_of_thrust_is_found_as_a_force_of_time(tmp_path):
 @pytest.mark.parametrize("name", ["magnet", "thrust"])
 def test_unlisted_cases_are_unlisted(tmp_path, name, seed):
     if (name, seed) == ("magnet", 3):
-        pytest.xfail("side_stiffness and clock_offset together imitate it to the noise of all four trials")
+        pytest.xfail("side_stiffness and clock_offset together gain 761, the best closure 762: nothing separates them")
     result = identified(tmp_path, name, seed)
     assert result.verdict is Verdict.UNLISTED, result.sentence
-    assert result.unlisted.held_out_after < result.unlisted.held_out_before
+    force = result.unlisted
+    assert force.held_out_after < force.held_out_before
+    assert force.formulas
+    if name == "thrust":
+        assert force.formula is not None
+        assert force.formula.form.startswith("pulse")
 
 
 def test_noise_has_no_evidence():

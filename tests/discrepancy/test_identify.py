@@ -4,31 +4,34 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 
 import pytest
 from typer.testing import CliRunner
 
 from looping_pendulum import cli
-from looping_pendulum.discrepancy import identify as loop
 from looping_pendulum.discrepancy import verdict
+from looping_pendulum.discrepancy.attribution import refit, screen
+from looping_pendulum.discrepancy.calibration import calibrate
 from looping_pendulum.discrepancy.identify import identify
-from looping_pendulum.discrepancy.observations import DataError
+from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.likelihood import rise
+from looping_pendulum.discrepancy.problem import Problem
+from looping_pendulum.discrepancy.residual import calibrated, with_noise_of_residuals
+from looping_pendulum.discrepancy.search import MARGIN
 from looping_pendulum.discrepancy.study_io import load
 from looping_pendulum.discrepancy.verdict import Verdict
 from looping_pendulum.discrepancy.writing import write
 from looping_pendulum.scenarios import loader
-from tests.blind.cases import CASES, CLEAN, CLEAN_VARIED
+from tests.blind.cases import CASES, CLEAN, CLEAN_VARIED, with_signature
 from tests.discrepancy.blind_study import write_study
 from tests.discrepancy.expected import EXPECTED
 
 INDISTINGUISHABLE = {"wrong_gravity", "clock_ratio"}
 """With drag that grows with the square of the speed and friction by the capstan law, gravity only sets the clock."""
 
-HIDDEN_BY_PRIORS = {"wrong_mass"}
-"""Nothing but the weighing speaks of a wrong mass: 2 % are 3.5 standard errors of a ratio of two masses to 0.5 % each."""
-
-WRONG = {("string_on_string", 2): "friction per wrap, then friction per speed are added instead: the right refit stalls"}
-"""Case and seed -> what is said wrongly of it, of 69 pairs."""
+TWO_RATIOS = ("ten_a", "six", "eight")
+"""Two training trials of different mass ratio, and the one that is held out."""
 
 
 def found_in(folder, case, seed, **options):
@@ -52,7 +55,7 @@ def test_what_was_hidden_is_named_with_its_value(tmp_path, case):
     assert abs(result.effects[0].value - planted) < 3 * result.effects[0].error
     held = [e for e in result.errors if e.held_out]
     assert all(e.noise_after <= 1.2 for e in held)
-    assert result.rounds[0].margin >= loop.MARGIN
+    assert result.rounds[0].margin >= MARGIN
 
 
 def test_a_declared_term_left_out_is_found(tmp_path):
@@ -77,7 +80,7 @@ def test_what_cannot_be_told_apart_is_tied_and_an_experiment_is_named(ambiguous)
     assert ambiguous.verdict is Verdict.AMBIGUOUS
     assert {e.name for tie in ambiguous.ties for e in tie} >= INDISTINGUISHABLE
     assert ambiguous.next_experiments
-    assert ambiguous.rounds[0].margin < loop.MARGIN
+    assert ambiguous.rounds[0].margin < MARGIN
 
 
 def test_files_are_as_promised_and_the_same_again(tmp_path, ambiguous):
@@ -116,14 +119,6 @@ def test_command_line(tmp_path):
         assert (tmp_path / "out" / file).read_bytes() == (tmp_path / "again" / file).read_bytes()
 
 
-def test_a_trial_of_events_only_is_refused_in_one_line(tmp_path):
-    path = write_study(tmp_path, CLEAN, 5, trials=["ten_a"])
-    (tmp_path / "ten_a.csv").write_text("quantity,index,value,sigma,unit\nhalting_time,1,0.4,0.01,s\n", encoding="utf-8")
-    path.write_text(path.read_text(encoding="utf-8").replace("tracks:", "kind: events\n  tracks:"), encoding="utf-8")
-    with pytest.raises(DataError, match="only events"):
-        identify(load(path))
-
-
 @pytest.mark.accurate
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("case", [CLEAN, CLEAN_VARIED], ids=lambda case: case.name)
@@ -131,15 +126,38 @@ def test_null_control(tmp_path, case, seed):
     assert not identify(load(write_study(tmp_path, case, seed))).effects
 
 
+def right_effect(result, case):
+    """The planted effect as the result tells it, alone or as one of those that are tied; None: it is not among them."""
+    explanations = result.ties or (result.effects,)
+    return next((tie[0] for tie in explanations if [e.name for e in tie] == [EXPECTED[case][0]]), None)
+
+
+def standard_errors_off(study, effect, planted):
+    """Distance to the planted value; beyond three standard errors by the rise of the cost, which tells it of curved models."""
+    off = abs(effect.value - planted) / effect.error
+    if off < 3:
+        return off
+    inputs = read_inputs(study)
+    base = calibrated(calibrate(Problem(inputs.study, inputs.training, inputs.numbers)))
+    candidate = next(c for c in inputs.library if c.name == effect.name)
+    fit = with_noise_of_residuals(refit(base, screen(base, [candidate])[0]).fit)
+    return math.sqrt(max(rise(fit, effect.name, planted), 0.0))
+
+
 @pytest.mark.accurate
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("case", sorted(EXPECTED))
 def test_blind_matrix(tmp_path, case, seed):
-    if (case, seed) in WRONG:
-        pytest.xfail(WRONG[case, seed])
-    result = found_in(tmp_path, case, seed)
-    explanations = [{e.name for e in tie} for tie in result.ties] or [set(result.names)]
-    if case in HIDDEN_BY_PRIORS:
-        assert not result.effects or {EXPECTED[case][0]} in explanations
-    else:
-        assert {EXPECTED[case][0]} in explanations
+    study = load(write_study(tmp_path, CASES[case], seed, trials=TWO_RATIOS))
+    right = right_effect(identify(study), case)
+    assert right is not None
+    assert standard_errors_off(study, right, EXPECTED[case][1]) < 3
+
+
+@pytest.mark.accurate
+def test_half_of_what_moves_the_light_mass_by_3_mm_is_named(tmp_path):
+    found = {}
+    for case in sorted(EXPECTED):
+        small = with_signature(CASES[case], 3e-3)
+        found[case] = right_effect(identify(load(write_study(tmp_path / case, small, 1, trials=TWO_RATIOS))), case) is not None
+    assert sum(found.values()) >= len(found) / 2, found

@@ -7,8 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.calibration import Problem, calibrate
-from looping_pendulum.discrepancy.identify import read_inputs
+from looping_pendulum.discrepancy.calibration import calibrate
+from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.problem import Problem
 from looping_pendulum.discrepancy.residual import calibrated, check_residuals
 from looping_pendulum.discrepancy.study_io import load
 from tests.blind.camera import Camera

@@ -1,0 +1,51 @@
+"""Everything read from a study's files, made ready to be fitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from looping_pendulum.discrepancy.candidates import Candidate, candidates
+from looping_pendulum.discrepancy.event_prediction import check_events
+from looping_pendulum.discrepancy.observations import DataError, Observations
+from looping_pendulum.discrepancy.problem import Data, Number, numbers_of
+from looping_pendulum.discrepancy.residual import data_of
+from looping_pendulum.discrepancy.study import Study, Trial, read_trial
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Inputs:
+    """Everything read from a study's files."""
+
+    study: Study
+    observed: tuple[tuple[Trial, Observations], ...]
+    training: tuple[Data, ...]
+    numbers: tuple[Number, ...]
+    held: tuple[tuple[Data, tuple[Number, ...]], ...]
+    library: tuple[Candidate, ...]
+
+
+def read_inputs(study: Study) -> Inputs:
+    """Read every trial.
+
+    Raises
+    ------
+    DataError
+        If a file cannot be used.
+    """
+    observed = tuple((t, read_trial(study, t)) for t in study.trials)
+    for _, o in observed:
+        if not o.used:
+            raise DataError(f"{o.file}: found no measured value, needed at least one; leave this trial out")
+        check_events(o)
+    training = tuple((t, o) for t, o in observed if not t.held_out)
+    numbers = numbers_of(study, training)
+    cameras = [set(study.camera_priors(t, o)) for t, o in training]
+    shared = [n for n in study.camera_priors(*training[0]) if all(n in c for c in cameras)]
+    return Inputs(
+        study=study,
+        observed=observed,
+        training=tuple(data_of(t, o) for t, o in training),
+        numbers=numbers,
+        held=tuple((data_of(t, o), numbers_of(study, [(t, o)])) for t, o in observed if t.held_out),
+        library=candidates(study, numbers, shared),
+    )
