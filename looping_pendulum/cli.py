@@ -5,22 +5,39 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from enum import StrEnum
+import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from looping_pendulum import __version__
+from looping_pendulum.cli_common import (
+    BAD_INPUT,
+    INTERRUPTED,
+    OUTSIDE,
+    DataFolder,
+    EngineNames,
+    Jobs,
+    MemoryLimit,
+    ProfileChoice,
+    ProfileName,
+    ScenarioName,
+    TimeLimit,
+    exit_for,
+    load_scenario,
+    new_table,
+    run_and_compare,
+    show_output_of_failed,
+    show_table,
+)
+from looping_pendulum.cli_converge import converge
+from looping_pendulum.cli_engines import conformance, engines
 from looping_pendulum.cli_progress import EngineBars, StageBar
 from looping_pendulum.errors import HarnessError
 
 if TYPE_CHECKING:
-    from looping_pendulum.compare.result import ComparisonResult
-    from looping_pendulum.engines.trajectory import Trajectory
-    from looping_pendulum.scenarios.scenario import Scenario
-
-OUTSIDE, BAD_INPUT, INTERRUPTED = 1, 2, 130
+    from looping_pendulum.compare.baseline import Changes
 
 # rich_markup_mode=None: drawing the help with rich would double the time that --help takes
 app = typer.Typer(
@@ -37,31 +54,6 @@ app = typer.Typer(
     """,
     epilog="Exit status: 0 within tolerance, 1 outside it, 2 bad input. --debug, anywhere, shows tracebacks.",
 )
-
-
-class ProfileChoice(StrEnum):
-    """How much a run may cost; the values of `engines.protocol.Profile`, which is too heavy to import for --help."""
-
-    QUICK = "quick"
-    ACCURATE = "accurate"
-
-
-ScenarioName = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="Name of a shipped scenario (see `scenarios`), or path of a YAML file.")
-]
-EngineNames = Annotated[
-    list[str] | None,
-    typer.Option("--engine", "-e", metavar="NAME", help="Only this engine (pymunk) or variant (mujoco:capstan); repeatable."),
-]
-ProfileName = Annotated[ProfileChoice, typer.Option("--profile", "-p", help="quick: seconds to a minute. accurate: minutes.")]
-TimeLimit = Annotated[
-    float, typer.Option(metavar="SECONDS", min=0.1, help="Stop an engine's run after this long; keep what it has.")
-]
-Jobs = Annotated[int | None, typer.Option(metavar="N", min=1, help="Runs at once; default: one per core.")]
-DataFolder = Annotated[
-    Path | None,
-    typer.Option("--data", metavar="DIR", help="Folder with measured tables (paper/...); also $LOOPING_PENDULUM_DATA."),
-]
 
 
 @app.callback(invoke_without_command=True)
@@ -90,31 +82,15 @@ def scenarios(
     elif name is not None:
         typer.echo(loader.source_text(name), nl=False)
     else:
-        table = _table("scenario", "release", "M2/M1", "title")
+        table = new_table("scenario", "release", "M2/M1", "title")
         for shipped in loader.shipped():
             scenario = loader.load(shipped)
             p = scenario.parameters
             table.add_row(shipped, p.release.value, f"{p.heavy_mass / p.light_mass:g}", scenario.title)
-        _print(table)
+        show_table(table)
 
 
-@app.command()
-def engines(profile: ProfileName = ProfileChoice.QUICK) -> None:
-    """List the engines: installed or how to get them, and who supplies which physics."""
-    from looping_pendulum.engines.protocol import Profile
-    from looping_pendulum.engines.registry import HOW_TO_GET, all_engines, label, missing_packages
-    from looping_pendulum.engines.trajectory import supplies_as_rows
-
-    table = _table("engine", "here", "winding", "friction law", "stick-slip", "drag", "what it is")
-    notes: dict[str, str] = {}
-    for engine in all_engines(Profile(profile.value)):
-        missing = missing_packages(engine)
-        suppliers = [by for _, by, _ in supplies_as_rows(engine.abilities.supplies)]
-        table.add_row(label(engine), "no" if missing else "yes", *suppliers, engine.abilities.summary)
-        notes |= {package: HOW_TO_GET.get(package, f"pip install {package}") for package in missing}
-    _print(table)
-    for package, how in notes.items():
-        typer.echo(f"{package} is not installed; to get it: {how}")
+app.command()(engines)
 
 
 @app.command()
@@ -124,6 +100,7 @@ def run(
     profile: ProfileName = ProfileChoice.QUICK,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write the trajectories here as CSV.")] = None,
     time_limit: TimeLimit = 900.0,
+    memory_limit: MemoryLimit = "2 GiB",
     jobs: Jobs = None,
 ) -> None:
     """Run one scenario and show how it went; without --engine, the exact reference.
@@ -133,17 +110,26 @@ def run(
     from looping_pendulum.compare.export import file_stem, trajectory_csv, write_whole
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.engines.isolation import run_all
+    from looping_pendulum.engines.memory import parse_memory
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.engines.reference import ReferenceEngine
     from looping_pendulum.reference_ode.solve import available_integrators
 
-    chosen, speed = _load(scenario), Profile(profile.value)
+    chosen, speed, most_memory = load_scenario(scenario), Profile(profile.value), parse_memory(memory_limit)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     wanted = chosen_engines(engine, speed) if engine else [ReferenceEngine(available_integrators()[0], speed)]
     with EngineBars() as progress:
-        runs = run_all(wanted, chosen, jobs=jobs, time_limit=time_limit, progress=progress.update, finished=progress.finished)
-    table = _table("engine", "samples", "until [s]", "M2 dropped [m]", "wall [s]", "ended")
+        runs = run_all(
+            wanted,
+            chosen,
+            jobs=jobs,
+            time_limit=time_limit,
+            memory_limit=most_memory,
+            progress=progress.update,
+            finished=progress.finished,
+        )
+    table = new_table("engine", "samples", "until [s]", "M2 dropped [m]", "wall [s]", "ended")
     for result in runs:
         until, drop = ("", "") if not len(result.t) else (f"{result.t[-1]:.3f}", f"{result.heavy_drop[-1]:.4f}")
         ended = result.status.value + (f" ({result.message})" if result.message else "")
@@ -154,9 +140,9 @@ def run(
             path = out / f"{file_stem(result.label, result.profile)}.csv"
             write_whole(path, trajectory_csv(result))
             typer.echo(f"wrote {path}")
-    _print(table)
-    _show_output_of_failed(runs)
-    _exit_for(runs)
+    show_table(table)
+    show_output_of_failed(runs)
+    exit_for(runs)
 
 
 @app.command()
@@ -167,33 +153,46 @@ def compare(
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Where the report goes; default: report/SCENARIO.")] = None,
     data: DataFolder = None,
     time_limit: TimeLimit = 900.0,
+    memory_limit: MemoryLimit = "2 GiB",
     jobs: Jobs = None,
+    baseline: Annotated[
+        Path | None, typer.Option(metavar="RESULT.json", help="List what changed since this earlier run (or its folder).")
+    ] = None,
+    baseline_threshold: Annotated[
+        float, typer.Option(metavar="FRACTION", min=0.0, help="Smallest change of a metric to list; 0.01 is 1 %.")
+    ] = 0.01,
 ) -> None:
     """Run all engines on one scenario and report how each departs from the exact reference.
 
-    Writes report.md with figures, result.json and the trajectories as CSV.
+    Writes report.md with figures, result.json and the trajectories as CSV. With --baseline also changes.json: what changed
+    since then is shown, and does not alter the exit status, which the tolerances decide.
 
     looping-pendulum compare ten_to_one --profile quick --out report/ten_to_one
     """
     from looping_pendulum.compare import write
+    from looping_pendulum.compare.baseline import changes_since, read_baseline
     from looping_pendulum.compare.report import verdict_rows
 
-    chosen = _load(scenario)
+    chosen = load_scenario(scenario)
+    earlier = None if baseline is None else read_baseline(baseline, chosen.name)
     folder = out or Path("report") / chosen.name
     folder.mkdir(parents=True, exist_ok=True)  # before the work, not after it
-    result = _compared(chosen, engine, profile, data, time_limit, jobs)
+    result = run_and_compare(chosen, engine, profile, data=data, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
+    changes = None if earlier is None else changes_since(earlier, result, source=str(baseline), relative=baseline_threshold)
     header, rows = verdict_rows(result)
-    table = _table(*header)
+    table = new_table(*header)
     for row in rows:
         table.add_row(*row)
-    _print(table)
+    show_table(table)
     for one in result.engines:
         typer.echo(f"- {one.label}: {one.story}")
-    typer.echo(f"wrote {write(result, folder)}")
+    if changes is not None:
+        _show_changes(changes)
+    typer.echo(f"wrote {write(result, folder, changes)}")
     assert result.samples is not None
     runs = [aligned.run for aligned in result.samples.aligned]
-    _show_output_of_failed(runs)
-    _exit_for(runs, within=result.within_tolerance)
+    show_output_of_failed(runs)
+    exit_for(runs, within=result.within_tolerance)
 
 
 @app.command()
@@ -202,6 +201,7 @@ def check(
     engine: EngineNames = None,
     profile: ProfileName = ProfileChoice.QUICK,
     time_limit: TimeLimit = 900.0,
+    memory_limit: MemoryLimit = "2 GiB",
     jobs: Jobs = None,
 ) -> None:
     """Check the tolerances that stand in the scenarios' files; write nothing.
@@ -211,20 +211,24 @@ def check(
     from looping_pendulum.scenarios import loader
 
     within = True
-    for chosen in [_load(name) for name in scenario or loader.shipped()]:
+    for chosen in [load_scenario(name) for name in scenario or loader.shipped()]:
         named = sorted({t.engine for t in chosen.tolerances if t.profile == profile.value})
         wanted = [name for name in named if not engine or any(name == e or name.startswith(f"{e}:") for e in engine)]
         if not wanted:
             typer.echo(f"{chosen.name}: no tolerances for profile {profile.value}")
             continue
-        result = _compared(chosen, wanted, profile, None, time_limit, jobs)
-        table = _table("scenario", "engine", "metric", "value", "limit", "outcome")
+        result = run_and_compare(chosen, wanted, profile, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
+        table = new_table("scenario", "engine", "metric", "value", "limit", "outcome")
         for t in result.tolerances:
             value = "" if t.value is None else f"{t.value:.6g}"
             table.add_row(chosen.name, t.engine, t.metric, value, f"{t.limit:.6g}", t.outcome.value)
-        _print(table)
+        show_table(table)
         within = within and result.within_tolerance
     raise typer.Exit(0 if within else OUTSIDE)
+
+
+app.command()(conformance)
+app.command()(converge)
 
 
 @app.command()
@@ -250,11 +254,12 @@ def identify(
     with StageBar() as stages:
         result = find(loaded, seed=seed, progress=stages.update)
     typer.echo(f"{result.verdict.value}: {result.sentence}")
-    table = _table("trial", "seen by the fit", "RMS before [mm]", "RMS after [mm]", "before [noise]", "after [noise]")
+    table = new_table("trial", "seen by the fit", "RMS before [mm]", "RMS after [mm]", "before [noise]", "after [noise]")
     for e in result.errors:
-        numbers = (1e3 * e.rms_before, 1e3 * e.rms_after, e.noise_before, e.noise_after)
-        table.add_row(e.trial, "no" if e.held_out else "yes", *(f"{value:.2f}" for value in numbers))
-    _print(table)
+        # without marks, only events were seen of the trial
+        sizes = ["" if rms is None else f"{1e3 * rms:.2f}" for rms in (e.rms_before, e.rms_after)]
+        table.add_row(e.trial, "no" if e.held_out else "yes", *sizes, f"{e.noise_before:.2f}", f"{e.noise_after:.2f}")
+    show_table(table)
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # what was found is written whole; that takes two seconds
     try:
         typer.echo(f"wrote {writing.write(result, out or Path('report') / loaded.name)}")
@@ -264,11 +269,32 @@ def identify(
         raise typer.Exit(INTERRUPTED)
 
 
+def _show_changes(changes: Changes) -> None:
+    """Show what changed since a baseline."""
+    from looping_pendulum.compare.baseline import HEADER, SAID_ON_CONSOLE, heading, rows
+
+    typer.echo(heading(changes))
+    found = rows(changes)
+    table = new_table(*HEADER)
+    for row in found[:SAID_ON_CONSOLE]:
+        table.add_row(*row)
+    if found:
+        show_table(table)
+    if len(found) > SAID_ON_CONSOLE:
+        typer.echo(f"... and {len(found) - SAID_ON_CONSOLE} more in report.md and changes.json")
+
+
+def _one_line(message: Warning | str, *_: object, **__: object) -> str:
+    return f"warning: {message}\n"
+
+
 def main() -> None:
     """Run the command line; print a user's mistake as one line."""
     debug = "--debug" in sys.argv
     if debug:
         sys.argv.remove("--debug")
+    else:
+        warnings.formatwarning = _one_line
     try:
         app()
     except HarnessError as error:
@@ -289,77 +315,6 @@ def main() -> None:
             raise
         typer.echo(f"error: unexpected {type(error).__name__}: {error}; --debug shows where", err=True)
         sys.exit(BAD_INPUT)
-
-
-def _load(name: str) -> Scenario:
-    from looping_pendulum.scenarios import loader
-
-    return loader.load(name)
-
-
-def _compared(
-    scenario: Scenario,
-    engine: list[str] | None,
-    profile: ProfileChoice,
-    data: Path | None,
-    time_limit: float,
-    jobs: int | None,
-) -> ComparisonResult:
-    from looping_pendulum.compare.harness import compare_engines
-
-    with EngineBars() as progress:
-        return compare_engines(
-            scenario,
-            engines=engine or (),
-            profile=profile.value,
-            data_folder=data,
-            jobs=jobs,
-            time_limit=time_limit,
-            progress=progress.update,
-            finished=progress.finished,
-        )
-
-
-def _exit_for(runs: list[Trajectory], *, within: bool | None = None) -> None:
-    """Leave with the status that the runs deserve."""
-    from looping_pendulum.engines.trajectory import RunStatus
-
-    statuses = {run.status for run in runs}
-    if RunStatus.INTERRUPTED in statuses:
-        raise typer.Exit(INTERRUPTED)
-    if within is None:
-        gaps = {RunStatus.MISSING, RunStatus.UNSUPPORTED}
-        within = all(status.ok or status in gaps for status in statuses)
-    raise typer.Exit(0 if within else OUTSIDE)
-
-
-def _show_output_of_failed(runs: list[Trajectory]) -> None:
-    """Show the last lines that a failed engine printed."""
-    for run in runs:
-        if not run.status.ok and run.output.strip():
-            typer.echo(f"{run.label} printed:", err=True)
-            for line in run.output.strip().splitlines()[-8:]:
-                typer.echo(f"    {line}", err=True)
-
-
-def _table(*columns: str) -> Any:
-    from rich.box import SIMPLE_HEAD
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for column in columns:
-        table.add_column(escape(column), overflow="fold")  # else rich takes "[mm]" for markup
-    return table
-
-
-def _print(table: Any) -> None:
-    from rich.console import Console
-
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=200)
-    console.print(table)
 
 
 if __name__ == "__main__":

@@ -12,16 +12,17 @@ import time
 import pytest
 
 from looping_pendulum.compare.result import ComparisonResult
+from tests.engines.faulty import offer
 
 
-def command(*arguments, cwd=None, timeout=120):
+def command(*arguments, cwd=None, timeout=120, also=""):
     return subprocess.run(
         [sys.executable, "-m", "looping_pendulum", *arguments],
         capture_output=True,
         text=True,
         cwd=cwd,
         timeout=timeout,
-        env=os.environ | {"COLUMNS": "200", "PYTHONPATH": os.getcwd()},
+        env=os.environ | {"COLUMNS": "200", "PYTHONPATH": os.pathsep.join([os.getcwd(), str(also)])},
     )
 
 
@@ -42,7 +43,7 @@ def test_help_teaches_and_imports_nothing_heavy():
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout.strip() == "set()"
 
 
-@pytest.mark.parametrize("name", ["scenarios", "engines", "run", "compare", "check"])
+@pytest.mark.parametrize("name", ["scenarios", "engines", "run", "compare", "check", "conformance", "identify"])
 def test_every_command_has_help(name):
     done = command(name, "--help")
     assert done.returncode == 0
@@ -93,6 +94,39 @@ def test_compare_writes_the_whole_report(tmp_path):
     report = (tmp_path / "report.md").read_text()
     for figure in (tmp_path / "figures").iterdir():
         assert f"figures/{figure.name}" in report
+
+
+def test_a_baseline_lists_what_changed_and_leaves_the_exit_status(tmp_path):
+    old, new = tmp_path / "old", tmp_path / "new"
+    assert command("compare", "drop", "-e", "reference:scipy", "--out", str(old)).returncode == 0
+    done = command("compare", "drop", "-e", "reference:scipy", "--out", str(new), "--baseline", str(old))
+    assert done.returncode == 0, done.stderr
+    assert f"Nothing changed since {old}" in done.stdout
+    tree = json.loads((old / "result.json").read_text())
+    tree["engines"][0]["metrics"]["tube_fraction"] = 0.5
+    (old / "result.json").write_text(json.dumps(tree))
+    done = command("compare", "drop", "-e", "reference:scipy", "--out", str(new), "--baseline", str(old / "result.json"))
+    assert done.returncode == 0, done.stderr
+    assert f"1 change since {old}/result.json" in done.stdout
+    assert "metric: tube_fraction" in done.stdout
+    assert "+100 %" in done.stdout
+    (change,) = json.loads((new / "changes.json").read_text())["changes"]
+    assert (change["what"], change["before"], change["after"]) == ("tube_fraction", 0.5, 1.0)
+    assert "## Since the baseline" in (new / "report.md").read_text()
+    done = command("compare", "drop", "--out", str(new), "--baseline", str(old), "--baseline-threshold", "2")
+    assert "metric:" not in done.stdout
+    line = one_line_error(command("compare", "held", "--baseline", str(old)))
+    assert "found a result of 'drop', needed one of 'held'" in line
+    assert "No such file" in one_line_error(command("compare", "drop", "--baseline", str(tmp_path / "nowhere.json")))
+
+
+def test_a_memory_limit_has_a_unit_and_stops_a_run(tmp_path):
+    line = one_line_error(command("run", "drop", "--memory-limit", "2"))
+    assert "write for example '2 GiB'" in line
+    offer(tmp_path, "FaultyEngine('memory')")
+    done = command("run", "two_to_one", "-e", "faulty", "--memory-limit", "300 MiB", also=tmp_path)
+    assert done.returncode == 1, done.stderr
+    assert "stopped by its memory limit; raise --memory-limit" in " ".join(done.stdout.split())
 
 
 def test_outside_tolerance_is_exit_status_one(tmp_path):

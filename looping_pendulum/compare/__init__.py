@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from looping_pendulum.compare.baseline import Changes
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.export import file_stem, trajectory_csv, write_whole
 from looping_pendulum.compare.result import ComparisonResult
@@ -15,16 +16,19 @@ from looping_pendulum.compare.result import ComparisonResult
 __all__ = ["ComparisonResult", "compare", "write"]
 
 
-def write(result: ComparisonResult, folder: Path | str) -> Path:
+def write(result: ComparisonResult, folder: Path | str, changes: Changes | None = None) -> Path:
     """Write ``result`` below ``folder`` and return the report's path; each file is whole or absent.
 
-    A result read back from JSON has no samples: then the report has no figures and there are no CSV files.
+    A result read back from JSON has no samples: then the report has no figures and there are no CSV files. With ``changes``
+    since a baseline the report has a section on them, and ``changes.json`` has them as data.
     """
     from looping_pendulum.compare.plots import draw
     from looping_pendulum.compare.report import render
 
     folder = Path(folder)
     write_whole(folder / "result.json", result.to_json())
+    if changes is not None:
+        write_whole(folder / "changes.json", changes.to_json())
     figures = draw(result)
     for name, (_, png) in figures.items():
         write_whole(folder / "figures" / name, png)
@@ -36,5 +40,5 @@ def write(result: ComparisonResult, folder: Path | str) -> Path:
                 name = file_stem(run.label, run.profile) + ".csv"
                 write_whole(folder / "trajectories" / name, trajectory_csv(run))
     report = folder / "report.md"
-    write_whole(report, render(result, {f"figures/{name}": caption for name, (caption, _) in figures.items()}))
+    write_whole(report, render(result, {f"figures/{name}": caption for name, (caption, _) in figures.items()}, changes))
     return report

@@ -8,6 +8,7 @@ from pathlib import Path
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines.isolation import TIME_LIMIT, Progress, run_all
+from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Truth
 from looping_pendulum.engines.registry import challengers, select
@@ -30,6 +31,7 @@ def compare_engines(
     data_folder: Path | None = None,
     jobs: int | None = None,
     time_limit: float = TIME_LIMIT,
+    memory_limit: int = MEMORY_LIMIT,
     progress: Progress | None = None,
     finished: Callable[[Trajectory], None] | None = None,
 ) -> ComparisonResult:
@@ -47,8 +49,8 @@ def compare_engines(
         Where measured event tables lie; also looked for in ``$LOOPING_PENDULUM_DATA``.
     jobs
         Runs at once; one per core if None.
-    time_limit
-        Of each run [s].
+    time_limit, memory_limit
+        Of each run [s], [bytes].
     progress, finished
         Called as runs go on, from other threads.
 
@@ -65,7 +67,13 @@ def compare_engines(
     profile = Profile(profile)
     truth = Truth(scenario)
     runs = run_all(
-        chosen_engines(engines, profile), scenario, jobs=jobs, time_limit=time_limit, progress=progress, finished=finished
+        chosen_engines(engines, profile),
+        scenario,
+        jobs=jobs,
+        time_limit=time_limit,
+        memory_limit=memory_limit,
+        progress=progress,
+        finished=finished,
     )
     return compare(scenario, truth, runs, measured_table(scenario, data_folder))
 

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from looping_pendulum.compare.result import SCHEMA_ID, SCHEMA_VERSION, ComparisonResult, ResultError
+from looping_pendulum.compare.result import SCHEMA_ID, SCHEMA_VERSION, ResultError
 
 T = TypeVar("T")
 
@@ -46,28 +46,40 @@ def plain(value: Any) -> Any:
     return str(value)
 
 
-def dump(result: ComparisonResult) -> str:
-    """Write a result as JSON text."""
-    tree = {"schema": {"id": SCHEMA_ID, "version": SCHEMA_VERSION}} | plain(result)
+def dump(result: Any, schema_id: str = SCHEMA_ID, version: int = SCHEMA_VERSION) -> str:
+    """Write a result, a dataclass, as JSON text."""
+    tree = {"schema": {"id": schema_id, "version": version}} | plain(result)
     return json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
-def load(cls: type[T], text: str) -> T:
-    """Read `dump`'s text back as ``cls``."""
+def load(
+    cls: type[T],
+    text: str,
+    schema_id: str = SCHEMA_ID,
+    version: int = SCHEMA_VERSION,
+    *,
+    file: str = "result.json",
+    again: str = AGAIN,
+) -> T:
+    """Read `dump`'s text back as ``cls``; ``file`` and ``again``, a way to write it again, are for the errors."""
     try:
         tree = json.loads(text)
     except json.JSONDecodeError as error:
-        raise ResultError(f"result.json: line {error.lineno}: {error.msg}; {AGAIN}") from None
+        raise ResultError(f"{file}: line {error.lineno}: {error.msg}; {again}") from None
     schema = tree.pop("schema", None) if isinstance(tree, dict) else None
-    if not isinstance(schema, dict) or schema.get("id") != SCHEMA_ID:
-        raise ResultError(f"result.json: schema: found {schema!r}, needed the id {SCHEMA_ID!r}")
-    if not isinstance(schema.get("version"), int) or schema["version"] > SCHEMA_VERSION:
-        found = f"found version {schema.get('version')}, needed {SCHEMA_VERSION} or less"
-        raise ResultError(f"result.json: schema: {found}; update looping-pendulum")
+    if not isinstance(schema, dict) or schema.get("id") != schema_id:
+        raise ResultError(f"{file}: schema: found {schema!r}, needed the id {schema_id!r}")
+    if not isinstance(schema.get("version"), int) or schema["version"] > version:
+        found = f"found version {schema.get('version')}, needed {version} or less"
+        raise ResultError(f"{file}: schema: {found}; update looping-pendulum")
     try:
         return typing.cast(T, _build(cls, tree))
     except (KeyError, TypeError, ValueError) as error:
-        raise ResultError(f"result.json: not as documented: {error!r}; {AGAIN}") from None
+        raise ResultError(f"{file}: not as documented: {error!r}; {again}") from None
+
+
+def _has_no_default(field: dataclasses.Field[Any]) -> bool:
+    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
 
 
 def _build(kind: Any, value: Any) -> Any:
@@ -85,8 +97,9 @@ def _build(kind: Any, value: Any) -> Any:
         return {key: _build(inner[1], item) for key, item in value.items()}
     if dataclasses.is_dataclass(kind):
         hints = typing.get_type_hints(kind)
-        names = [f.name for f in dataclasses.fields(kind) if f.compare]
-        return typing.cast(Any, kind)(**{name: _build(hints[name], value[name]) for name in names})
+        # a key with a default may be missing: the file is older than the key
+        needed = [f.name for f in dataclasses.fields(kind) if f.compare and (f.name in value or _has_no_default(f))]
+        return typing.cast(Any, kind)(**{name: _build(hints[name], value[name]) for name in needed})
     if kind is float:
         return float(value)
     return kind(value)

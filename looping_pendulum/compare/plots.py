@@ -73,16 +73,16 @@ def draw(result: ComparisonResult) -> dict[str, tuple[str, bytes]]:
             ),
         )
         for name, caption, make in panels:
-            figures[name] = caption, _png(make(result, result.samples, look))
+            figures[name] = caption, png(make(result, result.samples, look))
     if any(row.unit == "s" and row.measured is not None for row in result.measured):
         caption = "Event times less the measured ones; grey bars: half of the last digit that the paper prints."
-        figures["events.png"] = caption, _png(events_figure(result, look))
+        figures["events.png"] = caption, png(events_figure(result, look))
     return figures
 
 
 def path_figure(result: ComparisonResult, samples: Samples, look: dict[str, Style]) -> Figure:
     """Path of the light mass, equal axes."""
-    figure, (axes,) = _figure(7.0, 6.4)
+    figure, (axes,) = figure_of(7.0, 6.4)
     truth = samples.truth
     axes.plot(*truth.light_position.T, color="black", lw=2.4, label="truth", zorder=2)
     for aligned in _drawn(samples):
@@ -94,7 +94,7 @@ def path_figure(result: ComparisonResult, samples: Samples, look: dict[str, Styl
     _widen(axes)
     axes.set_aspect("equal")
     axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{result.scenario}: path of the light mass")
-    _legend(figure)
+    legend_below(figure)
     return figure
 
 
@@ -123,7 +123,7 @@ def _halts(axes: Axes, result: ComparisonResult, samples: Samples, look: dict[st
 
 def drop_figure(result: ComparisonResult, samples: Samples, look: dict[str, Style]) -> Figure:
     """Drop of the heavy mass against time, deviation panel below."""
-    figure, (top, below) = _figure(8.0, 6.8, rows=(3, 2))
+    figure, (top, below) = figure_of(8.0, 6.8, rows=(3, 2))
     top.plot(samples.truth.t, samples.truth.heavy_drop, color="black", lw=2.4, label="truth", zorder=2)
     for aligned in _drawn(samples):
         line = _line(look[aligned.run.label])
@@ -143,7 +143,7 @@ def drop_figure(result: ComparisonResult, samples: Samples, look: dict[str, Styl
     below.set_ylim(min(below.get_ylim()[0], -0.2), max(below.get_ylim()[1], 0.2))
     below.yaxis.set_major_formatter("{x:g}")
     below.set(xlabel="time since release [s]", ylabel="drop, engine less truth\n[mm] (linear within ±0.1)")
-    _legend(figure)
+    legend_below(figure)
     return figure
 
 
@@ -158,7 +158,7 @@ def measured_drops(result: ComparisonResult) -> list[tuple[float, float]]:
 
 def divergence_figure(result: ComparisonResult, samples: Samples, look: dict[str, Style]) -> Figure:
     """Distance from the truth's light mass on a log axis, with the truth's events."""
-    figure, (axes,) = _figure(8.0, 5.4)
+    figure, (axes,) = figure_of(8.0, 5.4)
     largest, smallest = THRESHOLDS[1], THRESHOLDS[0]
     for aligned in _drawn(samples):
         distance = np.where(aligned.distance > FLOOR, aligned.distance, np.nan)
@@ -181,14 +181,14 @@ def divergence_figure(result: ComparisonResult, samples: Samples, look: dict[str
             axes.text(time, 1.01, text, transform=place, rotation=40, ha="left", va="bottom", fontsize=8, color="0.25")
     axes.set(xlabel="time since release [s]", ylabel="distance from the truth's light mass [mm]")
     axes.set_title(f"{result.scenario}: divergence", pad=58)  # room for the events' names
-    _legend(figure)
+    legend_below(figure)
     return figure
 
 
 def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
     """Event times less the measured ones."""
     rows = [row for row in result.measured if row.unit == "s" and row.measured is not None]
-    figure, (axes,) = _figure(8.0, 2.2 + 0.36 * len(rows))
+    figure, (axes,) = figure_of(8.0, 2.2 + 0.36 * len(rows))
     y = np.arange(len(rows), dtype=float)
     bar = PRINTED_HALF_DIGIT * 1e3
     axes.errorbar(np.zeros(len(rows)), y, xerr=bar, fmt="none", ecolor="0.8", elinewidth=9, label="measured", zorder=1)
@@ -217,7 +217,7 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
     axes.set_xlim(limits)
     axes.xaxis.set_major_formatter("{x:g}")
     axes.set(xlabel="time less measured time [ms] (linear within ±20)", title=f"{result.scenario}: event times")
-    _legend(figure)
+    legend_below(figure)
     return figure
 
 
@@ -235,7 +235,8 @@ def _line(style: Style) -> dict[str, Any]:
     return {"color": style.colour, "lw": 1.4, **dashes}
 
 
-def _figure(width: float, height: float, rows: tuple[int, ...] = (1,)) -> tuple[Figure, tuple[Axes, ...]]:
+def figure_of(width: float, height: float, rows: tuple[int, ...] = (1,)) -> tuple[Figure, tuple[Axes, ...]]:
+    """Make a figure [inches] of axes below each other, with the ratio of their heights."""
     figure = Figure(figsize=(width, height), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
     grid = figure.subplots(len(rows), 1, squeeze=False, sharex=True, height_ratios=list(rows))
@@ -245,14 +246,18 @@ def _figure(width: float, height: float, rows: tuple[int, ...] = (1,)) -> tuple[
     return figure, tuple(grid[:, 0])
 
 
-def _legend(figure: Figure) -> None:
+def legend_below(figure: Figure, columns: int = 3) -> None:
+    """Put one legend for all axes below the figure."""
     pairs = [pair for axes in figure.axes for pair in zip(*axes.get_legend_handles_labels(), strict=True)]
     if pairs:
         handles, labels = zip(*pairs, strict=True)
-        figure.legend(handles, labels, loc="outside lower center", ncols=min(3, len(pairs)), frameon=False, handlelength=3.2)
+        figure.legend(
+            handles, labels, loc="outside lower center", ncols=min(columns, len(pairs)), frameon=False, handlelength=3.2
+        )
 
 
-def _png(figure: Figure) -> bytes:
+def png(figure: Figure) -> bytes:
+    """Return the figure as a PNG file."""
     out = io.BytesIO()
     figure.savefig(out, format="png", metadata={"Software": None})  # no version, so that the same figure has the same bytes
     return out.getvalue()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from looping_pendulum.compare import paper_table
+from looping_pendulum.compare import baseline, paper_table
 from looping_pendulum.compare.glossary import GLOSSARY
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, Outcome, RunProvenance, ToleranceResult
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
@@ -32,18 +32,21 @@ REFUSED = ("no:", "no (")
 """How a verdict begins that leaves the comparison outside tolerance."""
 
 
-def render(result: ComparisonResult, figures: Mapping[str, str] | None = None) -> str:
+def render(result: ComparisonResult, figures: Mapping[str, str] | None = None, changes: baseline.Changes | None = None) -> str:
     """Return the report.
 
     Parameters
     ----------
     figures
         Path below the report's folder -> caption.
+    changes
+        What changed since a baseline, if there is one.
     """
     sections = [
         f"# {result.title}\n\n{result.description.strip()}\n",
         "## Verdict\n\n" + _verdict(result),
         "## Where, when and why\n\n" + _stories(result),
+        *([] if changes is None else ["## Since the baseline\n\n" + baseline.render(changes)]),
         "## Figures\n\n" + _figures(figures or {}),
     ]
     if result.measured_source or result.measured:
@@ -177,10 +180,15 @@ def _tolerances(result: ComparisonResult) -> str:
     return table(head, [_tolerance_row(t) for t in result.tolerances], left=7)
 
 
-def _tolerance_row(t: ToleranceResult) -> list[str]:
+def limit_and_value(t: ToleranceResult) -> tuple[str, str]:
+    """Limit and value with their unit: "at most 0.6 mm", "0.41 mm"."""
     unit, scale = UNITS.get(t.metric, ("SI", 1.0))
     limit = f"{'at least' if t.metric in AT_LEAST else 'at most'} {number(t.limit, scale)} {unit}"
-    value = GAP if t.value is None else f"{number(t.value, scale)} {unit}"
+    return limit, GAP if t.value is None else f"{number(t.value, scale)} {unit}"
+
+
+def _tolerance_row(t: ToleranceResult) -> list[str]:
+    limit, value = limit_and_value(t)
     outcome = t.outcome.value if t.outcome.good else f"**{t.outcome.value}**"
     return [f"{t.engine}, {t.profile}", t.metric, outcome, value, limit, t.reason, t.explanation]
 

@@ -24,6 +24,8 @@ UNIT = 10.0
 """Change that one scale of a candidate makes [RMS, in units of noise]."""
 VISIBLE = 1e-3
 """Part of a change that must be left beyond all fitted numbers: below it finite differences decide."""
+CLEAR = 0.05
+"""The same share above which finite changes are tried too: of one that is nearly absorbed, its own curvature would be left."""
 SCORE_LIMIT = 4.0
 """Of a candidate's |z|; 120 clean studies reach 3.94."""
 HELD_OUT_LIMIT = 1.08
@@ -110,6 +112,8 @@ def _screen_one(
 
     best, scale = (0.0, 0.0), 0.0
     first = 1e-3 * abs(candidate.null) or 1e-6
+    both_sides = candidate.bounds[0] < candidate.null < candidate.bounds[1]
+    templates: tuple[float, ...] = TEMPLATES
     for side in (1.0, -1.0):
         reach = (candidate.bounds[1] if side > 0 else candidate.bounds[0]) - candidate.null
         if side * reach <= 0:
@@ -120,9 +124,13 @@ def _screen_one(
             if template is None:  # too small to be integrated, or nothing moves: try the next size from afar
                 delta = 0.01 * reach
                 continue
-            score, amplitude = _score(basis, left, template, delta)
             if size == LINEAR:
                 first = abs(delta)  # what was small on this side is so on the other
+                opposite = change(-delta) if both_sides else None
+                if opposite is not None:
+                    template = 0.5 * (template - opposite)
+                    templates = TEMPLATES if _visible(basis, template) > CLEAR else ()
+            score, amplitude = _score(basis, left, template, delta) if size in (LINEAR, *templates) else (0.0, 0.0)
             allowed = candidate.bounds[0] <= candidate.null + amplitude <= candidate.bounds[1]
             # a finite template only speaks for its own side
             if allowed and abs(score) > abs(best[0]) and (score > 0 or size == LINEAR):
@@ -137,11 +145,16 @@ def _screen_one(
     return Screened(candidate=candidate, score=best[0], amplitude=best[1], scale=scale, companions=companions)
 
 
+def _visible(basis: Array, v: Array) -> float:
+    """Share of ``v`` that no fitted number can make."""
+    return float(np.linalg.norm(_beyond(basis, v))) / max(float(np.linalg.norm(v)), 1e-300)
+
+
 def _score(basis: Array, left: Array, v: Array, delta: float) -> tuple[float, float]:
+    if _visible(basis, v) < VISIBLE:
+        return 0.0, 0.0
     beyond = _beyond(basis, v)
     norm = float(np.linalg.norm(beyond))
-    if norm < VISIBLE * float(np.linalg.norm(v)) or norm == 0:
-        return 0.0, 0.0
     return float(beyond @ left) / norm, delta * float(beyond @ left) / norm**2
 
 

@@ -44,13 +44,3 @@ def point_on_string(parameters: Parameters, arc: float, node_radius: float) -> t
     if hanging_arc < 0:
         return light_position(math, 0.0, p.release_angle - wound_arc / p.rod_radius, node_radius)
     return (p.rod_radius, -hanging_arc)
-
-
-def bead_places(parameters: Parameters, link_length: float, node_radius: float, margin: float) -> list[tuple[float, float]]:
-    """Beads at release, a link apart: on the rod and ``margin`` links beyond it, but a link or more from either mass."""
-    first = parameters.free_length - margin * link_length
-    wound = parameters.rod_radius * parameters.release_angle
-    count = math.ceil(wound / link_length + 2 * margin)
-    arcs = (first + i * link_length for i in range(count + 1))
-    inside = (arc for arc in arcs if link_length <= arc <= parameters.string_length - link_length)
-    return [point_on_string(parameters, arc, node_radius) for arc in inside]

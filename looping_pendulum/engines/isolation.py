@@ -1,6 +1,7 @@
-"""Each run in a process of its own, with a time limit: an engine that crashes or hangs takes nothing else with it.
+"""Each run in a process of its own, with limits: an engine that crashes, hangs or eats memory takes nothing else with it.
 
 The worker (`worker.py`) appends every sample to a file as it is made, so the parent keeps what a dead run had computed.
+Whatever the engine prints, from Python or from C, goes to another file.
 """
 
 from __future__ import annotations
@@ -21,14 +22,21 @@ from typing import Any
 
 import numpy as np
 
+from looping_pendulum.engines import memory
+from looping_pendulum.engines.memory import MEMORY_LIMIT, held_memory, show_memory
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
-from looping_pendulum.engines.registry import HOW_TO_GET, missing_packages
+from looping_pendulum.engines.registry import how_to_get, missing_packages
 from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, Trajectory, from_samples
 from looping_pendulum.scenarios.scenario import Scenario
 
 TIME_LIMIT = 900.0
 """Default limit on one run [s]."""
 POLL_INTERVAL = 0.05
+"""Time between two looks at a worker [s]."""
+OUTPUT_LIMIT = 2**24
+"""An engine that has printed more than this is not kept: the file starts anew [bytes]."""
+OUTPUT_KEPT = 2**16
+"""How much of the end of what an engine printed comes back [bytes]."""
 ROW_BYTES = 8 * len(COLUMNS)
 
 Progress = Callable[[Engine, float], None]
@@ -66,32 +74,53 @@ class Job:
     scenario: Scenario
 
 
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What one run may take."""
+
+    time: float = TIME_LIMIT
+    """[s]"""
+    memory: int = MEMORY_LIMIT
+    """What the worker may hold [bytes]; not watched where the system does not tell (Windows)."""
+
+
 def run_isolated(
     engine: Engine,
     scenario: Scenario,
     *,
     time_limit: float = TIME_LIMIT,
+    memory_limit: int = MEMORY_LIMIT,
     progress: Progress | None = None,
     cancelled: threading.Event | None = None,
 ) -> Trajectory:
-    """Run ``engine`` on ``scenario`` in a process of its own; whatever happens there, return a trajectory that says so."""
+    """Run ``engine`` on ``scenario`` in a process of its own; whatever happens there, return a trajectory that says so.
+
+    ``time_limit`` is in s, ``memory_limit`` in bytes.
+    """
     missing = missing_packages(engine)
     if missing:
-        return _without_run(
-            engine, scenario, RunStatus.MISSING, f"get it: {HOW_TO_GET.get(missing[0], f'pip install {missing[0]}')}"
-        )
+        return _without_run(engine, scenario, RunStatus.MISSING, f"get it: {how_to_get(missing[0])}")
     unsupported = engine.abilities.unsupported(scenario.parameters)
     if unsupported:
         return _without_run(engine, scenario, RunStatus.UNSUPPORTED, unsupported)
-    with tempfile.TemporaryDirectory(prefix="looping-pendulum-") as name:
+    try:
+        job = pickle.dumps(Job(engine=engine, scenario=scenario))
+    except Exception as error:
+        why = f"it cannot travel to its process: {type(error).__name__}: {error}"
+        return _without_run(engine, scenario, RunStatus.FAILED, why)
+    with tempfile.TemporaryDirectory(prefix="looping-pendulum-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
-        (folder / "job.pickle").write_bytes(pickle.dumps(Job(engine=engine, scenario=scenario)))
-        status, message = _watch(folder, engine, scenario, time_limit, progress, cancelled)
-        output = (folder / "output.txt").read_text(errors="replace")
+        (folder / "job.pickle").write_bytes(job)
+        limits = Limits(time=time_limit, memory=memory_limit)
+        status, message = _watch(folder, engine, scenario, limits, progress, cancelled)
+        output = _tail(folder / "output.txt")
         result = folder / "trajectory.pickle"
         if status is None and result.exists():
-            trajectory: Trajectory = pickle.loads(result.read_bytes())
-            return replace(trajectory, output=output)
+            try:
+                trajectory: Trajectory = pickle.loads(result.read_bytes())
+                return replace(trajectory, output=output)
+            except Exception as error:
+                status, message = RunStatus.FAILED, f"its result cannot be read: {type(error).__name__}: {error}"
         return from_samples(
             read_rows(folder / "samples.bin"),
             parameters=scenario.parameters,
@@ -108,17 +137,21 @@ def run_all(
     *,
     jobs: int | None = None,
     time_limit: float = TIME_LIMIT,
+    memory_limit: int = MEMORY_LIMIT,
     progress: Progress | None = None,
     finished: Callable[[Trajectory], None] | None = None,
 ) -> list[Trajectory]:
     """Run several engines side by side, at most ``jobs`` at once (default: one per core); results in the order of ``engines``.
 
+    Each run may take ``time_limit`` [s] and ``memory_limit`` [bytes].
     An interrupt (Ctrl-C) stops all that still run; their trajectories come back as INTERRUPTED with what they had.
     """
     cancelled = threading.Event()
 
     def one(engine: Engine) -> Trajectory:
-        trajectory = run_isolated(engine, scenario, time_limit=time_limit, progress=progress, cancelled=cancelled)
+        trajectory = run_isolated(
+            engine, scenario, time_limit=time_limit, memory_limit=memory_limit, progress=progress, cancelled=cancelled
+        )
         if finished is not None:
             finished(trajectory)
         return trajectory
@@ -137,21 +170,57 @@ def _watch(
     folder: Path,
     engine: Engine,
     scenario: Scenario,
-    time_limit: float,
+    limits: Limits,
     progress: Progress | None,
     cancelled: threading.Event | None,
 ) -> tuple[RunStatus | None, str]:
     """Start the worker and wait for it; return (None, "") if it ended by itself with success."""
-    samples = folder / "samples.bin"
+    samples, printed = folder / "samples.bin", folder / "output.txt"
     expected = max(1, round(scenario.duration / SAMPLE_INTERVAL) + 1)
+    process = _start(folder, printed)
+    deadline = time.monotonic() + limits.time
+    next_look = 0.0
+    try:
+        while process.poll() is None:
+            now = time.monotonic()
+            if cancelled is not None and cancelled.is_set():
+                return RunStatus.INTERRUPTED, ""
+            if now > deadline:
+                return RunStatus.TIME_LIMIT, f"limit {limits.time:g} s"
+            if now >= next_look:
+                next_look = now + memory.POLL_INTERVAL
+                held = held_memory(process.pid)
+                if held is not None and held > limits.memory:
+                    return RunStatus.MEMORY_LIMIT, f"held {show_memory(held)}, limit {show_memory(limits.memory)}"
+            if printed.stat().st_size > OUTPUT_LIMIT:
+                os.truncate(printed, 0)
+            if progress is not None and samples.exists():
+                progress(engine, min(1.0, samples.stat().st_size / ROW_BYTES / expected))
+            time.sleep(POLL_INTERVAL)
+    finally:
+        if process.poll() is None:
+            _kill(process)
+    if progress is not None:
+        progress(engine, 1.0)
+    code = process.returncode
+    if code < 0:
+        name = signal.Signals(-code).name
+        hint = "; not by us: was the machine out of memory?" if name == "SIGKILL" else ""
+        return RunStatus.CRASHED, f"killed by signal {name}{hint}"
+    return (None, "") if code == 0 else (RunStatus.CRASHED, f"exit status {code}")
+
+
+def _start(folder: Path, printed: Path) -> subprocess.Popen[bytes]:
+    """Start a worker on the job in ``folder``; all that it prints, from Python or C, is appended to ``printed``."""
     environment = os.environ | {
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
         "PYTHONFAULTHANDLER": "1",
+        "PYTHONUNBUFFERED": "1",  # what was printed before a crash is there
         "PYTHONPATH": os.pathsep.join(path for path in sys.path if path),  # where the engine's class was imported from
     }
-    with (folder / "output.txt").open("wb") as output:
-        process = subprocess.Popen(
+    with printed.open("ab") as output:
+        return subprocess.Popen(
             [sys.executable, "-m", "looping_pendulum.engines.worker", str(folder)],
             stdin=subprocess.DEVNULL,
             stdout=output,
@@ -159,26 +228,22 @@ def _watch(
             env=environment,
             start_new_session=True,  # Ctrl-C reaches the parent alone, which then decides
         )
-        deadline = time.monotonic() + time_limit
-        try:
-            while process.poll() is None:
-                if cancelled is not None and cancelled.is_set():
-                    return RunStatus.INTERRUPTED, ""
-                if time.monotonic() > deadline:
-                    return RunStatus.TIME_LIMIT, f"limit {time_limit:g} s"
-                if progress is not None and samples.exists():
-                    progress(engine, min(1.0, samples.stat().st_size / ROW_BYTES / expected))
-                time.sleep(POLL_INTERVAL)
-        finally:
-            if process.poll() is None:
-                process.kill()
-                process.wait()
-    if progress is not None:
-        progress(engine, 1.0)
-    code = process.returncode
-    if code < 0:
-        return RunStatus.CRASHED, f"killed by signal {signal.Signals(-code).name}"
-    return (None, "") if code == 0 else (RunStatus.CRASHED, f"exit status {code}")
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """End a worker and what it has started."""
+    if hasattr(os, "killpg"):
+        os.killpg(process.pid, signal.SIGKILL)  # the worker leads its own session, so its process group has its id
+    else:
+        process.kill()
+    process.wait()
+
+
+def _tail(path: Path) -> str:
+    """Return the last `OUTPUT_KEPT` bytes of a file as text."""
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - OUTPUT_KEPT))
+        return file.read().decode(errors="replace")
 
 
 def identity(engine: Engine, scenario: Scenario) -> dict[str, Any]:

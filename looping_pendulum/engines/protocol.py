@@ -6,8 +6,8 @@ import abc
 import dataclasses
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Protocol, runtime_checkable
 
@@ -16,7 +16,7 @@ import numpy as np
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, Supplies, Trajectory, from_samples
 from looping_pendulum.errors import EngineError
-from looping_pendulum.reference_ode.effects import EffectKind
+from looping_pendulum.reference_ode.effects import Effect, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
@@ -51,7 +51,12 @@ class Abilities:
     limits: tuple[str, ...] = ()
     """What it cannot do, each with its reason."""
     effect_kinds: frozenset[EffectKind] = frozenset({EffectKind.FORCE, EffectKind.CLOSURE})
-    """Kinds of effects beyond the paper's model that reach it; forces reach every engine (`reference_ode.cartesian`)."""
+    """Kinds of effects beyond the paper's model that reach it; forces reach every engine (`reference_ode.cartesian`).
+
+    An engine with `EffectKind.RELEASE` starts with `reference_ode.cartesian.release_velocity`.
+    """
+    known_failures: Mapping[str, str] = field(default_factory=dict)
+    """Checks of `engines.conformance` that it fails -> the measured reason: strict expected failures."""
     main: bool = True
     """Whether a comparison that names no engine runs it; the others are for studies, and catastrophic ones among them."""
 
@@ -59,8 +64,13 @@ class Abilities:
         """Return what of ``parameters`` this variant cannot represent; empty: nothing."""
         if parameters.release not in self.releases:
             return f"release {parameters.release.value!r}"
-        beyond = (e for e in parameters.effects if not e.in_base_model and e.kind not in self.effect_kinds)
+        beyond = (e for e in parameters.effects if not e.in_base_model and not self.reaches(e))
         return ", ".join(f"effect {e.name!r} ({e.kind.value})" for e in beyond)
+
+    def reaches(self, effect: Effect) -> bool:
+        """Whether ``effect`` reaches this variant; one that adds variables to the state is a property whatever its kind."""
+        kinds = {effect.kind, EffectKind.PROPERTY} if effect.variables else {effect.kind}
+        return kinds <= self.effect_kinds
 
 
 class Recorder(Protocol):

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
-from collections.abc import Iterable
+import warnings
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 
-from looping_pendulum.engines.protocol import Engine, Profile
+from looping_pendulum.engines.protocol import Abilities, Engine, Profile
 from looping_pendulum.errors import EngineError
 
 ADAPTERS = {
@@ -23,10 +26,14 @@ ADAPTERS = {
 ENTRY_POINTS = "looping_pendulum.engines"
 """Group of entry points by which other packages offer adapters: name -> module, as in `ADAPTERS`."""
 
+ENGINE_MEMBERS = ("name", "variant", "profile", "abilities", "settings", "simulate", "studies")
+"""What an engine must have (`protocol.Engine`)."""
+
 EVERYTHING = "all"
 """What a user writes for every variant, those that are only for studies too."""
 
 HOW_TO_GET = {
+    "pydrake": 'pip install "looping-pendulum[drake]" (Drake, 1.51 or later; Python 3.11 on)',
     "heyoka": "pip install heyoka (wheels for Linux x86-64, Python 3.11 to 3.13); SciPy stands in for it everywhere else",
     "mujoco": "pip install mujoco",
     "pymunk": "pip install pymunk",
@@ -35,44 +42,111 @@ HOW_TO_GET = {
 }
 
 
+@dataclass(frozen=True, kw_only=True)
+class Offer:
+    """An adapter: a module with ``engines(profile) -> list[Engine]``."""
+
+    name: str
+    """What its engines are called."""
+    module: str
+    package: str = ""
+    """Distribution that offers it; empty for our own."""
+
+
+class AdapterWarning(UserWarning):
+    """Another package's adapter is left out; the message says why and what to do."""
+
+
 def label(engine: Engine) -> str:
     """Engine and variant, "pymunk:chain"."""
     return f"{engine.name}:{engine.variant}"
 
 
+def how_to_get(package: str) -> str:
+    """How to install a package that an engine needs."""
+    return HOW_TO_GET.get(package, f"pip install {package}")
+
+
 @cache
-def adapters() -> dict[str, str]:
-    """Engine name -> module of its adapter, those of other packages included; these cannot take the place of our own."""
-    offered = {point.name: point.value for point in entry_points(group=ENTRY_POINTS)}
-    return ADAPTERS | {name: module for name, module in sorted(offered.items()) if name not in ADAPTERS}
+def offers() -> tuple[Offer, ...]:
+    """Our own adapters, and those of other packages by name."""
+    points = entry_points(group=ENTRY_POINTS)
+    others = {(point.name, point.value, point.dist.name if point.dist else "") for point in points}
+    own = (Offer(name=name, module=module) for name, module in ADAPTERS.items())
+    return (*own, *(Offer(name=name, module=module, package=package) for name, module, package in sorted(others)))
 
 
 def all_engines(profile: Profile) -> list[Engine]:
     """Every engine variant with its settings for ``profile``, installed or not.
 
-    Raises
-    ------
-    EngineError
-        If another package's adapter cannot be loaded.
+    Another package's adapter that cannot be used is left out with an `AdapterWarning`: it must not cost the others' results.
     """
-    return [engine for name, module in adapters().items() for engine in _load(name, module, profile)]
+    engines, faults = loaded(profile)
+    _warn_of(faults)
+    return engines
 
 
-def _load(name: str, module: str, profile: Profile) -> list[Engine]:
-    if name in ADAPTERS:
-        return list(import_module(module).engines(profile))
-    try:
-        return list(import_module(module).engines(profile))
-    except Exception as error:
-        raise EngineError(
-            f"adapter '{name}' ({module}), offered by another package, cannot be loaded: {type(error).__name__}: {error}; "
-            "mend or uninstall that package"
-        ) from error
+def _warn_of(faults: dict[str, str]) -> None:
+    for fault in faults.values():
+        warnings.warn(fault, AdapterWarning, stacklevel=3)
+
+
+def suppliers() -> dict[str, str]:
+    """Engine name -> distribution that offers its adapter, for those of other packages."""
+    return {offer.name: offer.package for offer in offers() if offer.name not in ADAPTERS}
+
+
+def loaded(profile: Profile) -> tuple[list[Engine], dict[str, str]]:
+    """Return all engines, and per adapter of another package that cannot be used one line that says why."""
+    engines: list[Engine] = []
+    faults: dict[str, str] = {}
+    for offer in offers():
+        if not offer.package and offer.name in ADAPTERS:
+            engines += import_module(offer.module).engines(profile)
+            continue
+        taken = {engine.name for engine in engines} | ADAPTERS.keys()
+        try:
+            engines += _from_elsewhere(offer, profile, taken)
+        except (Exception, SystemExit) as error:
+            why = str(error) if isinstance(error, EngineError) else f"{type(error).__name__}: {error}"
+            faults[offer.name] = (
+                f"engine {offer.name!r} is left out: adapter {offer.module} of the package {offer.package or '?'}: "
+                f"{' '.join(why.split())}; mend or uninstall that package"
+            )
+    return engines, faults
+
+
+def _from_elsewhere(offer: Offer, profile: Profile, taken: Collection[str]) -> list[Engine]:
+    """Engines of another package's adapter, checked for what the others' results depend on."""
+    if offer.name in taken:
+        raise EngineError(f"the name {offer.name!r} is taken; needed another entry point name")
+    found = list(import_module(offer.module).engines(profile))
+    for engine in found:
+        if not isinstance(engine, Engine):
+            lacking = [name for name in ENGINE_MEMBERS if not hasattr(engine, name)]
+            raise EngineError(f"engines() gave {type(engine).__name__} without {', '.join(lacking)}; see engines/protocol.py")
+        if engine.name != offer.name:
+            raise EngineError(f"engines() gave one called {engine.name!r}; needed the entry point's name, {offer.name!r}")
+        if not dataclasses.is_dataclass(engine.settings):
+            raise EngineError(f"{label(engine)}: settings are {type(engine.settings).__name__}, needed a frozen dataclass")
+        if not isinstance(engine.abilities, Abilities):
+            raise EngineError(f"{label(engine)}: abilities are {type(engine.abilities).__name__}, needed Abilities")
+    labels = [label(engine) for engine in found]
+    if len(set(labels)) < len(labels):
+        raise EngineError(f"engines() gave two of one name among {', '.join(labels)}")
+    return found
 
 
 def missing_packages(engine: Engine) -> tuple[str, ...]:
     """Packages that ``engine`` needs and that are not installed here."""
-    return tuple(package for package in engine.abilities.packages if find_spec(package) is None)
+    return tuple(package for package in engine.abilities.packages if not _importable(package))
+
+
+def _importable(package: str) -> bool:
+    try:
+        return find_spec(package) is not None
+    except (ImportError, ValueError):  # of "a.b" without "a"; of a module that is half imported
+        return False
 
 
 def challengers(profile: Profile) -> list[Engine]:
@@ -86,17 +160,22 @@ def select(wanted: Iterable[str], profile: Profile) -> list[Engine]:
     Raises
     ------
     EngineError
-        If a name is not known; the message lists those that are.
+        If a name is not known (the message lists those that are), or that of an adapter which cannot be used.
     """
-    engines = all_engines(profile)
+    wanted = tuple(wanted)
+    engines, faults = loaded(profile)
+    if EVERYTHING in wanted:
+        _warn_of(faults)
     chosen: list[Engine] = []
     for name in wanted:
+        if name.partition(":")[0] in faults.keys() - ADAPTERS.keys():
+            raise EngineError(f"--engine: {faults[name.partition(':')[0]]}")
         found = [engine for engine in engines if name in (engine.name, label(engine))]
         if name == EVERYTHING:
             found = [engine for engine in engines if engine.name != "reference"]
         if not found:
             known = [label(engine) for engine in engines]
-            near = difflib.get_close_matches(name, [*adapters(), *known], n=1)
+            near = difflib.get_close_matches(name, [*{engine.name for engine in engines}, *known], n=1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
             raise EngineError(f"--engine: no engine is called {name!r}{hint} Known: {', '.join(known)}")
         chosen += [engine for engine in found if engine not in chosen]

@@ -29,6 +29,7 @@ class RunStatus(StrEnum):
     STRING_DRIFT = "the string's length left its budget; raise solver iterations or shorten the time step"
     NOT_FINITE = "a position became infinite or not a number; shorten the time step"
     TIME_LIMIT = "stopped by its time limit; raise --time-limit or use --profile quick"
+    MEMORY_LIMIT = "stopped by its memory limit; raise --memory-limit or use --profile quick"
     CRASHED = "the engine's process died; its output says more"
     FAILED = "the engine raised an error"
     MISSING = "the engine is not installed; `looping-pendulum engines` says how to get it"

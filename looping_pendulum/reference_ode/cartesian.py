@@ -1,4 +1,4 @@
-"""The one path by which the effects' forces reach engines that work in x and y."""
+"""The one path by which the effects' forces, and a push at release, reach engines that work in x and y."""
 
 from __future__ import annotations
 
@@ -6,8 +6,13 @@ import math
 from collections.abc import Callable
 
 from looping_pendulum.reference_ode import effects
+from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.effects import GRAVITY, EffectKind, Kinematics
+from looping_pendulum.reference_ode.geometry import light_velocity
 from looping_pendulum.reference_ode.parameters import Parameters
+
+RELEASE_TOLERANCE = 1e-12
+"""Asked for by the reference's constructor; nothing is integrated here."""
 
 CartesianForce = Callable[[float, float, float, float, float, float], tuple[float, float, float]]
 
@@ -47,3 +52,13 @@ def cartesian_force(parameters: Parameters) -> CartesianForce | None:
         )
 
     return force
+
+
+def release_velocity(parameters: Parameters) -> tuple[float, float, float]:
+    """Velocities just after release [m/s]: x and y of the light mass, y of the heavy one.
+
+    They are the reference's own: at rest unless the light mass is pushed; of a push that pulls at a taut string both masses get
+    what the reference gives them.
+    """
+    state = Driver(parameters, 0.0, RELEASE_TOLERANCE, "scipy").y
+    return (*light_velocity(math, state.wrap_angle, state.retreat_speed, state.across_speed), state.heavy_speed)

@@ -131,7 +131,7 @@ class Driver:
             self.y = self.y._replace(retreat_speed=0.0)
             mode = Mode.CLAMPED
         elif push == 0:
-            return self._held_or_sliding()
+            mode = self._held_or_sliding()
         else:
             mode = self._after_impulse()
             self._set_phase(mode)

@@ -149,8 +149,10 @@ def standard_errors_off(study, effect, planted):
 @pytest.mark.parametrize("case", sorted(EXPECTED))
 def test_blind_matrix(tmp_path, case, seed):
     study = load(write_study(tmp_path, CASES[case], seed, trials=TWO_RATIOS))
-    right = right_effect(identify(study), case)
-    assert right is not None
+    result = identify(study)
+    right = right_effect(result, case)
+    assert right is not None, f"{result.verdict}: {result.names}"
+    assert all(e.noise_after <= 1.2 for e in result.errors if e.held_out)
     assert standard_errors_off(study, right, EXPECTED[case][1]) < 3
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import ctypes
 import math
 import os
+import subprocess
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Profile, SteppedEngine
 from looping_pendulum.engines.reference import SUPPLIES
@@ -14,6 +16,9 @@ from looping_pendulum.reference_ode.parameters import Release
 
 FAULT_AT = 0.02
 """Simulated time of the fault [s]."""
+
+HOARD_BLOCK, HOARD_END = 2**24, 64
+"""Bytes that a memory eater takes at a time, and after how many of them it stops, for the sake of the machine."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,15 +33,19 @@ class FaultyEngine(SteppedEngine):
     name = "faulty"
     profile = Profile.QUICK
 
-    def __init__(self, fault: str, packages: tuple[str, ...] = ("numpy",)) -> None:
+    def __init__(self, fault: str, packages: tuple[str, ...] = ("numpy",), releases=frozenset({Release.LOOPING})) -> None:
         self.variant = fault
         self.settings = FaultSettings(fault=fault)
-        self.abilities = Abilities(
-            releases=frozenset({Release.LOOPING}), supplies=SUPPLIES, packages=packages, summary="misbehaves"
-        )
+        self.abilities = Abilities(releases=releases, supplies=SUPPLIES, packages=packages, summary="misbehaves")
 
     def versions(self):
         return {"numpy": "?"}
+
+    def simulate(self, scenario, recorder=None):
+        run = super().simulate(scenario, recorder)
+        if self.variant == "returns_nan":
+            run.light_position[round(FAULT_AT * 1000) :] = math.nan
+        return None if self.variant == "returns_nothing" else run
 
     def build(self, scenario):
         if self.variant == "raises":
@@ -47,6 +56,7 @@ class FaultyEngine(SteppedEngine):
 class FaultyRig:
     def __init__(self, fault: str) -> None:
         self.fault, self.time = fault, 0.0
+        self.hoard: list[bytes] = []
 
     def advance(self):
         self.time += SAMPLE_INTERVAL
@@ -56,12 +66,36 @@ class FaultyRig:
             ctypes.string_at(0)
         if self.fault == "exit":
             os._exit(3)
-        if self.fault == "hang":
+        if self.fault == "hang_after_print":
+            print("chatter" * 100, flush=True)  # noqa: T201
+        if self.fault == "hang_with_child":
+            print(subprocess.Popen(["sleep", "600"]).pid, flush=True)  # noqa: T201
+        if self.fault.startswith("hang"):
             time.sleep(3600)
+        while self.fault == "memory" and len(self.hoard) < HOARD_END:
+            self.hoard.append(os.urandom(1) * HOARD_BLOCK)
+            time.sleep(0.02)
 
     def read(self):
         if self.fault == "prints" and self.time == 0:
             print("chatter on stdout")  # noqa: T201
+        if self.fault == "prints_from_c" and self.time == 0:
+            os.write(1, b"chatter on fd 1\n")
+            ctypes.CDLL(None).printf(b"chatter of printf\n")
+            ctypes.CDLL(None).fflush(None)
         x = math.nan if self.fault == "nan" and self.time >= FAULT_AT else -0.4
         stretch = 1.0 if self.fault == "stretches" and self.time >= FAULT_AT else 0.0
         return (x, -0.4, 0.0, 0.0, 0.00625, -0.03, 0.0, 0.0, stretch)
+
+
+def offer(folder: Path, *engines: str) -> None:
+    """Install misbehaving engines into ``folder``, as a package of somebody else's would: each is written as Python."""
+    (folder / "faulty_engines.py").write_text(
+        "from looping_pendulum.reference_ode.parameters import Release\n"
+        "from tests.engines.faulty import FaultyEngine\n"
+        f"def engines(profile):\n    return [{', '.join(engines)}]\n"
+    )
+    info = folder / "faulty_engines-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: faulty-engines\nVersion: 1\n")
+    (info / "entry_points.txt").write_text("[looping_pendulum.engines]\nfaulty = faulty_engines\n")

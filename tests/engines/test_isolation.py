@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import os
+import re
+import shutil
+import subprocess
 import threading
+import time
 
+import numpy as np
 import pytest
 
+from looping_pendulum.compare import compare, write
+from looping_pendulum.engines import isolation, memory
 from looping_pendulum.engines.isolation import run_all, run_isolated
+from looping_pendulum.engines.memory import held_memory, parse_memory
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.reference import ReferenceEngine
+from looping_pendulum.engines.reference import ReferenceEngine, Truth
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from looping_pendulum.scenarios.scenario import Scenario
@@ -47,18 +56,130 @@ def test_an_exception_is_a_failed_run_with_its_message_and_traceback():
     assert len(run.t) == 0
 
 
-def test_what_an_engine_prints_is_kept_apart():
+def test_what_an_engine_prints_is_kept_apart(capfd):
     run = run_isolated(FaultyEngine("prints"), SCENARIO)
     assert run.status is RunStatus.FINISHED
     assert "chatter on stdout" in run.output
+    run = run_isolated(FaultyEngine("prints_from_c"), SCENARIO)
+    assert run.status is RunStatus.FINISHED
+    assert "chatter on fd 1" in run.output
+    assert "chatter of printf" in run.output
+    assert capfd.readouterr() == ("", "")
 
 
-def test_a_crash_leaves_the_others_results():
-    reference = ReferenceEngine("scipy", Profile.QUICK)
-    faulty, good = run_all([FaultyEngine("segfault"), reference], SCENARIO)
-    assert faulty.status is RunStatus.CRASHED
-    assert good.status.ok
-    assert len(good.t) == 51
+def test_an_engine_that_never_stops_printing_fills_no_disk(monkeypatch):
+    monkeypatch.setattr(isolation, "OUTPUT_LIMIT", 10)
+    run = run_isolated(FaultyEngine("hang_after_print"), SCENARIO, time_limit=3)
+    assert run.status is RunStatus.TIME_LIMIT
+    assert run.output == ""
+
+
+def test_positions_that_are_no_numbers_are_not_a_proper_end():
+    run = run_isolated(FaultyEngine("returns_nan"), SCENARIO)
+    assert run.status is RunStatus.NOT_FINITE
+    assert np.isfinite(run.light_position[:KEPT]).all()
+
+
+def test_what_is_no_trajectory_is_a_failed_run_with_its_samples():
+    run = run_isolated(FaultyEngine("returns_nothing"), SCENARIO)
+    assert run.status is RunStatus.FAILED
+    assert "needed a Trajectory" in run.message
+    assert len(run.t) == 51
+
+
+def test_an_engine_that_cannot_travel_is_a_failed_run():
+    engine = FaultyEngine("nan")
+    engine.handle = threading.Lock()
+    run = run_isolated(engine, SCENARIO)
+    assert run.status is RunStatus.FAILED
+    assert "cannot travel" in run.message
+
+
+FAULTS = {
+    "segfault": (RunStatus.CRASHED, KEPT),
+    "exit": (RunStatus.CRASHED, KEPT),
+    "hang": (RunStatus.TIME_LIMIT, KEPT),
+    "memory": (RunStatus.MEMORY_LIMIT, KEPT),
+    "nan": (RunStatus.NOT_FINITE, KEPT),
+    "stretches": (RunStatus.STRING_DRIFT, KEPT + 1),  # the sample that shows the stretched string is kept too
+    "raises": (RunStatus.FAILED, 0),
+    "prints": (RunStatus.FINISHED, 51),
+    "prints_from_c": (RunStatus.FINISHED, 51),
+}
+"""What an engine does -> how its run ends, and how many of its samples stay."""
+
+
+def test_every_fault_at_once_leaves_the_others_results(tmp_path):
+    good = [ReferenceEngine("scipy", Profile.QUICK), FaultyEngine("none")]
+    alone = [run_isolated(engine, SCENARIO) for engine in good]
+    engines = [good[0], *(FaultyEngine(fault) for fault in FAULTS), good[1]]
+    runs = run_all(engines, SCENARIO, jobs=2, time_limit=15, memory_limit=parse_memory("300 MiB"))
+    assert {run.variant: (run.status, len(run.t)) for run in runs[1:-1]} == FAULTS
+    result = compare(SCENARIO, Truth(SCENARIO), runs)
+    by_themselves = compare(SCENARIO, Truth(SCENARIO), alone)
+    for beside, lone in ((0, 0), (-1, 1)):
+        assert runs[beside].light_position.tobytes() == alone[lone].light_position.tobytes()
+        assert result.engines[beside] == by_themselves.engines[lone]
+    for run in runs[1:-1]:
+        assert np.isfinite(run.light_position).all()
+        assert run.light_position.tobytes() == alone[1].light_position[: len(run.t)].tobytes()
+    report = write(result, tmp_path).read_text()
+    assert "stopped by its memory limit; raise --memory-limit" in report
+    assert all(f"faulty:{fault}" in report for fault in FAULTS)
+
+
+def test_the_memory_limit_says_what_was_held_and_how_to_raise_it():
+    run = run_isolated(FaultyEngine("memory"), SCENARIO, memory_limit=parse_memory("300 MiB"))
+    assert run.status is RunStatus.MEMORY_LIMIT
+    assert re.fullmatch(r"held 3\d\d MiB, limit 300 MiB", run.message)
+    assert "--memory-limit" in run.status
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="POSIX process groups")
+def test_what_an_engine_started_ends_with_it(tmp_path):
+    run = run_isolated(FaultyEngine("hang_with_child"), SCENARIO, time_limit=5)
+    assert run.status is RunStatus.TIME_LIMIT
+    child = int(run.output.split()[-1])
+    deadline = time.monotonic() + 10
+    while alive(child) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not alive(child)
+
+
+def alive(pid):
+    done = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True)
+    return bool(done.stdout.strip()) and not done.stdout.startswith("Z")
+
+
+@pytest.mark.parametrize(
+    ("text", "amount"), [("2 GiB", 2**31), ("2GB", 2 * 10**9), ("0.5 GiB", 2**29), ("100000 kB", 10**8), ("1e9 byte", 10**9)]
+)
+def test_amounts_of_memory(text, amount):
+    assert parse_memory(text) == amount
+
+
+@pytest.mark.parametrize("text", ["", "2", "2 m", "nan GiB", "inf GiB", "1e999 B", "-2 GiB", "1 MiB", "2 GiB/0", "two GiB"])
+def test_what_is_no_memory_limit_is_one_line_with_a_way_out(text):
+    with pytest.raises(EngineError, match="^--memory-limit: found .* needed [^\n]*$"):
+        parse_memory(text)
+
+
+def test_held_memory_sees_what_a_process_takes():
+    before = held_memory(os.getpid())
+    if before is None:
+        pytest.skip("this system does not tell")
+    block = b"x" * 2**27
+    assert held_memory(os.getpid()) - before > 0.9 * len(block)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="compares with /proc")
+def test_without_proc_ps_says_the_same(monkeypatch):
+    known = held_memory(os.getpid())
+    monkeypatch.setattr(memory.sys, "platform", "darwin")
+    if shutil.which("ps") is None:
+        pytest.skip("no ps here")
+    assert held_memory(os.getpid()) == pytest.approx(known, rel=0.1)
+    assert held_memory(2**30) is None
 
 
 def test_a_missing_package_is_a_gap_with_the_way_out_and_no_process():

@@ -1,4 +1,4 @@
-"""The MuJoCo adapter against closed forms, geometry and the reference."""
+"""MuJoCo's tendon, documented and with the capstan law, against closed forms, geometry and the reference."""
 
 import math
 import subprocess
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.engines.mujoco import engines
-from looping_pendulum.engines.mujoco.tendon import SETTINGS, MujocoTendon, Variant
+from looping_pendulum.engines.mujoco.tendon import MujocoTendon, Variant, settings_of
 from looping_pendulum.engines.mujoco.tendon_model import TendonSettings
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.trajectory import RunStatus
@@ -21,6 +21,8 @@ from tests.apparatus import TEN_TO_ONE, TWO_TO_ONE
 
 pytest.importorskip("mujoco")
 
+SETTINGS = {profile: settings_of(Variant.CAPSTAN, profile) for profile in Profile}
+VARIANTS = (Variant.DOCUMENTED, Variant.CAPSTAN)
 NO_DRAG = {"light_drag": 0.0, "heavy_drag": 0.0, "string_drag": 0.0}
 
 
@@ -61,11 +63,26 @@ def test_making_engines_imports_no_mujoco():
 
 
 def test_every_variant_is_offered_in_its_profile():
+    names = ["documented", "capstan", "frictionloss", "defaults", "effective_mass", "drum", "beads"]
     for profile in Profile:
-        assert {(e.variant, e.profile) for e in engines(profile)} == {(v.value, profile) for v in Variant}
+        assert [(e.variant, e.profile) for e in engines(profile)] == [(name, profile) for name in names]
 
 
-@pytest.mark.parametrize("variant", Variant)
+def test_a_comparison_runs_what_is_cheap_and_sound():
+    main = {e.variant for e in engines(Profile.QUICK) if e.abilities.main}
+    assert main == {"documented", "capstan", "beads"}
+
+
+def test_studies_vary_what_they_say():
+    for engine in engines(Profile.QUICK):
+        studies = engine.studies()
+        for ladder in studies.ladders:
+            assert tuple(getattr(rung.settings, ladder.setting) for rung in ladder.engines) == ladder.values
+        others = [d.engine for d in studies.defaults] + [c.engine for c in studies.choices]
+        assert all(other.variant == engine.variant for other in others)
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("profile", Profile)
 def test_vertical_release_is_an_atwood_machine(variant, profile):
     # Oracle: closed form, a = g (M2 - M1 E) / (M2 + M1 E), E = exp(mu pi). A leapfrog step is exact for a constant
@@ -78,7 +95,7 @@ def test_vertical_release_is_an_atwood_machine(variant, profile):
     assert np.all(np.abs(trajectory.heavy_drop - expected * trajectory.t**2) <= share * expected * trajectory.t**2 + 1e-9)
 
 
-@pytest.mark.parametrize("variant", Variant)
+@pytest.mark.parametrize("variant", VARIANTS)
 def test_drop_is_free_fall(variant):
     # Oracle: closed form. Leapfrog is exact; each of 1000 steps rounds to some 1e-16.
     trajectory = run(TEN_TO_ONE.replace(release="drop", **NO_DRAG), 0.5, variant=variant)

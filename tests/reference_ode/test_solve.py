@@ -279,3 +279,10 @@ def test_a_missing_integrator_is_named(monkeypatch):
     with pytest.raises(MissingPackageError, match="pip install heyoka"):
         solve(TEN_TO_ONE, integrator="heyoka")
     assert solve(TEN_TO_ONE).integrator == "scipy"
+
+
+def test_a_string_that_would_be_pushed_at_release_is_slack():
+    run = solve(TEN_TO_ONE.replace(light_drag=0.02, wind_speed=4.0))
+    assert run.modes[0] is Mode.SLACK
+    light, _ = run.sample(np.linspace(0, run.end_time, 500)).tensions
+    assert light.min() > -1e-9

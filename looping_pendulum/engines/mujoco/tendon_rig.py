@@ -10,10 +10,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from looping_pendulum.engines.mujoco.tendon_model import SWITCH_DOWN, SWITCH_UP, TendonSettings, model_xml
+from looping_pendulum.engines.mujoco.tendon_model import TendonSettings, model_xml
+from looping_pendulum.engines.mujoco.winding import TAUT, TurnTaking, turn_on
 from looping_pendulum.engines.protocol import steps_per_sample
 from looping_pendulum.reference_ode import effects
-from looping_pendulum.reference_ode.cartesian import cartesian_force
+from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.effects import Kinematics
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
@@ -23,8 +24,6 @@ FRICTION_ROW, STRING_ROW = 0, 1
 """MuJoCo's constraint rows: friction losses come first, then the limits that are reached; a slack string has no row."""
 NO_FRICTION = 1e-12
 """A friction loss [N] that keeps the friction row in being: at 0 MuJoCo leaves it out."""
-TAUT = 1e-9
-"""The string is this much shorter [m] than it should be, so that one exactly as long as it should be counts as taut."""
 SLACK = 1e-6
 """A string with this much length to spare [m] counts as slack; a taut one's length varies by far less."""
 
@@ -38,22 +37,35 @@ class TendonRig:
         Physics and numerics.
     end_length
         Free length [m] below which the rig stands still: beyond it the light mass would run into the rod.
-    with_friction
+    capstan
         Whether the effects' string laws act between string and rod.
+    friction_loss
+        MuJoCo's own constant friction [N] of the sliding string, whatever its load; 0: none.
     """
 
-    def __init__(self, parameters: Parameters, settings: TendonSettings, *, end_length: float, with_friction: bool) -> None:
+    def __init__(
+        self,
+        parameters: Parameters,
+        settings: TendonSettings,
+        *,
+        end_length: float,
+        capstan: bool = False,
+        friction_loss: float = 0.0,
+    ) -> None:
         import mujoco
 
         p = parameters
-        self._model: Any = mujoco.MjModel.from_xml_string(model_xml(p, settings))
+        time_constant = settings.friction_time_constant
+        xml = model_xml(p, settings, friction_time_constant=time_constant, friction_loss=friction_loss)
+        self._model: Any = mujoco.MjModel.from_xml_string(xml)
         self._data: Any = mujoco.MjData(self._model)
         self._step, self._solve, self._place = mujoco.mj_step, mujoco.mj_forward, mujoco.mj_fwdPosition
         self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
-        self._applied, self._allowed = self._data.qfrc_applied, self._model.tendon_range
+        self._applied = self._data.qfrc_applied
         warnings = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
         self._breakdowns = tuple(self._data.warning[kind] for kind in warnings)
         self._dt, self._steps = settings.time_step, steps_per_sample(settings.time_step)
+        self._half_step = 0.5 * settings.time_step if settings.corrections else 0.0
         self._rest_speed = settings.rest_speed
         self._radius, self._hanging, self._whole_length = p.rod_radius, p.hanging_length, p.string_length
         self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
@@ -62,11 +74,15 @@ class TendonRig:
         # MuJoCo leaves the string's turning (l omega^2) out of a tendon's acceleration, so the length allowed is shifted by
         # what pulls just as much. The row's own damping sees velocities half a step old and so already pulls a part of it.
         softness = settings.impedance * settings.string_time_constant
+        self._corrections = settings.corrections
         self._turning_shift = softness * softness * (1 - self._dt / softness)
         self._force = cartesian_force(p)
-        gripping = with_friction and self._has_string and not self._held
-        self._grip = CapstanGrip(p, self._model, self._data, settings) if gripping else None
-        self._half_turns = 0
+        self._release_velocity = release_velocity(p)
+        gripping = capstan and self._has_string and not self._held
+        self._grip = CapstanGrip(p, self._model, self._data, settings, self._release_velocity[HEAVY]) if gripping else None
+        self._gripped = gripping or friction_loss > 0
+        turns = TurnTaking(p, self._model, settings.switch_up, settings.switch_down) if self._has_string else None
+        self._turns = turns
         self._was_slack, self._caught, self._catch_factor = False, 0.0, math.exp(-settings.time_step / settings.catch_time)
         self._start()
 
@@ -90,27 +106,25 @@ class TendonRig:
 
     def _start(self) -> None:
         """Find the accelerations at release, and start the velocities half a step early."""
-        if self._has_string:
-            self._use_tendon()
+        self._qvel[:] = self._release_velocity[: len(self._qvel)]
         self._prepare()
         self._solve(self._model, self._data)
-        self._qvel[:] = -0.5 * self._dt * self._qacc
+        self._qvel -= self._half_step * self._qacc
 
     def _follow_light_mass(self) -> None:
         """Free length and wrap angle of the taut string, turns counted."""
         x, y = self._qpos[:2].tolist()
         self._free_length = free_length = math.sqrt(max(x * x + y * y - self._radius * self._radius, 1e-16))
-        angle = math.atan2(y, x) - math.atan2(free_length, self._radius)
-        self._wrap_angle += (angle - self._wrap_angle + math.pi) % (2 * math.pi) - math.pi
+        self._wrap_angle = turn_on(self._wrap_angle, x, y, free_length, self._radius)
 
     def _velocities(self) -> tuple[float, float, float]:
         """Velocities now: light x and y, heavy y [m/s]; the engine's are half a step old."""
-        half = 0.5 * self._dt
+        half = self._half_step
         velocity, acceleration = self._qvel.tolist(), self._qacc.tolist()
         heavy = 0.0
         if not self._held:
             heavy = velocity[HEAVY]
-            if self._grip is None or abs(heavy) > self._rest_speed:  # gripped string stops for good within the step
+            if not self._gripped or abs(heavy) > self._rest_speed:  # gripped string stops for good within the step
                 heavy += half * acceleration[HEAVY]
         return velocity[0] + half * acceleration[0], velocity[1] + half * acceleration[1], heavy
 
@@ -119,10 +133,9 @@ class TendonRig:
         vx, vy, heavy_v = self._velocities()
         cosine, sine = math.cos(self._wrap_angle), math.sin(self._wrap_angle)
         retreat, across = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
-        if self._has_string:
-            self._wind()
-            turning = across * across / self._free_length
-            self._allowed[self._tendon, 1] = self._rest_length - self._turning_shift * turning + self._overshoot() - TAUT
+        if self._turns is not None:
+            self._turns.follow(self._wrap_angle)
+            self._turns.allow(self._correction(across) - TAUT)
         heavy_force = 0.0
         if self._force is not None:
             x, y = self._qpos[:2].tolist()
@@ -134,22 +147,11 @@ class TendonRig:
             k = Kinematics(time, length, angle, retreat, across, abs(across), speed, heavy_v, abs(heavy_v))
             self._applied[HEAVY] = heavy_force + self._grip.prepare(k)
 
-    def _wind(self) -> None:
-        """Use the tendon that is right for the wrap angle, with its turns taken off the length allowed."""
-        above = self._wrap_angle - self._half_turns * math.pi
-        if above > SWITCH_UP:
-            self._half_turns += 1
-        elif above < SWITCH_DOWN and self._half_turns > 0:
-            self._half_turns -= 1
-        else:
-            return
-        self._use_tendon()
-
-    def _use_tendon(self) -> None:
-        self._tendon = self._half_turns % 2
-        self._rest_length = self._whole_length - (self._half_turns // 2) * 2 * math.pi * self._radius
-        self._model.tendon_limited[self._tendon] = 1
-        self._model.tendon_limited[1 - self._tendon] = 0
+    def _correction(self, across: float) -> float:
+        """What the length allowed is shifted by [m] to make up for the string's turning and for a late catch."""
+        if not self._corrections:
+            return 0.0
+        return self._overshoot() - self._turning_shift * across * across / self._free_length
 
     def _overshoot(self) -> float:
         """How much too long the string still may be because it became taut within a step, a little less each time [m].
@@ -166,10 +168,10 @@ class TendonRig:
 
     def _stretch(self) -> float:
         """How much longer than its rest length the string is now [m]."""
-        if not self._has_string:
+        if self._turns is None:
             return math.nan
         self._place(self._model, self._data)
-        return float(self._data.ten_length[self._tendon]) - self._rest_length
+        return float(self._data.ten_length[self._turns.tendon]) - self._turns.rest_length
 
 
 class CapstanGrip:
@@ -180,12 +182,13 @@ class CapstanGrip:
     to friction, so one solve with the friction of the step before gives the bound that is consistent with its own effect.
     """
 
-    def __init__(self, parameters: Parameters, model: Any, data: Any, settings: TendonSettings) -> None:
+    def __init__(self, parameters: Parameters, model: Any, data: Any, settings: TendonSettings, release_speed: float) -> None:
         import mujoco
 
         self._model, self._data, self._solve = model, data, mujoco.mj_forward
         self._bound, self._velocity, self._acceleration = model.dof_frictionloss, data.qvel, data.qacc
         self._bound[HEAVY] = NO_FRICTION
+        self._release_speed = release_speed
         self._dt, self._rest_speed = settings.time_step, settings.rest_speed
         self._values = parameters.values()
         self._effects = parameters.effects
@@ -195,8 +198,8 @@ class CapstanGrip:
     def prepare(self, k: Kinematics) -> float:
         """Set the bound for the coming step; return a force to apply besides [N], not 0 only where the string turns back."""
         tension_without, acceleration_without = self._without_friction()
-        # At release the mass is at rest, though the velocity of half a step before is not 0.
-        velocity = float(self._velocity[HEAVY]) if k.time > 0 else 0.0
+        # At release the mass has its release's speed, and the engine's velocity is half a step older.
+        velocity = float(self._velocity[HEAVY]) if k.time > 0 else self._release_speed
         sliding = max(effects.sliding_exponent(math, k, self._values, self._effects), 0.0)
         before, left = 0.0, 0.0
         if abs(velocity) > self._rest_speed:

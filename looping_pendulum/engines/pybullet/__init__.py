@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.pybullet.chain import PybulletChain
+from looping_pendulum.engines.pybullet.defaults import PybulletDefaults
+from looping_pendulum.engines.pybullet.point_to_point import PybulletPointToPoint
 
 
 def engines(profile: Profile) -> list[Engine]:
     """Every variant of this engine, in ``profile``."""
-    return [PybulletChain(profile=profile)]
+    return [PybulletChain(profile=profile), PybulletPointToPoint(profile=profile), PybulletDefaults(profile=profile)]

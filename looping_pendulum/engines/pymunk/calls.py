@@ -26,6 +26,8 @@ class ChainSettings:
     """Sweeps of the solver per step."""
     impulse_leak: float = 150.0
     """Rate at which joints forget their warm-start impulse [1/s]: damps the spring that it makes of the chain."""
+    leak_interval: int = 5
+    """Steps of which the last one's impulse is forgotten for all at once, as telling takes a call. Divides `force_interval`."""
     error_rate: float = 100.0
     """Rate at which joints remove their length error [1/s]; it must stay below the leak, or the chain rings ever louder."""
     contact_rate: float = 100.0
@@ -34,12 +36,20 @@ class ChainSettings:
     """[m]; the circle is that much smaller, so that the bead's centre runs where the string should."""
     contact_slop: float = 1e-5
     """Depth to which beads rest in the circle [m]; allowed for in its radius."""
-    force_interval: int = 10
+    force_interval: int = 50
     """Steps between two updates of the drag forces and of the beads on the straight parts; a test shows that it may be 1."""
+    polygon_friction: bool = True
+    """Whether the contact's friction is corrected for the polygon that the beads' links are."""
+    polygon_radius: bool = True
+    """Whether the beads' circle is corrected for it."""
 
     def __post_init__(self) -> None:
         """Refuse a step that samples cannot be taken at."""
         steps = SAMPLE_INTERVAL / self.time_step
+        if self.force_interval % self.leak_interval:
+            raise ValueError(
+                f"leak_interval: found {self.leak_interval}, needed a divisor of force_interval, {self.force_interval}"
+            )
         if abs(steps - round(steps)) > 1e-6 or round(steps) % self.force_interval:
             raise ValueError(
                 f"time_step: found {self.time_step:g} s in groups of {self.force_interval}, needed a whole number of groups "
@@ -53,9 +63,12 @@ class ChainSettings:
 
 
 SETTINGS = {
-    Profile.QUICK: ChainSettings(time_step=5e-6, bend=0.32, bead_mass_ratio=2e-4),
+    Profile.QUICK: ChainSettings(time_step=5e-6, bend=0.28, bead_mass_ratio=2e-4),
     Profile.ACCURATE: ChainSettings(time_step=2e-6, bend=0.24, bead_mass_ratio=1e-4),
 }
+
+MOST_ALLOWED = 1e-3
+"""Slop that is allowed for in the circle's radius, at most [m]."""
 
 PUBLIC_ERROR_RATE = 6.3
 """Chipmunk's default rate [1/s]. Without the leak nothing damps the chain, so it must correct no faster."""
@@ -67,6 +80,9 @@ class Calls(Protocol):
     def step(self, count: int) -> None:
         """Take ``count`` steps."""
 
+    def place(self, body: Any) -> tuple[float, float]:
+        """Position [m]: x, y."""
+
     def motion(self, body: Any) -> tuple[float, float, float, float]:
         """Position [m] and velocity [m/s]: x, y, vx, vy."""
 
@@ -77,23 +93,31 @@ class Calls(Protocol):
 class DirectCalls:
     """Straight to Chipmunk: the only way to the leaky warm start.
 
-    Chipmunk scales warm-start impulses by the new step over the last one. Told before each step that the last one was
-    dt / (1 - leak dt) long, it keeps the share 1 - leak dt of them.
+    Chipmunk scales warm-start impulses by the new step over the last one. Told before a step that the last one was
+    dt / (1 - n leak dt) long, it keeps the share 1 - n leak dt of them; n is the number of steps between two such tellings.
     """
 
     def __init__(self, library: Any, space: Any, settings: ChainSettings) -> None:
         self._library = library
         self._space = space._space
         self._time_step = settings.time_step
-        self._claimed_step = settings.time_step / (1 - settings.impulse_leak * settings.time_step)
+        self._interval = settings.leak_interval
+        self._claimed_step = settings.time_step / (1 - self._interval * settings.impulse_leak * settings.time_step)
 
     def step(self, count: int) -> None:
         """Take ``count`` steps."""
         space, time_step, claimed_step = self._space, self._time_step, self._claimed_step
         claim, step = self._library.cpSpaceSetCurrentTimeStep, self._library.cpSpaceStep
-        for _ in range(count):
+        interval = range(self._interval)
+        for _ in range(count // self._interval):
             claim(space, claimed_step)
-            step(space, time_step)
+            for _ in interval:
+                step(space, time_step)
+
+    def place(self, body: Any) -> tuple[float, float]:
+        """Position [m]: x, y."""
+        position = self._library.cpBodyGetPosition(body._body)
+        return position.x, position.y
 
     def motion(self, body: Any) -> tuple[float, float, float, float]:
         """Position [m] and velocity [m/s]: x, y, vx, vy."""
@@ -109,14 +133,18 @@ class DirectCalls:
 class PublicCalls:
     """pymunk's published interface only."""
 
-    def __init__(self, space: Any, settings: ChainSettings) -> None:
+    def __init__(self, space: Any, time_step: float) -> None:
         self._space = space
-        self._time_step = settings.time_step
+        self._time_step = time_step
 
     def step(self, count: int) -> None:
         """Take ``count`` steps."""
         for _ in range(count):
             self._space.step(self._time_step)
+
+    def place(self, body: Any) -> tuple[float, float]:
+        """Position [m]: x, y."""
+        return (*body.position,)
 
     def motion(self, body: Any) -> tuple[float, float, float, float]:
         """Position [m] and velocity [m/s]: x, y, vx, vy."""

@@ -14,9 +14,11 @@ import importlib.metadata
 import math
 from typing import Any
 
-from looping_pendulum.engines.chain import bead_places, point_on_string, polygon_friction, polygon_radius
+from looping_pendulum.engines.chain import point_on_string, polygon_friction, polygon_radius
 from looping_pendulum.engines.protocol import Abilities, Profile, SteppedEngine
+from looping_pendulum.engines.pymunk.abilities import DRAG, EFFECT_KINDS, ONE_COEFFICIENT
 from looping_pendulum.engines.pymunk.calls import (
+    MOST_ALLOWED,
     PUBLIC_ERROR_RATE,
     SETTINGS,
     Calls,
@@ -25,6 +27,9 @@ from looping_pendulum.engines.pymunk.calls import (
     PublicCalls,
     direct_library,
 )
+from looping_pendulum.engines.pymunk.laid_string import bead_arcs, masses, velocity_on_string
+from looping_pendulum.engines.pymunk.studies import chain_studies
+from looping_pendulum.engines.studies import Studies
 from looping_pendulum.engines.trajectory import Provenance, Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -54,13 +59,17 @@ class _BeadString:
         self._bead_radius = settings.bead_radius
         self._error_bias = error_bias
         self._no_mutual_contact = pymunk.ShapeFilter(group=1)
-        node_radius = polygon_radius(parameters.rod_radius, settings.bend)
-        rod = pymunk.Circle(space.static_body, node_radius - settings.bead_radius + settings.contact_slop)
-        rod.friction = polygon_friction(parameters.coefficients["kinetic_friction"], settings.bend)
+        self._shapes: dict[Any, Any] = {}  # bead -> its shape, of the beads in the space
+        self._spare: list[tuple[Any, Any]] = []  # beads taken away, to be used again
+        radius, friction = parameters.rod_radius, parameters.coefficients["kinetic_friction"]
+        node_radius = polygon_radius(radius, settings.bend) if settings.polygon_radius else radius
+        slop = min(settings.contact_slop, MOST_ALLOWED)
+        rod = pymunk.Circle(space.static_body, node_radius - settings.bead_radius + slop)
+        rod.friction = polygon_friction(friction, settings.bend) if settings.polygon_friction else friction
         space.add(rod)
         light, heavy = masses(space, parameters)
-        places = bead_places(parameters, self._link_length, node_radius, NEAR_LINKS)
-        beads = [self._bead(place, (0.0, 0.0)) for place in places]
+        arcs = bead_arcs(parameters, self._link_length, NEAR_LINKS)
+        beads = [self._bead(point_on_string(parameters, a, node_radius), velocity_on_string(parameters, a)) for a in arcs]
         self.bodies = [light, *beads, heavy]
         pairs = list(zip(self.bodies[:-1], self.bodies[1:], strict=True))
         self.lengths = [a.position.get_distance(b.position) for a, b in pairs]
@@ -83,7 +92,7 @@ class _BeadString:
     def _tend_first(self, calls: Calls) -> None:
         if self._tangent_distance(calls, 1) < NEAR_LINKS * self._link_length:
             if self.lengths[0] > 2 * self._link_length:
-                self._add_bead()
+                self._add_bead(calls)
         elif (
             len(self.bodies) - 2 > MIN_BEADS
             and self._tangent_distance(calls, 2) > FAR_LINKS * self._link_length
@@ -92,19 +101,21 @@ class _BeadString:
             self._take_bead()
 
     def _tangent_distance(self, calls: Calls, index: int) -> float:
-        x, y, _, _ = calls.motion(self.bodies[index])
+        x, y = calls.place(self.bodies[index])
         return math.sqrt(max(x * x + y * y - self._rod_radius**2, 0.0))
 
-    def _add_bead(self) -> None:
+    def _add_bead(self, calls: Calls) -> None:
         """Put a bead where the outermost one is, and move that one a link towards the mass.
 
         The straight part keeps its joint, and with it the impulse that carries the mass.
         """
         mass, end, following = self.bodies[:3]
         share = self._link_length / self.lengths[0]
-        bead = self._bead(end.position, end.velocity)
-        end.position += (mass.position - end.position) * share
-        end.velocity += (mass.velocity - end.velocity) * share
+        x, y, vx, vy = calls.motion(end)
+        mass_x, mass_y, mass_vx, mass_vy = calls.motion(mass)
+        bead = self._bead((x, y), (vx, vy))
+        end.position = x + (mass_x - x) * share, y + (mass_y - y) * share
+        end.velocity = vx + (mass_vx - vx) * share, vy + (mass_vy - vy) * share
         self._space.remove(self._links[1])
         self._set_straight(self.lengths[0] - self._link_length)
         self.lengths.insert(1, self._link_length)
@@ -114,20 +125,27 @@ class _BeadString:
     def _take_bead(self) -> None:
         """Take the second bead away and put the outermost one in its place."""
         end, bead, following = self.bodies[1:4]
-        self._space.remove(self._links[1], self._links[2], bead, *bead.shapes)
+        shape = self._shapes.pop(bead)
+        self._space.remove(self._links[1], self._links[2], bead, shape)
+        self._spare.append((bead, shape))
         end.position, end.velocity = bead.position, bead.velocity
         del self.bodies[2]
         self._set_straight(self.lengths[0] + self.lengths.pop(1))
         self._links[1:3] = [self._link(end, following, self.lengths[1])]
 
     def _bead(self, position: tuple[float, float], velocity: tuple[float, float]) -> Any:
+        bead, shape = self._spare.pop() if self._spare else self._new_bead()
+        bead.position, bead.velocity = position, velocity
+        self._space.add(bead, shape)
+        self._shapes[bead] = shape
+        return bead
+
+    def _new_bead(self) -> tuple[Any, Any]:
         body = self._pymunk.Body(self._bead_mass, math.inf)
-        body.position, body.velocity = position, velocity
         shape = self._pymunk.Circle(body, self._bead_radius)
         shape.friction = 1.0  # Chipmunk multiplies the two shapes' coefficients: the circle's is then the pair's
         shape.filter = self._no_mutual_contact
-        self._space.add(body, shape)
-        return body
+        return body, shape
 
     def _link(self, a: Any, b: Any, length: float) -> Any:
         joint = self._pymunk.PinJoint(a, b)
@@ -139,7 +157,6 @@ class _BeadString:
 
     def _join(self, joint: Any) -> Any:
         joint.error_bias = self._error_bias
-        joint.collide_bodies = False
         self._space.add(joint)
         return joint
 
@@ -149,23 +166,8 @@ class _BeadString:
 
     def stretch(self, calls: Calls) -> float:
         """How much longer than its rest length the string is [m]; negative where it hangs slack."""
-        places = [calls.motion(body)[:2] for body in self.bodies]
+        places = [calls.place(body) for body in self.bodies]
         return math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self.lengths)
-
-
-def masses(space: Any, parameters: Parameters) -> tuple[Any, Any]:
-    """Light and heavy mass where they are released, as bodies of ``space``; a clamped mass is a static body."""
-    import pymunk
-
-    light = pymunk.Body(parameters.light_mass, math.inf)
-    if parameters.release is Release.HELD:
-        heavy = pymunk.Body(body_type=pymunk.Body.STATIC)
-    else:
-        heavy = pymunk.Body(parameters.heavy_mass, math.inf)
-    light.position = point_on_string(parameters, 0.0, parameters.rod_radius)
-    heavy.position = point_on_string(parameters, parameters.string_length, parameters.rod_radius)
-    space.add(light, heavy)
-    return light, heavy
 
 
 def empty_space(parameters: Parameters, settings: ChainSettings) -> Any:
@@ -190,7 +192,7 @@ class ChainRig:
         self._settings = settings
         self._calls: Calls
         if library is None:
-            self._calls, error_rate = PublicCalls(space, settings), PUBLIC_ERROR_RATE
+            self._calls, error_rate = PublicCalls(space, settings.time_step), PUBLIC_ERROR_RATE
         else:
             self._calls, error_rate = DirectCalls(library, space, settings), settings.error_rate
         self._string: _BeadString | None = None
@@ -214,15 +216,19 @@ class ChainRig:
             self._groups += 1
 
     def _push(self, group: int) -> None:
-        """Apply the drag of a group of steps in its first one: Chipmunk forgets forces after each step."""
+        """Apply the forces of a group of steps in its first one: Chipmunk forgets forces after each step.
+
+        The first group gets half of its own, so that on average over a group the speeds are neither early nor late.
+        """
         if self._force is None:
             return
+        share = group if self._groups else 0.5 * group
         time = self._groups * group * self._settings.time_step
         heavy_vy = self._calls.motion(self._heavy)[3]
         fx, fy, heavy_fy = self._force(time, *self._calls.motion(self._light), heavy_vy)
-        self._calls.push(self._light, group * fx, group * fy)
+        self._calls.push(self._light, share * fx, share * fy)
         if not self._clamped:
-            self._calls.push(self._heavy, 0.0, group * heavy_fy)
+            self._calls.push(self._heavy, 0.0, share * heavy_fy)
 
     def read(self) -> tuple[float, ...]:
         """Positions, velocities and string stretch."""
@@ -240,10 +246,10 @@ _SUPPLIES = Supplies(
     ),
     friction_law=Supply(by=Supplier.ENGINE, how=_CONTACT),
     stick_slip=Supply(by=Supplier.ENGINE, how="the same contact: the solver clamps friction to its cone"),
-    drag=Supply(by=Supplier.ADAPTER, how="the reference's formulas as applied forces"),
+    drag=DRAG,
 )
 _LIMITS = (
-    "one Coulomb coefficient only: where static_friction differs from kinetic_friction, the kinetic one acts in both",
+    ONE_COEFFICIENT,
     "damps its joints through a private pymunk call (a leaky warm start); where a pymunk lacks it the chain is softer (at ten "
     "to one, quick: 1.2 mm of stretch for 0.2 mm) and provenance.settings says leaky_warm_start: False",
     "straight string has no mass and stays straight: no waves run along it, and slack string does not fall",
@@ -270,6 +276,7 @@ class PymunkChain(SteppedEngine):
         self.settings: ChainSettings = settings if settings is not None else SETTINGS[profile]
         self.abilities = Abilities(
             releases=frozenset(Release),
+            effect_kinds=EFFECT_KINDS,
             supplies=_SUPPLIES,
             packages=("pymunk",),
             summary="Point beads on pin joints over a static circle, a slide joint for each straight part of the string.",
@@ -282,6 +289,14 @@ class PymunkChain(SteppedEngine):
         library = direct_library()
         self._leaky = library is not None
         return ChainRig(scenario.parameters, self.settings, library)
+
+    def with_settings(self, **changes: object) -> PymunkChain:
+        """Return this variant with some settings changed."""
+        return PymunkChain(profile=self.profile, settings=dataclasses.replace(self.settings, **changes))  # type: ignore[arg-type]
+
+    def studies(self) -> Studies:
+        """Ladders, Chipmunk's defaults one at a time, and choices."""
+        return chain_studies(self.settings, self.with_settings)
 
     def versions(self) -> dict[str, str]:
         """Version of pymunk."""

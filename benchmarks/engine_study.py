@@ -1,0 +1,189 @@
+"""Write docs/engine-study.md: what the engines' errors are made of, how they converge, what they cost.
+
+`python -m benchmarks.engine_study --work DIR` makes all runs (hours; ended ones are kept in DIR), stores what they found as
+docs/data/engine_study.json and writes the page from that. `--page` writes the page again from the stored numbers alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks import pareto
+from benchmarks.pareto import PROTOTYPES, Point, figure, front, points
+from looping_pendulum.cli_converge import StudyBar
+from looping_pendulum.compare import convergence_report as report
+from looping_pendulum.compare.convergence_result import ConvergenceResult
+from looping_pendulum.compare.convergence_study import study_convergence, write
+from looping_pendulum.compare.export import write_whole
+from looping_pendulum.compare.plots import png
+from looping_pendulum.compare.tables import number, table
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.registry import select
+from looping_pendulum.scenarios import load
+
+DOCS = Path(__file__).parents[1] / "docs"
+SUMMARY, PAGE, FIGURE = DOCS / "data" / "engine_study.json", DOCS / "engine-study.md", DOCS / "img" / "pareto.png"
+COMMAND = "python -m benchmarks.engine_study"
+SCENARIO = "ten_to_one"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """Everything that the page is written from."""
+
+    convergence: ConvergenceResult
+    pareto: tuple[Point, ...]
+
+    def to_json(self) -> str:
+        """Text of the stored numbers: one line per variant, ladder and timed point, to keep it small."""
+        tree = {
+            "schema": {"id": "looping-pendulum/engine-study", "version": 1},
+            "convergence": json.loads(self.convergence.to_json()),
+            "pareto": [dataclasses.asdict(p) for p in self.pareto],
+        }
+        return json.dumps(rounded(tree), indent=None, separators=(",", ":")).replace('{"engine":', '\n{"engine":') + "\n"
+
+
+def read(text: str) -> Study:
+    """Read `Study.to_json`'s text back."""
+    tree = json.loads(text)
+    return Study(
+        convergence=ConvergenceResult.from_json(json.dumps(tree["convergence"])),
+        pareto=tuple(Point(**p) for p in tree["pareto"]),
+    )
+
+
+def rounded(tree: Any) -> Any:
+    """``tree`` with floats to six significant digits: more than the page prints."""
+    if isinstance(tree, dict):
+        return {key: rounded(value) for key, value in tree.items()}
+    if isinstance(tree, list):
+        return [rounded(value) for value in tree]
+    return float(f"{tree:.6g}") if isinstance(tree, float) else tree
+
+
+def page(study: Study) -> str:
+    """Return the page of Markdown."""
+    result = study.convergence
+    return f"""# What the engines' errors are made of
+
+Written by `{COMMAND}` from `docs/data/engine_study.json`, the stored numbers of one run of all studies; do not edit it by hand.
+`looping-pendulum converge {result.scenario} --engine NAME` makes the same for one variant, with a figure for every setting.
+
+{report.opening(result)}
+{report.HOW_TO_READ}
+## Every error, split
+
+{report.splits_table(result)}
+## Does the halting time converge?
+
+{report.halting_table(result)}
+## Along every ladder
+
+{report.ladders_table(result)}
+## Speed against accuracy
+
+![Wall seconds per simulated second against the error at 0.7 s](img/pareto.png)
+
+{pareto_text(study.pareto)}
+## Hidden defaults
+
+Each row is a run with everything as ours but for this one setting.
+
+{report.defaults_table(result)}
+## The adapters' choices
+
+{report.choices_table(result)}
+## Provenance
+
+{report.provenance_table(result)}"""
+
+
+def pareto_text(found: tuple[Point, ...]) -> str:
+    """Return the points that nothing beats, the variants' own points, and the prototypes."""
+    best = {p.key for p in front(list(found))}
+    contact = {p.key for p in front([p for p in found if p.contact])}
+    head = ["variant", "setting", "what", "RMS to 0.7 s [mm]", "wall s per s", "CPU s per s", "runs", "slowest"]
+    rows = []
+    for p in sorted(found, key=lambda p: (p.variant, p.wall)):
+        marks = [
+            *(["nothing beats it"] if p.key in best else []),
+            *(["nothing beats it where the law is the engine's own"] if p.key in contact - best else []),
+            *(["own settings"] if not p.where else []),
+        ]
+        if marks:
+            times = [number(x, digits=2) for x in (p.wall, p.cpu)]
+            rows.append(
+                [
+                    p.variant,
+                    p.where or "its own",
+                    ", ".join(marks),
+                    number(1e3 * p.rms),
+                    *times,
+                    str(p.runs),
+                    number(p.slowest, digits=2),
+                ]
+            )
+    old = table(["prototype", "RMS to 0.7 s [mm]", "wall s per s"], [[w, number(e), number(t)] for w, e, t in PROTOTYPES])
+    return f"""Timed apart from the error runs, one process at a time, building included and imports not; median of the runs.
+
+{table(head, rows, left=3)}
+The prototypes that were written before the adapters, in haste and on a shared machine (times to a factor of two):
+
+{old}"""
+
+
+def main() -> None:
+    """Make the runs, or only the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=Path, help="folder where runs are kept")
+    parser.add_argument("--page", action="store_true", help="only write the page again from the stored numbers")
+    parser.add_argument("--budget", type=float, default=300.0, help="leave out runs expected to take longer than this [s]")
+    parser.add_argument("--timing-budget", type=float, default=120.0, help="time only runs that took at most this [s]")
+    parser.add_argument("--jobs", type=int, help="error runs at once; timed ones always run alone")
+    parser.add_argument("--engine", "-e", action="append", help="engine or variant; default: all, and the reference")
+    options = parser.parse_args()
+    if not options.page:
+        if options.work is None:
+            parser.error("--work: needed a folder, or --page")
+        engines = select(options.engine or ["reference", "all"], Profile.QUICK)
+        with StudyBar() as bar:
+            result = study_convergence(
+                load(SCENARIO),
+                engines,
+                options.work,
+                budget=options.budget,
+                jobs=options.jobs,
+                time_limit=3600.0,
+                progress=bar.update,
+            )
+        write(result, options.work)
+        if result.interrupted:
+            sys.exit(130)
+        timed = kept_points(result, options.work / pareto.NAME, options.timing_budget)
+        write_whole(SUMMARY, Study(convergence=result, pareto=timed).to_json())
+    study = read(SUMMARY.read_text(encoding="utf-8"))
+    write_whole(FIGURE, png(figure(list(study.pareto))))
+    write_whole(PAGE, page(study))
+    print(f"wrote {PAGE}")
+
+
+def kept_points(result: ConvergenceResult, file: Path, budget: float) -> tuple[Point, ...]:
+    """Timed points of ``result``; those that stand in ``file`` are not timed again."""
+    known = {p["key"]: Point(**p) for p in json.loads(file.read_text(encoding="utf-8"))} if file.exists() else {}
+    found: list[Point] = []
+    for point in points(result, budget, known):
+        found.append(point)
+        known[point.key] = point
+        write_whole(file, json.dumps([dataclasses.asdict(p) for p in known.values()], indent=1) + "\n")
+    return tuple(found)
+
+
+if __name__ == "__main__":
+    main()

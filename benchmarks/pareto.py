@@ -1,0 +1,209 @@
+"""Speed against accuracy: wall seconds per simulated second against the error at 0.7 s, for every rung of every ladder.
+
+`python -m benchmarks.pareto --study DIR --out DIR` times the runs of a study that `looping-pendulum converge ... --out DIR`
+made, one at a time and apart from it, and writes pareto.json and pareto.png. The errors are the study's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import pickle
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from looping_pendulum.compare.convergence_result import FILE, ConvergenceResult, VariantStudy
+from looping_pendulum.compare.convergence_study import plan
+from looping_pendulum.compare.export import write_whole
+from looping_pendulum.compare.plots import GREY, figure_of, legend_below, png, styles
+from looping_pendulum.engines.protocol import Engine, Profile
+from looping_pendulum.engines.registry import select
+from looping_pendulum.scenarios import load
+from looping_pendulum.scenarios.scenario import Scenario
+
+NAME = "pareto.json"
+MARK = "path_0.7s"
+WARM_UP = 5e-3
+"""Simulated before the clock starts [s], so that imports and caches are not timed."""
+REPEATS, ENOUGH = 3, 60.0
+"""Timed runs of one rung, and wall time [s] after which no further one is begun."""
+TARGET = 60.0
+"""Wall seconds per simulated second that a chain may take (issue 4)."""
+
+PROTOTYPES = (
+    ("MuJoCo, tendon as documented", 248.0, 0.5),
+    ("MuJoCo, tendon + capstan bound, 1 ms", 2.5, 0.09),
+    ("MuJoCo, tendon + capstan bound, 0.1 ms", 0.21, 0.9),
+    ("MuJoCo, tendon + effective mass, RK4 0.1 ms", 0.0008, 1.7),
+    ("MuJoCo, drum, RK4 1 ms", 0.002, 0.1),
+    ("MuJoCo, bead chain 1.5 mm", 3.8, 54.0),
+    ("MuJoCo, bead chain 3 mm", 33.0, 61.0),
+    ("pymunk, beads 3 mm, 10 us", 11.7, 16.0),
+    ("pymunk, beads 6 mm, 4 us", 18.5, 12.0),
+    ("pymunk, beads 3 mm, 4 us", 4.3, 53.0),
+    ("pymunk, beads 2 mm, 2 us", 2.6, 158.0),
+    ("PyBullet, Featherstone chain 5 mm, 20 us", 13.9, 52.0),
+    ("PyBullet, Featherstone chain 5 mm, 10 us", 2.0, 123.0),
+    ("PyBullet, point-to-point chain", 38.0, 133.0),
+)
+"""What, RMS to 0.7 s [mm], wall s per simulated s: hasty prototypes written before the adapters, on a shared machine (a factor
+of two either way); of a range of times the geometric middle."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """One rung, timed."""
+
+    variant: str
+    where: str
+    """ "time_step 1e-05", or empty at the variant's own settings."""
+    key: str
+    contact: bool
+    """Whether winding and friction law are the engine's own."""
+    rms: float
+    """To 0.7 s [m]."""
+    wall: float
+    """Median wall seconds per simulated second."""
+    cpu: float
+    """The same of CPU time."""
+    runs: int
+    slowest: float
+    """Largest wall seconds per simulated second of the runs."""
+
+
+def points(study: ConvergenceResult, budget: float, known: Mapping[str, Point] | None = None) -> Iterator[Point]:
+    """Time every rung that has an error at 0.7 s and took at most ``budget`` [s] in the study; not again what is ``known``."""
+    scenario = dataclasses.replace(load(study.scenario), duration=study.until)
+    took = {one.key: one.seconds for one in study.clock.run_times}
+    for v in study.variants:
+        engine = select([v.label], Profile(v.profile))[0]
+        runs = plan(engine, scenario, ())
+        engines = {task.key: task.engine for task in runs.tasks()}
+        for where, key, rms in rungs(v):
+            if known and key in known:
+                yield known[key]
+            elif key in engines and (took.get(key) or 0.0) <= budget:
+                wall, cpu = timed(engines[key], scenario)
+                times = {"wall": statistics.median(wall), "cpu": statistics.median(cpu), "slowest": max(wall)}
+                print(
+                    f"{v.label} {where or '(own)'}: {1e3 * rms:.3g} mm, {times['wall']:.3g} s per s",
+                    file=sys.stderr,
+                    flush=True,
+                )
+                contact = supplied_by_engine(v)
+                yield Point(variant=v.label, where=where, key=key, contact=contact, rms=rms, runs=len(wall), **times)
+
+
+def rungs(v: VariantStudy) -> list[tuple[str, str, float]]:
+    """(setting and value, key, error) of the variant's own run and of each of its rungs, each run once."""
+    every = [("", v.own), *((f"{ladder.setting} {r.value:g}", r.run) for ladder in v.ladders for r in ladder.rungs)]
+    found: dict[str, tuple[str, str, float]] = {}
+    for where, run in every:
+        rms = run.rms[MARK]
+        if run.ok and rms is not None:
+            found.setdefault(run.key, (where, run.key, rms))
+    return list(found.values())
+
+
+def supplied_by_engine(v: VariantStudy) -> bool:
+    """Whether winding and friction law are the engine's own."""
+    by = {s.what: s.by for s in v.provenance.supplies}
+    return by["winding"] == by["friction law"] == "engine"
+
+
+def timed(engine: Engine, scenario: Scenario) -> tuple[list[float], list[float]]:
+    """Wall and CPU seconds per simulated second of a few runs, each in a process of its own, one after the other."""
+    wall: list[float] = []
+    cpu: list[float] = []
+    with tempfile.TemporaryDirectory() as folder:
+        job = Path(folder) / "job.pickle"
+        job.write_bytes(pickle.dumps((engine, scenario)))
+        began = time.perf_counter()
+        while len(wall) < REPEATS and (not wall or time.perf_counter() - began < ENOUGH):
+            command = [sys.executable, "-m", "benchmarks.pareto", "--one", str(job)]
+            done = subprocess.run(command, check=True, capture_output=True, text=True)
+            seconds = json.loads(done.stdout.splitlines()[-1])
+            wall.append(seconds["wall"])
+            cpu.append(seconds["cpu"])
+    return wall, cpu
+
+
+def one(job: Path) -> dict[str, float]:
+    """Wall and CPU seconds per simulated second of one run after a warm-up, the building of the apparatus included."""
+    engine, scenario = pickle.loads(job.read_bytes())
+    engine.simulate(dataclasses.replace(scenario, duration=WARM_UP))
+    wall, cpu = time.perf_counter(), time.process_time()
+    run = engine.simulate(scenario)
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    simulated = float(run.t[-1])
+    return {"wall": wall / simulated, "cpu": cpu / simulated}
+
+
+def front(found: list[Point]) -> list[Point]:
+    """Points that no other beats in both time and error, from fast to slow."""
+    best = [p for p in found if not any(o is not p and o.wall <= p.wall and o.rms <= p.rms for o in found)]
+    return sorted(best, key=lambda p: p.wall)
+
+
+def figure(found: list[Point]) -> Figure:
+    """Error against time, log-log; lines join what nothing beats, among all and where winding and law are the engine's own."""
+    picture, (axes,) = figure_of(8.4, 6.8)
+    axes.plot(*np.array([(t, e) for _, e, t in PROTOTYPES]).T, "x", color=GREY, ms=6, label="prototypes")
+    look = styles(p.variant for p in found)
+    for variant in dict.fromkeys(p.variant for p in found):
+        mine = [p for p in found if p.variant == variant]
+        style = look[variant]
+        fill = style.colour if mine[0].contact else "white"
+        xy = np.array([(p.wall, 1e3 * p.rms) for p in mine]).T
+        axes.plot(*xy, ls="none", marker=style.marker, ms=5.5, color=style.colour, mfc=fill, label=variant)
+    for chosen, line, name in (
+        (front(found), "-", "nothing beats these"),
+        (front([p for p in found if p.contact]), "--", "nor these, law the engine's own"),
+    ):
+        axes.plot([p.wall for p in chosen], [1e3 * p.rms for p in chosen], line, color="black", lw=1.0, zorder=1, label=name)
+    axes.axvline(TARGET, color=GREY, lw=0.9, dashes=(1, 2), label=f"target {TARGET:g} s per s")
+    axes.set(
+        xscale="log", yscale="log", xlabel="wall seconds per simulated second", ylabel="RMS to 0.7 s against the truth [mm]"
+    )
+    axes.set_title("Speed against accuracy; open marks: the adapter feeds a law in")
+    legend_below(picture)
+    return picture
+
+
+def read_study(folder: Path) -> ConvergenceResult:
+    """Read the study that `looping-pendulum converge` left in ``folder``."""
+    return ConvergenceResult.from_json((folder / FILE).read_text(encoding="utf-8"))
+
+
+def main() -> None:
+    """Time a study's runs."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--study", type=Path, help="folder that `looping-pendulum converge` wrote")
+    parser.add_argument("--out", type=Path, help="folder for pareto.json and pareto.png")
+    parser.add_argument(
+        "--budget", type=float, default=120.0, help="leave out runs that took longer than this in the study [s]"
+    )
+    parser.add_argument("--one", type=Path, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.one is not None:
+        print(json.dumps(one(options.one)))
+        return
+    if options.study is None or options.out is None:
+        parser.error("--study and --out: needed both")
+    found = list(points(read_study(options.study), options.budget))
+    write_whole(options.out / NAME, json.dumps([dataclasses.asdict(p) for p in found], indent=1) + "\n")
+    write_whole(options.out / "pareto.png", png(figure(found)))
+
+
+if __name__ == "__main__":
+    main()

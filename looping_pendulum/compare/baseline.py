@@ -1,0 +1,298 @@
+"""What changed since another run of the same scenario: two results, held against each other.
+
+`changes.json` is `Changes` as JSON: one object per dataclass, one key per field, SI and radians, and first the key ``schema``
+with `SCHEMA_ID` and `SCHEMA_VERSION`. It stands beside `result.json`, which stays the same bytes whatever it is held against.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from looping_pendulum.compare.json_text import plain
+from looping_pendulum.compare.result import ComparisonResult, EngineResult, Landmarks, ResultError, RunProvenance
+from looping_pendulum.compare.tables import GAP, number, table
+from looping_pendulum.scenarios.scenario import METRICS
+
+SCHEMA_ID = "looping-pendulum/changes"
+SCHEMA_VERSION = 1
+
+RELATIVE = 0.01
+"""A metric has changed if it moved by more than this fraction of what it was and by more than its floor."""
+
+FLOORS = {"m": 1e-6, "s": 1e-6, "rad": 1e-6, "": 1e-6}
+"""SI unit -> change of a metric, or of a landmark of the truth, that is too small to speak of."""
+
+LANDMARK_FLOORS = {"m": 1e-4, "s": 1e-4, "rad": 1e-3}
+"""SI unit -> the same for a landmark of an engine: a tenth of the sample interval, and what masses and string move in that."""
+
+LANDMARK_UNITS = {
+    "halting_time": "s",
+    "drop_at_halt": "m",
+    "wrap_angle_at_halt": "rad",
+    "free_length_at_halt": "m",
+    "light_reaches_rod": "s",
+}
+SHOWN = {"m": ("mm", 1e3), "s": ("ms", 1e3), "rad": ("mrad", 1e3)}
+"""SI unit -> the unit a reader likes, and how many of it make one."""
+
+TRUTH = "truth"
+NO_RUN = "not run"
+SAID_ON_CONSOLE = 40
+"""Changes that a terminal gets; the report has all."""
+
+
+class Kind(StrEnum):
+    """What sort of thing changed."""
+
+    SCENARIO = "scenario"
+    RUN = "run"
+    STATUS = "status"
+    METRIC = "metric"
+    TOLERANCE = "tolerance"
+    LANDMARK = "landmark"
+    VERSION = "version"
+    SETTING = "setting"
+    SUPPLY = "supply"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """One thing that is not as it was."""
+
+    kind: Kind
+    run: str
+    """"truth", "pymunk:chain, quick", or empty for the scenario."""
+    what: str
+    """Name of the metric, landmark, package, setting."""
+    unit: str
+    """SI; '' for a pure number or what is no number."""
+    before: Any
+    """None: there was none."""
+    after: Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Changes:
+    """Everything that is not as it was."""
+
+    scenario: str
+    baseline: str
+    """Path of the earlier result."""
+    baseline_written: str
+    """When that was written, UTC."""
+    relative: float
+    """The `RELATIVE` that was used."""
+    floors: dict[str, float]
+    landmark_floors: dict[str, float]
+    changes: tuple[Change, ...]
+
+    def to_json(self) -> str:
+        """Text of ``changes.json``."""
+        tree = {"schema": {"id": SCHEMA_ID, "version": SCHEMA_VERSION}} | plain(self)
+        return json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def read_baseline(path: Path, scenario: str) -> ComparisonResult:
+    """Read the result of an earlier `compare` of ``scenario``; a folder means the result.json in it.
+
+    Raises
+    ------
+    ResultError
+        If there is none, if it is of another scenario, or from a later version.
+    """
+    file = path / "result.json" if path.is_dir() else path
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        why = (error.strerror or str(error)) if isinstance(error, OSError) else "it is no text"
+        raise ResultError(f"--baseline: {file}: {why}; `looping-pendulum compare {scenario}` writes one") from None
+    try:
+        result = ComparisonResult.from_json(text)
+    except ResultError as error:
+        raise ResultError(f"--baseline: {file}: {str(error).removeprefix('result.json: ')}") from None
+    if result.scenario != scenario:
+        raise ResultError(f"--baseline: {file}: found a result of {result.scenario!r}, needed one of {scenario!r}; give that")
+    return result
+
+
+def changes_since(
+    before: ComparisonResult, after: ComparisonResult, *, source: str = "", relative: float = RELATIVE
+) -> Changes:
+    """List what changed from ``before`` to ``after``; times of day and wall times are left out.
+
+    Parameters
+    ----------
+    source
+        Where ``before`` comes from.
+    relative
+        Smallest change of a metric that counts, as a fraction of what it was.
+    """
+    found = [*_scenario(before, after), *_truth(before, after), *_runs(before, after, relative)]
+    return Changes(
+        scenario=after.scenario,
+        baseline=source,
+        baseline_written=before.clock.written,
+        relative=relative,
+        floors=dict(FLOORS),
+        landmark_floors=dict(LANDMARK_FLOORS),
+        changes=tuple(found),
+    )
+
+
+def _scenario(before: ComparisonResult, after: ComparisonResult) -> Iterator[Change]:
+    old, new = _flat(before.parameters), _flat(after.parameters)
+    yield from _different(Kind.SCENARIO, "", old | {"duration": before.duration}, new | {"duration": after.duration})
+
+
+def _truth(before: ComparisonResult, after: ComparisonResult) -> Iterator[Change]:
+    old, new = before.truth, after.truth
+    names = [f"{t.engine}:{t.variant}" for t in (old, new)]
+    yield from _different(Kind.RUN, TRUTH, {"integrator": names[0]}, {"integrator": names[1]})
+    yield from _landmarks(TRUTH, old.landmarks, new.landmarks, FLOORS)
+    yield from _provenance(TRUTH, old.provenance, new.provenance)
+
+
+def _runs(before: ComparisonResult, after: ComparisonResult, relative: float) -> Iterator[Change]:
+    old, new = ({(e.label, e.profile): e for e in result.engines} for result in (before, after))
+    for key in [*new, *(key for key in old if key not in new)]:
+        run = ", ".join(part for part in key if part)
+        if key in old and key in new:
+            yield from _run(run, old[key], new[key], relative)
+            yield from _tolerances(run, before, after, old[key])
+        else:
+            statuses = [known[key].status if key in known else NO_RUN for known in (old, new)]
+            yield Change(kind=Kind.RUN, run=run, what="run", unit="", before=statuses[0], after=statuses[1])
+
+
+def _run(run: str, old: EngineResult, new: EngineResult, relative: float) -> Iterator[Change]:
+    yield from _different(Kind.STATUS, run, {"status": old.status}, {"status": new.status})
+    for name in (name for name in new.metrics if name in old.metrics):  # one that only one version knows says nothing
+        unit = METRICS.get(name, "")
+        was, now = old.metrics[name], new.metrics[name]
+        if _moved(was, now, max(FLOORS[unit], relative * abs(was or 0.0))):
+            yield Change(kind=Kind.METRIC, run=run, what=name, unit=unit, before=was, after=now)
+    yield from _landmarks(run, old.landmarks, new.landmarks, LANDMARK_FLOORS)
+    yield from _provenance(run, old.provenance, new.provenance)
+
+
+def _tolerances(run: str, before: ComparisonResult, after: ComparisonResult, engine: EngineResult) -> Iterator[Change]:
+    judged = [{t.metric: t for t in result.judged(engine)} for result in (before, after)]
+    old, new = ({metric: t.outcome.value for metric, t in known.items()} for known in judged)
+    yield from _different(Kind.TOLERANCE, run, old, new)
+    for metric in (metric for metric in judged[1] if metric in judged[0]):
+        limits = [known[metric].limit for known in judged]
+        if limits[0] != limits[1]:
+            unit = METRICS.get(metric, "")
+            yield Change(kind=Kind.TOLERANCE, run=run, what=f"limit of {metric}", unit=unit, before=limits[0], after=limits[1])
+
+
+def _landmarks(run: str, before: Landmarks, after: Landmarks, floors: Mapping[str, float]) -> Iterator[Change]:
+    def change(what: str, unit: str, old: Any, new: Any) -> Change:
+        return Change(kind=Kind.LANDMARK, run=run, what=what, unit=unit, before=old, after=new)
+
+    for f in dataclasses.fields(Landmarks):
+        old, new = getattr(before, f.name), getattr(after, f.name)
+        name = f.name.replace("_", " ")
+        if not isinstance(new, tuple):
+            unit = LANDMARK_UNITS.get(f.name, "")
+            if _moved(old, new, floors[unit]) if unit else old != new:
+                yield change(name, unit, old, new)
+        elif len(old) != len(new):
+            yield change(f"number of {name}", "", len(old), len(new))
+        else:
+            pairs = zip(map(_quantities, old), map(_quantities, new), strict=True)
+            for index, (was, now) in enumerate(pairs, 1):
+                for what, unit in (("time", "s"), ("height_change", "m"), ("value", "m")):
+                    if what in now and _moved(was[what], now[what], floors[unit]):
+                        yield change(f"{name} {index}, {what.replace('_', ' ')}", unit, was[what], now[what])
+
+
+def _quantities(moment: Any) -> dict[str, float]:
+    return vars(moment) if dataclasses.is_dataclass(moment) else {"time": moment}
+
+
+def _provenance(run: str, before: RunProvenance, after: RunProvenance) -> Iterator[Change]:
+    yield from _different(Kind.VERSION, run, before.versions, after.versions)
+    old, new = (_flat(p.settings) | ({} if p.seed is None else {"seed": p.seed}) for p in (before, after))
+    yield from _different(Kind.SETTING, run, old, new)
+    by, now_by = ({s.what: s.by for s in p.supplies} for p in (before, after))
+    yield from _different(Kind.SUPPLY, run, by, now_by)
+
+
+def _different(kind: Kind, run: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Change]:
+    """Everything that is not exactly equal."""
+    for key in [*new, *(key for key in old if key not in new)]:
+        was, now = old.get(key), new.get(key)
+        if was != now:
+            yield Change(kind=kind, run=run, what=key, unit="", before=was, after=now)
+
+
+def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
+    return flat
+
+
+def _moved(was: float | None, now: float | None, floor: float) -> bool:
+    if was is None or now is None:
+        return was is not now
+    return abs(now - was) > floor
+
+
+def heading(changes: Changes) -> str:
+    """One sentence: how many changes since what, and what counts as one."""
+    count = len(changes.changes)
+    what = "Nothing changed" if count == 0 else f"{count} change{'s' if count > 1 else ''}"
+    return f"{what} since {changes.baseline or 'the baseline'} (written {changes.baseline_written})."
+
+
+def thresholds(changes: Changes) -> str:
+    """What counts as a change."""
+    floors = (changes.floors, changes.landmark_floors)
+    metric, landmark = ({unit: _cell(value, unit) for unit, value in known.items()} for known in floors)
+    return (
+        f"Listed: metrics that moved by more than {100 * changes.relative:g} % and more than {metric['m']}, {metric['s']} or "
+        f"{metric['rad']} (1e-6 of a plain number); an engine's landmarks by more than {landmark['m']}, {landmark['s']} or "
+        f"{landmark['rad']}, the truth's by the floors of the metrics; any other difference."
+    )
+
+
+def rows(changes: Changes) -> list[list[str]]:
+    """Rows of (run, what, before, after, change), for Markdown and for a terminal."""
+    return [
+        [c.run or "scenario", f"{c.kind.value}: {c.what}", _cell(c.before, c.unit), _cell(c.after, c.unit), _percent(c)]
+        for c in changes.changes
+    ]
+
+
+HEADER = ["run", "what", "before", "now", "change"]
+
+
+def render(changes: Changes) -> str:
+    """Return the report's section."""
+    text = f"{heading(changes)} {thresholds(changes)}\n"
+    return f"{text}\n{table(HEADER, rows(changes), left=4)}" if changes.changes else text
+
+
+def _cell(value: Any, unit: str) -> str:
+    if value is None:
+        return GAP
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return str(value)
+    shown, scale = SHOWN.get(unit, (unit, 1.0))
+    return f"{number(value, scale, digits=6)} {shown}".rstrip()
+
+
+def _percent(c: Change) -> str:
+    numeric = all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in (c.before, c.after))
+    if not numeric or not c.before or not math.isfinite(share := 100 * (c.after - c.before) / abs(c.before)):
+        return ""
+    return f"{share:+.3g} %"

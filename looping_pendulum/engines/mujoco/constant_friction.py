@@ -1,0 +1,42 @@
+"""How large a constant friction loss is made that shall stand for the capstan law."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+import numpy as np
+
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.solve import DURATION, solve
+
+SAMPLES = 2000
+"""Samples of the reference's run."""
+
+
+class FrictionSize(StrEnum):
+    """What the constant is made equal to, in the reference's run."""
+
+    EQUAL_WORK = "mean over the way that the string slides"
+    AT_HALT = "last value before the halt"
+    AT_RELEASE = "first value"
+
+
+def friction_loss(parameters: Parameters, size: FrictionSize) -> float:
+    """Friction |T2 - T1| of the string that slides over the rod [N], reduced to one number of the reference's own run.
+
+    Where the reference never halts, `FrictionSize.AT_HALT` is the last value while the string slides.
+    """
+    if parameters.release in (Release.HELD, Release.DROP):
+        return 0.0
+    run = solve(parameters, duration=DURATION)
+    until = run.end_time if run.halting_time is None else run.halting_time
+    samples = run.sample(np.linspace(0.0, until, SAMPLES))
+    light, heavy = samples.tensions
+    speed = np.abs(samples.state.heavy_speed)
+    sliding = (speed > 0) & (light > 0)
+    if not sliding.any():
+        return 0.0
+    friction, speed = np.abs(heavy - light)[sliding], speed[sliding]
+    if size is FrictionSize.EQUAL_WORK:
+        return float(friction @ speed / speed.sum())
+    return float(friction[-1] if size is FrictionSize.AT_HALT else friction[0])

@@ -1,0 +1,106 @@
+"""What can be varied of each MuJoCo variant: ladders of refinement, MuJoCo's defaults one at a time, the adapter's choices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
+from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder
+
+Adjusted = Callable[..., Engine]
+"""``adjusted(**changes)``: the variant with some settings changed."""
+
+DEFAULT_TIME_CONSTANT = 0.02
+"""MuJoCo's `solref` and `solreffriction` [s]."""
+TENDON_STEPS = (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)
+"""[s]"""
+BEAD_STEPS = (4e-5, 2e-5, 1e-5, 5e-6, 2.5e-6)
+"""[s]"""
+TIME_CONSTANTS = (20.0, 10.0, 5.0, 2.0)
+"""Of constraints, in time steps; MuJoCo raises what is below 2 to 2."""
+BENDS = (0.4, 0.32, 0.28, 0.24, 0.2)
+"""[rad]"""
+BEAD_MASSES = (8e-4, 4e-4, 2e-4, 1e-4, 5e-5)
+
+
+def ladder(adjusted: Adjusted, setting: str, unit: str, rungs: Iterable[dict[str, Any]], follows: str = "") -> Ladder:
+    """Make a ladder of one engine per rung; a rung is its changes, ``setting`` among them."""
+    steps = tuple(rungs)
+    engines = tuple(adjusted(**changes) for changes in steps)
+    return Ladder(
+        setting=setting, unit=unit, values=tuple(changes[setting] for changes in steps), engines=engines, follows=follows
+    )
+
+
+def step_ladder(adjusted: Adjusted, steps: Iterable[float], time_constants: tuple[str, ...], steps_stiff: int = 2) -> Ladder:
+    """Make a ladder of time steps, along which ``time_constants`` stay ``steps_stiff`` steps."""
+    rungs = ({"time_step": dt} | {name: steps_stiff * dt for name in time_constants} for dt in steps)
+    follows = f"the constraints' time constants stay {steps_stiff} steps" if time_constants else ""
+    return ladder(adjusted, "time_step", "s", rungs, follows)
+
+
+def softness_ladder(adjusted: Adjusted, setting: str, time_step: float) -> Ladder:
+    """Make a ladder of a constraint's time constant at one time step."""
+    return ladder(adjusted, setting, "s", ({setting: n * time_step} for n in TIME_CONSTANTS))
+
+
+def time_constant_default(adjusted: Adjusted, setting: str, ours: float, name: str, effect: str) -> HiddenDefault:
+    """MuJoCo's time constant for one kind of constraint."""
+    return HiddenDefault(
+        setting=name,
+        default=f"{DEFAULT_TIME_CONSTANT:g} s",
+        ours=f"{ours:g} s",
+        effect=effect,
+        engine=adjusted(**{setting: DEFAULT_TIME_CONSTANT}),
+    )
+
+
+def string_defaults(adjusted: Adjusted, settings: Any) -> tuple[HiddenDefault, ...]:
+    """MuJoCo's defaults that every variant with a string of one constraint has."""
+    s = settings
+    return (
+        time_constant_default(
+            adjusted,
+            "string_time_constant",
+            s.string_time_constant,
+            "solref",
+            "how fast a stretched string returns to its length",
+        ),
+        HiddenDefault(
+            setting="solimp",
+            default="0.9 to 0.95 within 1 mm",
+            ours=f"{s.least_impedance:g} to {s.impedance:g}",
+            effect="share of a constraint that is enforced; the rest gives way",
+            engine=adjusted(least_impedance=0.9, impedance=0.95),
+        ),
+        *solver_defaults(adjusted, s),
+    )
+
+
+def solver_defaults(adjusted: Adjusted, settings: Any, **with_long_step: Any) -> tuple[HiddenDefault, ...]:
+    """MuJoCo's defaults of step, integrator and solver; ``with_long_step``: what must change along with that step."""
+    s = settings
+    long_step = {"time_step": SAMPLE_INTERVAL} | with_long_step
+    rows = (
+        (
+            "timestep",
+            "2 ms (run at 1 ms, where samples fall)",
+            f"{s.time_step:g} s",
+            "length of a step",
+            long_step,
+        ),
+        ("integrator", "Euler", s.integrator, "how a step is taken", {"integrator": "Euler"}),
+        ("jacobian", "auto", s.jacobian, "sparse or dense algebra: dense below 60 degrees of freedom", {"jacobian": "auto"}),
+        ("iterations", "100", f"{s.solver_iterations}", "of the solver, at most", {"solver_iterations": 100}),
+        ("tolerance", "1e-8", f"{s.solver_tolerance:g}", "where the solver stops early", {"solver_tolerance": 1e-8}),
+    )
+    return tuple(
+        HiddenDefault(setting=name, default=default, ours=ours, effect=effect, engine=adjusted(**changes))
+        for name, default, ours, effect, changes in rows
+    )
+
+
+def choice(what: str, ours: str, instead: str, engine: Engine) -> Choice:
+    """Something that could be decided otherwise."""
+    return Choice(what=what, ours=ours, instead=instead, engine=engine)

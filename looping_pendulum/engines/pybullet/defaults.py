@@ -1,0 +1,60 @@
+"""PyBullet: the chain of links with the settings that PyBullet comes with. It fails; why is part of what it shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.pybullet.chain import PybulletChain
+from looping_pendulum.engines.pybullet.chain_rig import ChainSettings
+from looping_pendulum.engines.pybullet.settings import (
+    DEFAULT_DAMPING,
+    DEFAULT_ITERATIONS,
+    DEFAULT_SPEED_LIMIT,
+    LARGEST_STEP,
+    RodShape,
+)
+from looping_pendulum.engines.studies import Studies
+
+SETTINGS = ChainSettings(
+    time_step=LARGEST_STEP,
+    link_length=4e-3,
+    bead_mass_ratio=1e-3,
+    solver_iterations=DEFAULT_ITERATIONS,
+    force_interval=1,
+    look_interval=1,
+    linear_damping=DEFAULT_DAMPING,
+    angular_damping=DEFAULT_DAMPING,
+    speed_limit=DEFAULT_SPEED_LIMIT,
+    joint_motors=True,
+    rod=RodShape.CYLINDER,
+    friction_with_damping=True,
+    polygon=False,
+)
+
+
+class PybulletDefaults(PybulletChain):
+    """The chain as PyBullet sets it up by itself."""
+
+    variant = "defaults"
+    abilities = replace(
+        PybulletChain.abilities,
+        main=False,
+        known_failures={
+            "frictionless_vertical_release_is_an_atwood_machine": "measured -0.0004 m/s^2 for 8.03: joint motors hold every hinge",
+            "vertical_release_obeys_the_capstan_law": "measured -0.0004 m/s^2 for 5.80: joint motors hold every hinge",
+            "held_pendulum_swings_to_the_other_side": "joint motors hold every hinge, and take the pendulum's energy",
+        },
+        summary="The same multibody with PyBullet's defaults: damping, joint motors, speed clamp, a cylinder as rod.",
+        limits=(
+            *PybulletChain.abilities.limits,
+            "PyBullet's own step of 1/240 s is run at 1 ms, where samples fall",
+        ),
+    )
+
+    def __init__(self, *, profile: Profile = Profile.QUICK) -> None:
+        super().__init__(profile=profile, settings=SETTINGS)
+
+    def studies(self) -> Studies:
+        """Nothing: each default is measured by itself in the studies of `chain`."""
+        return Studies()

@@ -1,0 +1,105 @@
+"""PyBullet: the string as rigid bodies in maximal coordinates, pinned to one another point to point."""
+
+from __future__ import annotations
+
+import importlib.metadata
+from dataclasses import replace
+
+from looping_pendulum.engines.protocol import Abilities, Profile, Rig, SteppedEngine
+from looping_pendulum.engines.pybullet.chain import DRAG, ONE_COEFFICIENT, REACHED
+from looping_pendulum.engines.pybullet.point_to_point_rig import PointToPointRig, PointToPointSettings
+from looping_pendulum.engines.pybullet.studies import choice, iteration_ladder, link_ladder, step_ladder, world_defaults
+from looping_pendulum.engines.pybullet.world import FallingRig
+from looping_pendulum.engines.studies import Studies
+from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.scenarios.scenario import Scenario
+
+SETTINGS = {
+    Profile.QUICK: PointToPointSettings(time_step=5e-5, link_length=6e-3, bead_mass_ratio=1e-3, solver_iterations=50),
+    Profile.ACCURATE: PointToPointSettings(time_step=1e-5, link_length=5e-3, bead_mass_ratio=2e-4, solver_iterations=100),
+}
+
+_ABILITIES = Abilities(
+    releases=frozenset(Release),
+    effect_kinds=REACHED,
+    supplies=Supplies(
+        winding=Supply(by=Supplier.ENGINE, how="contact of the bodies' spheres with a static sphere of the rod's section"),
+        friction_law=Supply(
+            by=Supplier.ENGINE, how="Coulomb contact at every node; the adapter only corrects the coefficient for the polygon"
+        ),
+        stick_slip=Supply(by=Supplier.ENGINE, how="Coulomb contact"),
+        drag=DRAG,
+    ),
+    packages=("pybullet",),
+    summary="Rigid bodies pinned point to point, in maximal coordinates, over a static sphere.",
+    limits=(
+        ONE_COEFFICIENT,
+        "pins are solved by sweeps without a warm start: the string stretches, the more so the longer the step",
+        "the heavy mass hangs freely and may swing",
+    ),
+    main=False,
+    known_failures={
+        "vertical_release_obeys_the_capstan_law": "measured 5.70 m/s^2 for 5.80, 1.8 % slow: a static ratio of tensions 3.7 % too high",
+    },
+)
+
+
+class PybulletPointToPoint(SteppedEngine):
+    """A chain of pinned bodies over a static sphere.
+
+    Parameters
+    ----------
+    profile
+        Chooses the settings.
+    settings
+        Replaces the profile's settings, for studies of convergence.
+    """
+
+    name = "pybullet"
+    variant = "point_to_point"
+    abilities = _ABILITIES
+
+    def __init__(self, *, profile: Profile = Profile.QUICK, settings: PointToPointSettings | None = None) -> None:
+        self.profile = profile
+        self.settings: PointToPointSettings = settings if settings is not None else SETTINGS[profile]
+
+    def build(self, scenario: Scenario) -> Rig:
+        """Rebuild the scenario's apparatus at the moment of release."""
+        rig = FallingRig if scenario.parameters.release is Release.DROP else PointToPointRig
+        return rig(scenario.parameters, self.settings)
+
+    def with_settings(self, **changes: object) -> PybulletPointToPoint:
+        """Return this variant with some settings changed."""
+        settings = replace(self.settings, **changes)  # type: ignore[arg-type]
+        return PybulletPointToPoint(profile=self.profile, settings=settings)
+
+    def end_length(self, scenario: Scenario) -> float:
+        """Free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
+        return max(super().end_length(scenario), 2 * self.settings.length_on_rod(scenario.parameters))
+
+    def studies(self) -> Studies:
+        """Step, links and sweeps; PyBullet's defaults; the bodies' inertia, the polygon, the nodes' size."""
+        s, adjusted = self.settings, self.with_settings
+        return Studies(
+            ladders=(
+                step_ladder(adjusted, s.time_step),
+                link_ladder(adjusted, s),
+                iteration_ladder(adjusted, s.solver_iterations),
+            ),
+            defaults=world_defaults(adjusted, s),
+            choices=(
+                choice("radius and coefficient", "corrected for the corners", "the circle's own", adjusted(polygon=False)),
+                choice(
+                    "inertia of a node's body",
+                    f"{s.relative_inertia:g} mass x link^2",
+                    "a third of it",
+                    adjusted(relative_inertia=s.relative_inertia / 3),
+                ),
+                choice("node radius", f"{s.node_radius:g} m", "1 mm", adjusted(node_radius=1e-3)),
+            ),
+        )
+
+    def versions(self) -> dict[str, str]:
+        """Version of PyBullet."""
+        return {"pybullet": importlib.metadata.version("pybullet")}

@@ -1,0 +1,72 @@
+"""What the full chains can and cannot do, as data: `protocol.Abilities` of each variant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from looping_pendulum.engines.protocol import Abilities
+from looping_pendulum.engines.pymunk.full_settings import Variant
+from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.reference_ode.effects import EffectKind
+from looping_pendulum.reference_ode.parameters import Release
+
+DRAG = Supply(by=Supplier.ADAPTER, how="the reference's formulas as applied forces")
+EFFECT_KINDS = frozenset({EffectKind.FORCE, EffectKind.CLOSURE, EffectKind.RELEASE})
+ONE_COEFFICIENT = (
+    "one Coulomb coefficient only: where static_friction differs from kinetic_friction, the kinetic one acts in both"
+)
+
+
+def _supplies(links: str, contact: str) -> Supplies:
+    return Supplies(
+        winding=Supply(by=Supplier.ENGINE, how=f"contact of {links} along the whole string with a static circle"),
+        friction_law=Supply(by=Supplier.ENGINE, how=contact),
+        stick_slip=Supply(by=Supplier.ENGINE, how="the same contact: the solver clamps friction to its cone"),
+        drag=DRAG,
+    )
+
+
+_SUPPLIES = {
+    Variant.BEADS: _supplies("beads", "Coulomb friction between beads and circle, corrected for the polygon's corners"),
+    Variant.SEGMENTS: _supplies(
+        "segments", "Coulomb friction between segments and circle, corrected for the polygon's corners"
+    ),
+    Variant.DEFAULTS: _supplies("beads", "Coulomb friction between beads and circle, uncorrected"),
+}
+_SUMMARIES = {
+    Variant.BEADS: "Point beads on pin joints along the whole string, slide joints over many; public calls only.",
+    Variant.SEGMENTS: "Rigid segments on pivot joints along the whole string, slide joints over many; public calls only.",
+    Variant.DEFAULTS: "Point beads on pin joints along the whole string, with every setting of Chipmunk left as it comes.",
+}
+_SPRING = (
+    "nothing damps its joints, which act as a spring: the string rings along its length, and the halted heavy mass with it"
+)
+_MASS = "the string has mass, a hundredth of the light mass's; 0.4 of it is taken off the light mass"
+_LIMITS = {
+    Variant.BEADS: (ONE_COEFFICIENT, _SPRING, _MASS),
+    Variant.SEGMENTS: (ONE_COEFFICIENT, _SPRING, _MASS),
+    Variant.DEFAULTS: (ONE_COEFFICIENT, _MASS, "the string stretches without bound: no run of it says anything of a string"),
+}
+KNOWN_FAILURES: dict[Variant, Mapping[str, str]] = {
+    Variant.DEFAULTS: {
+        "frictionless_vertical_release_is_an_atwood_machine": "measured 9.56 for 8.03 m/s^2: a string that stretches lets fall",
+        "vertical_release_obeys_the_capstan_law": "measured 9.56 for 5.80 m/s^2: a string that stretches lets fall",
+        "held_pendulum_swings_to_the_other_side": "the light mass falls all the way: the string that should turn it stretches",
+        "string_keeps_its_length": "measured 22 mm of stretch after 0.15 s",
+    }
+}
+"""Variant -> checks of `engines.conformance` that it fails, with the measured reason."""
+
+
+def full_abilities(variant: Variant) -> Abilities:
+    """What ``variant`` can do."""
+    return Abilities(
+        releases=frozenset(Release),
+        effect_kinds=EFFECT_KINDS,
+        supplies=_SUPPLIES[variant],
+        packages=("pymunk",),
+        summary=_SUMMARIES[variant],
+        limits=_LIMITS[variant],
+        known_failures=KNOWN_FAILURES.get(variant, {}),
+        main=False,
+    )

@@ -1,0 +1,135 @@
+"""Numerical settings of the full chains: links along the whole string."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+from looping_pendulum.engines.chain import polygon_friction, polygon_radius
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Profile
+
+
+class Variant(StrEnum):
+    """How the whole string is made of links."""
+
+    BEADS = "beads"
+    """Point-mass beads on pin joints."""
+    SEGMENTS = "segments"
+    """Rigid segments on pivot joints."""
+    DEFAULTS = "defaults"
+    """As `BEADS`, with everything else left as Chipmunk has it."""
+
+
+DEFAULT_TIME_STEP = 1e-3
+"""[s]; no default of Chipmunk's, but ten times finer than what its guides use."""
+DEFAULT_ITERATIONS = 10
+DEFAULT_COLLISION_SLOP = 0.1
+"""In units of length: here 10 cm."""
+DEFAULT_RATE = -60 * math.log(1 - 0.1)
+"""Rate at which errors are removed [1/s]: a tenth in every sixtieth of a second."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FullChainSettings:
+    """Numerical settings of a chain of links along the whole string."""
+
+    time_step: float
+    """[s]; divides the sample interval."""
+    link_length: float
+    """Length of a link; evened out over the string [m]."""
+    iterations: int
+    """Sweeps of the solver per step."""
+    long_range: int
+    """Longest span, in links, of the slide joints that pass the pull over 2, 4, 8, ... links at once; 0: none."""
+    mass_fraction: float = 0.01
+    """Mass of the whole chain over the light mass. Lighter: a softer chain; heavier: the string's own inertia shows."""
+    error_rate: float = DEFAULT_RATE
+    """Rate at which joints remove their length error [1/s]; Chipmunk's `error_bias` is exp(-rate). Nothing damps the chain, so
+    a fast one makes it ring: of the quick profile's held pendulum, 30 costs 1 % of its energy and 100 costs 12 %."""
+    collision_slop: float = 1e-5
+    """Depth to which links rest in the circle [m]; allowed for in its radius."""
+    bead_radius: float = 1e-3
+    """Half of the links' thickness [m]; the circle is that much smaller, so that their middle runs where the string should."""
+    polygon_friction: bool = True
+    """Whether the contact's friction is corrected for the polygon that the links are."""
+    polygon_radius: bool = True
+    """Whether the circle's radius is corrected for it."""
+    force_interval: int = 10
+    """Steps between two updates of the drag forces."""
+
+    def __post_init__(self) -> None:
+        """Refuse a step that samples cannot be taken at."""
+        steps = SAMPLE_INTERVAL / self.time_step
+        if abs(steps - round(steps)) > 1e-6 or round(steps) % self.force_interval:
+            raise ValueError(
+                f"time_step: found {self.time_step:g} s in groups of {self.force_interval}, needed a whole number of groups "
+                f"in {SAMPLE_INTERVAL:g} s"
+            )
+
+    @property
+    def steps_per_sample(self) -> int:
+        """Steps in one sample interval."""
+        return round(SAMPLE_INTERVAL / self.time_step)
+
+    def bend(self, rod_radius: float) -> float:
+        """Angle between neighbouring links on the rod [rad]."""
+        return self.link_length / rod_radius
+
+
+def full_settings(variant: Variant, profile: Profile) -> FullChainSettings:
+    """Settings of ``variant`` in ``profile``."""
+    return _SETTINGS[variant, profile]
+
+
+_DEFAULTS = FullChainSettings(
+    time_step=DEFAULT_TIME_STEP,
+    link_length=6e-3,
+    iterations=DEFAULT_ITERATIONS,
+    long_range=0,
+    collision_slop=DEFAULT_COLLISION_SLOP,
+    polygon_friction=False,
+    polygon_radius=False,
+    force_interval=1,
+)
+
+_SETTINGS = {
+    (Variant.BEADS, Profile.QUICK): FullChainSettings(
+        time_step=2e-5, link_length=6e-3, iterations=10, long_range=64, error_rate=30.0
+    ),
+    (Variant.BEADS, Profile.ACCURATE): FullChainSettings(
+        time_step=4e-6, link_length=3e-3, iterations=10, long_range=64, error_rate=100.0
+    ),
+    (Variant.SEGMENTS, Profile.QUICK): FullChainSettings(
+        time_step=2e-5, link_length=5e-3, iterations=10, long_range=64, error_rate=30.0, bead_radius=0.0
+    ),
+    (Variant.SEGMENTS, Profile.ACCURATE): FullChainSettings(
+        time_step=4e-6, link_length=3e-3, iterations=10, long_range=64, error_rate=100.0, bead_radius=0.0
+    ),
+    (Variant.DEFAULTS, Profile.QUICK): _DEFAULTS,
+    (Variant.DEFAULTS, Profile.ACCURATE): _DEFAULTS,
+}
+"""The defaults variant has no better profile: what it shows is what the defaults do."""
+
+
+def contact_friction(variant: Variant, friction: float, bend: float) -> float:
+    """Contact friction with which a polygon of links obeys the capstan law of a circle.
+
+    Beads touch the circle where the string bends: `engines.chain.polygon_friction`. A rigid segment touches it in its middle,
+    and the string bends at its ends. Let joint forces grow by exp(mu b) from one end to the other, at the same angle to the
+    radius at both: then the segment's three equations of equilibrium give m = sinh(mu b) / sin(b). That is above mu, where the
+    beads' coefficient is below it.
+    """
+    if variant is Variant.SEGMENTS:
+        return math.sinh(friction * bend) / math.sin(bend)
+    return polygon_friction(friction, bend)
+
+
+def touching_radius(variant: Variant, rod_radius: float, bend: float) -> float:
+    """Distance from the rod's centre at which the links' middle lines must touch to wind up R per radian [m].
+
+    Segments of length h = R b on a circle of radius r turn the string by b where r tan(b/2) = h / 2.
+    """
+    if variant is Variant.SEGMENTS:
+        return rod_radius * (bend / 2) / math.tan(bend / 2)
+    return float(polygon_radius(rod_radius, bend))

@@ -1,0 +1,213 @@
+"""Whole studies: of an engine whose error is known, and of one real ladder."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+from typer.testing import CliRunner
+
+from looping_pendulum.cli import app
+from looping_pendulum.compare import run_cache
+from looping_pendulum.compare.convergence import Cause, Kind
+from looping_pendulum.compare.convergence_measure import floors, target
+from looping_pendulum.compare.convergence_plots import draw
+from looping_pendulum.compare.convergence_report import halting_verdict, render
+from looping_pendulum.compare.convergence_result import HALT, ConvergenceResult
+from looping_pendulum.compare.convergence_study import changed_starts, judge, plan, study_convergence, watched, write
+from looping_pendulum.compare.run_cache import Done, RunCache, Runner, Task, run_key
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.registry import select
+from looping_pendulum.engines.studies import Ladder, Studies
+from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.errors import EngineError
+from looping_pendulum.scenarios import load
+from tests.compare.delayed import STEPS, DelayedEngine
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return watched(load("ten_to_one"), None)
+
+
+@pytest.fixture(scope="module")
+def targets(scenario):
+    starts = changed_starts(scenario)
+    return target(scenario, Truth(scenario)), {what: target(where, Truth(where)) for what, where in starts}, starts
+
+
+def studied(engine, scenario, targets):
+    """Study of one variant, its runs made in this process."""
+    truth, moved, starts = targets
+    made = plan(engine, scenario, starts)
+    done = {task.key: Done(run=task.engine.simulate(task.scenario), seconds=1.0) for task in made.tasks()}
+    return judge(made, done, truth, moved, floors(truth))
+
+
+def halting(study):
+    verdict = next(v for v in study.ladders[0].verdicts if v.quantity == HALT)
+    return verdict, next(s for s in study.splits if s.quantity == HALT)
+
+
+def test_runs_are_watched_to_after_the_halt(scenario):
+    assert scenario.duration == 0.7
+    later = dataclasses.replace(load("two_to_one"), duration=1.2)
+    assert watched(later, None).duration == pytest.approx(0.953 + 0.1, abs=1e-3)
+    assert watched(load("ten_to_one"), 0.4).duration == 0.4
+
+
+def test_a_first_order_delay_is_not_converged(scenario, targets):
+    study = studied(DelayedEngine(order=1.0, slope=0.5), scenario, targets)
+    verdict, split = halting(study)
+    assert verdict.kind is Kind.CONVERGES
+    assert verdict.order == pytest.approx(1.0, abs=0.05)
+    assert verdict.limit == pytest.approx(targets[0].numbers[HALT], abs=verdict.uncertainty)
+    assert split.causes == (Cause.NOT_CONVERGED,)
+    assert split.error == pytest.approx(0.5 * 4e-4, abs=2e-6)
+    assert split.numerics == pytest.approx(split.error, abs=split.numerics_uncertainty)
+    path = study.splits[1]
+    assert path.causes == (Cause.NOT_CONVERGED,)
+    assert halting_verdict(study).startswith("yes, to within")
+
+
+def test_an_offset_at_the_limit_is_a_different_model(scenario, targets):
+    _, split = halting(studied(DelayedEngine(order=2.0, slope=100.0, offset=2e-4), scenario, targets))
+    assert split.causes == (Cause.MODEL, Cause.NOT_CONVERGED)
+    assert split.model == pytest.approx(2e-4, abs=split.model_uncertainty)
+    assert split.numerics == pytest.approx(100 * 4e-4**2, abs=split.numerics_uncertainty)
+
+
+def test_an_offset_that_another_choice_takes_away_is_the_adapters(scenario, targets):
+    study = studied(DelayedEngine(slope=0.01, offset=2e-4, other_offset=0.0), scenario, targets)
+    _, split = halting(study)
+    assert split.causes[0] is Cause.CHOICE
+    assert split.choice == pytest.approx(2e-4, abs=3e-6)
+    assert split.choice_of == "when it starts: then"
+    assert study.defaults[0].change[HALT] == pytest.approx(0.01 * 4e-4, abs=2e-6)  # read off to a microsecond each
+
+
+def test_a_jittering_halt_does_not_converge_beyond_its_spread(scenario, targets):
+    study = studied(DelayedEngine(slope=0.0, offset=4e-4, jitter=3e-4), scenario, targets)
+    verdict, _ = halting(study)
+    assert verdict.kind in (Kind.WITHIN_SPREAD, Kind.SCATTERS)
+    assert verdict.order is None
+    assert study.spread[HALT] == pytest.approx(3e-4 / 3**0.5, rel=0.6)  # of a uniform one, from seven runs
+
+
+def test_the_ladder_of_mujocos_capstan_is_of_second_order(scenario, targets):
+    pytest.importorskip("mujoco")
+    short = dataclasses.replace(scenario, duration=0.36)
+    engine = select(["mujoco:capstan"], Profile.QUICK)[0]
+    ladder = next(x for x in engine.studies().ladders if x.setting == "time_step")
+    kept = [k for k, step in enumerate(ladder.values) if step >= 1e-4]
+    values, engines = (tuple(x[k] for k in kept) for x in (ladder.values, ladder.engines))
+    engine.studies = lambda: Studies(ladders=(Ladder(setting="time_step", unit="s", values=values, engines=engines),))
+    study = studied(engine, short, (targets[0], {}, []))
+    verdict = study.ladders[0].verdicts[0]
+    assert (verdict.quantity, verdict.kind) == ("path_0.35s", Kind.CONVERGES)
+    assert abs(verdict.order - 2) <= max(verdict.order_uncertainty, 0.1)
+    assert abs(verdict.limit_error) <= verdict.uncertainty  # up to here the law that the adapter feeds in is the truth's
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """Runs are made here and counted; a budget sees the cost that the engine states."""
+    made: list[float] = []
+
+    def run(engine, scenario, **_):
+        made.append(engine.settings.time_step)
+        return engine.simulate(scenario)
+
+    monkeypatch.setattr(run_cache, "run_isolated", run)
+    return made
+
+
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """Runs are made in this process, which is faster."""
+    monkeypatch.setattr(run_cache, "run_isolated", lambda engine, scenario, **_: engine.simulate(scenario))
+
+
+def test_a_study_is_kept_and_goes_on(tmp_path, scenario, counted):
+    engine = DelayedEngine()
+    first = study_convergence(scenario, [engine], tmp_path, jobs=1)
+    assert len(counted) == 4 + 6  # rungs, of which one is its own and one the default's; changed starts
+    again = study_convergence(scenario, [engine], tmp_path, jobs=1)
+    assert len(counted) == 10, "all were kept"
+    assert dataclasses.replace(again, clock=first.clock) == first
+    next((tmp_path / "runs").iterdir()).write_bytes(b"half a file")
+    study_convergence(scenario, [engine], tmp_path, jobs=1)
+    assert len(counted) == 11, "a damaged file is a run to be made again"
+    assert ConvergenceResult.from_json(first.to_json()) == first
+
+
+def test_what_the_report_says_is_what_was_found(tmp_path, scenario, counted):
+    result = study_convergence(scenario, [DelayedEngine()], tmp_path, jobs=1)
+    report = write(result, tmp_path).read_text(encoding="utf-8")
+    assert {p.name for p in (tmp_path / "figures").iterdir()} == set(draw(result))
+    assert "order 1" in report
+    assert "| delayed:exact | not converged |" in report
+    assert "| delayed:exact | step | 0.8 ms | 0.4 ms | lateness | +0.199 | 0.52 | 1.04 |" in report
+    assert render(result)
+
+
+def test_the_command_writes_all_and_says_how_it_went(tmp_path, in_this_process):
+    done = CliRunner().invoke(
+        app, ["converge", "ten_to_one", "-e", "reference:scipy", "--until", "0.45", "--out", str(tmp_path)]
+    )
+    assert done.exit_code == 0, done.output
+    assert "reference:scipy: halting time converges: yes" in done.output
+    assert (tmp_path / "convergence.md").exists()
+    result = ConvergenceResult.from_json((tmp_path / "convergence.json").read_text(encoding="utf-8"))
+    assert result.until == 0.45
+    assert result.variants[0].own.rms["path_0.7s"] is None, "the run ended before"
+    split = next(s for s in result.variants[0].splits if s.quantity == HALT)
+    assert split.causes == (Cause.NOTHING,), "the truth by another integrator"
+
+
+def test_a_budget_leaves_out_what_would_cost_too_much(tmp_path, scenario, counted):
+    result = study_convergence(scenario, [DelayedEngine()], tmp_path, jobs=1, budget=0.6)
+    rungs = result.variants[0].ladders[0].rungs
+    assert [rung.run.status for rung in rungs] == ["FINISHED"] * 3 + ["SKIPPED"], "cost: 0.1 ms of time step are a second"
+    assert rungs[-1].run.why == "left out: expected 1 s"
+    assert "left out: 1" in render(result)
+
+
+def test_an_interrupted_run_is_made_again(tmp_path, scenario, monkeypatch):
+    engine = DelayedEngine()
+    task = Task(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
+
+    def interrupted(engine, scenario, *, cancelled, **_):
+        cancelled.set()
+        return dataclasses.replace(engine.simulate(scenario), status=RunStatus.INTERRUPTED)
+
+    monkeypatch.setattr(run_cache, "run_isolated", interrupted)
+    runner = Runner(RunCache(tmp_path), jobs=1, time_limit=10, budget=None)
+    assert runner.run([task]) == {}
+    assert runner.cancelled.is_set()
+    monkeypatch.setattr(run_cache, "run_isolated", lambda engine, scenario, **_: engine.simulate(scenario))
+    assert Runner(RunCache(tmp_path), jobs=1, time_limit=10, budget=None).run([task])[task.key].run.status.ok
+
+
+def test_a_run_cut_by_its_time_limit_is_kept_for_that_limit(tmp_path, scenario):
+    engine = DelayedEngine()
+    task = Task(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
+    cut = dataclasses.replace(engine.simulate(scenario), status=RunStatus.TIME_LIMIT)
+    RunCache(tmp_path).put(task, Done(run=cut, seconds=10.0), time_limit=10.0)
+    assert RunCache(tmp_path).get(task, 10.0).run.status is RunStatus.TIME_LIMIT
+    assert RunCache(tmp_path).get(task, 11.0) is None
+
+
+def test_a_ladder_out_of_order_is_refused_with_its_name(scenario):
+    with pytest.raises(
+        EngineError, match="delayed:exact: ladder of time_step: values from coarse to fine neither rise nor fall"
+    ):
+        plan(DelayedEngine(steps=(4e-4, 1e-4, 2e-4)), scenario, [])
+
+
+def test_the_name_of_a_run_tells_settings_and_scenario_apart(scenario):
+    keys = {run_key(DelayedEngine(time_step=step), scenario) for step in STEPS}
+    keys.add(run_key(DelayedEngine(time_step=STEPS[0]), dataclasses.replace(scenario, duration=0.5)))
+    assert len(keys) == 5
+    assert run_key(DelayedEngine(), scenario) == run_key(DelayedEngine(), scenario)

@@ -1,0 +1,175 @@
+"""Drake's bead chain against closed forms, invariants and the reference; no law is fed in. Drake is optional."""
+
+import importlib.util
+import math
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from looping_pendulum.engines.drake import engines
+from looping_pendulum.engines.drake.chain import DrakeChain
+from looping_pendulum.engines.drake.chain_model import SETTINGS, ChainSettings
+from looping_pendulum.engines.isolation import run_isolated
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.registry import ADAPTERS, ENTRY_POINTS, how_to_get
+from looping_pendulum.engines.static_capstan import measured_exponent
+from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.errors import EngineError
+from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
+from looping_pendulum.reference_ode.solve import solve, solve_at
+from looping_pendulum.scenarios.scenario import Scenario
+from tests.apparatus import TEN_TO_ONE
+
+HERE = importlib.util.find_spec("pydrake") is not None
+needs_drake = pytest.mark.skipif(not HERE, reason="pydrake is not installed")
+
+QUICK = SETTINGS[Profile.QUICK]
+NO_DRAG = {"light_drag": 0.0, "heavy_drag": 0.0, "string_drag": 0.0}
+HANGING = TEN_TO_ONE.replace(release="vertical", free_length=0.4, **NO_DRAG)
+
+
+def scenario(parameters, duration):
+    return Scenario(name="test", title="", description="", parameters=parameters, duration=duration)
+
+
+def run(parameters, duration, **changes):
+    return DrakeChain().with_settings(**changes).simulate(scenario(parameters, duration)).raise_if_failed()
+
+
+def fitted_acceleration(trajectory):
+    square = 0.5 * trajectory.t**2
+    return square @ trajectory.heavy_drop / (square @ square)
+
+
+def test_drake_takes_the_third_partys_road():
+    # Oracle: pyproject.toml. Drake is optional, and nothing but the entry point knows its adapter.
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["entry-points"][ENTRY_POINTS] == {"drake": "looping_pendulum.engines.drake"}
+    assert any(need.startswith("drake") for need in project["optional-dependencies"]["drake"])
+    assert not any(need.startswith("drake") for need in project["dependencies"])
+    assert "drake" not in ADAPTERS
+
+
+def test_making_the_adapter_imports_no_drake():
+    code = (
+        "import sys; from looping_pendulum.engines.drake import engines; "
+        "engines('quick')[0].studies(); sys.exit('pydrake' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=60).returncode == 0
+
+
+@pytest.mark.skipif(HERE, reason="pydrake is installed")
+def test_without_drake_a_run_is_a_gap_that_says_how_to_get_it():
+    trajectory = run_isolated(engines(Profile.QUICK)[0], scenario(TEN_TO_ONE, 0.01), time_limit=60)
+    assert trajectory.status is RunStatus.MISSING
+    assert 'pip install "looping-pendulum[drake]"' in trajectory.message
+    assert trajectory.message == f"get it: {how_to_get('pydrake')}"
+
+
+def test_a_group_that_does_not_divide_a_sample_is_refused():
+    with pytest.raises(EngineError, match="steps_per_group: found 7 of 50 steps"):
+        ChainSettings(time_step=2e-5, bend=0.4, bead_mass_ratio=5e-4, steps_per_group=7)
+
+
+def test_studies_vary_one_thing_at_a_time():
+    studies = DrakeChain().studies()
+    for ladder in studies.ladders:
+        assert [getattr(engine.settings, ladder.setting) for engine in ladder.engines] == list(ladder.values)
+        assert getattr(QUICK, ladder.setting) in ladder.values
+    assert all(each.engine.settings != QUICK for each in (*studies.defaults, *studies.choices))
+
+
+@pytest.fixture(scope="module")
+def ten_to_one():
+    """One run past the halt at 0.385 s, shared by the tests that look at it."""
+    return run(TEN_TO_ONE, 0.5)
+
+
+@needs_drake
+@pytest.mark.parametrize(("rod_radius", "friction"), [(6.25e-3, 0.34), (0.03, 0.34), (6.25e-3, 0.0)])
+def test_vertical_release_is_an_atwood_machine_with_the_capstan_ratio(rod_radius, friction):
+    # Oracle: closed form. Bound: 0.3 %, as for the other chains; a friction wrong by 1 % would show as 0.7 %.
+    p = HANGING.replace(rod_radius=rod_radius, kinetic_friction=friction)
+    assert fitted_acceleration(run(p, 0.2)) == pytest.approx(atwood_acceleration(p), rel=3e-3)
+
+
+@needs_drake
+@pytest.mark.parametrize("degrees", [90, 180, 270])
+def test_tension_ratio_obeys_the_capstan_law(degrees):
+    # Oracle: exp(mu theta), measured through the protocol alone. Bound: 1 %, of which 0.1 % is the measurement's own.
+    assert abs(measured_exponent(DrakeChain(), wrap_angle=math.radians(degrees)).error) < 0.01
+
+
+@needs_drake
+@pytest.mark.parametrize(("share", "holds"), [(0.97, True), (1.03, False)])
+def test_static_capstan(share, holds):
+    # Oracle: the capstan ratio e^{mu pi}. 3 % less is held, 3 % more slides. What is held creeps below the stiction tolerance.
+    # Where 3 % are left over, 1 % in friction is a third of the acceleration, so half of it is asked for.
+    p = HANGING.replace(heavy_mass=share * HANGING.light_mass * math.exp(0.34 * math.pi))
+    drop = run(p, 0.1).heavy_drop[-1]
+    assert (drop < 1e-4) if holds else (drop > 0.5 * 0.5 * atwood_acceleration(p) * 0.1**2)
+
+
+@needs_drake
+def test_ten_to_one_follows_the_reference_to_the_halt(ten_to_one):
+    # Oracle: the reference. Bounds: 0.6 mm and 1 mm are those of the other chains; the halt's is two samples.
+    until = ten_to_one.t <= 0.35 + 1e-9
+    exact = solve_at(TEN_TO_ONE, ten_to_one.t, duration=0.6)
+    distance = np.linalg.norm(ten_to_one.light_position - exact.light_position, axis=1)
+    assert math.sqrt(np.mean(distance[until] ** 2)) < 0.6e-3
+    assert ten_to_one.heavy_drop[-1] == pytest.approx(exact.heavy_position[0, 1] - exact.heavy_position[-1, 1], abs=1e-3)
+    speed = ten_to_one.heavy_velocity[:, 1]
+    stops = ten_to_one.t[np.flatnonzero((speed > -1e-3) & (ten_to_one.t > 0.1))[0]]
+    assert stops == pytest.approx(solve(TEN_TO_ONE).halting_time, abs=2e-3)
+
+
+@needs_drake
+def test_halted_string_sticks(ten_to_one):
+    # Oracle: sticking is rest. Bound: the stiction tolerance, below which Drake's friction is regularised.
+    rest = ten_to_one.t > 0.41
+    creep = np.polyfit(ten_to_one.t[rest], ten_to_one.heavy_drop[rest], 1)[0]
+    assert abs(creep) < QUICK.stiction_tolerance
+
+
+@needs_drake
+def test_string_keeps_its_length(ten_to_one):
+    # Oracle: the constraint, from the masses' positions alone. Bound: the stretch that the chain admits, the offset R b^2 / 8
+    # of a string that leaves a polygon, and as much again for beads that land.
+    path = ten_to_one.free_length + TEN_TO_ONE.rod_radius * ten_to_one.wrap_angle - ten_to_one.heavy_position[:, 1]
+    bound = np.abs(ten_to_one.string_stretch) + 2 * TEN_TO_ONE.rod_radius * QUICK.bend**2 / 8 + 1e-5
+    assert np.abs(ten_to_one.string_stretch).max() < 0.3e-3
+    assert np.all(np.abs(path - TEN_TO_ONE.string_length) <= bound)
+
+
+@needs_drake
+def test_held_pendulum_follows_the_reference():
+    # Oracle: the reference. Bound: R b^2 / 8, by which the free string's distance from the centre swings about R, and 2e-5 by
+    # which a bead sinks in.
+    p = TEN_TO_ONE.replace(release="held", **NO_DRAG)
+    held = run(p, 0.6)
+    exact = solve_at(p, held.t)
+    distance = np.linalg.norm(held.light_position - exact.light_position, axis=1)
+    assert distance.max() < p.rod_radius * QUICK.bend**2 / 8 + 2e-5
+    assert np.ptp(held.heavy_position, axis=0).max() == 0.0
+
+
+@needs_drake
+def test_drop_is_free_fall():
+    # Oracle: g t^2 / 2. A symplectic Euler step falls g t (t + dt) / 2.
+    fallen = run(TEN_TO_ONE.replace(release="drop", **NO_DRAG), 0.2)
+    for position in (fallen.light_position, fallen.heavy_position):
+        euler = 0.5 * 9.81 * fallen.t * (fallen.t + QUICK.time_step)
+        np.testing.assert_allclose(position[0, 1] - position[:, 1], euler, rtol=0, atol=1e-9)
+
+
+@needs_drake
+def test_a_slack_string_does_not_push():
+    # Oracle: free fall. A light mass held above the rod, its string slack from the start on, falls freely, until it is taut.
+    p = TEN_TO_ONE.replace(release="held", release_angle=math.radians(20), free_length=0.2, **NO_DRAG)
+    held = run(p, 0.1)
+    np.testing.assert_allclose(held.light_position[0, 1] - held.light_position[:, 1], 0.5 * 9.81 * held.t**2, rtol=0, atol=2e-3)
+    assert held.string_stretch[-1] < -1e-3

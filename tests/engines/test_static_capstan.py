@@ -1,0 +1,53 @@
+"""The static capstan test: the reference, whose law is exact, must show that law, whatever the trial's numbers are."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.registry import select
+from looping_pendulum.engines.static_capstan import chain_exponent, measured_exponent
+from looping_pendulum.errors import EngineError
+
+
+@pytest.fixture(scope="module")
+def reference():
+    (engine,) = select(["reference:scipy"], Profile.QUICK)
+    return engine
+
+
+@pytest.mark.parametrize("degrees", [90, 135, 225, 270])
+def test_the_reference_shows_the_capstan_law_at_any_angle(reference, degrees):
+    # Oracle: mu theta. Bound: half the square of mu times the angle's spread, which is at most half of its range.
+    point = measured_exponent(reference, wrap_angle=math.radians(degrees))
+    spread = abs(point.wrap_angle - math.radians(degrees))
+    assert abs(point.exponent - point.ideal) < 0.5 * (0.34 * spread) ** 2 + 1e-6
+
+
+@pytest.mark.parametrize(("friction", "drive", "duration"), [(0.34, 2.0, 0.15), (0.1, 1.1, 0.05), (0.6, 3.0, 0.1)])
+def test_over_half_a_turn_it_is_exact(reference, friction, drive, duration):
+    # Oracle: the Atwood machine, whose wrap angle does not change. Bound: the reference's own tolerance.
+    point = measured_exponent(reference, friction=friction, drive=drive, duration=duration)
+    assert point.wrap_angle == pytest.approx(math.pi, abs=1e-9)
+    assert point.exponent == pytest.approx(friction * math.pi, abs=1e-8)
+    assert point.error == pytest.approx(0.0, abs=1e-7)
+
+
+def test_a_wrap_angle_that_lets_the_string_go_slack_is_refused(reference):
+    with pytest.raises(EngineError, match="found a wrap angle of 45 deg, needed one from 85 to 275 deg"):
+        measured_exponent(reference, wrap_angle=math.radians(45))
+
+
+def test_a_string_that_does_not_slide_is_no_measurement(reference):
+    with pytest.raises(EngineError, match="did not slide; raise drive above 0.9"):
+        measured_exponent(reference, drive=0.9)
+
+
+def test_a_chain_of_many_corners_is_a_string():
+    # Oracle: 2 N artanh(mu tan(theta / 2N)) tends to mu theta from above, as the square of the corner.
+    excess = [chain_exponent(0.34, math.pi, bend) / (0.34 * math.pi) - 1 for bend in (0.4, 0.2, 0.1)]
+    assert excess[0] / excess[1] == pytest.approx(4, rel=0.05)
+    assert excess[1] / excess[2] == pytest.approx(4, rel=0.02)
+    assert 0 < excess[2] < 1e-3

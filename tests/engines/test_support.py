@@ -1,0 +1,45 @@
+"""The support table: what the variants declare, and the page in the docs that was written from it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.registry import ADAPTERS, all_engines, label
+from looping_pendulum.engines.support import COMMAND, YES, effect_table, page, scenario_table
+from looping_pendulum.scenarios import loader
+from tests.engines.faulty import FaultyEngine
+
+PAGE = Path(__file__).parents[2] / "docs" / "support.md"
+
+
+def own():
+    return [engine for engine in all_engines(Profile.QUICK) if engine.name in ADAPTERS]
+
+
+def test_the_page_in_the_docs_is_up_to_date():
+    assert PAGE.read_text(encoding="utf-8") == page(own()), f"docs/support.md is out of date; write it again: {COMMAND}"
+
+
+def test_a_gap_says_which_release_is_missing():
+    header, rows = scenario_table([*own(), FaultyEngine("none")])
+    cells = dict(zip(header, rows[-1], strict=True))
+    assert cells["ten_to_one"] == YES
+    assert cells["drop"] == "no: release 'drop'"
+    assert cells["kind"] == "main"
+    assert header[2:] == loader.shipped()
+    assert dict(zip(header, rows[0], strict=True))["kind"] == "truth"
+
+
+def test_effects_say_whom_they_do_not_reach():
+    header, rows = effect_table(own())
+    cells = {row[0]: dict(zip(header, row, strict=True)) for row in rows}
+    assert cells["wind"]["reaches"] == "all"
+    assert "pymunk:chain" in cells["string_mass"]["not"]
+    assert "reference:scipy" not in cells["string_mass"]["not"]
+    assert "light_drag" not in cells, "the paper's own effects reach all, or the variant says so by who supplies them"
+
+
+def test_every_variant_is_on_the_page():
+    text = PAGE.read_text(encoding="utf-8")
+    assert all(text.count(f"| {label(engine)} |") == 2 for engine in own())

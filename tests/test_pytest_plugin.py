@@ -1,0 +1,242 @@
+"""The pytest plugin as a user meets it: what it collects, what a failure shows, and what it costs those who do not use it."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+from looping_pendulum.scenarios import loader
+from tests.engines.faulty import offer
+
+pytest_plugins = "pytester"
+
+ROOT = Path(__file__).parents[1]
+
+TOLERANCES = """
+tolerances:
+  reference:scipy:
+    quick:
+      rms_0.35s: {limit: 1 mm, reason: one integrator against the other}
+      tube_fraction: {limit: 1.5, reason: no share is above 1}
+  reference:heyoka:
+    accurate:
+      rms_0.35s: {limit: 1 mm, reason: of the other profile}
+"""
+EXPECTED = """
+tolerances:
+  reference:scipy:
+    quick:
+      tube_fraction: {limit: 1.5, reason: no share is above 1, expected_failure: measured 1}
+      rms_0.35s: {limit: 1 mm, reason: exact, expected_failure: wrongly declared}
+"""
+OTHERS = """
+tolerances:
+  nowhere:chain:
+    quick:
+      rms_0.35s: {limit: 1 mm, reason: nobody offers it}
+  pymunk:chian:
+    quick:
+      rms_0.35s: {limit: 1 mm, reason: a slip of the pen}
+  faulty:missing:
+    quick:
+      rms_0.35s: {limit: 1 mm, reason: its package is missing}
+  faulty:segfault:
+    quick:
+      string_stretch: {limit: 1 m, reason: kept before it dies}
+"""
+
+
+def drop(tolerances):
+    text = loader.source_text("drop")
+    return text[: text.index("tolerances:")] + tolerances.lstrip()
+
+
+@pytest.fixture
+def project(pytester):
+    """A project of somebody else; the arguments are file names and their tolerances."""
+
+    def make(**files):
+        for name, tolerances in files.items():
+            (pytester.path / f"{name}.scenario.yaml").write_text(drop(tolerances), encoding="utf-8")
+        return pytester
+
+    return make
+
+
+def run(pytester, *arguments):
+    return pytester.runpytest_subprocess("-W", "error", "--strict-markers", *arguments)
+
+
+def test_who_does_not_use_it_pays_nothing():
+    program = (
+        "import sys, time, pytest; before = set(sys.modules); start = time.process_time();"
+        "import looping_pendulum.pytest_plugin; spent = time.process_time() - start;"
+        "print(spent, sorted(name for name in set(sys.modules) - before if name.split('.')[0] not in sys.stdlib_module_names))"
+    )
+    least = 1.0
+    for _ in range(3):  # the first may have to compile
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+        spent, _, modules = done.stdout.strip().partition(" ")
+        assert modules == "['looping_pendulum', 'looping_pendulum.pytest_plugin']"
+        least = min(least, float(spent))
+    assert least < 0.010  # s of CPU; measured 4 ms
+
+
+def test_a_project_without_scenarios_stays_light(pytester):
+    pytester.makepyfile("""
+        import sys
+        def test_mine():
+            assert "looping_pendulum.pytest_plugin" in sys.modules
+            assert not {"numpy", "yaml", "pydantic", "looping_pendulum.scenarios"} & set(sys.modules)
+    """)
+    (pytester.path / "values.yaml").write_text("light: on\n")
+    (pytester.path / "mine.yaml").write_text(drop(TOLERANCES))
+    run(pytester).assert_outcomes(passed=1)  # neither file is named so, or on the command line
+
+
+def test_limits_are_items_and_a_failure_shows_the_judgement(project):
+    pytester = project(mine=TOLERANCES)
+    done = run(pytester, "mine.scenario.yaml", "-v", "--junitxml=junit.xml")
+    done.assert_outcomes(passed=2, failed=1)
+    done.stdout.fnmatch_lines(
+        [
+            "mine.scenario.yaml::reference:scipy::run PASSED*",
+            "mine.scenario.yaml::reference:scipy::rms_0.35s PASSED*",
+            "mine.scenario.yaml::reference:scipy::tube_fraction FAILED*",
+            "mine.scenario.yaml, reference:scipy, quick: tube_fraction is 100 %, limit at least 150 %",
+            "*why this limit: no share is above 1",
+            "*where and why: Stays within 1 mm of the truth*",
+            "*the run: *ran for the scenario's whole duration",
+            "*report: *report.md",
+        ]
+    )
+    assert "Traceback" not in done.stdout.str()
+    assert "pytest_plugin.py" not in done.stdout.str()
+    report = re.search(r"report: +(.*report\.md)", done.stdout.str())[1]
+    assert "tube_fraction" in Path(report).read_text(encoding="utf-8")
+    cases = list(ElementTree.parse(pytester.path / "junit.xml").iter("testcase"))
+    assert [(case.get("classname"), case.get("name")) for case in cases] == [
+        ("mine.scenario.yaml.reference:scipy", name) for name in ("run", "rms_0.35s", "tube_fraction")
+    ]
+    assert "150 %" in cases[2].find("failure").text
+    one = run(pytester, "mine.scenario.yaml::reference:scipy::rms_0.35s")
+    one.assert_outcomes(passed=1)
+
+
+def test_any_scenario_named_on_the_command_line_is_collected_and_other_yaml_is_not(pytester):
+    (pytester.path / "plain.yaml").write_text(drop(TOLERANCES))
+    (pytester.path / "other.yaml").write_text("a: 1\n")
+    done = run(pytester, "plain.yaml", "--collect-only", "-q", "-k", "rms")
+    done.stdout.fnmatch_lines(["plain.yaml::reference:scipy::rms_0.35s"])
+    assert "tube_fraction" not in done.stdout.str()
+    assert run(pytester, "other.yaml").ret == pytest.ExitCode.USAGE_ERROR
+
+
+def test_expected_failures_are_strict(project):
+    pytester = project(mine=EXPECTED)
+    done = run(pytester, "-rx")
+    done.assert_outcomes(passed=1, xfailed=1, failed=1)
+    done.stdout.fnmatch_lines(
+        ["*rms_0.35s is *", "*kept although it was declared out of reach*", "XFAIL *tube_fraction - measured 1"]
+    )
+    run(pytester, "--runxfail").assert_outcomes(passed=1, failed=2)
+
+
+def test_engines_that_are_not_here_are_skips_with_the_way_to_get_them_and_crashes_fail_one_item(project):
+    pytester = project(mine=OTHERS)
+    offer(
+        pytester.path,
+        "FaultyEngine('missing', packages=('no_such_package',), releases=Release)",
+        "FaultyEngine('segfault', releases=Release)",
+    )
+    done = run(pytester, "-rs")
+    done.assert_outcomes(skipped=4, failed=3, passed=1)
+    done.stdout.fnmatch_lines_random(
+        [
+            "*pymunk:chian: run*",
+            "mine.scenario.yaml: tolerances: no engine is called 'pymunk:chian'; did you mean 'pymunk:chain'?*",
+            "*faulty:segfault, quick: its run broke off: the engine's process died*",
+            "*killed by signal SIGSEGV",
+            "SKIPPED *no installed package offers the engine 'nowhere'; install the one that does*",
+            "SKIPPED *no_such_package is not installed; to get it: pip install no_such_package",
+        ]
+    )
+    assert "Traceback" not in done.stdout.str()
+
+
+def test_faults_of_files_and_options_are_one_line_each(project):
+    pytester = project(mine=TOLERANCES, bare="")
+    broken = (pytester.path / "mine.scenario.yaml").read_text().replace("10 g", "10 mm", 1)
+    (pytester.path / "broken.scenario.yaml").write_text(broken)
+    done = run(pytester, "broken.scenario.yaml")
+    done.assert_outcomes(errors=1)
+    done.stdout.fnmatch_lines(["*broken.scenario.yaml:*: light.mass: expected a mass, got '10 mm'; write for example '10 g'"])
+    assert "Traceback" not in done.stdout.str()
+    done = run(pytester, "mine.scenario.yaml", "--lp-engines", "refrence")
+    done.stdout.fnmatch_lines(["--lp-engines: no engine is called 'refrence'; did you mean 'reference'?*"])
+    done = run(pytester, "bare.scenario.yaml", "mine.scenario.yaml", "--lp-engines", "pymunk", "-rs")
+    done.assert_outcomes(skipped=2)
+    done.stdout.fnmatch_lines_random(
+        [
+            "SKIPPED * no tolerances for profile quick: add some under `tolerances:`",
+            "SKIPPED * no tolerances for profile quick: it has them for reference:scipy",
+        ]
+    )
+
+
+def test_workers_share_one_run_of_an_engine(project):
+    pytest.importorskip("xdist")
+    pytester = project(mine=TOLERANCES)
+    done = run(pytester, "-n", "2", "--lp-report", "out", "--basetemp", "base")
+    done.assert_outcomes(passed=2, failed=1)
+    assert len(list((pytester.path / "base").rglob("result.pickle"))) == 1
+    assert (pytester.path / "out/mine/reference-scipy-quick/report.md").exists()
+    done.stdout.fnmatch_lines([f"*report: *{pytester.path}/out/mine/reference-scipy-quick/report.md"])
+
+
+def test_profile_and_time_limit_are_passed_on(project):
+    pytester = project(mine=TIME_LIMITED)
+    done = run(pytester, "--lp-profile", "accurate", "--lp-time-limit", "0.01")
+    done.assert_outcomes(failed=2)
+    done.stdout.fnmatch_lines(["*reference:scipy, accurate: *", "*limit 0.01 s"])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_an_interrupt_ends_the_session_and_is_no_failed_limit(project, tmp_path):
+    pytester = project(mine=OTHERS.replace("segfault", "hang"))
+    offer(pytester.path, "FaultyEngine('hang', releases=Release)")
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    path = os.pathsep.join([str(pytester.path), str(ROOT)])
+    process = subprocess.Popen(
+        [sys.executable, "-m", "pytest", "-k", "hang", "--basetemp", str(tmp_path / "base")],
+        cwd=pytester.path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=os.environ | {"TMPDIR": str(scratch), "PYTHONPATH": path},
+    )
+    deadline = time.monotonic() + 60
+    while not any(file.stat().st_size for file in scratch.glob("*/samples.bin")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == pytest.ExitCode.INTERRUPTED, output
+    assert "KeyboardInterrupt" in output
+    assert " failed" not in output
+
+
+TIME_LIMITED = """
+tolerances:
+  reference:scipy:
+    accurate:
+      rms_0.35s: {limit: 1 mm, reason: exact}
+"""
