@@ -13,7 +13,7 @@ compare: $(VENV)/main ## run all engines on the 10:1 trial and write report/ten_
 test: $(VENV)/test ## run the tests (some minutes)
 	$(BIN)/python -m pytest -n 2
 
-accurate: $(VENV)/test ## run the tolerance checks of the accurate profile (some minutes)
+accurate: $(VENV)/test ## run the long accuracy tests: accurate profiles, the blind matrix, the pendulum (about an hour)
 	$(BIN)/python -m pytest -m accurate -n 2
 
 lint: $(VENV)/dev ## style, types, and the one-way direction of the imports

@@ -23,7 +23,7 @@ def draw(result: ConvergenceResult) -> dict[str, tuple[str, str, bytes]]:
     figures = {}
     for v in result.variants:
         for ladder in v.ladders:
-            if sum(bool(rung.value) and rung.run.rms[mark] is not None for rung in ladder.rungs for mark in MARKS) > 1:
+            if sum(rung.value > 0 and any(rung.run.rms[mark] for mark in MARKS) for rung in ladder.rungs) > 1:
                 name = f"{file_stem(v.label, v.profile, ladder.setting)}.png"
                 caption = (
                     f"{v.label}: error against the truth (full) and against its own limit (dashed) as {ladder.setting} "

@@ -143,6 +143,8 @@ def halting_verdict(v: VariantStudy) -> str:
         return "not known: it has no ladder"
     if kinds == {Kind.NEVER}:
         return "never halts"
+    if not v.own.ok:
+        return "not known: its own run does not end properly"
     if Kind.SCATTERS in kinds or Kind.NEVER in kinds:
         worst = max((verdict.scatter or 0.0 for verdict in found if verdict.kind is Kind.SCATTERS), default=0.0)
         return f"no; it scatters by ± {number(worst, 1e3, 2)} ms"

@@ -33,7 +33,7 @@ EVERYTHING = "all"
 """What a user writes for every variant, those that are only for studies too."""
 
 HOW_TO_GET = {
-    "pydrake": 'pip install "looping-pendulum[drake]" (Drake, 1.51 or later; Python 3.11 on)',
+    "pydrake": 'pip install "looping-pendulum[drake]", which is pip install "drake>=1.51"',
     "heyoka": "pip install heyoka (wheels for Linux x86-64, Python 3.11 to 3.13); SciPy stands in for it everywhere else",
     "mujoco": "pip install mujoco",
     "pymunk": "pip install pymunk",

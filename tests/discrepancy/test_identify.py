@@ -156,6 +156,20 @@ def test_blind_matrix(tmp_path, case, seed):
     assert standard_errors_off(study, right, EXPECTED[case][1]) < 3
 
 
+TWO_AT_ONCE = {
+    "drag_and_thickness": {"light_linear_drag", "string_thickness"},
+    "speed_and_side_force": {"friction_per_speed", "side_force"},
+}
+
+
+@pytest.mark.accurate
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("case", sorted(TWO_AT_ONCE))
+def test_two_effects_at_once_are_named_or_tied(tmp_path, case, seed):
+    result = found_in(tmp_path, case, seed)
+    assert TWO_AT_ONCE[case] in [{e.name for e in tie} for tie in result.ties or (result.effects,)]
+
+
 @pytest.mark.accurate
 def test_half_of_what_moves_the_light_mass_by_3_mm_is_named(tmp_path):
     found = {}

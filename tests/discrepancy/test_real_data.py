@@ -126,3 +126,24 @@ def test_no_drag_is_claimed_where_the_fall_is_slower_by_the_same_share_at_all_sp
     result = falling(tmp_path, "green_basketball")
     assert not result.effects
     assert result.verdict is Verdict.UNEXPLAINED  # a scale 15 % off, or drag that hardly grows with speed: neither is known
+
+
+@pytest.mark.accurate
+def test_the_pendulum_lacks_quadratic_drag_and_is_not_hung_quite_straight(tmp_path):
+    trial = {
+        "name": "decay",
+        "file": str(real("pendulum/free_decay_65cm.txt").resolve()),
+        "mirrored": True,
+        "release": {"kind": "held", "angle": "140 deg +/- 1 deg", "free_length": "65 cm +/- 1 cm"},
+        "camera": {"clock_offset": "0 s +/- 0.05 s"},
+    }
+    study = {"title": "A pendulum that decays", "apparatus": {"light": {"mass": "41.52 g"}}, "trials": [trial]}
+    result = found_in(tmp_path, study | {"effects": {"gravity": "9.81 m/s^2", "light_linear_drag": "free"}})
+    assert result.verdict is Verdict.AMBIGUOUS
+    explanations = [{e.name for e in tie} for tie in result.ties]
+    assert all("light_drag" in names for names in explanations)
+    assert {"light_drag", "tilt"} in explanations
+    seen = next(e for e in result.errors if not e.held_out)
+    assert seen.rms_after <= 0.6 * seen.rms_before
+    assert unseen(result).rms_after <= 0.6 * unseen(result).rms_before
+    assert result.remainder is not None

@@ -71,8 +71,8 @@ def test_without_drake_a_run_is_a_gap_that_says_how_to_get_it():
 
 
 def test_a_group_that_does_not_divide_a_sample_is_refused():
-    with pytest.raises(EngineError, match="steps_per_group: found 7 of 50 steps"):
-        ChainSettings(time_step=2e-5, bend=0.4, bead_mass_ratio=5e-4, steps_per_group=7)
+    with pytest.raises(EngineError, match="steps_per_group: found 7, needed a divisor of the 50 steps"):
+        ChainSettings(time_step=2e-5, bend=0.4, bead_mass_ratio=5e-4, contact_stiffness=2e4, steps_per_group=7)
 
 
 def test_studies_vary_one_thing_at_a_time():
@@ -137,23 +137,28 @@ def test_halted_string_sticks(ten_to_one):
 
 @needs_drake
 def test_string_keeps_its_length(ten_to_one):
-    # Oracle: the constraint, from the masses' positions alone. Bound: the stretch that the chain admits, the offset R b^2 / 8
-    # of a string that leaves a polygon, and as much again for beads that land.
-    path = ten_to_one.free_length + TEN_TO_ONE.rod_radius * ten_to_one.wrap_angle - ten_to_one.heavy_position[:, 1]
-    bound = np.abs(ten_to_one.string_stretch) + 2 * TEN_TO_ONE.rod_radius * QUICK.bend**2 / 8 + 1e-5
+    # Oracle: the constraint, from the masses' positions alone. Bound where the string rests: the stretch that the chain admits,
+    # the offset R b^2 / 8 of a string that leaves a polygon and as much again for beads that land, and what beads sink in under
+    # a tension T, T b / k, along a wound string on which T falls off as exp(-mu theta): T b / (k mu), for twice the heavy
+    # mass's weight. While it slides beads bounce off the rod for some ms: the suite's 1 mm.
+    p = TEN_TO_ONE
+    path = ten_to_one.free_length + p.rod_radius * ten_to_one.wrap_angle - ten_to_one.heavy_position[:, 1]
+    sunk = 2 * p.heavy_mass * 9.81 * QUICK.bend / (QUICK.contact_stiffness * p.coefficients["kinetic_friction"])
+    resting = np.abs(ten_to_one.string_stretch) + 2 * p.rod_radius * QUICK.bend**2 / 8 + sunk
     assert np.abs(ten_to_one.string_stretch).max() < 0.3e-3
-    assert np.all(np.abs(path - TEN_TO_ONE.string_length) <= bound)
+    assert np.all(np.abs(path - p.string_length) <= np.where(ten_to_one.t > 0.41, resting, 1e-3))
 
 
 @needs_drake
 def test_held_pendulum_follows_the_reference():
-    # Oracle: the reference. Bound: R b^2 / 8, by which the free string's distance from the centre swings about R, and 2e-5 by
-    # which a bead sinks in.
+    # Oracle: the reference. Bound: R b^2 / 8, by which the free string's distance from the centre swings about R, and what
+    # beads sink in under the light mass's greatest tension, three times its weight, over half a turn: 3 M1 g b pi / k.
     p = TEN_TO_ONE.replace(release="held", **NO_DRAG)
     held = run(p, 0.6)
     exact = solve_at(p, held.t)
     distance = np.linalg.norm(held.light_position - exact.light_position, axis=1)
-    assert distance.max() < p.rod_radius * QUICK.bend**2 / 8 + 2e-5
+    sunk = 3 * p.light_mass * 9.81 * QUICK.bend * math.pi / QUICK.contact_stiffness
+    assert distance.max() < p.rod_radius * QUICK.bend**2 / 8 + sunk
     assert np.ptp(held.heavy_position, axis=0).max() == 0.0
 
 
@@ -168,8 +173,34 @@ def test_drop_is_free_fall():
 
 @needs_drake
 def test_a_slack_string_does_not_push():
-    # Oracle: free fall. A light mass held above the rod, its string slack from the start on, falls freely, until it is taut.
-    p = TEN_TO_ONE.replace(release="held", release_angle=math.radians(20), free_length=0.2, **NO_DRAG)
-    held = run(p, 0.1)
-    np.testing.assert_allclose(held.light_position[0, 1] - held.light_position[:, 1], 0.5 * 9.81 * held.t**2, rtol=0, atol=2e-3)
+    # Oracle: free fall, as the light mass falls towards the rod from above it; a link that pushed would turn it round the rod.
+    # Bound: pushed for a sample at most, it is late by g dt t + g dt^2.
+    p = TEN_TO_ONE.replace(release="held", release_angle=math.radians(45), free_length=0.2, **NO_DRAG)
+    held = run(p, 0.2)
+    fallen = held.light_position[0, 1] - held.light_position[:, 1]
+    assert np.all(np.abs(fallen - 0.5 * 9.81 * held.t**2) <= 9.81e-3 * (held.t + 1e-3))
     assert held.string_stretch[-1] < -1e-3
+
+
+@needs_drake
+def test_groups_of_steps_change_little():
+    # Oracle: the same engine with drag and beads seen to at every step. Bound: a fifth of the bound against the reference.
+    grouped, every = (run(TEN_TO_ONE, 0.1, steps_per_group=n) for n in (QUICK.steps_per_group, 1))
+    assert np.linalg.norm(grouped.light_position - every.light_position, axis=1).max() < 0.12e-3
+
+
+@needs_drake
+def test_winding_many_turns_ends_at_the_rod():
+    # Oracle: the reference's end. Bound: a sample, and the time of the last links, which get no bead.
+    p = TEN_TO_ONE.replace(rod_radius=0.03)
+    wound = DrakeChain().simulate(scenario(p, 0.6))
+    assert wound.status is RunStatus.LIGHT_REACHED_ROD
+    assert wound.t[-1] == pytest.approx(solve(p).end_time, abs=5e-3)
+
+
+@needs_drake
+def test_drakes_step_of_a_millisecond_lets_the_string_go():
+    # Oracle: the string's length. Drake's default step does not hold it; that is why the adapter's is a fiftieth.
+    stretched = DrakeChain().with_settings(time_step=1e-3, steps_per_group=1).simulate(scenario(TEN_TO_ONE, 0.2))
+    lost = stretched.status in (RunStatus.STRING_DRIFT, RunStatus.NOT_FINITE)
+    assert lost or np.abs(stretched.string_stretch).max() > 1e-2

@@ -39,7 +39,7 @@ WITHOUT = TEN_TO_ONE.replace(kinetic_friction=0.0, light_drag=0.0, heavy_drag=0.
 """Without friction, so that engines that have none are examined too."""
 
 
-CHEAP = frozenset({"mujoco:frictionloss", "mujoco:effective_mass", "mujoco:drum"})
+CHEAP = frozenset({"drake:chain", "mujoco:frictionloss", "mujoco:effective_mass", "mujoco:drum"})
 """Variants that are examined though they are not main ones."""
 
 

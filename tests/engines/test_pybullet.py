@@ -4,6 +4,7 @@ import gc
 import math
 import subprocess
 import sys
+import tempfile
 
 import numpy as np
 import pytest
@@ -12,11 +13,13 @@ from looping_pendulum.engines.chain import polygon_radius
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.pybullet import engines
 from looping_pendulum.engines.pybullet.chain import SETTINGS, PybulletChain
-from looping_pendulum.engines.pybullet.chain_model import LEAST_NODES, Laid, Watch, contact_friction, lay
-from looping_pendulum.engines.pybullet.chain_rig import ChainRig, ChainSettings
+from looping_pendulum.engines.pybullet.chain_model import COARSEST, ChainSettings, lay_chain
+from looping_pendulum.engines.pybullet.links import contact_friction
+from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS
 from looping_pendulum.engines.static_capstan import measured_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
+from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.scenarios.scenario import Scenario
@@ -53,8 +56,8 @@ def test_importing_the_adapter_and_making_an_engine_imports_no_pybullet() -> Non
 @pytest.mark.parametrize("profile", Profile)
 def test_every_variant_is_an_engine(profile: Profile) -> None:
     made = engines(profile)
-    assert [engine.variant for engine in made] == ["chain", "point_to_point", "defaults"]
-    assert [engine.abilities.main for engine in made] == [True, False, False]
+    assert [engine.variant for engine in made] == ["chain", "remade", "point_to_point", "defaults"]
+    assert [engine.abilities.main for engine in made] == [True, False, False, False]
     assert made[0].settings == SETTINGS[profile]
     assert all(isinstance(engine, Engine) for engine in made)
     assert all(engine.abilities.releases == frozenset(Release) for engine in made)
@@ -87,8 +90,7 @@ def test_node_circle_winds_and_pulls_like_the_rod() -> None:
 @pytest.mark.parametrize("release", [Release.LOOPING, Release.VERTICAL, Release.HELD])
 def test_chain_is_laid_between_the_masses_with_its_nodes_on_the_rod(release: Release) -> None:
     p = scenario(0.1, release=release).parameters
-    s = SETTINGS[Profile.QUICK]
-    chain, circle = lay(p, s, release_velocity(p)), s.node_circle(p)
+    chain = lay_chain(p, SETTINGS[Profile.QUICK])
     theta = p.release_angle
     light = (
         p.rod_radius * math.cos(theta) - p.free_length * math.sin(theta),
@@ -96,104 +98,67 @@ def test_chain_is_laid_between_the_masses_with_its_nodes_on_the_rod(release: Rel
     )
     assert chain.places[-1] == pytest.approx(light, abs=1e-12)
     assert chain.places[0] == pytest.approx((p.rod_radius, -p.hanging_length), abs=1e-12)
-    assert np.hypot(*chain.places[1:-1].T) == pytest.approx(circle, abs=1e-12)
-    assert chain.lengths[1:-1] == pytest.approx(s.length_on_rod(p), rel=1e-12)
+    distances = np.hypot(*chain.places[1:-1].T)
+    assert np.all(distances >= chain.node_circles.min() * (1 - 1e-9))  # no node inside the rod
     # Between corners a polygon's length differs from the string's by |c sin(x) - R x| < R (b/2)^3 / 6 at either end.
-    bend = s.length_on_rod(p) / p.rod_radius
+    bend = chain.bends.min()
     assert chain.lengths.sum() == pytest.approx(p.string_length, abs=2 * p.rod_radius * (bend / 2) ** 3 / 6)
 
 
-def pushed_chain() -> tuple[Parameters, Laid]:
-    """A chain whose masses, nodes and links all move as one taut string."""
-    p = scenario(0.1, coefficients={"push_along": 0.4, "push_across": 0.7}).parameters
-    return p, lay(p, SETTINGS[Profile.QUICK], release_velocity(p))
+def test_long_string_gets_longer_links_and_one_too_long_is_refused_with_a_way_out() -> None:
+    settings = SETTINGS[Profile.QUICK]
+    longer = lay_chain(scenario(0.1, free_length=0.8).parameters, settings)
+    assert len(longer.places) <= MAX_JOINTS
+    assert settings.link_length < longer.lengths[20] <= COARSEST * 1.02 * settings.link_length
+    with pytest.raises(EngineError, match=r"needs \d+ joints .* PyBullet holds 121; raise link_length or outer_link_length"):
+        lay_chain(scenario(0.1, free_length=1.5, rod_radius=0.0125).parameters, settings)
+
+
+def test_state_of_the_longest_chain_is_read_back_whole() -> None:
+    pytest.importorskip("pybullet")
+    held_up = scenario(0.01, free_length=0.68)
+    settings = SETTINGS[Profile.ACCURATE]
+    assert MAX_JOINTS - 2 <= len(lay_chain(held_up.parameters, settings).places) <= MAX_JOINTS
+    row = PybulletChain(settings=settings).build(held_up).read()
+    p = held_up.parameters
+    start = light_position(math, p.free_length, p.release_angle, p.rod_radius)
+    assert row == pytest.approx((*start, 0, 0, p.rod_radius, -p.hanging_length, 0, 0, 0), abs=1e-9)
 
 
 def test_pushed_chain_turns_about_its_tangent_point_and_slides_as_the_reference_does() -> None:
-    p, chain = pushed_chain()
-    light, heavy = chain.velocities[-1], chain.velocities[0]
-    assert light == pytest.approx(release_velocity(p)[:2])
-    assert heavy == pytest.approx((0.0, release_velocity(p)[2]))
-    # Rigid links: neighbours have one speed along the link between them, but for corners cut by half a bend.
+    pytest.importorskip("pybullet")
+    import pybullet
+
+    p = scenario(0.1, coefficients={"push_along": 0.4, "push_across": 0.7}).parameters
+    s = SETTINGS[Profile.QUICK]
+    chain = lay_chain(p, s)
+    vx, vy, heavy_v = release_velocity(p)
+    assert abs(heavy_v) > 0.01
+    assert chain.velocities[-1] == pytest.approx((vx, vy))
+    assert chain.velocities[0] == pytest.approx((0.0, heavy_v))
+    # Rigid links: neighbours have one speed along the link between them, but where the string leaves the polygon: there at most
+    # half a bend from its first or last side.
+    half_bend = 0.5 * s.link_length / p.rod_radius
+    cut = abs(heavy_v) * (1 - math.cos(half_bend))
     along = np.diff(chain.places, axis=0) / chain.lengths[:, None]
     mismatch = (np.diff(chain.velocities, axis=0) * along).sum(axis=1)
-    half_bend = 0.5 * SETTINGS[Profile.QUICK].length_on_rod(p) / p.rod_radius
-    assert np.abs(mismatch).max() <= abs(heavy[1]) * (1 - math.cos(half_bend)) + 1e-12
-    assert abs(heavy[1]) > 0.01
-
-
-def test_a_node_comes_before_the_string_touches_the_rod_and_goes_after_it_has_left() -> None:
-    p, s = scenario(0.1).parameters, SETTINGS[Profile.QUICK]
-    watch, circle = Watch(p, s), s.node_circle(p)
-    bend = s.length_on_rod(p) / p.rod_radius
-    lift = s.length_on_rod(p) ** 2 / p.rod_radius
-
-    def chain(turn: float, nodes: int = 5) -> Laid:
-        """Nodes on the rod, and straight string that leaves the last one ``turn`` [rad] outside the chord to the next place."""
-        angles = bend * np.arange(nodes)
-        on_rod = circle * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        direction = angles[-1] + 0.5 * bend + 0.5 * math.pi - turn
-        light = on_rod[-1] + 0.4 * np.array([math.cos(direction), math.sin(direction)])
-        heavy = on_rod[0] + 0.2 * np.array([math.sin(-0.5 * bend + turn), -math.cos(-0.5 * bend + turn)])
-        places = np.vstack([heavy, on_rod, light])
-        return Laid(places=places, velocities=np.zeros_like(places))
-
-    about = bend * p.rod_radius / circle  # turn by which a place a link away rises by `lift`
-    near, far = chain(0.5 * s.comes * lift / s.length_on_rod(p)), chain(2 * s.comes * about)
-    assert min(watch.margins(near.places, 5)) < 0 < min(watch.margins(far.places, 5))
-    longer = watch.seen_to(near)
-    assert len(longer.places) == len(near.places) + 2  # one on either side
-    assert longer.lengths.sum() == pytest.approx(near.lengths.sum(), rel=1e-12)
-    gone = chain(bend + 2 * s.goes * about)  # straight through the outermost nodes, and beyond
-    assert min(watch.margins(gone.places, 5)) < 0
-    shorter = watch.seen_to(gone)
-    assert len(shorter.places) == len(gone.places) - 2
-    assert shorter.lengths.sum() == pytest.approx(gone.lengths.sum(), rel=1e-5)
-    few = chain(bend + 2 * s.goes * about, nodes=LEAST_NODES)
-    assert len(watch.seen_to(few).places) == LEAST_NODES + 2
-
-
-def test_nodes_that_go_keep_the_strings_length_and_momentum() -> None:
-    p, chain = pushed_chain()
-    s = SETTINGS[Profile.QUICK]
-    places, velocities = chain.places.copy(), chain.velocities.copy()
-    extra = places[0] + np.array([2e-5, 0.6 * p.hanging_length])  # a node that swings on the straight part below the rod
-    swinging = Laid(
-        places=np.insert(places, 1, extra, axis=0), velocities=np.insert(velocities, 1, velocities[0] + [0.8, 0.0], axis=0)
-    )
-    after = Watch(p, s).seen_to(swinging)
-    assert len(after.places) == len(chain.places)
-    assert after.lengths.sum() == pytest.approx(swinging.lengths.sum(), abs=1e-9)
-    along = (places[-1] - places[-2]) / math.dist(places[-1], places[-2])
-    moved_light = float((after.places[-1] - places[-1]) @ along)
-    moved_heavy = places[0, 1] - after.places[0, 1]
-    assert p.light_mass * moved_light == pytest.approx(p.heavy_mass * moved_heavy, rel=1e-6)
-
-
-def test_making_the_multibody_anew_holds_the_state() -> None:
-    pytest.importorskip("pybullet")
-    rig = ChainRig(scenario(0.1).parameters, SETTINGS[Profile.QUICK])
-    for _ in range(30):
-        rig.advance()
-    before, row = rig._chain(), rig.read()
-    rig._world.api.removeBody(rig._body, physicsClientId=rig._world.client)
-    rig._make(before)
-    after = rig._chain()
-    assert after.places == pytest.approx(before.places, abs=1e-12)
-    # A link carries no speed along itself: what Bullet's step left there, second order in the step, goes.
-    assert after.velocities == pytest.approx(before.velocities, abs=1e-6)
-    assert rig.read() == pytest.approx(row, abs=1e-6)
-    assert rig.times_laid > 1
+    assert np.abs(mismatch).max() <= cut + 1e-12
+    # What PyBullet makes of the joints' rates: every node's velocity, but for those two cuts.
+    rig = PybulletChain().build(Scenario(name="test", title="", description="", parameters=p, duration=0.1))
+    joints = range(pybullet.getNumJoints(rig._body, physicsClientId=rig._world.client))
+    rows = pybullet.getLinkStates(rig._body, joints, 1, 1, physicsClientId=rig._world.client)
+    found = np.array([row[6][:2] for row in rows])
+    assert np.abs(found - chain.velocities).max() <= 2 * cut + 1e-9
 
 
 def test_links_too_long_for_the_rod_are_refused() -> None:
-    with pytest.raises(EngineError, match="cannot wrap a rod of radius 1 mm; shorten link_length to 1.3 mm"):
-        SETTINGS[Profile.QUICK].length_on_rod(scenario(0.1, rod_radius=1e-3).parameters)
+    with pytest.raises(EngineError, match="cannot wrap a rod of radius 1 mm"):
+        lay_chain(scenario(0.1, rod_radius=1e-3).parameters, SETTINGS[Profile.QUICK])
 
 
 def test_time_step_that_does_not_divide_the_sample_interval_is_refused() -> None:
     pytest.importorskip("pybullet")
-    settings = ChainSettings(time_step=3e-5, link_length=3e-3, bead_mass_ratio=1e-3, solver_iterations=20)
+    settings = ChainSettings(time_step=3e-5, link_length=5e-3, outer_link_length=8e-3, solver_iterations=20)
     with pytest.raises(EngineError, match="does not divide"):
         PybulletChain(settings=settings).simulate(scenario(0.01))
 
@@ -216,8 +181,8 @@ def test_fall_with_quadratic_drag_follows_its_closed_form() -> None:
     run = engine.simulate(falling).raise_if_failed()
     terminal = math.sqrt(0.1 * G / drag)
     exact = terminal**2 / G * np.log(np.cosh(G * run.t / terminal))
-    # First order in the step: half a step's fall too far, as without drag; and the drag is that of up to an interval before, which
-    # leaves the speed too high by at most what the drag takes off in an interval, g t - v in all by then.
+    # First order in the step: half a step's fall too far, as without drag; and the drag is that of up to an interval before,
+    # which leaves the speed too high by at most what the drag takes off in an interval, g t - v in all by then.
     lag = engine.settings.force_interval * engine.settings.time_step
     speed = terminal * np.tanh(G * run.t / terminal)
     bound = 0.5 * engine.settings.time_step * G * run.t + lag * (G * run.t - speed) + 1e-12
@@ -286,11 +251,13 @@ def test_static_capstan_ratio_is_that_of_the_circle() -> None:
     assert abs(point.error) < 0.02
 
 
-def test_a_rig_leaves_no_server_behind() -> None:
+def test_a_rig_leaves_no_file_and_no_server_behind(tmp_path, monkeypatch) -> None:
     pybullet = pytest.importorskip("pybullet")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     rig = PybulletChain().build(scenario(0.01))
     client = rig._world.client
     assert pybullet.isConnected(physicsClientId=client)
+    assert list(tmp_path.iterdir()) == []
     del rig
     gc.collect()
     assert not pybullet.isConnected(physicsClientId=client)

@@ -1,4 +1,4 @@
-"""PyBullet's variants for studies: the chain in maximal coordinates, the defaults, and the declared studies of all."""
+"""PyBullet's variants for studies: the chain made anew, that in maximal coordinates, the defaults; and all declared studies."""
 
 from __future__ import annotations
 
@@ -11,12 +11,21 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pybullet import engines
 from looping_pendulum.engines.pybullet.chain import PybulletChain
 from looping_pendulum.engines.pybullet.defaults import PybulletDefaults
+from looping_pendulum.engines.pybullet.links import Laid
 from looping_pendulum.engines.pybullet.point_to_point import PybulletPointToPoint
+from looping_pendulum.engines.pybullet.remade import SETTINGS, PybulletRemade
+from looping_pendulum.engines.pybullet.remade_model import LEAST_NODES, Watch, lay
+from looping_pendulum.engines.pybullet.remade_rig import RemadeRig
+from looping_pendulum.errors import EngineError
+from looping_pendulum.reference_ode.cartesian import release_velocity
+from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
 
 pytest.importorskip("pybullet")
+
+QUICK = SETTINGS[Profile.QUICK]
 
 
 def scenario(duration: float, **changes: object) -> Scenario:
@@ -39,6 +48,118 @@ def test_pinned_bodies_follow_the_reference_as_near_as_their_string_keeps_its_le
     assert farthest(fine, case) < 2 * stretches[1] + 2 * fine.settings.link_length**2 / (8 * 0.03)
 
 
+def pushed_chain() -> tuple[Parameters, Laid]:
+    """A chain whose masses, nodes and links all move as one taut string."""
+    p = scenario(0.1, free_length=0.4, push_along=0.4, push_across=0.7).parameters
+    return p, lay(p, QUICK, release_velocity(p))
+
+
+def test_remade_pushed_chain_turns_about_its_tangent_point_and_slides_as_the_reference_does() -> None:
+    p, chain = pushed_chain()
+    light, heavy = chain.velocities[-1], chain.velocities[0]
+    assert light == pytest.approx(release_velocity(p)[:2])
+    assert heavy == pytest.approx((0.0, release_velocity(p)[2]))
+    # Rigid links: neighbours have one speed along the link between them, but for corners cut by half a bend.
+    along = np.diff(chain.places, axis=0) / chain.lengths[:, None]
+    mismatch = (np.diff(chain.velocities, axis=0) * along).sum(axis=1)
+    half_bend = 0.5 * QUICK.length_on_rod(p) / p.rod_radius
+    assert np.abs(mismatch).max() <= abs(heavy[1]) * (1 - math.cos(half_bend)) + 1e-12
+    assert abs(heavy[1]) > 0.01
+
+
+def test_a_node_comes_before_the_string_touches_the_rod_and_goes_after_it_has_left() -> None:
+    p, s = scenario(0.1, free_length=0.4).parameters, QUICK
+    watch, circle = Watch(p, s), s.node_circle(p)
+    bend = s.length_on_rod(p) / p.rod_radius
+    lift = s.length_on_rod(p) ** 2 / p.rod_radius
+
+    def chain(turn: float, nodes: int = 5) -> Laid:
+        """Nodes on the rod, and straight string that leaves the last one ``turn`` [rad] outside the chord to the next place."""
+        angles = bend * np.arange(nodes)
+        on_rod = circle * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        direction = angles[-1] + 0.5 * bend + 0.5 * math.pi - turn
+        light = on_rod[-1] + 0.4 * np.array([math.cos(direction), math.sin(direction)])
+        heavy = on_rod[0] + 0.2 * np.array([math.sin(-0.5 * bend + turn), -math.cos(-0.5 * bend + turn)])
+        places = np.vstack([heavy, on_rod, light])
+        return Laid(places=places, velocities=np.zeros_like(places))
+
+    about = bend * p.rod_radius / circle  # turn by which a place a link away rises by `lift`
+    near, far = chain(0.5 * s.comes * lift / s.length_on_rod(p)), chain(2 * s.comes * about)
+    assert min(watch.margins(near.places, 5)) < 0 < min(watch.margins(far.places, 5))
+    longer = watch.seen_to(near)
+    assert len(longer.places) == len(near.places) + 2  # one on either side
+    assert longer.lengths.sum() == pytest.approx(near.lengths.sum(), rel=1e-12)
+    gone = chain(bend + 2 * s.goes * about)  # straight through the outermost nodes, and beyond
+    assert min(watch.margins(gone.places, 5)) < 0
+    shorter = watch.seen_to(gone)
+    assert len(shorter.places) == len(gone.places) - 2
+    assert shorter.lengths.sum() == pytest.approx(gone.lengths.sum(), rel=1e-5)
+    few = chain(bend + 2 * s.goes * about, nodes=LEAST_NODES)
+    assert len(watch.seen_to(few).places) == LEAST_NODES + 2
+
+
+def test_nodes_that_go_keep_the_strings_length_and_momentum() -> None:
+    p, chain = pushed_chain()
+    s = QUICK
+    places, velocities = chain.places.copy(), chain.velocities.copy()
+    extra = places[0] + np.array([2e-5, 0.6 * p.hanging_length])  # a node that swings on the straight part below the rod
+    swinging = Laid(
+        places=np.insert(places, 1, extra, axis=0), velocities=np.insert(velocities, 1, velocities[0] + [0.8, 0.0], axis=0)
+    )
+    after = Watch(p, s).seen_to(swinging)
+    assert len(after.places) == len(chain.places)
+    assert after.lengths.sum() == pytest.approx(swinging.lengths.sum(), abs=1e-9)
+    along = (places[-1] - places[-2]) / math.dist(places[-1], places[-2])
+    moved_light = float((after.places[-1] - places[-1]) @ along)
+    moved_heavy = places[0, 1] - after.places[0, 1]
+    assert p.light_mass * moved_light == pytest.approx(p.heavy_mass * moved_heavy, rel=1e-6)
+
+
+def test_making_the_multibody_anew_holds_the_state() -> None:
+    rig = RemadeRig(scenario(0.1, free_length=0.4).parameters, QUICK)
+    for _ in range(30):
+        rig.advance()
+    before, row = rig._chain(), rig.read()
+    rig._world.api.removeBody(rig._body, physicsClientId=rig._world.client)
+    rig._make(before)
+    after = rig._chain()
+    assert after.places == pytest.approx(before.places, abs=1e-12)
+    # A link carries no speed along itself: what Bullet's step left there, second order in the step, goes.
+    assert after.velocities == pytest.approx(before.velocities, abs=1e-6)
+    assert rig.read() == pytest.approx(row, abs=1e-6)
+    assert rig.times_laid > 1
+
+
+@pytest.mark.parametrize("release", [Release.LOOPING, Release.VERTICAL, Release.HELD])
+def test_remade_chain_is_laid_between_the_masses_with_its_nodes_on_the_rod(release: Release) -> None:
+    p = scenario(0.1, free_length=0.4, release=release).parameters
+    s = QUICK
+    chain, circle = lay(p, s, release_velocity(p)), s.node_circle(p)
+    theta = p.release_angle
+    light = (
+        p.rod_radius * math.cos(theta) - p.free_length * math.sin(theta),
+        p.rod_radius * math.sin(theta) + p.free_length * math.cos(theta),
+    )
+    assert chain.places[-1] == pytest.approx(light, abs=1e-12)
+    assert chain.places[0] == pytest.approx((p.rod_radius, -p.hanging_length), abs=1e-12)
+    assert np.hypot(*chain.places[1:-1].T) == pytest.approx(circle, abs=1e-12)
+    assert chain.lengths[1:-1] == pytest.approx(s.length_on_rod(p), rel=1e-12)
+    # Between corners a polygon's length differs from the string's by |c sin(x) - R x| < R (b/2)^3 / 6 at either end.
+    bend = s.length_on_rod(p) / p.rod_radius
+    assert chain.lengths.sum() == pytest.approx(p.string_length, abs=2 * p.rod_radius * (bend / 2) ** 3 / 6)
+
+
+def test_links_too_long_for_the_rod_are_refused() -> None:
+    with pytest.raises(EngineError, match="cannot wrap a rod of radius 1 mm; shorten link_length to 1.3 mm"):
+        QUICK.length_on_rod(scenario(0.1, rod_radius=1e-3).parameters)
+
+
+def test_remade_chain_follows_the_reference_while_the_string_slides() -> None:
+    """A ripple of h^2 / 8R at each end of the wound string, twice over."""
+    engine = PybulletRemade()
+    assert farthest(engine, scenario(0.15)) <= 4 * engine.settings.link_length**2 / (8 * TEN_TO_ONE.rod_radius)
+
+
 @pytest.mark.xfail(strict=True, reason="joint motors, on by default, hold every hinge: the string is a stiff wire")
 def test_defaults_follow_the_reference() -> None:
     assert farthest(PybulletDefaults(), scenario(0.15)) < 5e-3
@@ -57,7 +178,7 @@ def test_studies_vary_what_they_say(profile: Profile) -> None:
 
 
 def test_every_time_step_of_a_ladder_divides_the_sample_interval() -> None:
-    for engine in (PybulletChain(), PybulletPointToPoint()):
+    for engine in (PybulletChain(), PybulletRemade(), PybulletPointToPoint()):
         steps = engine.studies().ladders[0].values
         assert all(math.isclose(round(1e-3 / dt) * dt, 1e-3) for dt in steps)
         assert list(steps) == sorted(steps, reverse=True)

@@ -6,8 +6,14 @@ from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.pybullet.chain import PybulletChain
 from looping_pendulum.engines.pybullet.defaults import PybulletDefaults
 from looping_pendulum.engines.pybullet.point_to_point import PybulletPointToPoint
+from looping_pendulum.engines.pybullet.remade import PybulletRemade
 
 
 def engines(profile: Profile) -> list[Engine]:
     """Every variant of this engine, in ``profile``."""
-    return [PybulletChain(profile=profile), PybulletPointToPoint(profile=profile), PybulletDefaults(profile=profile)]
+    return [
+        PybulletChain(profile=profile),
+        PybulletRemade(profile=profile),
+        PybulletPointToPoint(profile=profile),
+        PybulletDefaults(profile=profile),
+    ]

@@ -8,7 +8,14 @@ from dataclasses import replace
 from looping_pendulum.engines.protocol import Abilities, Profile, Rig, SteppedEngine
 from looping_pendulum.engines.pybullet.chain import DRAG, ONE_COEFFICIENT, REACHED
 from looping_pendulum.engines.pybullet.point_to_point_rig import PointToPointRig, PointToPointSettings
-from looping_pendulum.engines.pybullet.studies import choice, iteration_ladder, link_ladder, step_ladder, world_defaults
+from looping_pendulum.engines.pybullet.studies import (
+    choice,
+    common_choices,
+    iteration_ladder,
+    link_ladder,
+    step_ladder,
+    world_defaults,
+)
 from looping_pendulum.engines.pybullet.world import FallingRig
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
@@ -16,7 +23,7 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
 SETTINGS = {
-    Profile.QUICK: PointToPointSettings(time_step=5e-5, link_length=6e-3, bead_mass_ratio=1e-3, solver_iterations=50),
+    Profile.QUICK: PointToPointSettings(time_step=5e-5, link_length=8e-3, bead_mass_ratio=1e-3, solver_iterations=50),
     Profile.ACCURATE: PointToPointSettings(time_step=1e-5, link_length=5e-3, bead_mass_ratio=2e-4, solver_iterations=100),
 }
 
@@ -40,7 +47,7 @@ _ABILITIES = Abilities(
     ),
     main=False,
     known_failures={
-        "vertical_release_obeys_the_capstan_law": "measured 5.70 m/s^2 for 5.80, 1.8 % slow: a static ratio of tensions 3.7 % too high",
+        "vertical_release_obeys_the_capstan_law": "measured 5.73 m/s^2 for 5.80: a ratio of tensions too high by 2.4 %",
     },
 )
 
@@ -79,7 +86,7 @@ class PybulletPointToPoint(SteppedEngine):
         return max(super().end_length(scenario), 2 * self.settings.length_on_rod(scenario.parameters))
 
     def studies(self) -> Studies:
-        """Step, links and sweeps; PyBullet's defaults; the bodies' inertia, the polygon, the nodes' size."""
+        """Step, links and sweeps; PyBullet's defaults; the adapter's choices."""
         s, adjusted = self.settings, self.with_settings
         return Studies(
             ladders=(
@@ -89,14 +96,13 @@ class PybulletPointToPoint(SteppedEngine):
             ),
             defaults=world_defaults(adjusted, s),
             choices=(
-                choice("radius and coefficient", "corrected for the corners", "the circle's own", adjusted(polygon=False)),
+                *common_choices(adjusted, s),
                 choice(
                     "inertia of a node's body",
                     f"{s.relative_inertia:g} mass x link^2",
                     "a third of it",
                     adjusted(relative_inertia=s.relative_inertia / 3),
                 ),
-                choice("node radius", f"{s.node_radius:g} m", "1 mm", adjusted(node_radius=1e-3)),
             ),
         )
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from looping_pendulum.engines.chain import MASS_COMPENSATION, point_on_string
-from looping_pendulum.engines.pybullet.chain_model import LinkSettings, typical_wrap_angle
+from looping_pendulum.engines.pybullet.links import LinkSettings, typical_wrap_angle
 from looping_pendulum.engines.pybullet.world import Drive, Pushed, Row, World
 from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.geometry import Array
@@ -20,7 +20,7 @@ ROD_GROUP, STRING_GROUP = 1, 2
 
 @dataclass(frozen=True, kw_only=True)
 class PointToPointSettings(LinkSettings):
-    """Numerics of the chain of bodies; its nodes are laid once, from mass to mass, so `comes` and `goes` do nothing."""
+    """Numerics of the chain of bodies; its nodes are laid once, from mass to mass."""
 
     relative_inertia: float = 0.3
     """Moment of inertia of a node's body, in its mass times a link's length squared: with less, its pin converges slowly."""
@@ -38,8 +38,7 @@ class PointToPointRig(Pushed):
         rod_radius = s.node_circle(p) - s.node_radius
         rod = world.lay_rod(rod_radius, 1.0)
         self._group(rod, ROD_GROUP, STRING_GROUP)
-        wrap_angle = p.release_angle if p.release is Release.VERTICAL else typical_wrap_angle(p)
-        self._friction = s.friction(p, wrap_angle, rod_radius)
+        self._friction = s.friction(p, typical_wrap_angle(p), rod_radius)
         places = self._places(p, s)
         self._node = world.api.createCollisionShape(world.api.GEOM_SPHERE, radius=s.node_radius, physicsClientId=world.client)
         beads = [s.bead_mass_ratio * p.light_mass] * (len(places) - 2)

@@ -138,3 +138,19 @@ def _different(adjusted: Adjusted, settings: WorldSettings, rows: tuple[Row, ...
 def choice(what: str, ours: str, instead: str, engine: Engine) -> Choice:
     """Something that could be decided otherwise."""
     return Choice(what=what, ours=ours, instead=instead, engine=engine)
+
+
+def common_choices(adjusted: Adjusted, settings: WorldSettings) -> tuple[Choice, ...]:
+    """Return what an adapter of a chain decides: corrections for corners, the contact, how often forces are updated."""
+    s = settings
+    return (
+        choice("radius and coefficient", "corrected for the corners", "the circle's own", adjusted(polygon=False)),
+        choice("node radius", f"{s.node_radius:g} m", "1 mm", adjusted(node_radius=1e-3)),
+        choice("steps between two updates of the forces", f"{s.force_interval}", "1", adjusted(force_interval=1)),
+        choice(
+            "share of a penetration taken back in a step",
+            f"{s.contact_error_reduction:g}",
+            "0.02",
+            adjusted(contact_error_reduction=0.02),
+        ),
+    )

@@ -1,0 +1,11 @@
+"""Drake: a chain of beads, by its discrete contact solver. Offered through the entry point that a third party uses."""
+
+from __future__ import annotations
+
+from looping_pendulum.engines.drake.chain import DrakeChain
+from looping_pendulum.engines.protocol import Engine, Profile
+
+
+def engines(profile: Profile) -> list[Engine]:
+    """Every variant of this engine, in ``profile``."""
+    return [DrakeChain(profile=profile)]

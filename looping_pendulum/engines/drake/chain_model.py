@@ -1,0 +1,215 @@
+"""The apparatus as a Drake plant: two masses and beads on two slides each, distance constraints between neighbours."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.engines.chain import polygon_friction, polygon_radius
+from looping_pendulum.engines.protocol import Profile, steps_per_sample
+from looping_pendulum.errors import EngineError
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+
+CENTRE = np.zeros(3)
+"""Where links are fixed to a body [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChainSettings:
+    """Numerical settings of the bead chain, SI."""
+
+    time_step: float
+    """[s]; divides the sample interval."""
+    bend: float
+    """Angle between neighbouring links on the rod [rad]; a link is R times this long."""
+    bead_mass_ratio: float
+    """Mass of one bead over the light mass."""
+    contact_stiffness: float
+    """Of the contact of a bead with the rod [N/m]. Harder: beads bounce as they land; softer: they sink in."""
+    contact_approximation: str = "similar"
+    """Which convex approximation of Coulomb's law Drake solves: "similar", "lagged" or "sap"."""
+    contact_dissipation: float = 10.0
+    """Hunt and Crossley's dissipation of the same contact [s/m]."""
+    stiction_tolerance: float = 1e-4
+    """Speed below which what should stick creeps [m/s]."""
+    rod_shape: str = "sphere"
+    """"sphere" or "cylinder"; both have the same section in the plane of motion."""
+    bead_radius: float = 1e-3
+    """[m]; the rod is that much thinner, so that the bead's centre runs where the string should."""
+    steps_per_group: int = 5
+    """Steps between two updates of the effects' forces and of the beads that come and go."""
+    polygon: bool = True
+    """Whether radius and coefficient are those of the polygon that stands for the circle (`engines.chain`)."""
+
+    def __post_init__(self) -> None:
+        """Refuse a step that samples cannot be taken at."""
+        steps = steps_per_sample(self.time_step)
+        if steps % self.steps_per_group:
+            raise EngineError(
+                f"steps_per_group: found {self.steps_per_group}, needed a divisor of the {steps} steps in a sample interval; "
+                "write 1"
+            )
+
+    @property
+    def groups_per_sample(self) -> int:
+        """Groups of steps in one sample interval."""
+        return steps_per_sample(self.time_step) // self.steps_per_group
+
+    @property
+    def group_time(self) -> float:
+        """Length of a group [s]."""
+        return self.steps_per_group * self.time_step
+
+    def node_radius(self, rod_radius: float) -> float:
+        """Distance of a bead on the rod from the rod's centre [m]."""
+        return float(polygon_radius(rod_radius, self.bend)) if self.polygon else rod_radius
+
+    def contact_friction(self, friction: float) -> float:
+        """Coefficient of the contacts for a string that rubs with ``friction``."""
+        return polygon_friction(friction, self.bend) if self.polygon else friction
+
+
+SETTINGS = {
+    Profile.QUICK: ChainSettings(time_step=2e-5, bend=0.4, bead_mass_ratio=5e-4, contact_stiffness=2e4),
+    Profile.ACCURATE: ChainSettings(time_step=1e-5, bend=0.3, bead_mass_ratio=2e-4, contact_stiffness=5e4),
+}
+
+
+class ChainModel:
+    """One plant with a set number of beads, and its state. Coordinates are x and y of each body, of the heavy mass y alone."""
+
+    def __init__(self, parameters: Parameters, settings: ChainSettings, beads: int) -> None:
+        from pydrake.multibody.plant import AddMultibodyPlant, DistanceConstraintParams, MultibodyPlantConfig
+        from pydrake.systems.framework import DiagramBuilder
+
+        p, s = parameters, settings
+        builder = DiagramBuilder()
+        config = MultibodyPlantConfig(
+            time_step=s.time_step,
+            discrete_contact_approximation=s.contact_approximation,
+            stiction_tolerance=s.stiction_tolerance,
+            contact_model="point",
+            use_sampled_output_ports=False,
+        )
+        self._plant: Any
+        self._plant, scene = AddMultibodyPlant(config, builder)
+        self._plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -p.coefficients["gravity"]])
+        self._link_parameters = DistanceConstraintParams
+        self._held, self._held_height = p.release is Release.HELD, -p.hanging_length
+        self._bodies = self._add_bodies(p, s, beads, scene)
+        self._links: list[Any] = []
+        if p.release is not Release.DROP:
+            pairs = zip(self._bodies[:-1], self._bodies[1:], strict=True)
+            self._links = [self._plant.AddDistanceConstraint(a, CENTRE, b, CENTRE, 1.0) for a, b in pairs]
+        self._plant.Finalize()
+        self._diagram = builder.Build()
+        self._root = self._diagram.CreateDefaultContext()
+        self._context = self._plant.GetMyMutableContextFromRoot(self._root)
+        self._next = self._diagram.AllocateDiscreteVariables()
+        self._port = self._plant.get_applied_generalized_force_input_port()
+
+    def _add_bodies(self, p: Parameters, s: ChainSettings, beads: int, scene: Any) -> list[Any]:
+        """Add light mass, beads and heavy mass in a row, and the rod."""
+        from pydrake.geometry import (
+            AddContactMaterial,
+            CollisionFilterDeclaration,
+            Cylinder,
+            GeometrySet,
+            ProximityProperties,
+            Sphere,
+        )
+        from pydrake.math import RigidTransform, RotationMatrix
+        from pydrake.multibody.plant import CoulombFriction
+
+        friction = s.contact_friction(p.coefficients["kinetic_friction"])
+        surface = ProximityProperties()  # of bead and rod alike: Drake's mean of two equal coefficients is their own
+        AddContactMaterial(
+            dissipation=s.contact_dissipation,
+            point_stiffness=2 * s.contact_stiffness,  # of two in a row, half
+            friction=CoulombFriction(friction, friction),
+            properties=surface,
+        )
+        radius = s.node_radius(p.rod_radius) - s.bead_radius
+        rod = Sphere(radius) if s.rod_shape == "sphere" else Cylinder(radius, 0.1)
+        place = RigidTransform(RotationMatrix.MakeXRotation(math.pi / 2), CENTRE)
+        spheres = GeometrySet()
+        self._plant.RegisterCollisionGeometry(self._plant.world_body(), place, rod, "rod", surface)
+        bodies = [self._add_body("light", p.light_mass, "xy")]
+        for i in range(beads):
+            bodies.append(self._add_body(f"bead{i}", s.bead_mass_ratio * p.light_mass, "xy"))
+            sphere = Sphere(s.bead_radius)
+            spheres.Add(self._plant.RegisterCollisionGeometry(bodies[-1], RigidTransform(), sphere, f"sphere{i}", surface))
+        bodies.append(self._add_held(p) if self._held else self._add_body("heavy", p.heavy_mass, "y", x=p.rod_radius))
+        scene.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(spheres))
+        return bodies
+
+    def _add_body(self, name: str, mass: float, axes: str, x: float = 0.0) -> Any:
+        """Add a body that slides along ``axes``; our y is Drake's z."""
+        from pydrake.math import RigidTransform
+        from pydrake.multibody.tree import FixedOffsetFrame, PrismaticJoint, SpatialInertia
+
+        base = self._plant.world_body().body_frame()
+        parent = self._plant.AddFrame(FixedOffsetFrame(f"{name}_base", base, RigidTransform([x, 0.0, 0.0])))
+        for axis in axes:
+            last = axis == axes[-1]
+            inertia = SpatialInertia.SolidSphereWithMass(mass, 1e-2) if last else SpatialInertia.Zero()
+            body = self._plant.AddRigidBody(name if last else f"{name}_slide", inertia)
+            along = [1.0, 0.0, 0.0] if axis == "x" else [0.0, 0.0, 1.0]
+            self._plant.AddJoint(PrismaticJoint(f"{name}_{axis}", parent, body.body_frame(), along))
+            parent = body.body_frame()
+        return body
+
+    def _add_held(self, p: Parameters) -> Any:
+        """Add a heavy mass that stays where it is.
+
+        Drake 1.51.1 segfaults on a distance constraint to the world body itself, and with a locked joint beside a contact.
+        """
+        from pydrake.math import RigidTransform
+        from pydrake.multibody.tree import SpatialInertia
+
+        body = self._plant.AddRigidBody("heavy", SpatialInertia.SolidSphereWithMass(p.heavy_mass, 1e-2))
+        place = RigidTransform([p.rod_radius, 0.0, self._held_height])
+        self._plant.WeldFrames(self._plant.world_body().body_frame(), body.body_frame(), place)
+        return body
+
+    def set(self, places: Array, speeds: Array) -> None:
+        """Set coordinates [m] and velocities [m/s], shape (2 beads + 3,)."""
+        free = self._plant.num_velocities()
+        self._plant.SetPositions(self._context, places[:free])
+        self._plant.SetVelocities(self._context, speeds[:free])
+
+    def places(self) -> Array:
+        """Coordinates [m], shape (2 beads + 3,)."""
+        places = self._plant.GetPositions(self._context)
+        return np.append(places, self._held_height) if self._held else np.array(places)
+
+    def speeds(self) -> Array:
+        """Velocities [m/s], shape (2 beads + 3,)."""
+        speeds = self._plant.GetVelocities(self._context)
+        return np.append(speeds, 0.0) if self._held else np.array(speeds)
+
+    def set_link(self, index: int, length: float, taut: bool) -> None:
+        """Give link ``index`` its length [m]; one that is not ``taut`` does nothing."""
+        a, b = self._bodies[index : index + 2]
+        rigid = self._link_parameters(a.index(), CENTRE, b.index(), CENTRE, length, math.inf, 0.0)
+        self._plant.SetDistanceConstraintParams(self._context, self._links[index], rigid)
+        self._plant.SetConstraintActiveStatus(self._context, self._links[index], taut)
+
+    def push(self, light: Sequence[float], heavy: float) -> None:
+        """Apply forces [N] to the masses, (x, y) and y, from the next step on."""
+        forces = np.zeros(self._plant.num_velocities())
+        forces[:2] = light
+        if not self._held:
+            forces[-1] = heavy
+        self._port.FixValue(self._context, forces)
+
+    def step(self, count: int) -> None:
+        """Take ``count`` steps."""
+        for _ in range(count):
+            self._diagram.CalcForcedDiscreteVariableUpdate(self._root, self._next)
+            self._root.SetDiscreteState(self._next)

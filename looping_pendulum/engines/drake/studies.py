@@ -1,0 +1,105 @@
+"""What can be varied of the Drake chain: ladders of refinement, Drake's defaults one at a time, the adapter's choices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from looping_pendulum.engines.drake.chain_model import ChainSettings
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
+from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder, Studies
+
+Adjusted = Callable[..., Engine]
+"""``adjusted(**changes)``: the variant with some settings changed."""
+
+STEPS = (5e-5, 2e-5, 1e-5, 5e-6)
+"""[s]"""
+BENDS = (0.5, 0.4, 0.3, 0.24)
+"""[rad]"""
+BEAD_MASSES = (2e-3, 1e-3, 5e-4, 2e-4)
+STIFFNESSES = (1e4, 2e4, 5e4, 1e5, 2e5)
+"""Of contacts [N/m]."""
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
+"""Of stiction [m/s]."""
+
+
+def chain_studies(settings: ChainSettings, adjusted: Adjusted) -> Studies:
+    """Ladders, defaults and choices of the variant that ``adjusted`` changes."""
+    return Studies(
+        ladders=_ladders(settings, adjusted), defaults=_defaults(settings, adjusted), choices=_choices(settings, adjusted)
+    )
+
+
+def _ladders(s: ChainSettings, adjusted: Adjusted) -> tuple[Ladder, ...]:
+    density = s.bead_mass_ratio / s.bend
+    bends = ({"bend": bend, "bead_mass_ratio": density * bend} for bend in BENDS)
+    follows = "a bead's mass, so that the string's mass per length stays"
+    return (
+        _ladder(adjusted, "time_step", "s", ({"time_step": dt} for dt in STEPS)),
+        _ladder(adjusted, "bend", "rad", bends, follows),
+        _ladder(adjusted, "bead_mass_ratio", "", ({"bead_mass_ratio": ratio} for ratio in BEAD_MASSES)),
+        _ladder(adjusted, "contact_stiffness", "N/m", ({"contact_stiffness": k} for k in STIFFNESSES)),
+        _ladder(adjusted, "stiction_tolerance", "m/s", ({"stiction_tolerance": v} for v in TOLERANCES)),
+    )
+
+
+def _ladder(adjusted: Adjusted, setting: str, unit: str, rungs: Iterable[dict[str, Any]], follows: str = "") -> Ladder:
+    """Make a ladder of one engine per rung; a rung is its changes, ``setting`` among them."""
+    steps = tuple(rungs)
+    return Ladder(
+        setting=setting,
+        unit=unit,
+        values=tuple(changes[setting] for changes in steps),
+        engines=tuple(adjusted(**changes) for changes in steps),
+        follows=follows,
+    )
+
+
+def _defaults(s: ChainSettings, adjusted: Adjusted) -> tuple[HiddenDefault, ...]:
+    rows: tuple[tuple[str, str, str, str, dict[str, Any]], ...] = (
+        (
+            "time_step",
+            "1 ms",
+            f"{s.time_step:g} s",
+            "length of a step",
+            {"time_step": SAMPLE_INTERVAL, "steps_per_group": 1},
+        ),
+        (
+            "discrete_contact_approximation",
+            "lagged",
+            s.contact_approximation,
+            "which convex problem stands for Coulomb's law; lagged takes the friction's bound from the step before",
+            {"contact_approximation": "lagged"},
+        ),
+        (
+            "point_stiffness",
+            "5e5 N/m (1e6 of either body, in a row)",
+            f"{s.contact_stiffness:g} N/m",
+            "how far a bead sinks in",
+            {"contact_stiffness": 5e5},
+        ),
+        (
+            "hunt_crossley_dissipation",
+            "50 s/m",
+            f"{s.contact_dissipation:g} s/m",
+            "how fast a bead that sinks in or comes off is braked",
+            {"contact_dissipation": 50.0},
+        ),
+    )
+    return tuple(
+        HiddenDefault(setting=name, default=default, ours=ours, effect=effect, engine=adjusted(**changes))
+        for name, default, ours, effect, changes in rows
+    )
+
+
+def _choices(s: ChainSettings, adjusted: Adjusted) -> tuple[Choice, ...]:
+    rows: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
+        ("convex approximation of Coulomb's law", s.contact_approximation, "sap", {"contact_approximation": "sap"}),
+        ("rod", f"a {s.rod_shape}", "a cylinder", {"rod_shape": "cylinder"}),
+        ("radius and coefficient", "corrected for the polygon", "the circle's own", {"polygon": False}),
+        ("bead radius", f"{s.bead_radius:g} m", "0.5 mm", {"bead_radius": 5e-4}),
+        ("steps between two updates of drag and beads", f"{s.steps_per_group}", "1", {"steps_per_group": 1}),
+    )
+    return tuple(
+        Choice(what=what, ours=ours, instead=instead, engine=adjusted(**changes)) for what, ours, instead, changes in rows
+    )

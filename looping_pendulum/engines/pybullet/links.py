@@ -1,0 +1,124 @@
+"""What every chain of links between nodes shares: its polygon's friction, its state at one moment, its settings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from looping_pendulum.engines.chain import polygon_friction, polygon_radius
+from looping_pendulum.engines.pybullet.settings import WorldSettings
+from looping_pendulum.errors import EngineError
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+
+TURN_TO_HALT = math.pi / 2
+"""How much further than at release the string is typically wound, averaged over a looping mass's way to its halt [rad]."""
+MOST_BEND = 1.3
+"""Largest bend at a node [rad]: friction at such corners no longer is that of a circle."""
+
+
+def typical_wrap_angle(parameters: Parameters) -> float:
+    """Wrap angle at which the polygon's mean friction is to be right [rad]; it changes little with it."""
+    return parameters.release_angle + (0.0 if parameters.release is Release.VERTICAL else TURN_TO_HALT)
+
+
+def contact_friction(friction: float, bend: float, wrap_angle: float) -> float:
+    """Contact friction with which a sliding polygon obeys the capstan law, on average over how its ends lie.
+
+    `polygon_friction` is right for full corners. A corner of angle d makes ln(T2/T1) = 2 artanh(m tan(d/2)), which grows faster
+    than d; and the first and last corner on the rod turn by anything from 0 to the full ``bend``, evenly as the string winds.
+    So the wrap angle theta is theta / bend - 1 full corners and two such ends, and m solves
+    (theta / bend - 1) f(bend) + 2 mean(f) = mu theta.
+    """
+    if friction == 0:
+        return 0.0
+    points, weights = np.polynomial.legendre.leggauss(16)
+    tangents = np.tan(0.25 * bend * (points + 1))
+    full = math.tan(bend / 2)
+
+    def exponent(m: float) -> float:
+        ends = float(weights @ np.arctanh(m * tangents)) * 2  # the weights add up to 2: both ends
+        return (wrap_angle / bend - 1) * 2 * math.atanh(m * full) + ends
+
+    lowest, highest = polygon_friction(friction, bend), (1 - 1e-12) / full
+    return float(brentq(lambda m: exponent(m) - friction * wrap_angle, 0.5 * lowest, highest, xtol=1e-15))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Laid:
+    """The string at one moment: its ends and the nodes between, from the heavy mass to the light one."""
+
+    places: Array
+    """Shape (n, 2) [m]"""
+    velocities: Array
+    """Shape (n, 2) [m/s]"""
+
+    @property
+    def lengths(self) -> Array:
+        """Of the links [m], shape (n - 1,)."""
+        return np.asarray(np.hypot(*np.diff(self.places, axis=0).T))
+
+    @property
+    def directions(self) -> Array:
+        """Of the links [rad], shape (n - 1,)."""
+        x, y = np.diff(self.places, axis=0).T
+        return np.asarray(np.arctan2(y, x))
+
+    @property
+    def turn_rates(self) -> Array:
+        """Angular velocities of the links [rad/s], shape (n - 1,)."""
+        (x, y), (vx, vy) = np.diff(self.places, axis=0).T, np.diff(self.velocities, axis=0).T
+        return np.asarray((x * vy - y * vx) / (x * x + y * y))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkSettings(WorldSettings):
+    """What variants of links between nodes set."""
+
+    link_length: float
+    """Length of a link that may come on the rod [m]; longer on a thick rod, see `least_bend`."""
+    bead_mass_ratio: float
+    """Mass of a node over the light mass. Stable below steps of about sqrt(its mass x link length / tension)."""
+    least_bend: float = 0.2
+    """Links are laid longer than asked for if they would turn by less than this on the rod [rad]: no need on a thick rod."""
+
+    def length_on_rod(self, parameters: Parameters) -> float:
+        """Length of a link on the rod [m].
+
+        Raises
+        ------
+        EngineError
+            If it would bend too far there.
+        """
+        radius = parameters.rod_radius
+        if self.link_length > MOST_BEND * radius:
+            raise EngineError(
+                f"pybullet: links of {1e3 * self.link_length:.3g} mm cannot wrap a rod of radius {1e3 * radius:.3g} mm; "
+                f"shorten link_length to {1e3 * MOST_BEND * radius:.2g} mm or less"
+            )
+        length = max(self.link_length, self.least_bend * radius)
+        if parameters.release is Release.VERTICAL:
+            # The wrap angle stays. Links that divide it come on and off the rod at the same moments, so that the ripple which a
+            # passing node makes in the string's speed is the same at both ends, and the masses do not feel it.
+            wound = radius * parameters.release_angle
+            length = wound / math.ceil(wound / length)
+        return length
+
+    def node_circle(self, parameters: Parameters) -> float:
+        """Distance of a node on the rod from the rod's centre [m]."""
+        radius = parameters.rod_radius
+        return float(polygon_radius(radius, self.length_on_rod(parameters) / radius)) if self.polygon else radius
+
+    def friction(self, parameters: Parameters, wrap_angle: float, rod_radius: float) -> float:
+        """Contact coefficient of nodes on a rod whose sphere has ``rod_radius`` [m].
+
+        Friction acts where a node touches the rod, tension at the node: their lever arms differ by the node's radius.
+        """
+        p = parameters
+        law = p.coefficients["kinetic_friction"]
+        if self.polygon:
+            law = contact_friction(law, self.length_on_rod(p) / p.rod_radius, wrap_angle)
+        return law * self.node_circle(p) / rod_radius

@@ -1,0 +1,121 @@
+"""The rig of the chain that is made anew: one multibody after another, as nodes come on the rod and go."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from looping_pendulum.engines.pybullet.links import Laid, typical_wrap_angle
+from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS, MultibodyRig, free_joints, set_joints
+from looping_pendulum.engines.pybullet.remade_model import RemadeSettings, Watch, lay
+from looping_pendulum.engines.pybullet.world import Row, World
+from looping_pendulum.errors import EngineError
+from looping_pendulum.reference_ode.cartesian import release_velocity
+from looping_pendulum.reference_ode.parameters import Parameters
+
+
+class RemadeRig(MultibodyRig):
+    """The apparatus with a string."""
+
+    def __init__(self, parameters: Parameters, settings: RemadeSettings) -> None:
+        p, s = parameters, settings
+        super().__init__(p, World(p, s))
+        self._settings = s
+        self._length = s.length_on_rod(p)
+        rod_radius = s.node_circle(p) - s.node_radius
+        self._world.lay_rod(rod_radius, 1.0)
+        self._friction = s.friction(p, typical_wrap_angle(p), rod_radius)
+        self._node = self._node_shape(self._length)
+        chain = lay(p, s, release_velocity(p))
+        self._watch = Watch(p, s)
+        self._nodes, self.times_laid = 0, 0
+        self._make(chain)
+
+    def advance(self) -> None:
+        """Step through one sample interval, applying the effects' forces, then see to the chain."""
+        steps, interval = self._world.steps, self._settings.look_interval
+        for done in range(0, steps, interval):
+            self._drive.steps(min(interval, steps - done), self)
+            self._look()
+
+    def _look(self) -> None:
+        """See whether a node comes or goes."""
+        margins = self._watch.margins(self._outermost(), self._nodes)
+        if not min(margins) < 0:
+            return
+        anew = self._watch.seen_to(self._chain())
+        self._world.api.removeBody(self._body, physicsClientId=self._world.client)
+        self._make(anew)
+
+    def _outermost(self) -> list[Row]:
+        """Places of the masses and of the two outermost nodes on either side [m]."""
+        api, client, last = self._world.api, self._world.client, self._ends[0]
+        slide = 0 if self._held else 1
+        joints = [*range(slide + 2), last - 2, last - 1, last]
+        places = [row[0][:2] for row in api.getLinkStates(self._body, joints, physicsClientId=client)]
+        p = self._parameters
+        return [(p.rod_radius, -p.hanging_length), *places] if self._held else places
+
+    def _chain(self) -> Laid:
+        """Places and velocities of the masses and nodes."""
+        api, client = self._world.api, self._world.client
+        joints = range(self._ends[0] + 1)
+        rows = api.getLinkStates(self._body, joints, 1, 1, physicsClientId=client)
+        places, velocities = np.array([row[0][:2] for row in rows]), np.array([row[6][:2] for row in rows])
+        if self._held:
+            p = self._parameters
+            places, velocities = np.vstack([(p.rod_radius, -p.hanging_length), places]), np.vstack([(0.0, 0.0), velocities])
+        return Laid(places=places, velocities=velocities)
+
+    def _make(self, chain: Laid) -> None:
+        """Make the multibody: base, heavy mass on a vertical slide (not if held), links, light mass at the end of the last."""
+        api, client, p, s = self._world.api, self._world.client, self._parameters, self._settings
+        lengths = chain.lengths.tolist()
+        n, node_mass = len(lengths), s.bead_mass_ratio * p.light_mass
+        heavy = [*chain.places[0].tolist(), 0.0]
+        slide = 0 if self._held else 1
+        starts = [[0.0, 0.0, 0.0]] * slide + [[0.0, 0.0, 0.0]] + [[length, 0.0, 0.0] for length in lengths[:-1]]
+        joints = slide + n
+        none = [0.0, 0.0, 0.0, 1.0]
+        self._body = body = api.createMultiBody(
+            0,
+            -1,
+            -1,
+            heavy,
+            linkMasses=[p.heavy_mass] * slide + [node_mass] * (n - 1) + [p.light_mass],
+            linkCollisionShapeIndices=[-1] * slide + [self._node_shape(lengths[0])] + [self._node] * (n - 2) + [-1],
+            linkVisualShapeIndices=[-1] * joints,
+            linkPositions=starts,
+            linkOrientations=[none] * joints,
+            linkInertialFramePositions=[[0.0, 0.0, 0.0]] * slide + [[length, 0.0, 0.0] for length in lengths],
+            linkInertialFrameOrientations=[none] * joints,
+            linkParentIndices=list(range(joints)),
+            linkJointTypes=[api.JOINT_PRISMATIC] * slide + [api.JOINT_REVOLUTE] * n,
+            linkJointAxis=[[0, 1, 0]] * slide + [[0, 0, 1]] * n,
+            physicsClientId=client,
+        )
+        found = api.getNumJoints(body, physicsClientId=client)
+        if found != joints or joints > MAX_JOINTS:
+            raise EngineError(
+                f"pybullet:remade: the wound string needs {joints} joints and PyBullet holds {MAX_JOINTS}; raise link_length"
+            )
+        self._ends = (joints - 1, 0)
+        free_joints(self._world, body, joints, motors=s.joint_motors)
+        inertia = s.relative_inertia * node_mass * self._length**2
+        for joint in range(slide, joints):
+            self._world.change(body, joint, localInertiaDiagonal=[inertia] * 3)
+            if joint < joints - 1:
+                self._world.set_friction(body, joint, self._friction)
+        set_joints(self._world, body, chain, np.diff(chain.directions, prepend=0.0), sliding=not self._held)
+        self._nodes = len(chain.places) - 2
+        self.times_laid += 1
+        self._light_place, self._heavy_place = [*chain.places[-1].tolist(), 0.0], heavy
+
+    def _node_shape(self, length: float) -> int:
+        api = self._world.api
+        shape: int = api.createCollisionShape(
+            api.GEOM_SPHERE,
+            radius=self._settings.node_radius,
+            collisionFramePosition=[length, 0.0, 0.0],
+            physicsClientId=self._world.client,
+        )
+        return shape
