@@ -146,6 +146,8 @@ def halting_verdict(v: VariantStudy) -> str:
     if not v.own.ok:
         return "not known: its own run does not end properly"
     if Kind.SCATTERS in kinds or Kind.NEVER in kinds:
+        if v.own.halting_time is None:
+            return "no; it halts at some settings only"
         worst = max((verdict.scatter or 0.0 for verdict in found if verdict.kind is Kind.SCATTERS), default=0.0)
         return f"no; it scatters by ± {number(worst, 1e3, 2)} ms"
     split = next((s for s in v.splits if s.quantity == HALT), None)

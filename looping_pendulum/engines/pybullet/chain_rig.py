@@ -39,7 +39,8 @@ class ChainRig(MultibodyRig):
             friction = contact_friction(law, bend, wrap_angle) if settings.polygon else law
             # Friction acts where a node touches the rod, tension at the node: their lever arms differ by the node's radius.
             world.set_friction(self._body, joints - links + i, friction * circle / rod_radius)
-        set_joints(world, self._body, chain, np.zeros(links), sliding=not self._held)
+        if chain.velocities.any():
+            set_joints(world, self._body, chain, np.zeros(links), sliding=not self._held)
 
 
 def _load(world: World, urdf: str) -> int:
