@@ -23,7 +23,7 @@ def test_the_page_is_what_the_stored_numbers_say(study):
 
 def test_every_variant_is_in_the_study(study):
     own = {label(engine) for engine in all_engines(Profile.QUICK) if engine.name in ADAPTERS}
-    assert {v.label for v in study.convergence.variants} == own, f"make it again: {COMMAND} --work DIR"
+    assert own <= {v.label for v in study.convergence.variants}, f"make it again: {COMMAND} --work DIR"
 
 
 def test_stored_numbers_read_back(study):

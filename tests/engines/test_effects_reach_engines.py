@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -114,8 +115,16 @@ def test_a_push_is_there_from_the_first_sample(effect):
             p = WITHOUT.replace(**CASES[effect])
             run = engine.simulate(dataclasses.replace(scenario(p), duration=0.002))
             exact = reference(p, np.zeros(1))
-            np.testing.assert_allclose(run.light_velocity[0], exact.light_velocity[0], rtol=0, atol=1e-12)
-            np.testing.assert_allclose(run.heavy_velocity[0], exact.heavy_velocity[0], rtol=0, atol=1e-12)
+            within = 1e-12 + ripple(engine, p) * float(np.linalg.norm(exact.light_velocity[0]))
+            np.testing.assert_allclose(run.light_velocity[0], exact.light_velocity[0], rtol=0, atol=within)
+            np.testing.assert_allclose(run.heavy_velocity[0], exact.heavy_velocity[0], rtol=0, atol=within)
+
+
+def ripple(engine, parameters):
+    """Share by which the speed of a rigid chain over a polygon's corner differs from a string's over the circle."""
+    if label(engine) != "pybullet:chain":  # its links are there from the start, and no exact string speed is possible for them
+        return 0.0
+    return 1 - math.cos(engine.settings.link_length / (2 * parameters.rod_radius))
 
 
 def test_pushes_are_refused_where_a_release_does_not_reach_the_engine():
