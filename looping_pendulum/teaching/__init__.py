@@ -1,0 +1,1 @@
+"""What a teacher shows: the demonstration page, demonstrations of modelling assumptions, a new scenario by asking."""
