@@ -1,11 +1,11 @@
-"""Which candidate explains what a fit leaves: screen by sensitivities, refit the best, judge on what no fit saw."""
+"""Which candidate explains what a fit leaves: refit those that screening found best, judge on what no fit saw."""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,16 +16,9 @@ from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.event_tests import unseen_limit
 from looping_pendulum.discrepancy.problem import Data, Number, Problem
 from looping_pendulum.discrepancy.residual import with_noise_of_residuals
-from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.discrepancy.screening import Screened
+from looping_pendulum.discrepancy.workers import ALONE, Told, Workers
 
-LINEAR, TEMPLATES = 0.3, (3.0, 12.0)
-"""Sizes of the tried changes [RMS, in units of noise]: one that is still linear, and finite ones."""
-UNIT = 10.0
-"""Change that one scale of a candidate makes [RMS, in units of noise]."""
-VISIBLE = 1e-3
-"""Part of a change that must be left beyond all fitted numbers: below it finite differences decide."""
-CLEAR = 0.05
-"""The same share above which finite changes are tried too: of one that is nearly absorbed, its own curvature would be left."""
 SCORE_LIMIT = 4.0
 """Of a candidate's |z|; 120 clean studies reach 3.94."""
 HELD_OUT_LIMIT = 1.08
@@ -34,8 +27,8 @@ SCATTER = 3.0
 """Standard errors 1/sqrt(n) of chi2 per value that are granted to trials with fewer values."""
 WIDEST = 10.0
 """Largest amplitude that the screening may start a refit from, in scales."""
-TRIES, FAILURES = 12, 2
-"""Values that are tried for a template of the wanted size, and how many of them may be impossible."""
+FIRST = 2
+"""Candidates whose gain the others have to beat."""
 PATIENCE = 10
 """Iterations in each window of a refit; right explanations need about four."""
 AFRESH = (5.0, 0.2)
@@ -44,143 +37,6 @@ NEAR = 20.0
 """Part of another candidate's gain that may be missing for that to be worth while."""
 BLOCKS = 8
 """Blocks of time that a single trial is cut into; two that lie far apart are held out at once."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Screened:
-    """How well a candidate's sensitivity fits what is left."""
-
-    candidate: Candidate
-    score: float
-    """z of the best template; its square is the decrease of the cost that it promises."""
-    amplitude: float
-    """Value less null that it promises [SI]."""
-    scale: float
-    """Change [SI] that moves the prediction by `UNIT`."""
-    companions: tuple[Number, ...] = ()
-    """What is fitted with it, at the values that promise most."""
-
-
-def screen(fit: Fit, chosen: Sequence[Candidate], without: Sequence[str] = ()) -> list[Screened]:
-    """Score candidates, best first. Those that move nothing here are left out.
-
-    Parameters
-    ----------
-    without
-        Numbers of the fit that are at their null value while sensitivities are taken: every new set of effects costs a
-        compilation, and an effect that was added hardly changes what another one does.
-    """
-    kept = [i for i, n in enumerate(fit.problem.names) if n not in without]
-    jacobian = fit.jacobian
-    if without:  # both sensitivities at the same place, or their difference passes for a cause
-        null = np.where(np.isin(fit.problem.names, without), 0.0, fit.x)
-        jacobian = fit.problem.jacobian(null, central=True)
-    basis, _ = np.linalg.qr(jacobian)
-    left = _beyond(basis, fit.residuals)
-    bare = Problem(fit.problem.study, fit.problem.data, [fit.problem.numbers[i] for i in kept])
-    found = []
-    for candidate in chosen:
-        tried = [_screen_one(bare, fit.x[kept], basis, left, candidate, values) for values in candidate.companion_grid()]
-        found += sorted((s for s in tried if s), key=lambda s: -abs(s.score))[:1]
-    return sorted(found, key=lambda s: -abs(s.score))
-
-
-def _beyond(basis: Array, v: Array) -> Array:
-    """Part of ``v`` that no fitted number can make."""
-    return np.asarray(v - basis @ (basis.T @ v))
-
-
-def _screen_one(
-    bare: Problem, x: Array, basis: Array, left: Array, candidate: Candidate, values: Sequence[float]
-) -> Screened | None:
-    companions = candidate.companion_numbers(values)
-    problem = bare.with_numbers(candidate.number(1.0), *companions)
-    here = bare.residuals(x)
-    if here is None:
-        return None
-    measured = sum(len(d.t) for d in bare.data)
-    happening = bare.happening(x)
-    v = np.zeros(len(left))  # no prior speaks of a candidate
-
-    def change(delta: float) -> Array | None:
-        there = np.concatenate([x, [delta], np.zeros(len(companions))])
-        moved = problem.residuals(there)
-        if moved is None or np.any(happening & ~problem.happening(there)):
-            return None
-        v[:measured] = (here - moved[: len(here)])[:measured]
-        return v.copy()
-
-    best, scale = (0.0, 0.0), 0.0
-    first = 1e-3 * abs(candidate.null) or 1e-6
-    both_sides = candidate.bounds[0] < candidate.null < candidate.bounds[1]
-    templates: tuple[float, ...] = TEMPLATES
-    for side in (1.0, -1.0):
-        reach = (candidate.bounds[1] if side > 0 else candidate.bounds[0]) - candidate.null
-        if side * reach <= 0:
-            continue
-        delta = side * first
-        for size in (LINEAR, *TEMPLATES):
-            delta, template = _sized(change, delta, reach, size)
-            if template is None:  # too small to be integrated, or nothing moves: try the next size from afar
-                delta = 0.01 * reach
-                continue
-            if size == LINEAR:
-                first = abs(delta)  # what was small on this side is so on the other
-                opposite = change(-delta) if both_sides else None
-                if opposite is not None:
-                    template = 0.5 * (template - opposite)
-                    templates = TEMPLATES if _visible(basis, template) > CLEAR else ()
-            score, amplitude = _score(basis, left, template, delta) if size in (LINEAR, *templates) else (0.0, 0.0)
-            allowed = candidate.bounds[0] <= candidate.null + amplitude <= candidate.bounds[1]
-            # a finite template only speaks for its own side
-            if allowed and abs(score) > abs(best[0]) and (score > 0 or size == LINEAR):
-                best = score, amplitude
-            if size == TEMPLATES[-1]:
-                scale = max(scale, abs(delta))
-            else:
-                delta *= TEMPLATES[0] / LINEAR if size == LINEAR else TEMPLATES[-1] / TEMPLATES[0]
-    if not scale:
-        return None
-    scale *= UNIT / TEMPLATES[-1]
-    return Screened(candidate=candidate, score=best[0], amplitude=best[1], scale=scale, companions=companions)
-
-
-def _visible(basis: Array, v: Array) -> float:
-    """Share of ``v`` that no fitted number can make."""
-    return float(np.linalg.norm(_beyond(basis, v))) / max(float(np.linalg.norm(v)), 1e-300)
-
-
-def _score(basis: Array, left: Array, v: Array, delta: float) -> tuple[float, float]:
-    if _visible(basis, v) < VISIBLE:
-        return 0.0, 0.0
-    beyond = _beyond(basis, v)
-    norm = float(np.linalg.norm(beyond))
-    return float(beyond @ left) / norm, delta * float(beyond @ left) / norm**2
-
-
-def _sized(change: Callable[[float], Array | None], delta: float, reach: float, size: float) -> tuple[float, Array | None]:
-    """Find a value that moves the prediction by about ``size``; None where the bound comes first and nothing moves."""
-    low, high, failures = 0.0, math.inf, 0
-    v: Array | None = None
-    for _ in range(TRIES):
-        delta = math.copysign(min(abs(delta), abs(reach)), reach)
-        v = change(delta)
-        failures += v is None
-        if failures > FAILURES:
-            return delta, None
-        rms = math.inf if v is None else float(np.sqrt(np.mean(v**2)))
-        if 0.5 < rms / size < 2:
-            return delta, v
-        if rms < size:
-            if abs(delta) >= abs(reach):
-                return delta, v if rms > 0.1 * LINEAR else None
-            low = abs(delta)
-        else:
-            high = abs(delta)
-        factor = min(max(size / max(rms, 1e-30), 1e-2), 1e2)
-        guess = abs(delta) * factor
-        delta = math.copysign(guess if low < guess < high else math.sqrt(max(low, high / 100) * high), reach)
-    return delta, v
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -221,7 +77,7 @@ def refit(base: Fit, screened: Screened, to_beat: float = 0.0) -> Refit | None:
     to_beat
         Gain that another candidate has: a second start is only worth while if the screening promises more.
     """
-    problem = base.problem.with_numbers(screened.candidate.number(screened.scale), *screened.companions)
+    problem = _with_candidate(base, screened)
     amplitude = float(np.clip(screened.amplitude / screened.scale, -WIDEST, WIDEST))
     fits = []
     promised = base.cost - 0.5 * screened.score**2
@@ -233,7 +89,7 @@ def refit(base: Fit, screened: Screened, to_beat: float = 0.0) -> Refit | None:
             fits.append(calibrate(problem, x, most=PATIENCE) if full else minimise(problem, x, most=PATIENCE))
         except FitError:
             continue
-        if fits[-1].cost < promised or (screened.score**2 < to_beat and fits[-1].cost < base.cost - 1):
+        if fits[-1].cost < promised or (screened.score**2 < to_beat and fits[-1].cost < base.cost + 1):
             break
     if not fits:
         return None
@@ -246,6 +102,47 @@ def refit(base: Fit, screened: Screened, to_beat: float = 0.0) -> Refit | None:
     if screened.companions and base.cost - best.cost - penalty > max(to_beat - NEAR, 0.0):
         best = min([best, *_afresh(best, screened)], key=lambda f: f.cost)
     return Refit(screened=screened, fit=best, gain=base.cost - best.cost - penalty)
+
+
+def refits(
+    base: Fit,
+    chosen: Sequence[Screened],
+    known: Mapping[str, Refit | None],
+    workers: Workers = ALONE,
+    told: Told = lambda name: None,
+) -> list[Refit]:
+    """Fit the model with each candidate, best first; the gains of the first two are what the others have to beat.
+
+    Parameters
+    ----------
+    known
+        Refits that are made already, by the candidate's name.
+    told
+        Told the name of each that begins in this process.
+    """
+    made = dict(known)
+    for part in (chosen[:FIRST], chosen[FIRST:]):
+        to_beat = max((r.gain for r in made.values() if r), default=0.0)
+        left = [s for s in part if s.candidate.name not in known]
+        names = [s.candidate.name for s in left]
+        done = workers.map(_refit_one, base, [(s, to_beat) for s in left], names, told)
+        made |= {s.candidate.name: r and _of(base, s, r) for s, r in zip(left, done, strict=True)}
+    found = (made[s.candidate.name] for s in chosen)
+    return sorted((r for r in found if r), key=lambda r: -r.gain)
+
+
+def _refit_one(base: Fit, wanted: tuple[Screened, float]) -> Refit | None:
+    return refit(base, *wanted)
+
+
+def _of(base: Fit, screened: Screened, done: Refit) -> Refit:
+    """Return a refit with the study's own objects: what a helper returns has copies."""
+    problem = _with_candidate(base, screened)
+    return dataclasses.replace(done, screened=screened, fit=dataclasses.replace(done.fit, problem=problem))
+
+
+def _with_candidate(base: Fit, screened: Screened) -> Problem:
+    return base.problem.with_numbers(screened.candidate.number(screened.scale), *screened.companions)
 
 
 def _afresh(fit: Fit, screened: Screened) -> list[Fit]:

@@ -39,7 +39,7 @@ class Fit:
     residuals: Array
     iterations: int
     slopes: Array | None = None
-    """Jacobian by which the fit ended, by one-sided differences: good for standard errors; None: none so near to ``x``."""
+    """Jacobian by which the fit ended, at most in one-sided differences: good for standard errors; None: none so near ``x``."""
 
     @property
     def cost(self) -> float:
@@ -93,19 +93,37 @@ class FitError(HarnessError, RuntimeError):
     """No fit could be made."""
 
 
-def minimise(problem: Problem, x: Array, *, close: float = CLOSE, most: int = 30, confirm: bool = True) -> Fit:
+def minimise(
+    problem: Problem,
+    x: Array,
+    *,
+    close: float = CLOSE,
+    most: int = 30,
+    confirm: bool = True,
+    slopes: Array | None = None,
+) -> Fit:
     """Levenberg-Marquardt within the bounds, every component of a step clipped.
 
     From one step to the next the Jacobian follows by Broyden's update. It is computed afresh at most ``most`` times: where a
     step by an updated one fails or falls short of what it promised, and, if to ``confirm``, before the fit ends.
+
+    Parameters
+    ----------
+    slopes
+        Jacobian at ``x``, or so near to it as two iterations are when a fit ends; None: not known.
+
+    Raises
+    ------
+    FitError
+        If the model cannot run at ``x``.
     """
     x = np.clip(x, problem.low, problem.high)
     r = problem.residuals(x)
     if r is None:
         raise FitError("the model cannot run at the start of the fit; check the study's values")
     cost, damping, iterations = float(r @ r), 1e-3, 0
-    jacobian = np.zeros((0, 0))
-    age = STALE
+    jacobian = np.zeros((0, 0)) if slopes is None else slopes
+    age = STALE if slopes is None else 0
     while True:
         if age >= STALE:
             if iterations == most:

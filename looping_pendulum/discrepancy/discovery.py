@@ -22,6 +22,7 @@ from looping_pendulum.discrepancy.calibration import ROUGHLY, Fit, FitError, min
 from looping_pendulum.discrepancy.problem import Data, How, Number, Problem
 from looping_pendulum.discrepancy.residual import with_noise_of_residuals
 from looping_pendulum.discrepancy.study import Estimate, Study
+from looping_pendulum.discrepancy.workers import ALONE, Workers
 from looping_pendulum.reference_ode.closure import BUMPS, COORDINATES, FACTORS, weight
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solution import Samples
@@ -135,17 +136,22 @@ class Screened:
     weights: Array
 
 
-def discover(base: Fit, held: Sequence[tuple[Data, Sequence[Number]]], tick: Tick = lambda what: None) -> list[Found]:
+def discover(
+    base: Fit,
+    held: Sequence[tuple[Data, Sequence[Number]]],
+    tick: Tick = lambda what: None,
+    workers: Workers = ALONE,
+) -> list[Found]:
     """Search all closures; return the best, refitted and judged, those that explain unseen data best first."""
     tick("screening unknown forces")
     samples = [base.problem.run(base.x, k) for k in range(len(base.problem.data))]
-    screened = sorted(screen(base, samples), key=lambda s: -s.gain)
-    found = []
-    for one in _different(screened)[:REFITS]:
-        tick(f"fitting an unknown force on the {one.closure.target} by {one.closure.coordinate}")
-        result = _refit(base, one, held, samples)
-        found += [result] if result else []
-    return sorted(found, key=lambda f: f.unseen.worst)
+    screened = sorted(screen(base, samples, workers), key=lambda s: -s.gain)
+    chosen = _different(screened)[:REFITS]
+    about = [f"{s.closure.target} by {s.closure.coordinate}" for s in chosen]
+    found = workers.map(
+        _refit, (base, held, samples), chosen, about, lambda what: tick(f"fitting an unknown force on the {what}")
+    )
+    return sorted((f for f in found if f), key=lambda f: f.unseen.worst)
 
 
 def coordinate(samples: Sequence[Samples], name: str) -> Array:
@@ -153,11 +159,11 @@ def coordinate(samples: Sequence[Samples], name: str) -> Array:
     return np.concatenate([s.t if name == "time" else getattr(s.state, name) for s in samples])
 
 
-def screen(base: Fit, samples: Sequence[Samples]) -> list[Screened]:
+def screen(base: Fit, samples: Sequence[Samples], workers: Workers = ALONE) -> list[Screened]:
     """Score every closure by its evidence on what the fit leaves."""
     basis, _ = np.linalg.qr(base.jacobian)
     left = base.residuals - basis @ (basis.T @ base.residuals)
-    found = []
+    forms = []
     for name, factor in itertools.product(COORDINATES, FACTORS):
         values = coordinate(samples, name)
         low, high = np.quantile(values, [0.0, 0.995])
@@ -165,27 +171,36 @@ def screen(base: Fit, samples: Sequence[Samples]) -> list[Screened]:
         if step < FLAT:
             continue
         light = Closure(coordinate=name, factor=factor, target="light mass", low=float(low) - MARGIN * step, step=step)
-        heavy = dataclasses.replace(light, target="heavy mass")
-        sensitivity = _sensitivity(base, light, basis) | _sensitivity(base, heavy, basis)
-        for target in TARGETS:
-            closure = dataclasses.replace(light, target=target)
-            gain, ridge, weights = _evidence(np.stack([sensitivity[n] for n in closure.names], axis=1), left)
-            found.append(Screened(closure=closure, gain=gain, ridge=ridge, weights=weights))
+        forms.append(light)
+    found = workers.map(_screen_form, (base.problem, base.x, basis, left), forms)
+    return [s for screened in found for s in screened]
+
+
+def _screen_form(shared: tuple[Problem, Array, Array, Array], light: Closure) -> list[Screened]:
+    """Score a coordinate and factor on all targets."""
+    problem, x, basis, left = shared
+    heavy = dataclasses.replace(light, target="heavy mass")
+    sensitivity = _sensitivity(problem, x, light, basis) | _sensitivity(problem, x, heavy, basis)
+    found = []
+    for target in TARGETS:
+        closure = dataclasses.replace(light, target=target)
+        gain, ridge, weights = _evidence(np.stack([sensitivity[n] for n in closure.names], axis=1), left)
+        found.append(Screened(closure=closure, gain=gain, ridge=ridge, weights=weights))
     return found
 
 
-def _sensitivity(base: Fit, closure: Closure, basis: Array) -> dict[str, Array]:
+def _sensitivity(bare: Problem, x: Array, closure: Closure, basis: Array) -> dict[str, Array]:
     """Weight -> change of the standardised prediction per newton, beyond all fitted numbers."""
-    problem = _problem(base.problem, closure, PROBE, WEAK_PRIOR)
-    start = np.append(base.x, np.zeros(len(closure.names)))
+    problem = _problem(bare, closure, PROBE, WEAK_PRIOR)
+    start = np.append(x, np.zeros(len(closure.names)))
     here = problem.residuals(start)
     assert here is not None
     found = {}
     for i, name in enumerate(closure.names):
         moved = start.copy()
-        moved[len(base.x) + i] = 1.0
+        moved[len(x) + i] = 1.0
         there = problem.residuals(moved)
-        change = np.zeros(len(base.residuals)) if there is None else ((here - there) / PROBE)[: len(base.residuals)]
+        change = np.zeros(len(basis)) if there is None else ((here - there) / PROBE)[: len(basis)]
         found[name] = change - basis @ (basis.T @ change)
     return found
 
@@ -234,10 +249,9 @@ def _different(screened: Sequence[Screened]) -> list[Screened]:
     return found
 
 
-def _refit(
-    base: Fit, screened: Screened, held: Sequence[tuple[Data, Sequence[Number]]], samples: Sequence[Samples]
-) -> Found | None:
+def _refit(shared: tuple[Fit, Sequence[tuple[Data, Sequence[Number]]], Sequence[Samples]], screened: Screened) -> Found | None:
     """Refit by trajectory with the ridge that the evidence chose."""
+    base, held, samples = shared
     problem = _problem(base.problem, screened.closure, screened.ridge, 1.0)
     start = np.append(base.x, screened.weights / screened.ridge)
     try:

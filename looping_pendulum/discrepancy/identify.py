@@ -14,10 +14,13 @@ from looping_pendulum.discrepancy.search import Progress, Search
 from looping_pendulum.discrepancy.study import Study
 from looping_pendulum.discrepancy.unlisted import unlisted
 from looping_pendulum.discrepancy.verdict import Experiment, Identification, Verdict
+from looping_pendulum.discrepancy.workers import Workers, available
 from looping_pendulum.reference_ode.solve import available_integrators
 
 
-def identify(study: Study, *, seed: int = 0, progress: Progress = lambda what, share: None) -> Identification:
+def identify(
+    study: Study, *, seed: int = 0, progress: Progress = lambda what, share: None, workers: int | None = None
+) -> Identification:
     """Find what the declared model of a study lacks.
 
     Parameters
@@ -26,6 +29,9 @@ def identify(study: Study, *, seed: int = 0, progress: Progress = lambda what, s
         Of the second start of the calibration; all else is the same for the same input.
     progress
         Called now and then.
+    workers
+        Processes that share the work, this one included: the result is the same by any number. None: two, if there are as many
+        processors.
 
     Raises
     ------
@@ -35,9 +41,14 @@ def identify(study: Study, *, seed: int = 0, progress: Progress = lambda what, s
         If the declared model cannot run.
     """
     progress("reading", 0.0)
+    with Workers(available() if workers is None else workers) as team:
+        return _identify(study, seed, progress, team)
+
+
+def _identify(study: Study, seed: int, progress: Progress, workers: Workers) -> Identification:
     _hush()
     inputs = read_inputs(study)
-    search = Search(inputs, seed, progress)
+    search = Search(inputs, seed, progress, workers)
     interrupted = False
     try:
         search.run()

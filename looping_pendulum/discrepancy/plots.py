@@ -8,9 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from looping_pendulum.compare.plots import COLOURS, GREY
+from looping_pendulum.compare.plots import GREY
 from looping_pendulum.discrepancy import event_report, unlisted_report
 from looping_pendulum.discrepancy.verdict import Identification, Picture
+from looping_pendulum.pages.palette import COLOURS
 
 BEFORE, AFTER = COLOURS[1], COLOURS[0]
 SHOWN = 12

@@ -22,7 +22,7 @@ from looping_pendulum.discrepancy.observations import Channel, DataError, EventR
 from looping_pendulum.discrepancy.study import Study, Trial
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
 from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import available_integrators, solve_at
@@ -31,6 +31,8 @@ STEP = 1e-3
 """Of finite differences, in scales: good to 2e-4 or so while the sequence of events stays the same."""
 FREE_SCALE = 1 / 3
 """Scale of a number of which nothing is known, relative to its start."""
+FEW_EVENTS = (Release.LOOPING, Release.VERTICAL)
+"""Releases whose runs have a few events each: there variational equations cost half of what differences do."""
 WEAK = 10.0
 """Standard error of the prior of such a number, in scales: keeps early windows sane and decides nothing."""
 
@@ -166,9 +168,14 @@ class Problem:
         self.order = sorted(range(len(self.numbers)), key=lambda i: self.numbers[i].how is not How.CAMERA)
         self._acting = [[i for i, n in enumerate(self.numbers) if d.trial.name in n.trials] for d in self.data]
         self._base = [study.parameters({}, d.trial) for d in self.data]
+        self._own = {u.name for u in study.unknowns(study.trials)}
         self._camera = [{n: e.value for n, e in d.trial.camera.items()} for d in self.data]
         self._last: list[tuple[Parameters, Array, Samples] | None] = [None] * len(self.data)
         self._last_events: list[tuple[Parameters, Samples] | None] = [None] * len(self.data)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle without what runs are remembered."""
+        return Problem, (self.study, self.data, self.numbers, (self.prior_mean, self.prior_weights))
 
     def until(self, share: float) -> Problem:
         """Return the same for the first ``share`` of the longest trial."""
@@ -282,8 +289,8 @@ class Problem:
         Parameters
         ----------
         central
-            Whether to take variational equations where the model is the base one, and central differences for the rest;
-            otherwise all are one-sided differences, which need no further equations to be compiled.
+            Whether to take variational equations for the study's own numbers where the model is the base one, and central
+            differences for the rest; otherwise a swing's many events, and the rest, have one-sided differences.
         """
         edges = np.cumsum([0] + [len(d.t) for d in self.data])
         jacobian = np.zeros((edges[-1] + len(x), len(x)))
@@ -291,20 +298,20 @@ class Problem:
         for k, d in enumerate(self.data):
             here = self.predict(x, k)
             rows = slice(edges[k], edges[k + 1])
-            exact = self._exact(x, k) if central else {}
+            exact = self._exact(x, k) if central or d.trial.release in FEW_EVENTS else {}
             for i in (i for i in self.order if i in self._acting[k]):
                 column = exact[i] if i in exact else self._derivative(x, k, i, here, central)
                 jacobian[rows, i] = column / d.sigma
         return np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0)
 
     def _exact(self, x: Array, k: int) -> dict[int, Array]:
-        """Derivatives of trial ``k`` by the numbers of its run, by variational equations; empty where there are none.
+        """Derivatives of trial ``k`` by the study's own numbers, by variational equations; empty where there are none.
 
-        Effects beyond the base model would each need equations of their own, whose compilation costs more than differences.
+        Whatever was added would need equations of its own, whose compilation costs more than differences.
         """
         d = self.data[k]
         parameters, camera = self.setting(x, k)
-        moved = [i for i in self._acting[k] if self.numbers[i].how is How.SET]
+        moved = [i for i in self._acting[k] if self.numbers[i].name in self._own]
         base_only = all(e.in_base_model for e in parameters.effects) and "heyoka" in available_integrators()
         if d.events or not moved or not base_only or not {c.name for c in d.channels} <= DIFFERENTIABLE:
             return {}

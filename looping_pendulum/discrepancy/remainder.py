@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from looping_pendulum.discrepancy.attribution import Unseen, judge, places
 from looping_pendulum.discrepancy.calibration import Fit, calibrate, minimise
@@ -70,7 +70,7 @@ class Scaled:
     def _limit(self, count: int) -> float:
         """Chi2 per value up to which ``count`` marks are explained: the remainder's size is no better known than theirs."""
         independent = max(count / self.lasting, 2.0)
-        return float(stats.f.isf(RARE, independent, independent))
+        return float(special.fdtri(independent, independent, 1 - RARE))
 
     def beyond(self, fit: Fit, unseen: Unseen, *, enlarged: bool) -> float:
         """By how much marks are off beyond their scatter [SI], seen and unseen ones together.

@@ -27,7 +27,12 @@ def render(result: Identification, figures: Mapping[str, str] | None = None) -> 
     figures
         Path below the report's folder -> caption.
     """
-    sections = [
+    return "\n".join(s for s in [*before_figures(result), _figures(figures or {}), *after_figures(result)] if s)
+
+
+def before_figures(result: Identification) -> list[str]:
+    """Sections that stand above the figures, the title first; some are empty."""
+    return [
         f"# {result.title}\n",
         f"## Verdict: {HEADLINES[result.verdict]} (`{result.verdict.value}`)\n\n{result.sentence}\n",
         _effects(result),
@@ -36,14 +41,18 @@ def render(result: Identification, figures: Mapping[str, str] | None = None) -> 
         "## Error before and after\n\n" + _errors(result),
         event_report.section(result),
         _ties(result),
-        _figures(figures or {}),
+    ]
+
+
+def after_figures(result: Identification) -> list[str]:
+    """Sections that stand below the figures; some are empty."""
+    return [
         "## Candidates\n\n" + _rounds(result),
         "## Declared model, calibrated\n\n" + _fit(result.before),
+        "## Repaired model\n\n" + _fit(result.after) if result.effects or result.unlisted else "",
+        "## Data\n\n" + "".join(f"- {line}\n" for line in result.data),
+        "## Provenance\n\n" + _provenance(result),
     ]
-    if result.effects or result.unlisted:
-        sections.append("## Repaired model\n\n" + _fit(result.after))
-    sections += ["## Data\n\n" + "".join(f"- {line}\n" for line in result.data), "## Provenance\n\n" + _provenance(result)]
-    return "\n".join(s for s in sections if s)
 
 
 def _effects(result: Identification) -> str:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from looping_pendulum.discrepancy.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.event_tests import EventTest, check_events_of
@@ -66,6 +66,8 @@ def with_noise_of_residuals(fit: Fit) -> Fit:
     marks' own differences of fourth order, which need no model, twice as much.
     """
     data = []
+    slopes = None if fit.slopes is None else fit.slopes.copy()
+    row = 0
     for k, d in enumerate(fit.problem.data):
         residual = d.value - fit.problem.predict(fit.x, k)
         sigma = d.sigma.copy()
@@ -76,8 +78,11 @@ def with_noise_of_residuals(fit: Fit) -> Fit:
                 for c in chosen:
                     sigma[d.slices[c.name]] = np.where(np.isfinite(sigma[d.slices[c.name]]), law[c.name], np.inf)
         data.append(dataclasses.replace(d, sigma=sigma))
-    problem = fit.problem.with_data(data)
-    return minimise(problem, fit.x)
+        if slopes is not None:
+            counts = np.isfinite(sigma)
+            slopes[row : row + len(sigma)][counts] *= (d.sigma[counts] / sigma[counts])[:, None]
+        row += len(sigma)
+    return minimise(fit.problem.with_data(data), fit.x, slopes=slopes)
 
 
 def calibrated(problem_fit: Fit) -> Fit:
@@ -264,7 +269,7 @@ def _group(name: str, parts: Sequence[Array]) -> GroupTest:
         count=count,
         chi2=square / count,
         lag1=lag[0] * math.sqrt(count),
-        ljung_box=float(stats.chi2.sf(box, 10)),
+        ljung_box=float(special.chdtrc(10, box)),
         runs=sum(_runs(z) for z in parts) / math.sqrt(len(parts)),
     )
 

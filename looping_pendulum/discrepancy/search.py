@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from looping_pendulum.discrepancy.attribution import SCORE_LIMIT, Refit, Screened, Unseen, judge, refit, screen
+from looping_pendulum.discrepancy.attribution import SCORE_LIMIT, Refit, Unseen, judge, refit, refits
 from looping_pendulum.discrepancy.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.candidates import Candidate
 from looping_pendulum.discrepancy.discovery import Found, discover
@@ -27,7 +27,9 @@ from looping_pendulum.discrepancy.residual import (
     started,
     with_noise_of_residuals,
 )
+from looping_pendulum.discrepancy.screening import Screened, compile_for, costly_first, screen
 from looping_pendulum.discrepancy.verdict import Ranked, Round, Verdict
+from looping_pendulum.discrepancy.workers import ALONE, Workers
 
 GAIN = 10.0
 """On the Bayesian information criterion that an effect must bring; in 120 clean studies none did."""
@@ -60,6 +62,8 @@ class Model:
     starts: tuple[float, ...] = ()
     objections: tuple[str, ...] = ()
     """What else speaks against it."""
+    refitted: dict[str, Refit | None] = field(default_factory=dict)
+    """Candidates that were refitted to see whether they raise an alarm."""
 
     @cached_property
     def left(self) -> tuple[Screened, ...]:
@@ -80,7 +84,7 @@ class Model:
 
     def _gains(self, screened: Screened) -> bool:
         """Whether a refit takes away a part of what the score promises; one of what is fitted already does not."""
-        found = refit(self.fit, screened)
+        found = self.refitted[screened.candidate.name] = refit(self.fit, screened)
         return found is not None and self.fit.cost - found.fit.cost > KEPT_PROMISE * SCORE_LIMIT**2
 
     @property
@@ -92,8 +96,9 @@ class Model:
 class Search:
     """The state of the loop."""
 
-    def __init__(self, inputs: Inputs, seed: int, progress: Progress) -> None:
+    def __init__(self, inputs: Inputs, seed: int, progress: Progress, workers: Workers = ALONE) -> None:
         self.inputs = inputs
+        self.workers = workers
         self.rng = np.random.default_rng(seed)
         self.progress = progress
         self.rounds: list[Round] = []
@@ -112,7 +117,10 @@ class Search:
     def run(self) -> None:
         """Search until nothing is left or nothing passes."""
         self.progress("calibrating", 0.02)
-        first = calibrated(calibrate(Problem(self.inputs.study, self.inputs.training, self.inputs.numbers)))
+        problem = Problem(self.inputs.study, self.inputs.training, self.inputs.numbers)
+        compiled = costly_first(c for c in self.inputs.library if c.compiled)
+        self.workers.prepare(compile_for, problem, [None, *compiled], ["", *(c.name for c in compiled)])
+        first = calibrated(calibrate(problem))
         second = started(first, self.rng)
         best = best_of([first, second])
         if best is second and second.cost < first.cost - 1:
@@ -200,10 +208,10 @@ class Search:
         """Score all that could still be added."""
         names = {c.name for c in added}
         costly = {k for c in added if c.compiled for k in (c.name, *(k.name for k in c.companions))}
-        rough = screen(fit, [c for c in self.inputs.library if c.name not in names], tuple(costly))
+        rough = screen(fit, [c for c in self.inputs.library if c.name not in names], tuple(costly), self.workers)
         if not costly:
             return tuple(rough)
-        exact = screen(fit, [s.candidate for s in rough[:EXACT] if abs(s.score) > LEAST_SCORE])
+        exact = screen(fit, [s.candidate for s in rough[:EXACT] if abs(s.score) > LEAST_SCORE], workers=self.workers)
         known = {s.candidate.name for s in exact}
         both = [*exact, *(s for s in rough if s.candidate.name not in known)]
         return tuple(sorted(both, key=lambda s: -abs(s.score)))
@@ -224,14 +232,14 @@ class Search:
 
     def refits(self, current: Model, share: float) -> list[Refit]:
         """Fit the model with each of the best candidates, best first."""
-        found: list[Refit] = []
         least = max(LEAST_SCORE, abs(current.left[0].score) / 6) if current.left else 0.0
         chosen = [s for s in current.left if s.amplitude and abs(s.score) >= least][:REFITS]
-        for i, screened in enumerate(chosen):
-            self.progress(f"refitting with {screened.candidate.name}", share + (0.02 if self.scaled else 0.15) * i / REFITS)
-            one = refit(current.fit, screened, max((r.gain for r in found), default=0.0))
-            found += [one] if one else []
-        return sorted(found, key=lambda r: -r.gain)
+        begun = itertools.count()
+
+        def told(name: str) -> None:
+            self.progress(f"refitting with {name}", share + (0.02 if self.scaled else 0.15) * next(begun) / REFITS)
+
+        return refits(current.fit, chosen, current.refitted, self.workers, told)
 
     def judged(
         self, current: Model, refits: Sequence[Refit], share: float, scaled_base: Model | None = None
@@ -252,7 +260,7 @@ class Search:
         assert self.base is not None
         if not any(d.channels for d in self.inputs.training):  # events alone do not carry a force as a function
             return ()
-        found = discover(self.base.fit, self.inputs.held, lambda what: self.progress(what, 0.85))
+        found = discover(self.base.fit, self.inputs.held, lambda what: self.progress(what, 0.85), self.workers)
         self.tried += [(f"a force on the {f.closure.target} by {f.closure.coordinate}", f.fit, f.unseen) for f in found]
         passing = [f for f in found if f.gain >= GAIN and f.unseen.explained and f.unseen.worst < self.base.unseen.worst]
         if passing:

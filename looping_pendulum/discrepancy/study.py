@@ -14,12 +14,8 @@ import numpy as np
 
 from looping_pendulum.discrepancy.measurement import CAMERA
 from looping_pendulum.discrepancy.observations import Observations, merge, mirrored, with_event_errors
-from looping_pendulum.discrepancy.readers import read
-from looping_pendulum.discrepancy.study_file import Estimate
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-
-__all__ = ["Estimate", "Limits", "Study", "Trial", "Unknown", "read_trial"]
 
 SHARED = MappingProxyType({"light_mass": "kg", "light_radius": "m", "heavy_mass": "kg", "rod_radius": "m"})
 """Parameters of the apparatus -> SI unit."""
@@ -40,6 +36,23 @@ NEEDS = MappingProxyType(
     }
 )
 """What must have been measured for a release; of a drop, the mass that is dropped."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """What the experimenter knows of one number."""
+
+    value: float
+    """Measured value, or where a free one starts [SI]."""
+    sigma: float | None = None
+    """Its standard error [SI]; None: taken as exact, or free."""
+    free: bool = False
+    """Whether nothing is known of it."""
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether a fit may move it."""
+        return self.free or self.sigma is not None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,6 +269,8 @@ def read_trial(study: Study, trial: Trial) -> Observations:
     DataError
         If one cannot be used.
     """
+    from looping_pendulum.discrepancy.readers import read  # units take a while to import, and fits do without
+
     parts = tuple(
         read(
             study.folder / path,

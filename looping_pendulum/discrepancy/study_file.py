@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, Field, GetCoreSchemaHandler, PlainValidator, ValidationError
@@ -16,6 +15,7 @@ from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_sc
 
 from looping_pendulum.discrepancy.measurement import CAMERA
 from looping_pendulum.discrepancy.readers import KINDS
+from looping_pendulum.discrepancy.study import Estimate
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Release
@@ -28,23 +28,6 @@ FREE_STARTS = {"kinetic_friction": 0.3, "static_friction": 0.3, "light_drag": 1e
 default."""
 _PLUS_MINUS = re.compile(r"\s*(?:\+/-|\+-|±)\s*")
 _BRACKETED = re.compile(r"\((.*)\)(.*)")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Estimate:
-    """What the experimenter knows of one number."""
-
-    value: float
-    """Measured value, or where a free one starts [SI]."""
-    sigma: float | None = None
-    """Its standard error [SI]; None: taken as exact, or free."""
-    free: bool = False
-    """Whether nothing is known of it."""
-
-    @property
-    def uncertain(self) -> bool:
-        """Whether a fit may move it."""
-        return self.free or self.sigma is not None
 
 
 class Measured(Quantity):

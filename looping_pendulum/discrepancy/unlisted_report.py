@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from looping_pendulum.compare.plots import COLOURS
 from looping_pendulum.compare.tables import GAP, number, table
 from looping_pendulum.discrepancy.verdict import ForceProfile, Formula, Identification, Unlisted
+from looping_pendulum.pages.palette import COLOURS
 
 SIDES = {
     "along": "along the string, towards the rod",
@@ -23,7 +23,7 @@ def section(result: Identification) -> str:
         return ""
     name = force.depends_on.replace("_", " ")
     unit = force.unit
-    head = ["direction", f"largest at {name} [{unit}]", f"largest [{_unit(force)}]", f"sure between [{unit}]", "formula"]
+    head = ["direction", f"largest at {name} [{unit}]", f"largest [{force_unit(force)}]", f"sure between [{unit}]", "formula"]
     rows = [[SIDES[p.side], number(p.largest_at), number(p.largest), _sure(p), f"`{p.formula}`"] for p in force.profiles]
     text = (
         "## The unlisted force\n\n"
@@ -85,12 +85,13 @@ def figure(force: Unlisted) -> Figure:
         if p.written is not None:
             axes.plot(s, p.written, "--", color=colour, label="its formula")
     axes.set_xlabel(f"{force.depends_on.replace('_', ' ')} [{force.unit}]")
-    axes.set_ylabel(f"unlisted force [{_unit(force)}]")
+    axes.set_ylabel(f"unlisted force [{force_unit(force)}]")
     axes.legend(loc="best", fontsize=8)
     return drawn
 
 
-def _unit(force: Unlisted) -> str:
+def force_unit(force: Unlisted) -> str:
+    """Unit of the unlisted force."""
     return "N" if force.multiplied_by == "constant" else "N s/m"
 
 

@@ -334,6 +334,13 @@ class Identification:
         """Names of the added effects."""
         return tuple(e.name for e in self.effects)
 
+    def _repr_html_(self) -> str:
+        """Show verdict, what was added and the errors in a notebook."""
+        from looping_pendulum.discrepancy.report import before_figures
+        from looping_pendulum.pages.markdown import html
+
+        return str(html("\n\n".join(before_figures(self))))
+
 
 def dump(result: Identification) -> str:
     """Write a result as JSON text."""

@@ -82,9 +82,12 @@ class Driver:
         """Run to the end; return samples at ``times``."""
         times = times[times <= self.duration]
         at_release = np.repeat(np.array(self.y, dtype=float)[:, None], np.count_nonzero(times == 0), axis=1)
-        parts = [segment.sample(times[times <= START]) for segment in self._begin()]
-        if not parts:
-            parts = [Part(mode=self.mode, signs=self.signs, t=times[times == 0], values=at_release)]
+        early = times[: np.searchsorted(times, START, side="right")]
+        begun = self._begin()
+        if begun and early.any():
+            parts = [segment.sample(early) for segment in begun]
+        else:
+            parts = [Part(mode=self.mode, signs=self.signs, t=early[early == 0], values=at_release)]
         for _ in range(MAX_EVENTS):
             ahead = times[np.searchsorted(times, float(self.t), side="right") :]
             event, self.t, self.y, part = self.integrator.advance_sampled(

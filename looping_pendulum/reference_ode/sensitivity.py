@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
 from typing import Any
@@ -29,7 +29,7 @@ from looping_pendulum.reference_ode.effect_types import Effect
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import MAX_STEPS, HeyokaIntegrator, ModeEquations
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.solution import Part, Run, Samples, heavy_place, join, light_place
+from looping_pendulum.reference_ode.solution import Part, Run, RunEvent, Samples, heavy_place, join, light_place
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators
 from looping_pendulum.reference_ode.state import Effects, Signs, State, complete, follow, meaning
 from looping_pendulum.reference_ode.transitions import PHASE_ZERO, Event, Mode
@@ -118,11 +118,10 @@ def solve_sensitivities(
     _refuse_corners(parameters, wrt)
     moved = _as_duals(parameters, wrt)
     count = len(wrt)
-    driver = _DualDriver(moved, duration, tolerance, count)
+    driver = DualDriver(moved, duration, tolerance, count)
     released = driver.y
     parts = driver.run_sampled(np.asarray(t, dtype=float))
-    events = tuple(dataclasses.replace(e, time=float(e.time), state=State(*map(dual.plain, e.state))) for e in driver.events)
-    run = Run(parameters=parameters, integrator="heyoka", tolerance=tolerance, events=events)
+    run = Run(parameters=parameters, integrator="heyoka", tolerance=tolerance, events=driver.plain_events())
     at_start = np.array([dual.slopes(v, count) for v in released])[:, :, None]
     first = np.repeat(at_start, len(parts[0].t), axis=2)  # within `driver.START` of the release
     slopes = np.concatenate([first, *driver.variational.derivatives], axis=2)
@@ -182,7 +181,7 @@ def _refuse_corners(parameters: Parameters, wrt: tuple[str, ...]) -> None:
         raise SensitivityError("wrt push_along: no derivative at 0, where a taut string goes slack; give it another value")
 
 
-class _DualDriver(Driver):
+class DualDriver(Driver):
     """The driver, its numbers dual."""
 
     xp = dual
@@ -198,6 +197,10 @@ class _DualDriver(Driver):
 
     def _now(self) -> tuple[Any, State, Signs, Any]:
         return float(self.t), State(*map(dual.plain, self.y)), self.signs, self._plain_values
+
+    def plain_events(self) -> tuple[RunEvent, ...]:
+        """The events so far, without derivatives."""
+        return tuple(replace(e, time=float(e.time), state=State(*map(dual.plain, e.state))) for e in self.events)
 
 
 class _VariationalIntegrator(HeyokaIntegrator):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib.util import find_spec
 
 import numpy as np
@@ -62,6 +63,7 @@ def solve_at(
     return join(Run(**driver.record()), parts)
 
 
+@cache
 def available_integrators() -> tuple[str, ...]:
     """Names that `solve` takes here, the default first."""
     return ("heyoka", "scipy") if find_spec("heyoka") else ("scipy",)

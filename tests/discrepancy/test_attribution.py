@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from looping_pendulum.discrepancy.attribution import BLOCKS, SCORE_LIMIT, judge, refit, screen
+from looping_pendulum.discrepancy.attribution import BLOCKS, SCORE_LIMIT, judge, refit
 from looping_pendulum.discrepancy.calibration import calibrate
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.problem import Problem
 from looping_pendulum.discrepancy.residual import calibrated
+from looping_pendulum.discrepancy.screening import screen
 from looping_pendulum.discrepancy.study_io import load
 from tests.blind.cases import CASES
 from tests.discrepancy.blind_study import write_study

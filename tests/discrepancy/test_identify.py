@@ -11,13 +11,14 @@ from typer.testing import CliRunner
 
 from looping_pendulum import cli
 from looping_pendulum.discrepancy import verdict
-from looping_pendulum.discrepancy.attribution import refit, screen
+from looping_pendulum.discrepancy.attribution import refit
 from looping_pendulum.discrepancy.calibration import calibrate
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.likelihood import rise
 from looping_pendulum.discrepancy.problem import Problem
 from looping_pendulum.discrepancy.residual import calibrated, with_noise_of_residuals
+from looping_pendulum.discrepancy.screening import screen
 from looping_pendulum.discrepancy.search import MARGIN
 from looping_pendulum.discrepancy.study_io import load
 from looping_pendulum.discrepancy.verdict import Verdict
@@ -98,6 +99,14 @@ def test_files_are_as_promised_and_the_same_again(tmp_path, ambiguous):
     assert scenario.parameters.coefficients["kinetic_friction"] == pytest.approx(0.34, rel=0.02)
 
 
+def test_one_process_finds_the_same_bytes_as_two(tmp_path):
+    study = load(write_study(tmp_path, CASES["linear_drag"], 1, trials=TWO_RATIOS))
+    alone, shared = (identify(study, workers=count) for count in (1, 2))
+    assert alone.verdict is Verdict.IDENTIFIED
+    assert verdict.dump(alone) == verdict.dump(shared)
+    assert alone.scenario == shared.scenario
+
+
 def test_interrupted_it_leaves_what_it_has(tmp_path):
     def interrupt(what, share):
         if what.startswith("refitting"):
@@ -115,7 +124,7 @@ def test_command_line(tmp_path):
         done = CliRunner().invoke(cli.app, ["identify", str(path), "--out", str(tmp_path / out), "--seed", "3"])
         assert done.exit_code == 0, done.output
         assert "no_missing_effect" in done.output
-    for file in ("report.md", "verdict.json", "repaired.yaml"):
+    for file in ("report.md", "report.html", "verdict.json", "repaired.yaml"):
         assert (tmp_path / "out" / file).read_bytes() == (tmp_path / "again" / file).read_bytes()
 
 

@@ -18,7 +18,7 @@ from looping_pendulum.discrepancy import report
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.study_io import load
 from looping_pendulum.discrepancy.verdict import Verdict
-from looping_pendulum.scenarios.measured import find_data
+from tests.discrepancy.real_data import real
 
 ROOT = Path(__file__).parents[2]
 OUNCE = 0.028349523125
@@ -35,13 +35,6 @@ AIR = 1.2
 """Density [kg/m^3]."""
 FALL_SPEED = {"wiffle_ball_1": 35 / 3.47, "tennis_ball": 36 / 3.07}
 """Mean speed of a drop [m/s], height by time of the file's last rows."""
-
-
-def real(file):
-    path = find_data(file, ROOT / ".." / "shared" / "data")
-    if path is None:
-        pytest.skip(f"no data folder with {file}: set LOOPING_PENDULUM_DATA to it")
-    return path
 
 
 def found_in(folder, study):

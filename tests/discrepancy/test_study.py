@@ -17,7 +17,7 @@ from looping_pendulum.discrepancy.study import Estimate, read_trial
 from looping_pendulum.discrepancy.study_io import StudyError, dump, load, load_text
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.parameters import Release
-from tests.discrepancy.test_readers import real
+from tests.discrepancy.real_data import real
 
 STUDY = """
 title: Two trials

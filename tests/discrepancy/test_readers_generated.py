@@ -1,0 +1,96 @@
+"""Generated files of measured data: a Tracker export reads back exactly, and whatever else is read or refused in one line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from looping_pendulum.discrepancy.readers import DataError, read
+
+LIGHT = {"light": "mass A"}
+BOTH = {"light": "mass A", "heavy": "mass B"}
+
+number = st.floats(-9.0, 9.0, allow_nan=False).map(lambda v: round(v, 6) + 0.0)
+marks = st.lists(
+    st.tuples(st.none() | number, st.none() | number, st.none() | number, st.none() | number), min_size=1, max_size=12
+)
+
+
+def java(value, decimal):
+    """1.245987E1, as Java writes it."""
+    if value is None:
+        return ""
+    text = np.format_float_scientific(value, trim="0", exp_digits=1).replace("e+", "E").replace("e", "E")
+    return text.replace(".", decimal)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    marks=marks,
+    style=st.sampled_from([(",", "."), (";", "."), ("\t", "."), (";", ","), ("\t", ",")]),
+    bom=st.booleans(),
+    newline=st.sampled_from(["\n", "\r\n"]),
+    trailing=st.booleans(),
+    multi=st.booleans(),
+)
+def test_a_generated_tracker_file_reads_back(tmp_path_factory, marks, style, bom, newline, trailing, multi):
+    delimiter, decimal = style
+    end = delimiter if trailing else ""
+    lines = ["#multi:"] if multi else []
+    lines += [delimiter.join(["", "mass A", "", "mass B", ""]) + end, delimiter.join("txyxy") + end]
+    times = [k / 240 for k in range(len(marks))]
+    lines += [delimiter.join(java(v, decimal) for v in (t, *row)) + end for t, row in zip(times, marks, strict=True)]
+    path = tmp_path_factory.mktemp("tracker") / "clip.csv"
+    path.write_bytes((("\ufeff" if bom else "") + newline.join(lines) + newline).encode())
+    wanted = {
+        name: [(t, row[i]) for t, row in zip(times, marks, strict=True) if row[i] is not None]
+        for i, name in enumerate(("light_x", "light_y", "heavy_x", "heavy_y"))
+    }
+    if not all(wanted.values()):
+        with pytest.raises(DataError, match="found no marks at all"):
+            read(path, tracks=BOTH)
+        return
+    found = read(path, tracks=BOTH)
+    # Exact: the text has the shortest digits that give each number back.
+    assert {c.name: list(zip(c.t.tolist(), c.value.tolist(), strict=True)) for c in found.channels} == wanted
+    assert found.used + sum(d.count for d in found.dropped) == 4 * len(marks)
+
+
+pieces = st.sampled_from(
+    [
+        *"txy,;\t \n-²",
+        "\r\n",
+        "#multi:\n",
+        "light_x",
+        "frame",
+        "angle",
+        "height",
+        "drop",
+        "quantity",
+        "index",
+        "value",
+        "sigma",
+        "unit",
+    ]
+    + ["1", "2.5", "0,5", "nan", "inf", "1e999", "mass A", "[cm]", "(kg)", '"', "\ufeff", "\u2028"]
+)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    text=st.lists(pieces, max_size=40).map("".join),
+    tracks=st.sampled_from([None, {"light": ""}, LIGHT, BOTH]),
+    frame_rate=st.sampled_from([None, 30.0]),
+)
+def test_whatever_the_file_it_reads_or_says_why_not(tmp_path_factory, text, tracks, frame_rate):
+    path = tmp_path_factory.mktemp("any") / "clip.csv"
+    path.write_bytes(text.encode())
+    message = ""
+    try:
+        message = read(path, tracks=tracks, frame_rate=frame_rate).summary()
+    except DataError as error:
+        message = str(error)
+    assert message
+    assert len(message.splitlines()) == 1
