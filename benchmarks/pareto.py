@@ -25,9 +25,10 @@ from matplotlib.figure import Figure
 from looping_pendulum.compare.convergence_result import FILE, ConvergenceResult, VariantStudy
 from looping_pendulum.compare.convergence_study import plan
 from looping_pendulum.compare.export import write_whole
-from looping_pendulum.compare.plots import GREY, figure_of, legend_below, png, styles
+from looping_pendulum.compare.plots import GREY, figure_of, legend_below, png
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import select
+from looping_pendulum.pages.palette import styles
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
 
 import numpy as np
@@ -97,11 +97,13 @@ def _source(module: str) -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
+@cache
 def _version(package: str) -> str:
+    """Version of what is imported as ``package``, which pip may call otherwise."""
     try:
         return version(package)
     except PackageNotFoundError:
-        return "none"
+        return ", ".join(version(name) for name in packages_distributions().get(package, ())) or "none"
 
 
 class RunCache:

@@ -3,17 +3,100 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from looping_pendulum.reference_ode.geometry import light_position
+from looping_pendulum.engines.protocol import APPLIED_DRAG
+from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters
 
 MASS_FRACTION = 0.01
 """Mass of the whole chain as a fraction of the light mass; the model's string has none."""
 MASS_COMPENSATION = 0.4
 """Share of the chain's mass taken off the light mass: the free part swings with it (a third, and the sliding part)."""
+
+ONE_COEFFICIENT = (
+    "one Coulomb coefficient only: where static_friction differs from kinetic_friction, the kinetic one acts in both"
+)
+STRAIGHT_STRING = "straight string has no mass and stays straight: no waves run along it, and slack string does not fall"
+NO_STOP = (
+    "the rig does not stop where the string leaves the rod (wrap angle 0) or the heavy mass reaches it, as the reference does"
+)
+"""Limits that chains share."""
+
+COMES = 0.2
+"""A bead comes when its place on the straight string is this near to the rod's polygon, in R bend^2: the place comes nearer
+by 1 while the string is wound, or slides, by one link."""
+GOES = 0.5
+"""The outermost bead goes when the string without it would pass the polygon at this distance, in R bend^2; more than `COMES`,
+so that none flickers."""
+LEAST_BEADS = 2
+"""Beads that always stay."""
+LEAST_LENGTH = 1.5
+"""A straight part shorter than this gets no more beads, in links."""
+
+Place = Sequence[float] | Array
+"""x and y [m]."""
+
+
+def bead_supplies(rod: str, stick_slip: str) -> Supplies:
+    """Who supplies what in a chain whose beads come and go, over a ``rod`` of this shape."""
+    return Supplies(
+        winding=Supply(
+            by=Supplier.ENGINE,
+            how=f"contact of beads with a {rod}; the adapter adds and removes beads on the straight parts only",
+        ),
+        friction_law=Supply(
+            by=Supplier.ENGINE,
+            how=f"Coulomb friction between beads and {rod.split()[-1]}, corrected for the polygon's corners",
+        ),
+        stick_slip=Supply(by=Supplier.ENGINE, how=f"the same contact: {stick_slip}"),
+        drag=APPLIED_DRAG,
+    )
+
+
+def next_place(bead: Place, mass: Place, link_length: float) -> tuple[float, float]:
+    """Where the next bead would be on the straight string from ``bead`` to ``mass``: a link of this length [m] further."""
+    (x, y), (mass_x, mass_y) = bead, mass
+    share = link_length / math.hypot(mass_x - x, mass_y - y)
+    return x + share * (mass_x - x), y + share * (mass_y - y)
+
+
+class StraightParts:
+    """When a bead comes or goes where a straight part of the string meets the rod.
+
+    A bead on a straight part carries nothing sideways, so one that comes or goes there changes no force.
+
+    Parameters
+    ----------
+    rod_radius
+        [m]
+    bend
+        Angle between neighbouring links on the rod [rad].
+    node_radius
+        Distance of a bead on the rod from the rod's centre [m].
+    """
+
+    def __init__(self, rod_radius: float, bend: float, node_radius: float) -> None:
+        self.link_length = rod_radius * bend
+        lift = rod_radius * bend**2
+        self._comes, self._goes = ((node_radius + share * lift) ** 2 for share in (COMES, GOES))
+
+    def change(self, mass: Place, outermost: Place, following: Place, rest_length: float, beads: int) -> int:
+        """How many of the ``beads`` come (1) or go (-1) between ``mass`` and the ``outermost``; ``following`` is next to that.
+
+        ``rest_length`` [m] is the straight part's own.
+        """
+        x, y = next_place(outermost, mass, self.link_length)
+        if x * x + y * y < self._comes:
+            return 1 if rest_length > LEAST_LENGTH * self.link_length else 0
+        if beads > LEAST_BEADS:
+            x, y = next_place(following, mass, self.link_length)
+            return -1 if x * x + y * y > self._goes else 0
+        return 0
 
 
 def polygon_friction(friction: float, bend: float) -> float:

@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 import abc
+import copy
 import dataclasses
+import importlib.metadata
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from looping_pendulum.engines.studies import Studies
-from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, Supplies, Trajectory, from_samples
+from looping_pendulum.engines.trajectory import (
+    COLUMNS,
+    Provenance,
+    RunStatus,
+    Supplier,
+    Supplies,
+    Supply,
+    Trajectory,
+    from_samples,
+)
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.effects import Effect, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
@@ -26,6 +37,13 @@ SAMPLE_INTERVAL = 1e-3
 
 STRETCH_BUDGET = 0.05
 """A string longer than its rest length by more than this fraction ends a run: it no longer is the apparatus."""
+
+
+FORCES_AND_RELEASE = frozenset({EffectKind.FORCE, EffectKind.CLOSURE, EffectKind.RELEASE})
+"""What reaches an engine that applies the effects' forces and starts with the release's velocities."""
+
+APPLIED_DRAG = Supply(by=Supplier.ADAPTER, how="the reference's formulas as applied forces")
+"""Who supplies the drag in an engine that applies the effects' forces."""
 
 
 class Profile(StrEnum):
@@ -45,7 +63,7 @@ class Abilities:
     """Releases that it can represent."""
     supplies: Supplies
     packages: tuple[str, ...]
-    """Packages that it needs, as pip names them."""
+    """Packages that it needs, as Python imports them: "pydrake", which pip calls "drake"."""
     summary: str
     """One sentence on what the variant is."""
     limits: tuple[str, ...] = ()
@@ -165,6 +183,12 @@ class SteppedEngine(abc.ABC):
             provenance=self.provenance(),
         )
 
+    def with_settings(self, **changes: object) -> Self:
+        """Return this variant with some settings changed."""
+        changed = copy.copy(self)
+        changed.settings = dataclasses.replace(self.settings, **changes)
+        return changed
+
     def studies(self) -> Studies:
         """What can be varied of this variant; an adapter that has nothing to vary keeps this."""
         return Studies()
@@ -174,6 +198,31 @@ class SteppedEngine(abc.ABC):
         return Provenance(
             versions=self.versions(), settings=dataclasses.asdict(self.settings), supplies=self.abilities.supplies
         )
+
+
+class TunedEngine(SteppedEngine):
+    """A stepped engine of one package, with settings of its own for each profile.
+
+    Parameters
+    ----------
+    profile
+        Chooses the settings.
+    settings
+        Replaces the profile's settings, for studies of convergence.
+    """
+
+    distribution: ClassVar[str]
+    """The engine's package, as pip names it."""
+    tuned: ClassVar[Mapping[Profile, Any]]
+    """Profile -> settings."""
+
+    def __init__(self, *, profile: Profile = Profile.QUICK, settings: Any = None) -> None:
+        self.profile = profile
+        self.settings = settings if settings is not None else self.tuned[profile]
+
+    def versions(self) -> dict[str, str]:
+        """Version of the engine's package."""
+        return {self.distribution: importlib.metadata.version(self.distribution)}
 
 
 def steps_per_sample(time_step: float) -> int:
@@ -191,6 +240,23 @@ def steps_per_sample(time_step: float) -> int:
             f"needed a whole fraction of {SAMPLE_INTERVAL:g} s; write 1e-4"
         )
     return steps
+
+
+def groups_per_sample(time_step: float, steps_per_group: int) -> int:
+    """Groups of steps of ``time_step`` [s] in one `SAMPLE_INTERVAL`.
+
+    Raises
+    ------
+    EngineError
+        If steps or groups are no whole number.
+    """
+    steps = steps_per_sample(time_step)
+    if steps % steps_per_group:
+        raise EngineError(
+            f"time_step: found {time_step:g} s in groups of {steps_per_group}, needed a whole number of groups "
+            f"in {SAMPLE_INTERVAL:g} s; write groups of 1"
+        )
+    return steps // steps_per_group
 
 
 def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequence[float]], None]) -> RunStatus:

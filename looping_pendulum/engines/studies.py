@@ -6,11 +6,15 @@ choice as reasonable changes it, and *a different model* where neither does. `co
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from looping_pendulum.engines.protocol import Engine
+
+Adjusted = Callable[..., "Engine"]
+"""``adjusted(**changes)``: a variant with some settings changed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,3 +72,15 @@ class Studies:
     ladders: tuple[Ladder, ...] = ()
     defaults: tuple[HiddenDefault, ...] = ()
     choices: tuple[Choice, ...] = ()
+
+
+def ladder(adjusted: Adjusted, setting: str, unit: str, rungs: Iterable[dict[str, Any]], follows: str = "") -> Ladder:
+    """Make a ladder of one engine per rung; a rung is its changes, ``setting`` among them."""
+    steps = tuple(rungs)
+    return Ladder(
+        setting=setting,
+        unit=unit,
+        values=tuple(changes[setting] for changes in steps),
+        engines=tuple(adjusted(**changes) for changes in steps),
+        follows=follows,
+    )

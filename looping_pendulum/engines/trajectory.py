@@ -153,6 +153,12 @@ class Trajectory:
             raise EngineError(f"{self.label}: {self.status.value}. {self.message}".strip())
         return self
 
+    def _repr_html_(self) -> str:
+        """Show this in a notebook."""
+        from looping_pendulum.engines.notebook import html
+
+        return html(self)
+
 
 def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Trajectory:
     """Make a trajectory of rows of `COLUMNS`, shape (n, 10); wrap angle and free length follow from the positions."""

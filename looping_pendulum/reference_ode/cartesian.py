@@ -8,7 +8,7 @@ from collections.abc import Callable
 from looping_pendulum.reference_ode import effects
 from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.effects import GRAVITY, EffectKind, Kinematics
-from looping_pendulum.reference_ode.geometry import light_velocity
+from looping_pendulum.reference_ode.geometry import light_velocity, string_followed
 from looping_pendulum.reference_ode.parameters import Parameters
 
 RELEASE_TOLERANCE = 1e-12
@@ -38,9 +38,7 @@ def cartesian_force(parameters: Parameters) -> CartesianForce | None:
 
     def force(time: float, x: float, y: float, vx: float, vy: float, heavy_vy: float) -> tuple[float, float, float]:
         nonlocal last_angle
-        free_length = math.sqrt(max(x * x + y * y - radius * radius, 1e-16))
-        angle = math.atan2(y, x) - math.atan2(free_length, radius)
-        last_angle += (angle - last_angle + math.pi) % (2 * math.pi) - math.pi
+        free_length, last_angle = string_followed(x, y, radius, last_angle)
         cosine, sine = math.cos(last_angle), math.sin(last_angle)
         retreat, across = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
         k = Kinematics(time, free_length, last_angle, retreat, across, abs(across), math.hypot(vx, vy), heavy_vy, abs(heavy_vy))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,16 @@ def light_velocity(xp: Any, wrap_angle: Any, retreat_speed: Any, across_speed: A
     """Light mass velocity (x, y) [m/s]: -u e1 + w t1 (paper, eq. v1)."""
     cosine, sine = xp.cos(wrap_angle), xp.sin(wrap_angle)
     return -retreat_speed * sine - across_speed * cosine, retreat_speed * cosine - across_speed * sine
+
+
+def string_followed(x: float, y: float, rod_radius: float, wrap_angle: float) -> tuple[float, float]:
+    """Free length [m], at least 1e-8, and wrap angle [rad] of one position, turns counted on from ``wrap_angle``.
+
+    As :func:`string_coordinates`, step by step: ``wrap_angle`` is that of less than half a turn ago.
+    """
+    free_length = math.sqrt(max(x * x + y * y - rod_radius * rod_radius, 1e-16))
+    angle = math.atan2(y, x) - math.atan2(free_length, rod_radius)
+    return free_length, wrap_angle + ((angle - wrap_angle + math.pi) % (2 * math.pi) - math.pi)
 
 
 def string_coordinates(light_position: Array, rod_radius: float, release_angle: float) -> tuple[Array, Array]:

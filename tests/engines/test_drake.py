@@ -71,7 +71,7 @@ def test_without_drake_a_run_is_a_gap_that_says_how_to_get_it():
 
 
 def test_a_group_that_does_not_divide_a_sample_is_refused():
-    with pytest.raises(EngineError, match="steps_per_group: found 7, needed a divisor of the 50 steps"):
+    with pytest.raises(EngineError, match="time_step: found 2e-05 s in groups of 7, needed a whole number of groups"):
         ChainSettings(time_step=2e-5, bend=0.4, bead_mass_ratio=5e-4, contact_stiffness=2e4, steps_per_group=7)
 
 

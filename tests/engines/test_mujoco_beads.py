@@ -9,6 +9,7 @@ from looping_pendulum.engines.mujoco.beads import MujocoBeads
 from looping_pendulum.engines.mujoco.beads_model import SETTINGS, BeadSettings
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.solve import solve, solve_at
 from looping_pendulum.scenarios.scenario import Scenario
@@ -125,7 +126,7 @@ def test_winding_many_turns_ends_at_the_rod():
 
 @pytest.mark.parametrize("time_step", [3e-6, 1e-3, 1.5e-5])
 def test_a_step_that_does_not_divide_the_sample_interval_is_refused(time_step):
-    with pytest.raises(ValueError, match="time_step: found"):
+    with pytest.raises(EngineError, match="time_step: found"):
         BeadSettings(time_step=time_step, bend=0.3, bead_mass_ratio=1e-4)
 
 

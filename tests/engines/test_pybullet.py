@@ -16,6 +16,7 @@ from looping_pendulum.engines.pybullet.chain import SETTINGS, PybulletChain
 from looping_pendulum.engines.pybullet.chain_model import COARSEST, ChainSettings, lay_chain
 from looping_pendulum.engines.pybullet.links import contact_friction
 from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS
+from looping_pendulum.engines.pybullet.settings import DEFAULT_NEIGHBOUR_MARGIN
 from looping_pendulum.engines.static_capstan import measured_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
@@ -161,6 +162,25 @@ def test_time_step_that_does_not_divide_the_sample_interval_is_refused() -> None
     settings = ChainSettings(time_step=3e-5, link_length=5e-3, outer_link_length=8e-3, solver_iterations=20)
     with pytest.raises(EngineError, match="does not divide"):
         PybulletChain(settings=settings).simulate(scenario(0.01))
+
+
+def nodes_on_rod(margin: float) -> tuple[list[int], float]:
+    """Links whose nodes touch the rod after 20 ms of sliding, and how deep the deepest one is [m]."""
+    import pybullet
+
+    rig = PybulletChain().with_settings(neighbour_margin=margin).build(scenario(0.1, free_length=0.58))
+    for _ in range(20):
+        rig.advance()
+    contacts = pybullet.getContactPoints(rig._body, physicsClientId=rig._world.client)
+    return sorted(contact[3] for contact in contacts), max(-contact[8] for contact in contacts)
+
+
+def test_margin_by_which_neighbours_are_found_changes_no_contact() -> None:
+    pytest.importorskip("pybullet")
+    (ours, depth), (default, default_depth) = nodes_on_rod(1e-4), nodes_on_rod(DEFAULT_NEIGHBOUR_MARGIN)
+    assert len(ours) >= 3
+    assert ours == default
+    assert depth == pytest.approx(default_depth, rel=0.1)  # the sweeps' order is another
 
 
 def test_drop_is_free_fall() -> None:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from looping_pendulum.engines.chain import LEAST_BEADS
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pybullet import engines
 from looping_pendulum.engines.pybullet.chain import PybulletChain
@@ -14,7 +15,7 @@ from looping_pendulum.engines.pybullet.defaults import PybulletDefaults
 from looping_pendulum.engines.pybullet.links import Laid
 from looping_pendulum.engines.pybullet.point_to_point import PybulletPointToPoint
 from looping_pendulum.engines.pybullet.remade import SETTINGS, PybulletRemade
-from looping_pendulum.engines.pybullet.remade_model import LEAST_NODES, Watch, lay
+from looping_pendulum.engines.pybullet.remade_model import Watch, lay
 from looping_pendulum.engines.pybullet.remade_rig import RemadeRig
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
@@ -94,8 +95,8 @@ def test_a_node_comes_before_the_string_touches_the_rod_and_goes_after_it_has_le
     shorter = watch.seen_to(gone)
     assert len(shorter.places) == len(gone.places) - 2
     assert shorter.lengths.sum() == pytest.approx(gone.lengths.sum(), rel=1e-5)
-    few = chain(bend + 2 * s.goes * about, nodes=LEAST_NODES)
-    assert len(watch.seen_to(few).places) == LEAST_NODES + 2
+    few = chain(bend + 2 * s.goes * about, nodes=LEAST_BEADS)
+    assert len(watch.seen_to(few).places) == LEAST_BEADS + 2
 
 
 def test_nodes_that_go_keep_the_strings_length_and_momentum() -> None:

@@ -16,6 +16,7 @@ from looping_pendulum.engines.pymunk.calls import SETTINGS, ChainSettings
 from looping_pendulum.engines.pymunk.chain import PymunkChain
 from looping_pendulum.engines.static_capstan import chain_exponent, measured_exponent
 from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve, solve_at
@@ -62,7 +63,7 @@ def test_profiles_have_their_own_settings():
 
 @pytest.mark.parametrize("time_step", [3e-6, 1e-3, 1.5e-5])
 def test_a_step_that_does_not_divide_the_sample_interval_is_refused(time_step):
-    with pytest.raises(ValueError, match="time_step: found"):
+    with pytest.raises(EngineError, match="time_step: found"):
         ChainSettings(time_step=time_step, bend=0.3, bead_mass_ratio=1e-4)
 
 
@@ -107,11 +108,16 @@ def test_a_leak_interval_that_does_not_divide_the_groups_is_refused():
         replace(QUICK, leak_interval=4)
 
 
-def test_studies_change_one_thing_at_a_time():
-    engine = PymunkChain()
+@pytest.mark.parametrize("profile", Profile)
+def test_studies_change_one_thing_at_a_time(profile):
+    engine = PymunkChain(profile=profile)
     for ladder in engine.studies().ladders:
+        assert ladder.engines[0].settings == engine.settings  # no rung is coarser than what is used
         for value, rung in zip(ladder.values, ladder.engines, strict=True):
-            assert rung.settings == replace(engine.settings, **{ladder.setting: value})
+            follows = {"time_step": rung.settings.time_step} if ladder.follows else {}
+            assert rung.settings == replace(engine.settings, **{ladder.setting: value} | follows)
+            if ladder.follows:  # a joint's stiffness, iterations * bead_mass / time_step^2, stays
+                assert value / rung.settings.time_step**2 == pytest.approx(ladder.values[0] / engine.settings.time_step**2)
     for entry in (*engine.studies().defaults, *engine.studies().choices):
         assert entry.engine.settings != engine.settings
 

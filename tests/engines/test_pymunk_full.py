@@ -20,6 +20,7 @@ from looping_pendulum.engines.pymunk.full_settings import (
 from looping_pendulum.engines.pymunk.laid_string import velocity_on_string
 from looping_pendulum.engines.static_capstan import chain_exponent, measured_exponent
 from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve_at
@@ -40,7 +41,7 @@ def run(variant, parameters, duration, **changes):
 
 @pytest.mark.parametrize("time_step", [3e-6, 1e-3, 1.5e-5])
 def test_a_step_that_does_not_divide_the_sample_interval_is_refused(time_step):
-    with pytest.raises(ValueError, match="time_step: found"):
+    with pytest.raises(EngineError, match="time_step: found"):
         FullChainSettings(time_step=time_step, link_length=3e-3, iterations=10, long_range=0)
 
 

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.engines.chain import polygon_friction, polygon_radius
-from looping_pendulum.engines.protocol import Profile, steps_per_sample
-from looping_pendulum.errors import EngineError
+from looping_pendulum.engines.protocol import Profile, groups_per_sample
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
@@ -48,17 +47,12 @@ class ChainSettings:
 
     def __post_init__(self) -> None:
         """Refuse a step that samples cannot be taken at."""
-        steps = steps_per_sample(self.time_step)
-        if steps % self.steps_per_group:
-            raise EngineError(
-                f"steps_per_group: found {self.steps_per_group}, needed a divisor of the {steps} steps in a sample interval; "
-                "write 1"
-            )
+        groups_per_sample(self.time_step, self.steps_per_group)
 
     @property
     def groups_per_sample(self) -> int:
         """Groups of steps in one sample interval."""
-        return steps_per_sample(self.time_step) // self.steps_per_group
+        return groups_per_sample(self.time_step, self.steps_per_group)
 
     @property
     def group_time(self) -> float:

@@ -11,22 +11,13 @@ import math
 
 import numpy as np
 
-from looping_pendulum.engines.chain import point_on_string
+from looping_pendulum.engines.chain import LEAST_BEADS, StraightParts, point_on_string
 from looping_pendulum.engines.drake.chain_model import ChainModel, ChainSettings
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
-COMES = 0.2
-"""A bead comes when its place on the straight string is this near to the rod's polygon, in R bend^2."""
-GOES = 0.5
-"""The outermost bead goes when the string without it would pass the polygon at this distance, in R bend^2; more than `COMES`,
-so that none flickers."""
-LEAST_BEADS = 2
-"""Beads that always stay."""
-LEAST_LENGTH = 1.5
-"""A straight part shorter than this gets no more beads, in links."""
 LIGHT, HEAVY = 0, 1
 """The two ends of the string."""
 
@@ -37,9 +28,9 @@ class ChainRig:
     def __init__(self, parameters: Parameters, settings: ChainSettings) -> None:
         p, s = parameters, settings
         self._parameters, self._settings = p, s
-        self._link_length = p.rod_radius * s.bend
         self._node_radius = s.node_radius(p.rod_radius)
-        self._comes, self._goes = ((self._node_radius + share * p.rod_radius * s.bend**2) ** 2 for share in (COMES, GOES))
+        self._straight_parts = StraightParts(p.rod_radius, s.bend, self._node_radius)
+        self._link_length = self._straight_parts.link_length
         self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
         self._ends = (LIGHT,) if self._held else (LIGHT, HEAVY)
         """Ends of the string with a mass that moves."""
@@ -142,17 +133,12 @@ class ChainRig:
         if not self._taut[end]:
             return
         link = self._straight(end)
-        mass, outermost = self._mass(end), self._bead(self._places, end, 0)
-        if self._height(mass, outermost) < self._comes:
-            if self.lengths[link] > LEAST_LENGTH * self._link_length:
-                self._add_bead(end, self._link_length / math.dist(mass, outermost))
-        elif self._beads > LEAST_BEADS and self._height(mass, self._bead(self._places, end, 1)) > self._goes:
+        mass, outermost, following = self._mass(end), self._bead(self._places, end, 0), self._bead(self._places, end, 1)
+        change = self._straight_parts.change(mass, outermost, following, self.lengths[link], self._beads)
+        if change > 0:
+            self._add_bead(end, self._link_length / math.dist(mass, outermost))
+        elif change < 0:
             self._take_bead(end)
-
-    def _height(self, mass: Array, bead: Array) -> float:
-        """Square of the distance from the rod's centre [m^2] of the place a link from ``bead`` on the way to ``mass``."""
-        x, y = bead + self._link_length / math.dist(mass, bead) * (mass - bead)
-        return float(x * x + y * y)
 
     def _add_bead(self, end: int, share: float) -> None:
         """Put a bead on the straight part at ``end``, at this share of the way from the outermost bead to the mass."""

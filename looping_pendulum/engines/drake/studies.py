@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from typing import Any
 
 from looping_pendulum.engines.drake.chain_model import ChainSettings
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
-from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder, Studies
-
-Adjusted = Callable[..., Engine]
-"""``adjusted(**changes)``: the variant with some settings changed."""
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
+from looping_pendulum.engines.studies import Adjusted, Choice, HiddenDefault, Ladder, Studies, ladder
 
 STEPS = (5e-5, 2e-5, 1e-5, 5e-6)
 """[s]"""
@@ -35,23 +31,11 @@ def _ladders(s: ChainSettings, adjusted: Adjusted) -> tuple[Ladder, ...]:
     bends = ({"bend": bend, "bead_mass_ratio": density * bend} for bend in BENDS)
     follows = "a bead's mass, so that the string's mass per length stays"
     return (
-        _ladder(adjusted, "time_step", "s", ({"time_step": dt} for dt in STEPS)),
-        _ladder(adjusted, "bend", "rad", bends, follows),
-        _ladder(adjusted, "bead_mass_ratio", "", ({"bead_mass_ratio": ratio} for ratio in BEAD_MASSES)),
-        _ladder(adjusted, "contact_stiffness", "N/m", ({"contact_stiffness": k} for k in STIFFNESSES)),
-        _ladder(adjusted, "stiction_tolerance", "m/s", ({"stiction_tolerance": v} for v in TOLERANCES)),
-    )
-
-
-def _ladder(adjusted: Adjusted, setting: str, unit: str, rungs: Iterable[dict[str, Any]], follows: str = "") -> Ladder:
-    """Make a ladder of one engine per rung; a rung is its changes, ``setting`` among them."""
-    steps = tuple(rungs)
-    return Ladder(
-        setting=setting,
-        unit=unit,
-        values=tuple(changes[setting] for changes in steps),
-        engines=tuple(adjusted(**changes) for changes in steps),
-        follows=follows,
+        ladder(adjusted, "time_step", "s", ({"time_step": dt} for dt in STEPS)),
+        ladder(adjusted, "bend", "rad", bends, follows),
+        ladder(adjusted, "bead_mass_ratio", "", ({"bead_mass_ratio": ratio} for ratio in BEAD_MASSES)),
+        ladder(adjusted, "contact_stiffness", "N/m", ({"contact_stiffness": k} for k in STIFFNESSES)),
+        ladder(adjusted, "stiction_tolerance", "m/s", ({"stiction_tolerance": v} for v in TOLERANCES)),
     )
 
 

@@ -2,82 +2,52 @@
 
 from __future__ import annotations
 
-import importlib.metadata
-from dataclasses import replace
-
+from looping_pendulum.engines.chain import NO_STOP, ONE_COEFFICIENT, STRAIGHT_STRING, bead_supplies
 from looping_pendulum.engines.mujoco.beads_model import SETTINGS, BeadSettings
 from looping_pendulum.engines.mujoco.beads_rig import BeadRig
 from looping_pendulum.engines.mujoco.studies import (
+    BEAD_GROUP_TIME,
     BEAD_MASSES,
     BEAD_STEPS,
     BENDS,
     choice,
-    ladder,
     softness_ladder,
     solver_defaults,
     time_constant_default,
 )
-from looping_pendulum.engines.mujoco.tendon import DRAG
-from looping_pendulum.engines.protocol import Abilities, Profile, SteppedEngine
-from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder, Studies
-from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
-from looping_pendulum.reference_ode.effects import EffectKind
+from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, TunedEngine
+from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder, Studies, ladder
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
-_SUPPLIES = Supplies(
-    winding=Supply(
-        by=Supplier.ENGINE,
-        how="contact of beads with a cylinder; the adapter adds and removes beads on the straight parts only",
-    ),
-    friction_law=Supply(
-        by=Supplier.ENGINE, how="Coulomb friction between beads and cylinder, corrected for the polygon's corners"
-    ),
-    stick_slip=Supply(by=Supplier.ENGINE, how="the same contact: the solver keeps friction within its elliptic cone"),
-    drag=DRAG,
-)
 _LIMITS = (
-    "one Coulomb coefficient only: where static_friction differs from kinetic_friction, the kinetic one acts in both",
+    ONE_COEFFICIENT,
     "friction that is a soft constraint creeps: the halted heavy mass still sinks, by some 0.05 mm/s",
-    "straight string has no mass and stays straight: no waves run along it, and slack string does not fall",
-    "the rig does not stop where the string leaves the rod (wrap angle 0) or the heavy mass reaches it, as the reference does",
+    STRAIGHT_STRING,
+    NO_STOP,
 )
 
 
-class MujocoBeads(SteppedEngine):
-    """Chain of beads over a cylinder.
-
-    Parameters
-    ----------
-    profile
-        Chooses the settings.
-    settings
-        Replaces the profile's settings, for studies of convergence.
-    """
+class MujocoBeads(TunedEngine):
+    """Chain of beads over a cylinder."""
 
     name = "mujoco"
+    distribution = "mujoco"
     variant = "beads"
-
-    def __init__(self, *, profile: Profile = Profile.QUICK, settings: BeadSettings | None = None) -> None:
-        self.profile = profile
-        self.settings: BeadSettings = settings if settings is not None else SETTINGS[profile]
-        self.abilities = Abilities(
-            releases=frozenset(Release),
-            effect_kinds=frozenset({EffectKind.FORCE, EffectKind.CLOSURE, EffectKind.RELEASE}),
-            supplies=_SUPPLIES,
-            packages=("mujoco",),
-            summary="Beads on links of fixed length over a cylinder, a limited tendon for each straight part of the string.",
-            limits=_LIMITS,
-        )
+    abilities = Abilities(
+        releases=frozenset(Release),
+        effect_kinds=FORCES_AND_RELEASE,
+        supplies=bead_supplies("cylinder", "the solver keeps friction within its elliptic cone"),
+        packages=("mujoco",),
+        summary="Beads on links of fixed length over a cylinder, a limited tendon for each straight part of the string.",
+        limits=_LIMITS,
+    )
+    tuned = SETTINGS
+    settings: BeadSettings
 
     def build(self, scenario: Scenario) -> BeadRig:
         """Rebuild the scenario's apparatus at the moment of release."""
         return BeadRig(scenario.parameters, self.settings)
-
-    def with_settings(self, **changes: object) -> MujocoBeads:
-        """Return this variant with some settings changed."""
-        settings = replace(self.settings, **changes)  # type: ignore[arg-type]
-        return MujocoBeads(profile=self.profile, settings=settings)
 
     def studies(self) -> Studies:
         """Step, softness, links and their mass; MuJoCo's defaults; the polygon, and how often beads are seen to."""
@@ -87,7 +57,13 @@ class MujocoBeads(SteppedEngine):
         s, adjusted = self.settings, self.with_settings
         density = s.bead_mass_ratio / s.bend
         return (
-            ladder(adjusted, "time_step", "s", ({"time_step": dt} for dt in BEAD_STEPS)),
+            ladder(
+                adjusted,
+                "time_step",
+                "s",
+                ({"time_step": dt, "steps_per_group": round(BEAD_GROUP_TIME / dt)} for dt in BEAD_STEPS),
+                "steps between two updates of drag and beads, so that the time between them stays",
+            ),
             ladder(
                 adjusted,
                 "bend",
@@ -146,7 +122,3 @@ class MujocoBeads(SteppedEngine):
             ),
             choice("bead radius", f"{s.bead_radius:g} m", "0.5 mm", adjusted(bead_radius=5e-4)),
         )
-
-    def versions(self) -> dict[str, str]:
-        """Version of MuJoCo."""
-        return {"mujoco": importlib.metadata.version("mujoco")}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from looping_pendulum.engines.chain import polygon_friction, polygon_radius
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Profile
+from looping_pendulum.engines.protocol import Profile, groups_per_sample
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 
@@ -41,24 +41,19 @@ class BeadSettings:
     solver_tolerance: float = 1e-10
     bead_radius: float = 1e-3
     """[m]; the rod's cylinder is that much thinner, so that the bead's centre runs where the string should."""
-    steps_per_group: int = 5
+    steps_per_group: int = 10
     """Steps between two updates of the drag forces and of the beads that come and go; a test shows that it may be 1."""
     polygon: bool = True
     """Whether radius and coefficient are those of the polygon that stands for the circle (`engines.chain`)."""
 
     def __post_init__(self) -> None:
         """Refuse a step that samples cannot be taken at."""
-        steps = SAMPLE_INTERVAL / self.time_step
-        if abs(steps - round(steps)) > 1e-6 or round(steps) % self.steps_per_group:
-            raise ValueError(
-                f"time_step: found {self.time_step:g} s in groups of {self.steps_per_group}, needed a whole number of groups "
-                f"in {SAMPLE_INTERVAL:g} s"
-            )
+        groups_per_sample(self.time_step, self.steps_per_group)
 
     @property
     def groups_per_sample(self) -> int:
         """Groups of steps in one sample interval."""
-        return round(SAMPLE_INTERVAL / self.time_step) // self.steps_per_group
+        return groups_per_sample(self.time_step, self.steps_per_group)
 
     def node_radius(self, rod_radius: float) -> float:
         """Distance of a bead on the rod from the rod's centre [m]."""
@@ -72,7 +67,12 @@ class BeadSettings:
 SETTINGS = {
     Profile.QUICK: BeadSettings(time_step=1e-5, bend=0.28, bead_mass_ratio=2e-4),
     Profile.ACCURATE: BeadSettings(
-        time_step=2.5e-6, bend=0.28, bead_mass_ratio=1e-4, contact_time_constant=5e-5, string_time_constant=3e-5
+        time_step=2.5e-6,
+        bend=0.28,
+        bead_mass_ratio=1e-4,
+        contact_time_constant=5e-5,
+        string_time_constant=3e-5,
+        steps_per_group=40,
     ),
 }
 

@@ -8,28 +8,41 @@ swing; so none stays free for longer than it takes to land.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.chain import point_on_string
+from looping_pendulum.engines.chain import LEAST_BEADS, Place, StraightParts, point_on_string
 from looping_pendulum.engines.mujoco.beads_model import BeadSettings, bead_xml
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
-COMES = 0.2
-"""A bead comes when its place on the straight string is this near to the rod's polygon, in R bend^2: the place comes nearer
-by 1 while the string is wound, or slides, by one link."""
-GOES = 0.5
-"""The outermost bead goes when the string without it would pass the polygon at this distance, in R bend^2; more than `COMES`,
-so that none flickers."""
-LEAST_BEADS = 2
-"""Beads that always stay."""
-LEAST_LENGTH = 1.5
-"""A straight part shorter than this gets no more beads, in links."""
 TAUT = 1e-3
 """A straight part shorter than its string by more than this fraction hangs slack, and its beads are left alone."""
+
+Row = Sequence[float] | Array
+
+
+class _Compiled:
+    """A model with its data, and the arrays of both that the rig reads and writes.
+
+    Fetching an array from MuJoCo's objects costs as much as the arithmetic on it.
+    """
+
+    def __init__(self, mujoco: Any, xml: str) -> None:
+        self.model: Any = mujoco.MjModel.from_xml_string(xml)
+        self.data: Any = mujoco.MjData(self.model)
+        self.qpos, self.qvel, self.applied = self.data.qpos, self.data.qvel, self.data.qfrc_applied
+        self.warm_start = self.data.qacc_warmstart
+        self.allowed = self.model.tendon_range[:, 1]
+        """Length allowed to each straight part [m]."""
+        self.kept = self.model.eq_data[:, 0]
+        """Lengths kept between beads, less `natural_lengths` [m]."""
+        self.natural_lengths = self.model.tendon_length0.copy()
+        kinds = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+        self.breakdowns = [self.data.warning[int(kind)] for kind in kinds]
 
 
 class BeadRig:
@@ -42,37 +55,31 @@ class BeadRig:
         self._mujoco: Any = mujoco
         self._step: Any = mujoco.mj_step
         self._parameters, self._settings = p, settings
-        self._link_length = p.rod_radius * settings.bend
         self._node_radius = settings.node_radius(p.rod_radius)
-        self._comes, self._goes = (
-            (self._node_radius + share * p.rod_radius * settings.bend**2) ** 2 for share in (COMES, GOES)
-        )
+        self._straight_parts = StraightParts(p.rod_radius, settings.bend, self._node_radius)
+        self._link_length = self._straight_parts.link_length
         softness = settings.string_impedance * settings.string_time_constant
         self._turning_shift = softness * softness  # MuJoCo leaves l omega^2 out of a tendon's acceleration
         self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
         self._heavy_free = 0 if self._held else 1
         self._force = cartesian_force(p)
-        warnings = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
-        self._breakdowns = tuple(int(kind) for kind in warnings)
-        self._models: dict[int, tuple[Any, Any]] = {}
+        self._compiled: dict[int, _Compiled] = {}
         self._lay()
 
     def advance(self) -> None:
         """Step through one sample interval, in groups."""
-        model, data = self._model, self._data
         for _ in range(self._settings.groups_per_sample):
             if self._has_string:
                 self._tend()
-                model, data = self._model, self._data
             self._prepare()
-            self._step(model, data, self._settings.steps_per_group)
+            self._step(self._now.model, self._now.data, self._settings.steps_per_group)
 
     def read(self) -> tuple[float, ...]:
         """Positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
-        if any(self._data.warning[kind].number for kind in self._breakdowns):
+        if any(warning.number for warning in self._now.breakdowns):
             return (math.nan,) * 9  # MuJoCo only warns, and what follows looks like motion
-        x, y = self._data.qpos[:2].tolist()
-        vx, vy = self._data.qvel[:2].tolist()
+        x, y = self._now.qpos[:2].tolist()
+        vx, vy = self._now.qvel[:2].tolist()
         heavy_y, heavy_v = self._heavy()
         return (x, y, vx, vy, self._parameters.rod_radius, heavy_y, 0.0, heavy_v, self._stretch())
 
@@ -93,100 +100,102 @@ class BeadRig:
         speeds = np.array([vx, vy, *np.ravel(sliding), heavy_v][: 2 * count + 2 + self._heavy_free])
         self._use(count, 0.0, places, speeds, np.zeros_like(places))
 
-    def _use(self, beads: int, time: float, qpos: Array, qvel: Array, warm_start: Array) -> None:
+    def _use(self, beads: int, time: float, qpos: Row, qvel: Row, warm_start: Row) -> None:
         """Go on with ``beads`` beads."""
-        if beads not in self._models:
-            model = self._mujoco.MjModel.from_xml_string(bead_xml(self._parameters, self._settings, beads))
-            self._models[beads] = model, self._mujoco.MjData(model)
-        self._beads = beads
-        self._model, self._data = self._models[beads]
-        self._data.time = time
-        self._data.qpos[:], self._data.qvel[:], self._data.qacc_warmstart[:] = qpos, qvel, warm_start
+        if beads not in self._compiled:
+            self._compiled[beads] = _Compiled(self._mujoco, bead_xml(self._parameters, self._settings, beads))
+        self._beads, self._now = beads, self._compiled[beads]
+        now = self._now
+        now.data.time = time
+        now.qpos[:], now.qvel[:], now.warm_start[:] = qpos, qvel, warm_start
         if self._has_string:
-            self._model.tendon_range[0, 1], self._model.tendon_range[beads, 1] = self.lengths[0], self.lengths[beads]
-            self._model.eq_data[:, 0] = np.array(self.lengths[1:beads]) - self._model.tendon_length0[1:beads]
+            now.allowed[0], now.allowed[beads] = self.lengths[0], self.lengths[beads]
+            now.kept[:] = self.lengths[1:beads]
+            now.kept -= now.natural_lengths[1:beads]
 
     def _heavy(self) -> tuple[float, float]:
         """Height [m] and upward velocity [m/s] of the heavy mass."""
         if self._held:
             return -self._parameters.hanging_length, 0.0
-        return float(self._data.qpos[-1]), float(self._data.qvel[-1])
+        return float(self._now.qpos[-1]), float(self._now.qvel[-1])
 
     def _prepare(self) -> None:
         """Set the applied forces and the light straight part's allowed length for the coming group of steps."""
-        data = self._data
-        x, y = data.qpos[:2].tolist()
-        vx, vy = data.qvel[:2].tolist()
+        now = self._now
+        places, speeds = now.qpos.tolist(), now.qvel.tolist()
+        x, y, vx, vy = places[0], places[1], speeds[0], speeds[1]
         if self._force is not None:
-            fx, fy, heavy = self._force(data.time, x, y, vx, vy, self._heavy()[1])
-            data.qfrc_applied[:2] = fx, fy
+            heavy_v = 0.0 if self._held else speeds[-1]
+            now.applied[0], now.applied[1], heavy = self._force(now.data.time, x, y, vx, vy, heavy_v)
             if not self._held:
-                data.qfrc_applied[-1] = heavy
+                now.applied[-1] = heavy
         if self._has_string:
-            end_x, end_y = data.qpos[2:4].tolist()
-            x, y = x - end_x, y - end_y
+            x, y = x - places[2], y - places[3]
             square = max(x * x + y * y, 1e-16)
             across = x * vy - y * vx  # the bead's own velocity is the sliding, along the string
             turning = across * across / (square * math.sqrt(square))
-            self._model.tendon_range[0, 1] = self.lengths[0] - self._turning_shift * turning
+            now.allowed[0] = self.lengths[0] - self._turning_shift * turning
 
     def _tend(self) -> None:
         """Add or take away a bead on either straight part."""
-        qpos, last = self._data.qpos, 2 * self._beads
-        x, y, end_x, end_y, next_x, next_y = qpos[:6].tolist()
-        self._tend_side(0, (x, y), (end_x, end_y), (next_x, next_y))
-        qpos, last = self._data.qpos, 2 * self._beads
-        next_x, next_y, end_x, end_y = qpos[last - 2 : last + 2].tolist()
-        self._tend_side(self._beads, (self._parameters.rod_radius, self._heavy()[0]), (end_x, end_y), (next_x, next_y))
+        places = self._now.qpos.tolist()
+        if self._tend_side(0, places[:2], places[2:4], places[4:6]):
+            places = self._now.qpos.tolist()
+        last = 2 * self._beads
+        heavy = (self._parameters.rod_radius, -self._parameters.hanging_length if self._held else places[-1])
+        self._tend_side(self._beads, heavy, places[last : last + 2], places[last - 2 : last])
 
-    def _tend_side(
-        self, link: int, mass: tuple[float, float], end: tuple[float, float], following: tuple[float, float]
-    ) -> None:
+    def _tend_side(self, link: int, mass: Place, end: Place, following: Place) -> bool:
         """Add or take away a bead between ``mass`` and ``end``, the outermost bead, which straight ``link`` joins."""
         distance = math.dist(mass, end)
         if distance < (1 - TAUT) * self.lengths[link]:
-            return
-        if self._height(mass, end) < self._comes:
-            if self.lengths[link] > LEAST_LENGTH * self._link_length:
-                self._add_bead(link, self._link_length / distance)
-        elif self._beads > LEAST_BEADS and self._height(mass, following) > self._goes:
+            return False
+        change = self._straight_parts.change(mass, end, following, self.lengths[link], self._beads)
+        if change > 0:
+            self._add_bead(link, self._link_length / distance)
+        elif change < 0:
             self._take_bead(link)
-
-    def _height(self, mass: tuple[float, float], bead: tuple[float, float]) -> float:
-        """Square of the distance from the rod's centre [m^2] of the place a link from ``bead`` on the way to ``mass``."""
-        share = self._link_length / math.dist(mass, bead)
-        x, y = bead[0] + share * (mass[0] - bead[0]), bead[1] + share * (mass[1] - bead[1])
-        return x * x + y * y
+        return change != 0
 
     def _add_bead(self, link: int, share: float) -> None:
         """Put a bead on straight ``link``, at this share of the way from the outermost bead to the mass."""
-        data, count = self._data, self._beads
-        heavy_place = np.array([self._parameters.rod_radius, self._heavy()[0]])
-        heavy_speed = np.array([0.0, self._heavy()[1]])
+        count = self._beads
+        heavy_y, heavy_v = self._heavy()
+        at, bead = (2, 2) if link == 0 else (2 * count + 2, 2 * count)
 
-        def with_bead(row: Array, heavy: Array) -> Array:
-            mass, end = (row[:2], row[2:4]) if link == 0 else (heavy, row[2 * count : 2 * count + 2])
-            return np.insert(row, 2 if link == 0 else 2 * count + 2, end + share * (mass - end))
+        def with_bead(row: list[float], heavy: tuple[float, float]) -> list[float]:
+            mass_x, mass_y = row[:2] if link == 0 else heavy
+            x, y = row[bead : bead + 2]
+            return [*row[:at], x + share * (mass_x - x), y + share * (mass_y - y), *row[at:]]
 
         rest = self.lengths[link] - self._link_length
         self.lengths[link : link + 1] = [rest, self._link_length] if link == 0 else [self._link_length, rest]
-        warm_start = with_bead(data.qacc_warmstart, np.zeros(2))
-        places, speeds = with_bead(data.qpos, heavy_place), with_bead(data.qvel, heavy_speed)
-        self._use(count + 1, data.time, places, speeds, warm_start)
+        places, speeds, accelerations = self._rows()
+        self._use(
+            count + 1,
+            self._now.data.time,
+            with_bead(places, (self._parameters.rod_radius, heavy_y)),
+            with_bead(speeds, (0.0, heavy_v)),
+            with_bead(accelerations, (0.0, 0.0)),
+        )
 
     def _take_bead(self, link: int) -> None:
         """Take the outermost bead off straight ``link``."""
-        data, count = self._data, self._beads
-        gone = [2, 3] if link == 0 else [2 * count, 2 * count + 1]
+        count = self._beads
+        first = 2 if link == 0 else 2 * count
         joined = slice(0, 2) if link == 0 else slice(count - 1, count + 1)
         self.lengths[joined] = [math.fsum(self.lengths[joined])]
-        rows = (np.delete(row, gone) for row in (data.qpos, data.qvel, data.qacc_warmstart))
-        self._use(count - 1, data.time, *rows)
+        places, speeds, accelerations = (row[:first] + row[first + 2 :] for row in self._rows())
+        self._use(count - 1, self._now.data.time, places, speeds, accelerations)
+
+    def _rows(self) -> tuple[list[float], list[float], list[float]]:
+        """Coordinates, velocities, and accelerations that MuJoCo's solver starts from."""
+        return self._now.qpos.tolist(), self._now.qvel.tolist(), self._now.warm_start.tolist()
 
     def _stretch(self) -> float:
         """How much longer than its rest length the string is [m]; negative where it hangs slack."""
         if not self._has_string:
             return math.nan
-        row = self._data.qpos[: 2 * self._beads + 2].reshape(-1, 2)
-        row = np.vstack([row, [self._parameters.rod_radius, self._heavy()[0]]])
-        return float(np.linalg.norm(np.diff(row, axis=0), axis=1).sum()) - math.fsum(self.lengths)
+        places = self._now.qpos[: 2 * self._beads + 2].reshape(-1, 2).tolist()
+        places.append((self._parameters.rod_radius, self._heavy()[0]))
+        return math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self.lengths)

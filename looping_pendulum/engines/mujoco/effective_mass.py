@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import importlib.metadata
-from dataclasses import replace
 from enum import StrEnum
 
 from looping_pendulum.engines.mujoco.drum_rig import DrumRig
 from looping_pendulum.engines.mujoco.effective_mass_rig import EffectiveMassRig
 from looping_pendulum.engines.mujoco.studies import TENDON_STEPS, choice, softness_ladder, step_ladder, string_defaults
-from looping_pendulum.engines.mujoco.tendon import DRAG
 from looping_pendulum.engines.mujoco.tendon_mass_rig import TendonMassRig
 from looping_pendulum.engines.mujoco.tendon_model import EffectiveMassSettings
-from looping_pendulum.engines.protocol import Abilities, Profile, SteppedEngine
+from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities, Profile, SteppedEngine
 from looping_pendulum.engines.studies import HiddenDefault, Studies
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.effects import EffectKind
@@ -86,7 +84,7 @@ class MujocoEffectiveMass(SteppedEngine):
         self.settings: EffectiveMassSettings = settings if settings is not None else SETTINGS[chosen, profile]
         self.abilities = Abilities(
             releases=frozenset(Release),
-            effect_kinds=frozenset({EffectKind.FORCE, EffectKind.CLOSURE, EffectKind.RELEASE, EffectKind.STRING_LAW}),
+            effect_kinds=FORCES_AND_RELEASE | {EffectKind.STRING_LAW},
             supplies=Supplies(
                 winding=_WINDING[chosen],
                 friction_law=Supply(
@@ -95,7 +93,7 @@ class MujocoEffectiveMass(SteppedEngine):
                 stick_slip=Supply(
                     by=Supplier.ADAPTER, how="finds the stop within the step and locks the heavy mass while the rod can hold it"
                 ),
-                drag=DRAG,
+                drag=APPLIED_DRAG,
             ),
             packages=("mujoco",),
             summary=_SUMMARY[chosen],
@@ -107,11 +105,6 @@ class MujocoEffectiveMass(SteppedEngine):
         """Rebuild the scenario's apparatus at the moment of release."""
         rig = DrumRig if self.variant == Coordinates.DRUM else TendonMassRig
         return rig(scenario.parameters, self.settings, self.end_length(scenario))
-
-    def with_settings(self, **changes: object) -> MujocoEffectiveMass:
-        """Return this variant with some settings changed."""
-        settings = replace(self.settings, **changes)  # type: ignore[arg-type]
-        return MujocoEffectiveMass(coordinates=self.variant, profile=self.profile, settings=settings)
 
     def studies(self) -> Studies:
         """Step and softness; MuJoCo's defaults; where a step is split and what is made up for."""

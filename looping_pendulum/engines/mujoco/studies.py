@@ -2,35 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
-from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder
-
-Adjusted = Callable[..., Engine]
-"""``adjusted(**changes)``: the variant with some settings changed."""
+from looping_pendulum.engines.studies import Adjusted, Choice, HiddenDefault, Ladder, ladder
 
 DEFAULT_TIME_CONSTANT = 0.02
 """MuJoCo's `solref` and `solreffriction` [s]."""
 TENDON_STEPS = (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)
 """[s]"""
-BEAD_STEPS = (4e-5, 2e-5, 1e-5, 5e-6, 2.5e-6)
+BEAD_STEPS = (2e-5, 1e-5, 5e-6, 2.5e-6, 1.25e-6)
+"""[s]; in groups of a tenth of a millisecond."""
+BEAD_GROUP_TIME = 1e-4
 """[s]"""
 TIME_CONSTANTS = (20.0, 10.0, 5.0, 2.0)
 """Of constraints, in time steps; MuJoCo raises what is below 2 to 2."""
 BENDS = (0.4, 0.32, 0.28, 0.24, 0.2)
 """[rad]"""
 BEAD_MASSES = (8e-4, 4e-4, 2e-4, 1e-4, 5e-5)
-
-
-def ladder(adjusted: Adjusted, setting: str, unit: str, rungs: Iterable[dict[str, Any]], follows: str = "") -> Ladder:
-    """Make a ladder of one engine per rung; a rung is its changes, ``setting`` among them."""
-    steps = tuple(rungs)
-    engines = tuple(adjusted(**changes) for changes in steps)
-    return Ladder(
-        setting=setting, unit=unit, values=tuple(changes[setting] for changes in steps), engines=engines, follows=follows
-    )
 
 
 def step_ladder(adjusted: Adjusted, steps: Iterable[float], time_constants: tuple[str, ...], steps_stiff: int = 2) -> Ladder:

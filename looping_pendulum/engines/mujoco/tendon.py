@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.metadata
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from enum import StrEnum
 
 from looping_pendulum.engines.mujoco.constant_friction import FrictionSize, friction_loss
@@ -20,7 +19,14 @@ from looping_pendulum.engines.mujoco.studies import (
 )
 from looping_pendulum.engines.mujoco.tendon_model import TendonSettings
 from looping_pendulum.engines.mujoco.tendon_rig import TendonRig
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Profile, SteppedEngine
+from looping_pendulum.engines.protocol import (
+    APPLIED_DRAG,
+    FORCES_AND_RELEASE,
+    SAMPLE_INTERVAL,
+    Abilities,
+    Profile,
+    SteppedEngine,
+)
 from looping_pendulum.engines.studies import Choice, Studies
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.effects import EffectKind
@@ -63,10 +69,9 @@ def settings_of(variant: Variant, profile: Profile) -> TendonSettings:
 
 
 _WINDING = Supply(by=Supplier.ENGINE, how="spatial tendon wrapped over a cylinder; the adapter counts turns, using two in turn")
-DRAG = Supply(by=Supplier.ADAPTER, how="the reference's formulas as applied forces")
 _NO_FRICTION = Supply(by=Supplier.NOBODY, how="spatial tendons have no friction on what they wrap")
 _NO_STICKING = Supply(by=Supplier.NOBODY, how="nothing to stick to")
-_FRICTIONLESS = Supplies(winding=_WINDING, friction_law=_NO_FRICTION, stick_slip=_NO_STICKING, drag=DRAG)
+_FRICTIONLESS = Supplies(winding=_WINDING, friction_law=_NO_FRICTION, stick_slip=_NO_STICKING, drag=APPLIED_DRAG)
 _STICK_SLIP = "friction-loss constraint; the adapter picks the static or kinetic bound and splits a step that reverses"
 _SUPPLIES = {
     Variant.DOCUMENTED: _FRICTIONLESS,
@@ -75,7 +80,7 @@ _SUPPLIES = {
         winding=_WINDING,
         friction_law=Supply(by=Supplier.ADAPTER, how="capstan bound from the tendon's tension, fed to dof_frictionloss"),
         stick_slip=Supply(by=Supplier.ENGINE, how=_STICK_SLIP),
-        drag=DRAG,
+        drag=APPLIED_DRAG,
     ),
     Variant.FRICTIONLOSS: Supplies(
         winding=_WINDING,
@@ -84,10 +89,9 @@ _SUPPLIES = {
             how="constant frictionloss of the hanging part's tendon, whatever its load; as large as the capstan's at release",
         ),
         stick_slip=Supply(by=Supplier.ENGINE, how="the same friction-loss constraint"),
-        drag=DRAG,
+        drag=APPLIED_DRAG,
     ),
 }
-_FORCES = frozenset({EffectKind.FORCE, EffectKind.CLOSURE, EffectKind.RELEASE})
 _COMMON_LIMITS = (
     "a slack string is caught within one time step, so up to a step's way too late",
     "the rig does not stop where the string leaves the rod (wrap angle 0) or the heavy mass reaches it, as the reference does",
@@ -154,7 +158,7 @@ class MujocoTendon(SteppedEngine):
         self.friction_size = friction_size
         self.abilities = Abilities(
             releases=frozenset(Release),
-            effect_kinds=_FORCES | {EffectKind.STRING_LAW} if chosen is Variant.CAPSTAN else _FORCES,
+            effect_kinds=FORCES_AND_RELEASE | {EffectKind.STRING_LAW} if chosen is Variant.CAPSTAN else FORCES_AND_RELEASE,
             supplies=_SUPPLIES[chosen],
             packages=("mujoco",),
             summary=f"Two spatial tendons used in turn over a cylinder, {_FRICTION[chosen]}.",
@@ -173,11 +177,6 @@ class MujocoTendon(SteppedEngine):
             capstan=self.variant == Variant.CAPSTAN,
             friction_loss=friction_loss(scenario.parameters, self.friction_size) if constant else 0.0,
         )
-
-    def with_settings(self, **changes: object) -> MujocoTendon:
-        """Return this variant with some settings changed."""
-        settings = replace(self.settings, **changes)  # type: ignore[arg-type]
-        return MujocoTendon(variant=self.variant, profile=self.profile, settings=settings, friction_size=self.friction_size)
 
     def studies(self) -> Studies:
         """Step and softness; MuJoCo's defaults; how the string is wound and caught, and how large the constant friction is."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 from looping_pendulum.engines.mujoco.effective_mass_rig import HEAVY, EffectiveMassRig
 from looping_pendulum.engines.mujoco.tendon_model import EffectiveMassSettings, model_xml
-from looping_pendulum.engines.mujoco.winding import SWITCH_DOWN, SWITCH_UP, TAUT, TurnTaking, turn_on
+from looping_pendulum.engines.mujoco.winding import SWITCH_DOWN, SWITCH_UP, TAUT, TurnTaking
 from looping_pendulum.reference_ode.effects import Kinematics
+from looping_pendulum.reference_ode.geometry import string_followed
 from looping_pendulum.reference_ode.parameters import Parameters
 
 
@@ -33,9 +32,7 @@ class TendonMassRig(EffectiveMassRig):
 
     def _string(self, ahead: float = 0.0) -> tuple[float, float]:
         x, y, _, _ = self._light(ahead)
-        radius = self._parameters.rod_radius
-        free_length = math.sqrt(max(x * x + y * y - radius * radius, 1e-16))
-        self._wrap_angle = turn_on(self._wrap_angle, x, y, free_length, radius)
+        free_length, self._wrap_angle = string_followed(x, y, self._parameters.rod_radius, self._wrap_angle)
         return free_length, self._wrap_angle
 
     def _generalized(self, fx: float, fy: float) -> tuple[float, float]:

@@ -11,11 +11,12 @@ import math
 from typing import Any
 
 from looping_pendulum.engines.mujoco.tendon_model import TendonSettings, model_xml
-from looping_pendulum.engines.mujoco.winding import TAUT, TurnTaking, turn_on
+from looping_pendulum.engines.mujoco.winding import TAUT, TurnTaking
 from looping_pendulum.engines.protocol import steps_per_sample
 from looping_pendulum.reference_ode import effects
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.effects import Kinematics
+from looping_pendulum.reference_ode.geometry import string_followed
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 HEAVY = 2
@@ -114,8 +115,7 @@ class TendonRig:
     def _follow_light_mass(self) -> None:
         """Free length and wrap angle of the taut string, turns counted."""
         x, y = self._qpos[:2].tolist()
-        self._free_length = free_length = math.sqrt(max(x * x + y * y - self._radius * self._radius, 1e-16))
-        self._wrap_angle = turn_on(self._wrap_angle, x, y, free_length, self._radius)
+        self._free_length, self._wrap_angle = string_followed(x, y, self._radius, self._wrap_angle)
 
     def _velocities(self) -> tuple[float, float, float]:
         """Velocities now: light x and y, heavy y [m/s]; the engine's are half a step old."""

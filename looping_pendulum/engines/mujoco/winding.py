@@ -18,12 +18,6 @@ TAUT = 1e-9
 """The string is this much shorter [m] than it should be, so that one exactly as long as it should be counts as taut."""
 
 
-def turn_on(wrap_angle: float, x: float, y: float, free_length: float, rod_radius: float) -> float:
-    """Wrap angle [rad] of a light mass at ``x``, ``y`` [m], turns counted on from ``wrap_angle`` less than half a turn ago."""
-    angle = math.atan2(y, x) - math.atan2(free_length, rod_radius)
-    return wrap_angle + (angle - wrap_angle + math.pi) % (2 * math.pi) - math.pi
-
-
 class TurnTaking:
     """Uses the two tendons of `tendon_model` in turn.
 

@@ -7,10 +7,7 @@ sphere: it has the rod's section in the plane of motion, and sphere on sphere is
 
 from __future__ import annotations
 
-import importlib.metadata
-from dataclasses import replace
-
-from looping_pendulum.engines.protocol import Abilities, Profile, Rig, SteppedEngine
+from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities, Profile
 from looping_pendulum.engines.pybullet.chain_model import COARSEST, ChainSettings
 from looping_pendulum.engines.pybullet.chain_rig import ChainRig
 from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS
@@ -18,15 +15,13 @@ from looping_pendulum.engines.pybullet.studies import (
     choice,
     common_choices,
     iteration_ladder,
-    ladder,
     multibody_defaults,
     step_ladder,
     world_defaults,
 )
-from looping_pendulum.engines.pybullet.world import FallingRig
-from looping_pendulum.engines.studies import Ladder, Studies
+from looping_pendulum.engines.pybullet.variant import COULOMB_AT_NODES, ONE_COEFFICIENT, PybulletVariant
+from looping_pendulum.engines.studies import Ladder, Studies, ladder
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
-from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -36,31 +31,33 @@ SETTINGS = {
     Profile.QUICK: ChainSettings(
         time_step=2e-5, link_length=5e-3, outer_link_length=8e-3, solver_iterations=40, force_interval=1
     ),
-    # Steps of 12.5 us cost a fifth less and miss the tolerances: 0.9 mm at 0.35 s.
+    # With PyBullet's margin of 20 mm the same run costs 1.6 times as much. At 0.7 s ten_to_one is 3.4 mm off; 1.8 mm with that
+    # margin, 1.5 and 2 mm with the start moved by 0.01 deg or 0.1 mm, 6.5, 1.8 and 6.8 mm with steps of 12.5, 8 and 5 us: what
+    # is left scatters with how the nodes of 4.4 mm links lie and are swept. With our margin all halt 1.4 to 2.6 ms early.
     Profile.ACCURATE: ChainSettings(
-        time_step=1e-5, link_length=4.4e-3, outer_link_length=8.5e-3, solver_iterations=20, force_interval=10
+        time_step=1e-5,
+        link_length=4.4e-3,
+        outer_link_length=8.5e-3,
+        solver_iterations=20,
+        force_interval=10,
+        neighbour_margin=1e-4,
     ),
 }
 
 LINK_LENGTHS = (6e-3, 5.5e-3, 5e-3, 4.5e-3)
 """[m] Shorter ones do not fit `MAX_JOINTS` in the ten-to-one trial, and would be laid longer."""
 
-DRAG = Supply(by=Supplier.ADAPTER, how="the reference's formulas as applied forces")
-ONE_COEFFICIENT = "one Coulomb coefficient: of a static friction above the kinetic one, only the kinetic one is represented"
 RIPPLE = "links of several millimetres are long for a thin rod: the string's speed over it ripples as nodes pass"
 UNSTRETCHED = "reduced coordinates cannot stretch: the string stretch is 0 by construction, not a measurement"
-REACHED = frozenset({EffectKind.FORCE, EffectKind.CLOSURE, EffectKind.RELEASE})
 
 _ABILITIES = Abilities(
     releases=frozenset(Release),
-    effect_kinds=REACHED,
+    effect_kinds=FORCES_AND_RELEASE,
     supplies=Supplies(
         winding=Supply(by=Supplier.ENGINE, how="contact of the links' end spheres with a static sphere of the rod's section"),
-        friction_law=Supply(
-            by=Supplier.ENGINE, how="Coulomb contact at every node; the adapter only corrects the coefficient for the polygon"
-        ),
+        friction_law=Supply(by=Supplier.ENGINE, how=COULOMB_AT_NODES),
         stick_slip=Supply(by=Supplier.ENGINE, how="Coulomb contact"),
-        drag=DRAG,
+        drag=APPLIED_DRAG,
     ),
     packages=("pybullet",),
     summary="One Featherstone multibody of links that slides over a static sphere under Coulomb contact.",
@@ -75,34 +72,14 @@ _ABILITIES = Abilities(
 )
 
 
-class PybulletChain(SteppedEngine):
-    """A chain of links over a static sphere.
+class PybulletChain(PybulletVariant):
+    """A chain of links over a static sphere."""
 
-    Parameters
-    ----------
-    profile
-        Chooses the settings.
-    settings
-        Replaces the profile's settings, for studies of convergence.
-    """
-
-    name = "pybullet"
     variant = "chain"
     abilities = _ABILITIES
-
-    def __init__(self, *, profile: Profile = Profile.QUICK, settings: ChainSettings | None = None) -> None:
-        self.profile = profile
-        self.settings: ChainSettings = settings if settings is not None else SETTINGS[profile]
-
-    def build(self, scenario: Scenario) -> Rig:
-        """Rebuild the scenario's apparatus at the moment of release."""
-        rig = FallingRig if scenario.parameters.release is Release.DROP else ChainRig
-        return rig(scenario.parameters, self.settings)
-
-    def with_settings(self, **changes: object) -> PybulletChain:
-        """Return this variant with some settings changed."""
-        settings = replace(self.settings, **changes)  # type: ignore[arg-type]
-        return PybulletChain(profile=self.profile, settings=settings)
+    tuned = SETTINGS
+    rig = ChainRig
+    settings: ChainSettings
 
     def studies(self) -> Studies:
         """Step, links and the solver's sweeps; PyBullet's defaults; the adapter's choices."""
@@ -129,7 +106,3 @@ class PybulletChain(SteppedEngine):
     def end_length(self, scenario: Scenario) -> float:
         """Free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
         return max(super().end_length(scenario), self.settings.outer_link_length)
-
-    def versions(self) -> dict[str, str]:
-        """Version of PyBullet."""
-        return {"pybullet": importlib.metadata.version("pybullet")}

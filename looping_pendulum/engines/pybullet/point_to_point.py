@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.metadata
-from dataclasses import replace
-
-from looping_pendulum.engines.protocol import Abilities, Profile, Rig, SteppedEngine
-from looping_pendulum.engines.pybullet.chain import DRAG, ONE_COEFFICIENT, REACHED
+from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities, Profile
 from looping_pendulum.engines.pybullet.point_to_point_rig import PointToPointRig, PointToPointSettings
 from looping_pendulum.engines.pybullet.studies import (
     choice,
@@ -16,7 +12,7 @@ from looping_pendulum.engines.pybullet.studies import (
     step_ladder,
     world_defaults,
 )
-from looping_pendulum.engines.pybullet.world import FallingRig
+from looping_pendulum.engines.pybullet.variant import COULOMB_AT_NODES, ONE_COEFFICIENT, PybulletVariant
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.parameters import Release
@@ -29,14 +25,12 @@ SETTINGS = {
 
 _ABILITIES = Abilities(
     releases=frozenset(Release),
-    effect_kinds=REACHED,
+    effect_kinds=FORCES_AND_RELEASE,
     supplies=Supplies(
         winding=Supply(by=Supplier.ENGINE, how="contact of the bodies' spheres with a static sphere of the rod's section"),
-        friction_law=Supply(
-            by=Supplier.ENGINE, how="Coulomb contact at every node; the adapter only corrects the coefficient for the polygon"
-        ),
+        friction_law=Supply(by=Supplier.ENGINE, how=COULOMB_AT_NODES),
         stick_slip=Supply(by=Supplier.ENGINE, how="Coulomb contact"),
-        drag=DRAG,
+        drag=APPLIED_DRAG,
     ),
     packages=("pybullet",),
     summary="Rigid bodies pinned point to point, in maximal coordinates, over a static sphere.",
@@ -52,34 +46,14 @@ _ABILITIES = Abilities(
 )
 
 
-class PybulletPointToPoint(SteppedEngine):
-    """A chain of pinned bodies over a static sphere.
+class PybulletPointToPoint(PybulletVariant):
+    """A chain of pinned bodies over a static sphere."""
 
-    Parameters
-    ----------
-    profile
-        Chooses the settings.
-    settings
-        Replaces the profile's settings, for studies of convergence.
-    """
-
-    name = "pybullet"
     variant = "point_to_point"
     abilities = _ABILITIES
-
-    def __init__(self, *, profile: Profile = Profile.QUICK, settings: PointToPointSettings | None = None) -> None:
-        self.profile = profile
-        self.settings: PointToPointSettings = settings if settings is not None else SETTINGS[profile]
-
-    def build(self, scenario: Scenario) -> Rig:
-        """Rebuild the scenario's apparatus at the moment of release."""
-        rig = FallingRig if scenario.parameters.release is Release.DROP else PointToPointRig
-        return rig(scenario.parameters, self.settings)
-
-    def with_settings(self, **changes: object) -> PybulletPointToPoint:
-        """Return this variant with some settings changed."""
-        settings = replace(self.settings, **changes)  # type: ignore[arg-type]
-        return PybulletPointToPoint(profile=self.profile, settings=settings)
+    tuned = SETTINGS
+    rig = PointToPointRig
+    settings: PointToPointSettings
 
     def end_length(self, scenario: Scenario) -> float:
         """Free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
@@ -105,7 +79,3 @@ class PybulletPointToPoint(SteppedEngine):
                 ),
             ),
         )
-
-    def versions(self) -> dict[str, str]:
-        """Version of PyBullet."""
-        return {"pybullet": importlib.metadata.version("pybullet")}

@@ -6,19 +6,17 @@ links stay as they are laid, and is not as good: when a node comes and goes is t
 
 from __future__ import annotations
 
-import importlib.metadata
 from dataclasses import replace
 
-from looping_pendulum.engines.protocol import Profile, Rig, SteppedEngine
-from looping_pendulum.engines.pybullet.chain import ONE_COEFFICIENT, RIPPLE, UNSTRETCHED, PybulletChain
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.pybullet.chain import RIPPLE, UNSTRETCHED, PybulletChain
 from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS
 from looping_pendulum.engines.pybullet.remade_model import RemadeSettings
 from looping_pendulum.engines.pybullet.remade_rig import RemadeRig
-from looping_pendulum.engines.pybullet.studies import BEAD_MASSES, choice, iteration_ladder, ladder, link_ladder, step_ladder
-from looping_pendulum.engines.pybullet.world import FallingRig
-from looping_pendulum.engines.studies import Studies
+from looping_pendulum.engines.pybullet.studies import BEAD_MASSES, choice, iteration_ladder, link_ladder, step_ladder
+from looping_pendulum.engines.pybullet.variant import ONE_COEFFICIENT, PybulletVariant
+from looping_pendulum.engines.studies import Studies, ladder
 from looping_pendulum.engines.trajectory import Supplier, Supply
-from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
 SETTINGS = {
@@ -53,34 +51,14 @@ _ABILITIES = replace(
 )
 
 
-class PybulletRemade(SteppedEngine):
-    """A chain of links that come and go.
+class PybulletRemade(PybulletVariant):
+    """A chain of links that come and go."""
 
-    Parameters
-    ----------
-    profile
-        Chooses the settings.
-    settings
-        Replaces the profile's settings, for studies of convergence.
-    """
-
-    name = "pybullet"
     variant = "remade"
     abilities = _ABILITIES
-
-    def __init__(self, *, profile: Profile = Profile.QUICK, settings: RemadeSettings | None = None) -> None:
-        self.profile = profile
-        self.settings: RemadeSettings = settings if settings is not None else SETTINGS[profile]
-
-    def build(self, scenario: Scenario) -> Rig:
-        """Rebuild the scenario's apparatus at the moment of release."""
-        rig = FallingRig if scenario.parameters.release is Release.DROP else RemadeRig
-        return rig(scenario.parameters, self.settings)
-
-    def with_settings(self, **changes: object) -> PybulletRemade:
-        """Return this variant with some settings changed."""
-        settings = replace(self.settings, **changes)  # type: ignore[arg-type]
-        return PybulletRemade(profile=self.profile, settings=settings)
+    tuned = SETTINGS
+    rig = RemadeRig
+    settings: RemadeSettings
 
     def studies(self) -> Studies:
         """Step, links, their mass and the solver's sweeps; when nodes come and go. `chain` studies PyBullet's defaults."""
@@ -112,7 +90,3 @@ class PybulletRemade(SteppedEngine):
     def end_length(self, scenario: Scenario) -> float:
         """Free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
         return max(super().end_length(scenario), 2 * self.settings.length_on_rod(scenario.parameters))
-
-    def versions(self) -> dict[str, str]:
-        """Version of PyBullet."""
-        return {"pybullet": importlib.metadata.version("pybullet")}

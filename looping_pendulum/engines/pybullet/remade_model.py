@@ -13,17 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from looping_pendulum.engines.chain import point_on_string
+from looping_pendulum.engines.chain import LEAST_BEADS, LEAST_LENGTH, Place, next_place, point_on_string
 from looping_pendulum.engines.pybullet.links import Laid, LinkSettings
-from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-
-Place = Sequence[float] | Array
-"""x and y [m]."""
-LEAST_NODES = 2
-"""Nodes that always stay."""
-LEAST_LENGTH = 1.5
-"""A straight part shorter than this gets no more nodes, in links."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +63,7 @@ class Watch:
 
         ``places`` are those of a chain with so many ``nodes``, or at least its three outermost ones on either side.
         """
-        heavy, light, spare = places[0], places[-1], nodes > LEAST_NODES
+        heavy, light, spare = places[0], places[-1], nodes > LEAST_BEADS
         return (
             self._room(heavy, places[1]),
             self._goes - self._height(places[2], heavy) if spare else math.inf,
@@ -82,9 +74,9 @@ class Watch:
     def seen_to(self, chain: Laid) -> Laid:
         """Return the chain with nodes added where it is about to touch the rod, and taken off where it has left it."""
         places, first, last = chain.places, 1, len(chain.places) - 1
-        while last - first > LEAST_NODES and self._height(places[last - 2], places[-1]) > self._goes:
+        while last - first > LEAST_BEADS and self._height(places[last - 2], places[-1]) > self._goes:
             last -= 1
-        while last - first > LEAST_NODES and self._height(places[first + 1], places[0]) > self._goes:
+        while last - first > LEAST_BEADS and self._height(places[first + 1], places[0]) > self._goes:
             first += 1
         kept = [0, *range(first, last), len(places) - 1]
         found = chain if len(kept) == len(places) else _straightened(chain, kept, self._parameters)
@@ -111,8 +103,7 @@ class Watch:
 
     def _height(self, node: Place, mass: Place) -> float:
         """Distance from the rod's centre [m] of the place a link from ``node`` on the way to ``mass``."""
-        share = self._length / math.dist(mass, node)
-        return math.hypot(node[0] + share * (mass[0] - node[0]), node[1] + share * (mass[1] - node[1]))
+        return math.hypot(*next_place(node, mass, self._length))
 
 
 def _straightened(chain: Laid, kept: list[int], parameters: Parameters) -> Laid:

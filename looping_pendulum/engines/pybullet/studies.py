@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from typing import Any
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
 from looping_pendulum.engines.pybullet.settings import (
     DEFAULT_DAMPING,
     DEFAULT_ITERATIONS,
+    DEFAULT_NEIGHBOUR_MARGIN,
     DEFAULT_SPEED_LIMIT,
     LARGEST_STEP,
     RodShape,
     WorldSettings,
 )
-from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder
-
-Adjusted = Callable[..., Engine]
-"""``adjusted(**changes)``: the variant with some settings changed."""
+from looping_pendulum.engines.studies import Adjusted, Choice, HiddenDefault, Ladder, ladder
 
 Row = tuple[str, str, str, str, dict[str, Any]]
 """PyBullet's name, its value, ours, what it does, and the changes that set it."""
@@ -28,18 +25,6 @@ LINK_LENGTHS = (4e-3, 3.5e-3, 3e-3, 2.5e-3, 2e-3)
 """[m]"""
 ITERATIONS = (5, 10, 20, 40, 80)
 BEAD_MASSES = (2e-3, 1e-3, 5e-4, 2.5e-4)
-
-
-def ladder(adjusted: Adjusted, setting: str, unit: str, rungs: Iterable[dict[str, Any]], follows: str = "") -> Ladder:
-    """Make a ladder of one engine per rung; a rung is its changes, ``setting`` among them."""
-    steps = tuple(rungs)
-    return Ladder(
-        setting=setting,
-        unit=unit,
-        values=tuple(changes[setting] for changes in steps),
-        engines=tuple(adjusted(**changes) for changes in steps),
-        follows=follows,
-    )
 
 
 def step_ladder(adjusted: Adjusted, time_step: float) -> Ladder:
@@ -92,6 +77,13 @@ def world_defaults(adjusted: Adjusted, settings: WorldSettings) -> tuple[HiddenD
             f"{s.angular_damping:g}",
             "share of an angular velocity lost per second",
             {"angular_damping": DEFAULT_DAMPING},
+        ),
+        (
+            "contactBreakingThreshold",
+            f"{1e3 * DEFAULT_NEIGHBOUR_MARGIN:g} mm",
+            f"{1e3 * s.neighbour_margin:g} mm",
+            "how large the boxes are that find neighbours; the sweep's order with them",
+            {"neighbour_margin": DEFAULT_NEIGHBOUR_MARGIN},
         ),
         (
             "rod",

@@ -37,6 +37,7 @@ class World:
             erp=settings.joint_error_reduction,
             contactERP=settings.contact_error_reduction,
             frictionERP=settings.friction_error_reduction,
+            contactBreakingThreshold=settings.neighbour_margin,
             physicsClientId=self.client,
         )
 

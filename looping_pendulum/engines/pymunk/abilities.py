@@ -4,17 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from looping_pendulum.engines.protocol import Abilities
+from looping_pendulum.engines.chain import ONE_COEFFICIENT
+from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities
 from looping_pendulum.engines.pymunk.full_settings import Variant
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
-from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.parameters import Release
-
-DRAG = Supply(by=Supplier.ADAPTER, how="the reference's formulas as applied forces")
-EFFECT_KINDS = frozenset({EffectKind.FORCE, EffectKind.CLOSURE, EffectKind.RELEASE})
-ONE_COEFFICIENT = (
-    "one Coulomb coefficient only: where static_friction differs from kinetic_friction, the kinetic one acts in both"
-)
 
 
 def _supplies(links: str, contact: str) -> Supplies:
@@ -22,7 +16,7 @@ def _supplies(links: str, contact: str) -> Supplies:
         winding=Supply(by=Supplier.ENGINE, how=f"contact of {links} along the whole string with a static circle"),
         friction_law=Supply(by=Supplier.ENGINE, how=contact),
         stick_slip=Supply(by=Supplier.ENGINE, how="the same contact: the solver clamps friction to its cone"),
-        drag=DRAG,
+        drag=APPLIED_DRAG,
     )
 
 
@@ -62,7 +56,7 @@ def full_abilities(variant: Variant) -> Abilities:
     """What ``variant`` can do."""
     return Abilities(
         releases=frozenset(Release),
-        effect_kinds=EFFECT_KINDS,
+        effect_kinds=FORCES_AND_RELEASE,
         supplies=_SUPPLIES[variant],
         packages=("pymunk",),
         summary=_SUMMARIES[variant],

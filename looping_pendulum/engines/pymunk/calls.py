@@ -6,7 +6,7 @@ import importlib
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Profile
+from looping_pendulum.engines.protocol import Profile, groups_per_sample, steps_per_sample
 
 DIRECT_CALLS = ("cpBodyGetPosition", "cpBodyGetVelocity", "cpBodySetForce", "cpSpaceSetCurrentTimeStep", "cpSpaceStep")
 """Chipmunk functions that pymunk calls but does not publish."""
@@ -45,21 +45,16 @@ class ChainSettings:
 
     def __post_init__(self) -> None:
         """Refuse a step that samples cannot be taken at."""
-        steps = SAMPLE_INTERVAL / self.time_step
         if self.force_interval % self.leak_interval:
             raise ValueError(
                 f"leak_interval: found {self.leak_interval}, needed a divisor of force_interval, {self.force_interval}"
             )
-        if abs(steps - round(steps)) > 1e-6 or round(steps) % self.force_interval:
-            raise ValueError(
-                f"time_step: found {self.time_step:g} s in groups of {self.force_interval}, needed a whole number of groups "
-                f"in {SAMPLE_INTERVAL:g} s"
-            )
+        groups_per_sample(self.time_step, self.force_interval)
 
     @property
     def steps_per_sample(self) -> int:
         """Steps in one sample interval."""
-        return round(SAMPLE_INTERVAL / self.time_step)
+        return steps_per_sample(self.time_step)
 
 
 SETTINGS = {

@@ -10,13 +10,18 @@ sideways; every bead that touches the rod is Chipmunk's alone.
 from __future__ import annotations
 
 import dataclasses
-import importlib.metadata
 import math
 from typing import Any
 
-from looping_pendulum.engines.chain import point_on_string, polygon_friction, polygon_radius
-from looping_pendulum.engines.protocol import Abilities, Profile, SteppedEngine
-from looping_pendulum.engines.pymunk.abilities import DRAG, EFFECT_KINDS, ONE_COEFFICIENT
+from looping_pendulum.engines.chain import (
+    ONE_COEFFICIENT,
+    STRAIGHT_STRING,
+    bead_supplies,
+    point_on_string,
+    polygon_friction,
+    polygon_radius,
+)
+from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, TunedEngine
 from looping_pendulum.engines.pymunk.calls import (
     MOST_ALLOWED,
     PUBLIC_ERROR_RATE,
@@ -27,11 +32,11 @@ from looping_pendulum.engines.pymunk.calls import (
     PublicCalls,
     direct_library,
 )
-from looping_pendulum.engines.pymunk.laid_string import bead_arcs, masses, velocity_on_string
+from looping_pendulum.engines.pymunk.laid_string import Vector, bead_arcs, masses, velocity_on_string
+from looping_pendulum.engines.pymunk.space_rig import SpaceRig
 from looping_pendulum.engines.pymunk.studies import chain_studies
 from looping_pendulum.engines.studies import Studies
-from looping_pendulum.engines.trajectory import Provenance, Supplier, Supplies, Supply
-from looping_pendulum.reference_ode.cartesian import cartesian_force
+from looping_pendulum.engines.trajectory import Provenance
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -81,9 +86,18 @@ class _BeadString:
 
     def tend(self, calls: Calls) -> None:
         """Add or take away a bead on either straight part, so that beads stand where the string will meet the rod."""
-        for _ in range(2):
+        if self._may_change(calls, 1, 2):
+            self._tend_first(calls)
+        if self._may_change(calls, -2, -3):
+            self._turn_round()
             self._tend_first(calls)
             self._turn_round()
+
+    def _may_change(self, calls: Calls, outermost: int, second: int) -> bool:
+        """Whether the outermost bead of a side is near its tangent point, or the second one far from it."""
+        if self._tangent_distance(calls, outermost) < NEAR_LINKS * self._link_length:
+            return True
+        return self._tangent_distance(calls, second) > FAR_LINKS * self._link_length
 
     def _turn_round(self) -> None:
         for row in (self.bodies, self._links, self.lengths):
@@ -183,14 +197,12 @@ def empty_space(parameters: Parameters, settings: ChainSettings) -> Any:
     return space
 
 
-class ChainRig:
+class ChainRig(SpaceRig):
     """The apparatus in one Chipmunk space."""
 
     def __init__(self, parameters: Parameters, settings: ChainSettings, library: Any) -> None:
-        space = empty_space(parameters, settings)
-        self._space = space
-        self._settings = settings
-        self._calls: Calls
+        super().__init__(parameters, settings)
+        self._space = space = empty_space(parameters, settings)
         if library is None:
             self._calls, error_rate = PublicCalls(space, settings.time_step), PUBLIC_ERROR_RATE
         else:
@@ -201,87 +213,43 @@ class ChainRig:
         else:
             self._string = _BeadString(space, parameters, settings, math.exp(-error_rate))
             self._light, self._heavy = self._string.bodies[0], self._string.bodies[-1]
-        self._force = cartesian_force(parameters)
-        self._clamped = parameters.release is Release.HELD
-        self._groups = 0
 
-    def advance(self) -> None:
-        """Step through one `SAMPLE_INTERVAL`."""
-        group = self._settings.force_interval
-        for _ in range(self._settings.steps_per_sample // group):
-            if self._string is not None:
-                self._string.tend(self._calls)
-            self._push(group)
-            self._calls.step(group)
-            self._groups += 1
+    def _tend(self) -> None:
+        if self._string is not None:
+            self._string.tend(self._calls)
 
-    def _push(self, group: int) -> None:
-        """Apply the forces of a group of steps in its first one: Chipmunk forgets forces after each step.
-
-        The first group gets half of its own, so that on average over a group the speeds are neither early nor late.
-        """
-        if self._force is None:
-            return
-        share = group if self._groups else 0.5 * group
-        time = self._groups * group * self._settings.time_step
-        heavy_vy = self._calls.motion(self._heavy)[3]
-        fx, fy, heavy_fy = self._force(time, *self._calls.motion(self._light), heavy_vy)
-        self._calls.push(self._light, share * fx, share * fy)
-        if not self._clamped:
-            self._calls.push(self._heavy, 0.0, share * heavy_fy)
-
-    def read(self) -> tuple[float, ...]:
-        """Positions, velocities and string stretch."""
-        lx, ly, lvx, lvy = self._calls.motion(self._light)
-        hx, hy, hvx, hvy = self._calls.motion(self._heavy)
-        stretch = math.nan if self._string is None else self._string.stretch(self._calls)
-        return lx, ly, lvx, lvy, hx, hy, hvx, hvy, stretch
+    def _stretch(self, light: Vector, heavy: Vector) -> float:
+        return math.nan if self._string is None else self._string.stretch(self._calls)
 
 
-_CONTACT = "Coulomb friction between beads and circle, corrected for the polygon's corners"
-_SUPPLIES = Supplies(
-    winding=Supply(
-        by=Supplier.ENGINE,
-        how="contact of beads with a static circle; the adapter adds and removes beads on the straight parts only",
-    ),
-    friction_law=Supply(by=Supplier.ENGINE, how=_CONTACT),
-    stick_slip=Supply(by=Supplier.ENGINE, how="the same contact: the solver clamps friction to its cone"),
-    drag=DRAG,
-)
 _LIMITS = (
     ONE_COEFFICIENT,
     "damps its joints through a private pymunk call (a leaky warm start); where a pymunk lacks it the chain is softer (at ten "
     "to one, quick: 1.2 mm of stretch for 0.2 mm) and provenance.settings says leaky_warm_start: False",
-    "straight string has no mass and stays straight: no waves run along it, and slack string does not fall",
+    STRAIGHT_STRING,
     "a slack string that jerks taut bounces: the chain takes the pull as a spring, where the reference's pull is inelastic",
 )
 
 
-class PymunkChain(SteppedEngine):
-    """Chain of beads over a static circle.
-
-    Parameters
-    ----------
-    profile
-        Chooses the settings.
-    settings
-        Replaces the profile's settings, for studies of convergence.
-    """
+class PymunkChain(TunedEngine):
+    """Chain of beads over a static circle."""
 
     name = "pymunk"
+    distribution = "pymunk"
     variant = "chain"
+    abilities = Abilities(
+        releases=frozenset(Release),
+        effect_kinds=FORCES_AND_RELEASE,
+        supplies=bead_supplies("static circle", "the solver clamps friction to its cone"),
+        packages=("pymunk",),
+        summary="Point beads on pin joints over a static circle, a slide joint for each straight part of the string.",
+        limits=_LIMITS,
+    )
+    tuned = SETTINGS
+    settings: ChainSettings
 
     def __init__(self, *, profile: Profile = Profile.QUICK, settings: ChainSettings | None = None) -> None:
-        self.profile = profile
-        self.settings: ChainSettings = settings if settings is not None else SETTINGS[profile]
-        self.abilities = Abilities(
-            releases=frozenset(Release),
-            effect_kinds=EFFECT_KINDS,
-            supplies=_SUPPLIES,
-            packages=("pymunk",),
-            summary="Point beads on pin joints over a static circle, a slide joint for each straight part of the string.",
-            limits=_LIMITS,
-        )
+        super().__init__(profile=profile, settings=settings)
         self._leaky = True
 
     def build(self, scenario: Scenario) -> ChainRig:
@@ -290,17 +258,9 @@ class PymunkChain(SteppedEngine):
         self._leaky = library is not None
         return ChainRig(scenario.parameters, self.settings, library)
 
-    def with_settings(self, **changes: object) -> PymunkChain:
-        """Return this variant with some settings changed."""
-        return PymunkChain(profile=self.profile, settings=dataclasses.replace(self.settings, **changes))  # type: ignore[arg-type]
-
     def studies(self) -> Studies:
         """Ladders, Chipmunk's defaults one at a time, and choices."""
         return chain_studies(self.settings, self.with_settings)
-
-    def versions(self) -> dict[str, str]:
-        """Version of pymunk."""
-        return {"pymunk": importlib.metadata.version("pymunk")}
 
     def provenance(self) -> Provenance:
         """Versions, settings and suppliers, and whether the private call was there."""

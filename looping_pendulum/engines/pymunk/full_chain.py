@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.metadata
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,9 +20,9 @@ from looping_pendulum.engines.pymunk.full_settings import (
     touching_radius,
 )
 from looping_pendulum.engines.pymunk.laid_string import Vector, masses, velocity_on_string
+from looping_pendulum.engines.pymunk.space_rig import SpaceRig
 from looping_pendulum.engines.pymunk.studies import full_studies
 from looping_pendulum.engines.studies import Studies
-from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
@@ -153,19 +152,20 @@ def _rigid_motion(start: Vector, end: Vector, start_velocity: Vector, end_veloci
     return _middle(start_velocity, end_velocity), (x * vy - y * vx) / (x * x + y * y)
 
 
-class FullChainRig:
+class FullChainRig(SpaceRig):
     """The apparatus in one Chipmunk space."""
 
     def __init__(self, variant: Variant, parameters: Parameters, settings: FullChainSettings) -> None:
         import pymunk
         import pymunk.batch
 
+        super().__init__(parameters, settings)
         p, s = parameters, settings
         space = pymunk.Space()
         space.gravity = (0.0, -p.coefficients["gravity"])
         space.iterations = s.iterations
         space.collision_slop = s.collision_slop
-        self._space, self._settings = space, s
+        self._space = space
         self._calls = PublicCalls(space, s.time_step)
         self._chain: _Beads | _Segments | None = None
         if p.release is Release.DROP:
@@ -184,37 +184,8 @@ class FullChainRig:
             else:
                 self._chain = _Beads(space, p, s, nodes, radius)
             self._light, self._heavy = self._chain.light, self._chain.heavy
-        self._force = cartesian_force(p)
-        self._clamped = p.release is Release.HELD
-        self._groups = 0
         self._batch, self._buffer = pymunk.batch, pymunk.batch.Buffer()
         self._fields = pymunk.batch.BodyFields.POSITION | pymunk.batch.BodyFields.ANGLE
-
-    def advance(self) -> None:
-        """Step through one `SAMPLE_INTERVAL`."""
-        group = self._settings.force_interval
-        for _ in range(self._settings.steps_per_sample // group):
-            self._push(group)
-            self._calls.step(group)
-            self._groups += 1
-
-    def _push(self, group: int) -> None:
-        """Apply a group of steps' forces in its first one, as Chipmunk forgets them after a step; of the first group half."""
-        if self._force is None:
-            return
-        share = group if self._groups else 0.5 * group
-        time = self._groups * group * self._settings.time_step
-        heavy_vy = self._calls.motion(self._heavy)[3]
-        fx, fy, heavy_fy = self._force(time, *self._calls.motion(self._light), heavy_vy)
-        self._calls.push(self._light, share * fx, share * fy)
-        if not self._clamped:
-            self._calls.push(self._heavy, 0.0, share * heavy_fy)
-
-    def read(self) -> tuple[float, ...]:
-        """Positions, velocities and string stretch."""
-        lx, ly, lvx, lvy = self._calls.motion(self._light)
-        hx, hy, hvx, hvy = self._calls.motion(self._heavy)
-        return lx, ly, lvx, lvy, hx, hy, hvx, hvy, self._stretch((lx, ly), (hx, hy))
 
     def _stretch(self, light: Vector, heavy: Vector) -> float:
         if self._chain is None:
@@ -255,11 +226,6 @@ class PymunkFullChain(SteppedEngine):
     def build(self, scenario: Scenario) -> FullChainRig:
         """Rebuild the scenario's apparatus at the moment of release."""
         return FullChainRig(Variant(self.variant), scenario.parameters, self.settings)
-
-    def with_settings(self, **changes: object) -> PymunkFullChain:
-        """Return this variant with some settings changed."""
-        settings = replace(self.settings, **changes)  # type: ignore[arg-type]
-        return PymunkFullChain(variant=self.variant, profile=self.profile, settings=settings)
 
     def studies(self) -> Studies:
         """Ladders, Chipmunk's defaults one at a time, and choices."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from looping_pendulum.engines.chain import polygon_friction, polygon_radius
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Profile
+from looping_pendulum.engines.protocol import Profile, groups_per_sample, steps_per_sample
 
 
 class Variant(StrEnum):
@@ -59,18 +59,13 @@ class FullChainSettings:
     """Steps between two updates of the drag forces."""
 
     def __post_init__(self) -> None:
-        """Refuse a step that samples cannot be taken at."""
-        steps = SAMPLE_INTERVAL / self.time_step
-        if abs(steps - round(steps)) > 1e-6 or round(steps) % self.force_interval:
-            raise ValueError(
-                f"time_step: found {self.time_step:g} s in groups of {self.force_interval}, needed a whole number of groups "
-                f"in {SAMPLE_INTERVAL:g} s"
-            )
+        """Refuse steps that samples cannot be taken at."""
+        groups_per_sample(self.time_step, self.force_interval)
 
     @property
     def steps_per_sample(self) -> int:
         """Steps in one sample interval."""
-        return round(SAMPLE_INTERVAL / self.time_step)
+        return steps_per_sample(self.time_step)
 
     def bend(self, rod_radius: float) -> float:
         """Angle between neighbouring links on the rod [rad]."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import math
+from collections.abc import Iterable
 from typing import Any
 
 from looping_pendulum.engines.protocol import Engine
@@ -15,17 +16,11 @@ from looping_pendulum.engines.pymunk.full_settings import (
     FullChainSettings,
     Variant,
 )
-from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder, Studies
+from looping_pendulum.engines.studies import Adjusted, Choice, HiddenDefault, Ladder, Studies, ladder
 
-Adjusted = Callable[..., Engine]
-"""``adjusted(**changes)``: the variant with some settings changed."""
-
-CHAIN_STEPS = (2e-5, 1e-5, 5e-6, 2.5e-6, 1.25e-6)
-"""[s]"""
-BENDS = (0.48, 0.38, 0.28, 0.2, 0.14)
-"""[rad]"""
-BEAD_MASSES = (8e-4, 4e-4, 2e-4, 1e-4, 5e-5)
-"""Of the light mass."""
+REFINEMENTS = (1, 2, 4, 8)
+"""How many times finer than the settings' own a rung of the chain of beads near the rod is. None is coarser: its joints are
+springs that soften with the square of the step, and a string that has stretched by millimetres halts by another motion."""
 FULL_STEPS = (5e-5, 2e-5, 1e-5, 5e-6)
 """[s]"""
 LINKS = (8e-3, 6e-3, 4e-3, 3e-3)
@@ -51,10 +46,16 @@ def chain_studies(settings: ChainSettings, adjusted: Adjusted) -> Studies:
     s = settings
     return Studies(
         ladders=(
-            _ladder(adjusted, "time_step", "s", CHAIN_STEPS),
-            _ladder(adjusted, "bend", "rad", BENDS),
-            _ladder(adjusted, "bead_mass_ratio", "", BEAD_MASSES),
-            _ladder(adjusted, "iterations", "", (*SWEEPS, 80)),
+            ladder(adjusted, "time_step", "s", ({"time_step": s.time_step / n} for n in REFINEMENTS)),
+            ladder(adjusted, "bend", "rad", ({"bend": s.bend / math.sqrt(n)} for n in REFINEMENTS)),
+            ladder(
+                adjusted,
+                "bead_mass_ratio",
+                "",
+                ({"bead_mass_ratio": s.bead_mass_ratio / n**2, "time_step": s.time_step / n} for n in REFINEMENTS),
+                "the step, as the root of a bead's mass, so that the joints stay as stiff",
+            ),
+            ladder(adjusted, "iterations", "", ({"iterations": s.iterations * n} for n in REFINEMENTS)),
         ),
         defaults=(
             _default(
@@ -95,13 +96,13 @@ def full_studies(variant: Variant, settings: FullChainSettings, adjusted: Adjust
     """What can be varied of a full chain; of that with Chipmunk's defaults only what is not a default."""
     s = settings
     if variant is Variant.DEFAULTS:
-        return Studies(ladders=(_ladder(adjusted, "time_step", "s", (1e-3, 5e-4, 2e-4, 1e-4)),))
+        return Studies(ladders=(_of(adjusted, "time_step", "s", (1e-3, 5e-4, 2e-4, 1e-4)),))
     return Studies(
         ladders=(
-            _ladder(adjusted, "time_step", "s", FULL_STEPS),
-            _ladder(adjusted, "link_length", "m", LINKS),
-            _ladder(adjusted, "iterations", "", SWEEPS),
-            _ladder(adjusted, "mass_fraction", "", STRING_MASSES),
+            _of(adjusted, "time_step", "s", FULL_STEPS),
+            _of(adjusted, "link_length", "m", LINKS),
+            _of(adjusted, "iterations", "", SWEEPS),
+            _of(adjusted, "mass_fraction", "", STRING_MASSES),
         ),
         defaults=(
             _default("dt", COARSE_STEP, f"{s.time_step:g} s", LENGTH, adjusted(time_step=DEFAULT_TIME_STEP, **NO_GROUPS)),
@@ -132,10 +133,9 @@ def full_studies(variant: Variant, settings: FullChainSettings, adjusted: Adjust
     )
 
 
-def _ladder(adjusted: Adjusted, setting: str, unit: str, values: Iterable[Any]) -> Ladder:
-    rungs = tuple(values)
-    engines = tuple(adjusted(**{setting: value}) for value in rungs)
-    return Ladder(setting=setting, unit=unit, values=rungs, engines=engines)
+def _of(adjusted: Adjusted, setting: str, unit: str, values: Iterable[Any]) -> Ladder:
+    """Make a ladder of one setting, along which nothing else moves."""
+    return ladder(adjusted, setting, unit, ({setting: value} for value in values))
 
 
 def _default(setting: str, default: str, ours: str, effect: str, engine: Engine) -> HiddenDefault:
