@@ -5,10 +5,13 @@ VENV ?= .venv
 BIN = $(VENV)/bin
 DATA ?= ../shared/data
 
-.PHONY: compare test accurate lint benchmark infer clean
+.PHONY: compare demo test accurate lint docs benchmark infer clean
 
 compare: $(VENV)/main ## run all engines on the 10:1 trial and write report/ten_to_one/report.md
 	$(BIN)/looping-pendulum compare ten_to_one --profile quick --out report/ten_to_one
+
+demo: $(VENV)/main ## the demonstration page: all engines and the truth, in step
+	$(BIN)/looping-pendulum demo
 
 test: $(VENV)/test ## run the tests (some minutes)
 	$(BIN)/python -m pytest -n 2
@@ -19,6 +22,9 @@ accurate: $(VENV)/test ## run the long accuracy tests: accurate profiles, the bl
 lint: $(VENV)/dev ## style, types, and the one-way direction of the imports
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
 
+docs: $(VENV)/dev ## build the documentation's site into site/
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 benchmark: $(VENV)/test ## time what users wait for
 	$(BIN)/python -m benchmarks
 
@@ -26,7 +32,7 @@ infer: $(VENV)/main ## infer what the paper does not print (needs the data folde
 	$(BIN)/python scripts/infer_paper_trials.py --data $(DATA)
 
 clean:
-	rm -rf $(VENV) build report *.egg-info
+	rm -rf $(VENV) build report site *.egg-info
 
 $(VENV)/pip:
 	$(PYTHON) -m venv $(VENV)

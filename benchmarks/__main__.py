@@ -15,8 +15,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks import identify
+from benchmarks import engine_overhead, identify, pages
 from benchmarks.plain_scipy import plain_run
+from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.reference_ode.solve import available_integrators, solve_at
 from looping_pendulum.scenarios import load
 
@@ -88,7 +89,8 @@ def quick_comparison() -> None:
 def main() -> None:
     """Run the benchmarks that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", choices=["reference", "command-line", "comparison", "identify"])
+    parser.add_argument("--only", choices=["reference", "command-line", "comparison", "identify", "overhead", "pages", "maps"])
+    parser.add_argument("--runs", type=int, default=1_000_000, help="runs of the map in `--only maps`")
     parser.add_argument("--repeats", type=int, default=15)
     options = parser.parse_args()
     if options.only in (None, "reference"):
@@ -99,6 +101,14 @@ def main() -> None:
         quick_comparison()
     if options.only in (None, "identify"):
         identify.benchmark()
+    if options.only in (None, "overhead"):
+        engine_overhead.benchmark(sorted(engine_overhead.BARE_LOOPS), Profile.QUICK)
+    if options.only in (None, "maps"):
+        from benchmarks import maps  # compiles, and needs numba
+
+        maps.benchmark(min(options.repeats, 3), options.runs)
+    if options.only in (None, "pages"):
+        pages.benchmark()
 
 
 if __name__ == "__main__":

@@ -33,7 +33,9 @@ from looping_pendulum.cli_common import (
 )
 from looping_pendulum.cli_converge import converge
 from looping_pendulum.cli_engines import conformance, engines
+from looping_pendulum.cli_maps import map_, maps
 from looping_pendulum.cli_progress import EngineBars, StageBar
+from looping_pendulum.cli_teaching import demo, demonstrations, init, new, tracker
 from looping_pendulum.errors import HarnessError
 
 if TYPE_CHECKING:
@@ -229,6 +231,8 @@ def check(
 
 app.command()(conformance)
 app.command()(converge)
+app.command("map")(map_)
+app.command()(maps)
 
 
 @app.command()
@@ -267,6 +271,13 @@ def identify(
         signal.signal(signal.SIGINT, before)
     if result.verdict is Verdict.INTERRUPTED:
         raise typer.Exit(INTERRUPTED)
+
+
+app.command()(demo)
+app.command()(new)
+app.command()(init)
+app.command()(tracker)
+app.command()(demonstrations)
 
 
 def _show_changes(changes: Changes) -> None:

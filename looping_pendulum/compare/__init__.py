@@ -1,7 +1,7 @@
 """Where, when and by how much engines depart from the truth.
 
 `compare` makes one frozen `ComparisonResult` of a scenario, the truth and several trajectories; `write` puts it on disk as
-``report.md``, ``result.json``, ``figures/*.png`` and ``trajectories/*.csv``.
+``report.md``, ``report.html``, ``result.json``, ``figures/*.png`` and ``trajectories/*.csv``.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ def write(result: ComparisonResult, folder: Path | str, changes: Changes | None 
     A result read back from JSON has no samples: then the report has no figures and there are no CSV files. With ``changes``
     since a baseline the report has a section on them, and ``changes.json`` has them as data.
     """
+    from looping_pendulum.compare import page
     from looping_pendulum.compare.plots import draw
     from looping_pendulum.compare.report import render
 
@@ -39,6 +40,7 @@ def write(result: ComparisonResult, folder: Path | str, changes: Changes | None 
             if len(run.t):
                 name = file_stem(run.label, run.profile) + ".csv"
                 write_whole(folder / "trajectories" / name, trajectory_csv(run))
+    write_whole(folder / "report.html", page.render(result, changes))
     report = folder / "report.md"
     write_whole(report, render(result, {f"figures/{name}": caption for name, (caption, _) in figures.items()}, changes))
     return report

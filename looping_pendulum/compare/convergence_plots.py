@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from looping_pendulum.compare.convergence import Kind
 from looping_pendulum.compare.convergence_result import HALT, MARKS, ConvergenceResult, LadderStudy, VariantStudy, Verdict
 from looping_pendulum.compare.export import file_stem
-from looping_pendulum.compare.plots import COLOURS, GREY, figure_of, legend_below, png
+from looping_pendulum.compare.plots import GREY, figure_of, legend_below, png
+from looping_pendulum.pages.palette import COLOURS
 
 LOOK = dict(zip(MARKS, (("o", COLOURS[0]), ("s", COLOURS[1])), strict=True))
 """Path -> marker and colour."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.result import ComparisonResult
+from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.engines.isolation import TIME_LIMIT, Progress, run_all
 from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import Engine, Profile
@@ -66,8 +68,9 @@ def compare_engines(
     """
     profile = Profile(profile)
     truth = Truth(scenario)
+    chosen = chosen_engines(engines, profile)
     runs = run_all(
-        chosen_engines(engines, profile),
+        chosen,
         scenario,
         jobs=jobs,
         time_limit=time_limit,
@@ -75,7 +78,8 @@ def compare_engines(
         progress=progress,
         finished=finished,
     )
-    return compare(scenario, truth, runs, measured_table(scenario, data_folder))
+    result = compare(scenario, truth, runs, measured_table(scenario, data_folder))
+    return dataclasses.replace(result, run_keys=tuple(run_key(engine, scenario) for engine in chosen))
 
 
 def measured_table(scenario: Scenario, data_folder: Path | None = None) -> EventTable | None:

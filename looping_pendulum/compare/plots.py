@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-import zlib
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,43 +17,13 @@ from looping_pendulum.compare.metrics import THRESHOLDS
 from looping_pendulum.compare.paper_table import quantity_words
 from looping_pendulum.compare.result import ComparisonResult, Samples
 from looping_pendulum.compare.words import told_events
+from looping_pendulum.pages.palette import Style, styles
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Okabe and Ito's colour-blind-safe palette without black (the truth) and yellow (faint on white)."""
-DASHES: tuple[tuple[float, ...], ...] = ((1, 0), (6, 2), (2, 1.5), (6, 2, 1.5, 2), (9, 3), (4, 1.5, 1, 1.5, 1, 1.5))
-MARKERS = "osD^vP"
 PRINTED_HALF_DIGIT = 0.005
 """Bars of the paper's values: half of the last digit printed, in s and in m; the paper states no uncertainty."""
 GREY = "0.55"
 FLOOR = 1e-8
 """Deviations below this [m] are not drawn on the log axis: they would squeeze the visible ones."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Style:
-    """How one engine is drawn everywhere."""
-
-    colour: str
-    dashes: tuple[float, ...]
-    marker: str
-
-
-def styles(labels: Iterable[str]) -> dict[str, Style]:
-    """Colour, dashes and marker per label: by the label's checksum; a later label (in order) gives way if they clash."""
-    taken: dict[int, str] = {}
-    for label in sorted(set(labels)):
-        wanted = zlib.crc32(label.encode()) % len(COLOURS)
-        free = [slot for k in range(len(COLOURS)) if (slot := (wanted + k) % len(COLOURS)) not in taken]
-        taken[free[0] if free else len(taken)] = label
-    count = len(COLOURS)
-    return {
-        label: Style(
-            colour=COLOURS[slot % count],
-            dashes=DASHES[(slot + slot // count) % count],
-            marker=MARKERS[(slot + slot // count) % count],
-        )
-        for slot, label in taken.items()
-    }
 
 
 def draw(result: ComparisonResult) -> dict[str, tuple[str, bytes]]:

@@ -42,24 +42,34 @@ def render(result: ComparisonResult, figures: Mapping[str, str] | None = None, c
     changes
         What changed since a baseline, if there is one.
     """
-    sections = [
+    figures_section = "## Figures\n\n" + _figures(figures or {})
+    words = "## Words\n\n" + "".join(f"- **{word}**: {meaning}\n" for word, meaning in GLOSSARY.items())
+    return "\n".join([*before_figures(result, changes), figures_section, *after_figures(result), words])
+
+
+def before_figures(result: ComparisonResult, changes: baseline.Changes | None = None) -> list[str]:
+    """Sections that stand above the figures, the title first."""
+    return [
         f"# {result.title}\n\n{result.description.strip()}\n",
         "## Verdict\n\n" + _verdict(result),
         "## Where, when and why\n\n" + _stories(result),
         *([] if changes is None else ["## Since the baseline\n\n" + baseline.render(changes)]),
-        "## Figures\n\n" + _figures(figures or {}),
     ]
+
+
+def after_figures(result: ComparisonResult) -> list[str]:
+    """Sections that stand below the figures, but for the glossary."""
+    sections = []
     if result.measured_source or result.measured:
         sections.append("## Against the paper's trial\n\n" + paper_table.render(result))
-    sections += [
+    return [
+        *sections,
         "## Detail\n\n" + _detail(result),
         "## Who supplies the physics\n\n" + _supplies(result),
         "## Tolerances\n\n" + _tolerances(result),
         "## Provenance\n\n" + _provenance(result),
         "## Wall times\n\n" + _wall_times(result),
-        "## Words\n\n" + "".join(f"- **{word}**: {meaning}\n" for word, meaning in GLOSSARY.items()),
     ]
-    return "\n".join(sections)
 
 
 def name(engine: EngineResult) -> str:

@@ -290,6 +290,8 @@ class ComparisonResult:
     """Empty without a measured event table."""
     measured_source: str
     """Where the scenario says its measured event table comes from; empty if it has none."""
+    run_keys: tuple[str, ...] = ()
+    """Name of each engine's run, equal for equal settings, scenario, versions and adapter; empty if unknown."""
     clock: Clock
     samples: Samples | None = field(default=None, compare=False, repr=False)
     """None if read from JSON."""
@@ -311,6 +313,13 @@ class ComparisonResult:
     def broke_off(self, engine: EngineResult) -> bool:
         """Whether ``engine``'s run failed although no tolerance of it declares an expected failure."""
         return engine.available and not engine.ok and not any(t.expected_failure for t in self.judged(engine))
+
+    def _repr_html_(self) -> str:
+        """Show verdict, table and stories in a notebook."""
+        from looping_pendulum.compare.report import before_figures
+        from looping_pendulum.pages.markdown import html
+
+        return str(html("\n\n".join(before_figures(self))))
 
     def to_json(self) -> str:
         """Text of ``result.json``; everything but ``clock`` is the same for the same input."""

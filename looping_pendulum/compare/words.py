@@ -46,6 +46,7 @@ def mode_words(mode: int) -> str:
     """Mode of the truth in plain words."""
     words = {
         Mode.STICKING: "the string sticks to the rod",
+        Mode.ROLLING: "the string sticks to the rod, which turns",
         Mode.SLIDING_DOWN: "the string slides and the heavy mass falls",
         Mode.SLIDING_UP: "the string slides and the heavy mass rises",
         Mode.SLACK: "the string is slack",

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property, lru_cache
 from types import MappingProxyType, SimpleNamespace
+from typing import Any
 
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import effects as effect_library
@@ -21,6 +22,16 @@ POINT_MASS_END = 1 / 3
 It is then within 6 % of a radius of the rod's surface. A true point would go on to pull with a tension M1 w^2 / l beyond all
 bounds, and so lift the heavy mass again over the last tenths of a millimetre, which no real mass does.
 """
+
+
+def touching_length(light_radius: Any, rod_radius: Any) -> Any:
+    """Free length at which the surface of a light mass touches the rod [m] (numbers or arrays)."""
+    return (light_radius**2 + 2 * light_radius * rod_radius) ** 0.5
+
+
+def string_length(free_length: Any, rod_radius: Any, release_angle: Any, hanging_length: Any, heavy_swing: Any) -> Any:
+    """Whole string L = l + R theta + h [m] (paper, before eq. 1), less what a tilted heavy mass unwinds (numbers or arrays)."""
+    return free_length + rod_radius * (release_angle - heavy_swing) + hanging_length
 
 
 class Release(StrEnum):
@@ -113,7 +124,7 @@ class Parameters:
         """Free length at which the light mass touches the rod [m]."""
         if not self.light_radius > 0:
             return POINT_MASS_END * self.rod_radius
-        touching: float = (self.light_radius**2 + 2 * self.light_radius * self.rod_radius) ** 0.5
+        touching: float = touching_length(self.light_radius, self.rod_radius)
         return touching
 
     @property
@@ -124,8 +135,9 @@ class Parameters:
     @property
     def string_length(self) -> float:
         """Whole string L = l + R theta + h [m] (paper, before eq. 1), less what a tilted heavy mass unwinds."""
-        wound = self.release_angle - self.coefficients["heavy_swing"]
-        return self.free_length + self.rod_radius * wound + self.hanging_length
+        swing = self.coefficients["heavy_swing"]
+        whole: float = string_length(self.free_length, self.rod_radius, self.release_angle, self.hanging_length, swing)
+        return whole
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:

@@ -82,6 +82,12 @@ class Run:
         overlap = _overlap(state) if winds(self.parameters.effects) else 0.0
         return np.asarray(_heavy_drop(np, state, overlap, self.parameters))
 
+    def _repr_html_(self) -> str:
+        """Show this in a notebook."""
+        from looping_pendulum.reference_ode.notebook import html
+
+        return html(self)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Samples:

@@ -127,3 +127,9 @@ class Scenario:
         for one, other in zip(ordered, ordered[1:], strict=False):
             if (one.engine, one.profile, one.metric) == (other.engine, other.profile, other.metric):
                 raise ScenarioError(f"tolerances: {one.engine}, {one.profile}, {one.metric}: found two limits, needed one")
+
+    def _repr_html_(self) -> str:
+        """Show this in a notebook."""
+        from looping_pendulum.scenarios.notebook import html
+
+        return html(self)

@@ -12,12 +12,12 @@ import pytest
 
 from looping_pendulum.compare import compare, write
 from looping_pendulum.compare.export import CSV_COLUMNS, write_whole
-from looping_pendulum.compare.plots import COLOURS, styles
 from looping_pendulum.compare.report import render
 from looping_pendulum.compare.result import ComparisonResult, Outcome, ResultError
 from looping_pendulum.compare.tables import number, signed
 from looping_pendulum.compare.tables import table as markdown
 from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.pages.palette import COLOURS, styles
 
 
 def without_clock(text):
@@ -173,6 +173,7 @@ def test_write_makes_whole_files(tmp_path, measured_scenario, truth, make_run, m
         "figures/drop.png",
         "figures/events.png",
         "figures/path.png",
+        "report.html",
         "report.md",
         "result.json",
         "trajectories/pymunk-chain-quick.csv",

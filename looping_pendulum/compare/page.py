@@ -1,0 +1,201 @@
+"""The report as a page, made of the same result as report.md: its sections, and its figures to zoom and switch in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.compare import report
+from looping_pendulum.compare.align import Aligned
+from looping_pendulum.compare.baseline import Changes
+from looping_pendulum.compare.glossary import GLOSSARY
+from looping_pendulum.compare.metrics import THRESHOLDS
+from looping_pendulum.compare.paper_table import quantity_words
+from looping_pendulum.compare.plots import FLOOR, PRINTED_HALF_DIGIT, measured_drops
+from looping_pendulum.compare.result import ComparisonResult, EngineResult, Samples
+from looping_pendulum.compare.words import told_events
+from looping_pendulum.pages import report as pages
+from looping_pendulum.pages.figures import (
+    INK,
+    LINE,
+    SOFT,
+    SYMBOLS,
+    Figure,
+    escaped,
+    horizontal,
+    line,
+    plain,
+    points,
+    run_colour,
+    vertical,
+)
+from looping_pendulum.pages.palette import Style, styles
+from looping_pendulum.reference_ode.geometry import Array
+
+POINTS = 600
+"""Most points of one line: a page with every variant stays below 6 MB."""
+TIME = "time since release [s]"
+EVENTS_SHOWN = 50.0
+"""Differences of event times that the figure shows at first [ms]; one that is further off would squeeze the others."""
+
+
+def render(result: ComparisonResult, changes: Changes | None = None) -> str:
+    """Return the page; ``changes`` since a baseline, if there is one."""
+    return pages.render(
+        f"{result.title}: engines against the truth",
+        report.before_figures(result, changes),
+        figures(result),
+        report.after_figures(result),
+        GLOSSARY,
+        f"Lines join at most {POINTS} samples of a run; every number on this page comes from all of them.",
+    )
+
+
+def figures(result: ComparisonResult) -> list[Figure]:
+    """Every figure that the result has data for."""
+    look = styles(e.label for e in result.engines)
+    found: list[Figure] = []
+    if result.samples is not None:
+        shown = [(e, a, look[e.label]) for e, a in zip(result.engines, result.samples.aligned, strict=True) if len(a.t) > 1]
+        found += [make(result, result.samples, shown) for make in (path_figure, drop_figure, divergence_figure)]
+    if any(row.unit == "s" and row.measured is not None for row in result.measured):
+        found.append(events_figure(result, look))
+    return found
+
+
+Shown = list[tuple[EngineResult, Aligned, Style]]
+
+
+def path_figure(result: ComparisonResult, samples: Samples, shown: Shown) -> Figure:
+    """Path of the light mass, equal axes."""
+    traces = [_path("truth", samples.truth.light_position, None)]
+    traces += [_path(_name(result, e), a.run.light_position, style) for e, a, style in shown]
+    for e, a, style in shown:
+        if e.landmarks.halting_time is not None:
+            traces.append(_halt(a.run.t, a.run.light_position, e.landmarks.halting_time, run_colour(style), e.label, 12))
+    halt = result.truth.landmarks.halting_time
+    if halt is not None:
+        traces.append(_halt(samples.truth.t, samples.truth.light_position, halt, INK, "truth", 18))
+    radius = float(result.parameters["rod_radius"])
+    box = {"x0": -radius, "x1": radius, "y0": -radius, "y1": radius}
+    rod = {"type": "circle", "fillcolor": LINE, "line": {"color": SOFT}} | box
+    return Figure(
+        id="path",
+        caption="Path of the light mass around the rod, to scale; star: where it was at the halt.",
+        traces=tuple(traces),
+        layout={
+            "xaxis": {"title": {"text": "x [m]"}, "scaleanchor": "y", "constrain": "domain"},
+            "yaxis": {"title": {"text": "y [m]"}, "constrain": "domain"},
+            "shapes": [rod],
+        },
+        height=560,
+    )
+
+
+def drop_figure(result: ComparisonResult, samples: Samples, shown: Shown) -> Figure:
+    """Drop of the heavy mass against time, size of the engines' deviation below."""
+    truth = samples.truth
+    traces = [line("truth", _line(truth.t), _line(truth.heavy_drop), None)]
+    for e, a, style in shown:
+        name, times = _name(result, e), _line(a.t)
+        traces.append(line(name, times, _line(a.run.heavy_drop), style, legendgroup=e.label))
+        off = np.where(np.abs(a.heavy_deviation) > FLOOR, np.abs(a.heavy_deviation) * 1e3, np.nan)
+        traces.append(line(name, times, _line(off, 5), style, legendgroup=e.label, showlegend=False, yaxis="y2"))
+    measured = measured_drops(result)
+    if measured:
+        t, drop = zip(*measured, strict=True)
+        bars = {"type": "constant", "value": PRINTED_HALF_DIGIT, "color": INK}
+        traces.append(points("measured", t, drop, INK, "circle-open", error_x=bars, error_y=bars))
+    return Figure(
+        id="drop",
+        caption="Drop of the heavy mass (down is down), and below it how far each engine is from the truth.",
+        traces=tuple(traces),
+        layout={
+            "xaxis": {"title": {"text": TIME}, "anchor": "y2"},
+            "yaxis": {"title": {"text": "drop [m]"}, "domain": [0.44, 1], "autorange": "reversed"},
+            "yaxis2": {"title": {"text": "off the truth [mm]"}, "domain": [0, 0.38], "type": "log", "tickformat": "~g"},
+        },
+        height=560,
+    )
+
+
+def divergence_figure(result: ComparisonResult, samples: Samples, shown: Shown) -> Figure:
+    """Distance from the truth's light mass on a log axis, with the truth's events."""
+    traces = []
+    for e, a, style in shown:
+        distance = np.where(a.distance > FLOOR, a.distance * 1e3, np.nan)
+        traces.append(line(_name(result, e), _line(a.t), _line(distance, 5), style))
+    events = [(name, time) for name, time in told_events(result.truth.events) if time <= result.duration]
+    told = [vertical(time, name.replace("_", " ")) for name, time in events]
+    return Figure(
+        id="divergence",
+        caption="Distance of each engine's light mass from the truth's, and the truth's events; dotted: 1 mm and 10 mm.",
+        traces=tuple(traces),
+        layout={
+            "xaxis": {"title": {"text": TIME}, "range": [0, result.duration]},
+            "yaxis": {"title": {"text": "distance [mm]"}, "type": "log", "tickformat": "~g"},
+            "shapes": [*(shape for shape, _ in told), *(horizontal(1e3 * threshold) for threshold in THRESHOLDS)],
+            "annotations": [word for _, word in told],
+            "margin": {"t": 90},
+            "showlegend": True,
+        },
+        height=460,
+    )
+
+
+def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
+    """Event times less the measured ones."""
+    rows = [row for row in result.measured if row.unit == "s" and row.measured is not None]
+    names = [quantity_words(row.quantity, row.index) for row in rows]
+
+    def less_measured(values: Iterable[float | None]) -> list[float | None]:
+        pairs = zip(values, (row.measured for row in rows), strict=True)
+        return [None if v is None or m is None else round(1e3 * (v - m), 3) for v, m in pairs]
+
+    traces = [
+        points("paper's numerical", less_measured(r.paper_numerical for r in rows), names, INK, "square-open"),
+        points("truth", less_measured(r.truth for r in rows), names, INK),
+    ]
+    for i, engine in enumerate(result.engines):
+        times = less_measured(r.engines[i] for r in rows)
+        if any(time is not None for time in times):
+            style = look[engine.label]
+            traces.append(points(_name(result, engine), times, names, run_colour(style), SYMBOLS[style.marker]))
+    off = [abs(x) for trace in traces for x in trace["x"] if x is not None]
+    reach = min(1.1 * max([*off, 1e3 * PRINTED_HALF_DIGIT]), EVENTS_SHOWN)
+    half = 1e3 * PRINTED_HALF_DIGIT
+    digit = {"type": "rect", "x0": -half, "x1": half, "yref": "paper", "y0": 0, "y1": 1, "fillcolor": LINE, "opacity": 0.5}
+    return Figure(
+        id="events",
+        caption="Event times less the measured ones; grey: half of the last digit that the paper prints. "
+        f"Events more than {EVENTS_SHOWN:g} ms off show with Autoscale.",
+        traces=tuple(traces),
+        layout={
+            "xaxis": {"title": {"text": "time less measured time [ms]"}, "range": [-reach, reach]},
+            "yaxis": {"autorange": "reversed", "type": "category"},
+            "shapes": [digit | {"line": {"width": 0}, "layer": "below"}],
+        },
+        height=200 + 26 * len(rows),
+    )
+
+
+def _path(name: str, place: Array, style: Style | None) -> dict[str, Any]:
+    return line(name, _line(place[:, 0]), _line(place[:, 1]), style)
+
+
+def _halt(t: Array, place: Array, time: float, colour: str, label: str, size: int) -> dict[str, Any]:
+    x, y = (round(float(np.interp(time, t, place[:, k])), 6) for k in (0, 1))
+    mark = {"color": colour, "symbol": "star", "size": size, "line": {"color": SOFT, "width": 0.5}}
+    return points(f"{escaped(label)} halts", [x], [y], colour, marker=mark, showlegend=False, legendgroup=escaped(label))
+
+
+def _name(result: ComparisonResult, engine: EngineResult) -> str:
+    return escaped(result.short_name(engine))
+
+
+def _line(values: Array, digits: int = 6) -> list[float | None]:
+    """Evenly thinned ``values`` to ``digits`` significant digits, None where they are not finite."""
+    stride = -(-len(values) // POINTS)
+    return plain(values[::stride], digits)

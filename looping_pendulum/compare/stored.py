@@ -1,0 +1,130 @@
+"""A comparison read back from its folder, trajectories included, so that a page can be made anew without running engines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.compare.align import SAME_TIME, align
+from looping_pendulum.compare.export import CSV_COLUMNS, file_stem
+from looping_pendulum.compare.json_text import plain
+from looping_pendulum.compare.result import ComparisonResult, ResultError, RunProvenance, Samples
+from looping_pendulum.compare.run_cache import run_key
+from looping_pendulum.engines.protocol import Engine
+from looping_pendulum.engines.trajectory import (
+    UNKNOWN_MODE,
+    Provenance,
+    RunStatus,
+    Supplier,
+    Supplies,
+    Supply,
+    Trajectory,
+    TrajectoryEvent,
+)
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.scenarios.scenario import Scenario
+
+TRIED_AGAIN = (RunStatus.INTERRUPTED, RunStatus.TIME_LIMIT, RunStatus.MEMORY_LIMIT)
+"""Ends after which a run is worth another try."""
+
+
+def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine]) -> ComparisonResult | None:
+    """Return what `write` left in ``folder`` if it is of just these ``engines`` on this ``scenario``, trajectories included.
+
+    None if there is nothing, if it is of another input or version, if a run was cut short, or if a file cannot be read.
+    """
+    try:
+        result = ComparisonResult.from_json((folder / "result.json").read_text(encoding="utf-8"))
+        wanted = scenario.name, scenario.title, scenario.description, plain(scenario.parameters.as_dict()), scenario.duration
+        if (result.scenario, result.title, result.description, result.parameters, result.duration) != wanted:
+            return None
+        if result.run_keys != tuple(run_key(engine, scenario) for engine in engines):
+            return None
+        if any(RunStatus[engine.status] in TRIED_AGAIN for engine in result.engines):
+            return None
+        return replace(result, samples=_samples(result, folder / "trajectories"))
+    except (OSError, ValueError, KeyError, IndexError, ResultError):
+        return None
+
+
+def _samples(result: ComparisonResult, folder: Path) -> Samples:
+    """Read the trajectories of ``result`` from their CSV files."""
+    true = result.truth
+    truth = _trajectory(
+        folder / "truth.csv",
+        engine=true.engine,
+        variant=true.variant,
+        profile="",
+        scenario=result.scenario,
+        events=tuple(TrajectoryEvent(name=name, time=time) for name, time in true.events),
+        provenance=_provenance(true.provenance),
+    )
+
+    def at(times: Array) -> Trajectory:
+        place = np.clip(np.searchsorted(truth.t, times - SAME_TIME), 0, len(truth.t) - 1)
+        return _rows(truth, place[np.abs(truth.t[place] - times) < SAME_TIME])
+
+    runs = [
+        _trajectory(
+            folder / f"{file_stem(e.label, e.profile)}.csv" if e.samples else None,
+            engine=e.engine,
+            variant=e.variant,
+            profile=e.profile,
+            scenario=result.scenario,
+            status=RunStatus[e.status],
+            message=e.message,
+            provenance=_provenance(e.provenance),
+        )
+        for e in result.engines
+    ]
+    return Samples(truth=truth, aligned=tuple(align(run, at) for run in runs))
+
+
+def _trajectory(path: Path | None, **fields: Any) -> Trajectory:
+    """Read what `export.trajectory_csv` wrote; without a file, a run without samples."""
+    lines = [] if path is None else path.read_text(encoding="utf-8").splitlines()
+    head = [name for name, _ in CSV_COLUMNS]
+    if lines and lines[0].split(",") != [*head, "mode"]:
+        raise ResultError(f"{path}: found other columns, needed {','.join(head)},mode")
+    cells = [line.split(",") for line in lines[1:]]
+    numbers = np.array([[float(c) if c else np.nan for c in row[: len(head)]] for row in cells]).reshape(-1, len(head))
+    column = dict(zip((name.partition(" [")[0] for name in head), numbers.T, strict=True))
+
+    def pair(mass: str, quantity: str = "") -> Array:
+        return np.column_stack([column[f"{mass}_{quantity}x"], column[f"{mass}_{quantity}y"]])
+
+    def tension(name: str) -> Array | None:
+        return None if np.isnan(column[name]).all() else column[name]
+
+    modes = [UNKNOWN_MODE if not row[-1] else Mode[row[-1].upper()] for row in cells]
+    return Trajectory(
+        t=column["t"],
+        light_position=pair("light"),
+        light_velocity=pair("light", "v"),
+        heavy_position=pair("heavy"),
+        heavy_velocity=pair("heavy", "v"),
+        free_length=column["free_length"],
+        wrap_angle=column["wrap_angle"],
+        string_stretch=column["string_stretch"],
+        mode=np.array(modes, dtype=np.int8),
+        light_tension=tension("light_tension"),
+        heavy_tension=tension("heavy_tension"),
+        **fields,
+    )
+
+
+def _rows(run: Trajectory, place: np.ndarray) -> Trajectory:
+    """``run`` at the samples ``place``."""
+    names = ("t", "light_position", "light_velocity", "heavy_position", "heavy_velocity", "free_length", "wrap_angle", "mode")
+    changed: dict[str, Any] = {name: getattr(run, name)[place] for name in (*names, "string_stretch")}
+    return replace(run, **changed)
+
+
+def _provenance(told: RunProvenance) -> Provenance:
+    supplies = {s.what.replace(" ", "_"): Supply(by=Supplier(s.by), how=s.how) for s in told.supplies}
+    return Provenance(versions=told.versions, settings=told.settings, supplies=Supplies(**supplies), seed=told.seed)

@@ -1,0 +1,41 @@
+"use strict";
+// Draws the page's figures in the colours of the chosen ground, and again when that changes or the page is printed.
+(() => {
+  const PAPER = 680;  // width of a figure on paper [px]: what A4 and letter hold
+  const figures = JSON.parse(document.getElementById("figures").textContent);
+
+  /** A copy of plain data with every "var(--name)" turned into its colour. */
+  function coloured(value) {
+    if (typeof value === "string") return Theme.colour(value);
+    if (Array.isArray(value)) return typeof value[0] === "number" ? value : value.map(coloured);
+    if (value && typeof value === "object") return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, coloured(inner)]));
+    return value;
+  }
+
+  function layout(figure, width) {
+    const axis = { gridcolor: "var(--grid)", zerolinecolor: "var(--line)", linecolor: "var(--line)", automargin: true };
+    const merged = { ...figure.layout };
+    for (const name of Object.keys(merged)) if (/^[xy]axis\d*$/.test(name)) merged[name] = { ...axis, ...merged[name] };
+    return coloured({
+      paper_bgcolor: "var(--ground)", plot_bgcolor: "var(--ground)",
+      font: { color: "var(--ink)", family: "system-ui, Segoe UI, Roboto, Arial, sans-serif", size: 13 },
+      hovermode: "closest", autosize: true,
+      legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom" },
+      ...merged,
+      ...(Theme.printing ? { width: PAPER, autosize: false } : {}),
+      height: figure.layout.height + (width < 600 ? 22 * figure.traces.filter((t) => t.showlegend !== false).length : 0),
+      margin: { l: 64, r: 12, t: 24, b: 90, ...merged.margin },
+    });
+  }
+
+  function draw() {
+    for (const figure of figures) {
+      const box = document.getElementById(figure.id);
+      const made = layout(figure, Theme.printing ? PAPER : box.clientWidth);
+      box.style.height = `${made.height}px`;
+      Plotly.react(box, coloured(figure.traces), made, { responsive: true, displaylogo: false });
+    }
+  }
+
+  Theme.onChange(draw);  // first when the page has been read
+})();

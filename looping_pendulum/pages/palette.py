@@ -1,0 +1,55 @@
+"""Colours, dashes and markers that tell runs apart, for the eye that sees no red or green too, on light and dark ground."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Okabe and Ito's colour-blind-safe palette without black (the truth) and yellow (faint on white)."""
+DARK_COLOURS = ("#4DA3E0", "#FF8A3D", "#2CC9A0", "#E8A0CB", "#F7BF3E", "#9AD8FF")
+"""The same hues in the same order, lighter, for a dark ground."""
+DASHES: tuple[tuple[float, ...], ...] = ((1, 0), (6, 2), (2, 1.5), (6, 2, 1.5, 2), (9, 3), (4, 1.5, 1, 1.5, 1, 1.5))
+"""Lengths of strokes and gaps, in line widths or points."""
+MARKERS = "osD^vP"
+"""Matplotlib's letters: circle, square, diamond, triangle up, triangle down, plus."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Style:
+    """How one engine is drawn everywhere."""
+
+    colour: str
+    dashes: tuple[float, ...]
+    marker: str
+    slot: int
+    """Place of the colour in `COLOURS`; pages name it ``var(--run-SLOT)``, which follows the ground."""
+
+
+def styles(labels: Iterable[str]) -> dict[str, Style]:
+    """Colour, dashes and marker per label: by the label's checksum; a later label (in order) gives way if they clash."""
+    taken: dict[int, str] = {}
+    for label in sorted(set(labels)):
+        wanted = zlib.crc32(label.encode()) % len(COLOURS)
+        free = [slot for k in range(len(COLOURS)) if (slot := (wanted + k) % len(COLOURS)) not in taken]
+        taken[free[0] if free else len(taken)] = label
+    count = len(COLOURS)
+    return {
+        label: Style(
+            colour=COLOURS[slot % count],
+            dashes=DASHES[(slot + slot // count) % count],
+            marker=MARKERS[(slot + slot // count) % count],
+            slot=slot % count,
+        )
+        for slot, label in taken.items()
+    }
+
+
+def colour_rules() -> str:
+    """CSS custom properties ``--run-0`` and so on, for both grounds."""
+
+    def rules(colours: tuple[str, ...]) -> str:
+        return " ".join(f"--run-{slot}: {colour};" for slot, colour in enumerate(colours))
+
+    return f":root {{ {rules(COLOURS)} }}\n:root[data-theme=dark] {{ {rules(DARK_COLOURS)} }}"

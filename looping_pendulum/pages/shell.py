@@ -1,0 +1,90 @@
+"""One self-contained HTML file from a template, styles, scripts and data."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from typing import Any
+
+from jinja2 import DictLoader, Environment, StrictUndefined
+from markupsafe import Markup
+
+from looping_pendulum.pages.palette import colour_rules
+
+KIT = "looping_pendulum.pages"
+"""Package whose ``assets`` hold what pages share."""
+
+
+@cache
+def asset(package: str, name: str) -> str:
+    """Text of a file in the folder ``assets`` of ``package``."""
+    return _assets(package).joinpath(name).read_text(encoding="utf-8")
+
+
+def embedded(data: Any) -> str:
+    """``data`` as JSON that is safe inside a script element: no text in it can end the element or open another."""
+    text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text
+
+
+def page(
+    package: str,
+    template: str,
+    *,
+    title: str,
+    styles: Sequence[tuple[str, str]] = (),
+    scripts: Sequence[str] = (),
+    data: Mapping[str, Any] | None = None,
+    **context: Any,
+) -> str:
+    """Render ``template`` of ``package``'s assets, which extends the kit's ``base.html``.
+
+    Parameters
+    ----------
+    styles
+        (package, file) of style sheets beside the kit's own.
+    scripts
+        Sources of scripts, run in this order at the end of the body. Nothing else runs: the page's policy names them by hash.
+    data
+        Id -> what a script finds as JSON in the element of that id.
+    context
+        What the template asks for; text is escaped.
+    """
+    theme = asset(KIT, "theme.js")
+    sources = {"base.html": asset(KIT, "base.html"), template: asset(package, template)}
+    environment = Environment(loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    sheets = [asset(KIT, "base.css"), colour_rules(), *(asset(*sheet) for sheet in styles)]
+    return environment.get_template(template).render(
+        title=title,
+        policy=Markup(_policy([theme, *scripts])),
+        sheet=Markup("\n".join(sheets)),
+        theme=Markup(theme),
+        scripts=[Markup(_closed_to_markup(source)) for source in scripts],
+        data={name: Markup(embedded(value)) for name, value in (data or {}).items()},
+        **context,
+    )
+
+
+def _assets(package: str) -> Traversable:
+    return files(package) / "assets"
+
+
+def _closed_to_markup(source: str) -> str:
+    """Return ``source``, which must not end its own element."""
+    if "</script" in source.lower() or "<!--" in source:
+        raise ValueError("a page's script holds '</script' or '<!--', which would end it early; split that string in two")
+    return source
+
+
+def _policy(scripts: Sequence[str]) -> str:
+    """Content security policy: no request at all, and only ``scripts`` run."""
+    hashes = (base64.b64encode(hashlib.sha256(source.encode()).digest()).decode() for source in scripts)
+    run = " ".join(f"'sha256-{digest}'" for digest in hashes)
+    return f"default-src 'none'; style-src 'unsafe-inline'; img-src data: blob:; script-src {run}"

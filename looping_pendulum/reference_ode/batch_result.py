@@ -1,0 +1,124 @@
+"""What became of each of many runs, as arrays."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.solution import Run
+from looping_pendulum.reference_ode.transitions import Event, Mode
+
+ENDS: tuple[str, ...] = (
+    Event.LIGHT_REACHES_ROD,
+    Event.HEAVY_REACHES_ROD,
+    Event.UNWRAPPED,
+    Event.TIME_UP,
+    "failed",
+)
+"""What `BatchResult.end` counts in: the event that ended a run, or "failed"."""
+FAILED = ENDS.index("failed")
+
+HASH_START, _HASH_FACTOR = np.uint64(0xCBF29CE484222325), np.uint64(0x100000001B3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchResult:
+    """What became of each run; every array has shape (n,). A failed run has nan, zero counts and a sequence of 0."""
+
+    halting_time: Array
+    """Start of the sticking that lasts until the light mass reaches the rod [s]; nan without one."""
+    halting_wrap_angle: Array
+    """Wrap angle at that time [rad]; nan without one."""
+    halting_free_length: Array
+    """Free length at that time [m]; nan without one."""
+    drop: Array
+    """How far the heavy mass is below its release at the end [m]."""
+    wrap_angle: Array
+    """At the end [rad]."""
+    free_length: Array
+    """At the end [m]."""
+    stops: NDArray[np.int32]
+    """How often the heavy mass's speed became zero."""
+    reslips: NDArray[np.int32]
+    """How often a sticking string broke away."""
+    slack_intervals: NDArray[np.int32]
+    """How often the string was, or became, slack."""
+    end: NDArray[np.int8]
+    """How the run ended, as an index into `ENDS`."""
+    end_time: Array
+    """[s]"""
+    sequence: NDArray[np.uint64]
+    """Hash of the sequence of modes (`sequence_hash`)."""
+
+    def __len__(self) -> int:
+        return len(self.end)
+
+    @classmethod
+    def empty(cls, n: int) -> BatchResult:
+        """Results of ``n`` runs, all marked as failed until they are filled in."""
+        columns: dict[str, Any] = {}
+        for field in dataclasses.fields(cls):
+            kind, start = _COLUMN_KINDS.get(field.name, (np.float64, np.nan))
+            columns[field.name] = np.full(n, start, dtype=kind)
+        return cls(**columns)
+
+    def put(self, runs: NDArray[np.int64], part: BatchResult) -> None:
+        """Fill in ``runs`` with what became of them."""
+        for field in dataclasses.fields(self):
+            getattr(self, field.name)[runs] = getattr(part, field.name)
+
+    @classmethod
+    def joined(cls, parts: Sequence[BatchResult]) -> BatchResult:
+        """The results of several batches, one after another."""
+        names = [field.name for field in dataclasses.fields(cls)]
+        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
+_COLUMN_KINDS: dict[str, tuple[type, float]] = {
+    "stops": (np.int32, 0),
+    "reslips": (np.int32, 0),
+    "slack_intervals": (np.int32, 0),
+    "end": (np.int8, FAILED),
+    "sequence": (np.uint64, 0),
+}
+
+
+def sequence_hash(modes: Iterable[int]) -> int:
+    """64-bit FNV-1a hash of a sequence of modes."""
+    value = HASH_START
+    with np.errstate(over="ignore"):
+        for mode in modes:
+            value = hash_further(value, np.uint64(mode))
+    return int(value)
+
+
+def hash_further(value: Any, mode: Any) -> Any:
+    """Add one mode to a hash (numbers or arrays of np.uint64)."""
+    return (value ^ mode) * _HASH_FACTOR
+
+
+def summary(run: Run) -> dict[str, Any]:
+    """What a `BatchResult` says of one run."""
+    end, halt = run.end, run.halt
+    assert end.event is not None
+    slack = (Mode.SLACK, Mode.CLAMPED_SLACK)
+    return {
+        "halting_time": np.nan if halt is None else halt.time,
+        "halting_wrap_angle": np.nan if halt is None else halt.state.wrap_angle,
+        "halting_free_length": np.nan if halt is None else halt.state.free_length,
+        "drop": run.heavy_drop(end.state),
+        "wrap_angle": end.state.wrap_angle,
+        "free_length": end.state.free_length,
+        "stops": len(run.stops),
+        "reslips": sum(event.event in (Event.BREAKS_DOWN, Event.BREAKS_UP) for event in run.events),
+        "slack_intervals": sum(mode in slack for mode in run.modes),
+        "end": ENDS.index(end.event),
+        "end_time": run.end_time,
+        "sequence": sequence_hash(run.modes),
+    }

@@ -1,0 +1,110 @@
+"""Where polynomials on [0, 1] first fall through zero, for many polynomials at once."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import comb
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.reference_ode.geometry import Array
+
+DEEPEST = 50
+"""Halvings after which two roots count as one."""
+NEWTON_STEPS = 8
+POLISHINGS = 60
+CLOSE = 1e-10
+"""Newton's step after which a root is exact but for rounding: the next would be about its square."""
+
+
+def first_falls(polynomials: Array) -> Array:
+    """First root in [0, 1] at which each polynomial changes from above zero to below it; inf without one. Shape (n,).
+
+    The signs of the coefficients in Bernstein's basis bound the number of roots from above, and exactly where they change no
+    more than once (Descartes' rule of signs). Intervals that they leave open are halved until they do not, so that no pair of
+    roots is missed, however close.
+
+    Parameters
+    ----------
+    polynomials
+        Coefficients of ascending powers, shape (degree + 1, n).
+    """
+    degree = len(polynomials) - 1
+    first = np.full(polynomials.shape[1], np.inf)
+    if not len(first):
+        return first
+    found = _look(degree)(np.ascontiguousarray(polynomials), batch_parallel=False)
+    bernstein, roots, moved = found[:-2], found[-2], found[-1]
+    owner, low, width = np.arange(len(first)), np.zeros(len(first)), 1.0
+    left, right = _halvings(degree)
+    for depth in range(DEEPEST):
+        positive = bernstein > 0
+        changes = np.count_nonzero(positive[1:] != positive[:-1], axis=0)
+        falls = np.flatnonzero((changes == 1) & positive[0])
+        at = roots[falls] if depth == 0 else np.full(len(falls), np.nan)
+        unsure = np.flatnonzero(~((at >= 0) & (at <= 1) & (moved[falls] < CLOSE))) if depth == 0 else np.arange(len(falls))
+        at[unsure] = _bracketed(polynomials[:, owner[falls[unsure]]], low[falls[unsure]], width)
+        np.minimum.at(first, owner[falls], at)
+        open_ = np.flatnonzero((changes > 1) & (low < first[owner]))
+        if not len(open_):
+            return first
+        bernstein = np.concatenate([left @ bernstein[:, open_], right @ bernstein[:, open_]], axis=1)
+        width *= 0.5
+        owner, low = np.tile(owner[open_], 2), np.concatenate([low[open_], low[open_] + width])
+    return first
+
+
+def _bracketed(polynomials: Array, low: Array, width: float) -> Array:
+    """The one root of each polynomial in (low, low + width): Newton's method, or halving where that leaves the interval."""
+    if not len(low):
+        return low
+    high = low + width
+    x = 0.5 * (low + high)
+    slopes = polynomials[1:] * np.arange(1.0, len(polynomials))[:, None]
+    for _ in range(POLISHINGS):
+        value = values(polynomials, x)
+        above = value > 0
+        low, high = np.where(above, x, low), np.where(above, high, x)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            newton = x - value / values(slopes, x)
+        better = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
+        moved = np.abs(better - x).max()
+        x = better
+        if moved < CLOSE:
+            break
+    return x
+
+
+def values(polynomials: Array, x: Array) -> Array:
+    """Polynomials, coefficients of ascending powers along the first axis, at ``x``."""
+    value: Array = polynomials[-1] * x
+    for coefficients in polynomials[-2:0:-1]:
+        value += coefficients
+        value *= x
+    value += polynomials[0]
+    return value
+
+
+@lru_cache(maxsize=8)
+def _look(degree: int) -> Any:
+    """Compiled: coefficients -> those in Bernstein's basis, the root that Newton's method finds, the size of its last step."""
+    import heyoka as hy
+
+    c = [hy.expression(f"c{k}") for k in range(degree + 1)]
+    bernstein = [hy.sum([comb(k, j) / comb(degree, j) * c[j] for j in range(k + 1)]) for k in range(degree + 1)]
+    before = x = c[0] / (c[0] - bernstein[-1])  # the secant's: the last is the value at 1
+    for _ in range(NEWTON_STEPS):
+        value, slope = c[-1] * x + c[-2], c[-1]
+        for coefficient in c[-3::-1]:
+            value, slope = value * x + coefficient, slope * x + value
+        before, x = x, x - value / slope
+    moved = x - before
+    return hy.cfunc([*bernstein, x, hy.select(hy.lt(moved, 0.0), -moved, moved)], c)
+
+
+@lru_cache(maxsize=8)
+def _halvings(degree: int) -> tuple[Array, Array]:
+    """Matrices that give Bernstein coefficients on either half of an interval (de Casteljau)."""
+    left = np.array([[comb(k, j) / 2.0**k for j in range(degree + 1)] for k in range(degree + 1)])
+    return left, left[::-1, ::-1].copy()

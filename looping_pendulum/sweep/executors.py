@@ -1,0 +1,173 @@
+"""Where chunks are run: in this process, in processes of this machine, or on a Dask cluster.
+
+Each executor takes tasks one by one, keeps only a few under way, and yields their results as they come, in any order.
+"""
+
+from __future__ import annotations
+
+import itertools
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from importlib import import_module
+from typing import Any
+
+from looping_pendulum.errors import EngineError, HarnessError, MissingPackageError
+from looping_pendulum.scenarios.document import one_line
+from looping_pendulum.sweep.cells import Result, Task
+
+Solve = Callable[[Task], Result]
+
+CONNECT_TIME = 5.0
+"""How long a scheduler may take to answer [s]."""
+WORKER_TIME = 15.0
+"""How long to wait for a cluster's first worker [s]."""
+RETRIES = 3
+"""How often the cluster may try a chunk again."""
+WINDOW_CHECK = 32
+"""Results between two looks at how many workers there are."""
+
+
+def in_process(tasks: Iterator[Task], solve: Solve) -> Iterator[Result]:
+    """Run tasks here, one after another."""
+    for task in tasks:
+        yield solve(task)
+
+
+def in_processes(tasks: Iterator[Task], solve: Solve, jobs: int) -> Iterator[Result]:
+    """Run tasks in ``jobs`` processes of this machine.
+
+    Raises
+    ------
+    EngineError
+        If one of them dies.
+    """
+    before = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker)
+    try:
+        running: set[Future[Result]] = {pool.submit(solve, task) for task in itertools.islice(tasks, 2 * jobs)}
+        while running:
+            done, running = wait(running, return_when=FIRST_COMPLETED)
+            running |= {pool.submit(solve, task) for task in itertools.islice(tasks, len(done))}
+            for future in done:
+                yield future.result()
+    except BrokenProcessPool:
+        message = "a worker process died; was the machine out of memory? What is finished is kept: run the same command again"
+        raise EngineError(f"{message}, with fewer --jobs") from None
+    finally:
+        for child in set(multiprocessing.active_children()) - before:
+            child.terminate()
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _begin_worker() -> None:
+    """Leave Ctrl-C to the parent, end in good order when told to, and end with the parent if that is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that what an engine has started is ended, too
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    main = threading.main_thread().ident
+    if main is None or not hasattr(signal, "pthread_kill"):
+        os._exit(1)
+    while True:  # the first may end a task, whose end the pool takes for a result; the next one then ends the wait for work
+        signal.pthread_kill(main, signal.SIGTERM)
+        time.sleep(0.2)
+
+
+def on_cluster(tasks: Iterator[Task], solve: Solve, address: str) -> Iterator[Result]:
+    """Run tasks on the workers of a Dask scheduler; a worker that dies only costs the chunks that it had.
+
+    Raises
+    ------
+    EngineError
+        If the scheduler does not answer, has no workers, goes away, or a chunk kills worker after worker.
+    MissingPackageError
+        If Dask is not installed.
+    """
+    with _Cluster(address) as cluster:
+        running = cluster.collector()
+        cluster.begin(tasks, solve, running)
+        for future in running:
+            yield cluster.result(future)
+            cluster.more(tasks, solve, running)
+
+
+class _Cluster:
+    """A connection to a scheduler, with its faults in words."""
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self._under_way = self._seen = self._window = 0
+
+    def __enter__(self) -> _Cluster:
+        try:
+            self._distributed: Any = import_module("distributed")
+        except ImportError:
+            message = '--cluster: Dask is not installed: `pip install "looping-pendulum[cluster]"`'
+            raise MissingPackageError(message) from None
+        try:
+            self._client = self._distributed.Client(self._address, timeout=CONNECT_TIME, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            why = " ".join(str(error).split()) or type(error).__name__
+            message = f"--cluster: {self._address}: found no scheduler that answers ({why}), needed one; start it with"
+            raise EngineError(one_line(f"{message} `dask scheduler`, and its workers with `dask worker`")) from None
+        try:
+            self._client.wait_for_workers(1, timeout=WORKER_TIME)
+        except OSError:
+            self._client.close()
+            message = f"--cluster: {self._address}: found a scheduler without workers, needed one or more"
+            raise EngineError(one_line(f"{message}; start them with `dask worker {self._address} --nthreads 1`")) from None
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        self._client.close(timeout=CONNECT_TIME)  # and so drop what is still under way
+
+    def collector(self) -> Any:
+        """What takes tasks under way and gives them back as they end."""
+        return self._distributed.as_completed(loop=self._client.loop)
+
+    def begin(self, tasks: Iterator[Task], solve: Solve, running: Any) -> None:
+        """Send the first tasks."""
+        self._look()
+        self._submit(tasks, solve, running)
+
+    def more(self, tasks: Iterator[Task], solve: Solve, running: Any) -> None:
+        """Send tasks in place of those that have ended."""
+        if self._seen % WINDOW_CHECK == 0:
+            self._look()
+        self._submit(tasks, solve, running)
+
+    def result(self, future: Any) -> Result:
+        """Result of a task that has ended."""
+        self._under_way -= 1
+        self._seen += 1
+        try:
+            result: Result = future.result()
+        except HarnessError:
+            raise
+        except Exception as error:
+            why = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            message = f"--cluster: {self._address}: a chunk failed ({why}); what is finished is kept"
+            raise EngineError(one_line(f"{message}: mend the cluster and run the same command again")) from None
+        future.release()
+        return result
+
+    def _submit(self, tasks: Iterator[Task], solve: Solve, running: Any) -> None:
+        for task in itertools.islice(tasks, max(0, self._window - self._under_way)):
+            running.add(self._client.submit(solve, task, pure=False, retries=RETRIES))
+            self._under_way += 1
+
+    def _look(self) -> None:
+        """Take twice as many chunks as the cluster has threads: none waits, and the scheduler holds few."""
+        self._window = max(2, 2 * sum(self._client.nthreads().values()))

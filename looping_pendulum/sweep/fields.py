@@ -1,0 +1,81 @@
+"""What a map says of each run: names, units, and how a run may have ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.reference_ode.batch_result import ENDS
+from looping_pendulum.reference_ode.transitions import Event
+
+IMPOSSIBLE = "impossible"
+"""End of a run whose parameters contradict each other: it was not made."""
+ENDINGS: tuple[str, ...] = tuple(
+    dict.fromkeys([*map(str, ENDS), IMPOSSIBLE, *(status.name.lower() for status in RunStatus if not status.ok)])
+)
+"""What `end` counts in."""
+WORDS = {
+    str(Event.LIGHT_REACHES_ROD): "the light mass reached the rod",
+    str(Event.HEAVY_REACHES_ROD): "the heavy mass reached the rod",
+    str(Event.UNWRAPPED): "the string left the rod",
+    str(Event.TIME_UP): "still moving when its time was up",
+    **{status.name.lower(): status.value for status in RunStatus if not status.ok},
+    "failed": "the run broke down",
+    IMPOSSIBLE: "impossible parameters, not run",
+}
+"""How a run ended, in words."""
+UNKNOWN_COUNT = -1
+"""A count that an engine does not tell."""
+
+Values = dict[str, NDArray[np.generic]]
+"""Name of a field -> its values, shape (n,)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Field:
+    """One number per run."""
+
+    name: str
+    unit: str
+    """SI unit; '' for a plain number."""
+    dtype: str
+    meaning: str
+
+    @property
+    def fill(self) -> float:
+        """What stands where nothing was computed yet."""
+        if self.dtype == "float64":
+            return float("nan")
+        return 0 if self.dtype == "uint64" else -1
+
+
+def _real(name: str, unit: str, meaning: str) -> Field:
+    return Field(name=name, unit=unit, dtype="float64", meaning=meaning)
+
+
+def _count(name: str, meaning: str) -> Field:
+    return Field(name=name, unit="", dtype="int32", meaning=f"{meaning}; {UNKNOWN_COUNT}: the engine does not tell")
+
+
+FIELDS = (
+    _real("halting_time", "s", "start of the sticking that lasts until the light mass reaches the rod; NaN without one"),
+    _real("halting_wrap_angle", "rad", "wrap angle at the halting time; NaN without one"),
+    _real("halting_free_length", "m", "free length at the halting time; NaN without one"),
+    _real("drop", "m", "how far the heavy mass is below its release at the end of the run"),
+    _real("wrap_angle", "rad", "wrap angle at the end of the run"),
+    _real("free_length", "m", "free length at the end of the run"),
+    _count("stops", "how often the heavy mass's speed became zero"),
+    _count("reslips", "how often a sticking string broke away"),
+    _count("slack_intervals", "how often the string was, or became, slack"),
+    Field(name="end", unit="", dtype="int8", meaning="how the run ended"),
+    _real("end_time", "s", "end of the run"),
+    Field(name="sequence", unit="", dtype="uint64", meaning="hash of the sequence of modes; 0: the engine does not tell"),
+)
+
+
+def end_code(ending: str) -> int:
+    """Index into `ENDINGS`."""
+    return ENDINGS.index(ending)

@@ -1,0 +1,236 @@
+"""Figures of a map: halting time over what was varied; how the other runs ended is grey and hatched."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FormatStrFormatter, MaxNLocator
+from numpy.typing import NDArray
+
+from looping_pendulum.reference_ode.transitions import Event
+from looping_pendulum.sweep.fields import ENDINGS, WORDS
+from looping_pendulum.sweep.plan import Axis, MapPlan, Sample
+
+COLOURS = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Black for the first engine, then Okabe and Ito's palette."""
+MAP = "viridis"
+"""Colour-blind-safe and, printed grey, still in order."""
+HATCHES = ("", "////", "....", "xxxx", "\\\\\\\\", "++++", "oo")
+MARKERS = ("x", "1", "+", "2", "3", "4", ".")
+GREYS = ("0.92", "0.82", "0.72", "0.88", "0.78", "0.68", "0.95")
+MOST_CELLS = 1500
+"""Values of one axis that are drawn; of more, every second, third, ..."""
+MOST_POINTS = 20000
+"""Runs of a sample that are drawn."""
+MOST_PANELS = 9
+NO_HALT = {**WORDS, str(Event.LIGHT_REACHES_ROD): "the light mass reached the rod, and M2 was not at rest"}
+"""How a run without a halt ended, in words."""
+
+
+def draw(plan: MapPlan, store: Path) -> dict[str, tuple[str, bytes]]:
+    """File name -> (caption, PNG)."""
+    with xr.open_zarr(store, chunks=None) as data:
+        thin = data[["halting_time", "stops", "end"]].isel({dim: _thinned(n, plan) for dim, n in data.sizes.items()}).load()
+    varied = [axis for axis in plan.design.axes if isinstance(plan.design, Sample) or len(axis.values) > 1]
+    drawn = "" if all(thin.sizes[d] == n for d, n in data.sizes.items()) else " Of so many runs, evenly chosen ones are drawn."
+    if len(varied) <= 1:
+        axis = varied[0] if varied else plan.design.axes[0]
+        caption = f"Halting time and stops of the heavy mass over {axis.name}; grey: runs that do not halt.{drawn}"
+        return {"halting_time.png": (caption, _png(_lines(plan, thin, axis)))}
+    figure = _strewn(plan, thin) if isinstance(plan.design, Sample) else _maps(plan, thin, varied)
+    caption = f"Halting time over {' and '.join(a.name for a in varied)}; grey: runs that do not halt, and how they end.{drawn}"
+    return {"halting_time.png": (caption, _png(figure))}
+
+
+def _thinned(n: int, plan: MapPlan) -> slice:
+    most = MOST_POINTS if isinstance(plan.design, Sample) or len(plan.design.axes) == 1 else MOST_CELLS
+    return slice(None, None, max(1, -(-n // most)))
+
+
+def _label(axis: Axis) -> str:
+    return f"{axis.name.replace('_', ' ')}{f' [{axis.written}]' if axis.written else ''}"
+
+
+def _values(axis: Axis, data: xr.Dataset) -> NDArray[np.float64]:
+    return np.asarray(data[axis.name].values, dtype=float) / axis.scale
+
+
+def _scales(axes: Axes, x: Axis, y: Axis | None = None) -> None:
+    axes.set_xlabel(_label(x))
+    if x.logarithmic:
+        axes.set_xscale("log")
+    if y is not None:
+        axes.set_ylabel(_label(y))
+        if y.logarithmic:
+            axes.set_yscale("log")
+
+
+def _of_engine(plan: MapPlan, data: xr.Dataset, i: int) -> xr.Dataset:
+    return data.isel(engine=i) if plan.several else data
+
+
+def _lines(plan: MapPlan, data: xr.Dataset, axis: Axis) -> Figure:
+    """One varied quantity: halting time above, number of stops below; ticks mark runs that do not halt."""
+    figure = _figure(7.6, 5.6)
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    few = data.sizes[next(iter(data["end"].dims[-1:]))] <= 200 and not isinstance(plan.design, Sample)
+    for i, engine in enumerate(plan.engines):
+        one = _of_engine(plan, data, i)
+        x, halt = _values(axis, one), one["halting_time"].values.ravel()
+        stops = np.where(one["stops"].values < 0, np.nan, one["stops"].values).ravel()
+        how: dict[str, Any] = {"color": COLOURS[i % len(COLOURS)], "ms": 4 if few else 2, "ls": "-" if few else "", "lw": 0.8}
+        above.plot(x, halt, marker="o", label=engine, **how)
+        below.plot(x, stops, marker="o", **how)
+        without = x[~np.isfinite(halt)]
+        above.plot(without, np.full(len(without), 0.02 + 0.03 * i), "|", color="0.5", transform=above.get_xaxis_transform())
+    above.set_ylabel("halting time [s]")
+    below.set_ylabel("stops of the heavy mass")
+    below.set_ylim(bottom=0)
+    below.yaxis.set_major_locator(MaxNLocator(integer=True))
+    _scales(below, axis)
+    above.set_title(plan.title)
+    if plan.several:
+        above.legend(frameon=False)
+    return figure
+
+
+def _maps(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Figure:
+    """Two varied quantities of a grid: a heat map; of a third one, a panel for each of some of its values."""
+    panel_axis = min(varied, key=lambda a: len(a.values)) if len(varied) > 2 else None
+    x, y = (axis for axis in varied if axis is not panel_axis)
+    chosen = [0] if panel_axis is None else _evenly(data.sizes[panel_axis.name], MOST_PANELS // len(plan.engines) or 1)
+    panels = [(i, j) for i in range(len(plan.engines)) for j in chosen]
+    figure, grid, norm = _panels(len(panels), data)
+    seen: set[int] = set()
+    for axes, (i, j) in zip(grid, panels, strict=True):
+        one = _of_engine(plan, data, i)
+        title = [plan.engines[i]] if plan.several else []
+        if panel_axis is not None:
+            title.append(f"{_label(panel_axis)} {_values(panel_axis, one)[j]:.4g}")
+            one = one.isel({panel_axis.name: j})
+        one = one.squeeze([d for d in one.dims if d not in (x.name, y.name)]).transpose(y.name, x.name)
+        seen |= _heat(axes, x, y, one, norm)
+        _scales(axes, x, y)
+        axes.set_title(", ".join(title), fontsize="medium")
+    handles = []
+    for code in sorted(seen):
+        grey, hatch = _look(code)
+        handles.append(Patch(facecolor=grey, edgecolor="0.45", hatch=hatch, lw=0, label=NO_HALT[ENDINGS[code]]))
+    return _finish(figure, grid, norm, plan.title, handles)
+
+
+def _heat(axes: Axes, x: Axis, y: Axis, one: xr.Dataset, norm: Normalize) -> set[int]:
+    """Draw one heat map; return the endings among its runs that do not halt."""
+    halt, end = one["halting_time"].values, one["end"].values
+    (across, right), (up, top) = (_edges(axis, _values(axis, one)) for axis in (x, y))
+    axes.pcolormesh(right, top, np.ma.masked_invalid(halt), cmap=MAP, norm=norm)
+    without = ~np.isfinite(halt)
+    codes = {int(code) for code in np.unique(end[without])}
+    for code in sorted(codes):
+        here = without & (end == code)
+        grey, hatch = _look(code)
+        shade = np.ma.masked_where(~here, np.full(here.shape, float(grey)))
+        axes.pcolormesh(right, top, shade, cmap="gray", vmin=0, vmax=1)
+        if hatch:
+            wide = np.pad(here.astype(float), 1, mode="edge")
+            around = axes.contourf(across, up, wide, levels=[0.5, 1.5], colors="none", hatches=[hatch])
+            around.set_edgecolor("0.45")
+            around.set_linewidth(0)
+    return codes
+
+
+def _edges(axis: Axis, centres: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Centres of the cells with the outermost edges before and after them, and all edges."""
+    on = np.log(centres) if axis.logarithmic else centres
+    between = (on[1:] + on[:-1]) / 2
+    edges = np.concatenate([[on[0] - (between[0] - on[0])], between, [on[-1] + (on[-1] - between[-1])]])
+    edges = np.exp(edges) if axis.logarithmic else edges
+    return np.concatenate([edges[:1], centres, edges[-1:]]), edges
+
+
+def _strewn(plan: MapPlan, data: xr.Dataset) -> Figure:
+    """A sample of two or three varied quantities: a panel for each pair of them."""
+    axes_of = plan.design.axes
+    pairs = [(a, b) for n, a in enumerate(axes_of) for b in axes_of[n + 1 :]]
+    panels = [(i, pair) for i in range(len(plan.engines)) for pair in pairs]
+    figure, grid, norm = _panels(len(panels), data)
+    seen: set[int] = set()
+    for axes, (i, (x, y)) in zip(grid, panels, strict=True):
+        one = _of_engine(plan, data, i)
+        halt, end = one["halting_time"].values, one["end"].values
+        halts = np.isfinite(halt)
+        across, up = _values(x, one), _values(y, one)
+        for code in np.unique(end[~halts]):
+            seen.add(int(code))
+            here = ~halts & (end == code)
+            axes.plot(across[here], up[here], MARKERS[code % len(MARKERS)], ms=3, color="0.6", mew=0.6, zorder=1)
+        axes.scatter(across[halts], up[halts], c=halt[halts], s=5, cmap=MAP, norm=norm, linewidths=0, zorder=2)
+        _scales(axes, x, y)
+        if plan.several:
+            axes.set_title(plan.engines[i], fontsize="medium")
+    handles = [
+        Line2D([], [], ls="", marker=MARKERS[code % len(MARKERS)], color="0.6", label=NO_HALT[ENDINGS[code]])
+        for code in sorted(seen)
+    ]
+    return _finish(figure, grid, norm, plan.title, handles)
+
+
+def _look(code: int) -> tuple[str, str]:
+    """Grey and hatch of an ending."""
+    return GREYS[code % len(GREYS)], HATCHES[code % len(HATCHES)]
+
+
+def _evenly(n: int, most: int) -> list[int]:
+    """At most ``most`` indices below ``n``, the first and the last among them."""
+    return sorted({round(i) for i in np.linspace(0, n - 1, min(n, most))})
+
+
+def _panels(count: int, data: xr.Dataset) -> tuple[Figure, list[Axes], Normalize]:
+    wide = 1 if count == 1 else 2 if count in (2, 4) else 3
+    rows = -(-count // wide)
+    figure = _figure(7.6 if wide == 1 else 3.9 * wide, 5.6 if wide == 1 else 3.5 * rows)
+    grid = list(figure.subplots(rows, wide, squeeze=False).ravel())
+    for axes in grid[count:]:
+        axes.set_axis_off()
+    halting = data["halting_time"].values
+    halting = halting[np.isfinite(halting)]
+    low, high = (halting.min(), halting.max()) if len(halting) else (1.0, 2.0)
+    # late halts are rare: on a linear scale most of a map would have one colour
+    return figure, grid[:count], LogNorm(low, high) if high > 3 * low > 0 else Normalize(low, high)
+
+
+def _finish(figure: Figure, grid: list[Axes], norm: Normalize, title: str, handles: list[Any]) -> Figure:
+    bar = figure.colorbar(ScalarMappable(norm=norm, cmap=MAP), ax=grid, label="halting time [s]", shrink=0.9)
+    if isinstance(norm, LogNorm):
+        low, high = float(norm.vmin or 0), float(norm.vmax or 0)
+        ticks = [digit * 10.0**power for power in range(-6, 7) for digit in (1, 2, 3, 5)]
+        bar.set_ticks([tick for tick in ticks if low <= tick <= high], minor=False)
+        bar.ax.minorticks_off()
+        bar.ax.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    figure.suptitle(title)
+    if handles:
+        figure.legend(handles=handles, loc="outside lower center", ncols=min(2, len(handles)), frameon=False)
+    return figure
+
+
+def _figure(width: float, height: float) -> Figure:
+    figure = Figure(figsize=(width, height), dpi=130, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _png(figure: Figure) -> bytes:
+    out = io.BytesIO()
+    figure.savefig(out, format="png", metadata={"Software": None})  # no version, so that the same figure has the same bytes
+    return out.getvalue()

@@ -1,0 +1,239 @@
+"""Where, along a line of runs, the sequence of modes changes, and which event only just happens, or does not, there.
+
+A change is found by bisection between neighbours of a scan. On one of its sides an event is missing. Its function, which would
+have had to fall through zero, has a least value on that side; that value goes to zero at the change: the event is grazed (the
+least value lies within the interval) or comes too late (at its end, where another event ends the interval). Or the same event
+leads on to another mode, because the rod just holds the string, or just does not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from looping_pendulum.reference_ode import equations
+from looping_pendulum.reference_ode.batch import solve_batch
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.solution import RunEvent, Segment, Solution
+from looping_pendulum.reference_ode.solve import TOLERANCE, solve
+from looping_pendulum.reference_ode.state import State
+from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
+
+SAMPLES = 400
+"""At how many times of a segment the least values of a function are looked for, before they are refined."""
+INSIDE = 1e-3
+"""A least value nearer than this part of the interval to its end counts as at its end."""
+APART = 1e-4
+"""Two events of the same kind that are further apart in time [s] are not the same event of two neighbouring runs."""
+FEW = 1000
+"""So many runs are made one by one: a batch has to be compiled first."""
+Sequence = tuple[tuple[Mode, ...], Event | None]
+"""Modes of a run, and how it ended."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """Runs that differ in one number."""
+
+    base: Parameters
+    name: str
+    """Of the number: a field or coefficient of `Parameters`."""
+    duration: float
+    """Limit on the simulated time [s]."""
+
+    def run(self, value: float) -> Solution:
+        """The run at ``value`` [SI], at the tolerance of `solve`."""
+        return solve(self.base.replace(**{self.name: value}), duration=self.duration)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """One place on a line where the sequence of modes changes."""
+
+    low: float
+    """Values on its two sides [SI], as near as bisection came."""
+    high: float
+    sequences: tuple[Sequence, Sequence]
+    """Below and above."""
+    halting_times: tuple[float | None, float | None]
+    """Below and above [s]."""
+    event: Event
+    """What only just happens, or only just leads on to another mode."""
+    kind: str
+    """"graze", "race" or "choice"."""
+    rival: Event
+    """What happens instead; the event itself for a choice."""
+    missing_below: bool
+    """Whether the event is missing (or the string held) below, not above."""
+    position: int
+    """Of that event among those of the run that end a mode, the release being 0."""
+    time: float
+    """When [s]."""
+    quantity: float
+    """What passes zero there, where the event is missing: the least value of the event's function, or the margin."""
+    gap: float
+    """Largest distance between the masses' places of the two runs at equal times [m]."""
+
+
+def sequence(run: Solution) -> Sequence:
+    """Modes of a run and how it ended."""
+    return run.modes, run.end.event
+
+
+def find_changes(line: Line, values: Array, *, width: float) -> list[Change]:
+    """Find the changes between neighbouring ``values`` [SI], ascending, each to within ``width`` [SI].
+
+    Two changes between neighbours that cancel each other stay unseen; a finer scan shows whether there are any.
+    """
+    codes = _codes(line, values)
+    differs = [i for i in range(len(values) - 1) if codes[i] != codes[i + 1]]
+    found: list[Change] = []
+    for i in differs:
+        low, high = float(values[i]), float(values[i + 1])
+        for bracket in _brackets(line, low, high, sequence(line.run(low)), sequence(line.run(high)), width):
+            found.append(explain(line, *bracket))
+    return found
+
+
+def _codes(line: Line, values: Array) -> list[object]:
+    """Something for each run that tells their sequences apart."""
+    if len(values) <= FEW:
+        return [sequence(line.run(float(value))) for value in values]
+    scanned = solve_batch(line.base, {line.name: values}, duration=line.duration, tolerance=TOLERANCE)
+    return list(zip(scanned.sequence.tolist(), scanned.end.tolist(), strict=True))
+
+
+def _brackets(
+    line: Line, low: float, high: float, below: Sequence, above: Sequence, width: float
+) -> Iterator[tuple[float, float]]:
+    """Halve until every change between ``low`` and ``high`` stands alone in a bracket of at most ``width``."""
+    middle = 0.5 * (low + high)
+    if high - low <= width or middle in (low, high):
+        yield low, high
+        return
+    between = sequence(line.run(middle))
+    if between != below:
+        yield from _brackets(line, low, middle, below, between, width)
+    if between != above:
+        yield from _brackets(line, middle, high, between, above, width)
+
+
+def explain(line: Line, low: float, high: float) -> Change:
+    """Say which event makes the two runs differ, and evaluate what passes zero."""
+    runs = line.run(low), line.run(high)
+    lists = [_ending_modes(run) for run in runs]
+    k = next(i for i, pair in enumerate(zip(*lists, strict=False)) if _differ(*pair))
+    here = lists[0][k], lists[1][k]
+    assert here[0].event is not None
+    assert here[1].event is not None
+    if here[0].event is here[1].event and abs(here[0].time - here[1].time) < APART:
+        held = 0 if here[0].mode_after is Mode.STICKING else 1
+        event, kind, missing = here[0].event, "choice", held
+        quantity = min(_margins(runs[held], here[held]))
+        rival, time = event, here[held].time
+    else:
+        missing = 1 if here[0].time <= here[1].time else 0  # the earlier event is the one that the other run lacks
+        other = here[1 - missing].event
+        assert other is not None
+        event, rival = other, here[missing].event or other
+        start = lists[missing][k - 1].time
+        quantity, time, share = least_value(runs[missing], event, start, _until(event, here[1 - missing].time, here[missing]))
+        kind = "race" if share > 1 - INSIDE else "graze"
+    return Change(
+        low=low,
+        high=high,
+        sequences=(sequence(runs[0]), sequence(runs[1])),
+        halting_times=(runs[0].halting_time, runs[1].halting_time),
+        event=event,
+        kind=kind,
+        rival=rival,
+        missing_below=missing == 0,
+        position=k,
+        time=time,
+        quantity=quantity,
+        gap=gap(*runs),
+    )
+
+
+def _differ(a: RunEvent, b: RunEvent) -> bool:
+    return (a.event, a.mode_after) != (b.event, b.mode_after) or abs(a.time - b.time) > APART
+
+
+def _until(event: Event, time: float, ending: RunEvent) -> float:
+    """End of the interval in which ``event``, expected near ``time`` [s], is missing; the same event may come later."""
+    return 0.5 * (time + ending.time) if ending.event is event else ending.time
+
+
+def approach(line: Line, change: Change, distances: Array) -> Array:
+    """What passes zero at ``change``, at these ``distances`` [SI] from it on the side where the event is missing."""
+    values = change.low - distances if change.missing_below else change.high + distances
+    return np.array([_quantity_at(line, change, float(value)) for value in values])
+
+
+def _quantity_at(line: Line, change: Change, value: float) -> float:
+    run = line.run(value)
+    events, k = _ending_modes(run), change.position
+    common = change.sequences[0][0][:k]
+    if run.modes[:k] != common or len(events) <= k:
+        return math.nan  # another change lies between
+    if change.kind == "choice":
+        return min(_margins(run, events[k]))
+    return least_value(run, change.event, events[k - 1].time, _until(change.event, change.time, events[k]))[0]
+
+
+def _ending_modes(run: Solution) -> list[RunEvent]:
+    return [e for e in run.events if e.event not in PHASE_EVENTS]
+
+
+def _margins(run: Solution, event: RunEvent) -> tuple[float, float]:
+    """How far the rod is from letting the string slide, at an event that stops it [N]."""
+    p, effects = run.parameters.values(), run.parameters.effects
+    signs = next(s.signs for s in reversed(run.segments) if s.times[0] < event.time)
+    down, up = equations.holding_margins(math, event.time, event.state, signs, p, effects)
+    return float(down), float(up)
+
+
+def least_value(run: Solution, event: Event, start: float, end: float) -> tuple[float, float, float]:
+    """Least value of the function of ``event`` between two times [s], when it is, and at which part of the interval.
+
+    A slide starts from a stop, and slack from a pull: their functions are zero there, which does not count.
+    """
+    from scipy.optimize import minimize_scalar
+
+    best = (math.inf, end)
+    from_zero = event in (Event.STOP, Event.TAUT)
+    for segment in (s for s in run.segments if s.times[-1] > start and s.times[0] < end):
+        t = np.linspace(max(start, segment.times[0]), min(end, segment.times[-1]), SAMPLES)
+        values = _watched(run, segment, event, t)
+        first_counts = not (from_zero and t[0] == start)
+        candidates = [(float(values[i]), float(t[i])) for i in ((0, -1) if first_counts else (-1,))]
+        for i in 1 + np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])):
+            refined = minimize_scalar(
+                lambda x, s=segment: float(_watched(run, s, event, np.array([x]))[0]),
+                bounds=(t[i - 1], t[i + 1]),
+                method="bounded",
+                options={"xatol": 1e-13},
+            )
+            candidates.append((float(refined.fun), float(refined.x)))
+        best = min(best, *candidates)
+    return best[0], best[1], (best[1] - start) / (end - start)
+
+
+def _watched(run: Solution, segment: Segment, event: Event, t: Array) -> Array:
+    """Function of ``event`` in a segment; of a stop or a pull itself, not of what has to come before it."""
+    y = State(*segment.sample(t).values)
+    p, effects = run.parameters.values(), run.parameters.effects
+    functions = equations.event_functions(np, segment.mode, t, y, segment.signs._replace(phase=1.0), p, effects)
+    return np.broadcast_to(functions[event], t.shape)
+
+
+def gap(a: Solution, b: Solution) -> float:
+    """Largest distance between the masses' places at equal times [m], while both runs last."""
+    t = np.linspace(0.0, min(a.end_time, b.end_time), 10 * SAMPLES)[:-1]
+    first, second = a.sample(t), b.sample(t)
+    light, heavy = first.light_position - second.light_position, first.heavy_position - second.heavy_position
+    return float(max(np.hypot(*light.T).max(), np.hypot(*heavy.T).max()))

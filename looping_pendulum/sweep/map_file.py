@@ -1,0 +1,365 @@
+"""Map files to `MapPlan`. Every fault is a `ScenarioError` of one line: file, line, key, found, needed."""
+
+from __future__ import annotations
+
+import re
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, ValidationError
+from pydantic_core import PydanticCustomError
+
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.registry import how_to_get, label, missing_packages, select
+from looping_pendulum.errors import EngineError, ScenarioError
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE
+from looping_pendulum.scenarios import document, loader
+from looping_pendulum.scenarios.document import Document, one_line, quote, shorten
+from looping_pendulum.scenarios.faults import first_fault
+from looping_pendulum.scenarios.scenario import FILE_KEYS, Scenario
+from looping_pendulum.scenarios.schema import LONGEST_DURATION, Group, Quantity, Text, fault, suggest
+from looping_pendulum.scenarios.units import Kind, factor
+from looping_pendulum.sweep.cells import engine_called
+from looping_pendulum.sweep.plan import REFERENCE, Axis, Grid, MapPlan, Sample
+from looping_pendulum.sweep.quantities import MAY_MEET, Variable, variables
+
+MOST_AXES = 3
+LARGEST_MAP = 20_000_000
+"""Runs of the reference that are taken for meant; at 25 000 runs/s a quarter of an hour."""
+LARGEST_ENGINE_MAP = 20_000
+"""The same for engines, whose runs take seconds."""
+TITLE_LIMIT = 200
+
+
+def _count(found: object) -> int:
+    if isinstance(found, str) and found.isascii() and found.isdigit() and 0 < int(found[:10]) < 10**10 and len(found) < 11:
+        return int(found)
+    raise fault(f"expected a whole number from 1, got {quote(found)}; write for example '100'")
+
+
+def _seed(found: object) -> int:
+    return 0 if found == "0" else _count(found)
+
+
+def _one_of(*known: str) -> BeforeValidator:
+    def choose(found: object) -> str:
+        if isinstance(found, str) and found in known:
+            return found
+        raise fault(f"expected one of {', '.join(known)}, got {quote(found)}{suggest(str(found), known)}")
+
+    return BeforeValidator(choose)
+
+
+def _names(found: object) -> list[str]:
+    listed = found if isinstance(found, list) else [found]
+    if not listed or not all(isinstance(name, str) for name in listed):
+        raise fault(f"expected an engine or a list of them, got {quote(found)}; write for example 'reference'")
+    return [str(name) for name in listed]
+
+
+Count = Annotated[int, BeforeValidator(_count)]
+
+
+class SampleGroup(Group):
+    """Runs strewn evenly over the box of all parameters, instead of a grid."""
+
+    method: Annotated[str, _one_of("sobol", "halton")] = "sobol"
+    """Low-discrepancy sequence, scrambled: sobol (a power of 2 runs is best) or halton."""
+    count: Count
+    """Number of runs."""
+    seed: Annotated[int, BeforeValidator(_seed)] = 0
+    """Of the scrambling."""
+
+
+class MapFile(Group):
+    """A map: one scenario, run again and again while one to three quantities change."""
+
+    title: Text
+    """A few words."""
+    description: Text = ""
+    """What question it answers."""
+    scenario: Text
+    """Shipped scenario, or path of a file from this file's folder."""
+    engine: Annotated[Any, BeforeValidator(_names)] = [REFERENCE]
+    """reference, or a list of engines and variants; their runs take seconds each."""
+    profile: Annotated[str, _one_of(*(p.value for p in Profile))] = Profile.QUICK.value
+    """Of the engines' settings; the reference has its tolerance."""
+    parameters: Any
+    """One to three quantities and their values."""
+    sample: SampleGroup | None = None
+    tolerance: Annotated[float, Quantity(Kind(unit="", low=1e-15, high=1e-3, example="1e-12"))] = TOLERANCE
+    """Relative tolerance of a step of the reference."""
+    duration: (
+        Annotated[float, Quantity(Kind(unit="s", low=0.0, high=LONGEST_DURATION, above_low=True, example="5 s"))] | None
+    ) = None
+    """Limit on the simulated time of a run; 5 s or the scenario's, whichever is longer."""
+    chunk: Count | None = None
+    """Most runs that are computed, written and resumed as one."""
+
+
+def shipped() -> list[str]:
+    """Names of the maps that come with the package."""
+    return sorted(Path(entry.name).stem for entry in _folder().iterdir() if entry.name.endswith(".yaml"))
+
+
+def load(name_or_path: str | Path) -> MapPlan:
+    """Load a shipped map by its name, or any by its path.
+
+    Raises
+    ------
+    ScenarioError
+        If there is none, or if it is faulty.
+    EngineError, MissingPackageError
+        If it asks for an engine that is not there.
+    """
+    raw, file, name, folder = _read(name_or_path)
+    return load_text(raw, file=file, name=name, folder=folder)
+
+
+def load_text(raw: bytes | str, *, file: str = "map.yaml", name: str = "map", folder: Path | None = None) -> MapPlan:
+    """Load a map from YAML text; ``folder`` is where a scenario's path begins. Raises as `load`."""
+    data = raw.encode() if isinstance(raw, str) else raw
+    doc = document.parse(data, file)
+    try:
+        checked = MapFile.model_validate(doc.data)
+    except ValidationError as error:
+        raise first_fault(error, doc, MapFile) from None
+    scenario = _scenario(doc, checked.scenario, folder)
+    axes = _axes(doc, checked, scenario)
+    plan = MapPlan(
+        name=name,
+        file=file,
+        text=data.decode("utf-8-sig"),
+        title=shorten(checked.title, TITLE_LIMIT),
+        description=checked.description,
+        scenario=scenario,
+        engines=_engines(doc, checked, scenario),
+        several=isinstance(doc.data.get("engine"), list),
+        profile=Profile(checked.profile),
+        design=Grid(axes=axes) if checked.sample is None else Sample(axes=axes, **checked.sample.model_dump()),
+        tolerance=checked.tolerance,
+        duration=max(DURATION, scenario.duration) if checked.duration is None else checked.duration,
+        chunk=checked.chunk,
+    )
+    corners = list(plan.corners())
+    if all(why is not None for _, why in corners):
+        words, why = corners[0]
+        message = f"found no possible apparatus at any corner (at {words}: {why}), needed other values"
+        raise doc.error(("parameters",), message)
+    return plan
+
+
+def source_text(name_or_path: str | Path) -> str:
+    """Text of a map file, comments included, after checking that it loads. Raises as `load`."""
+    return load(name_or_path).text
+
+
+def refuse_typo(plan: MapPlan, most: int | None = None) -> None:
+    """Refuse a map that is larger than ``most`` runs, by default larger than anybody is likely to mean.
+
+    Raises
+    ------
+    ScenarioError
+        If it is.
+    """
+    usual = LARGEST_MAP if set(plan.engines) == {REFERENCE} else LARGEST_ENGINE_MAP
+    limit = usual if most is None else most
+    if plan.runs > limit:
+        sizes = " x ".join(f"{name} {size}" for name, size in zip(plan.design.dims, plan.design.shape, strict=True))
+        engines = f" x engines {len(plan.engines)}" if len(plan.engines) > 1 else ""
+        found = f"{plan.file}: found {plan.runs} runs ({sizes}{engines}), needed at most {limit}"
+        raise ScenarioError(one_line(f"{found}; lower a 'count', or if you mean it give --max-runs {plan.runs}"))
+
+
+def _read(name_or_path: str | Path) -> tuple[bytes, str, str, Path | None]:
+    """Raw text, what errors call the file, the map's name, and the folder of its file."""
+    if isinstance(name_or_path, str) and name_or_path in shipped():
+        file = f"{name_or_path}.yaml"
+        return (_folder() / file).read_bytes(), file, name_or_path, None
+    path = Path(name_or_path)
+    try:
+        with path.open("rb") as stream:
+            return stream.read(document.LARGEST_FILE + 1), str(path), path.stem, path.parent
+    except FileNotFoundError:
+        near = suggest(path.stem, shipped())
+        message = f"{shorten(str(path))}: found neither a file nor a shipped map of this name{near}; shipped: "
+        raise ScenarioError(one_line(message + ", ".join(shipped()))) from None
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise ScenarioError(one_line(f"{shorten(str(path))}: cannot be read: {why}; needed a map file")) from None
+
+
+def _folder() -> Any:
+    return resources.files("looping_pendulum.sweep") / "maps"
+
+
+def _scenario(doc: Document, name: str, folder: Path | None) -> Scenario:
+    try:
+        return loader.load(name if name in loader.shipped() or folder is None else folder / name)
+    except ScenarioError as error:
+        raise doc.error(("scenario",), str(error)) from None
+
+
+def _engines(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[str, ...]:
+    """Labels of the engines that the file means, each of them installed and able to run the scenario."""
+    profile = Profile(checked.profile)
+    labels: list[str] = []
+    for name in checked.engine:
+        try:
+            labels += [REFERENCE] if name == REFERENCE else [label(engine) for engine in select([name], profile)]
+        except EngineError as error:
+            raise doc.error(("engine",), str(error).removeprefix("--engine: ")) from None
+    for one in dict.fromkeys(labels):
+        if one == REFERENCE:
+            continue
+        engine = engine_called(one, profile)
+        for package in missing_packages(engine):
+            raise doc.error(("engine",), f"found {one}, needed its package {package}; get it: {how_to_get(package)}")
+        why = engine.abilities.unsupported(scenario.parameters)
+        if why:
+            raise doc.error(("engine",), f"found {one}, needed an engine that can run {scenario.name}: {why}")
+    if len(dict.fromkeys(labels)) > 1 and not isinstance(doc.data.get("engine"), list):
+        raise doc.error(("engine",), f"found several variants ({', '.join(labels)}), needed one; name it, or write a list")
+    return tuple(dict.fromkeys(labels))
+
+
+def _axes(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[Axis, ...]:
+    found = checked.parameters
+    if not isinstance(found, dict) or not 1 <= len(found) <= MOST_AXES:
+        number = f"{len(found)} quantities" if isinstance(found, dict) else quote(found)
+        example = "release_angle: {from: 60 deg, to: 130 deg, count: 71}"
+        raise doc.error(("parameters",), f"found {number}, needed one to {MOST_AXES}; write for example '{example}'")
+    axes = []
+    for key, content in found.items():
+        variable = _variable(doc, key)
+        if variable.name == "release_angle" and scenario.parameters.release is Release.VERTICAL:
+            message = "found an angle, but a vertical release hangs at 180 deg, needed another quantity; leave it out"
+            raise doc.error(("parameters", key), message)
+        try:
+            axes.append(_axis(variable, content, sampled=checked.sample is not None))
+        except PydanticCustomError as error:
+            below = error.context.get("key", "") if error.context else ""
+            path = ("parameters", key, *((below,) if below else ()))
+            raise doc.error(path, str(error)) from None
+    _refuse_meeting(doc, [axis.name for axis in axes], list(found))
+    return tuple(axes)
+
+
+def _variable(doc: Document, key: str) -> Variable:
+    """Return what a key under ``parameters`` means: "release_angle", or as a scenario writes it, "release.angle"."""
+    known = variables()
+    by_file_key = {file_key: name for name, file_key in FILE_KEYS.items() if name in known}
+    name = by_file_key.get(key, key)
+    if name in known:
+        return known[name]
+    near = suggest(key, (*known, *by_file_key))
+    usual = "release_angle, mass_ratio, kinetic_friction"
+    message = f"found an unknown quantity, needed a parameter or a coefficient of an effect such as {usual}{near}"
+    raise doc.error(("parameters", key), message)
+
+
+def _refuse_meeting(doc: Document, names: list[str], keys: list[str]) -> None:
+    """Refuse two quantities that decide the same parameter."""
+    known = variables()
+    for i, second in enumerate(names):
+        for first in names[:i]:
+            both = sorted(set(known[first].sets) & set(known[second].sets))
+            if both and not {(first, second), (second, first)} & MAY_MEET:
+                message = f"found beside {first}, which also sets {both[0]}, needed only one of them; leave one out"
+                raise doc.error(("parameters", keys[i]), message)
+
+
+def _axis(variable: Variable, content: object, *, sampled: bool) -> Axis:
+    """Check one quantity's values."""
+    quantity = Quantity(variable.kind)
+    way_out = variable.kind.way_out
+    group = {"values": content} if isinstance(content, list) else content
+    example = f"{{from: {way_out}, to: ..., count: 50}}" if not sampled else f"{{from: {way_out}, to: ...}}"
+    if not isinstance(group, dict):
+        raise fault(f"expected a range or a list of values, got {quote(content)}; write for example '{example}'")
+    keys = ("from", "to", "spacing") if sampled else ("from", "to", "count", "spacing", "values")
+    for key in group:
+        if key not in keys:
+            why = " (a sample has one count for all, under 'sample')" if sampled and key in ("count", "values") else ""
+            raise fault(f"found an unknown key, needed one of: {', '.join(keys)}{why}{suggest(key, keys)}", key)
+    logarithmic = _spacing(group.get("spacing", "linear"))
+    if "values" in group:
+        values, first = _listed(quantity, group)
+    else:
+        values, first = _range(quantity, group, logarithmic, sampled=sampled, example=example)
+    written = re.sub(r"^[-+0-9.eE\s]*", "", first).strip()
+    return Axis(
+        name=variable.name,
+        unit=variable.kind.unit,
+        written=written,
+        scale=float(factor(written, variable.kind.unit)) if written else 1.0,
+        meaning=variable.meaning,
+        values=values,
+        logarithmic=logarithmic,
+    )
+
+
+def _spacing(found: object) -> bool:
+    """Whether values are spaced by a factor."""
+    if found not in ("linear", "log"):
+        raise fault(f"expected linear or log, got {quote(found)}; leave it out for linear", "spacing")
+    return found == "log"
+
+
+def _listed(quantity: Quantity, group: dict[str, Any]) -> tuple[Array, str]:
+    """Values [SI] of a list, and the first as the file has it."""
+    if len(group) > 1:
+        other = next(key for key in group if key != "values")
+        raise fault("found beside 'values', needed either these or a range; delete one", other)
+    listed = group["values"]
+    if not isinstance(listed, list):
+        raise fault(f"expected a list, got {quote(listed)}; write for example '[{quantity.kind.way_out}]'", "values")
+    if not listed:
+        raise fault(f"found an empty list, so an empty grid, needed a value; write '[{quantity.kind.way_out}]'", "values")
+    try:
+        values = np.array([quantity.read(each) for each in listed])
+    except PydanticCustomError as error:
+        raise fault(str(error), "values") from None
+    if np.any(np.diff(values) <= 0):
+        raise fault("found values out of order or twice, needed each once, rising; sort them", "values")
+    return values, str(listed[0])
+
+
+def _range(quantity: Quantity, group: dict[str, Any], logarithmic: bool, *, sampled: bool, example: str) -> tuple[Array, str]:
+    """Values [SI] of a range (of a sample: its ends), and its start as the file has it."""
+    ends = []
+    for key in ("from", "to"):
+        if key not in group:
+            raise fault(f"missing, needed {quantity.kind.wanted}; write for example '{example}'", key)
+        try:
+            ends.append(quantity.read(group[key]))
+        except PydanticCustomError as error:
+            raise fault(str(error), key) from None
+    low, high = ends
+    count = 2 if sampled else _counted(group, example)
+    if not low < high and not (low == high and count == 1):
+        raise fault(f"found {quote(group['to'])}, needed more than 'from'; swap them, or list one under 'values'", "to")
+    if logarithmic and low <= 0:
+        raise fault("found a start of 0 or less, needed one above 0 with 'spacing: log'", "from")
+    if count == 1 and low < high:
+        raise fault("found 1 value for a range of two ends, needed 2 or more; or list it under 'values'", "count")
+    values = np.geomspace(low, high, count) if logarithmic else np.linspace(low, high, count)
+    return values, str(group["from"])
+
+
+def _counted(group: dict[str, Any], example: str) -> int:
+    if "count" not in group:
+        raise fault(f"missing, needed the number of values; write for example '{example}'", "count")
+    if group["count"] == "0":
+        raise fault("found 0, so an empty grid, needed 1 or more; write for example '50'", "count")
+    try:
+        count = _count(group["count"])
+    except PydanticCustomError as error:
+        raise fault(str(error), "count") from None
+    if count > LARGEST_MAP:
+        raise fault(f"found {count} values of one quantity, needed at most {LARGEST_MAP}; lower it", "count")
+    return count

@@ -1,0 +1,235 @@
+"""What a map is: its axes, which runs it has, and how they are cut into chunks. Everything follows from the index of a run."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.errors import HarnessError, ParameterError
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.sweep.quantities import columns
+
+REFERENCE = "reference"
+"""Engine that is run in batches, in the chunk's own process."""
+SMALLEST_CHUNK, LARGEST_CHUNK, CHUNKS = 256, 16384, 16
+"""Runs per chunk where the map file does not say: a 16th of the map within these bounds. A batch of 2000 runs costs twice as
+much per run as one of 16 000, which is nearly as cheap as any."""
+ENGINE_CHUNK = 4
+"""The same for engines, whose runs take seconds."""
+
+
+class MapError(HarnessError, ValueError):
+    """A map cannot be made, or not here."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """One varied quantity."""
+
+    name: str
+    unit: str
+    """SI unit, as pint reads it; '' for a plain number."""
+    written: str
+    """Unit in which the map file has it, for figures."""
+    scale: float
+    """How many SI units one ``written`` is."""
+    meaning: str
+    values: Array
+    """Grid: every value [SI], ascending, shape (n,). Sample: lowest and highest value [SI], shape (2,)."""
+    logarithmic: bool = False
+
+    def spread(self, share: Array) -> Array:
+        """Values [SI] at shares 0 to 1 of the way from the lowest to the highest."""
+        low, high = float(self.values[0]), float(self.values[-1])
+        if self.logarithmic:
+            return np.asarray(low * (high / low) ** share)
+        return np.asarray(low + (high - low) * share)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grid:
+    """Every combination of the axes' values."""
+
+    axes: tuple[Axis, ...]
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Names of the dimensions."""
+        return tuple(axis.name for axis in self.axes)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of values of each axis."""
+        return tuple(len(axis.values) for axis in self.axes)
+
+    def given(self, region: tuple[slice, ...]) -> dict[str, Array]:
+        """Values of the varied quantities in a region, by name, shape (n,) each, the last axis fastest."""
+        parts = [axis.values[where] for axis, where in zip(self.axes, region, strict=True)]
+        mesh = np.meshgrid(*parts, indexing="ij")
+        return {axis.name: values.ravel() for axis, values in zip(self.axes, mesh, strict=True)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sample:
+    """Runs strewn evenly over the box of the axes (a low-discrepancy sequence)."""
+
+    axes: tuple[Axis, ...]
+    method: str
+    """"sobol" or "halton"."""
+    count: int
+    seed: int
+
+    dims = ("run",)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of runs."""
+        return (self.count,)
+
+    def given(self, region: tuple[slice, ...]) -> dict[str, Array]:
+        """Values of the varied quantities in a region, by name, shape (n,) each."""
+        from scipy.stats import qmc
+
+        start, stop = region[0].start, region[0].stop
+        sampler = (qmc.Sobol if self.method == "sobol" else qmc.Halton)(len(self.axes), seed=self.seed)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # Sobol's balance needs a power of 2: said in the docs of maps
+            if start:  # SciPy cannot go forward by nothing
+                sampler.fast_forward(start)
+            shares = sampler.random(stop - start)
+        return {axis.name: axis.spread(shares[:, i]) for i, axis in enumerate(self.axes)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unit:
+    """The least that is computed, written and resumed: one engine on one chunk."""
+
+    index: int
+    engine: int
+    region: tuple[slice, ...]
+    """Of the design's dimensions."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the region."""
+        return tuple(where.stop - where.start for where in self.region)
+
+    @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return math.prod(self.shape)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapPlan:
+    """A checked map file."""
+
+    name: str
+    file: str
+    """What errors call the file."""
+    text: str
+    """The file's text."""
+    title: str
+    description: str
+    scenario: Scenario
+    engines: tuple[str, ...]
+    """Labels, "mujoco:capstan"; `REFERENCE` for the exact model."""
+    several: bool
+    """Whether the file gave a list of engines: results then have a dimension for them."""
+    profile: Profile
+    design: Grid | Sample
+    tolerance: float
+    """Relative tolerance of a step of the reference."""
+    duration: float
+    """Limit on the simulated time of a run [s]."""
+    chunk: int | None = None
+    """Most runs in a chunk; None: by the size of the map."""
+
+    @property
+    def cells(self) -> int:
+        """Runs of one engine."""
+        return math.prod(self.design.shape)
+
+    @property
+    def runs(self) -> int:
+        """Runs of all engines."""
+        return self.cells * len(self.engines)
+
+    @cached_property
+    def chunk_shape(self) -> tuple[int, ...]:
+        """Shape of a chunk in the design's dimensions: as many whole rows as fit."""
+        left = self.chunk or self._usual_chunk()
+        shape: list[int] = []
+        for n in reversed(self.design.shape):
+            shape.insert(0, max(1, min(n, left)))
+            left //= shape[0]
+        return tuple(shape)
+
+    def _usual_chunk(self) -> int:
+        if set(self.engines) != {REFERENCE}:
+            return ENGINE_CHUNK
+        return min(max(self.cells // CHUNKS, SMALLEST_CHUNK), LARGEST_CHUNK)
+
+    @cached_property
+    def blocks(self) -> tuple[int, ...]:
+        """Number of chunks along each of the design's dimensions."""
+        return tuple(-(-n // size) for n, size in zip(self.design.shape, self.chunk_shape, strict=True))
+
+    @property
+    def units(self) -> int:
+        """Number of units."""
+        return math.prod(self.blocks) * len(self.engines)
+
+    def unit(self, index: int) -> Unit:
+        """Return one unit; the engine is the slowest index."""
+        engine, *block = np.unravel_index(index, (len(self.engines), *self.blocks))
+        region = tuple(
+            slice(int(b) * size, min((int(b) + 1) * size, n))
+            for b, size, n in zip(block, self.chunk_shape, self.design.shape, strict=True)
+        )
+        return Unit(index=index, engine=int(engine), region=region)
+
+    def columns(self, unit: Unit) -> dict[str, Array]:
+        """Fields and coefficients of the runs of a unit, for `solve_batch`, shape (n,) each."""
+        return columns(self.scenario.parameters, self.design.given(unit.region))
+
+    def corners(self) -> Iterator[tuple[str, ParameterError | None]]:
+        """Corners of the box of all axes, in words, with why such an apparatus is impossible, or None."""
+        base: Parameters = self.scenario.parameters
+        for ends in itertools.product((0, -1), repeat=len(self.design.axes)):
+            at = {axis.name: axis.values[[end]] for axis, end in zip(self.design.axes, ends, strict=True)}
+            words = ", ".join(f"{name} = {values[0]:g}" for name, values in at.items())
+            try:
+                base.replace(**{name: float(values[0]) for name, values in columns(base, at).items()})
+            except ParameterError as error:
+                yield words, error
+            else:
+                yield words, None
+
+    def as_dict(self) -> dict[str, Any]:
+        """What decides the results, as plain data."""
+        design: dict[str, Any] = {
+            "axes": [{"name": a.name, "values": a.values.tolist(), "logarithmic": a.logarithmic} for a in self.design.axes]
+        }
+        if isinstance(self.design, Sample):
+            design |= {"method": self.design.method, "count": self.design.count, "seed": self.design.seed}
+        return {
+            "parameters": self.scenario.parameters.as_dict(),
+            "design": design,
+            "engines": list(self.engines),
+            "several": self.several,
+            "profile": self.profile.value,
+            "tolerance": self.tolerance,
+            "duration": self.duration,
+            "chunk": list(self.chunk_shape),
+        }

@@ -1,0 +1,138 @@
+"""What a map may vary: fields of `Parameters`, coefficients of effects, and ratios that stand for some of these."""
+
+from __future__ import annotations
+
+import functools
+from collections import ChainMap
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, get_args
+
+import numpy as np
+from pydantic.fields import FieldInfo
+
+from looping_pendulum.reference_ode import effects as effect_library
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.scenarios.scenario import FILE_KEYS
+from looping_pendulum.scenarios.schema import Quantity, ScenarioFile, coefficient
+from looping_pendulum.scenarios.units import Kind
+
+NOT_VARIED = ("release",)
+"""Entries of a scenario that are no number."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variable:
+    """One quantity that a map may vary."""
+
+    name: str
+    kind: Kind
+    meaning: str
+    sets: tuple[str, ...]
+    """Fields and coefficients that it decides."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ratio:
+    """A quantity that is no field of `Parameters` but decides some."""
+
+    example: str
+    low: float
+    above_low: bool
+    meaning: str
+    sets: tuple[str, ...]
+    apply: Callable[[Array, Mapping[str, Any]], dict[str, Array]]
+    """(values, every parameter's values so far) -> the columns that it sets."""
+
+
+RATIOS = MappingProxyType(
+    {
+        "mass_scale": Ratio(
+            example="2",
+            low=0.0,
+            above_low=True,
+            meaning="factor on both masses, their ratio kept",
+            sets=("light_mass", "heavy_mass"),
+            apply=lambda scale, now: {"light_mass": scale * now["light_mass"], "heavy_mass": scale * now["heavy_mass"]},
+        ),
+        "mass_ratio": Ratio(
+            example="2.5",
+            low=0.0,
+            above_low=True,
+            meaning="heavy over light mass M2/M1, the light one kept",
+            sets=("heavy_mass",),
+            apply=lambda ratio, now: {"heavy_mass": ratio * now["light_mass"]},
+        ),
+        "static_ratio": Ratio(
+            example="1.2",
+            low=1.0,
+            above_low=False,
+            meaning="static over kinetic friction, the kinetic one kept",
+            sets=("static_friction",),
+            apply=lambda ratio, now: {"static_friction": ratio * now["kinetic_friction"]},
+        ),
+    }
+)
+"""By name, in the order in which they act: each sees what those before it have set."""
+
+MAY_MEET = frozenset({("mass_scale", "mass_ratio")})
+"""Pairs that set the same parameter and may still be varied together: the second one wins."""
+
+
+@functools.cache
+def variables() -> MappingProxyType[str, Variable]:
+    """Every quantity that a map may vary, by name."""
+    found = {}
+    for name, key in FILE_KEYS.items():
+        if name not in NOT_VARIED and name not in effect_library.COEFFICIENTS:
+            kind, meaning = _of_scenario(key)
+            found[name] = Variable(name=name, kind=kind, meaning=meaning, sets=(name,))
+    for name, c in effect_library.COEFFICIENTS.items():
+        found[name] = Variable(name=name, kind=coefficient(name).kind, meaning=c.meaning, sets=(name,))
+    for name, r in RATIOS.items():
+        kind = Kind(unit="", low=r.low, above_low=r.above_low, example=r.example)
+        found[name] = Variable(name=name, kind=kind, meaning=r.meaning, sets=r.sets)
+    return MappingProxyType(found)
+
+
+def _of_scenario(key: str) -> tuple[Kind, str]:
+    """What a scenario file takes under ``key``, "release.angle", and what that is."""
+    group, _, name = key.partition(".")
+    field = ScenarioFile.model_fields[group]
+    if name:
+        assert field.annotation is not None
+        field = field.annotation.model_fields[name]
+    meaning = f"{group}: {field.description or name}".rstrip(".") if name else (field.description or group).rstrip(".")
+    return _quantity_in(field).kind, meaning
+
+
+def _quantity_in(field: Any) -> Quantity:
+    """Return the quantity somewhere in ``Annotated[float, Quantity] | None``."""
+    inside = field.metadata if isinstance(field, FieldInfo) else ()
+    found = [mark for mark in (*inside, *getattr(field, "__metadata__", ())) if isinstance(mark, Quantity)]
+    if found:
+        return found[0]
+    parts = get_args(field.annotation if isinstance(field, FieldInfo) else field)
+    return next(q for q in map(_quantity_in, parts) if q is not None)
+
+
+def columns(base: Parameters, given: Mapping[str, Array]) -> dict[str, Array]:
+    """Columns for `solve_batch`: fields and coefficients that differ from ``base``.
+
+    Parameters
+    ----------
+    base
+        What the runs have in common.
+    given
+        Varied quantities by name (`variables`), SI, shape (n,) each.
+    """
+    known = vars(base.values())
+    out = {name: np.asarray(values, dtype=float) for name, values in given.items() if name not in RATIOS}
+    if "kinetic_friction" in out and "static_friction" not in out and base.static_follows:
+        out["static_friction"] = out["kinetic_friction"]
+    for name, ratio in RATIOS.items():
+        if name in given:
+            out |= ratio.apply(np.asarray(given[name], dtype=float), ChainMap(out, known))
+    return out

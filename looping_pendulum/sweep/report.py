@@ -1,0 +1,128 @@
+"""The short report of a finished map: `map.md`, its figures, and a copy of the map file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from looping_pendulum.sweep.fields import FIELDS, WORDS
+from looping_pendulum.sweep.plan import Axis, MapPlan, Sample
+from looping_pendulum.sweep.store import attributes
+from looping_pendulum.sweep.summary import EngineSummary, summarize
+
+REPORT = "map.md"
+COPY = "map.yaml"
+
+
+def write(plan: MapPlan, store: Path, folder: Path, *, figures: bool) -> list[EngineSummary]:
+    """Write report, figures and the map file's copy into ``folder``, the same bytes for the same map; return the summaries."""
+    drawn: dict[str, tuple[str, bytes]] = {}
+    if figures:
+        from looping_pendulum.sweep.figures import draw  # matplotlib takes half a second to come
+
+        drawn = draw(plan, store)
+    for name, (_, png) in drawn.items():
+        write_whole(folder / name, png)
+    write_whole(folder / COPY, plan.text)
+    summaries = summarize(plan, store)
+    write_whole(folder / REPORT, render(plan, summaries, {name: caption for name, (caption, _) in drawn.items()}))
+    return summaries
+
+
+def write_whole(path: Path, content: bytes | str) -> None:
+    """Write a file under a temporary name and rename it, so that a crash never leaves half of it."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def render(plan: MapPlan, summaries: list[EngineSummary], captions: dict[str, str]) -> str:
+    """Markdown: verdict, figures, tables, provenance."""
+    parts = [f"# {plan.title}", *(verdict(one, several=plan.several) for one in summaries)]
+    if plan.description:
+        parts.append(plan.description)
+    parts += [f"![{caption}]({name})\n\n{caption}" for name, caption in captions.items()]
+    parts += ["## What was varied", _axes_table(plan, summaries)]
+    for one in summaries:
+        of = f": {one.engine}" if plan.several else ""
+        parts += [f"## How runs ended{of}", _ends_table(one), f"## Ranges{of}", _ranges_table(one)]
+    parts += ["## Provenance", _provenance(plan), f"## Map file\n\n```yaml\n{plan.text.strip()}\n```"]
+    return "\n\n".join(part.strip() for part in parts) + "\n"
+
+
+def verdict(one: EngineSummary, *, several: bool = False) -> str:
+    """Return the first sentence about a map: "12 000 runs: 8 000 (66.7 %) halt, 0.29 s to 4.41 s after the release.""."""
+    begin = f"{one.engine}: " if several else ""
+    halts = f"{one.halted} ({_percent(one.halted, one.runs)}) halt"
+    seen = one.ranges["halting_time"]
+    if seen.count:
+        halts += f", {seen.low:.4g} s to {seen.high:.4g} s after the release"
+    return f"{begin}{one.runs} runs: {halts}."
+
+
+def _percent(part: int, whole: int) -> str:
+    return f"{100 * part / whole:.3g} %"
+
+
+def _axes_table(plan: MapPlan, summaries: list[EngineSummary]) -> str:
+    head = ["quantity", "meaning", "from", "to", "values"]
+    for one in summaries:
+        of = f" ({one.engine})" if plan.several else ""
+        head += [f"lowest that halts{of}", f"highest that halts{of}"]
+    rows = []
+    for axis in plan.design.axes:
+        count = "sample" if isinstance(plan.design, Sample) else str(len(axis.values))
+        cells = [axis.name, axis.meaning, _shown(axis, float(axis.values[0])), _shown(axis, float(axis.values[-1])), count]
+        for one in summaries:
+            where = one.where_halting[axis.name]
+            cells += [_shown(axis, where.low), _shown(axis, where.high)] if where.count else ["–", "–"]
+        rows.append(cells)
+    return _table(head, rows)
+
+
+def _shown(axis: Axis, value: float) -> str:
+    """Value in the unit of the map file."""
+    return f"{value / axis.scale:.6g} {axis.written}".strip()
+
+
+def _ends_table(one: EngineSummary) -> str:
+    rows = [["halts: M2 rests until the light mass reaches the rod", str(one.halted), _percent(one.halted, one.runs)]]
+    for ending, count in sorted(one.ends.items(), key=lambda pair: -pair[1]):
+        rows.append([f"does not halt; {WORDS[ending]}", str(count), _percent(count, one.runs)])
+    return _table(["end", "runs", "share"], rows)
+
+
+def _ranges_table(one: EngineSummary) -> str:
+    units = {field.name: field.unit for field in FIELDS}
+    rows = []
+    for name, seen in one.ranges.items():
+        of = f"{name} [{units[name]}]" if units[name] else name
+        cells = [f"{value:.6g}" for value in (seen.low, seen.mean, seen.high)] if seen.count else ["–"] * 3
+        rows.append([of, *cells, str(seen.count)])
+    return _table(["quantity", "smallest", "mean", "largest", "runs that have it"], rows)
+
+
+def _provenance(plan: MapPlan) -> str:
+    said = attributes(plan)
+    versions = ", ".join(f"{package} {version}" for package, version in said["versions"].items())
+    rows = [
+        ["scenario", plan.scenario.name],
+        ["engine", ", ".join(plan.engines)],
+        ["tolerance of a step (reference)", f"{plan.tolerance:g}"],
+        ["limit on simulated time", f"{plan.duration:g} s"],
+        ["versions", versions],
+        ["SHA-256 of the map file", said["map_file_sha256"]],
+        ["map id (all that decides the results)", said["map_id"]],
+    ]
+    if isinstance(plan.design, Sample):
+        rows.insert(2, ["sample", f"{plan.design.method}, {plan.design.count} runs, seed {plan.design.seed}"])
+    return _table(["", ""], rows)
+
+
+def _table(head: list[str], rows: Iterable[list[str]]) -> str:
+    lines = [head, ["---"] * len(head), *([" ".join(cell.split()).replace("|", "\\|") for cell in row] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

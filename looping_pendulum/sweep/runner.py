@@ -1,0 +1,202 @@
+"""Make a map: run what is missing, write each chunk as it comes, and draw and report what there is."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from looping_pendulum.engines.isolation import TIME_LIMIT
+from looping_pendulum.engines.memory import MEMORY_LIMIT
+from looping_pendulum.errors import EngineError
+from looping_pendulum.scenarios.document import one_line
+from looping_pendulum.sweep import cells, executors, report
+from looping_pendulum.sweep.executors import Solve
+from looping_pendulum.sweep.plan import REFERENCE, MapPlan
+from looping_pendulum.sweep.store import STORE, MapStore, disk_faults, locked, open_store
+from looping_pendulum.sweep.summary import EngineSummary
+
+TIMINGS = "timings.json"
+"""When and how fast a map was made: beside the store, which says the same whenever it is made."""
+
+Progress = Callable[[int, int], None]
+"""Called with the runs that are done and all runs."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapOutcome:
+    """How making a map went."""
+
+    folder: Path
+    runs: int
+    """Of the whole map."""
+    found: int
+    """Runs that were there before."""
+    done: int
+    """Runs that are there now."""
+    seconds: float
+    """Wall time of the runs made now."""
+    interrupted: bool = False
+    summaries: tuple[EngineSummary, ...] = ()
+    """One per engine, of a complete map."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether every run is there."""
+        return self.done == self.runs
+
+
+def run_map(
+    plan: MapPlan,
+    folder: Path | str,
+    *,
+    jobs: int | None = None,
+    cluster: str | None = None,
+    figures: bool = True,
+    time_limit: float = TIME_LIMIT,
+    memory_limit: int = MEMORY_LIMIT,
+    read_moments: cells.ReadMoments | None = None,
+    progress: Progress | None = None,
+    solve: Solve = cells.solve,
+) -> MapOutcome:
+    """Make the map of ``plan`` in ``folder``, or go on with it.
+
+    Parameters
+    ----------
+    plan
+        What to run; `map_file.load` reads one.
+    folder
+        A new or empty folder, or one in which this map was begun.
+    jobs
+        Processes on this machine; one per core if None.
+    cluster
+        Address of a Dask scheduler, "tcp://host:port", to run there instead.
+    figures
+        Whether to draw.
+    time_limit, memory_limit
+        Of each run of an engine [s], [bytes].
+    read_moments
+        Finds stops and halt in an engine's samples (`compare.landmarks.run_landmarks`); needed if there is an engine.
+    progress
+        Called after each chunk.
+    solve
+        Runs a chunk; for tests.
+
+    Raises
+    ------
+    MapError
+        If the folder holds something else, or the disk is full.
+    EngineError
+        If a worker process or the cluster fails.
+    """
+    folder = Path(folder)
+    if read_moments is None and set(plan.engines) != {REFERENCE}:
+        raise EngineError("a map of engines needs read_moments; give compare.landmarks.run_landmarks")
+    with disk_faults(folder), locked(folder):
+        store = open_store(plan, folder)
+        missing = store.missing()
+        tasks = _tasks(plan, missing, read_moments, time_limit, memory_limit)
+        outcome = _fill(plan, store, folder, missing, _results(tasks, solve, jobs, cluster, len(missing)), progress)
+        if outcome.seconds:
+            _note_time(folder, outcome, "a cluster" if cluster else f"{jobs or _cores()} processes")
+        if outcome.complete:
+            summaries = report.write(plan, folder / STORE, folder, figures=figures)
+            return replace(outcome, summaries=tuple(summaries))
+    return outcome
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _tasks(
+    plan: MapPlan, missing: list[int], read_moments: cells.ReadMoments | None, time_limit: float, memory_limit: int
+) -> Iterator[cells.Task]:
+    for index in missing:
+        unit = plan.unit(index)
+        yield cells.Task(
+            index=index,
+            engine=plan.engines[unit.engine],
+            profile=plan.profile,
+            scenario=plan.scenario,
+            columns=plan.columns(unit),
+            tolerance=plan.tolerance,
+            duration=plan.duration,
+            read_moments=None if plan.engines[unit.engine] == REFERENCE else read_moments,
+            time_limit=time_limit,
+            memory_limit=memory_limit,
+        )
+
+
+def _results(
+    tasks: Iterator[cells.Task], solve: Solve, jobs: int | None, cluster: str | None, units: int
+) -> Iterator[cells.Result]:
+    if cluster is not None:
+        return executors.on_cluster(tasks, solve, cluster)
+    processes = min(jobs or _cores(), units)
+    return executors.in_processes(tasks, solve, processes) if processes > 1 else executors.in_process(tasks, solve)
+
+
+def _fill(
+    plan: MapPlan,
+    store: MapStore,
+    folder: Path,
+    missing: list[int],
+    results: Iterator[cells.Result],
+    progress: Progress | None,
+) -> MapOutcome:
+    """Write results as they come."""
+    found = plan.runs - sum(plan.unit(index).runs for index in missing)
+    done, interrupted, started = found, False, time.monotonic()
+    wanted = {engine: cells.versions(engine, plan.profile) for engine in plan.engines}
+    if progress is not None:
+        progress(done, plan.runs)
+    try:
+        with closing(results):  # type: ignore[type-var]
+            for result in results if missing else ():
+                unit = plan.unit(result.index)
+                _refuse_other_versions(result.versions, wanted[plan.engines[unit.engine]])
+                store.write(unit, result.values)
+                done += unit.runs
+                if progress is not None:
+                    progress(done, plan.runs)
+    except KeyboardInterrupt:
+        interrupted = True
+    seconds = time.monotonic() - started if missing else 0.0
+    return MapOutcome(folder=folder, runs=plan.runs, found=found, done=done, seconds=seconds, interrupted=interrupted)
+
+
+def _refuse_other_versions(found: dict[str, str], needed: dict[str, str]) -> None:
+    """Refuse results of a worker that has other packages than this process."""
+    for package in sorted({*found, *needed}):
+        there, here = found.get(package, "none"), needed.get(package, "none")
+        if there != here:
+            message = f"--cluster: a worker has {package} {there}, and here is {here}; needed the same"
+            raise EngineError(one_line(f"{message}: install {package} {here} there"))
+
+
+def _note_time(folder: Path, outcome: MapOutcome, where: str) -> None:
+    """Add this session to the folder's timings."""
+    path = folder / TIMINGS
+    sessions: list[Any] = []
+    if path.exists():
+        try:
+            sessions = json.loads(path.read_text())["sessions"]
+        except (ValueError, KeyError, TypeError):
+            sessions = []  # only our own notes on speed
+    runs = outcome.done - outcome.found
+    sessions.append(
+        {
+            "ended": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            "on": where,
+            "runs": runs,
+            "seconds": round(outcome.seconds, 3),
+            "runs_per_second": round(runs / outcome.seconds, 1) if outcome.seconds else None,
+        }
+    )
+    report.write_whole(path, json.dumps({"sessions": sessions}, indent=2) + "\n")

@@ -1,0 +1,103 @@
+"""How rough the boundaries of a map are: the uncertainty exponent (Grebogi, McDonald, Ott and Yorke, Phys. Lett. A 99, 1983).
+
+A start is uncertain at a distance eps if one of its neighbours along an axis, at eps or at some `NEARER` distances, has another
+outcome. The fraction f of uncertain starts falls as eps^alpha: alpha = 1 for smooth boundaries; a smaller alpha for fractal
+ones, where a start known ten times better makes the outcome hardly more certain.
+
+At small eps hardly any start is uncertain, so f is followed downwards (subset simulation, Au and Beck 2001): what is uncertain
+at one eps is spread at random over its neighbourhood, and the part that is uncertain at the next eps counted; f is the product
+of these parts. That needs what is uncertain at one eps to be so at the larger ones: the nearer neighbours see to it, all but
+exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.reference_ode.geometry import Array
+
+NEARER = 10 ** -np.arange(0.0, 1.1, 0.5)
+"""Distances of the neighbours, in eps."""
+MOVES = 3
+"""Random moves of every start within the uncertain set at one eps."""
+Outcome = Callable[[Array], NDArray[Any]]
+"""Starts in the unit cube, shape (n, d) -> a code for each one's outcome, shape (n,)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exponent:
+    """Slope of log f against log eps."""
+
+    value: float
+    standard_error: float
+    """From the scatter of bootstrap samples of the replicates."""
+
+
+def uncertain(outcome: Outcome, starts: Array, eps: float) -> NDArray[np.bool_]:
+    """Whether each of the ``starts``, shape (n, d), is uncertain at the distance ``eps`` (parts of the unit cube's side)."""
+    n, d = starts.shape
+    steps = [sign * eps * part * np.eye(d) for part in NEARER for sign in (1.0, -1.0)]
+    offsets = np.concatenate([np.zeros((1, d)), *steps])
+    codes = outcome((starts + offsets[:, None]).reshape(-1, d)).reshape(len(offsets), n)
+    return np.asarray((codes != codes[0]).any(axis=0))
+
+
+def uncertain_fractions(outcome: Outcome, dimension: int, eps: Array, *, count: int, seed: int) -> Array:
+    """Fraction of starts in the unit cube that are uncertain at each of ``eps``, descending; 0 once none is left.
+
+    Parameters
+    ----------
+    outcome
+        It must take starts up to ``eps[0]`` outside the cube too.
+    dimension
+        Of the cube.
+    count
+        Starts that are followed.
+    seed
+        Of the random numbers.
+    """
+    rng = np.random.default_rng(seed)
+    starts = rng.random((count, dimension))
+    fractions = np.zeros(len(eps))
+    fraction = 1.0
+    for level, distance in enumerate(eps):
+        here = uncertain(outcome, starts, float(distance))
+        fraction *= here.mean()
+        fractions[level] = fraction
+        if not here.any():
+            break
+        starts = rng.choice(starts[here], count)
+        for _ in range(MOVES):
+            proposed = starts + distance * rng.uniform(-1.0, 1.0, starts.shape)
+            taken = ((proposed >= 0) & (proposed <= 1)).all(axis=1)
+            taken[taken] = uncertain(outcome, proposed[taken], float(distance))
+            starts[taken] = proposed[taken]
+    return fractions
+
+
+def uncertainty_exponent(eps: Array, fractions: Array, *, resamples: int = 2000, seed: int = 0) -> Exponent:
+    """Least-squares slope of log f against log eps, f averaged over independent replicates.
+
+    Parameters
+    ----------
+    eps
+        Shape (levels,).
+    fractions
+        Of each replicate (another seed), shape (replicates, levels).
+    resamples
+        Bootstrap samples of the replicates.
+    """
+    x = np.log(eps)
+
+    def slope(rows: Array) -> float:
+        return float(np.polyfit(x, np.log(rows.mean(axis=0)), 1)[0])
+
+    rng = np.random.default_rng(seed)
+    n = len(fractions)
+    scatter = [slope(fractions[rng.integers(0, n, n)]) for _ in range(resamples)]
+    return Exponent(value=slope(fractions), standard_error=float(np.std(scatter, ddof=1)))

@@ -1,0 +1,210 @@
+"""Demonstrations with chains of beads: what corners do to friction, and what a few sweeps of a solver do to a string."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.engines.pymunk.chain import PymunkChain
+from looping_pendulum.engines.pymunk.full_chain import PymunkFullChain
+from looping_pendulum.engines.pymunk.full_settings import Variant
+from looping_pendulum.engines.registry import how_to_get, missing_packages
+from looping_pendulum.engines.static_capstan import CapstanPoint, chain_exponent, measured_exponent
+from looping_pendulum.errors import MissingPackageError
+from looping_pendulum.scenarios import load
+from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.teaching.demonstrations import Case, Claim, Curve, Demonstration, Numbers, Picture, Quantity, simulated
+from looping_pendulum.teaching.demonstrations_measures import Runs, distance, truth
+
+FRICTION = 0.34
+BENDS = (0.2, 0.4, 0.8, 1.2)
+"""Angle between neighbouring links on the rod: link length over rod radius [rad]."""
+
+
+def _capstan(bend: float, corrected: bool) -> CapstanPoint:
+    """Tension ratio of a chain of beads that slides over the rod with half a turn on it."""
+    engine = PymunkChain().with_settings(bend=bend, polygon_friction=corrected)
+    if missing_packages(engine):
+        raise MissingPackageError(f"pymunk is not installed; to get it: {how_to_get('pymunk')}")
+    return measured_exponent(engine, friction=FRICTION, wrap_angle=math.pi)
+
+
+def _key(bend: float, corrected: bool) -> str:
+    return f"{'c' if corrected else 'b'}{bend:g}"
+
+
+def _error(runs: Runs, key: str) -> float:
+    """Exponent over mu theta, less 1 [%]."""
+    return 100 * float(runs[key].error)
+
+
+def _formula(runs: Runs, key: str) -> float | None:
+    """The same by the closed form of a chain with corners [%]; None where the friction was corrected for them."""
+    if key.startswith("c"):
+        return None
+    point: CapstanPoint = runs[key]
+    return 100 * (chain_exponent(FRICTION, point.wrap_angle, float(key[1:])) / point.ideal - 1)
+
+
+def _near_the_formula(n: Numbers) -> bool:
+    """Whether every measured error is within a fifth of the formula's, or within 0.2 %."""
+    pairs = [(n["error"][key], value) for key, value in n["formula"].items() if value is not None]
+    return all(abs(measured - formula) < max(0.2 * formula, 0.2) for measured, formula in pairs)
+
+
+def _errors(runs: Runs, cases: Mapping[str, Case]) -> Sequence[Curve]:
+    bends = np.linspace(0.02, BENDS[-1], 60)
+    theta = float(runs[_key(BENDS[0], False)].wrap_angle)
+    formula = np.array([100 * (chain_exponent(FRICTION, theta, float(b)) / (FRICTION * theta) - 1) for b in bends])
+    measured = [
+        Curve(label=label, x=np.array(BENDS), y=np.array([_error(runs, _key(b, c)) for b in BENDS]), points=True)
+        for c, label in ((False, "beads with friction mu"), (True, "beads, friction corrected for the corners"))
+    ]
+    return [Curve(label="formula: 2 N artanh(mu tan(theta / 2N))", x=bends, y=formula, truth=True), *measured]
+
+
+POLYGON = Demonstration(
+    name="polygon",
+    title="A polygon is not a circle",
+    question="A chain of links over a rod is a polygon. Does it have the friction of a string over a circle?",
+    guess="If the friction coefficient of the contact is right, the friction is right.",
+    experiment=(
+        f"pymunk's beads slide over the rod with half a turn on it, contact friction {FRICTION:g}. The two masses' "
+        f"accelerations give "
+        "the tensions on either side, and so the exponent ln(T2 / T1), which for a string is mu theta. Links of four "
+        "lengths, with "
+        "the friction as it is, and corrected for the corners."
+    ),
+    scenario="ten_to_one",
+    change="rod:\n  radius: 12.5 mm    # the same links bend half as much",
+    commands=("looping-pendulum run mine.yaml --engine pymunk:chain",),
+    cases=lambda: tuple(
+        Case(
+            key=_key(bend, corrected),
+            label=f"links bent by {math.degrees(bend):.0f} deg{', corrected' if corrected else ''}",
+            run=lambda bend=bend, corrected=corrected: _capstan(bend, corrected),  # type: ignore[misc]
+        )
+        for corrected in (False, True)
+        for bend in BENDS
+    ),
+    quantities=(
+        Quantity(key="exponent", header="ln(T2 / T1)", measure=lambda runs, key: runs[key].exponent, digits=".4f"),
+        Quantity(key="ideal", header="mu theta", measure=lambda runs, key: runs[key].ideal, digits=".4f"),
+        Quantity(key="error", header="too large by [%]", measure=_error, digits="+.2f"),
+        Quantity(key="formula", header="formula of a chain [%]", measure=_formula, digits="+.2f"),
+    ),
+    claims=(
+        Claim(
+            words="No. At a corner the chain presses on the rod more than a string does. With links bent by 46 deg the "
+            "exponent is "
+            "{error[b0.8]:.1f} % too large, with 23 deg {error[b0.4]:.1f} %, with 11 deg {error[b0.2]:.2f} %.",
+            holds=lambda n: n["error"]["b0.8"] > 4 and n["error"]["b0.4"] > 1 and 0 < n["error"]["b0.2"] < n["error"]["b0.4"],
+        ),
+        Claim(
+            words="Half the link, a quarter of the error: from 46 to 23 deg it falls by a factor {error[b0.8]:.2f} / "
+            "{error[b0.4]:.2f}. A closed form of a chain with corners tells all four, to a fifth.",
+            holds=lambda n: 3 < n["error"]["b0.8"] / n["error"]["b0.4"] < 5.5 and _near_the_formula(n),
+        ),
+        Claim(
+            words="Once that is known, the contact's friction can be made smaller by as much: then {error[c0.8]:.2f} % "
+            "are left at "
+            "46 deg and {error[c0.2]:.2f} % at 11 deg.",
+            holds=lambda n: all(abs(n["error"][_key(b, True)]) < 0.3 * n["error"][_key(b, False)] for b in BENDS),
+        ),
+    ),
+    picture=Picture(
+        x="bend between two links on the rod [rad]",
+        y="ln(T2 / T1) too large by [%]",
+        caption="What corners add to the friction of a chain, by formula and as measured, and what is left after "
+        "correcting for it.",
+        curves=_errors,
+    ),
+    packages=("pymunk",),
+)
+
+STEP = 1e-4
+"""[s]"""
+WATCHED = 0.1
+"""[s]"""
+SHORT: Scenario = replace(load("ten_to_one"), duration=WATCHED)
+
+
+def _soft(key: str, label: str, **changes: Any) -> Case:
+    settings = {"time_step": STEP, "force_interval": 10, "long_range": 0} | changes
+    engine = PymunkFullChain(variant=Variant.BEADS).with_settings(**settings)
+    return Case(key=key, label=label, run=lambda: simulated(engine, SHORT))
+
+
+def _stretch(runs: Runs, key: str) -> float:
+    """Largest stretch of the string [mm]."""
+    return 1e3 * float(np.max(runs[key].string_stretch))
+
+
+STRETCHY = Demonstration(
+    name="stretchy-solver",
+    title="A stretchy solver",
+    question="The links of a chain have a fixed length. How long is the chain in a game engine that solves them one after "
+    "the other?",
+    guess="As long as the sum of its links: that is what a joint is for.",
+    experiment=(
+        f"pymunk's beads along the whole string of the 10:1 trial, {1e3 * WATCHED:g} ms from the release, in steps of "
+        f"{1e3 * STEP:g} ms. The solver goes over all joints so and so many times per step. First more sweeps, then "
+        f"heavier beads."
+    ),
+    scenario="ten_to_one",
+    change="heavy:\n  mass: 20 g    # less to carry",
+    commands=("looping-pendulum compare mine.yaml --engine pymunk:beads --engine pymunk:defaults",),
+    cases=lambda: (
+        truth(SHORT),
+        _soft("s10", "10 sweeps, string 1 % of M1", iterations=10),
+        _soft("s30", "30 sweeps, string 1 % of M1", iterations=30),
+        _soft("s100", "100 sweeps, string 1 % of M1", iterations=100),
+        _soft("m10", "10 sweeps, string 10 % of M1", iterations=10, mass_fraction=0.1),
+        _soft("m30", "10 sweeps, string 30 % of M1", iterations=10, mass_fraction=0.3),
+    ),
+    quantities=(
+        Quantity(key="stretch", header="largest stretch [mm]", measure=_stretch, digits=".2f"),
+        Quantity(
+            key="off",
+            header="M1 from the truth [mm]",
+            measure=lambda runs, key: distance(runs, key, "truth", WATCHED),
+            digits=".2f",
+        ),
+    ),
+    claims=(
+        Claim(
+            words="Longer. With 10 sweeps a step (the default) the string is {stretch[s10]:.0f} mm too long within a "
+            "tenth of a second. "
+            "A correction runs from joint to joint, and after a few sweeps it has not yet come from one end to the other: "
+            "the chain "
+            "is a spring.",
+            holds=lambda n: n["stretch"]["s10"] > 5,
+        ),
+        Claim(
+            words="More sweeps stiffen it: {stretch[s30]:.1f} mm with 30; but even 100 leave {stretch[s100]:.1f} mm.",
+            holds=lambda n: (
+                n["stretch"]["s30"] < 0.6 * n["stretch"]["s10"] and 0.1 < n["stretch"]["s100"] < n["stretch"]["s30"]
+            ),
+        ),
+        Claim(
+            words="Heavier beads stiffen it as well: {stretch[m10]:.1f} mm and {stretch[m30]:.1f} mm with 10 sweeps. But a "
+            "string of a third of the light mass is another apparatus than the one that was asked for.",
+            holds=lambda n: n["stretch"]["m30"] < n["stretch"]["m10"] < 0.6 * n["stretch"]["s10"],
+        ),
+    ),
+    picture=Picture(
+        x="time [s]",
+        y="string too long by [mm]",
+        caption="How much longer than its links the string is. Fewer sweeps and lighter beads make a softer spring.",
+        curves=lambda runs, cases: [
+            Curve(label=case.label, x=runs[key].t, y=1e3 * runs[key].string_stretch, truth=case.truth)
+            for key, case in cases.items()
+        ],
+    ),
+)
+
+__all__ = ["POLYGON", "STRETCHY"]

@@ -1,0 +1,359 @@
+"""Demonstrations about the string's friction on the rod, and about how a tendon is wound."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.engines.mujoco.constant_friction import FrictionSize, friction_loss
+from looping_pendulum.engines.mujoco.studies import DEFAULT_TIME_CONSTANT
+from looping_pendulum.engines.mujoco.tendon import OUT_OF_THE_BOX, MujocoTendon
+from looping_pendulum.scenarios import load
+from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.teaching.demonstrations import Case, Claim, Curve, Demonstration, Picture, Quantity, simulated
+from looping_pendulum.teaching.demonstrations_measures import (
+    Runs,
+    distance,
+    drops,
+    first_apart,
+    halt_of,
+    halting_time,
+    lowest,
+    over_time,
+    truth,
+)
+
+TEN_TO_ONE: Scenario = load("ten_to_one")
+P = TEN_TO_ONE.parameters
+LOWEST = Quantity(key="lowest", header="M2 falls at most [cm]", measure=lowest, digits=".1f")
+
+
+def _tendon(key: str, label: str, scenario: Scenario = TEN_TO_ONE, **options: Any) -> Case:
+    """Case of a MuJoCo tendon; ``changes``: settings."""
+    changes = options.pop("changes", {})
+    return Case(key=key, label=label, run=lambda: simulated(MujocoTendon(**options).with_settings(**changes), scenario))
+
+
+def _turns(runs: Runs, key: str) -> int:
+    """How often the heavy mass's velocity changes its sign, at more than 2 cm/s to either side."""
+    speed = runs[key].heavy_velocity[:, 1]
+    signs = np.sign(speed[np.abs(speed) > 0.02])
+    return int(np.count_nonzero(np.diff(signs)))
+
+
+_SLIPPERY = replace(TEN_TO_ONE, parameters=P.replace(kinetic_friction=0.0))
+
+TENDON = Demonstration(
+    name="tendon-without-friction",
+    title="A tendon without friction never halts",
+    question="MuJoCo's tendon wraps round a cylinder. Is that enough for the heavy mass to be caught?",
+    guess="The tendon goes round the rod more and more often, so the heavy mass will be caught, a little later perhaps.",
+    experiment=(
+        "The 10:1 trial, four times: the exact truth; MuJoCo's tendon as its documentation describes it; the same tendon, "
+        "to which "
+        "the adapter gives the friction that the capstan law allows; and the truth with the friction set to 0."
+    ),
+    scenario="ten_to_one",
+    change="string:\n  kinetic_friction: 0\n  static_friction: 0",
+    commands=("looping-pendulum compare mine.yaml --engine mujoco:documented --engine mujoco:capstan",),
+    cases=lambda: (
+        truth(TEN_TO_ONE),
+        _tendon("documented", "MuJoCo, as documented", variant="documented"),
+        _tendon("capstan", "MuJoCo, capstan law fed in", variant="capstan"),
+        truth(_SLIPPERY, "slippery", "truth without friction", main=False),
+    ),
+    quantities=(
+        halting_time(P),
+        LOWEST,
+        Quantity(key="turns", header="times M2 turned round", measure=_turns, digits="d"),
+        Quantity(
+            key="off",
+            header="M1 from the truth to 0.35 s [mm]",
+            measure=lambda runs, key: distance(runs, key, "truth", 0.35),
+            digits=".3f",
+        ),
+        Quantity(
+            key="off_slippery",
+            header="M1 from the truth without friction to 0.35 s [mm]",
+            measure=lambda runs, key: distance(runs, key, "slippery", 0.35),
+            digits=".3f",
+        ),
+    ),
+    claims=(
+        Claim(
+            words="No. The truth halts at {halt[truth]:.3f} s; the tendon as documented turns round {turns[documented]} "
+            "times "
+            "within a second and never rests.",
+            holds=lambda n: (
+                n["halt"]["documented"] is None and n["turns"]["documented"] >= 2 and n["halt"]["truth"] is not None
+            ),
+        ),
+        Claim(
+            words="The solver is not to blame. Up to 0.35 s it is {off_slippery[documented]:.3f} mm from the truth without "
+            "friction, and {off[documented]:.0f} mm from the truth: it solved another problem, and solved it well.",
+            holds=lambda n: n["off_slippery"]["documented"] < 0.05 * n["off"]["documented"],
+        ),
+        Claim(
+            words="Give the same tendon the friction that the capstan law allows, and it halts at {halt[capstan]:.3f} s. "
+            "That "
+            "tests MuJoCo's mechanics, not the law: the law was fed in.",
+            holds=lambda n: abs(n["halt"]["capstan"] - n["halt"]["truth"]) < 1e-3,
+        ),
+    ),
+    picture=Picture(
+        x="time [s]",
+        y="M2 has fallen by [cm]",
+        caption="The heavy mass's way down. Without friction it comes up again and again; with friction it stays where it "
+        "was caught.",
+        curves=drops,
+    ),
+)
+
+
+def _friction(runs: Runs, key: str) -> float | None:
+    """Constant friction of a case [N]; None of the truth."""
+    return None if key == "truth" else friction_loss(P, FrictionSize[key.upper()])
+
+
+def _true_friction(at: str) -> Any:
+    """Friction of the truth at release or at its halt [N]."""
+
+    def measure(runs: Runs, key: str) -> float | None:
+        if key != "truth":
+            return None
+        run = runs["truth"]
+        until = halt_of(run, P) if at == "halt" else 0.0
+        assert until is not None
+        i = int(until / 1e-3)
+        return abs(float(run.heavy_tension[i] - run.light_tension[i]))
+
+    return measure
+
+
+CONSTANT = Demonstration(
+    name="constant-friction",
+    title="Constant friction is not a capstan",
+    question="MuJoCo has a friction for tendons, a constant in newtons. Does one of the right size halt the heavy mass as the "
+    "rod does?",
+    guess="Friction is friction: with the right number it will come out about right.",
+    experiment=(
+        "The truth, and MuJoCo's tendon with its own constant friction loss in three sizes that the truth itself "
+        "suggests: its "
+        "friction at the release, its mean over the way that the string slides, and its friction just before the halt."
+    ),
+    scenario="ten_to_one",
+    change="string:\n  kinetic_friction: 0.2    # or 0.5: how does the friction at the halt grow?",
+    commands=("looping-pendulum compare mine.yaml --engine mujoco:frictionloss --engine mujoco:capstan",),
+    cases=lambda: (
+        truth(TEN_TO_ONE),
+        *(
+            _tendon(size.name.lower(), f"constant: {words}", variant="frictionloss", friction_size=size)
+            for size, words in (
+                (FrictionSize.AT_RELEASE, "as at the release"),
+                (FrictionSize.EQUAL_WORK, "the mean"),
+                (FrictionSize.AT_HALT, "as before the halt"),
+            )
+        ),
+    ),
+    quantities=(
+        Quantity(key="friction", header="constant friction [N]", measure=_friction),
+        Quantity(key="first", header="true friction at release [N]", measure=_true_friction("release")),
+        Quantity(key="last", header="true friction before the halt [N]", measure=_true_friction("halt")),
+        halting_time(P),
+        LOWEST,
+    ),
+    claims=(
+        Claim(
+            words="None of the three. The small and the mean one never halt the heavy mass; the large one never lets it fall "
+            "({lowest[at_halt]:.1f} cm).",
+            holds=lambda n: (
+                n["halt"]["at_release"] is None and n["halt"]["equal_work"] is None and n["lowest"]["at_halt"] < 0.1
+            ),
+        ),
+        Claim(
+            words="The truth's friction is no constant: {first[truth]:.2f} N at the release, {last[truth]:.2f} N before "
+            "the halt. "
+            "The capstan law multiplies what the light mass pulls by exp(mu theta); as the light mass whips round, both "
+            "its pull "
+            "and the angle on the rod grow.",
+            holds=lambda n: n["last"]["truth"] > 5 * n["first"]["truth"],
+        ),
+    ),
+    picture=Picture(
+        x="time [s]",
+        y="M2 has fallen by [cm]",
+        caption="The heavy mass's way down for the truth and three constants: two do not hold it, one is too "
+        "strong to let it go.",
+        curves=drops,
+    ),
+)
+
+NEVER = 1e4
+"""A wrap angle that is never reached [rad]."""
+
+
+def _angle_when_apart(limit: float) -> Any:
+    """Wrap angle of the truth when a run is first ``limit`` [m] away from it [deg]."""
+
+    def measure(runs: Runs, key: str) -> float | None:
+        if key == "truth":
+            return None
+        i = first_apart(runs[key], runs["truth"], limit)
+        return None if i is None else math.degrees(runs["truth"].wrap_angle[i])
+
+    return measure
+
+
+def _stretch(runs: Runs, key: str) -> float:
+    """Largest change of the string's length [mm]."""
+    return 1e3 * float(np.nanmax(np.abs(runs[key].string_stretch)))
+
+
+TURNS = Demonstration(
+    name="forgotten-turns",
+    title="A tendon that forgets its turns",
+    question="A tendon wraps round a cylinder on the side that its side site names. What does it know after a full turn?",
+    guess="The engine follows the string all the way round, as often as it likes.",
+    experiment=(
+        "The truth; MuJoCo's tendon with the capstan law, where the adapter counts the turns and uses two tendons in "
+        "turn; and the "
+        "same with one tendon for everything, which is what one side site gives."
+    ),
+    scenario="ten_to_one",
+    change="release:\n  angle: 60 deg    # more turns before the light mass reaches the rod",
+    commands=("looping-pendulum run mine.yaml --engine mujoco:capstan",),
+    cases=lambda: (
+        truth(TEN_TO_ONE),
+        _tendon("counted", "turns counted, two tendons in turn", variant="capstan"),
+        _tendon("one", "one tendon, turns forgotten", variant="capstan", changes={"switch_up": NEVER}),
+    ),
+    quantities=(
+        halting_time(P),
+        Quantity(
+            key="apart",
+            header="string on the rod when M1 is 1 mm off [deg]",
+            measure=_angle_when_apart(1e-3),
+            digits=".0f",
+            absent="never",
+        ),
+        Quantity(key="stretch", header="largest error of the string's length [mm]", measure=_stretch),
+        LOWEST,
+    ),
+    claims=(
+        Claim(
+            words="It knows nothing of turns: a tendon is the shortest way round at this instant. It follows the truth up to "
+            "{apart[one]:.0f} deg of string on the rod; there another way becomes the shorter one, and without a warning its "
+            "length is wrong by {stretch[one]:.0f} mm.",
+            holds=lambda n: 180 < n["apart"]["one"] < 360 and n["stretch"]["one"] > 5,
+        ),
+        Claim(
+            words="With the turns counted, the light mass is never 1 mm off and the length keeps to {stretch[counted]:.4f} mm.",
+            holds=lambda n: n["apart"]["counted"] is None and n["stretch"]["counted"] < 0.01,
+        ),
+        Claim(
+            words="The one tendon cannot halt the heavy mass as the truth does at {halt[truth]:.3f} s: it says "
+            "{halt[one]:.3f} s.",
+            holds=lambda n: n["halt"]["one"] is not None and abs(n["halt"]["one"] - n["halt"]["truth"]) > 0.02,
+        ),
+    ),
+    picture=Picture(
+        x="time [s]",
+        y="M1's height [cm]",
+        caption="The light mass's height. With one tendon it leaves the truth before the first turn is complete.",
+        curves=over_time(lambda run: 100 * run.light_position[:, 1]),
+    ),
+)
+
+CREEP_FROM, CREEP_TO = 0.45, 1.0
+"""Between these times the string holds in the truth and in every case [s]."""
+
+
+def _creep(runs: Runs, key: str) -> float:
+    """How far the held heavy mass moves from `CREEP_FROM` to `CREEP_TO` [mm], up positive."""
+    height = runs[key].heavy_position[:, 1]
+    return 1e3 * float(height[round(CREEP_TO / 1e-3)] - height[round(CREEP_FROM / 1e-3)])
+
+
+def _late(runs: Runs, key: str) -> float | None:
+    """How much later than the truth a run halts [ms]."""
+    own, true = halt_of(runs[key], P), halt_of(runs["truth"], P)
+    return None if own is None or true is None or key == "truth" else 1e3 * (own - true)
+
+
+_SOFT = {"impedance": OUT_OF_THE_BOX.impedance, "least_impedance": OUT_OF_THE_BOX.least_impedance}
+
+CREEP = Demonstration(
+    name="creeping-friction",
+    title="A regularised friction creeps",
+    question="A string that sticks does not move. Does a simulated one?",
+    guess="Once the heavy mass is caught it stands still.",
+    experiment=(
+        "MuJoCo's friction is softened: the friction force is a smooth function of the sliding speed, so what is held "
+        "must slide a "
+        "little to be held. Two numbers set how much, a time constant and an impedance. The tendon with the capstan law, "
+        "with both "
+        f"made hard, with the default time constant of {1e3 * DEFAULT_TIME_CONSTANT:g} ms, and with both as they come. "
+        f"Creep is "
+        f"measured from {CREEP_FROM:g} to {CREEP_TO:g} s, when the truth's string holds."
+    ),
+    scenario="ten_to_one",
+    change="heavy:\n  mass: 60 g    # the string is held less tightly: does it creep more?",
+    commands=("looping-pendulum compare mine.yaml --engine mujoco:capstan",),
+    cases=lambda: (
+        truth(TEN_TO_ONE),
+        _tendon("hard", "1 ms, hard", variant="capstan"),
+        _tendon("slow", "20 ms, hard", variant="capstan", changes={"friction_time_constant": DEFAULT_TIME_CONSTANT}),
+        _tendon(
+            "soft",
+            "20 ms, soft (as it comes)",
+            variant="capstan",
+            changes={"friction_time_constant": DEFAULT_TIME_CONSTANT} | _SOFT,
+        ),
+    ),
+    quantities=(
+        halting_time(P),
+        Quantity(key="late", header="late by [ms]", measure=_late, digits=".3f"),
+        Quantity(key="creep", header="creeps while held [mm]", measure=_creep, digits="+.5f"),
+        LOWEST,
+    ),
+    claims=(
+        Claim(
+            words="With the settings as they come it does not stand still: the light mass, still whipping round, pulls it "
+            "up by "
+            "{creep[soft]:.1f} mm while it is held; the truth's string moves by {creep[truth]:.5f} mm.",
+            holds=lambda n: n["creep"]["soft"] > 0.5 and abs(n["creep"]["truth"]) < 1e-6,
+        ),
+        Claim(
+            words="The soft start costs more: the halt is {late[soft]:.0f} ms late, {late[slow]:.0f} ms with the time "
+            "constant alone.",
+            holds=lambda n: n["late"]["soft"] > 10 and n["late"]["slow"] > 10,
+        ),
+        Claim(
+            words="Hard settings bring the creep down to {creep[hard]:.5f} mm and the halt to {late[hard]:.3f} ms.",
+            holds=lambda n: abs(n["creep"]["hard"]) < 1e-3 and abs(n["late"]["hard"]) < 0.1,
+        ),
+    ),
+    picture=Picture(
+        x="time [s]",
+        y="M2 above its lowest point [mm]",
+        caption="The heavy mass after it was caught. Softened friction lets it creep up; the truth stands still.",
+        curves=lambda runs, cases: _after_the_catch(runs, cases),
+    ),
+)
+
+
+def _after_the_catch(runs: Runs, cases: Mapping[str, Case]) -> Sequence[Curve]:
+    curves = []
+    for key, case in cases.items():
+        run = runs[key]
+        seen = (run.t >= 0.36) & (run.t <= CREEP_TO)
+        y = 1e3 * (run.heavy_position[:, 1] - run.heavy_position[:, 1].min())
+        curves.append(Curve(label=case.label, x=run.t[seen], y=np.minimum(y[seen], 10.0), truth=case.truth))
+    return curves
+
+
+__all__ = ["CONSTANT", "CREEP", "TENDON", "TURNS"]

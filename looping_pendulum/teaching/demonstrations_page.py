@@ -1,0 +1,168 @@
+"""Pages of demonstrations that were run: Markdown with a figure beside it, and one self-contained HTML file each."""
+
+from __future__ import annotations
+
+import base64
+import difflib
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from looping_pendulum.compare.export import write_whole
+from looping_pendulum.compare.tables import table
+from looping_pendulum.pages.palette import COLOURS, DASHES, MARKERS
+from looping_pendulum.pages.shell import page
+from looping_pendulum.teaching.demonstrations import Demonstration, DemonstrationError, Shown
+from looping_pendulum.teaching.demonstrations_chains import POLYGON, STRETCHY
+from looping_pendulum.teaching.demonstrations_friction import CONSTANT, CREEP, TENDON, TURNS
+from looping_pendulum.teaching.demonstrations_truth import BREAK_AWAY, DRAG, ITSELF
+
+DEMONSTRATIONS: Mapping[str, Demonstration] = {
+    d.name: d for d in (TENDON, CONSTANT, TURNS, POLYGON, STRETCHY, CREEP, DRAG, BREAK_AWAY, ITSELF)
+}
+"""Every demonstration by name, in the order of the index."""
+HERE = "looping_pendulum.teaching"
+LEAD = (
+    "Every engine that rebuilds the looping pendulum leaves something out. Short experiments show what, each with a "
+    "question and a "
+    "guess before its answer. The numbers come from the run that wrote the page, and each sentence of an answer has a "
+    "test on "
+    "them: one that they do not bear out says so."
+)
+NOT_BORNE_OUT = "Not borne out by this run:"
+MADE_WITH = "Made with "
+"""Start of the line that differs from installation to installation."""
+
+
+def find(names: Sequence[str]) -> tuple[Demonstration, ...]:
+    """Demonstrations of these names; all without any.
+
+    Raises
+    ------
+    DemonstrationError
+        If one is unknown.
+    """
+    for name in names:
+        if name not in DEMONSTRATIONS:
+            near = difflib.get_close_matches(name, DEMONSTRATIONS, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ";"
+            raise DemonstrationError(f"found no demonstration {name!r}{hint} known: {', '.join(DEMONSTRATIONS)}")
+    return tuple(DEMONSTRATIONS[name] for name in names) or tuple(DEMONSTRATIONS.values())
+
+
+def write(shown: Shown, folder: Path, *, with_html: bool = True) -> tuple[Path, ...]:
+    """Write NAME.md with NAME.png beside it, and NAME.html, which needs neither."""
+    name = shown.demonstration.name
+    png = figure(shown)
+    files: dict[str, str | bytes] = {f"{name}.png": png, f"{name}.md": markdown(shown)}
+    if with_html:
+        files[f"{name}.html"] = html(shown, png)
+    for file, content in files.items():
+        write_whole(folder / file, content)
+    return tuple(folder / file for file in files)
+
+
+def write_index(folder: Path) -> Path:
+    """Write index.html, a list of the demonstrations whose pages are in ``folder``."""
+    there = [d for d in DEMONSTRATIONS.values() if (folder / f"{d.name}.html").exists()]
+    title = "Looping pendulum: what each model assumes"
+    text = page(HERE, "demonstrations.html", title=title, lead=LEAD, demonstrations=there)
+    write_whole(folder / "index.html", text)
+    return folder / "index.html"
+
+
+def index() -> str:
+    """Markdown of the list of all demonstrations."""
+    rows = [[f"[{d.title}]({d.name}.md)", d.question] for d in DEMONSTRATIONS.values()]
+    return (
+        f"# What each model assumes\n\n{LEAD}\n\n"
+        f"{table(['demonstration', 'question'], rows, left=2)}\n"
+        "```sh\n"
+        "looping-pendulum demonstrations --out demonstrations\n"
+        "looping-pendulum demonstrations polygon --out demonstrations\n"
+        "```\n\n"
+        "The first writes all pages and `index.html`, which opens offline.\n"
+    )
+
+
+def markdown(shown: Shown) -> str:
+    """Page as Markdown; its figure is NAME.png beside it."""
+    d = shown.demonstration
+    answer = "\n\n".join(s.text if s.holds else f"**{NOT_BORNE_OUT}** {s.text}" for s in shown.answer)
+    commands = "\n".join(d.commands)
+    return (
+        f"# {d.title}\n\n"
+        f"**Question.** {d.question}\n\n"
+        f"**Guess.** {d.guess} What is yours?\n\n"
+        f"## Experiment\n\n{d.experiment}\n\n"
+        f"{table(shown.header, [list(row) for row in shown.rows])}\n"
+        f"![{d.picture.caption}]({d.name}.png)\n\n*{d.picture.caption}*\n\n"
+        f"## Answer\n\n{answer}\n\n"
+        f"## See for yourself\n\n{commands_words(d)}\n\n```sh\n{start(d)}\n{commands}\n```\n\n"
+        f"```yaml\n{d.change}\n```\n\n"
+        f"{provenance(shown)}\n"
+    )
+
+
+def commands_words(d: Demonstration) -> str:
+    """What to do with the commands and the lines of YAML."""
+    return f"Copy the scenario `{d.scenario}`, change the lines below in the copy, and run it."
+
+
+def start(d: Demonstration) -> str:
+    """Command that copies the scenario."""
+    return f"looping-pendulum scenarios {d.scenario} > mine.yaml"
+
+
+def provenance(shown: Shown) -> str:
+    """What wrote the page, and with which versions."""
+    made = ", ".join(f"{name} {version}" for name, version in shown.versions.items())
+    return f"{MADE_WITH}{made}, by `looping-pendulum demonstrations {shown.demonstration.name}`."
+
+
+def html(shown: Shown, png: bytes) -> str:
+    """Page as one HTML file that asks for nothing else."""
+    d = shown.demonstration
+    return page(
+        HERE,
+        "demonstration.html",
+        title=f"Looping pendulum: {d.title}",
+        d=d,
+        shown=shown,
+        not_borne_out=NOT_BORNE_OUT,
+        picture=f"data:image/png;base64,{base64.b64encode(png).decode()}",
+        words=commands_words(d).replace("`", ""),
+        start=start(d),
+        provenance=provenance(shown).replace("`", ""),
+    )
+
+
+def figure(shown: Shown) -> bytes:
+    """Draw the figure: truth black and broad, the others in colours and dashes that tell them apart without colour."""
+    picture = shown.demonstration.picture
+    fig = Figure(figsize=(7.2, 4.0), layout="constrained")
+    FigureCanvasAgg(fig)
+    axes = fig.subplots()
+    others = 0
+    for curve in shown.curves:
+        if curve.truth:
+            axes.plot(curve.x, curve.y, color="black", lw=3.0, alpha=0.85, label=curve.label, zorder=2)
+            continue
+        style: dict[str, Any] = {"color": COLOURS[others % len(COLOURS)], "lw": 1.6, "zorder": 3 + others}
+        if curve.points:
+            axes.plot(curve.x, curve.y, linestyle="", marker=MARKERS[others % len(MARKERS)], ms=7, label=curve.label, **style)
+        else:
+            axes.plot(curve.x, curve.y, dashes=DASHES[others % len(DASHES)], label=curve.label, **style)
+        others += 1
+    axes.set(xlabel=picture.x, ylabel=picture.y)
+    axes.grid(visible=True, color="0.9", lw=0.6)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    fig.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
+    out = io.BytesIO()
+    fig.savefig(out, format="png", dpi=100, metadata={"Software": None})
+    return out.getvalue()

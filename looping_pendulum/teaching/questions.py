@@ -1,0 +1,163 @@
+"""What `new` asks for, as data: each question with its default, what may be answered, and what is usual.
+
+What a key takes, with its unit and bounds, is the scenario file's own schema; here stand only the questions' order and words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from pydantic_core import PydanticCustomError
+
+from looping_pendulum.discrepancy.study_file import Measured
+from looping_pendulum.errors import HarnessError
+from looping_pendulum.reference_ode import effects as effect_library
+from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.scenarios.scenario import FILE_KEYS
+from looping_pendulum.scenarios.schema import Quantity
+from looping_pendulum.scenarios.units import Kind, show
+
+
+class AnswerError(HarnessError, ValueError):
+    """An answer cannot be used; the message says what was found, what was needed and an example."""
+
+
+Check = Callable[[str], str]
+"""Takes an answer; returns a warning to be shown, or nothing; raises `AnswerError` if it cannot be used."""
+Ask = Callable[[str, str, Check], str]
+"""Called with a question, its default and its check; returns an answer that passes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """One number of a scenario or study."""
+
+    key: str
+    """Where the file writes it, "light.mass"."""
+    words: str
+    unit: str
+    """SI; '' for a plain number."""
+    usual: tuple[float, float]
+    """Range of what stands on a table at school or at home [SI]; outside it a warning, not an error."""
+    above: bool = True
+    """Whether 0 is refused."""
+    highest: float = float("inf")
+    """Largest value that the file takes [SI]."""
+
+    def check(self, answer: str) -> str:
+        """Read an answer such as "12 g"; return a warning if it is unusual.
+
+        Raises
+        ------
+        AnswerError
+            If it is no quantity of this kind.
+        """
+        return self._judged(read(Quantity(self._kind), answer))
+
+    def check_measured(self, answer: str) -> str:
+        """Read an answer such as "12 g +/- 1 %"; return a warning if it is unusual, or has no error.
+
+        Raises
+        ------
+        AnswerError
+            If it is no such quantity.
+        """
+        try:
+            estimate = Measured(self._kind, start=None).estimate(answer)
+        except PydanticCustomError as error:
+            raise AnswerError(str(error)) from None
+        exact = "" if estimate.uncertain else "taken as exact, as no error was given; write for example '+/- 1 %' behind it"
+        return "; ".join(filter(None, (self._judged(estimate.value), exact)))
+
+    @property
+    def _kind(self) -> Kind:
+        return Kind(unit=self.unit, low=0.0, high=self.highest, above_low=self.above)
+
+    def _judged(self, value: float) -> str:
+        low, high = self.usual
+        if low <= value <= high:
+            return ""
+        return f"unusual: most are between {show(low, self.unit)} and {show(high, self.unit)}; is the unit right?"
+
+
+def read(quantity: Quantity, answer: str) -> float:
+    """Value [SI] of an answer.
+
+    Raises
+    ------
+    AnswerError
+        If it cannot be one.
+    """
+    try:
+        return quantity.read(answer)
+    except PydanticCustomError as error:
+        raise AnswerError(str(error)) from None
+
+
+def _coefficient(name: str, words: str, usual: tuple[float, float]) -> Question:
+    c = effect_library.COEFFICIENTS[name]
+    return Question(key=FILE_KEYS[name], words=words, unit=c.unit, usual=usual, above=False, highest=c.bounds[1])
+
+
+_DEGREE = 0.017453292519943295
+QUESTIONS: Mapping[str, Question] = MappingProxyType(
+    {
+        q.key: q
+        for q in (
+            Question(key="light.mass", words="Light mass M1, which whips round the rod", unit="kg", usual=(1e-3, 0.2)),
+            Question(key="heavy.mass", words="Heavy mass M2, which falls", unit="kg", usual=(5e-3, 2.0)),
+            Question(key="rod.radius", words="Radius of the rod (half its diameter)", unit="m", usual=(5e-4, 0.05)),
+            _coefficient("kinetic_friction", "Friction coefficient of the string on the rod", (0.05, 1.0)),
+            _coefficient("light_drag", "Air drag of the light mass (C rho A / 2)", (0.0, 0.01)),
+            _coefficient("heavy_drag", "Air drag of the heavy mass", (0.0, 0.02)),
+            _coefficient("string_drag", "Air drag of the string, per length", (0.0, 0.01)),
+            Question(
+                key="release.angle",
+                words="Angle of the string at release (90 deg is level, 180 deg straight down)",
+                unit="rad",
+                usual=(30 * _DEGREE, 150 * _DEGREE),
+                highest=360 * _DEGREE,
+            ),
+            Question(key="release.free_length", words="String from the rod to the light mass", unit="m", usual=(0.1, 3.0)),
+            Question(key="release.hanging_length", words="String from the rod to the heavy mass", unit="m", usual=(5e-3, 1.0)),
+            Question(key="duration", words="How long to watch", unit="s", usual=(0.2, 10.0), highest=3600.0),
+        )
+    }
+)
+"""Key of a scenario file -> its question, in the order in which they are asked."""
+
+RELEASES = {
+    Release.LOOPING.value: "the demonstration: both free",
+    Release.VERTICAL.value: "both hang, the heavy one falls",
+    Release.HELD.value: "the heavy one is held, the light one swings",
+    Release.DROP.value: "no string, both fall",
+}
+"""Kind of release -> what it is."""
+
+
+def check_release(answer: str) -> str:
+    """Accept a kind of release.
+
+    Raises
+    ------
+    AnswerError
+        If it is none.
+    """
+    if answer not in RELEASES:
+        raise AnswerError(f"expected one of {', '.join(RELEASES)}, got '{answer}'")
+    return ""
+
+
+def check_text(answer: str) -> str:
+    """Accept any text of one line.
+
+    Raises
+    ------
+    AnswerError
+        If it is empty or has odd characters.
+    """
+    if not answer.strip() or not answer.isprintable():
+        raise AnswerError("expected a few words on one line, got nothing readable")
+    return ""

@@ -1,0 +1,206 @@
+"""A motion as a file that the program Tracker draws on a video as an external model: one row per frame.
+
+Tracker puts row after row on frame after frame, so the rows have the video's own frame times. Metres; origin at the rod's axis,
+x right and y up, as the guide (docs/tracker.md) has a student set the axes in Tracker.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from looping_pendulum.engines.isolation import run_isolated
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.registry import label, select
+from looping_pendulum.engines.trajectory import Trajectory
+from looping_pendulum.errors import EngineError, HarnessError
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.solve import DURATION, solve
+from looping_pendulum.scenarios import loader
+from looping_pendulum.scenarios.scenario import Scenario
+
+HEADER = ("t", "heavyx", "heavyy", "lightx", "lighty")
+"""Columns of the file: two points, "heavy" and "light"; time in s, places in m."""
+
+FRAME_RATE = 240.0
+"""Slow motion of many phones [frames per second]."""
+
+NO_FRAME = 1e-9
+"""A frame this little before the release [frames] still counts as at it: 0.35 s at 240 frames a second is no round number."""
+
+Places = Callable[[Array], tuple[Array, Array]]
+"""Times since the release [s], shape (n,) -> places of the heavy and of the light mass [m], each of shape (n, 2)."""
+
+
+class TrackerError(HarnessError, ValueError):
+    """A motion cannot be written for Tracker."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """A motion that can be looked up at any time."""
+
+    name: str
+    """What moved, "ten_to_one, pymunk:chain"."""
+    end: float
+    """Last time that is known [s]."""
+    places: Places
+
+
+@dataclass(frozen=True, kw_only=True)
+class Overlay:
+    """A motion at the frames of a video."""
+
+    name: str
+    first_frame: int
+    """Frame of the video that the first row belongs to."""
+    frame_rate: float
+    """[frames per second]"""
+    t: Array
+    """Times by the video's clock [s], shape (n,)."""
+    heavy: Array
+    """[m], shape (n, 2)."""
+    light: Array
+    """[m], shape (n, 2)."""
+
+    def to_csv(self) -> str:
+        """Text of the file; numbers have all their digits, so that they read back as they are."""
+        rows = np.column_stack([self.t, self.heavy, self.light]).tolist()
+        return "\n".join([",".join(HEADER), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+
+
+def overlay(motion: Motion, *, frame_rate: float = FRAME_RATE, start: float = 0.0) -> Overlay:
+    """Look ``motion`` up at the frames of a video.
+
+    Parameters
+    ----------
+    frame_rate
+        True frame rate of the video [frames per second].
+    start
+        When the masses are released, by the video's clock [s].
+
+    Raises
+    ------
+    TrackerError
+        If the frames are impossible, or none falls into the motion.
+    """
+    if not (math.isfinite(frame_rate) and 0 < frame_rate <= 1e5):
+        raise TrackerError(f"--fps: found {frame_rate:g}, needed frames per second above 0; write for example --fps 240")
+    if not (math.isfinite(start) and start >= 0):
+        raise TrackerError(f"--start: found {start:g}, needed the time of the release in the video, 0 s or more")
+    first = math.ceil(start * frame_rate - NO_FRAME)
+    last = math.floor((start + motion.end) * frame_rate + NO_FRAME)
+    if last < first:
+        raise TrackerError(
+            f"--fps: found {frame_rate:g}, at which no frame falls into the {motion.end:g} s of {motion.name}; raise it"
+        )
+    t = np.arange(first, last + 1) / frame_rate
+    heavy, light = motion.places(np.clip(t - start, 0.0, motion.end))
+    return Overlay(name=motion.name, first_frame=first, frame_rate=frame_rate, t=t, heavy=heavy, light=light)
+
+
+def find_motion(source: str, engine: str | None = None, profile: Profile = Profile.QUICK) -> Motion:
+    """Return the motion that a user means.
+
+    Parameters
+    ----------
+    source
+        A scenario's name or file: then the exact reference, or ``engine``, runs it. Or a folder that `compare` wrote: then its
+        truth, or the run of ``engine`` in it. Or one CSV file of a run.
+    engine
+        "mujoco:capstan"; None: the exact reference.
+
+    Raises
+    ------
+    TrackerError
+        If the folder or file has no such run.
+    EngineError
+        If the engine is unknown, or its run failed.
+    """
+    path = Path(source)
+    if path.is_dir():
+        return _motion_of_file(_file_in(path, engine))
+    if path.suffix.lower() == ".csv" and path.is_file():
+        if engine is not None:
+            raise TrackerError(f"--engine: found {engine!r} beside the file of one run, needed one of them; leave it out")
+        return _motion_of_file(path)
+    scenario = loader.load(source)
+    if engine is None or engine == "reference":
+        return of_reference(scenario)
+    chosen = select([engine], profile)
+    if len(chosen) > 1:
+        variants = ", ".join(label(each) for each in chosen)
+        raise EngineError(f"--engine: found {engine!r}, needed one variant of it: {variants}")
+    return of_trajectory(run_isolated(chosen[0], scenario).raise_if_failed())
+
+
+def of_reference(scenario: Scenario) -> Motion:
+    """Motion of the exact reference, which is known at any time."""
+    solution = solve(scenario.parameters, duration=max(DURATION, scenario.duration))
+
+    def places(t: Array) -> tuple[Array, Array]:
+        samples = solution.sample(t)
+        return samples.heavy_position, samples.light_position
+
+    end = min(solution.end_time, scenario.duration)
+    return Motion(name=f"{scenario.name}, exact reference", end=end, places=places)
+
+
+def of_trajectory(run: Trajectory) -> Motion:
+    """Motion of an engine's run: cubic between its samples, from their places and velocities."""
+    masses = ((run.heavy_position, run.heavy_velocity), (run.light_position, run.light_velocity))
+    return _sampled(f"{run.scenario}, {run.label}", run.t, *masses)
+
+
+def _sampled(name: str, t: Array, heavy: tuple[Array, Array], light: tuple[Array, Array]) -> Motion:
+    from scipy.interpolate import CubicHermiteSpline
+
+    if len(t) < 2:
+        raise TrackerError(f"{name}: found {len(t)} samples, needed two or more")
+    splines = [CubicHermiteSpline(t, *mass) for mass in (heavy, light)]
+    return Motion(name=name, end=float(t[-1]), places=lambda at: (splines[0](at), splines[1](at)))
+
+
+def _file_in(folder: Path, engine: str | None) -> Path:
+    """File of one run in a folder that `compare` or `run` wrote."""
+    inner = folder / "trajectories"
+    files = sorted((inner if inner.is_dir() else folder).glob("*.csv"))
+    if not files:
+        raise TrackerError(
+            f"{folder}: found no runs, needed a folder that `looping-pendulum compare` wrote; or name a scenario"
+        )
+    wanted = "truth" if engine is None else engine.replace(":", "-")
+    stems = {file.stem: file for file in files}
+    found = [stem for stem in stems if stem == wanted or stem.startswith(f"{wanted}-")]
+    if len(found) != 1:
+        which = f"{len(found)} runs of {wanted!r}" if found else f"no run of {wanted!r}"
+        raise TrackerError(f"{folder}: found {which}, needed one; there are {', '.join(stems)}; choose by --engine")
+    return stems[found[0]]
+
+
+def _motion_of_file(path: Path) -> Motion:
+    """Motion in a CSV file of `compare.export.trajectory_csv`."""
+    names = ("t", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "light_x", "light_y", "light_vx", "light_vy")
+    with path.open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.reader(stream))
+    head = [cell.partition(" [")[0] for cell in rows[0]] if rows else []
+    lacking = [name for name in names if name not in head]
+    if lacking:
+        raise TrackerError(f"{path}: found no column {lacking[0]!r}, needed a file that `looping-pendulum run --out` wrote")
+    columns = np.array([_numbers(path, line, row, [head.index(n) for n in names]) for line, row in enumerate(rows[1:], 2)])
+    if not len(columns):
+        raise TrackerError(f"{path}: found no samples, needed two or more")
+    t, heavy, heavy_v, light, light_v = np.split(columns, [1, 3, 5, 7], axis=1)
+    return _sampled(path.stem, t[:, 0], (heavy, heavy_v), (light, light_v))
+
+
+def _numbers(path: Path, line: int, row: Sequence[str], places: Sequence[int]) -> list[float]:
+    try:
+        return [float(row[i]) for i in places]
+    except (ValueError, IndexError):
+        raise TrackerError(f"{path}:{line}: found a row without all its numbers, needed times, places and velocities") from None

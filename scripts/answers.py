@@ -1,0 +1,54 @@
+"""Answers to the paper's open questions: `docs/answers.md`, its figures, and the small summaries behind them.
+
+    python scripts/answers.py                       # redraw the figures and the page from the committed summaries
+    python scripts/answers.py --rebuild             # compute all summaries again first (takes minutes)
+    python scripts/answers.py --rebuild growth      # only this one
+
+Every number on the page comes from a summary in `docs/data/answers`, and every summary from runs of the reference.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from answers_parts import boundaries, common, figures, page, precision, questions
+
+SUMMARIES = {
+    "four_angles": precision.four_angles,
+    "plain_programs": precision.plain_programs,
+    "growth": boundaries.growth,
+    "near_75": boundaries.near_75,
+    "along_the_angle": boundaries.along_the_angle,
+    "family": boundaries.family,
+    "exponents": boundaries.exponents,
+    "halting_map": questions.halting_map,
+    "lowest_ratio": questions.lowest_ratio,
+    "mass_scale": questions.mass_scale,
+    "friction_and_radius": questions.friction_and_radius,
+}
+"""Name of a summary -> what computes it."""
+
+
+def main() -> None:
+    """Rebuild what is asked for; then draw the figures and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    known = ", ".join(SUMMARIES)
+    parser.add_argument("--rebuild", nargs="*", metavar="SUMMARY", help=f"compute again: {known}; all if none is named")
+    args = parser.parse_args()
+    names = [] if args.rebuild is None else args.rebuild or list(SUMMARIES)
+    for name in names:
+        if name not in SUMMARIES:
+            parser.error(f"--rebuild: found {name!r}, needed one of {known}")
+    for name in names:
+        start = time.process_time()
+        common.write(name, SUMMARIES[name]())
+        print(f"{name}: {time.process_time() - start:.0f} CPU s")
+    for figure in figures.draw():
+        print(figure)
+    common.PAGE.write_text(page.render())
+    print(common.PAGE)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,94 @@
+"""Write docs/engines/NAME.md, a page per engine, from what its variants declare of themselves.
+
+python -m scripts.engine_pages
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from looping_pendulum.compare.tables import table
+from looping_pendulum.engines.protocol import Engine, Profile
+from looping_pendulum.engines.registry import all_engines, how_to_get, label
+from looping_pendulum.engines.support import kind
+from looping_pendulum.engines.trajectory import supplies_as_rows
+from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
+from looping_pendulum.scenarios.scenario import file_key
+from looping_pendulum.scenarios.units import pretty
+
+FOLDER = Path(__file__).parents[1] / "docs" / "engines"
+TITLES = {"reference": "The reference", "mujoco": "MuJoCo", "pymunk": "pymunk", "pybullet": "PyBullet", "drake": "Drake"}
+RUNS = {
+    "truth": "The truth that all others are held against.",
+    "main": "Runs in every comparison.",
+    "study": "For studies: runs if named.",
+}
+
+
+def main() -> None:
+    """Write the pages."""
+    FOLDER.mkdir(exist_ok=True)
+    for name, text in pages().items():
+        (FOLDER / f"{name}.md").write_text(text, encoding="utf-8")
+
+
+def pages() -> dict[str, str]:
+    """Engine -> its page."""
+    engines = all_engines(Profile.QUICK)
+    return {name: page(name, [e for e in engines if e.name == name]) for name in TITLES}
+
+
+def page(name: str, variants: list[Engine]) -> str:
+    """Page of one engine."""
+    packages = sorted({package for engine in variants for package in engine.abilities.packages})
+    get = "\n".join(f"- `{package}`: {how_to_get(package)}" for package in packages)
+    sections = "\n".join(_variant(engine) for engine in variants)
+    effects = f"\n{_effects()}" if name == "reference" else ""
+    return (
+        f"# {TITLES[name]}\n\n"
+        "Written by `python -m scripts.engine_pages` from what each variant declares of itself; do not edit it by hand. "
+        "Conventions, and the traps that the adapters avoid: [engines](../engines.md). Errors, and what they are made of: "
+        "[engine study](../engine-study.md).\n\n"
+        f"To get it:\n\n{get}\n\n{sections}{effects}"
+    )
+
+
+def _variant(engine: Engine) -> str:
+    a = engine.abilities
+    supplies = table(["physics", "by", "how"], supplies_as_rows(a.supplies), left=3)
+    limits = "".join(f"- {limit}\n" for limit in a.limits) or "None declared.\n"
+    text = f"## {label(engine)}\n\n{_sentence(a.summary)} {RUNS[kind(engine)]}\n\n{supplies}\n### Limits\n\n{limits}"
+    if a.known_failures:
+        rows = [[check.replace("_", " "), why] for check, why in a.known_failures.items()]
+        text += f"\n### Checks that it fails\n\n{table(['check', 'measured reason'], rows, left=2)}"
+    studies = engine.studies()
+    if studies.defaults:
+        rows = [[d.setting, d.default, d.ours, d.effect] for d in studies.defaults]
+        text += (
+            f"\n### Settings that nobody is asked for\n\n{table(['setting', 'default', 'ours', 'what it does'], rows, left=4)}"
+        )
+    if studies.choices:
+        rows = [[c.what, c.ours, c.instead] for c in studies.choices]
+        text += f"\n### Choices of the adapter\n\n{table(['what', 'ours', 'as well'], rows, left=3)}"
+    if studies.ladders:
+        rows = [[ladder.setting, ", ".join(f"{v:g}" for v in ladder.values), pretty(ladder.unit)] for ladder in studies.ladders]
+        text += f"\n### What can be refined\n\n{table(['setting', 'from coarse to fine', 'unit'], rows, left=3)}"
+    return text + "\n"
+
+
+def _effects() -> str:
+    rows = []
+    for effect in EFFECTS.values():
+        for c in effect.coefficients:
+            if c.name in COEFFICIENTS and not effect.name.startswith("closure"):
+                rows.append([f"`{file_key(c.name)}`", c.meaning, pretty(c.unit), effect.formula, effect.acts_on, effect.source])
+    header = ["key in a scenario", "meaning", "unit", "formula", "acts on", "source"]
+    return f"## Effects that it knows\n\n{table(header, rows, left=6)}"
+
+
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:].rstrip(".") + "."
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,82 @@
+"""A real browser, and pages opened in it from files; every message and every request of theirs is kept."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+DESKTOP = {"width": 1280, "height": 900}
+PHONE = {"width": 390, "height": 844}
+
+
+@dataclass
+class Opened:
+    """A page in the browser, and what it did."""
+
+    page: Any
+    complaints: list[str] = field(default_factory=list)
+    """Errors and warnings of its console, and errors that nothing caught."""
+    requests: list[str] = field(default_factory=list)
+    dialogs: list[str] = field(default_factory=list)
+
+    def quiet(self, url: str) -> None:
+        """Hold that it asked for nothing but itself and complained of nothing."""
+        assert self.requests == [url]
+        assert self.complaints == []
+        assert self.dialogs == []
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Any]:
+    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if path is None:
+        pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is installed (Debian: apt install chromium)")
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def visit(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Opened]]:
+    """Open HTML from a file: ``visit(html, viewport=..., color_scheme=..., reduced_motion=...)``."""
+    contexts = []
+
+    def open_page(html: str, *, viewport: dict[str, int] = DESKTOP, reduced_motion: str = "reduce", **options: Any) -> Opened:
+        file: Path = tmp_path_factory.mktemp("page") / "page.html"
+        file.write_text(html, encoding="utf-8")
+        context = chromium.new_context(viewport=viewport, reduced_motion=reduced_motion, **options)
+        contexts.append(context)
+        opened = Opened(page=context.new_page())
+        opened.page.on("console", lambda m: opened.complaints.append(m.text) if m.type in ("error", "warning") else None)
+        opened.page.on("pageerror", lambda error: opened.complaints.append(str(error)))
+        opened.page.on("request", lambda request: opened.requests.append(request.url))
+        opened.page.on("dialog", lambda dialog: (opened.dialogs.append(dialog.message), dialog.dismiss()))
+        opened.page.goto(file.as_uri())
+        opened.page.wait_for_load_state("load")
+        return opened
+
+    yield open_page
+    for context in contexts:
+        context.close()
+
+
+def until(page: Any, expression: str, seconds: float = 20.0) -> None:
+    """Wait until ``expression`` holds on ``page``; its own waiting would need what the page's policy forbids."""
+    end = time.monotonic() + seconds
+    while not page.evaluate(expression):
+        assert time.monotonic() < end, f"never came true: {expression}"
+        page.wait_for_timeout(20)
+
+
+def sideways(page: Any) -> int:
+    """How far the page can be scrolled to the side [px]."""
+    return int(page.evaluate("document.documentElement.scrollWidth - window.innerWidth"))

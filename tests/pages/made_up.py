@@ -1,0 +1,93 @@
+"""An identification with every part that its page can show; nothing of it was fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from looping_pendulum.discrepancy.verdict import (
+    Effect,
+    EventResidual,
+    FitReport,
+    FittedNumber,
+    ForceProfile,
+    Identification,
+    Picture,
+    Ranked,
+    Round,
+    TrialError,
+    Unlisted,
+    Verdict,
+)
+
+
+def identification(name: str) -> Identification:
+    """With ``name`` as the name of the study, of its trial and of the effect."""
+    t = np.linspace(0.0, 1.0, 50)
+    wave = np.sin(9 * t)
+    fit = FitReport(
+        numbers=(FittedNumber(name=name, value=1.0, error=0.1, measured=1.1, measured_error=0.1, at_bound=False),),
+        correlations=(),
+        condition=10.0,
+        chi2_per_dof=2.0,
+        held_out=2.0,
+        largest_score=9.0,
+        alarms=(name,),
+        starts=(),
+    )
+    effect = Effect(
+        name=name, kind="force", acts_on="light mass", depends_on=("speed",), formula="F = -k v", source="", parameter="k",
+        meaning="is", value=0.01, error=0.001, interval=None, null=0.0, unit="N s/m", companions=(),
+    )  # fmt: skip
+    ranking = tuple(
+        Ranked(name=f"{name}{i}", kind="force", score=9.0 - i, gain=90.0 - 40 * i, value=0.01, error=0.001, held_out=1.0,
+               passes=i == 0, reason="" if i == 0 else name)
+        for i in range(3)
+    )  # fmt: skip
+    profile = ForceProfile(
+        side="along", coordinate=tuple(t), value=tuple(wave), error=(0.1,) * len(t), largest=1.0, largest_at=0.2, sure_from=0.1,
+        sure_to=0.3, formula="bumps", written=tuple(wave),
+    )  # fmt: skip
+    force = Unlisted(
+        acts_on="light mass", depends_on="free_length", multiplied_by="constant", unit="m", profiles=(profile,), formula=None,
+        formulas=(), phase="while sliding", gain=100.0, held_out_before=3.0, held_out_after=1.0, others=(),
+    )  # fmt: skip
+    picture = Picture(
+        trial=name,
+        held_out=False,
+        channels=("light_x", "light_y"),
+        **{
+            part: {"light_x": values, "light_y": -values}
+            for part, values in (
+                ("measured", wave), ("before", wave), ("after", wave), ("residual_before", 3 * wave), ("residual_after", wave)
+            )
+        },
+        t={"light_x": t, "light_y": t},
+    )  # fmt: skip
+    return Identification(
+        study=name,
+        title=name,
+        seed=0,
+        verdict=Verdict.UNLISTED,
+        sentence=name,
+        effects=(effect,),
+        ties=(),
+        unlisted=force,
+        remainder=None,
+        next_experiments=(),
+        rounds=(Round(added_before=(), ranking=ranking, best=name, runner_up=name, margin=40.0),),
+        errors=(
+            TrialError(trial=name, held_out=False, rms_before=3e-3, rms_after=1e-3, noise_before=3.0, noise_after=1.0,
+                       events_before={}, events_after={}),
+        ),
+        events=(
+            EventResidual(trial=name, held_out=False, quantity="halting_time", index=1, unit="s", measured=0.4, sigma=0.01,
+                          before=0.5, after=None),
+        ),
+        before=fit,
+        after=fit,
+        judged_on="held-out trials",
+        data=(name,),
+        provenance={"looping-pendulum": "0"},
+        scenario="",
+        pictures=(picture,),
+    )  # fmt: skip

@@ -1,0 +1,64 @@
+"""A cheap comparison that pages are made of: the truth, two engines, one that breaks off and one that is missing."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cache
+
+from looping_pendulum.compare import ComparisonResult, compare
+from looping_pendulum.compare.run_cache import run_key
+from looping_pendulum.engines.isolation import run_isolated
+from looping_pendulum.engines.protocol import Engine, Profile
+from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.registry import select
+from looping_pendulum.engines.trajectory import Trajectory
+from looping_pendulum.scenarios import load
+from looping_pendulum.scenarios.scenario import Scenario
+from tests.engines.faulty import FaultyEngine
+
+HOSTILE = "\"'><img src=x onerror=alert(1)></script><script>alert(1)</script><!-- & `"
+"""What a page must show as it is."""
+
+LABELS = ("mujoco:documented", "mujoco:capstan", "faulty:stretches", "faulty:absent")
+
+
+def engines() -> list[Engine]:
+    return [
+        *select(["mujoco:documented", "mujoco:capstan"], Profile.QUICK),
+        FaultyEngine("stretches"),
+        FaultyEngine("absent", packages=("no_such_package",)),
+    ]
+
+
+@cache
+def runs() -> tuple[Trajectory, ...]:
+    scenario = load("two_to_one")
+    *present, absent = engines()
+    return (*(engine.simulate(scenario) for engine in present), run_isolated(absent, scenario))
+
+
+def compared(scenario: Scenario) -> ComparisonResult:
+    result = compare(scenario, Truth(scenario), runs())
+    return dataclasses.replace(result, run_keys=tuple(run_key(engine, scenario) for engine in engines()))
+
+
+@cache
+def small_result() -> ComparisonResult:
+    """Stops, a stick, a slip and a halt; an engine that never halts."""
+    return compared(load("two_to_one"))
+
+
+@cache
+def hostile_result() -> ComparisonResult:
+    """The same with hostile text wherever a scenario or an engine has a say."""
+    scenario = dataclasses.replace(load("two_to_one"), name=HOSTILE, title=HOSTILE, description=HOSTILE)
+    result = compared(scenario)
+    assert result.samples is not None
+    first, *others = result.engines
+    aligned = result.samples.aligned[0]
+    renamed = dataclasses.replace(aligned, run=dataclasses.replace(aligned.run, variant=HOSTILE))
+    return dataclasses.replace(
+        result,
+        engines=(dataclasses.replace(first, variant=HOSTILE, message=HOSTILE), *others),
+        samples=dataclasses.replace(result.samples, aligned=(renamed, *result.samples.aligned[1:])),
+    )

@@ -1,0 +1,45 @@
+"""A demonstration's page in a real browser: quiet, readable on a phone, dark on request, hostile text as text."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from looping_pendulum.teaching.demonstrations import show
+from looping_pendulum.teaching.demonstrations_page import DEMONSTRATIONS, figure, html
+from tests.pages.conftest import PHONE
+
+
+@pytest.fixture(scope="module")
+def shown():
+    return show(DEMONSTRATIONS["drag-and-spiral"])
+
+
+def asked_for_nothing(opened):
+    opened.requests[:] = [url for url in opened.requests if not url.startswith("data:")]
+    opened.quiet(opened.page.url)
+
+
+def test_a_page_is_quiet_and_fits_a_phone(visit, shown):
+    opened = visit(html(shown, figure(shown)), viewport=PHONE)
+    asked_for_nothing(opened)
+    assert opened.page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    assert opened.page.evaluate("document.querySelector('figure img').naturalWidth") > 500
+    assert opened.page.locator("figure img").get_attribute("alt") == shown.demonstration.picture.caption
+
+
+def test_dark_on_request(visit, shown):
+    opened = visit(html(shown, figure(shown)), color_scheme="light")
+    ground = "getComputedStyle(document.body).backgroundColor"
+    light = opened.page.evaluate(ground)
+    opened.page.locator("#theme").click()
+    assert opened.page.evaluate(ground) != light
+
+
+def test_hostile_text_does_not_run(visit, shown):
+    hostile = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
+    d = dataclasses.replace(shown.demonstration, title=hostile, question=hostile, change=hostile)
+    opened = visit(html(dataclasses.replace(shown, demonstration=d), figure(shown)))
+    asked_for_nothing(opened)
+    assert opened.page.locator("h1").inner_text() == hostile

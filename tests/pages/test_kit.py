@@ -1,0 +1,144 @@
+"""The kit: what goes into a page stays text there, the policy allows no request, and the same input gives the same bytes."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import hashlib
+import json
+import re
+
+import pytest
+
+from looping_pendulum.compare import page as comparison_page
+from looping_pendulum.discrepancy import page as identification_page
+from looping_pendulum.pages import markdown
+from looping_pendulum.pages.figures import Figure, escaped, plain
+from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS
+from looping_pendulum.pages.shell import embedded
+from looping_pendulum.teaching import demo
+from tests.pages.made_up import identification
+from tests.pages.small import HOSTILE, hostile_result, small_result
+
+MOST_BYTES = 6e6  # the issue's limit
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance by WCAG 2.2."""
+    channels = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(a: str, b: str) -> float:
+    high, low = sorted((luminance(a), luminance(b)), reverse=True)
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize("data", [HOSTILE, [HOSTILE], {HOSTILE: 1.5}, "\u2028\u2029", None])
+def test_embedded_json_reads_back_and_cannot_end_its_element(data):
+    text = embedded(data)
+    assert json.loads(text) == data
+    assert not set(text) & set("<>&\u2028\u2029")
+
+
+def test_embedded_json_refuses_what_is_no_json():
+    with pytest.raises(ValueError, match="JSON"):
+        embedded(float("nan"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["<script>alert(1)</script>", "<img src=x onerror=alert(1)>", "![x](http://example.org/x.png)", "<http://example.org>"],
+)
+def test_markdown_makes_no_element_of_what_stands_in_it(text):
+    html = markdown.html(f"{text}\n\n| a |\n| --- |\n| {text} |\n")
+    assert not re.search(r"<(script|img|a)\b", html)
+    assert html.count("<table>") == 1
+
+
+def test_colours_of_the_dark_ground_are_as_many_and_can_be_seen():
+    assert len(DARK_COLOURS) == len(COLOURS)
+    assert all(contrast(colour, "#12161c") >= 4.5 for colour in DARK_COLOURS)  # WCAG 2.2, AA for text; lines need 3
+
+
+@pytest.mark.parametrize(
+    "pair", [("#16191d", "#ffffff"), ("#4d5560", "#f5f6f8"), ("#a9b3bf", "#1b2129"), ("#0b5fa5", "#ffffff")]
+)
+def test_text_can_be_read(pair):
+    assert contrast(*pair) >= 4.5  # WCAG 2.2, AA
+
+
+PAGES = {
+    "comparison": lambda: comparison_page.render(small_result()),
+    "identification": lambda: identification_page.render(identification("calm")),
+    "demo": lambda: demo.render(small_result()),
+}
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_pages_are_small_whole_and_the_same_again(name):
+    html = PAGES[name]()
+    assert len(html.encode()) < (1.5e6 if name == "demo" else MOST_BYTES)
+    assert html == PAGES[name]()
+    assert not re.search(r"<(script|link|img|iframe)[^>]*\b(src|href)=\"(?!data:)", html)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_only_our_own_scripts_run(name):
+    html = PAGES[name]()
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', html)[1].replace("&#39;", "'")
+    allowed = set(re.findall(r"'sha256-([^']*)'", policy))
+    run = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
+    assert {base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in run} == allowed
+    assert "unsafe-eval" not in policy
+    assert "script-src 'unsafe-inline'" not in policy
+    assert policy.startswith("default-src 'none'")
+
+
+def test_a_script_that_would_end_its_element_is_refused(monkeypatch):
+    from looping_pendulum.pages import shell
+
+    with pytest.raises(ValueError, match="end it early"):
+        shell.page(shell.KIT, "report.html", title="t", scripts=["'</script>'"])
+
+
+@pytest.mark.parametrize("name", ["comparison", "identification"])
+def test_plotly_knows_every_key_of_our_figures(name):
+    from plotly.graph_objects import Figure as Plotly
+
+    calm = identification("calm")
+    figures = comparison_page.figures(small_result()) if name == "comparison" else identification_page.figures(calm)
+    for figure in figures:
+        traces = [_with_plain_colours(trace) for trace in figure.traces]
+        assert Plotly({"data": traces, "layout": _with_plain_colours(figure.layout)}).data
+    assert len({figure.id for figure in figures}) == len(figures)
+
+
+def _with_plain_colours(value):
+    """Names of colours are the page's own; plotly's check knows hex."""
+    if isinstance(value, dict):
+        return {key: _with_plain_colours(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_with_plain_colours(inner) for inner in value]
+    return "#123456" if isinstance(value, str) and value.startswith("var(--") else value
+
+
+def test_figures_have_no_nan_and_escape_names():
+    assert plain([1.23456789, float("nan"), float("inf")]) == [1.23457, None, None]
+    assert escaped("<b>&") == "&lt;b&gt;&amp;"
+    figure = Figure(id="f", caption="c", traces=({"y": plain([1.0])},), layout={})
+    assert json.loads(embedded(figure.as_dict())) == {"id": "f", "traces": [{"y": [1.0]}], "layout": {"height": 420}}
+
+
+def test_hostile_names_stand_in_no_page_as_they_are():
+    for html in (demo.render(hostile_result()), comparison_page.render(hostile_result())):
+        assert "<script>alert(1)</script>" not in html
+        assert "<img src=x" not in html
+    assert "<img src=x" not in identification_page.render(identification(HOSTILE))
+
+
+def test_a_page_without_trajectories_still_has_its_tables():
+    html = comparison_page.render(dataclasses.replace(small_result(), samples=None))
+    assert "Plotly" not in html
+    assert html.count("<table>") > 3

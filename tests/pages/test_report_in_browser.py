@@ -1,0 +1,105 @@
+"""The reports in a real browser: figures are drawn, tables sort, names stay text, nothing is fetched."""
+
+from __future__ import annotations
+
+import pytest
+
+from looping_pendulum.compare import page as comparison_page
+from looping_pendulum.discrepancy import page as identification_page
+from tests.pages.conftest import DESKTOP, PHONE, sideways, until
+from tests.pages.made_up import identification
+from tests.pages.small import HOSTILE, hostile_result, small_result
+
+DRAWN = "[...document.querySelectorAll('.figure')].every((box) => box.querySelector('.main-svg'))"
+
+
+@pytest.fixture(scope="module")
+def comparison(visit):
+    return visit(comparison_page.render(small_result()))
+
+
+def test_comparison_draws_its_figures_and_fetches_nothing(comparison):
+    page = comparison.page
+    until(page, DRAWN)
+    figures = comparison_page.figures(small_result())
+    assert page.locator(".figure").count() == len(figures) == 3
+    for figure in figures:
+        lines = page.locator(f"#{figure.id} .scatterlayer .trace").count()
+        assert lines == len(figure.traces)
+    page.click("#theme")  # drawn again in the other colours
+    until(page, "document.querySelector('#path .main-svg').style.background !== 'rgb(255, 255, 255)'")
+    page.click("#theme")
+    comparison.quiet(page.url)
+
+
+def test_tables_sort(comparison):
+    page = comparison.page
+    table = page.locator("main table").first
+    header = table.locator("thead th").nth(2)
+    assert header.inner_text().startswith("RMS to 0.35 s [mm]")
+
+    def cells():
+        return [text.strip() for text in table.locator("tbody tr td:nth-child(3)").all_text_contents()]
+
+    before = cells()
+    numbers = sorted(float(text) for text in before if text != "–")
+    assert len(numbers) == 2
+    header.locator("button").click()
+    assert [float(text) for text in cells()[:2]] == numbers
+    assert header.get_attribute("aria-sort") == "ascending"
+    header.locator("button").press("Enter")
+    assert [float(text) for text in cells()[:2]] == numbers[::-1]
+    assert header.get_attribute("aria-sort") == "descending"
+    assert set(cells()[2:]) == {"–"}, "gaps stay last"
+    first = table.locator("thead th").first
+    first.locator("button").click()
+    names = [text.strip() for text in table.locator("tbody tr td:first-child").all_text_contents()]
+    assert names == sorted(names)
+
+
+def test_a_phone_shows_it_without_scrolling_sideways(comparison):
+    page = comparison.page
+    page.set_viewport_size(PHONE)
+    until(page, "document.querySelector('#path .main-svg').getBoundingClientRect().width <= 390")
+    assert sideways(page) == 0
+    page.set_viewport_size(DESKTOP)
+
+
+def test_identification_draws_every_figure(visit):
+    opened = visit(identification_page.render(identification("calm")), viewport=PHONE, color_scheme="dark")
+    until(opened.page, DRAWN)
+    drawn = [figure.id for figure in identification_page.figures(identification("calm"))]
+    assert drawn == ["errors", "trial-0", "events", "ranking", "unlisted"]
+    for name in drawn:
+        assert opened.page.locator(f"#{name} .trace").count() > 0
+    assert sideways(opened.page) == 0
+    opened.quiet(opened.page.url)
+
+
+@pytest.mark.parametrize("render", [
+    lambda: comparison_page.render(hostile_result()), lambda: identification_page.render(identification(HOSTILE))
+], ids=["comparison", "identification"])  # fmt: skip
+def test_hostile_names_show_as_text(visit, render):
+    opened = visit(render())
+    until(opened.page, DRAWN)
+    assert "onerror=alert(1)" in opened.page.inner_text("h1")
+    assert "<script>alert(1)</script>" in opened.page.inner_text("main")
+    assert opened.page.locator("img").count() == 0
+    opened.quiet(opened.page.url)
+
+
+def test_print_opens_what_is_folded_and_leaves_out_switches(comparison):
+    page = comparison.page
+    page.click("#theme")  # dark, which paper is not
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    page.emulate_media(media="print")
+    assert page.evaluate("document.documentElement.dataset.theme") == "light"
+    widths = page.eval_on_selector_all(".figure .main-svg", "(all) => all.map((one) => one.getBoundingClientRect().width)")
+    assert max(widths) <= 718  # A4 with Chromium's margins of 1 cm [px]
+    assert page.locator("details.words dl").is_visible()
+    assert not page.locator("#theme").is_visible()
+    assert not page.locator("nav.contents").is_visible()
+    page.emulate_media(media="screen")
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    assert page.locator("#path .main-svg").first.bounding_box()["width"] > 1000

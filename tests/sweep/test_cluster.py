@@ -1,0 +1,83 @@
+"""The same maps on a Dask cluster: a real scheduler and real workers, each a process, on this machine's loopback."""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import subprocess
+import time
+from contextlib import ExitStack
+
+import pytest
+
+from looping_pendulum.errors import EngineError
+from looping_pendulum.sweep import map_file
+from looping_pendulum.sweep.executors import CONNECT_TIME
+from tests.sweep.maps import GRID, chunk_files, contents, program
+from tests.sweep.test_runner import quiet
+
+pytest.importorskip("distributed")
+
+
+def started(stack, *arguments, **also):
+    """Start a program that is killed with the test."""
+    process = subprocess.Popen(**program(*arguments, **also), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    stack.callback(process.wait)
+    stack.callback(process.kill)
+    return process
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """Address of a scheduler with two workers, and these two processes; they run the fake solver slowly."""
+    with ExitStack() as stack:
+        file = tmp_path / "scheduler.json"
+        loopback = ("--host", "127.0.0.1", "--no-dashboard")
+        started(stack, "distributed.cli.dask_scheduler", *loopback, "--port", 0, "--scheduler-file", file)
+        deadline = time.monotonic() + 60
+        while not (file.exists() and file.read_text().endswith("}")) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        address = json.loads(file.read_text())["address"]
+        alone = (*loopback, "--nthreads", 1, "--no-nanny", "--local-directory", tmp_path / "dask")
+        workers = [started(stack, "distributed.cli.dask_worker", address, *alone, FAKE_SLEEP="0.1") for _ in range(2)]
+        yield address, workers
+
+
+def test_a_worker_killed_in_the_middle_loses_nothing(cluster, tmp_path):
+    address, workers = cluster
+    (tmp_path / "map.yaml").write_text(GRID)
+    folder = tmp_path / "out"
+    process = subprocess.Popen(
+        **program("tests.sweep.fake", tmp_path / "map.yaml", folder, "--cluster", address),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while process.poll() is None and len(chunk_files(folder)) < 4:
+        time.sleep(0.01)
+    workers[0].send_signal(signal.SIGKILL)
+    left = 15 - len(chunk_files(folder))
+    said, wrong = process.communicate(timeout=120)
+    assert said.startswith("180 "), wrong
+    assert left > 3  # it had work to do when it was killed
+    assert workers[0].wait() == -signal.SIGKILL
+    assert workers[1].poll() is None
+    quiet(map_file.load_text(GRID), tmp_path / "here")
+    assert contents(folder) == {**contents(tmp_path / "here"), "map.yaml": GRID.encode()}
+
+
+def test_an_unreachable_cluster_is_one_line_soon(tmp_path):
+    plan = map_file.load_text(GRID)
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # not listening: nobody answers there
+        address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
+        before = time.monotonic()
+        with pytest.raises(
+            EngineError, match=f"--cluster: {address}: found no scheduler that answers .*`dask scheduler`"
+        ) as caught:
+            quiet(plan, tmp_path, cluster=address)
+        took = time.monotonic() - before
+    assert "\n" not in str(caught.value)
+    assert took < 3 * CONNECT_TIME
+    assert quiet(plan, tmp_path).complete

@@ -1,0 +1,352 @@
+"""Making a map: the same bytes however often it is interrupted, killed or damaged; and what stops it leaves the rest whole."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import shutil
+import signal
+import subprocess
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+import zarr.storage
+from typer.testing import CliRunner
+
+from looping_pendulum.cli import app
+from looping_pendulum.errors import EngineError
+from looping_pendulum.reference_ode.batch import solve_batch
+from looping_pendulum.sweep import map_file, open_map, run_map, runner
+from looping_pendulum.sweep.fields import ENDINGS, FIELDS
+from looping_pendulum.sweep.plan import MapError
+from tests.sweep import fake
+from tests.sweep.maps import GRID, SAMPLE, chunk_files, contents, program, run
+
+
+def lives(pid):
+    """Whether a process runs; one that has ended may wait for its parent, or init, to take note."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def quiet(plan, folder, **also):
+    return run_map(plan, folder, **({"jobs": 1, "figures": False, "solve": fake.solve} | also))
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """An uninterrupted map of the fake solver, to compare with."""
+    folder = tmp_path_factory.mktemp("whole")
+    quiet(map_file.load_text(GRID), folder)
+    return contents(folder)
+
+
+def test_a_grid_says_what_the_batch_says(tmp_path):
+    plan = map_file.load_text(GRID.replace("count: 15", "count: 4").replace("count: 12", "count: 3"))
+    outcome = run_map(plan, tmp_path, jobs=1)
+    assert outcome.complete
+    angle, ratio = np.meshgrid(*(axis.values for axis in plan.design.axes), indexing="ij")
+    batch = solve_batch(
+        plan.scenario.parameters,
+        {"release_angle": angle.ravel(), "heavy_mass": 0.01 * ratio.ravel()},
+        duration=5.0,
+        tolerance=1e-6,
+    )
+    with xr.open_zarr(tmp_path / "map.zarr") as data:
+        assert data["halting_time"].dims == ("release_angle", "mass_ratio")
+        for field in FIELDS:
+            assert np.array_equal(
+                data[field.name].values.ravel(), getattr(batch, field.name), equal_nan=field.dtype == "float64"
+            )
+            assert data[field.name].attrs["long_name"] == field.meaning
+        assert np.degrees(data["release_angle"].values) == pytest.approx(np.linspace(60, 130, 4))
+        assert data["release_angle"].attrs["units"] == "rad"
+        assert data.attrs["map_file"] == plan.text
+        assert data.attrs["versions"]["numpy"] == np.__version__
+    report = (tmp_path / "map.md").read_text()
+    assert f"12 runs: {np.isfinite(batch.halting_time).sum()} (" in report
+    assert (tmp_path / "halting_time.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_sample_has_its_parameters_beside_its_results(tmp_path):
+    plan = map_file.load_text(SAMPLE)
+    quiet(plan, tmp_path, figures=True)
+    data = open_map(tmp_path)
+    expected = plan.design.given((slice(0, 100),))
+    assert set(data.coords) == {"release_angle", "rod_radius"}
+    assert data["drop"].dims == ("run",)
+    for name, values in expected.items():
+        assert np.array_equal(data[name].values, values)
+    assert (tmp_path / "halting_time.png").exists()
+
+
+def test_killed_at_any_moment_it_goes_on_to_the_same_bytes(tmp_path, whole):
+    (tmp_path / "map.yaml").write_text(GRID)
+    folder = tmp_path / "out"
+    start = program("tests.sweep.fake", tmp_path / "map.yaml", folder, FAKE_SLEEP="0.03")
+    kept = []
+    for chunks, moment in ((0, 0.0), (2, 0.003), (6, 0.007), (11, 0.0)):
+        process = subprocess.Popen(**start, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        while process.poll() is None and not (chunks == 0 and folder.exists()) and len(chunk_files(folder)) < max(chunks, 1):
+            time.sleep(0.01)
+        time.sleep(moment)
+        process.send_signal(signal.SIGKILL)
+        assert process.wait() == -signal.SIGKILL, process.stderr.read()
+        process.stdout.close()
+        process.stderr.close()
+        kept.append(len(chunk_files(folder)))
+    assert kept == sorted(kept)
+    assert 9 <= kept[-1] < 15
+    done = run("tests.sweep.fake", tmp_path / "map.yaml", folder)
+    assert done.stdout.startswith("180 "), done.stderr
+    assert contents(folder) == {**whole, "map.yaml": GRID.encode()}
+
+
+def test_what_a_killed_process_may_leave_is_made_good(tmp_path, whole):
+    """A half-written file under its temporary name, a missing, a cut and a flipped chunk, a store that was only begun."""
+    plan = map_file.load_text(GRID)
+    (tmp_path / ".map.zarr.part" / "end").mkdir(parents=True)
+    quiet(plan, tmp_path)
+    store = tmp_path / "map.zarr"
+    (store / "drop" / "c" / "3" / "0.0123456789abcdef.partial").write_bytes(b"half")
+    (store / "stops" / "c" / "4" / "0").unlink()
+    cut = store / "drop" / "c" / "5" / "0"
+    cut.write_bytes(cut.read_bytes()[:-3])
+    flipped = store / "end_time" / "c" / "6" / "0"
+    data = bytearray(flipped.read_bytes())
+    data[len(data) // 2] ^= 1
+    flipped.write_bytes(data)
+    outcome = quiet(plan, tmp_path)
+    assert (outcome.found, outcome.done) == (180 - 3 * 12, 180)
+    assert contents(tmp_path) == whole
+
+
+def test_chunks_without_a_halt_are_done_too(tmp_path):
+    plan = map_file.load_text(GRID)
+
+    def never(task):
+        result = fake.solve(task)
+        for field in FIELDS:
+            result.values[field.name][:] = field.fill
+        return result
+
+    quiet(plan, tmp_path, solve=never)
+    assert quiet(plan, tmp_path, solve=never).found == 180
+
+
+def test_ctrl_c_keeps_what_is_done_and_the_same_call_goes_on(tmp_path, whole):
+    plan, made = map_file.load_text(GRID), []
+
+    def interrupted(task):
+        if len(made) == 4:
+            raise KeyboardInterrupt
+        made.append(task.index)
+        return fake.solve(task)
+
+    outcome = quiet(plan, tmp_path, solve=interrupted)
+    assert outcome.interrupted
+    assert (outcome.done, outcome.complete) == (48, False)
+    data = open_map(tmp_path)
+    assert int((data["end"] == -1).sum()) == 180 - 48
+    assert quiet(plan, tmp_path).found == 48
+    assert contents(tmp_path) == whole
+
+
+def test_the_command_says_after_ctrl_c_how_to_go_on(tmp_path, monkeypatch):
+    def interrupted(task):
+        if task.index == 4:
+            raise KeyboardInterrupt
+        return fake.solve(task)
+
+    monkeypatch.setattr(runner, "run_map", partial(run_map, solve=interrupted))
+    (tmp_path / "map.yaml").write_text(GRID)
+    arguments = ["map", str(tmp_path / "map.yaml"), "--out", str(tmp_path / "out"), "--jobs", "1"]
+    done = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert done.exit_code == 130
+    assert re.search(r"interrupted: 48 of 180 runs are kept in .*out; the same command goes on from there", done.stderr)
+
+
+@pytest.mark.accurate
+def test_ctrl_c_at_the_command_line(tmp_path):
+    (tmp_path / "map.yaml").write_text(GRID.replace("1e-6", "1e-12").replace("count: 12", "count: 400"))
+    arguments = ("map", tmp_path / "map.yaml", "--out", tmp_path / "out", "--jobs", 2)
+    process = subprocess.Popen(**program("looping_pendulum", *arguments), stderr=subprocess.PIPE, text=True)
+    while process.poll() is None and len(chunk_files(tmp_path / "out")) < 2:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    assert said.startswith("6000 runs (15 x 400: release_angle, mass_ratio) in ")
+    assert "Traceback" not in said
+    kept = re.search(r"interrupted: (\d+) of 6000 runs are kept in .*; the same command goes on from there", said)
+    assert int(kept[1]) >= 12
+
+
+def test_memory_does_not_grow_with_the_map(tmp_path):
+    """A hundred times the runs; kept, their results alone would take 7.7 MB, and several times that as Python's objects."""
+    held = []
+    for count in (10, 1000):
+        text = (
+            GRID.replace("count: 15", "count: 100").replace("count: 12", f"count: {count}").replace("chunk: 12", "chunk: 2000")
+        )
+        path = tmp_path / f"{count}.yaml"
+        path.write_text(text)
+        done = run("tests.sweep.fake", path, tmp_path / f"out{count}")
+        runs, peak = map(int, done.stdout.split())
+        assert runs == 100 * count
+        held.append(peak)
+    assert held[1] - held[0] < 6000  # KiB; measured 2000 to 3500
+
+
+def test_a_full_disk_is_one_line_and_leaves_the_rest_whole(tmp_path, whole, monkeypatch):
+    plan, written = map_file.load_text(GRID), []
+    put = zarr.storage.LocalStore.set
+
+    async def full(self, key, value, *also, **more):
+        written.append(key)
+        if len(written) == 150:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), key)
+        return await put(self, key, value, *also, **more)
+
+    monkeypatch.setattr(zarr.storage.LocalStore, "set", full)
+    with pytest.raises(MapError, match="found a full disk .*what is finished is kept: free some.*same command again") as caught:
+        quiet(plan, tmp_path)
+    assert "\n" not in str(caught.value)
+    assert 0 < len(chunk_files(tmp_path)) < 15
+    assert quiet(plan, tmp_path).found > 0
+    assert contents(tmp_path) == whole
+
+
+def test_a_folder_with_something_else_is_left_alone(tmp_path):
+    plan = map_file.load_text(GRID)
+    (tmp_path / "thesis.tex").write_text("precious")
+    with pytest.raises(MapError, match=r"found other files \(thesis.tex\), needed an empty folder.*--out"):
+        quiet(plan, tmp_path)
+    assert (tmp_path / "thesis.tex").read_text() == "precious"
+    assert not (tmp_path / "map.zarr").exists()
+
+
+def test_another_map_is_left_alone(tmp_path, whole):
+    quiet(map_file.load_text(GRID), tmp_path)
+    for other in (GRID.replace("1e-6", "1e-7"), GRID.replace("count: 12", "count: 13"), SAMPLE):
+        with pytest.raises(MapError, match=r"found another map \('A grid', .*needed the map of map.yaml; choose another"):
+            quiet(map_file.load_text(other), tmp_path)
+    assert contents(tmp_path) == whole
+    commented = map_file.load_text(GRID + "# a comment decides nothing\n")
+    assert quiet(commented, tmp_path).found == 180
+
+
+def test_a_map_of_other_versions_is_not_mixed(tmp_path):
+    plan = map_file.load_text(GRID)
+    quiet(plan, tmp_path)
+    group = zarr.open_group(tmp_path / "map.zarr", mode="r+", use_consolidated=False)
+    group.attrs["versions"] = {**group.attrs["versions"], "numpy": "1.0"}
+    with pytest.raises(MapError, match=r"begun with numpy 1\.0, and here is .*install numpy 1\.0, or choose another folder"):
+        quiet(plan, tmp_path)
+
+
+def test_two_at_once_in_one_folder(tmp_path):
+    plan = map_file.load_text(GRID)
+
+    def second(task):
+        with pytest.raises(MapError, match="found another run that is writing here"):
+            quiet(plan, tmp_path)
+        return fake.solve(task)
+
+    assert quiet(plan, tmp_path, solve=second).complete
+
+
+def test_engines_may_be_mapped_too(tmp_path):
+    from looping_pendulum.compare.landmarks import run_landmarks
+
+    text = "title: E\nscenario: ten_to_one\nengine: [reference, mujoco:effective_mass]\nparameters:\n  mass_ratio: [9, 10]\n"
+    plan = map_file.load_text(text + "duration: 1.5 s\n")
+    with pytest.raises(EngineError, match="needs read_moments"):
+        quiet(plan, tmp_path)
+    run_map(plan, tmp_path, jobs=1, read_moments=run_landmarks)
+    data = open_map(tmp_path)
+    assert data["halting_time"].dims == ("engine", "mass_ratio")
+    assert list(data["engine"].values) == ["reference", "mujoco:effective_mass"]
+    truth, engine = data["halting_time"].values
+    assert np.all(np.abs(engine - truth) < 8e-3)  # the scenarios' own limit for an engine's halt
+    assert "How runs ended: mujoco:effective_mass" in (tmp_path / "map.md").read_text()
+
+
+def test_a_disk_that_is_really_full(tmp_path, whole):
+    plan, small = map_file.load_text(GRID), tmp_path / "small"
+    small.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=500k", "none", str(small)]
+    if os.geteuid() != 0 or shutil.which("mount") is None or subprocess.run(mount, capture_output=True).returncode != 0:
+        pytest.skip("only root may mount a small disk")
+    try:
+        with pytest.raises(MapError, match="found a full disk"):
+            quiet(plan, small / "out")
+        assert len(chunk_files(small / "out")) > 0
+        subprocess.run(["mount", "-o", "remount,size=64m", str(small)], check=True)
+        assert quiet(plan, small / "out").found > 0
+        assert contents(small / "out") == whole
+    finally:
+        subprocess.run(["umount", str(small)], check=True)
+
+
+def test_processes_change_no_byte_even_if_one_dies(tmp_path, whole):
+    plan = map_file.load_text(GRID)
+    with pytest.raises(EngineError, match="a worker process died.*run the same command again, with fewer --jobs"):
+        quiet(plan, tmp_path, jobs=2, solve=fake.die_at_last)
+    assert 0 < len(chunk_files(tmp_path)) < 15
+    assert quiet(plan, tmp_path).found > 0
+    assert contents(tmp_path) == whole
+
+
+@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
+def test_workers_end_with_their_parent(tmp_path, sent):
+    (tmp_path / "map.yaml").write_text(GRID)
+    started = program("tests.sweep.fake", tmp_path / "map.yaml", tmp_path / "out", "--jobs", 2, FAKE_SLEEP="0.2")
+    process = subprocess.Popen(**started, stdout=subprocess.PIPE, text=True)
+    while process.poll() is None and not chunk_files(tmp_path / "out"):
+        time.sleep(0.02)
+    listed = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True).stdout.split()
+    assert listed
+    process.send_signal(sent)
+    said, _ = process.communicate(timeout=60)
+    if sent == signal.SIGINT:
+        assert 12 <= int(said.split()[0]) < 180  # it ended in good order, with what it had
+    deadline = time.monotonic() + 20
+    while any(map(lives, listed)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(map(lives, listed))
+
+
+def test_the_command_maps_and_reports(tmp_path):
+    text = GRID.replace("count: 15", "count: 3").replace(
+        "mass_ratio: {from: 1, to: 12, count: 12}", "static_friction: [0.3, 0.5]"
+    )
+    (tmp_path / "map.yaml").write_text(text)
+    arguments = ["map", str(tmp_path / "map.yaml"), "--out", str(tmp_path / "out"), "--no-figures", "--jobs", "1"]
+    done = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert done.exit_code == 0
+    assert done.stderr.startswith("6 runs (3 x 2: release_angle, static_friction) in 1 chunks, at most")
+    assert re.search(r"6 of 6 runs, .* runs/s", done.stderr)
+    assert re.search(r"^6 runs: 3 \(50 %\) halt", done.stdout)
+    ends = open_map(tmp_path / "out")["end"].isel(static_friction=0)  # static friction below the kinetic one
+    assert [ENDINGS[code] for code in ends.values] == ["impossible"] * 3
+    assert "does not halt; impossible parameters, not run | 3 |" in (tmp_path / "out" / "map.md").read_text()
+    assert not list((tmp_path / "out").glob("*.png"))
+    again = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert "6 of 6 runs are there already" in again.stderr
+
+
+def test_the_command_lists_maps_and_refuses_a_typo(tmp_path):
+    assert "angle_and_ratio" in CliRunner().invoke(app, ["map"]).stdout
+    assert "title:" in CliRunner().invoke(app, ["maps", "quick"]).stdout
+    (tmp_path / "huge.yaml").write_text(GRID.replace("count: 15", "count: 15000").replace("count: 12", "count: 12000"))
+    done = CliRunner().invoke(app, ["map", str(tmp_path / "huge.yaml"), "--out", str(tmp_path / "out")])
+    assert "found 180000000 runs" in str(done.exception)
+    assert not (tmp_path / "out").exists()

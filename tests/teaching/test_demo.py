@@ -1,0 +1,188 @@
+"""The demonstration's data against the result they come from, and when results on disk are used again."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from looping_pendulum import cli, cli_teaching
+from looping_pendulum.compare import compare, write
+from looping_pendulum.compare.stored import stored_result
+from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.scenarios import load
+from looping_pendulum.teaching import demo
+from looping_pendulum.teaching.demo_data import COARSE, FINE, page_data
+from tests.pages.small import LABELS, engines, small_result
+
+TWO_TO_ONE = load("two_to_one")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """What `compare` leaves."""
+    path = tmp_path_factory.mktemp("results")
+    write(small_result(), path)
+    return path
+
+
+def run_of(data, name):
+    return next(run for run in data["runs"] if run["name"] == name)
+
+
+def test_every_run_is_there_with_its_moments():
+    result, data = small_result(), page_data(small_result())
+    assert [run["name"] for run in data["runs"]] == ["truth", *LABELS]
+    for engine in result.engines:
+        marks = {(mark["kind"], mark["t"]) for mark in run_of(data, engine.label)["events"]}
+        own = engine.landmarks
+        assert {t for kind, t in marks if kind == "halt"} == ({own.halting_time} - {None})
+        assert {t for kind, t in marks if kind == "slip"} == set(own.break_aways)
+        assert {t for kind, t in marks if kind in ("stop", "halt")} == {stop.time for stop in own.stops}
+        assert ("broke" in {kind for kind, _ in marks}) == (engine.label == "faulty:stretches")
+    told = dict(result.truth.events)
+    assert ("slip", told["break_away"]) in {(mark["kind"], mark["t"]) for mark in data["runs"][0]["events"]}
+
+
+def test_tracks_are_the_runs_own_samples():
+    samples, data = small_result().samples, page_data(small_result())
+    run, track = samples.aligned[0].run, run_of(data, LABELS[0])
+    every = slice(None, None, 1000 // data["rate"])
+    assert np.allclose(track["drop"], run.heavy_drop[every], rtol=0, atol=1e-6)  # written to a micrometre
+    assert np.allclose(track["angle"], run.wrap_angle[every], rtol=0, atol=1e-5)
+    assert np.allclose(track["distance"], samples.aligned[0].distance[every], rtol=0, atol=1e-8)
+    assert "light_tension" not in track, "this engine gives no tension"
+    truth = data["runs"][0]
+    assert np.allclose(truth["heavy_tension"], samples.truth.heavy_tension[every], rtol=0, atol=1e-5)
+    json.dumps(data, allow_nan=False)
+
+
+def test_captions_say_who_supplies_friction_and_what_is_lacking():
+    data = page_data(small_result())
+    captions = {run["name"]: run["caption"] for run in data["runs"]}
+    assert "No friction on the rod" in captions["mujoco:documented"]
+    assert "Does not halt" in captions["mujoco:documented"]
+    assert "Lacks the string's friction on the rod and sticking and slipping" in captions["mujoco:documented"]
+    assert "Friction fed in by our adapter" in captions["mujoco:capstan"]
+    assert "No physics is declared missing" in captions["mujoco:capstan"]
+    assert RunStatus.STRING_DRIFT.value in captions["faulty:stretches"]
+    assert run_of(data, "faulty:absent")["gap"].startswith(RunStatus.MISSING.value)
+
+
+@pytest.mark.parametrize("name", ["drop", "held", "atwood"])
+def test_every_release_can_be_shown(name):
+    scenario = load(name)
+    truth = Truth(scenario)
+    run = truth(np.arange(round(scenario.duration * 1000) + 1) / 1000)
+    result = compare(scenario, truth, [dataclasses.replace(run, engine="twin", profile="quick")])
+    data = page_data(result)
+    twin = run_of(data, f"twin:{run.variant}")
+    assert data["string"] is (name != "drop")
+    places = np.array(list(zip(twin["x"], twin["y"], strict=True))) if "x" in twin else None
+    assert (places is None) is data["string"]
+    if places is not None:
+        assert np.allclose(places, run.light_position[:: 1000 // data["rate"]], rtol=0, atol=1e-6)
+    assert scenario.title in demo.render(result)
+
+
+def test_a_long_run_is_drawn_more_coarsely():
+    short = page_data(small_result())
+    long = page_data(dataclasses.replace(small_result(), duration=10.0))
+    assert (short["rate"], long["rate"]) == (FINE, COARSE)
+
+
+def test_a_result_without_trajectories_is_refused():
+    with pytest.raises(ValueError, match="make it again"):
+        demo.render(dataclasses.replace(small_result(), samples=None))
+
+
+def test_results_on_disk_come_back_with_their_trajectories(folder):
+    result = small_result()
+    again = stored_result(folder, TWO_TO_ONE, engines())
+    assert again == result
+    for mine, theirs in zip(again.samples.aligned, result.samples.aligned, strict=True):
+        assert np.allclose(mine.run.light_position, theirs.run.light_position, rtol=0, atol=1e-9)  # nine digits of a metre
+        assert np.allclose(mine.distance, theirs.distance, rtol=0, atol=3e-9, equal_nan=True)
+        assert mine.run.status is theirs.run.status
+        assert mine.run.provenance.supplies == theirs.run.provenance.supplies
+    truth = again.samples.truth
+    assert (truth.mode == result.samples.truth.mode).all()
+    assert truth.events == result.samples.truth.events
+    fresh, kept = page_data(result), page_data(again)
+    assert kept["runs"][1]["drop"] == pytest.approx(fresh["runs"][1]["drop"], abs=2e-6)
+
+
+def test_results_of_another_input_are_not_used(folder):
+    shorter = dataclasses.replace(TWO_TO_ONE, duration=0.5)
+    assert stored_result(folder, shorter, engines()) is None
+    heavier = dataclasses.replace(TWO_TO_ONE, parameters=TWO_TO_ONE.parameters.replace(heavy_mass=0.2))
+    assert stored_result(folder, heavier, engines()) is None
+    assert stored_result(folder, dataclasses.replace(TWO_TO_ONE, title="Another"), engines()) is None
+    assert stored_result(folder, TWO_TO_ONE, engines()[:2]) is None
+    documented, *others = engines()
+    finer = documented.with_settings(time_step=documented.settings.time_step / 2)
+    assert stored_result(folder, TWO_TO_ONE, [finer, *others]) is None
+    assert stored_result(folder / "nowhere", TWO_TO_ONE, engines()) is None
+
+
+@pytest.mark.parametrize("status", ["INTERRUPTED", "TIME_LIMIT", "MEMORY_LIMIT"])
+def test_a_run_that_was_cut_short_is_made_again(folder, tmp_path, status):
+    copy = shutil.copytree(folder, tmp_path / "copy")
+    result = small_result()
+    cut = dataclasses.replace(result.engines[0], status=status, ok=False)
+    (copy / "result.json").write_text(dataclasses.replace(result, engines=(cut, *result.engines[1:])).to_json())
+    assert stored_result(copy, TWO_TO_ONE, engines()) is None
+
+
+@pytest.mark.parametrize(
+    ("file", "text"),
+    [("result.json", "{"), ("result.json", "{}"), ("trajectories/truth.csv", "t [s]\n0\n"), ("trajectories/truth.csv", None)],
+)
+def test_a_damaged_folder_is_not_used(folder, tmp_path, file, text):
+    copy = shutil.copytree(folder, tmp_path / "copy")
+    assert stored_result(copy, TWO_TO_ONE, engines()) is not None
+    if text is None:
+        (copy / file).unlink()
+    else:
+        (copy / file).write_text(text)
+    assert stored_result(copy, TWO_TO_ONE, engines()) is None
+
+
+def test_the_command_uses_what_compare_left(tmp_path, monkeypatch):
+    arguments = ["two_to_one", "--engine", "mujoco:capstan", "--out", str(tmp_path)]
+    done = CliRunner().invoke(cli.app, ["compare", *arguments])
+    assert done.exit_code == 0, done.output
+    ran = (tmp_path / "result.json").read_bytes()
+    opened = []
+    monkeypatch.setattr(demo.webbrowser, "open", lambda url: opened.append(url) or True)
+    monkeypatch.setenv("BROWSER", "one")
+
+    def no_run(*_, **__):
+        raise AssertionError("an engine was run again")
+
+    monkeypatch.setattr(cli_teaching, "run_and_compare", no_run)
+    for extra in ([], ["--no-open"]):
+        done = CliRunner().invoke(cli.app, ["demo", *arguments, *extra])
+        assert done.exit_code == 0, done.output
+    assert opened == [(tmp_path / "demo.html").resolve().as_uri()]
+    assert (tmp_path / "result.json").read_bytes() == ran
+    assert "mujoco:capstan" in (tmp_path / "demo.html").read_text()
+    for arguments_of_another in (
+        [*arguments, "--again"],
+        ["ten_to_one", *arguments[1:]],
+        [*arguments, "--profile", "accurate"],
+    ):
+        done = CliRunner().invoke(cli.app, ["demo", *arguments_of_another, "--no-open"])
+        assert isinstance(done.exception, AssertionError), "other results were taken for these"
+
+
+def test_without_a_screen_it_says_where_the_page_is(monkeypatch, tmp_path):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(demo.sys, "platform", "linux")
+    assert demo.show(tmp_path / "demo.html") is False

@@ -1,0 +1,80 @@
+"""What a notebook shows of results: their numbers, and hostile text as text."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from looping_pendulum.compare.comparison import compare
+from looping_pendulum.discrepancy.verdict import FitReport, Identification, TrialError, Verdict
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.registry import select
+from looping_pendulum.reference_ode.solve import solve
+from looping_pendulum.scenarios import load
+
+HOSTILE = "<script>alert(1)</script> | [x](javascript:alert(2)) `<b>` <img src=x onerror=alert(3)>"
+SCENARIO = load("ten_to_one")
+
+
+@pytest.fixture(scope="module")
+def run():
+    return select(["mujoco:capstan"], Profile.QUICK)[0].simulate(SCENARIO)
+
+
+def harmless(page):
+    assert "<script" not in page
+    assert "<img" not in page
+    assert "<b>" not in page
+    assert "<a " not in page
+    return page
+
+
+def test_a_scenario_shows_its_numbers_with_units():
+    page = harmless(dataclasses.replace(SCENARIO, title=HOSTILE, description=HOSTILE)._repr_html_())
+    assert "<td>light.mass</td>\n<td>10 g</td>" in page
+    assert "<td>release.angle</td>\n<td>113.08 deg</td>" in page
+    assert "alert(3)" in page
+    assert page.count("<tr>") > 20  # tolerances too
+
+
+def test_an_exact_run_shows_its_events():
+    page = solve(SCENARIO.parameters)._repr_html_()
+    assert "halts at 0.381" in page
+    assert page.count("<tr>") == 1 + 3  # release, stop, and the light mass reaches the rod
+    assert "never halts" in solve(load("frictionless").parameters)._repr_html_()
+
+
+def test_an_engines_run_shows_how_it_ended_and_who_supplied_what(run):
+    page = harmless(dataclasses.replace(run, message=HOSTILE)._repr_html_())
+    assert "mujoco:capstan on ten_to_one, quick" in page
+    assert "1051 samples" in page or "samples to 1.050 s" in page
+    assert "<td>friction law</td>\n<td>adapter</td>" in page
+    nothing = dataclasses.replace(run, t=run.t[:0], heavy_position=run.heavy_position[:0])
+    assert "samples" not in nothing._repr_html_()
+
+
+def test_a_comparison_shows_its_verdict(run):
+    scenario = dataclasses.replace(SCENARIO, title=HOSTILE)
+    page = harmless(compare(scenario, Truth(scenario), [run])._repr_html_())
+    assert "Within tolerance" in page
+    assert "mujoco:capstan" in page
+
+
+def test_a_verdict_shows_its_sentence_and_errors():
+    fit = FitReport(
+        numbers=(), correlations=(), condition=1.0, chi2_per_dof=1.0, held_out=1.0, largest_score=0.0, alarms=(), starts=1
+    )
+    error = TrialError(
+        trial=HOSTILE, held_out=True, rms_before=4e-3, rms_after=2e-3, noise_before=1.9, noise_after=1.0,
+        events_before={}, events_after={},
+    )  # fmt: skip
+    result = Identification(
+        study="s", title=HOSTILE, seed=0, verdict=Verdict.NO_MISSING_EFFECT, sentence="Nothing was added.", effects=(), ties=(),
+        unlisted=None, remainder=None, next_experiments=(), rounds=(), errors=(error,), events=(), before=fit, after=fit,
+        judged_on="held-out trials", data=(), provenance={}, scenario="",
+    )  # fmt: skip
+    page = harmless(result._repr_html_())
+    assert "Nothing is missing" in page
+    assert "Nothing was added." in page

@@ -1,0 +1,185 @@
+"""The documentation: every link leads somewhere, every command is one, the quick ones run, and the site builds strictly."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+import typer
+import yaml
+from typer.testing import CliRunner
+
+from looping_pendulum.cli import app
+from looping_pendulum.reference_ode.solve import available_integrators
+from looping_pendulum.teaching.example_folder import place
+from scripts.docs_math import on_page_markdown
+from scripts.engine_pages import pages as engine_pages
+from tests.docs_commands import PROJECT, Command, commands, pages
+
+DOCS = PROJECT / "docs"
+UsageError = typer.BadParameter.__base__
+"""Click's, or that of the copy of click that typer brings."""
+LINK = re.compile(r"(?<!`)!?\[[^\]\n]*\]\(([^)\s]+)\)")
+ELSEWHERE = {
+    r"--baseline": "tests/test_cli.py",
+    r"conformance my_engine|spring": "tests/engines/test_write_an_engine.py",
+    r"^looping-pendulum demo( |$)": "tests/teaching/test_demo.py",
+    r"^looping-pendulum maps?( |$)(?!map\.yaml|quick)": "tests/sweep",
+    r"^looping-pendulum converge": "tests/compare/test_convergence_study.py",
+    r"^looping-pendulum check$": "tests/test_tolerances.py",
+    r"^looping-pendulum engines --support --markdown": "tests/engines/test_support.py",
+}
+"""Commands that other tests run, or whose names stand for a reader's own -> which tests."""
+SLOW = r"identify|report/|pymunk|compare ten_to_one$|demonstrations|^looping-pendulum map "
+SLOW_PAGES = "docs/demonstrations/"
+"""Commands that take more than a few seconds, or need what those write, and many alike: with `-m accurate`."""
+
+
+def elsewhere(command: Command) -> bool:
+    return any(re.search(pattern, command.text) for pattern in ELSEWHERE)
+
+
+def slow(command: Command) -> bool:
+    written = re.search(r"--out (\S+)$", command.text)
+    text = command.text.removesuffix(written[0]) if written else command.text
+    return command.page.startswith(SLOW_PAGES) or re.search(SLOW, text) is not None
+
+
+def test_every_command_shown_is_one():
+    group = typer.main.get_command(app)
+    shown = commands()
+    assert len(shown) > 40
+    for command in shown:
+        name, *rest = command.arguments
+        assert name in group.commands, f"{command.page}: {command.text}"
+        try:
+            group.commands[name].make_context(name, list(rest))
+        except UsageError as error:
+            pytest.fail(f"{command.page}: {command.text}: {error.format_message()}")
+
+
+@pytest.mark.parametrize("text", ["run ten_to_one --engin mujoco", "compare", "tracker ten_to_one --fps many"])
+def test_a_wrong_command_would_be_found(text):
+    group = typer.main.get_command(app)
+    name, *rest = text.split()
+    with pytest.raises(UsageError):
+        group.commands[name].make_context(name, rest)
+
+
+def run_in_example_folder(chosen, folder, monkeypatch):
+    """Run commands, each page's in an example folder of its own; one that stood before and writes no file is left out."""
+    seen = set()
+    for page in dict.fromkeys(command.page for command in chosen):
+        here = folder / page.replace("/", "-")
+        place(here)
+        monkeypatch.chdir(here)
+        for command in (c for c in chosen if c.page == page):
+            if command.text in seen and command.output is None and "--out" not in command.arguments:
+                continue
+            seen.add(command.text)
+            done = CliRunner().invoke(app, list(command.arguments), input="\n" * 80)
+            assert done.exit_code == 0, f"{page}: {command.text}: {done.output[-2000:]} {done.exception}"
+            if command.output is not None:
+                Path(command.output).write_text(done.output, encoding="utf-8")
+            written = re.search(r"--out (\S+)$", command.text)
+            assert written is None or Path(written[1]).exists(), command.text
+
+
+def test_the_quick_commands_run_as_they_stand(tmp_path, monkeypatch):
+    run_in_example_folder([c for c in commands() if not elsewhere(c) and not slow(c)], tmp_path, monkeypatch)
+
+
+@pytest.mark.accurate
+@pytest.mark.skipif("heyoka" not in available_integrators(), reason="with SciPy `identify` takes many minutes")
+def test_every_command_runs_as_it_stands(tmp_path, monkeypatch):
+    with_slow = {c.page for c in commands() if slow(c) and not elsewhere(c)}
+    run_in_example_folder([c for c in commands() if c.page in with_slow and not elsewhere(c)], tmp_path, monkeypatch)
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings, as MkDocs makes them."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", h.lower()).strip().replace(" ", "-") for h in headings}
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda p: p.relative_to(PROJECT).as_posix())
+def test_every_link_leads_to_a_page_or_a_file(page):
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    for target in LINK.findall(text):
+        if re.match(r"https?://", target):
+            continue
+        path, _, anchor = target.partition("#")
+        found = (page.parent / path).resolve() if path else page
+        assert found.exists(), f"{page.name}: {target}"
+        assert not anchor or anchor in anchors(found), f"{page.name}: {target}"
+        inside = page.is_relative_to(DOCS)
+        assert not inside or found.is_relative_to(DOCS), f"{page.name}: {target} leaves docs/, and the site with it"
+
+
+def test_every_page_is_in_the_sites_contents():
+    def files(entries):
+        for entry in entries:
+            values = entry.values() if isinstance(entry, dict) else [entry]
+            for value in values:
+                yield from files(value) if isinstance(value, list) else [value]
+
+    listed = list(files(yaml.safe_load((PROJECT / "mkdocs.yml").read_text(encoding="utf-8"))["nav"]))
+    assert sorted(listed) == sorted(p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md"))
+
+
+@pytest.mark.parametrize("name", ["reference", "mujoco", "pymunk", "pybullet", "drake"])
+def test_the_page_of_each_engine_is_what_it_declares(name):
+    page = (DOCS / "engines" / f"{name}.md").read_text(encoding="utf-8")
+    assert page == engine_pages()[name], "out of date; write it again: python -m scripts.engine_pages"
+
+
+def test_formulas_become_pictures_that_say_their_tex_and_code_stays():
+    page = on_page_markdown("so $M_1$ and `$M_2$`:\n\n$$\\tfrac12\\,\\rho < 1$$\n\n```sh\necho $A $B\n```\n")
+    assert page.count("<svg") == 2
+    assert 'aria-label="M_1"' in page
+    assert 'aria-label="\\tfrac12\\,\\rho &lt; 1"' in page
+    assert "`$M_2$`" in page
+    assert "echo $A $B" in page
+    assert "$" not in re.sub(r"`[^`]*`|```.*?```|aria-label=\"[^\"]*\"", "", page, flags=re.DOTALL)
+
+
+@pytest.mark.accurate
+@pytest.mark.skipif(find_spec("mkdocs") is None or find_spec("mkdocstrings") is None, reason="needs the extra 'docs'")
+def test_the_site_builds_strictly_and_asks_for_nothing_from_elsewhere(tmp_path):
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]
+    environment = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
+    done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, timeout=300, env=environment)
+    assert done.returncode == 0, done.stdout + done.stderr
+    loaded = re.compile(r"<(?:script|img|iframe|source)[^>]+src=\"(https?:|//)|<link[^>]+href=\"(https?:|//)|url\((https?:|//)")
+    for page in (tmp_path / "site").rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        assert not loaded.search(text), page.name
+    formulas = (tmp_path / "site" / "derivation.html").read_text(encoding="utf-8")
+    assert formulas.count('<svg class="tex"') > 100
+    assert "$\\" not in formulas
+    api = (tmp_path / "site" / "api" / "engines.html").read_text(encoding="utf-8")
+    assert "looping_pendulum.engines.protocol.Engine.simulate" in api
+    if shutil.which("chromium"):
+        assert_quiet_in_a_browser(tmp_path / "site")
+
+
+def assert_quiet_in_a_browser(site):
+    """No error on the console and no request outside the folder."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as p:
+        browser = p.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        page = browser.new_page()
+        said, asked = [], []
+        page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
+        page.on("request", lambda request: asked.append(request.url) if request.url.startswith("http") else None)
+        for name in ("index.html", "derivation.html", "demonstrations/polygon.html", "api/engines.html"):
+            page.goto((site / name).as_uri())
+        browser.close()
+    assert said == []
+    assert asked == []

@@ -1,0 +1,89 @@
+"""The notebooks run from top to bottom, and the repository has them without outputs."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from looping_pendulum.reference_ode.solve import available_integrators
+
+NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
+RUN = """
+import sys, nbformat
+from nbclient import NotebookClient
+notebook = nbformat.read(sys.argv[1], as_version=4)
+NotebookClient(notebook, timeout=240, kernel_name="python3", resources={"metadata": {"path": sys.argv[2]}}).execute()
+nbformat.write(notebook, sys.argv[3])
+"""
+"""In a process of its own: Jupyter's packages warn of one another, and here a warning is an error."""
+
+needs_jupyter = pytest.mark.skipif(find_spec("nbclient") is None or find_spec("ipykernel") is None, reason="no Jupyter here")
+
+
+def executed(path, tmp_path):
+    """Cells' outputs of a notebook that was run."""
+    done = tmp_path / path.name
+    command = [sys.executable, "-c", RUN, str(path), str(tmp_path), str(done)]
+    process = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert process.returncode == 0, process.stderr[-3000:]
+    cells = json.loads(done.read_text(encoding="utf-8"))["cells"]
+    return [output for cell in cells if cell["cell_type"] == "code" for output in cell["outputs"]]
+
+
+def pages(outputs):
+    return ["".join(o["data"]["text/html"]) for o in outputs if "text/html" in o.get("data", {})]
+
+
+def pictures(outputs):
+    return sum("image/png" in o.get("data", {}) for o in outputs)
+
+
+def printed(outputs):
+    return "".join("".join(o["text"]) for o in outputs if o["output_type"] == "stream" and o["name"] == "stdout")
+
+
+def test_there_are_three_without_outputs():
+    assert len(NOTEBOOKS) == 3
+    for path in NOTEBOOKS:
+        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+            assert cell.get("outputs", []) == []
+            assert cell.get("execution_count") is None
+
+
+@needs_jupyter
+def test_first_run(tmp_path):
+    outputs = executed(NOTEBOOKS[0], tmp_path)
+    scenario, run, result = pages(outputs)
+    assert "<td>light.mass</td>\n<td>10 g</td>" in scenario
+    assert "halts at 0.3814" in run
+    assert "mujoco:documented" in result
+    assert pictures(outputs) == 2
+
+
+@needs_jupyter
+@pytest.mark.accurate
+def test_scenario_and_tolerance(tmp_path):
+    outputs = executed(NOTEBOOKS[1], tmp_path)
+    told = printed(outputs)
+    assert "expected a mass, got '5 cm'" in told
+    assert "did you mean 'radius'" in told
+    assert "the unit is missing" in told
+    assert "expected failure" in told
+    assert len(pages(outputs)) == 3
+
+
+@needs_jupyter
+@pytest.mark.accurate
+@pytest.mark.skipif("heyoka" not in available_integrators(), reason="with SciPy this fit takes many minutes")
+def test_from_marks_to_the_missing_effect(tmp_path):
+    outputs = executed(NOTEBOOKS[2], tmp_path)
+    verdict, repaired = pages(outputs)
+    assert "A missing effect was found" in verdict
+    assert "side_force" in verdict
+    assert "effects.side_force" in repaired
+    assert "t,heavyx,heavyy,lightx,lighty" in printed(outputs)
