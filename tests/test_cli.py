@@ -10,7 +10,9 @@ import sys
 import time
 
 import pytest
+import typer
 
+from looping_pendulum.cli import app
 from looping_pendulum.compare.result import ComparisonResult
 from tests.engines.faulty import offer
 
@@ -43,7 +45,7 @@ def test_help_teaches_and_imports_nothing_heavy():
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout.strip() == "set()"
 
 
-@pytest.mark.parametrize("name", ["scenarios", "engines", "run", "compare", "check", "conformance", "identify"])
+@pytest.mark.parametrize("name", sorted(typer.main.get_command(app).commands))
 def test_every_command_has_help(name):
     done = command(name, "--help")
     assert done.returncode == 0

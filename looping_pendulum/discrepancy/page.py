@@ -73,6 +73,7 @@ def trial_figure(picture: Picture, index: int) -> Figure:
         "xaxis": {"title": {"text": "time by the file's clock [s]"}, "anchor": f"y{rows + 1}"},
         "yaxis": {"title": {"text": "measured [SI]"}, "domain": [1 - 2.2 * tall, 1]},
         "shapes": [],
+        "legend": {"itemsizing": "constant"},
     }
     traces: list[dict[str, Any]] = []
     for i, channel in enumerate(picture.channels):
@@ -118,7 +119,7 @@ def event_figure(events: tuple[EventResidual, ...]) -> Figure:
         "crosses do not happen in that model's run.",
         traces=tuple(traces),
         layout={
-            "xaxis": {"title": {"text": "measured less predicted [standard errors]"}},
+            "xaxis": {"title": {"text": "off by [standard errors]"}},
             "yaxis": {"autorange": "reversed", "type": "category"},
             "shapes": [shade | {"line": {"width": 0}, "layer": "below"}],
         },
@@ -161,7 +162,7 @@ def unlisted_figure(force: Unlisted) -> Figure:
         low = plain(v - 2 * e for v, e in zip(p.value, p.error, strict=True))
         high = plain(v + 2 * e for v, e in zip(p.value, p.error, strict=True))
         edge = {"type": "scatter", "mode": "lines", "x": s, "line": {"width": 0}, "hoverinfo": "skip", "showlegend": False}
-        traces += [edge | {"y": low}, edge | {"y": high, "fill": "tonexty", "fillcolor": colour, "opacity": 0.3}]
+        traces += [edge | {"y": low}, edge | {"y": high, "fill": "tonexty", "fillcolor": f"faint {colour}"}]
         curve = {"type": "scatter", "mode": "lines", "x": s, "line": {"color": colour, "width": 2}, "name": side}
         traces.append(curve | {"y": plain(p.value)})
         if p.written is not None:

@@ -313,7 +313,8 @@ class Problem:
         parameters, camera = self.setting(x, k)
         moved = [i for i in self._acting[k] if self.numbers[i].name in self._own]
         base_only = all(e.in_base_model for e in parameters.effects) and "heyoka" in available_integrators()
-        if d.events or not moved or not base_only or not {c.name for c in d.channels} <= DIFFERENTIABLE:
+        measured = {c.name for c in d.channels}
+        if d.events or not measured or not moved or not base_only or not measured <= DIFFERENTIABLE:
             return {}
         wrt = tuple(self.numbers[i].parameter for i in moved)
         try:

@@ -1,6 +1,7 @@
 """Interactive figures as plain data for plotly.js, which comes with the plotly package and stands whole in the page.
 
-Colours are names such as ``var(--run-0)``; the page's script turns them into the colours of the ground that is chosen.
+Colours are names such as ``var(--run-0)``, or ``faint var(--run-0)`` for a band; the page's script turns them into the colours
+of the ground that is chosen.
 """
 
 from __future__ import annotations

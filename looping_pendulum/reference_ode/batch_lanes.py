@@ -19,7 +19,7 @@ from looping_pendulum.reference_ode.batch_result import ENDS, HASH_START, BatchR
 from looping_pendulum.reference_ode.batch_roots import first_falls, values
 from looping_pendulum.reference_ode.batch_steps import LEADING, SIGNS, STATE, stepper
 from looping_pendulum.reference_ode.driver import MAX_EVENTS, START, TINY
-from looping_pendulum.reference_ode.effects import EFFECTS
+from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.state import Effects, Signs, State, meaning, string_path
@@ -76,10 +76,10 @@ class Lanes:
         """``numbers``: parameters and derived numbers by name, each for all runs or of shape (``n``,)."""
         self.result = BatchResult.empty(n)
         self._numbers, self._n, self._duration, self._tolerance = numbers, n, duration, tolerance
-        self._effects, self._release, self._done = effects, release, done
-        own = {c.name for effect in EFFECTS.values() if effect not in effects for c in effect.coefficients}
-        self._names = tuple(sorted(numbers.keys() - own - UNREAD))
-        self._absent = {c.name: c.null for effect in EFFECTS.values() for c in effect.coefficients if c.name in own}
+        self._release, self._done = release, done
+        self._effects = tuple(effect for effect in effects if effect.kind is not EffectKind.RELEASE)
+        absent = {c.name: c.null for effect in EFFECTS.values() if effect not in self._effects for c in effect.coefficients}
+        self._absent, self._names = absent, tuple(sorted(numbers.keys() - absent.keys() - UNREAD))
         width = min(LANES, n)
         self._next = 0
         self._data = np.zeros((len(LEADING) + len(self._names), width))
@@ -156,14 +156,13 @@ class Lanes:
         self._next += len(lanes)
         self._run[lanes], self._steps[lanes], self._events[lanes] = runs, 0, 0
         for row, name in enumerate(self._names, start=len(LEADING)):
-            values = np.asarray(self._numbers[name])
-            self._data[row, lanes] = values[runs] if values.ndim else values
-        along, across = self._start("push_along", lanes), self._start("push_across", lanes)
+            self._data[row, lanes] = self._start(name, runs)
+        along, across = (np.broadcast_to(self._start(name, runs), len(runs)) for name in ("push_along", "push_across"))
         self._data[: len(LEADING), lanes] = 0.0
         self._set(
             lanes,
-            free_length=self._start("free_length", lanes),
-            wrap_angle=self._start("release_angle", lanes),
+            free_length=self._start("free_length", runs),
+            wrap_angle=self._start("release_angle", runs),
             retreat_speed=along,
             across_speed=across,
             slide=-1.0,
@@ -179,12 +178,10 @@ class Lanes:
         self._enter(lanes)
         self._leave_rest(lanes)
 
-    def _start(self, name: str, lanes: Index) -> Array:
-        """A number at release; 0 for a coefficient of an effect that is absent."""
-        if name not in self._names:
-            return np.zeros(len(lanes))
-        values: Array = self._data[len(LEADING) + self._names.index(name), lanes]
-        return values
+    def _start(self, name: str, runs: Index) -> Any:
+        """A number of these runs, or of all."""
+        values = np.asarray(self._numbers[name])
+        return values[runs] if values.ndim else values
 
     def _released_modes(self, lanes: Index, push: Array) -> NDArray[np.int8]:
         """Modes at release; a push along the string away from the rod is shared as by a string that becomes taut."""

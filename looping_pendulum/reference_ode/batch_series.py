@@ -6,6 +6,7 @@ one compiled function can give the whole series of a step.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -13,10 +14,12 @@ from typing import Any
 class Series:
     """A Taylor series, its normalised coefficients x^(n) / n! found one after another when they are asked for."""
 
-    __slots__ = ("_find", "_found", "book", "constant")
+    __slots__ = ("_find", "_found", "book", "constant", "number")
 
     def __init__(self, book: Book, find: Callable[[int, Series], Any], constant: bool = False) -> None:
         self.book = book
+        self.number = next(book.numbers)
+        """In the order in which series were made, so that every process compiles the same terms in the same order."""
         self.constant = constant
         """Whether every coefficient but the first is zero."""
         self._find = find
@@ -80,6 +83,7 @@ class Book:
         import heyoka as hy
 
         self._hy = hy
+        self.numbers = itertools.count()
         self._made: dict[tuple[Any, ...], Series] = {}
         self._inverses: dict[int, Any] = {}
 
@@ -99,7 +103,7 @@ class Book:
 
     def kept(self, operation: str, a: Series, b: Series, find: Callable[[int, Series], Any]) -> Series:
         """The series that ``find`` defines, or the one made before from the same operation and operands."""
-        key = (operation, id(a), id(b))
+        key = (operation, a.number, b.number)
         if key not in self._made:
             self._made[key] = Series(self, find, constant=a.constant and b.constant)
         return self._made[key]
@@ -107,13 +111,13 @@ class Book:
     def ordered(self, a: Series, b: Any) -> tuple[Series, Series]:
         """Operands of a commutative operation, always in the same order."""
         other = self.series(b)
-        return (a, other) if id(a) <= id(other) else (other, a)
+        return (a, other) if a.number <= other.number else (other, a)
 
     def inverse(self, a: Series) -> Any:
         """1 / a at the start of the step."""
-        if id(a) not in self._inverses:
-            self._inverses[id(a)] = 1.0 / a[0]
-        return self._inverses[id(a)]
+        if a.number not in self._inverses:
+            self._inverses[a.number] = 1.0 / a[0]
+        return self._inverses[a.number]
 
     def product(self, a: Any, b: Any, orders: range, n: int, weight: Callable[[int], float] | None = None) -> Any:
         """Sum of a[j] b[n - j] (times a weight) over ``orders`` j."""

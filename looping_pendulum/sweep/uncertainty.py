@@ -23,7 +23,7 @@ from looping_pendulum.reference_ode.geometry import Array
 
 NEARER = 10 ** -np.arange(0.0, 1.1, 0.5)
 """Distances of the neighbours, in eps."""
-MOVES = 3
+MOVES = 2
 """Random moves of every start within the uncertain set at one eps."""
 Outcome = Callable[[Array], NDArray[Any]]
 """Starts in the unit cube, shape (n, d) -> a code for each one's outcome, shape (n,)."""
@@ -47,7 +47,7 @@ def uncertain(outcome: Outcome, starts: Array, eps: float) -> NDArray[np.bool_]:
     return np.asarray((codes != codes[0]).any(axis=0))
 
 
-def uncertain_fractions(outcome: Outcome, dimension: int, eps: Array, *, count: int, seed: int) -> Array:
+def uncertain_fractions(outcome: Outcome, dimension: int, eps: Array, *, count: int, replicates: int, seed: int) -> Array:
     """Fraction of starts in the unit cube that are uncertain at each of ``eps``, descending; 0 once none is left.
 
     Parameters
@@ -57,27 +57,40 @@ def uncertain_fractions(outcome: Outcome, dimension: int, eps: Array, *, count: 
     dimension
         Of the cube.
     count
-        Starts that are followed.
+        Starts that are followed in each replicate.
+    replicates
+        How often it is done, independently, side by side.
     seed
         Of the random numbers.
+
+    Returns
+    -------
+    Array
+        Shape (replicates, levels).
     """
     rng = np.random.default_rng(seed)
-    starts = rng.random((count, dimension))
-    fractions = np.zeros(len(eps))
-    fraction = 1.0
+    starts = rng.random((replicates, count, dimension))
+    fractions = np.zeros((replicates, len(eps)))
+    fraction = np.ones(replicates)
     for level, distance in enumerate(eps):
-        here = uncertain(outcome, starts, float(distance))
-        fraction *= here.mean()
-        fractions[level] = fraction
+        here = _each(outcome, starts, float(distance))
+        fraction = fraction * here.mean(axis=1)
+        fractions[:, level] = fraction
         if not here.any():
             break
-        starts = rng.choice(starts[here], count)
+        for row, kept in zip(starts, here, strict=True):
+            if kept.any():
+                row[:] = rng.choice(row[kept], count)
         for _ in range(MOVES):
             proposed = starts + distance * rng.uniform(-1.0, 1.0, starts.shape)
-            taken = ((proposed >= 0) & (proposed <= 1)).all(axis=1)
-            taken[taken] = uncertain(outcome, proposed[taken], float(distance))
+            taken = ((proposed >= 0) & (proposed <= 1)).all(axis=2) & _each(outcome, proposed, float(distance))
             starts[taken] = proposed[taken]
     return fractions
+
+
+def _each(outcome: Outcome, starts: Array, eps: float) -> NDArray[np.bool_]:
+    """`uncertain` for the starts of every replicate, shape (replicates, count)."""
+    return uncertain(outcome, starts.reshape(-1, starts.shape[2]), eps).reshape(starts.shape[:2])
 
 
 def uncertainty_exponent(eps: Array, fractions: Array, *, resamples: int = 2000, seed: int = 0) -> Exponent:
@@ -88,7 +101,7 @@ def uncertainty_exponent(eps: Array, fractions: Array, *, resamples: int = 2000,
     eps
         Shape (levels,).
     fractions
-        Of each replicate (another seed), shape (replicates, levels).
+        Of each replicate, shape (replicates, levels).
     resamples
         Bootstrap samples of the replicates.
     """

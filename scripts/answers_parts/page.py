@@ -10,6 +10,7 @@ import numpy as np
 
 from .common import CASES, DURATION, PAPER_ANGLES, read
 from .precision import METHODS
+from .questions import RATIO_STEP
 
 TEMPLATE = Path(__file__).with_name("answers.md.j2")
 SUMMARIES = (
@@ -63,6 +64,7 @@ def render() -> str:
         kind_words=KIND_WORDS,
         end_words=END_WORDS,
         watch=DURATION,
+        ratio_step=RATIO_STEP,
         told=told(data),
     )
 

@@ -19,15 +19,15 @@ from .common import CASES, case, letters, rounded, write_map
 
 LOWEST_ANGLES = np.arange(3.0, 136.0, 3.0)
 """Release angles of the search for the lowest ratio [deg]."""
-RATIO_STEP = 0.005
+RATIO_STEP = 0.01
 LOWEST_RATIOS = np.arange(0.90, 2.001, RATIO_STEP)
 WATCHED = (2.0, 5.0, 10.0, 40.0)
 """Watches [s]: it must halt within one."""
 LONGEST = WATCHED[-1]
-RATIO_WIDTH = 1e-7
+RATIO_WIDTH = 1e-11
 """How narrowly the edge of the halting ratios is bracketed."""
 POINT = "ten_to_one"
-MIDDLE = 0.45
+MIDDLE = 0.32
 """A friction that halts on every rod of the map."""
 STRAIGHT = 0.05
 """A curve whose logarithm is this near to a straight line everywhere is called a power."""
@@ -96,7 +96,8 @@ def _lowest(base: Parameters) -> dict[str, Any]:
         angles, ratios = angle + step * np.arange(-10, 11), edge + step * 0.02 * np.arange(-10, 3)
         found = _first(_times(base, angles, ratios), ratios, LONGEST)
         k = int(np.nanargmin(found))
-        angle, edge = float(angles[k]), _edge(base, float(angles[k]), float(found[k]), step * 0.02)
+        angle = round(float(angles[k]), 6)
+        edge = _edge(base, angle, float(found[k]), step * 0.02)
     edge_75 = _edge(base, 75.0, float(_first(at_75, LOWEST_RATIOS, LONGEST)[0]))
     return {
         "angle": rounded(LOWEST_ANGLES),
@@ -106,7 +107,8 @@ def _lowest(base: Parameters) -> dict[str, Any]:
         "lowest_by_at_75": {f"{limit:g}": rounded(_first(at_75, LOWEST_RATIOS, limit), 5)[0] for limit in WATCHED},
         "ends_below": _ends_below(scan, edge),
         "halting_angles": int(np.isfinite(edges).sum()),
-        "best": {"angle": round(angle, 6), "ratio": edge, "why": _why(base, angle, edge)},
+        "best": {"angle": angle, "ratio": edge, "why": (why := _why(base, angle, edge))},
+        "cut_short": bool(why["halting_time"] > 0.9 * LONGEST),
         "at_75": {"ratio": edge_75, "why": _why(base, 75.0, edge_75)},
     }
 
@@ -147,7 +149,7 @@ def _edge(base: Parameters, degrees: float, ratio: float, step: float = RATIO_ST
             low = middle
         else:
             high = middle
-    return float(f"{high:.9g}")
+    return high
 
 
 def _line(base: Parameters, degrees: float) -> Line:

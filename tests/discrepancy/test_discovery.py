@@ -93,7 +93,7 @@ def test_no_formula_gains_on_clean_data(tmp_path):
     samples = [base.problem.run(base.x, k) for k in range(len(base.problem.data))]
     best = max(screen(base, samples), key=lambda s: s.gain)
     assert best.gain < GAIN
-    found = _refit(base, best, inputs.held, samples)
+    found = _refit((base, inputs.held, samples), best)
     written = formula.refit(base, [found], inputs.held, lambda what: None)
     assert written
     assert all(w.gain < GAIN for w in written)

@@ -121,7 +121,7 @@ def _with_plain_colours(value):
         return {key: _with_plain_colours(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
         return [_with_plain_colours(inner) for inner in value]
-    return "#123456" if isinstance(value, str) and value.startswith("var(--") else value
+    return "#123456" if isinstance(value, str) and value.startswith(("var(--", "faint var(--")) else value
 
 
 def test_figures_have_no_nan_and_escape_names():

@@ -174,6 +174,16 @@ def test_the_command_says_after_ctrl_c_how_to_go_on(tmp_path, monkeypatch):
 
 
 @pytest.mark.accurate
+def test_the_exact_solver_gives_the_same_bytes_in_every_process(tmp_path):
+    (tmp_path / "map.yaml").write_text(GRID.replace("chunk: 12", "chunk: 1000").replace("1e-6", "1e-9"))
+    for out in ("one", "two"):
+        arguments = ("map", tmp_path / "map.yaml", "--out", tmp_path / out, "--jobs", 1)
+        done = subprocess.run(**program("looping_pendulum", *arguments), capture_output=True, text=True, timeout=200)
+        assert done.returncode == 0, done.stderr
+    assert contents(tmp_path / "one") == contents(tmp_path / "two")
+
+
+@pytest.mark.accurate
 def test_ctrl_c_at_the_command_line(tmp_path):
     (tmp_path / "map.yaml").write_text(GRID.replace("1e-6", "1e-12").replace("count: 12", "count: 400"))
     arguments = ("map", tmp_path / "map.yaml", "--out", tmp_path / "out", "--jobs", 2)

@@ -25,7 +25,7 @@ def gap_of_the_cantor_set(x):
 
 
 def exponent_of(outcome, dimension, replicates=6):
-    rows = np.array([uncertain_fractions(outcome, dimension, EPS, count=600, seed=s) for s in range(replicates)])
+    rows = uncertain_fractions(outcome, dimension, EPS, count=600, replicates=replicates, seed=1)
     return uncertainty_exponent(EPS, rows), rows.mean(axis=0)
 
 
@@ -47,7 +47,7 @@ def test_the_cantor_set_has_the_exponent_that_its_dimension_leaves():
 def test_fractions_are_those_of_plain_counting_where_counting_can_see_them():
     rng = np.random.default_rng(7)
     starts = rng.random((40_000, 2))
-    followed = np.mean([uncertain_fractions(inside_a_circle, 2, EPS, count=600, seed=s) for s in range(6)], axis=0)
+    followed = uncertain_fractions(inside_a_circle, 2, EPS, count=600, replicates=6, seed=2).mean(axis=0)
     for eps, fraction in zip(EPS[:3], followed[:3], strict=True):
         counted = uncertain(inside_a_circle, starts, eps)
         error = math.hypot(counted.std() / math.sqrt(len(starts)), fraction * math.sqrt(3 / 3600 / max(fraction, 0.01)))
@@ -55,5 +55,5 @@ def test_fractions_are_those_of_plain_counting_where_counting_can_see_them():
 
 
 def test_nothing_uncertain_ends_the_search():
-    fractions = uncertain_fractions(lambda x: np.zeros(len(x)), 1, EPS, count=50, seed=0)
+    fractions = uncertain_fractions(lambda x: np.zeros(len(x)), 1, EPS, count=50, replicates=2, seed=0)
     np.testing.assert_array_equal(fractions, 0.0)

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from looping_pendulum.engines.chain import polygon_friction, polygon_radius
 from looping_pendulum.engines.pybullet.settings import WorldSettings
@@ -33,6 +32,8 @@ def contact_friction(friction: float, bend: float, wrap_angle: float) -> float:
     So the wrap angle theta is theta / bend - 1 full corners and two such ends, and m solves
     (theta / bend - 1) f(bend) + 2 mean(f) = mu theta.
     """
+    from scipy.optimize import brentq  # slow to import, and every list of engines comes by here
+
     if friction == 0:
         return 0.0
     points, weights = np.polynomial.legendre.leggauss(16)

@@ -4,9 +4,14 @@
   const PAPER = 680;  // width of a figure on paper [px]: what A4 and letter hold
   const figures = JSON.parse(document.getElementById("figures").textContent);
 
-  /** A copy of plain data with every "var(--name)" turned into its colour. */
+  /** A colour faint enough for a band that lies under a line. */
+  function faint(colour) {
+    return `rgba(${[1, 3, 5].map((i) => parseInt(colour.slice(i, i + 2), 16)).join(",")},0.25)`;
+  }
+
+  /** A copy of plain data with every "var(--name)" turned into its colour, and "faint var(--name)" into a faint one. */
   function coloured(value) {
-    if (typeof value === "string") return Theme.colour(value);
+    if (typeof value === "string") return value.startsWith("faint var(--") ? faint(Theme.colour(value.slice(6))) : Theme.colour(value);
     if (Array.isArray(value)) return typeof value[0] === "number" ? value : value.map(coloured);
     if (value && typeof value === "object") return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, coloured(inner)]));
     return value;
@@ -20,8 +25,8 @@
       paper_bgcolor: "var(--ground)", plot_bgcolor: "var(--ground)",
       font: { color: "var(--ink)", family: "system-ui, Segoe UI, Roboto, Arial, sans-serif", size: 13 },
       hovermode: "closest", autosize: true,
-      legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom" },
       ...merged,
+      legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom", ...merged.legend },
       ...(Theme.printing ? { width: PAPER, autosize: false } : {}),
       height: figure.layout.height + (width < 600 ? 22 * figure.traces.filter((t) => t.showlegend !== false).length : 0),
       margin: { l: 64, r: 12, t: 24, b: 90, ...merged.margin },
