@@ -218,7 +218,7 @@ def halting_map() -> Figure:
     _map_axis(figure, left, angle, ratio, data["halting_time"].T, "halting time [s]", vmin=0.0, vmax=3.0)
     stops = np.where(halts, data["stops"], np.nan).T
     _map_axis(figure, right, angle, ratio, np.minimum(stops, 8), "stops up to the halt (8: or more)", vmin=1, vmax=8)
-    for axis, title in ((left, "(a) when it halts"), (right, "(b) how often the heavy mass stops")):
+    for axis, title in ((left, "(a) when it halts"), (right, "(b) how often it stops")):
         axis.set_xlabel("release angle [deg]")
         axis.set_title(title + "; grey: it does not halt")
         axis.plot([75.0, 75.3], [2.5, 2.5], color="w", lw=3)
@@ -264,7 +264,7 @@ def mass_scale() -> Figure:
     left.set_title("(a) drag coefficients kept; dotted: without drag")
     left.legend(title="$M_2/M_1$")
     right.set_xlabel("factor on both masses")
-    right.set_ylabel("difference from the run without drag [ms]")
+    right.set_ylabel("change by drag [ms]")
     right.set_title("(b) solid: drag kept; dashed: drag as area")
     return figure
 

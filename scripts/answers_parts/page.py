@@ -89,9 +89,11 @@ def power(x: float | None, digits: int = 1) -> str:
 
 def told(data: dict[str, Any]) -> dict[str, Any]:
     """What the page says that is not in a summary as it stands."""
+    worst = {name: _worst(data["four_angles"][name]) for name in CASES}
     return {
         "spread": {name: _spread(data["four_angles"][name]) for name in CASES},
-        "worst": {name: _worst(data["four_angles"][name]) for name in CASES},
+        "worst": worst,
+        "largest": max(error for by_solver in worst.values() for error in by_solver.values()),
         "all_same": all(all(a["same_sequence"].values()) for case in data["four_angles"].values() for a in case.values()),
         "solvers": len(next(iter(data["four_angles"]["scenario"].values()))["deviations"]) + 1,
         "near_75": {name: len(data["near_75"][name]["changes"]) for name in CASES},
@@ -133,7 +135,8 @@ def _along(found: dict[str, Any]) -> dict[str, Any]:
     for change in found["equal"]:
         out["kinds"][change["kind"]] = out["kinds"].get(change["kind"], 0) + 1
     powers = [_power(c["distances_deg"], c["quantity"]) for c in found["equal"] if None not in c["quantity"]]
-    out["power"] = {"median": float(np.median(powers)), "count": len(powers)}
+    near_one = int((np.abs(np.array(powers) - 1) < 0.1).sum())
+    out["power"] = {"median": float(np.median(powers)), "count": len(powers), "near_one": near_one}
     return out
 
 
