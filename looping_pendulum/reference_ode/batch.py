@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import multiprocessing
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -70,29 +71,63 @@ def solve_batch(
         down, is marked as failed and does not disturb the others.
     """
     n = _checked_length(columns)
-    done = _Counter(n, progress)
     if processes == 1 or n == 0:
-        return _solve_share(base, columns, duration, tolerance, done.add)
+        return _solve_share(base, columns, duration, tolerance, _Counter(n, progress).add)
     columns = {name: np.asarray(values, dtype=float) for name, values in columns.items()}
     share = max(1, min(SHARE, -(-n // processes)))
-    parts: dict[int, BatchResult] = {}
-    # Spawned, not forked: a copy of a process whose libraries have threads may hang
-    with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn")) as pool:
-        futures = {}
-        for start in range(0, n, share):
-            part = {name: values[start : start + share] for name, values in columns.items()}
-            futures[pool.submit(_solve_share, base, part, duration, tolerance)] = start
-        for future in as_completed(futures):
-            part_result = parts[futures[future]] = future.result()
-            done.add(len(part_result))
+    spawn = multiprocessing.get_context("spawn")  # not forked: a copy of a process whose libraries have threads may hang
+    taken = spawn.Value("q", 0)
+    work = partial(_solve_shares, base, columns, duration, tolerance, share)
+    with ProcessPoolExecutor(processes - 1, mp_context=spawn, initializer=_share_out, initargs=(taken,)) as pool:
+        others = [pool.submit(work) for _ in range(processes - 1)]
+        try:
+            parts = work(taken, progress)
+        except BaseException:
+            taken.value = n  # so that the others take no more
+            raise
+        for other in others:
+            parts |= other.result()
+    if progress is not None:
+        progress(n, n)
     return BatchResult.joined([parts[start] for start in sorted(parts)])
+
+
+_taken: Any = None
+"""Of a helping process: how many runs all processes together have taken."""
+
+
+def _share_out(taken: Any) -> None:
+    global _taken
+    _taken = taken
+
+
+def _solve_shares(
+    base: Parameters,
+    columns: Columns,
+    duration: float,
+    tolerance: float,
+    share: int,
+    taken: Any = None,
+    progress: Progress | None = None,
+) -> dict[int, BatchResult]:
+    """Take shares of the runs until all are taken; return the results by their first runs."""
+    taken, parts = taken or _taken, dict[int, BatchResult]()
+    n = len(next(iter(columns.values())))
+    while True:
+        with taken.get_lock():
+            start = taken.value
+            taken.value = min(start + share, n)
+        if start == n:
+            return parts
+        part = {name: values[start : start + share] for name, values in columns.items()}
+        parts[start] = _solve_share(base, part, duration, tolerance, _Counter(n, progress, start).add)
 
 
 class _Counter:
     """Counts runs for a `Progress`."""
 
-    def __init__(self, n: int, progress: Progress | None) -> None:
-        self._n, self._progress, self._done = n, progress, 0
+    def __init__(self, n: int, progress: Progress | None, done: int = 0) -> None:
+        self._n, self._progress, self._done = n, progress, done
 
     def add(self, runs: int) -> None:
         self._done += runs

@@ -1,13 +1,16 @@
 """Many runs at once: each equals the single run, and an independent integrator's; bad runs disturb no other."""
 
+import multiprocessing
+
 import numpy as np
 import pytest
 
 from looping_pendulum.errors import ParameterError
+from looping_pendulum.reference_ode import batch
 from looping_pendulum.reference_ode.batch import ENDS, FAILED, BatchResult, sample_batch, sequence_hash, solve_batch
 from looping_pendulum.reference_ode.batch_result import summary
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.solve import available_integrators, solve
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators, solve
 from looping_pendulum.reference_ode.transitions import Mode
 
 pytestmark = pytest.mark.skipif(
@@ -143,7 +146,21 @@ def test_processes_share_the_work_and_report_it():
     shared = solve_batch(BASE, columns, processes=2, progress=lambda done, n: seen.append((done, n)))
     expected = solve_batch(BASE, columns)
     assert_equal(shared, expected, bound=0.0)
-    assert seen == [(3, 6), (6, 6)]
+    assert seen[:3] == [(1, 6), (2, 6), (3, 6)]
+    assert seen[-1] == (6, 6)
+    assert seen == sorted(seen)
+
+
+def test_a_helping_process_takes_what_nobody_has_taken(monkeypatch):
+    """As such a process would, but here, where it does not matter which one is faster."""
+    columns = {"release_angle": np.radians(np.linspace(70.0, 110.0, 7)), "heavy_swing": np.full(7, 0.1)}
+    taken = multiprocessing.get_context("spawn").Value("q", 3)
+    monkeypatch.setattr(batch, "_taken", taken)
+    parts = batch._solve_shares(BASE, columns, DURATION, TOLERANCE, 3)
+    assert list(parts) == [3, 6]
+    assert taken.value == 7
+    rest = {name: values[3:] for name, values in columns.items()}
+    assert_equal(batch.BatchResult.joined(list(parts.values())), solve_batch(BASE, rest), bound=0.0)
 
 
 def test_trajectories_on_request():
