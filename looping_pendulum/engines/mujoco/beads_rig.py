@@ -69,9 +69,8 @@ class BeadRig:
     def advance(self) -> None:
         """Step through one sample interval, in groups."""
         for _ in range(self._settings.groups_per_sample):
-            if self._has_string:
-                self._tend()
-            self._prepare()
+            places = self._now.qpos.tolist()
+            self._prepare(self._tend(places) if self._has_string else places)
             self._step(self._now.model, self._now.data, self._settings.steps_per_group)
 
     def read(self) -> tuple[float, ...]:
@@ -119,10 +118,10 @@ class BeadRig:
             return -self._parameters.hanging_length, 0.0
         return float(self._now.qpos[-1]), float(self._now.qvel[-1])
 
-    def _prepare(self) -> None:
+    def _prepare(self, places: list[float]) -> None:
         """Set the applied forces and the light straight part's allowed length for the coming group of steps."""
         now = self._now
-        places, speeds = now.qpos.tolist(), now.qvel.tolist()
+        speeds = now.qvel.tolist()
         x, y, vx, vy = places[0], places[1], speeds[0], speeds[1]
         if self._force is not None:
             heavy_v = 0.0 if self._held else speeds[-1]
@@ -136,14 +135,15 @@ class BeadRig:
             turning = across * across / (square * math.sqrt(square))
             now.allowed[0] = self.lengths[0] - self._turning_shift * turning
 
-    def _tend(self) -> None:
-        """Add or take away a bead on either straight part."""
-        places = self._now.qpos.tolist()
+    def _tend(self, places: list[float]) -> list[float]:
+        """Add or take away a bead on either straight part; ``places`` are the coordinates, before and (returned) after."""
         if self._tend_side(0, places[:2], places[2:4], places[4:6]):
             places = self._now.qpos.tolist()
         last = 2 * self._beads
         heavy = (self._parameters.rod_radius, -self._parameters.hanging_length if self._held else places[-1])
-        self._tend_side(self._beads, heavy, places[last : last + 2], places[last - 2 : last])
+        if self._tend_side(self._beads, heavy, places[last : last + 2], places[last - 2 : last]):
+            places = self._now.qpos.tolist()
+        return places
 
     def _tend_side(self, link: int, mass: Place, end: Place, following: Place) -> bool:
         """Add or take away a bead between ``mass`` and ``end``, the outermost bead, which straight ``link`` joins."""
