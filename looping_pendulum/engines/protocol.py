@@ -37,6 +37,8 @@ SAMPLE_INTERVAL = 1e-3
 
 STRETCH_BUDGET = 0.05
 """A string longer than its rest length by more than this fraction ends a run: it no longer is the apparatus."""
+REACH = 2.0
+"""A mass farther from the rod than so many string lengths ends a run: a chain of rigid links breaks down without stretching."""
 
 
 FORCES_AND_RELEASE = frozenset({EffectKind.FORCE, EffectKind.CLOSURE, EffectKind.RELEASE})
@@ -264,7 +266,7 @@ def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequenc
     p = scenario.parameters
     has_string = p.release is not Release.DROP
     end_distance = math.hypot(end_length, p.rod_radius)
-    stretch_limit = STRETCH_BUDGET * p.string_length
+    stretch_limit, reach = STRETCH_BUDGET * p.string_length, REACH * p.string_length
     row = rig.read()
     add((0.0, *row))
     for sample in range(1, round(scenario.duration / SAMPLE_INTERVAL) + 1):
@@ -272,6 +274,8 @@ def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequenc
         row = rig.read()
         if not all(math.isfinite(value) for value in row[:8]):
             return RunStatus.NOT_FINITE
+        if has_string and max(math.hypot(*row[:2]), math.hypot(*row[4:6])) > reach:
+            return RunStatus.OUT_OF_REACH
         if has_string and math.hypot(row[0], row[1]) <= end_distance:
             return RunStatus.LIGHT_REACHED_ROD  # somewhere in this interval: a rig that stopped there has no sample at its end
         add((sample * SAMPLE_INTERVAL, *row))

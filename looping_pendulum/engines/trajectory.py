@@ -28,6 +28,7 @@ class RunStatus(StrEnum):
     LIGHT_REACHED_ROD = "ran until the light mass reached the rod"
     STRING_DRIFT = "the string's length left its budget; raise solver iterations or shorten the time step"
     NOT_FINITE = "a position became infinite or not a number; shorten the time step"
+    OUT_OF_REACH = "a mass flew farther from the rod than its string reaches; shorten the time step or raise solver iterations"
     TIME_LIMIT = "stopped by its time limit; raise --time-limit or use --profile quick"
     MEMORY_LIMIT = "stopped by its memory limit; raise --memory-limit or use --profile quick"
     CRASHED = "the engine's process died; its output says more"

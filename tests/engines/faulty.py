@@ -83,7 +83,8 @@ class FaultyRig:
             os.write(1, b"chatter on fd 1\n")
             ctypes.CDLL(None).printf(b"chatter of printf\n")
             ctypes.CDLL(None).fflush(None)
-        x = math.nan if self.fault == "nan" and self.time >= FAULT_AT else -0.4
+        faults = {"nan": math.nan, "flies_off": 1e11}
+        x = faults.get(self.fault, -0.4) if self.time >= FAULT_AT else -0.4
         stretch = 1.0 if self.fault == "stretches" and self.time >= FAULT_AT else 0.0
         return (x, -0.4, 0.0, 0.0, 0.00625, -0.03, 0.0, 0.0, stretch)
 

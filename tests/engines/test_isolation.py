@@ -37,6 +37,7 @@ KEPT = round(FAULT_AT * 1000)
         ("hang", RunStatus.TIME_LIMIT, "limit"),
         ("nan", RunStatus.NOT_FINITE, ""),
         ("stretches", RunStatus.STRING_DRIFT, ""),
+        ("flies_off", RunStatus.OUT_OF_REACH, ""),
     ],
 )
 def test_a_fault_is_reported_as_what_it_was_and_earlier_samples_stay(fault, status, message):
@@ -102,6 +103,7 @@ FAULTS = {
     "memory": (RunStatus.MEMORY_LIMIT, KEPT),
     "nan": (RunStatus.NOT_FINITE, KEPT),
     "stretches": (RunStatus.STRING_DRIFT, KEPT + 1),  # the sample that shows the stretched string is kept too
+    "flies_off": (RunStatus.OUT_OF_REACH, KEPT),
     "raises": (RunStatus.FAILED, 0),
     "prints": (RunStatus.FINISHED, 51),
     "prints_from_c": (RunStatus.FINISHED, 51),
