@@ -17,9 +17,9 @@ from typing import Any
 from benchmarks import pareto
 from benchmarks.pareto import PROTOTYPES, Point, figure, front, points
 from looping_pendulum.cli_converge import StudyBar
-from looping_pendulum.compare import convergence_report as report
-from looping_pendulum.compare.convergence_result import ConvergenceResult
-from looping_pendulum.compare.convergence_study import study_convergence, write
+from looping_pendulum.compare.convergence import report as report
+from looping_pendulum.compare.convergence.result import ConvergenceResult
+from looping_pendulum.compare.convergence.study import study_convergence, write
 from looping_pendulum.compare.export import write_whole
 from looping_pendulum.compare.plots import png
 from looping_pendulum.compare.tables import number, table

@@ -22,8 +22,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from looping_pendulum.compare.convergence_result import FILE, ConvergenceResult, VariantStudy
-from looping_pendulum.compare.convergence_study import plan
+from looping_pendulum.compare.convergence.result import FILE, ConvergenceResult, VariantStudy
+from looping_pendulum.compare.convergence.study import plan
 from looping_pendulum.compare.export import write_whole
 from looping_pendulum.compare.plots import GREY, figure_of, legend_below, png
 from looping_pendulum.engines.protocol import Engine, Profile

@@ -250,8 +250,9 @@ def identify(
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")  # before numpy comes: threads on such small matrices cost three times what they do
 
-    from looping_pendulum.discrepancy import study_io, writing
+    from looping_pendulum.discrepancy.data import study_io
     from looping_pendulum.discrepancy.identify import identify as find
+    from looping_pendulum.discrepancy.report import writing
     from looping_pendulum.discrepancy.verdict import Verdict
 
     loaded = study_io.load(study)

@@ -85,8 +85,8 @@ def converge(
 
     looping-pendulum converge ten_to_one --engine mujoco:capstan --budget 60
     """
-    from looping_pendulum.compare.convergence_report import halting_verdict
-    from looping_pendulum.compare.convergence_study import study_convergence, write
+    from looping_pendulum.compare.convergence.report import halting_verdict
+    from looping_pendulum.compare.convergence.study import study_convergence, write
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.compare.tables import number
     from looping_pendulum.engines.memory import parse_memory

@@ -145,7 +145,8 @@ def metrics(
     aligned: Aligned, parameters: Parameters, own: Landmarks, true: Landmarks, in_tube: Tube
 ) -> dict[str, float | None]:
     """Every metric of one run, SI; None where it cannot be said."""
-    stretch = aligned.run.string_stretch[: finite_length(aligned.run)]
+    samples = finite_length(aligned.run)
+    stretch = aligned.run.string_stretch[:samples]
     known = stretch[np.isfinite(stretch)]
     return {
         **{name: rms_until(aligned, mark) for name, mark in RMS_MARKS.items()},
@@ -157,6 +158,7 @@ def metrics(
         "string_stretch": float(np.abs(known).max()) if len(known) else None,
         "acceleration_error": acceleration_error(aligned, parameters),
         "tube_fraction": in_tube.fraction,
+        "simulated_time": float(aligned.run.t[samples - 1]) if samples else None,
     }
 
 

@@ -24,6 +24,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "string_stretch": ("mm", 1e3),
     "acceleration_error": ("%", 1e2),
     "tube_fraction": ("%", 1e2),
+    "simulated_time": ("s", 1.0),
 }
 """Metric -> the unit a reader likes, and how many of it make one SI unit."""
 

@@ -8,7 +8,7 @@ from looping_pendulum.compare.result import EngineResult, Outcome, ToleranceResu
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.scenarios.scenario import Tolerance
 
-AT_LEAST = frozenset({"tube_fraction"})
+AT_LEAST = frozenset({"tube_fraction", "simulated_time"})
 """Metrics that are good when large: their limit is the smallest value allowed."""
 
 NOT_RUN = frozenset({RunStatus.MISSING, RunStatus.UNSUPPORTED, RunStatus.INTERRUPTED})

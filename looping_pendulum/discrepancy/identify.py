@@ -8,11 +8,11 @@ from importlib.metadata import PackageNotFoundError, version
 
 from looping_pendulum import __version__
 from looping_pendulum.discrepancy import outcome
+from looping_pendulum.discrepancy.data.study import Study
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.next_experiment import best_experiments
 from looping_pendulum.discrepancy.search import Progress, Search
-from looping_pendulum.discrepancy.study import Study
-from looping_pendulum.discrepancy.unlisted import unlisted
+from looping_pendulum.discrepancy.unlisted.description import unlisted
 from looping_pendulum.discrepancy.verdict import Experiment, Identification, Verdict
 from looping_pendulum.discrepancy.workers import Workers, available
 from looping_pendulum.reference_ode.solve import available_integrators

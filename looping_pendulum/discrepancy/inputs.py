@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from looping_pendulum.discrepancy.candidates import Candidate, candidates
-from looping_pendulum.discrepancy.event_prediction import check_events
-from looping_pendulum.discrepancy.observations import DataError, Observations
-from looping_pendulum.discrepancy.problem import Data, Number, numbers_of
-from looping_pendulum.discrepancy.residual import data_of
-from looping_pendulum.discrepancy.study import Study, Trial, read_trial
+from looping_pendulum.discrepancy.data.observations import DataError, Observations
+from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
+from looping_pendulum.discrepancy.fit.event_prediction import check_events
+from looping_pendulum.discrepancy.fit.problem import Data, Number, numbers_of
+from looping_pendulum.discrepancy.fit.residual import data_of
+from looping_pendulum.discrepancy.listed.candidates import Candidate, candidates
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from looping_pendulum.discrepancy.calibration import Fit
-from looping_pendulum.discrepancy.observations import Channel, DataError, Observations
-from looping_pendulum.discrepancy.problem import Data, Number, Problem, numbers_of
-from looping_pendulum.discrepancy.study import Estimate, Study, Trial
+from looping_pendulum.discrepancy.data.observations import Channel, DataError, Observations
+from looping_pendulum.discrepancy.data.study import Estimate, Study, Trial
+from looping_pendulum.discrepancy.fit.calibration import Fit
+from looping_pendulum.discrepancy.fit.problem import Data, Number, Problem, numbers_of
 from looping_pendulum.discrepancy.verdict import Experiment
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from looping_pendulum.discrepancy.attribution import rms
-from looping_pendulum.discrepancy.calibration import Fit
-from looping_pendulum.discrepancy.candidates import Candidate
-from looping_pendulum.discrepancy.event_tests import errors_by_unit
-from looping_pendulum.discrepancy.likelihood import interval
-from looping_pendulum.discrepancy.study import Study
+from looping_pendulum.discrepancy.data.study import Study
+from looping_pendulum.discrepancy.fit.calibration import Fit
+from looping_pendulum.discrepancy.fit.event_tests import errors_by_unit
+from looping_pendulum.discrepancy.fit.likelihood import interval
+from looping_pendulum.discrepancy.listed.attribution import rms
+from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.verdict import (
     Effect,
     EventResidual,
@@ -34,7 +34,7 @@ from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
-    from looping_pendulum.discrepancy.remainder import Scaled
+    from looping_pendulum.discrepancy.listed.remainder import Scaled
     from looping_pendulum.discrepancy.search import Model
 
 

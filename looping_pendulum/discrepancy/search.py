@@ -10,16 +10,9 @@ from functools import cached_property
 
 import numpy as np
 
-from looping_pendulum.discrepancy.attribution import SCORE_LIMIT, Refit, Unseen, judge, refit, refits
-from looping_pendulum.discrepancy.calibration import Fit, calibrate, minimise
-from looping_pendulum.discrepancy.candidates import Candidate
-from looping_pendulum.discrepancy.discovery import Found, discover
-from looping_pendulum.discrepancy.formula import Written
-from looping_pendulum.discrepancy.formula import refit as write_formulas
-from looping_pendulum.discrepancy.inputs import Inputs
-from looping_pendulum.discrepancy.problem import Problem
-from looping_pendulum.discrepancy.remainder import REMOVED, Scaled, scaled
-from looping_pendulum.discrepancy.residual import (
+from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.residual import (
     ResidualTests,
     best_of,
     calibrated,
@@ -27,7 +20,14 @@ from looping_pendulum.discrepancy.residual import (
     started,
     with_noise_of_residuals,
 )
-from looping_pendulum.discrepancy.screening import Screened, compile_for, costly_first, screen
+from looping_pendulum.discrepancy.inputs import Inputs
+from looping_pendulum.discrepancy.listed.attribution import SCORE_LIMIT, Refit, Unseen, judge, refit, refits
+from looping_pendulum.discrepancy.listed.candidates import Candidate
+from looping_pendulum.discrepancy.listed.remainder import REMOVED, Scaled, scaled
+from looping_pendulum.discrepancy.listed.screening import Screened, compile_for, costly_first, screen
+from looping_pendulum.discrepancy.unlisted.discovery import Found, discover
+from looping_pendulum.discrepancy.unlisted.formula import Written
+from looping_pendulum.discrepancy.unlisted.formula import refit as write_formulas
 from looping_pendulum.discrepancy.verdict import Ranked, Round, Verdict
 from looping_pendulum.discrepancy.workers import ALONE, Workers
 

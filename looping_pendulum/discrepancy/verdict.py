@@ -336,7 +336,7 @@ class Identification:
 
     def _repr_html_(self) -> str:
         """Show verdict, what was added and the errors in a notebook."""
-        from looping_pendulum.discrepancy.report import before_figures
+        from looping_pendulum.discrepancy.report.markdown import before_figures
         from looping_pendulum.pages.markdown import html
 
         return str(html("\n\n".join(before_figures(self))))

@@ -230,7 +230,7 @@ def serve() -> None:
     """Do what the parent says, until its end: the main function of a helper."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # nothing that is printed comes between
-    from looping_pendulum.discrepancy import discovery  # noqa: F401  what takes a while to import
+    from looping_pendulum.discrepancy.unlisted import discovery  # noqa: F401  what takes a while to import
 
     message: Any = "ready"
     function: Any = None

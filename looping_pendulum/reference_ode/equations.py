@@ -20,9 +20,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from looping_pendulum.reference_ode import effects as forces
-from looping_pendulum.reference_ode.effect_types import TURN, Kinematics
-from looping_pendulum.reference_ode.further_forces import air_resistance
-from looping_pendulum.reference_ode.further_properties import swing_rates
+from looping_pendulum.reference_ode.effects.forces import air_resistance
+from looping_pendulum.reference_ode.effects.properties import swing_rates
+from looping_pendulum.reference_ode.effects.types import TURN, Kinematics
 from looping_pendulum.reference_ode.state import Effects, Signs, State, kinematics, own_variables, string_path, winding
 from looping_pendulum.reference_ode.stretch import Springs, light_share, springs
 from looping_pendulum.reference_ode.transitions import Event, Mode

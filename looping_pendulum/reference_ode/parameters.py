@@ -14,7 +14,7 @@ from typing import Any
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Effect
-from looping_pendulum.reference_ode.further_properties import LEAST_LOSS_TIME
+from looping_pendulum.reference_ode.effects.properties import LEAST_LOSS_TIME
 
 POINT_MASS_END = 1 / 3
 """Free length, in rod radii, at which a light mass without a radius counts as having reached the rod.

@@ -25,7 +25,7 @@ from looping_pendulum.errors import IntegrationError, MissingPackageError, Param
 from looping_pendulum.reference_ode import dual, effects
 from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.dual import Dual
-from looping_pendulum.reference_ode.effect_types import Effect
+from looping_pendulum.reference_ode.effects.types import Effect
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import MAX_STEPS, HeyokaIntegrator, ModeEquations
 from looping_pendulum.reference_ode.parameters import Parameters, Release

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode import equations
-from looping_pendulum.reference_ode.effect_types import TURN
+from looping_pendulum.reference_ode.effects.types import TURN
 from looping_pendulum.reference_ode.geometry import Array, light_position, light_velocity
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.state import Signs, State, own_variables, string_path, winding, winds

@@ -9,8 +9,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from looping_pendulum.reference_ode.effect_types import TURN, Effect, Kinematics
-from looping_pendulum.reference_ode.further_properties import REST_SPEED
+from looping_pendulum.reference_ode.effects.properties import REST_SPEED
+from looping_pendulum.reference_ode.effects.types import TURN, Effect, Kinematics
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import PHASE_ZERO, Event, Mode
 

@@ -22,6 +22,7 @@ METRICS = MappingProxyType(
         "string_stretch": "m",
         "acceleration_error": "",
         "tube_fraction": "",
+        "simulated_time": "s",
     }
 )
 """Metric that a tolerance may limit -> its SI unit; '' for a plain number (a relative error, a share of the samples)."""

@@ -9,9 +9,9 @@ from typing import Any
 
 import yaml
 
-from looping_pendulum.discrepancy import readers, study_io
-from looping_pendulum.discrepancy.observations import DataError
-from looping_pendulum.discrepancy.study_file import FREE_STARTS
+from looping_pendulum.discrepancy.data import readers, study_io
+from looping_pendulum.discrepancy.data.observations import DataError
+from looping_pendulum.discrepancy.data.study_file import FREE_STARTS
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import DURATION, solve

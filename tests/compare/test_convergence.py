@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.convergence import Cause, Correction, Kind, examine, norm, sizes, split_error
+from looping_pendulum.compare.convergence.ladder import Cause, Correction, Kind, examine, norm, sizes, split_error
 
 H = 0.5 ** np.arange(5)
 

@@ -9,12 +9,12 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli import app
 from looping_pendulum.compare import run_cache
-from looping_pendulum.compare.convergence import Cause, Kind
-from looping_pendulum.compare.convergence_measure import floors, target
-from looping_pendulum.compare.convergence_plots import draw
-from looping_pendulum.compare.convergence_report import halting_verdict, render
-from looping_pendulum.compare.convergence_result import HALT, ConvergenceResult
-from looping_pendulum.compare.convergence_study import changed_starts, judge, plan, study_convergence, watched, write
+from looping_pendulum.compare.convergence.ladder import Cause, Kind
+from looping_pendulum.compare.convergence.measure import floors, target
+from looping_pendulum.compare.convergence.plots import draw
+from looping_pendulum.compare.convergence.report import halting_verdict, render
+from looping_pendulum.compare.convergence.result import HALT, ConvergenceResult
+from looping_pendulum.compare.convergence.study import changed_starts, judge, plan, study_convergence, watched, write
 from looping_pendulum.compare.run_cache import Done, RunCache, Runner, Task, run_key
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Truth

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from looping_pendulum.discrepancy.attribution import BLOCKS, SCORE_LIMIT, judge, refit
-from looping_pendulum.discrepancy.calibration import calibrate
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.fit.calibration import calibrate
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.residual import calibrated
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.problem import Problem
-from looping_pendulum.discrepancy.residual import calibrated
-from looping_pendulum.discrepancy.screening import screen
-from looping_pendulum.discrepancy.study_io import load
+from looping_pendulum.discrepancy.listed.attribution import BLOCKS, SCORE_LIMIT, judge, refit
+from looping_pendulum.discrepancy.listed.screening import screen
 from tests.blind.cases import CASES
 from tests.discrepancy.blind_study import write_study
 

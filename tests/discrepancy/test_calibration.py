@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.calibration import calibrate, minimise
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.fit.calibration import calibrate, minimise
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.residual import calibrated
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.problem import Problem
-from looping_pendulum.discrepancy.residual import calibrated
-from looping_pendulum.discrepancy.study_io import load
 from tests.blind import Apparatus
 from tests.blind.cases import CLEAN, TRIALS
 from tests.discrepancy.blind_study import write_study

@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from looping_pendulum.discrepancy import formula
-from looping_pendulum.discrepancy.calibration import calibrate
-from looping_pendulum.discrepancy.discovery import _evidence, _refit, screen
-from looping_pendulum.discrepancy.formula import PREFIX
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.fit.calibration import calibrate
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.residual import calibrated
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.problem import Problem
-from looping_pendulum.discrepancy.report import render
-from looping_pendulum.discrepancy.residual import calibrated
+from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.search import GAIN
-from looping_pendulum.discrepancy.simplify import Range, forms
-from looping_pendulum.discrepancy.study_io import load
+from looping_pendulum.discrepancy.unlisted import formula
+from looping_pendulum.discrepancy.unlisted.discovery import _evidence, _refit, screen
+from looping_pendulum.discrepancy.unlisted.formula import PREFIX
+from looping_pendulum.discrepancy.unlisted.simplify import Range, forms
 from looping_pendulum.discrepancy.verdict import Verdict
 from looping_pendulum.reference_ode.cartesian import cartesian_force
-from looping_pendulum.reference_ode.closure import BUMPS, weight
+from looping_pendulum.reference_ode.effects.closure import BUMPS, weight
 from looping_pendulum.reference_ode.solve import solve_at
 from tests.apparatus import TEN_TO_ONE
 from tests.blind import Effects

@@ -11,17 +11,17 @@ from scipy.optimize import brentq
 
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
 from looping_pendulum.compare.landmarks import truth_landmarks
-from looping_pendulum.discrepancy import event_prediction as prediction
-from looping_pendulum.discrepancy.calibration import calibrate
-from looping_pendulum.discrepancy.event_tests import check_events_of
+from looping_pendulum.discrepancy.data.measurement import Camera
+from looping_pendulum.discrepancy.data.observations import DataError, EventRow
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.fit import event_prediction as prediction
+from looping_pendulum.discrepancy.fit.calibration import calibrate
+from looping_pendulum.discrepancy.fit.event_tests import check_events_of
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.measurement import Camera
-from looping_pendulum.discrepancy.observations import DataError, EventRow
-from looping_pendulum.discrepancy.problem import Problem
-from looping_pendulum.discrepancy.study_io import load
+from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.verdict import Verdict
-from looping_pendulum.discrepancy.writing import write
 from looping_pendulum.engines.reference import Truth
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import loader

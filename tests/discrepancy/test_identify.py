@@ -11,18 +11,18 @@ from typer.testing import CliRunner
 
 from looping_pendulum import cli
 from looping_pendulum.discrepancy import verdict
-from looping_pendulum.discrepancy.attribution import refit
-from looping_pendulum.discrepancy.calibration import calibrate
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.fit.calibration import calibrate
+from looping_pendulum.discrepancy.fit.likelihood import rise
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.residual import calibrated, with_noise_of_residuals
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.likelihood import rise
-from looping_pendulum.discrepancy.problem import Problem
-from looping_pendulum.discrepancy.residual import calibrated, with_noise_of_residuals
-from looping_pendulum.discrepancy.screening import screen
+from looping_pendulum.discrepancy.listed.attribution import refit
+from looping_pendulum.discrepancy.listed.screening import screen
+from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.search import MARGIN
-from looping_pendulum.discrepancy.study_io import load
 from looping_pendulum.discrepancy.verdict import Verdict
-from looping_pendulum.discrepancy.writing import write
 from looping_pendulum.scenarios import loader
 from tests.blind.cases import CASES, CLEAN, CLEAN_VARIED, with_signature
 from tests.discrepancy.blind_study import write_study

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from looping_pendulum.discrepancy.calibration import calibrate
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.fit.calibration import calibrate
+from looping_pendulum.discrepancy.fit.likelihood import interval, rise
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.likelihood import interval, rise
-from looping_pendulum.discrepancy.problem import Problem
-from looping_pendulum.discrepancy.study_io import load
 from tests.blind.cases import CLEAN
 from tests.discrepancy.blind_study import write_study
 

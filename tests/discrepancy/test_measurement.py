@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy import noise
-from looping_pendulum.discrepancy.measurement import CAMERA, Camera, estimate_noise, predict, sampler, speed_at
-from looping_pendulum.discrepancy.observations import Channel, DataError
+from looping_pendulum.discrepancy.data import noise
+from looping_pendulum.discrepancy.data.measurement import CAMERA, Camera, estimate_noise, predict, sampler, speed_at
+from looping_pendulum.discrepancy.data.observations import Channel, DataError
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve
 from tests.apparatus import TEN_TO_ONE, WITHOUT_LOSSES

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.observations import Channel, merge, mirrored
-from looping_pendulum.discrepancy.readers import DataError, read
+from looping_pendulum.discrepancy.data.observations import Channel, merge, mirrored
+from looping_pendulum.discrepancy.data.readers import DataError, read
 from looping_pendulum.errors import HarnessError
 
 LIGHT = {"light": "mass A"}

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from looping_pendulum.discrepancy import report
+from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.identify import identify
-from looping_pendulum.discrepancy.study_io import load
+from looping_pendulum.discrepancy.report import markdown as report
 from looping_pendulum.discrepancy.verdict import Verdict
 from tests.discrepancy.real_data import real
 

@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.calibration import calibrate
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.fit.calibration import calibrate
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.residual import calibrated, check_residuals
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.problem import Problem
-from looping_pendulum.discrepancy.residual import calibrated, check_residuals
-from looping_pendulum.discrepancy.study_io import load
 from tests.blind.camera import Camera
 from tests.blind.cases import CLEAN
 from tests.discrepancy.blind_study import write_study

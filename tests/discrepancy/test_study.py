@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from looping_pendulum.discrepancy.measurement import Camera, predict, sampler
-from looping_pendulum.discrepancy.observations import DataError
-from looping_pendulum.discrepancy.study import Estimate, read_trial
-from looping_pendulum.discrepancy.study_io import StudyError, dump, load, load_text
+from looping_pendulum.discrepancy.data.measurement import Camera, predict, sampler
+from looping_pendulum.discrepancy.data.observations import DataError
+from looping_pendulum.discrepancy.data.study import Estimate, read_trial
+from looping_pendulum.discrepancy.data.study_io import StudyError, dump, load, load_text
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.parameters import Release
 from tests.discrepancy.real_data import real

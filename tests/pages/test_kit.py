@@ -11,7 +11,7 @@ import re
 import pytest
 
 from looping_pendulum.compare import page as comparison_page
-from looping_pendulum.discrepancy import page as identification_page
+from looping_pendulum.discrepancy.report import page as identification_page
 from looping_pendulum.pages import markdown
 from looping_pendulum.pages.figures import Figure, escaped, plain
 from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from looping_pendulum.compare import page as comparison_page
-from looping_pendulum.discrepancy import page as identification_page
+from looping_pendulum.discrepancy.report import page as identification_page
 from tests.pages.conftest import DESKTOP, PHONE, sideways, until
 from tests.pages.made_up import identification
 from tests.pages.small import HOSTILE, hostile_result, small_result

@@ -8,7 +8,7 @@ import pytest
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import batch
 from looping_pendulum.reference_ode.batch import ENDS, FAILED, BatchResult, sample_batch, sequence_hash, solve_batch
-from looping_pendulum.reference_ode.batch_result import summary
+from looping_pendulum.reference_ode.batch.result import summary
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators, solve
 from looping_pendulum.reference_ode.transitions import Mode

@@ -7,8 +7,8 @@ import pytest
 
 hy = pytest.importorskip("heyoka")
 
-from looping_pendulum.reference_ode.batch_roots import first_falls  # noqa: E402
-from looping_pendulum.reference_ode.batch_series import Book  # noqa: E402
+from looping_pendulum.reference_ode.batch.roots import first_falls  # noqa: E402
+from looping_pendulum.reference_ode.batch.series import Book  # noqa: E402
 
 
 def test_series_of_the_elementary_functions():

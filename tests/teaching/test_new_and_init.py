@@ -9,9 +9,9 @@ import pytest
 from typer.testing import CliRunner
 
 from looping_pendulum.cli import app
-from looping_pendulum.discrepancy import study_io
+from looping_pendulum.discrepancy.data import study_io
+from looping_pendulum.discrepancy.data.readers import read
 from looping_pendulum.discrepancy.identify import identify
-from looping_pendulum.discrepancy.readers import read
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load

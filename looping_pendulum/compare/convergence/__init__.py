@@ -1,0 +1,1 @@
+"""Ladders of ever finer runs, and every error split: not converged, different model, adapter's choice."""

@@ -1,0 +1,102 @@
+"""Figures of a study of convergence: one per ladder, drawn from its result."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from looping_pendulum.compare.convergence.ladder import Kind
+from looping_pendulum.compare.convergence.result import HALT, MARKS, ConvergenceResult, LadderStudy, VariantStudy, Verdict
+from looping_pendulum.compare.export import file_stem
+from looping_pendulum.compare.plots import GREY, figure_of, legend_below, png
+from looping_pendulum.pages.palette import COLOURS
+
+LOOK = dict(zip(MARKS, (("o", COLOURS[0]), ("s", COLOURS[1])), strict=True))
+"""Path -> marker and colour."""
+
+
+def draw(result: ConvergenceResult) -> dict[str, tuple[str, str, bytes]]:
+    """Every figure that the result has data for: file name -> (label of the variant, caption, PNG)."""
+    figures = {}
+    for v in result.variants:
+        for ladder in v.ladders:
+            if sum(rung.value > 0 and any(rung.run.rms[mark] for mark in MARKS) for rung in ladder.rungs) > 1:
+                name = f"{file_stem(v.label, v.profile, ladder.setting)}.png"
+                caption = (
+                    f"{v.label}: error against the truth (full) and against its own limit (dashed) as {ladder.setting} "
+                    "is refined to the right; below, the halting time's error."
+                )
+                figures[name] = v.label, caption, png(ladder_figure(v, ladder))
+    return figures
+
+
+def ladder_figure(v: VariantStudy, ladder: LadderStudy) -> Figure:
+    """Error against the truth and against the own limit over the refined setting, and the halting time's error below."""
+    halts = any(rung.run.halting_time_error is not None for rung in ladder.rungs)
+    figure, axes = figure_of(7.6, 6.6 if halts else 4.8, rows=(3, 2) if halts else (1,))
+    verdicts = {one.quantity: one for one in ladder.verdicts}
+    _errors(axes[0], v, ladder, verdicts)
+    if halts:
+        _halts(axes[1], v, ladder, verdicts[HALT])
+    last = axes[-1]
+    last.set_xscale("log")
+    values = [rung.value for rung in ladder.rungs if rung.value > 0]
+    if values[0] > values[-1]:
+        last.invert_xaxis()
+    last.set_xlabel(f"{ladder.setting}{f' [{ladder.unit}]' if ladder.unit else ''}, finer to the right")
+    axes[0].set_title(f"{v.label}, {v.profile}: {ladder.setting}")
+    legend_below(figure, columns=2)
+    return figure
+
+
+def _errors(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdicts: dict[str, Verdict]) -> None:
+    for name, (marker, colour) in LOOK.items():
+        words, verdict = f"to {MARKS[name]:g} s", verdicts[name]
+        how: dict[str, Any] = {"marker": marker, "color": colour, "ms": 5}
+        axes.plot(*_points(ladder, [r.run.rms[name] for r in ladder.rungs]), label=f"from the truth, {words}", **how)
+        if verdict.kind in (Kind.CONVERGES, Kind.SETTLED):
+            order = "" if verdict.order is None else f", order {verdict.order:.2g}"
+            to_limit = _points(ladder, [r.to_limit[name] for r in ladder.rungs])
+            axes.plot(*to_limit, dashes=(4, 2), mfc="white", label=f"from its own limit, {words}{order}", **how)
+        spread = v.spread[name]
+        if spread is not None and spread > 0:
+            axes.axhline(spread * 1e3, color=colour, lw=0.8, dashes=(1, 2), label=f"spread of small changes, {words}")
+    if ladder.own:
+        axes.axvline(ladder.own, color=GREY, lw=0.9, zorder=1, label="the variant's own setting")
+    axes.set_yscale("log")
+    axes.set_ylabel("RMS distance of the light mass [mm]")
+
+
+def _halts(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdict: Verdict) -> None:
+    known = [
+        (r.value, r.run.halting_time_error * 1e3) for r in ladder.rungs if r.value > 0 and r.run.halting_time_error is not None
+    ]
+    x, y = np.array(known).T
+    spread = v.spread[HALT]
+    bars = None if spread is None else np.full(len(x), 2 * spread * 1e3)
+    axes.errorbar(
+        x,
+        y,
+        yerr=bars,
+        fmt="D-",
+        ms=4,
+        color=COLOURS[2],
+        capsize=3,
+        label="halting time less the truth's; bars: twice its spread",
+    )
+    if verdict.limit_error is not None and verdict.uncertainty is not None:
+        middle, half = verdict.limit_error * 1e3, verdict.uncertainty * 1e3
+        axes.axhspan(middle - half, middle + half, color=COLOURS[2], alpha=0.15, lw=0, label="its limit, 95 %")
+    axes.axhline(0, color="black", lw=1.0)
+    if ladder.own:
+        axes.axvline(ladder.own, color=GREY, lw=0.9, zorder=1)
+    axes.set_ylabel("halting time,\nengine less truth [ms]")
+
+
+def _points(ladder: LadderStudy, values: Sequence[float | None]) -> tuple[list[float], list[float]]:
+    pairs = [(r.value, value * 1e3) for r, value in zip(ladder.rungs, values, strict=True) if value and r.value > 0]
+    return [x for x, _ in pairs], [y for _, y in pairs]

@@ -1,0 +1,273 @@
+"""The report of a study of convergence in Markdown, rendered from its result and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from looping_pendulum.compare.convergence.ladder import Cause, Kind
+from looping_pendulum.compare.convergence.measure import SHOWN
+from looping_pendulum.compare.convergence.result import (
+    DROP,
+    HALT,
+    MARKS,
+    ConvergenceResult,
+    ErrorSplit,
+    LadderStudy,
+    RunSummary,
+    VariantStudy,
+    VariationStudy,
+)
+from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
+
+WORDS = {
+    "path_0.35s": "path to 0.35 s",
+    "path_0.7s": "path to 0.7 s",
+    HALT: "halting time",
+    DROP: "drop at the halt",
+}
+EARLY, LATE = MARKS
+"""The two paths."""
+
+HOW_TO_READ = """\
+- **error**: root mean square distance of the light mass from the truth up to that time; of a number, its difference.
+- **not converged** (numerics): how far the variant at its own settings is from its own limit. Each ladder refines one setting;
+  their corrections are added up, but for a ladder whose setting another one takes along, as far or further.
+- **different model**: how far that limit is from the truth; counted only if it is above its uncertainty.
+- **adapter's choice**: the most that another choice, as reasonable, changes. What is left at the limit is called that if it is
+  no larger.
+- **spread**: standard deviation of the error when the start changes by 0.01 deg or 0.1 mm, each start against its own truth.
+- Uncertainties are 95 %. An order is fitted only where changes point one way and shrink like a power of the setting; otherwise
+  the scatter is given.
+"""
+
+
+def render(result: ConvergenceResult, figures: Mapping[str, tuple[str, str]] | None = None) -> str:
+    """Return the report.
+
+    Parameters
+    ----------
+    figures
+        Path below the report's folder -> (label of its variant, caption).
+    """
+    sections = [
+        f"# {result.title}: what the engines' errors are made of\n\n{opening(result)}",
+        "## Verdict\n\n" + splits_table(result),
+        "## Does the halting time converge?\n\n" + halting_table(result),
+        "## How to read this\n\n" + HOW_TO_READ,
+        *(_variant(v, figures or {}) for v in result.variants),
+        "## Hidden defaults\n\n" + defaults_table(result),
+        "## The adapter's choices, each decided otherwise\n\n" + choices_table(result),
+        "## Provenance\n\n" + provenance_table(result),
+        "## Wall times\n\n" + _wall_times(result),
+    ]
+    return "\n".join(sections)
+
+
+def opening(result: ConvergenceResult) -> str:
+    """What was run, for how long, and what was left out."""
+    text = f"Scenario `{result.scenario}`, watched for {result.until:g} s, against {result.truth}."
+    if result.truth_values[HALT] is not None:
+        text += f" The truth halts at {result.truth_values[HALT]:.5f} s."
+    left_out = sum(run.status == "SKIPPED" for run in _runs(result))
+    if result.budget is not None:
+        text += f" Runs that were expected to take more than {result.budget:g} s were left out: {left_out}."
+    if result.interrupted:
+        text += " **Interrupted**: what had ended by then is here; run the same command again to go on."
+    return text + "\n"
+
+
+def _runs(result: ConvergenceResult) -> list[RunSummary]:
+    found = []
+    for v in result.variants:
+        found += [v.own, *(r.run for ladder in v.ladders for r in ladder.rungs), *(s.run for s in v.starts)]
+        found += [one.run for one in (*v.choices, *v.defaults)]
+    return list({run.key: run for run in found}.values())
+
+
+def splits_table(result: ConvergenceResult, quantities: Sequence[str] = (EARLY, LATE, HALT)) -> str:
+    """One table per quantity: every variant's error in parts."""
+    parts = []
+    for name in quantities:
+        unit, scale = SHOWN[_unit(result, name)]
+        head = [
+            "variant",
+            "larger part",
+            f"error [{unit}]",
+            "not converged",
+            "different model",
+            "± of both",
+            "choice",
+            "spread",
+        ]
+        rows = [_split_row(v, name, scale) for v in result.variants]
+        parts.append(f"### {WORDS[name][0].upper()}{WORDS[name][1:]}\n\n{table(head, rows, left=2)}")
+    return "\n".join(parts)
+
+
+def _unit(result: ConvergenceResult, quantity: str) -> str:
+    return next((s.unit for v in result.variants for s in v.splits if s.quantity == quantity), "s" if quantity == HALT else "m")
+
+
+def _split_row(v: VariantStudy, name: str, scale: float) -> list[str]:
+    split = next((s for s in v.splits if s.quantity == name), None)
+    if split is None:
+        return [v.label, _why_without(v, name), *[GAP] * 6]
+    cells = [number(x, scale, 2) for x in (split.error, split.numerics, split.model, split.numerics_uncertainty)]
+    return [v.label, _causes(split), *cells, number(split.choice, scale, 2), number(split.spread, scale, 2)]
+
+
+def _causes(split: ErrorSplit) -> str:
+    text = ", then ".join(cause.value for cause in split.causes)
+    if split.without_limit and Cause.UNKNOWN not in split.causes:
+        text += f" (no limit along {', '.join(split.without_limit)})"
+    return text
+
+
+def _why_without(v: VariantStudy, name: str) -> str:
+    if not v.own.ok:
+        return v.own.why
+    return "never halts" if name in (HALT, DROP) and v.own.halting_time is None else "the truth has none"
+
+
+def halting_table(result: ConvergenceResult) -> str:
+    """For every variant, whether its halting time converges, to within what."""
+    head = ["variant", "converges?", "halting error [ms]", "spread [ms]", "along each ladder"]
+    return table(head, [_halting_row(v) for v in result.variants], left=2)
+
+
+def halting_verdict(v: VariantStudy) -> str:
+    """Whether the halting time of ``v`` converges along every ladder, and to within what."""
+    found = [verdict for ladder in v.ladders for verdict in ladder.verdicts if verdict.quantity == HALT]
+    kinds = {verdict.kind for verdict in found}
+    if not found:
+        return "not known: it has no ladder"
+    if kinds == {Kind.NEVER}:
+        return "never halts"
+    if not v.own.ok:
+        return "not known: its own run does not end properly"
+    if Kind.SCATTERS in kinds or Kind.NEVER in kinds:
+        if v.own.halting_time is None:
+            return "no; it halts at some settings only"
+        worst = max((verdict.scatter or 0.0 for verdict in found if verdict.kind is Kind.SCATTERS), default=0.0)
+        return f"no; it scatters by ± {number(worst, 1e3, 2)} ms"
+    split = next((s for s in v.splits if s.quantity == HALT), None)
+    if Kind.UNKNOWN in kinds or split is None:
+        return "not known along every ladder"
+    within = f"to within ± {number(split.numerics_uncertainty, 1e3, 2)} ms"
+    return f"only {within}, its spread" if Kind.WITHIN_SPREAD in kinds else f"yes, {within}"
+
+
+def _halting_row(v: VariantStudy) -> list[str]:
+    each = [
+        f"{ladder.setting}: {verdict.sentence}"
+        for ladder in v.ladders
+        for verdict in ladder.verdicts
+        if verdict.quantity == HALT
+    ]
+    error = "does not halt" if v.own.ok and v.own.halting_time is None else signed(v.own.halting_time_error, 1e3)
+    return [v.label, halting_verdict(v), error, number(v.spread[HALT], 1e3, 2), "; ".join(each)]
+
+
+def _variant(v: VariantStudy, figures: Mapping[str, tuple[str, str]]) -> str:
+    parts = [f"## {v.label}, {v.profile}\n\n{v.summary.rstrip('.')}. At its own settings: {v.own.why}.\n"]
+    parts += [_ladder(ladder) for ladder in v.ladders] or ["It offers no ladder.\n"]
+    parts += [f"![{caption}]({path})\n\n*{caption}*\n" for path, (label, caption) in figures.items() if label == v.label]
+    if v.starts:
+        rows = [[one.what, *_errors(one.run)] for one in v.starts]
+        parts.append("Small changes of the start, each against its own truth:\n\n" + table(["start", *ERRORS], rows))
+    return "\n".join(parts)
+
+
+ERRORS = ("RMS to 0.35 s [mm]", "to 0.7 s [mm]", "halting error [ms]", "drop error [mm]", "remark")
+MOVED = ("path to 0.35 s moves [mm]", "to 0.7 s [mm]", "halting time [ms]", "remark")
+
+
+def _errors(run: RunSummary) -> list[str]:
+    cells = [
+        number(run.rms[EARLY], 1e3),
+        number(run.rms[LATE], 1e3),
+        signed(run.halting_time_error, 1e3),
+        signed(run.drop_error, 1e3),
+    ]
+    return [*cells, "" if run.ok else run.why]
+
+
+def _moved(one: VariationStudy) -> list[str]:
+    halts = "never halts" if one.run.ok and one.run.halting_time is None else ""
+    cells = [number(one.change[EARLY], 1e3), number(one.change[LATE], 1e3), signed(one.change[HALT], 1e3)]
+    return [*cells, halts or ("" if one.run.ok else one.run.why)]
+
+
+def _ladder(ladder: LadderStudy) -> str:
+    unit = f" [{ladder.unit}]" if ladder.unit else ""
+    head = [f"{ladder.setting}{unit}", "RMS to 0.35 s [mm]", "to 0.7 s [mm]", "0.7 s, from finest [mm]", "from own limit [mm]"]
+    head += ["halting time [s]", "halting error [ms]", "remark"]
+    rows = []
+    for rung in ladder.rungs:
+        run = rung.run
+        row = [f"{rung.value:g}", number(run.rms[EARLY], 1e3), number(run.rms[LATE], 1e3)]
+        row += [number(rung.to_finest[LATE], 1e3), number(rung.to_limit[LATE], 1e3)]
+        rows.append([*row, fixed(run.halting_time, 5), signed(run.halting_time_error, 1e3), "" if run.ok else run.why])
+    follows = f" ({ladder.follows})" if ladder.follows else ""
+    said = "".join(f"- {WORDS[v.quantity]}: {v.sentence}\n" for v in ladder.verdicts)
+    own = "" if ladder.own is None else f"; the variant's own is {ladder.own:g}"
+    return f"### Refining {ladder.setting}{follows}{own}\n\n{table(head, rows, left=0)}\n{said}"
+
+
+def defaults_table(result: ConvergenceResult) -> str:
+    """Per variant and setting: the engine's default, ours, and what the default alone does."""
+    head = [
+        "variant",
+        "setting",
+        "engine's default",
+        "ours",
+        "what it does",
+        "halting time moves [ms]",
+        "RMS to 0.35 s, ours [mm]",
+    ]
+    head += ["with the default [mm]", "remark"]
+    rows = []
+    for v in result.variants:
+        for one in v.defaults:
+            row = [v.label, one.what, one.other, one.ours, one.effect, signed(one.change[HALT], 1e3)]
+            rows.append([*row, number(v.own.rms[EARLY], 1e3), number(one.run.rms[EARLY], 1e3), _moved(one)[-1]])
+    return table(head, rows, left=5) if rows else "None of these variants declares any.\n"
+
+
+def choices_table(result: ConvergenceResult) -> str:
+    """Per variant and choice of the adapter: ours, another one as reasonable, and what that moves."""
+    rows = [[v.label, one.what, one.ours, one.other, *_moved(one)] for v in result.variants for one in v.choices]
+    head = ["variant", "choice", "ours", "instead", *MOVED]
+    return table(head, rows, left=4) if rows else "None of these variants declares any.\n"
+
+
+def ladders_table(result: ConvergenceResult) -> str:
+    """A row per ladder: from where to where, and what each quantity does along it."""
+    head = ["variant", "setting", "from", "to", "rungs", *(WORDS[name] for name in (EARLY, LATE, HALT))]
+    rows = []
+    for v in result.variants:
+        for ladder in v.ladders:
+            said = {one.quantity: one for one in ladder.verdicts}
+            ran = [rung.value for rung in ladder.rungs if rung.run.status not in ("SKIPPED", "NOT_RUN")]
+            ends = [f"{value:g} {ladder.unit}".strip() for value in (ran[0], ran[-1])] if ran else [GAP, GAP]
+            counts = f"{len(ran)} of {len(ladder.rungs)}"
+            rows.append([v.label, ladder.setting, *ends, counts, *(said[name].sentence for name in (EARLY, LATE, HALT))])
+    return table(head, rows, left=8)
+
+
+def provenance_table(result: ConvergenceResult) -> str:
+    """Versions, settings and suppliers of every variant."""
+    head = ["variant", "versions", "settings [SI]", "who supplies what"]
+    rows = []
+    for v in result.variants:
+        p = v.provenance
+        settings = ", ".join(f"{k} {f'{x:.6g}' if isinstance(x, float) else x}" for k, x in p.settings.items())
+        supplies = ", ".join(f"{s.what}: {s.by}" for s in p.supplies)
+        rows.append([v.label, ", ".join(f"{k} {x}" for k, x in p.versions.items()) or GAP, settings, supplies])
+    return table(head, rows, left=4)
+
+
+def _wall_times(result: ConvergenceResult) -> str:
+    total = sum(one.seconds or 0.0 for one in result.clock.run_times)
+    runs = f"{len(result.clock.run_times)} runs, {total:.0f} s together"
+    return f"Written {result.clock.written}. {runs}; they shared the machine, so this is no benchmark.\n"

@@ -1,0 +1,125 @@
+"""What the columns of a table of positions, angles or heights hold, by its header or by their number."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from looping_pendulum.discrepancy.data.delimited import Row, Table
+from looping_pendulum.scenarios.document import quote
+
+_ROLES = {
+    "t": "t", "time": "t", "zeit": "t", "temps": "t", "tiempo": "t", "frame": "frame", "x": "x", "y": "y", "drop": "drop",
+    "height": "height", "h": "height", "angle": "angle", "theta": "angle", "rate": "angle_rate", "omega": "angle_rate",
+    "angle_rate": "angle_rate", "angular_velocity": "angle_rate", "angular_rate": "angle_rate",
+}  # fmt: skip
+_TIDY = re.compile(r"(light|heavy|m1|m2)[_ ]?([xy])|([xy])[_ ]?([12])")
+_SUFFIX = re.compile(r"(.*?)_(s|ms|m|cm|mm|rad|deg|m_per_s|rad_per_s)")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """What one column holds."""
+
+    index: int
+    label: str
+    """Name for errors, track included: "x (mass A)"."""
+    role: str
+    """t, frame, drop, x, y, height, angle, angle_rate; '' for what is not used."""
+    track: str
+    unit: str
+    """As the header writes it; '' if it does not."""
+
+
+@dataclass(kw_only=True)
+class Notes:
+    """What is left out and taken for granted while a file is read."""
+
+    dropped: Counter[str] = field(default_factory=Counter)
+    assumptions: list[str] = field(default_factory=list)
+
+
+def read_columns(table: Table, kind: str, tracks: Mapping[str, str] | None, notes: Notes) -> list[Column]:
+    """What the columns hold, by the header or by their number."""
+    names = next((row for row in reversed(table.head) if _role(row.cells[0])[0] in ("t", "frame", "drop")), None)
+    above = [row for row in table.head if row is not names]
+    if names is None:
+        return _columns_without_names(table, kind, tracks, above, notes)
+    # A name stands above the first column of its track; all columns up to the next name are that track's.
+    starts = {i: cell for row in above for i, cell in enumerate(row.cells) if cell}
+    if len(starts) == 1:
+        starts = {0: next(iter(starts.values()))}  # `cm_A` alone in a line stands anywhere above the only track
+    columns, track = [], ""
+    for index, cell in enumerate(names.cells):
+        track = starts.get(index, track)
+        role, own, unit = _role(cell)
+        if cell:
+            owner = own or track
+            label = f"{cell} ({owner})" if owner and not own else cell
+            columns.append(Column(index=index, label=label, role=role, track=owner, unit=unit))
+    if not any(c.role == "t" for c in columns) and not any(c.role == "frame" for c in columns):
+        raise table.error(
+            names.line, "", f"found no column of times among {quote(', '.join(filter(None, names.cells)))}, needed 't'"
+        )
+    return _known_roles(table, names, columns)
+
+
+def _known_roles(table: Table, names: Row, columns: list[Column]) -> list[Column]:
+    """Refuse a header from which nothing could be used."""
+    if any(c.role in ("x", "y", "height", "angle") for c in columns):
+        return columns
+    near = [
+        (c, difflib.get_close_matches(c.label.lower(), ["x", "y", "light_x", "heavy_y", "angle", "height"], 1)) for c in columns
+    ]
+    hint = next((f"; did you mean '{m[0]}' by '{c.label}'?" for c, m in near if m), "; rename the columns so")
+    found = quote(", ".join(c.label for c in columns))
+    raise table.error(
+        names.line, "", f"found columns {found}, needed positions (x, y), an angle or a height beside the time{hint}"
+    )
+
+
+def _role(cell: str) -> tuple[str, str, str]:
+    """Role, mass and unit of a column's name: "light_x [cm]" -> ("x", "light", "cm")."""
+    text, unit = cell.strip(), ""
+    bracket = re.fullmatch(r"(.*?)\s*[\[(]([^\])]*)[\])]", text)
+    if bracket:
+        text, unit = bracket[1], bracket[2].strip()
+    text = text.lower()
+    suffix = _SUFFIX.fullmatch(text)
+    if suffix and not unit and not _TIDY.fullmatch(text):
+        text, unit = suffix[1], suffix[2].replace("_per_", "/")
+    tidy = _TIDY.fullmatch(text)
+    if tidy:
+        mass, axis = (tidy[1], tidy[2]) if tidy[1] else (tidy[4], tidy[3])
+        return axis, {"m1": "light", "1": "light", "m2": "heavy", "2": "heavy"}.get(mass, mass), unit
+    return _ROLES.get(text, ""), "", unit
+
+
+def _columns_without_names(
+    table: Table, kind: str, tracks: Mapping[str, str] | None, above: Sequence[Row], notes: Notes
+) -> list[Column]:
+    """Columns of a file that does not name them: t,x,y for each track, or t,angle[,rate]."""
+    width = max(len([c for c in row.cells if c]) for row in table.rows)
+    titles = [cell for row in above for cell in row.cells if cell]
+    if kind == "drop":
+        raise table.error(table.rows[0].line, "", "found no names of columns, needed 'time' and 'height'; write them above")
+    is_angle = kind == "angle" or (kind == "auto" and not tracks and not titles and table.delimiter == " " and width in (2, 3))
+    if is_angle:
+        roles = [("t", ""), ("angle", ""), ("angle_rate", "")][:width]
+        notes.assumptions.append("columns without names: taken as t [s], angle [rad]" + (", rate [rad/s]" if width > 2 else ""))
+    elif width in (3, 5) and (width == 3 or (tracks and len(tracks) == 2) or len(titles) == 2):
+        names = titles if len(titles) == width // 2 else list((tracks or {}).values())
+        names = names if len(names) == width // 2 else [Path(table.file).stem]
+        roles = [("t", "")] + [(axis, track) for track in names for axis in "xy"]
+        notes.assumptions.append("columns without names: taken as t, x, y" + (", x, y" if width == 5 else ""))
+    else:
+        found = f"found {width} columns without names"
+        raise table.error(table.rows[0].line, "", f"{found}, needed a line of names above such as 't,light_x,light_y'; add it")
+    return [
+        Column(index=i, label=f"{i + 1} ({role}{' of ' + track if track else ''})", role=role, track=track, unit="")
+        for i, (role, track) in enumerate(roles)
+    ]

@@ -1,0 +1,312 @@
+"""Files of measured data to `Observations`: Tracker exports, tidy tables, angles, drops and event tables.
+
+Only times and positions are read: velocities and the like in such files are computed from them, so they hold nothing more.
+A cell without a mark is missing, never zero. Whatever is not used is counted with its reason.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from looping_pendulum.discrepancy.data.columns import Column, Notes, read_columns
+from looping_pendulum.discrepancy.data.delimited import Row, Table, data_error, read_table
+from looping_pendulum.discrepancy.data.events import is_event_table, read_events
+from looping_pendulum.discrepancy.data.observations import UNITS, Channel, DataError, Dropped, Observations
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.scenarios.document import quote
+from looping_pendulum.scenarios.units import UnitError, to_si
+
+__all__ = ["KINDS", "DataError", "read"]
+
+KINDS = ("auto", "positions", "angle", "drop", "events")
+"""What a file may hold; "positions" are Tracker exports and tidy tables alike."""
+MASSES = ("light", "heavy")
+FARTHEST = {"m": 1000.0, "light": 20.0, "heavy": 20.0, "rad": 4 * np.pi, "rad/s": 1000.0}
+"""Beyond this a number is in another unit than was said: [m] for heights, then for looping masses, [rad], [rad/s]."""
+LONGEST_STEP = 0.5
+"""Median time between rows beyond which times are frames or milliseconds [s]; the slowest real set has 15 rows a second."""
+SAME_RATE = 0.01
+"""Relative difference of frame rates that is only the rounding of printed times."""
+_DEFAULT_UNITS = {"length": "m", "time": "s", "angle": "rad"}
+_KIND_OF_UNIT = {"t": "time", "x": "length", "y": "length", "height": "length", "angle": "angle"}
+
+
+def read(
+    path: str | Path,
+    *,
+    frame_rate: float | None = None,
+    clip_rate: float | None = None,
+    tracks: Mapping[str, str] | None = None,
+    kind: str = "auto",
+    units: Mapping[str, str] | None = None,
+    drop: int | None = None,
+    name: str | None = None,
+) -> Observations:
+    """Read one file of measured data.
+
+    Parameters
+    ----------
+    frame_rate
+        True frame rate of the camera [Hz]; the file's own times are then only used to count frames.
+    clip_rate
+        Frame rate by which the file's times were made [Hz], for slow-motion clips; None: one row is one frame, unless the file
+        has a column of frame numbers.
+    tracks
+        Mass -> name of its track in the file, ``{"light": "mass A"}``; an empty name: the file's only track.
+    kind
+        One of `KINDS`.
+    units
+        Unit of what the header leaves open: ``{"length": "cm", "angle": "deg", "time": "ms"}``.
+    drop
+        Which of several drops in the file.
+    name
+        What to call the trial; the file's stem if not given.
+
+    Raises
+    ------
+    DataError
+        In one line: file, row, column, what was found, what was needed, and a way out.
+    """
+    file = os.fspath(path)
+    name = name or Path(path).stem
+    if kind not in KINDS:
+        raise data_error(file, None, "", f"found kind {quote(kind)}, needed one of {', '.join(KINDS)}")
+    for key, rate in (("frame_rate", frame_rate), ("clip_rate", clip_rate)):
+        if rate is not None and not (np.isfinite(rate) and rate > 0):
+            raise data_error(file, None, "", f"{key}: found {rate:g} Hz, needed a number above 0")
+    table = read_table(path, worded="quantity")
+    if kind == "events" or (kind == "auto" and is_event_table(table)):
+        return read_events(path, table, name)
+    notes = Notes()
+    columns = read_columns(table, kind, tracks, notes)
+    _refuse_ragged(table, columns)
+    rows = _rows_of_drop(table, columns, drop)
+    units = _DEFAULT_UNITS | dict(units or {})
+    seen = _channels(table, rows, columns, tracks, units, notes)
+    if not seen:
+        raise table.error(
+            None, "", "found no positions, angles or heights, needed one column of them; check 'tracks' and 'kind'"
+        )
+    _refuse_absurd(table, seen, check_times=any(c.role == "t" for c in columns) and frame_rate is None)
+    channels = _checked_rate(_retimed(table, columns, seen, frame_rate, clip_rate, notes), notes)
+    return Observations(
+        name=name,
+        file=file,
+        channels=tuple(channels),
+        dropped=tuple(Dropped(count=count, reason=reason) for reason, count in notes.dropped.items()),
+        assumptions=tuple(dict.fromkeys(notes.assumptions)),
+    )
+
+
+def _rows_of_drop(table: Table, columns: list[Column], drop: int | None) -> list[Row]:
+    """Rows of the chosen drop; all where the file has no such column."""
+    column = next((c for c in columns if c.role == "drop"), None)
+    if column is None:
+        if drop is not None:
+            raise table.error(None, "", f"found no column 'drop', so drop {drop} cannot be chosen; leave 'drop' out")
+        return list(table.rows)
+    numbers = [table.number(row, column.index, column.label) for row in table.rows]
+    have = sorted({n for n in numbers if n is not None})
+    shown = ", ".join(f"{n:g}" for n in have)
+    if drop is None and len(have) > 1:
+        raise table.error(None, column.label, f"found drops {shown}, needed one trial; choose by 'drop: {have[0]:g}'")
+    wanted = have[0] if drop is None else drop
+    if wanted not in have:
+        raise table.error(None, column.label, f"found drops {shown}, needed drop {wanted:g}; choose one that is there")
+    return [row for row, number in zip(table.rows, numbers, strict=True) if number == wanted]
+
+
+def _refuse_ragged(table: Table, columns: list[Column]) -> None:
+    """Refuse rows of another width than the header's; blank cells at the end are Tracker's trailing delimiter."""
+    width = columns[-1].index + 1
+    for row in table.rows:
+        filled = max((i + 1 for i, cell in enumerate(row.cells) if cell), default=0)
+        # Editors trim the tabs at the end of a line, so there a short row only misses its last marks.
+        short = len(row.cells) < width and table.delimiter != "\t"
+        if filled > width or short:
+            comma = table.delimiter == "," and filled > width
+            hint = "if these are decimal commas, export with semicolons" if comma else "complete or delete the row"
+            raise table.error(row.line, "", f"found {len(row.cells)} cells, needed {width}; {hint}")
+
+
+def _channels(
+    table: Table,
+    rows: list[Row],
+    columns: list[Column],
+    tracks: Mapping[str, str] | None,
+    units: Mapping[str, str],
+    notes: Notes,
+) -> list[tuple[Channel, list[Row]]]:
+    """Channels by the file's clock, each with the rows that its points stand in."""
+    masses = _masses(table, columns, tracks)
+    clocks = [c for c in columns if c.role == "t"] or [c for c in columns if c.role == "frame"]
+    found: dict[str, tuple[Channel, list[Row]]] = {}
+    for column in columns:
+        role = column.role
+        if role in ("t", "frame", "drop"):
+            continue
+        channel = f"{masses.get(column.track, '')}_{role}" if role in ("x", "y") else role
+        if channel not in UNITS:
+            reason = f"column {column.label!r}: " + ("track not asked for" if role else "not a time or a position")
+            notes.dropped[reason] += sum(bool(row.cells[column.index]) for row in rows if column.index < len(row.cells))
+            continue
+        if channel in found:
+            message = f"found {channel} a second time, needed one column for it; say by 'tracks' which is meant"
+            raise table.error(None, column.label, message)
+        clock = next((c for c in reversed(clocks) if c.index < column.index), clocks[0])
+        found[channel] = _channel(table, rows, clock, column, channel, units, notes)
+    return list(found.values())
+
+
+def _masses(table: Table, columns: list[Column], tracks: Mapping[str, str] | None) -> dict[str, str]:
+    """Track -> mass, as asked for or by the track's own name."""
+    have = list(dict.fromkeys(c.track for c in columns if c.role in ("x", "y")))
+    shown = ", ".join(f"'{t}'" if t else "one without a name" for t in have)
+    if tracks:
+        unknown = [m for m in tracks if m not in MASSES]
+        if unknown:
+            raise table.error(None, "", f"tracks: found {quote(unknown[0])}, needed 'light' or 'heavy'")
+        if len(set(tracks.values())) < len(tracks):
+            raise table.error(
+                None, "", f"tracks: found {quote(next(iter(tracks.values())))} for both masses, needed one for each"
+            )
+        lost = [t for t in tracks.values() if t not in have]
+        if len(have) == 1 and (have == [""] or list(tracks.values()) == [""]) and len(tracks) == 1:
+            return {have[0]: next(iter(tracks))}
+        if lost:
+            raise table.error(None, "", f"found the tracks {shown}, needed {quote(lost[0])}; correct 'tracks'")
+        return {track: mass for mass, track in tracks.items()}
+    known = {t: m for t in have for m in MASSES if t.lower() == m or re.search(rf"\b{m}\b", t.lower().replace("_", " "))}
+    if have and not known:
+        way_out = f"'tracks: {{light: {have[0] or Path(table.file).stem}}}'"
+        raise table.error(None, "", f"found the tracks {shown}, needed to know which mass each is; say so by {way_out}")
+    return known
+
+
+def _channel(
+    table: Table, rows: list[Row], clock: Column, column: Column, channel: str, units: Mapping[str, str], notes: Notes
+) -> tuple[Channel, list[Row]]:
+    time_factor = 1.0 if clock.role == "frame" else _to_si(table, clock, "s", units)
+    value_factor = _to_si(table, column, UNITS[channel], units)
+    times: list[float] = []
+    values: list[float] = []
+    kept: list[Row] = []
+    for row in rows:
+        value, time = table.number(row, column.index, column.label), table.number(row, clock.index, clock.label)
+        if value is None:
+            notes.dropped[f"{channel}: no mark in the cell"] += 1
+            continue
+        if time is None:
+            notes.dropped[f"{channel}: a mark without a time"] += 1
+            continue
+        if times and time <= times[-1]:
+            if time == times[-1] and value == values[-1]:
+                notes.dropped[f"{channel}: the row before repeated"] += 1
+                continue
+            message = f"found {time:g} after {times[-1]:g} (line {kept[-1].line}), needed times that grow; sort or delete rows"
+            raise table.error(row.line, clock.label, message)
+        times.append(time)
+        values.append(value)
+        kept.append(row)
+    if not times:
+        raise table.error(None, column.label, f"found no marks at all, needed {channel}; export that track again")
+    if not column.unit and _KIND_OF_UNIT.get(column.role) == "length":
+        notes.assumptions.append(f"lengths without a unit taken in {units['length']}")
+    t, v = np.array(times) * time_factor, np.array(values) * value_factor
+    return Channel(name=channel, t=t, value=v, column=column.label), kept
+
+
+def _to_si(table: Table, column: Column, si: str, units: Mapping[str, str]) -> float:
+    """Factor from the column's unit to SI."""
+    written = column.unit or units.get(_KIND_OF_UNIT.get(column.role, ""), si)
+    try:
+        return to_si(f"1 {written}", si)
+    except UnitError as error:
+        line = table.head[-1].line if table.head and column.unit else None
+        detail = f" ({error})" if str(error) else ""
+        message = f"found the unit {quote(written)}{detail}, needed one that converts to {si}; write for example '[{si}]'"
+        raise table.error(line, column.label, message) from None
+
+
+def _retimed(
+    table: Table,
+    columns: list[Column],
+    seen: list[tuple[Channel, list[Row]]],
+    frame_rate: float | None,
+    clip_rate: float | None,
+    notes: Notes,
+) -> list[Channel]:
+    """Put the true frame rate in place of the one by which the file's times were made."""
+    frames = [c for c in columns if c.role == "frame"]
+    if frame_rate is None:
+        if not any(c.role == "t" for c in columns):
+            raise table.error(None, "", "found frame numbers but no times, needed the camera's frame rate; give 'frame_rate'")
+        return [channel for channel, _ in seen]
+    if frames:
+        return _by_frames(table, frames, columns, seen, frame_rate)
+    steps = np.diff(np.unique(np.concatenate([channel.t for channel, _ in seen])))
+    own = clip_rate or (1 / float(np.median(steps)) if steps.size else frame_rate)
+    if abs(own / frame_rate - 1) < SAME_RATE:
+        return [channel for channel, _ in seen]
+    known = "" if clip_rate else ", taking one row as one frame"
+    notes.assumptions.append(f"times made for {own:.4g} frames a second were put to {frame_rate:.4g}{known}")
+    return [replace(c, t=c.t * own / frame_rate) for c, _ in seen]
+
+
+def _by_frames(
+    table: Table, frames: list[Column], columns: list[Column], seen: list[tuple[Channel, list[Row]]], frame_rate: float
+) -> list[Channel]:
+    """Times from frame numbers; all tracks count from the first frame that any was marked in."""
+    tracks = {c.label: c.track for c in columns}
+    counted = []
+    for channel, kept in seen:
+        own = next((f for f in frames if f.track == tracks[channel.column]), frames[0])
+        counts: list[float] = []
+        for row in kept:
+            count = table.number(row, own.index, own.label)
+            if count is None or (counts and count <= counts[-1]):
+                found = "nothing" if count is None else f"{count:g} after {counts[-1]:g}"
+                raise table.error(row.line, own.label, f"found {found}, needed frame numbers that grow; export them again")
+            counts.append(count)
+        counted.append(np.array(counts))
+    first = min(float(c[0]) for c in counted)
+    return [replace(c, t=(n - first) / frame_rate) for (c, _), n in zip(seen, counted, strict=True)]
+
+
+def _checked_rate(channels: list[Channel], notes: Notes) -> list[Channel]:
+    """Leave out an angular rate that is not the rate of the angle beside it."""
+    named = {c.name: c for c in channels}
+    if "angle_rate" not in named or "angle" not in named or len(named["angle"]) < 5:
+        return channels
+    angle, rate = named["angle"], named["angle_rate"]
+    slope: Array = np.interp(rate.t, angle.t, np.gradient(angle.value, angle.t))
+    size = float(slope @ slope)
+    ratio = float(slope @ rate.value) / size if size else 0.0
+    alike = abs(float(slope @ rate.value)) / (np.sqrt(size * float(rate.value @ rate.value)) or 1.0)
+    if alike > 0.9 and 0.8 < ratio < 1.25:
+        return channels
+    reason = f"column {rate.column!r}: not the rate of the angle (best multiple {ratio:.2g}, correlation {alike:.2f})"
+    notes.dropped[reason] += len(rate)
+    return [c for c in channels if c is not rate]
+
+
+def _refuse_absurd(table: Table, seen: list[tuple[Channel, list[Row]]], *, check_times: bool) -> None:
+    """Refuse numbers that must be in another unit."""
+    for channel, rows in seen:
+        limit = FARTHEST.get(channel.name.partition("_")[0], FARTHEST[channel.unit])
+        worst = int(np.argmax(np.abs(channel.value)))
+        if abs(channel.value[worst]) > limit:
+            kind, unit = ("angle", "deg") if channel.unit.startswith("rad") else ("length", "cm")
+            found = f"found {channel.value[worst]:g} {channel.unit}, needed at most {limit:.4g}"
+            message = f"{found}; if the file is in another unit, say so: 'units: {{{kind}: {unit}}}'"
+            raise table.error(rows[worst].line, channel.column, message)
+        step = float(np.median(np.diff(channel.t))) if len(channel) > 1 else 0.0
+        if check_times and step > LONGEST_STEP:
+            message = f"found a row every {step:g} s, needed many a second; if times are in ms, say so: 'units: {{time: ms}}'"
+            raise table.error(rows[0].line, "t", message)

@@ -1,0 +1,342 @@
+"""The shape of a study file, as pydantic models, and what to say of a faulty one.
+
+As in a scenario, every scalar is still text when it comes here, so that a unit is never lost. A measured value may carry its
+standard error, "10 g +/- 0.05 g" or "10 g +/- 0.5 %" (of the value); "free" is a value that nobody knows.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, Field, GetCoreSchemaHandler, PlainValidator, ValidationError
+from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
+
+from looping_pendulum.discrepancy.data.measurement import CAMERA
+from looping_pendulum.discrepancy.data.readers import KINDS
+from looping_pendulum.discrepancy.data.study import Estimate
+from looping_pendulum.errors import ScenarioError
+from looping_pendulum.reference_ode import effects as effect_library
+from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.scenarios.document import Document, Path, quote
+from looping_pendulum.scenarios.schema import Group, Quantity, Text, fault, suggest
+from looping_pendulum.scenarios.units import Kind, UnitError, show
+
+FREE_STARTS = {"kinetic_friction": 0.3, "static_friction": 0.3, "light_drag": 1e-3, "heavy_drag": 1e-3, "string_drag": 1e-3}
+"""Where a "free" coefficient starts [SI] unless the file says: the order of magnitude that the paper prints; others at their
+default."""
+_PLUS_MINUS = re.compile(r"\s*(?:\+/-|\+-|±)\s*")
+_BRACKETED = re.compile(r"\((.*)\)(.*)")
+
+
+class Measured(Quantity):
+    """Pydantic's view of a quantity with its standard error."""
+
+    def __init__(self, kind: Kind, start: float | None = None) -> None:
+        super().__init__(kind)
+        self.start = start
+
+    def estimate(self, found: object) -> Estimate:
+        """Value and error [SI] of what the file has."""
+        text = found.strip() if isinstance(found, str) else ""
+        if text == "free" or text.startswith("free from "):
+            return self._free(text)
+        bracketed = _BRACKETED.fullmatch(text)
+        if bracketed and len(_PLUS_MINUS.split(bracketed[1])) == 2:  # "(65 +/- 1) cm"
+            text = " +/- ".join(f"{part}{bracketed[2]}" for part in _PLUS_MINUS.split(bracketed[1]))
+        parts = _PLUS_MINUS.split(text)
+        if len(parts) > 2:
+            raise fault(f"expected one '+/-', got {quote(found)}; write for example '{self.way_out}'")
+        value = self.read(parts[0] if isinstance(found, str) else found)
+        return Estimate(value=value, sigma=self._error(parts[1], value) if len(parts) == 2 else None)
+
+    @property
+    def way_out(self) -> str:
+        """A value with its error, to copy."""
+        return f"{self.kind.way_out} +/- 1 %"
+
+    def _free(self, text: str) -> Estimate:
+        if text != "free":
+            return Estimate(value=self.read(text.removeprefix("free from ")), free=True)
+        if self.start is None:
+            raise fault(f"found 'free' without a start, needed one; write for example 'free from {self.kind.way_out}'")
+        return Estimate(value=self.start, free=True)
+
+    def _error(self, text: str, value: float) -> float:
+        try:
+            if text.endswith("%"):
+                sigma = abs(value) * float(text[:-1]) / 100
+            else:
+                sigma = Kind(unit=self.kind.unit).parse(text)
+        except (UnitError, ValueError) as error:
+            detail = f" ({error})" if isinstance(error, UnitError) and str(error) else ""
+            message = f"found {quote(text)} after '+/-'{detail}, needed a standard error in the same kind of unit or in %"
+            raise fault(f"{message}; write for example '{self.way_out}'") from None
+        if not (math.isfinite(sigma) and sigma > 0):
+            raise fault(f"found a standard error of {quote(text)}, needed one above 0; leave '+/-' out if the value is exact")
+        return sigma
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.estimate)
+
+
+def _length(example: str) -> Measured:
+    return Measured(Kind(unit="m", low=0.0, above_low=True, example=example))
+
+
+def _mass(example: str) -> Measured:
+    return Measured(Kind(unit="kg", low=0.0, above_low=True, example=example))
+
+
+def _camera_kind(name: str) -> Measured:
+    p = CAMERA[name]
+    return Measured(Kind(unit=p.unit, low=p.bounds[0], high=p.bounds[1], example=show(p.null, p.unit)), start=p.null)
+
+
+def _flag(found: object) -> bool:
+    if found in ("true", "false"):
+        return found == "true"
+    raise fault(f"expected true or false, got {quote(found)}")
+
+
+def _one_of(*known: str) -> BeforeValidator:
+    def choose(found: object) -> str:
+        if isinstance(found, str) and found in known:
+            return found
+        raise fault(f"expected one of {', '.join(known)}, got {quote(found)}{suggest(str(found), known)}")
+
+    return BeforeValidator(choose)
+
+
+def _count(found: object) -> int:
+    if isinstance(found, str) and found.isascii() and found.isdigit() and 0 < int(found[:9]) and len(found) < 10:
+        return int(found)
+    raise fault(f"expected a whole number from 1, got {quote(found)}; write for example '1'")
+
+
+def _words(wanted: str, keys: tuple[str, ...]) -> PlainValidator:
+    """Mapping of known keys to text."""
+
+    def read(found: object) -> dict[str, str]:
+        example = f"'{{{keys[0]}: ...}}'"
+        if not isinstance(found, dict) or not found:
+            raise fault(f"expected {wanted}, got {quote(found)}; write for example {example}")
+        for key, value in found.items():
+            if key not in keys:
+                raise fault(f"found an unknown key, needed one of: {', '.join(keys)}{suggest(key, keys)}", key)
+            if not isinstance(value, str):
+                raise fault(f"expected text, got {quote(value)}; write for example {example}", key)
+        return dict(found)
+
+    return PlainValidator(read)
+
+
+def _range(kind: Kind, example: str) -> PlainValidator:
+    def read(found: object) -> tuple[float, float]:
+        if not isinstance(found, list) or len(found) != 2:
+            raise fault(f"expected a lowest and a highest value, got {quote(found)}; write for example '{example}'")
+        low, high = (Quantity(kind).read(each) for each in found)
+        if not low <= high:
+            raise fault(f"found the lowest value above the highest, needed them in order; write for example '{example}'")
+        return low, high
+
+    return PlainValidator(read)
+
+
+def _effects(found: object) -> dict[str, Estimate]:
+    """Coefficient -> what is known of it, for every effect that the experimenter believes in."""
+    library = effect_library.EFFECTS
+    if not isinstance(found, dict):
+        raise fault(f"expected effects with their values, got {quote(found)}; write for example 'light_drag: free'")
+    values: dict[str, Estimate] = {}
+    for effect, content in found.items():
+        if effect not in library:
+            near = suggest(effect, library)
+            raise fault(f"found an unknown effect, needed one of: {', '.join(library)}{near}", effect)
+        known = {c.name: c for c in library[effect].coefficients}
+        group = content if isinstance(content, dict) else {next(iter(known)): content}
+        for name, each in group.items():
+            key = f"{effect}.{name}" if isinstance(content, dict) else effect
+            if name not in known:
+                near = suggest(name, known)
+                raise fault(f"found an unknown key, needed one of: {', '.join(known)}{near}", key)
+            c = known[name]
+            kind = Kind(unit=c.unit, low=c.bounds[0], high=c.bounds[1])
+            try:
+                values[name] = Measured(kind, start=FREE_STARTS.get(name, c.default)).estimate(each)
+            except PydanticCustomError as error:
+                raise fault(str(error), key) from None
+    return values
+
+
+class LightGroup(Group):
+    """The light mass."""
+
+    mass: Annotated[Estimate, _mass("10 g")] | None = None
+    radius: Annotated[Estimate, _length("5 mm")] | None = None
+
+
+class HeavyGroup(Group):
+    """The heavy mass."""
+
+    mass: Annotated[Estimate, _mass("100 g")] | None = None
+
+
+class RodGroup(Group):
+    """The rod."""
+
+    radius: Annotated[Estimate, _length("6.25 mm")] | None = None
+
+
+class ApparatusGroup(Group):
+    """What was weighed and measured, for all trials."""
+
+    light: LightGroup = LightGroup()
+    heavy: HeavyGroup = HeavyGroup()
+    rod: RodGroup = RodGroup()
+
+
+class ReleaseGroup(Group):
+    """How the masses were let go."""
+
+    kind: Annotated[str, _one_of(*(str(r.value) for r in Release))] = Release.LOOPING.value
+    angle: (
+        Annotated[Estimate, Measured(Kind(unit="rad", low=0.0, high=2 * math.pi, above_low=True, example="112 deg"))] | None
+    ) = None
+    free_length: Annotated[Estimate, _length("58 cm")] | None = None
+    hanging_length: Annotated[Estimate, _length("3 cm")] | None = None
+
+
+class CameraGroup(Group):
+    """What is known of the camera beside its usual errors."""
+
+    origin_x: Annotated[Estimate, _camera_kind("origin_x")] | None = None
+    origin_y: Annotated[Estimate, _camera_kind("origin_y")] | None = None
+    scale: Annotated[Estimate, _camera_kind("scale")] | None = None
+    tilt: Annotated[Estimate, _camera_kind("tilt")] | None = None
+    clock_offset: Annotated[Estimate, _camera_kind("clock_offset")] | None = None
+    clock_ratio: Annotated[Estimate, _camera_kind("clock_ratio")] | None = None
+
+
+class EventErrorsGroup(Group):
+    """Standard errors of the events in a table that does not print them."""
+
+    time: Annotated[float, Quantity(Kind(unit="s", low=0.0, above_low=True, example="8 ms"))] | None = None
+    length: Annotated[float, Quantity(Kind(unit="m", low=0.0, above_low=True))] | None = None
+    angle: Annotated[float, Quantity(Kind(unit="rad", low=0.0, above_low=True, example="2 deg"))] | None = None
+
+
+_RATE = Quantity(Kind(unit="Hz", low=0.0, above_low=True, example="240 Hz"))
+
+
+class TrialGroup(Group):
+    """One trial."""
+
+    name: Text | None = None
+    file: Text | None = None
+    files: Annotated[dict[str, str], _words("a file for each mass", ("light", "heavy"))] | None = None
+    events: Text | None = None
+    kind: Annotated[str, _one_of(*KINDS)] = "auto"
+    frame_rate: Annotated[float, _RATE] | None = None
+    clip_rate: Annotated[float, _RATE] | None = None
+    tracks: Annotated[dict[str, str], _words("the track of each mass", ("light", "heavy"))] | None = None
+    units: Annotated[dict[str, str], _words("units", ("length", "time", "angle"))] | None = None
+    drop: Annotated[int, BeforeValidator(_count)] | None = None
+    dropped: Annotated[str, _one_of("light", "heavy")] = "heavy"
+    mirrored: Annotated[bool, BeforeValidator(_flag)] = False
+    held_out: Annotated[bool, BeforeValidator(_flag)] = False
+    light: LightGroup = LightGroup()
+    heavy: HeavyGroup = HeavyGroup()
+    release: ReleaseGroup = ReleaseGroup()
+    camera: CameraGroup = CameraGroup()
+    event_errors: EventErrorsGroup = EventErrorsGroup()
+
+
+class LimitsGroup(Group):
+    """What the experimenter could do next."""
+
+    release_angle: (
+        Annotated[
+            tuple[float, float],
+            _range(Kind(unit="rad", low=0.0, high=2 * math.pi, above_low=True, example="60 deg"), "[60 deg, 130 deg]"),
+        ]
+        | None
+    ) = None
+    mass_ratio: Annotated[tuple[float, float], _range(Kind(unit="", low=0.0, above_low=True), "[2, 10]")] | None = None
+    releases: Annotated[list[Annotated[str, _one_of(*(str(r.value) for r in Release))]], Field(min_length=1)] | None = None
+
+
+class StudyFile(Group):
+    """Trials, and what the experimenter believes is acting in them."""
+
+    title: Text
+    apparatus: ApparatusGroup = ApparatusGroup()
+    effects: Annotated[dict[str, Estimate], PlainValidator(_effects)] = {}
+    fit: Annotated[list[Text], Field(min_length=1)] | None = None
+    trials: Annotated[list[TrialGroup], Field(min_length=1)]
+    limits: LimitsGroup = LimitsGroup()
+
+
+def check(doc: Document) -> StudyFile:
+    """Check a document.
+
+    Raises
+    ------
+    ScenarioError
+        In one line, with the file's line and the key.
+    """
+    try:
+        return StudyFile.model_validate(doc.data)
+    except ValidationError as error:
+        raise _first_fault(error, doc) from None
+
+
+def _first_fault(error: ValidationError, doc: Document) -> ScenarioError:
+    """Return the fault to mend first: an unknown key (it often is the missing one, misspelt), else the topmost."""
+
+    def order(each: ErrorDetails) -> tuple[bool, int]:
+        path = _path(each)
+        known = [doc.lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in doc.lines]
+        return each["type"] != "extra_forbidden", known[0] if known else 1 << 30
+
+    worst = min(error.errors(include_url=False), key=order)
+    return doc.error(_path(worst), _message(worst))
+
+
+def _path(each: ErrorDetails) -> Path:
+    key = each.get("ctx", {}).get("key")
+    path = tuple(p for p in each["loc"] if not (isinstance(p, str) and p.startswith("function-")))
+    return (*path, *str(key).split(".")) if key else path
+
+
+def _message(each: ErrorDetails) -> str:
+    path, found = _path(each), each["input"]
+    if each["type"] == "scenario":
+        return each["msg"]
+    if each["type"] == "extra_forbidden":
+        known = list(_model_at(path[:-1]).model_fields)
+        return f"found an unknown key, needed one of: {', '.join(known)}{suggest(str(path[-1]), known)}"
+    below = ", ".join(_model_at(path).model_fields)
+    if each["type"] == "missing":
+        return f"missing, needed {'a list of trials, each begun with ' + repr('- ') if path == ('trials',) else 'text'}"
+    if each["type"] == "too_short":
+        return "found an empty list, needed at least one entry"
+    if each["type"] == "list_type":
+        return f"expected a list, got {quote(found)}; begin each entry with '- '"
+    return f"expected a group of keys ({below}), got {quote(found)}; write them indented below it"
+
+
+def _model_at(path: Path) -> type[BaseModel]:
+    """Model of the group at ``path``."""
+    model: type[BaseModel] = StudyFile
+    for part in path:
+        if isinstance(part, str) and part in model.model_fields:
+            model = _inner(model.model_fields[part].annotation) or model
+    return model
+
+
+def _inner(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((m for a in getattr(annotation, "__args__", ()) if (m := _inner(a))), None)

@@ -1,0 +1,236 @@
+"""Study files to `Study` and back. Every fault is a `StudyError` of one line: file, line, key, found, needed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import yaml
+
+from looping_pendulum.discrepancy.data import study_file
+from looping_pendulum.discrepancy.data.measurement import CAMERA
+from looping_pendulum.discrepancy.data.study import HANGING, NEEDS, PER_TRIAL, SHARED, Estimate, Limits, Study, Trial
+from looping_pendulum.discrepancy.data.study_file import StudyFile, TrialGroup
+from looping_pendulum.errors import HarnessError, ParameterError, ScenarioError
+from looping_pendulum.reference_ode import effects as effect_library
+from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.scenarios import document
+from looping_pendulum.scenarios.document import Document, one_line
+from looping_pendulum.scenarios.schema import suggest
+from looping_pendulum.scenarios.units import show
+
+_EVENT_UNITS = MappingProxyType({"time": "s", "length": "m", "angle": "rad"})
+_PATHS = {"light_mass": ("light", "mass"), "light_radius": ("light", "radius"), "heavy_mass": ("heavy", "mass"),
+          "rod_radius": ("rod", "radius"), "release_angle": ("release", "angle"), "free_length": ("release", "free_length"),
+          "hanging_length": ("release", "hanging_length")}  # fmt: skip
+
+_EXAMPLES = MappingProxyType(
+    {
+        "light_mass": "10 g +/- 0.05 g",
+        "heavy_mass": "100 g +/- 0.5 g",
+        "rod_radius": "6.25 mm +/- 1 %",
+        "release_angle": "112 deg +/- 0.5 deg",
+        "free_length": "58 cm +/- 1 mm",
+    }
+)
+
+
+class StudyError(HarnessError, ValueError):
+    """A study file cannot be read as a study."""
+
+
+def load(path: str | Path) -> Study:
+    """Load a study file.
+
+    Raises
+    ------
+    StudyError
+        In one line: file, line, key, what was found and needed, and a way out.
+    """
+    shown = os.fspath(path)
+    try:
+        with Path(path).open("rb") as stream:
+            raw = stream.read(document.LARGEST_FILE + 1)
+    except OSError as error:
+        raise StudyError(one_line(f"{shown}: cannot be read: {error.strerror}")) from None
+    return _load(raw, shown, Path(path).stem, Path(path).parent)
+
+
+def load_text(text: str, name: str, folder: Path | None = None) -> Study:
+    """Load a study from YAML text; paths in it start from ``folder``, or the current one."""
+    return _load(text.encode("utf-8", "surrogatepass"), name, Path(name).stem, folder or Path())
+
+
+def _load(raw: bytes, file: str, name: str, folder: Path) -> Study:
+    try:
+        doc = document.parse(raw, file)
+        return _study(study_file.check(doc), doc, name, folder)
+    except ScenarioError as error:
+        raise StudyError(
+            str(error).replace("needed a scenario; start from a copy of a shipped one", "needed a study")
+        ) from None
+
+
+def _study(content: StudyFile, doc: Document, name: str, folder: Path) -> Study:
+    apparatus = _given(content.apparatus, SHARED)
+    study = Study(
+        name=name,
+        title=content.title,
+        folder=folder,
+        apparatus=apparatus,
+        effects=content.effects,
+        fit=None if content.fit is None else tuple(content.fit),
+        trials=tuple(_trial(group, doc, i) for i, group in enumerate(content.trials)),
+        limits=Limits(
+            release_angle=content.limits.release_angle,
+            mass_ratio=content.limits.mass_ratio,
+            releases=tuple(Release(r) for r in content.limits.releases or Release),
+        ),
+    )
+    _check_names(study, doc)
+    for i, trial in enumerate(study.trials):
+        _check_trial(study, trial, doc, i)
+    return study
+
+
+def _given(group: Any, names: Mapping[str, str]) -> dict[str, Estimate]:
+    """Estimates of a group of the file, by parameter."""
+    found = {}
+    for name in names:
+        value = group
+        for part in _PATHS[name]:
+            value = getattr(value, part, None)
+        if value is not None:
+            found[name] = value
+    return found
+
+
+def _trial(group: TrialGroup, doc: Document, index: int) -> Trial:
+    path = ("trials", index)
+    if (group.file is None) == (group.files is None):
+        found = "nothing" if group.file is None else "both 'file' and 'files'"
+        raise doc.error((*path, "file"), f"found {found}, needed one of them; write for example 'file: first.csv'")
+    if group.files and group.tracks:
+        raise doc.error((*path, "tracks"), "found tracks beside a file for each mass, needed one of them; leave one out")
+    files = [(file, {mass: ""}) for mass, file in (group.files or {}).items()]
+    files = files or [(str(group.file), dict(group.tracks or {}))]
+    release = Release(group.release.kind)
+    own = _given(group, {**SHARED, **PER_TRIAL})
+    if release is Release.VERTICAL and "release_angle" in own:
+        raise doc.error(
+            (*path, "release", "angle"), "found an angle, needed none: a vertical release hangs at 180 deg; leave it out"
+        )
+    if release in (Release.LOOPING, Release.VERTICAL) and "hanging_length" not in own:
+        own["hanging_length"] = Estimate(value=HANGING, free=True)
+    errors = {_EVENT_UNITS[n]: s for n, s in group.event_errors.model_dump(exclude_none=True).items()}
+    return Trial(
+        name=group.name or Path(files[0][0]).stem,
+        files=tuple(files),
+        events=group.events,
+        **{n: getattr(group, n) for n in ("kind", "frame_rate", "clip_rate", "drop", "dropped", "mirrored", "held_out")},
+        units=group.units or {},
+        release=release,
+        own=own,
+        camera={n: e for n in CAMERA if (e := getattr(group.camera, n)) is not None},
+        event_errors=errors,
+    )
+
+
+def _check_names(study: Study, doc: Document) -> None:
+    seen: dict[str, int] = {}
+    for i, trial in enumerate(study.trials):
+        if seen.setdefault(trial.name, i) != i:
+            message = f"found a second trial '{trial.name}', needed names that differ; write for example 'name: {trial.name}-2'"
+            raise doc.error(("trials", i, "name"), message)
+    if not study.training:
+        raise doc.error(("trials",), "found only held-out trials, needed one to learn from; set 'held_out: false' for one")
+    known = [*SHARED, *PER_TRIAL, *study.effects]
+    for i, name in enumerate(study.fit or ()):
+        if name not in known:
+            raise doc.error(("fit", i), f"found '{name}', needed one of: {', '.join(known)}{suggest(name, known)}")
+    for name, known_value in study.effects.items():
+        if study.fit is not None and known_value.free and name not in study.fit:
+            raise doc.error(("effects", name), f"found 'free', but 'fit' leaves it out; add '{name}' to 'fit' or give a value")
+
+
+def _check_trial(study: Study, trial: Trial, doc: Document, index: int) -> None:
+    """Refuse a trial whose release needs what was not measured, or that is impossible."""
+    needs = (f"{trial.dropped}_mass",) if trial.release is Release.DROP else NEEDS[trial.release]
+    for name in needs:
+        if study.estimate(name, trial) is None:
+            where = ".".join(("apparatus", *_PATHS[name]) if name in SHARED else _PATHS[name])
+            example = _EXAMPLES[name]
+            message = f"a {trial.release.value} release needed '{where}'; write for example '{_PATHS[name][-1]}: {example}'"
+            raise doc.error(("trials", index), f"{trial.name}: {message}")
+    try:
+        study.parameters({}, trial)
+    except ParameterError as error:
+        raise doc.error(("trials", index), f"{trial.name}: {error}") from None
+
+
+def dump(study: Study) -> str:
+    """Write ``study`` as YAML with units, which loads back to an equal one."""
+    data: dict[str, Any] = {"title": study.title, "apparatus": _tree(study.apparatus, SHARED)}
+    data["effects"] = {
+        effect.name: given
+        for effect in effect_library.EFFECTS.values()
+        if (given := {c.name: _written(study.effects[c.name], c.unit) for c in effect.coefficients if c.name in study.effects})
+    }
+    data["fit"] = list(study.fit) if study.fit is not None else None
+    data["trials"] = [_trial_tree(trial) for trial in study.trials]
+    limits = study.limits
+    data["limits"] = {
+        "release_angle": [show(a, "rad") for a in limits.release_angle] if limits.release_angle else None,
+        "mass_ratio": list(limits.mass_ratio) if limits.mass_ratio else None,
+        "releases": [r.value for r in limits.releases],
+    }
+    return str(yaml.dump(_without_empty(data), Dumper=yaml.SafeDumper, sort_keys=False, allow_unicode=True, width=100))
+
+
+def _written(estimate: Estimate, unit: str) -> str:
+    value = show(estimate.value, unit)
+    if estimate.free:
+        return f"free from {value}"
+    return value if estimate.sigma is None else f"{value} +/- {show(estimate.sigma, unit)}"
+
+
+def _tree(estimates: Mapping[str, Estimate], units: Mapping[str, str]) -> dict[str, Any]:
+    tree: dict[str, Any] = {}
+    for name, estimate in estimates.items():
+        group, key = _PATHS[name]
+        tree.setdefault(group, {})[key] = _written(estimate, units[name])
+    return tree
+
+
+def _trial_tree(trial: Trial) -> dict[str, Any]:
+    by_mass = all(list(tracks.values()) == [""] for _, tracks in trial.files)
+    tree = _tree(trial.own, SHARED | PER_TRIAL)
+    tree["release"] = {"kind": trial.release.value} | tree.get("release", {})
+    names = {unit: name for name, unit in _EVENT_UNITS.items()}
+    return {
+        "name": trial.name,
+        "file": None if by_mass else trial.files[0][0],
+        "files": {mass: path for path, tracks in trial.files for mass in tracks} if by_mass else None,
+        "events": trial.events,
+        "kind": trial.kind,
+        "frame_rate": show(trial.frame_rate, "Hz") if trial.frame_rate else None,
+        "clip_rate": show(trial.clip_rate, "Hz") if trial.clip_rate else None,
+        "tracks": None if by_mass else dict(trial.files[0][1]),
+        "units": dict(trial.units),
+        "drop": trial.drop,
+        "dropped": trial.dropped,
+        "mirrored": trial.mirrored,
+        "held_out": trial.held_out,
+        **tree,
+        "camera": {n: _written(e, CAMERA[n].unit) for n, e in trial.camera.items()},
+        "event_errors": {names[u]: show(s, u) for u, s in trial.event_errors.items()},
+    }
+
+
+def _without_empty(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {k: kept for k, v in data.items() if (kept := _without_empty(v)) not in (None, {}, [])}
+    return [_without_empty(v) for v in data] if isinstance(data, list) else data

@@ -1,0 +1,1 @@
+"""Fit a model to all trials together, and look at what it leaves."""

@@ -1,0 +1,1 @@
+"""The verdict as Markdown, page, figures and files."""

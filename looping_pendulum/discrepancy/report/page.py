@@ -1,0 +1,179 @@
+"""The report as a page, made of the same result as report.md: its sections, and its figures to zoom and switch in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from looping_pendulum.compare.paper_table import quantity_words
+from looping_pendulum.discrepancy.report import markdown as report
+from looping_pendulum.discrepancy.report.event_report import FARTHEST, off_by
+from looping_pendulum.discrepancy.report.glossary import GLOSSARY
+from looping_pendulum.discrepancy.report.plots import SHOWN
+from looping_pendulum.discrepancy.report.unlisted_report import SIDES, force_unit
+from looping_pendulum.discrepancy.search import GAIN
+from looping_pendulum.discrepancy.verdict import EventResidual, Identification, Picture, Unlisted
+from looping_pendulum.pages import report as pages
+from looping_pendulum.pages.figures import DOTTED, INK, LINE, SOFT, Figure, band, escaped, horizontal, plain, points
+from looping_pendulum.pages.palette import COLOURS
+
+BEFORE, AFTER = "var(--run-1)", "var(--run-0)"
+MODELS = (("before", "declared model", BEFORE), ("after", "repaired model", AFTER))
+
+
+def render(result: Identification) -> str:
+    """Return the page."""
+    return pages.render(
+        f"{result.title}: what the model lacks",
+        report.before_figures(result),
+        figures(result),
+        report.after_figures(result),
+        GLOSSARY,
+        "Residual: measured less predicted. Grey bands: two standard errors, within which 95 % of mere noise lies.",
+    )
+
+
+def figures(result: Identification) -> list[Figure]:
+    """Every figure that the result has data for."""
+    found = [error_figure(result)] if result.errors else []
+    found += [trial_figure(picture, i) for i, picture in enumerate(result.pictures)]
+    if result.events:
+        found.append(event_figure(result.events))
+    if result.rounds and any(r.gain is not None for r in result.rounds[0].ranking):
+        found.append(ranking_figure(result))
+    if result.unlisted is not None:
+        found.append(unlisted_figure(result.unlisted))
+    return found
+
+
+def error_figure(result: Identification) -> Figure:
+    """Bars of each trial's error before and after."""
+    names = [escaped(e.trial) + (" (held out)" if e.held_out else "") for e in result.errors]
+    sizes = ([e.noise_before for e in result.errors], [e.noise_after for e in result.errors])
+    traces = tuple(
+        {"type": "bar", "name": label, "x": names, "y": plain(values), "marker": {"color": colour}}
+        for (_, label, colour), values in zip(MODELS, sizes, strict=True)
+    )
+    return Figure(
+        id="errors",
+        caption="Error of each trial before and after, in units of noise: 1 (dotted) is the best possible.",
+        traces=traces,
+        layout={
+            "yaxis": {"title": {"text": "RMS [noise]"}, "rangemode": "tozero"},
+            "xaxis": {"type": "category"},
+            "shapes": [horizontal(1)],
+        },
+    )
+
+
+def trial_figure(picture: Picture, index: int) -> Figure:
+    """Marks and models of one trial over time, and the residuals of each channel below."""
+    rows = len(picture.channels)
+    tall = 1.0 / (rows + 2.4)
+    layout: dict[str, Any] = {
+        "xaxis": {"title": {"text": "time by the file's clock [s]"}, "anchor": f"y{rows + 1}"},
+        "yaxis": {"title": {"text": "measured [SI]"}, "domain": [1 - 2.2 * tall, 1]},
+        "shapes": [],
+        "legend": {"itemsizing": "constant"},
+    }
+    traces: list[dict[str, Any]] = []
+    for i, channel in enumerate(picture.channels):
+        t, axis, name = plain(picture.t[channel]), f"y{i + 2}", escaped(channel)
+        top = 1 - 2.4 * tall - i * tall
+        layout[f"yaxis{i + 2}"] = {"title": {"text": name}, "domain": [top - 0.85 * tall, top]}
+        layout["shapes"].append(band(-2, 2, axis))
+        colour = f"var(--run-{i % len(COLOURS)})"
+        small = {"color": colour, "size": 4}
+        traces.append(points(f"{name}, marks", t, plain(picture.measured[channel]), colour, marker=small))
+        for side, label, shade in MODELS:
+            look = {"color": INK if side == "after" else SOFT, "width": 1.3, "dash": "solid" if side == "after" else "6px,3px"}
+            curve = {"type": "scatter", "mode": "lines", "line": look, "name": label, "legendgroup": side, "showlegend": i == 0}
+            traces.append(curve | {"x": t, "y": plain(getattr(picture, side)[channel])})
+            left = plain(getattr(picture, f"residual_{side}")[channel], 4)
+            mark = {"color": shade, "size": 4}
+            traces.append(points(f"residual, {label}", t, left, shade, marker=mark, yaxis=axis, showlegend=i == 0))
+    word = "held out" if picture.held_out else "seen by the fit"
+    return Figure(
+        id=f"trial-{index}",
+        caption=f"Trial {picture.trial} ({word}): marks and both models; below, residuals in units of noise.",
+        traces=tuple(traces),
+        layout=layout,
+        height=300 + 110 * rows,
+    )
+
+
+def event_figure(events: tuple[EventResidual, ...]) -> Figure:
+    """Residuals of every event, by trial from above."""
+    names = [f"{escaped(e.trial)}{' (held out)' if e.held_out else ''}: {quantity_words(e.quantity, e.index)}" for e in events]
+    traces = []
+    for side, label, colour in MODELS:
+        predicted = [getattr(e, side) for e in events]
+        known = [(e, v) for e, v in zip(events, predicted, strict=True)]
+        x = [FARTHEST if v is None else max(min((e.measured - v) / e.sigma, FARTHEST), -FARTHEST) for e, v in known]
+        look = {"color": colour, "size": 8, "symbol": ["x" if v is None else "circle" for v in predicted]}
+        said = [off_by(e, v) for e, v in known]
+        traces.append(points(label, plain(x, 4), names, colour, marker=look, text=said, hoverinfo="text+name+y"))
+    shade = {"type": "rect", "x0": -2, "x1": 2, "yref": "paper", "y0": 0, "y1": 1, "fillcolor": LINE, "opacity": 0.35}
+    return Figure(
+        id="events",
+        caption=f"Measured less predicted events in standard errors; those beyond {FARTHEST:g} stand at the edge, "
+        "crosses do not happen in that model's run.",
+        traces=tuple(traces),
+        layout={
+            "xaxis": {"title": {"text": "off by [standard errors]"}},
+            "yaxis": {"autorange": "reversed", "type": "category"},
+            "shapes": [shade | {"line": {"width": 0}, "layer": "below"}],
+        },
+        height=200 + 24 * len(events),
+    )
+
+
+def ranking_figure(result: Identification) -> Figure:
+    """Bars of the first round's gains."""
+    ranking = [r for r in result.rounds[0].ranking if r.gain is not None][:SHOWN]
+    bars = {
+        "type": "bar",
+        "orientation": "h",
+        "x": plain(max(r.gain or 0.0, 0.0) for r in ranking),
+        "y": [escaped(r.name) for r in ranking],
+        "marker": {"color": [AFTER if r.passes else SOFT for r in ranking]},
+        "text": ["passes" if r.passes else "" for r in ranking],
+        "showlegend": False,
+    }
+    least = {"type": "line", "x0": GAIN, "x1": GAIN, "yref": "paper", "y0": 0, "y1": 1}
+    return Figure(
+        id="ranking",
+        caption="First round: how much each candidate would gain on the Bayesian information criterion; dotted: the least "
+        "that counts.",
+        traces=(bars,),
+        layout={
+            "xaxis": {"title": {"text": "gain"}},
+            "yaxis": {"autorange": "reversed", "type": "category"},
+            "shapes": [least | {"line": DOTTED}],
+        },
+        height=170 + 26 * len(ranking),
+    )
+
+
+def unlisted_figure(force: Unlisted) -> Figure:
+    """Bumps of every side with two standard errors, and the formula."""
+    traces: list[dict[str, Any]] = []
+    for i, p in enumerate(force.profiles):
+        s, colour, side = plain(p.coordinate), f"var(--run-{i % len(COLOURS)})", SIDES[p.side]
+        low = plain(v - 2 * e for v, e in zip(p.value, p.error, strict=True))
+        high = plain(v + 2 * e for v, e in zip(p.value, p.error, strict=True))
+        edge = {"type": "scatter", "mode": "lines", "x": s, "line": {"width": 0}, "hoverinfo": "skip", "showlegend": False}
+        traces += [edge | {"y": low}, edge | {"y": high, "fill": "tonexty", "fillcolor": f"faint {colour}"}]
+        curve = {"type": "scatter", "mode": "lines", "x": s, "line": {"color": colour, "width": 2}, "name": side}
+        traces.append(curve | {"y": plain(p.value)})
+        if p.written is not None:
+            dashed = {"color": colour, "width": 2, "dash": "6px,3px"}
+            traces.append(curve | {"y": plain(p.written), "line": dashed, "name": "its formula"})
+    return Figure(
+        id="unlisted",
+        caption="The unlisted force along its coordinate; bands: two standard errors.",
+        traces=tuple(traces),
+        layout={
+            "xaxis": {"title": {"text": f"{force.depends_on.replace('_', ' ')} [{force.unit}]"}},
+            "yaxis": {"title": {"text": f"unlisted force [{force_unit(force)}]"}},
+        },
+    )

@@ -1,0 +1,233 @@
+"""Physics as data: each effect once, for the reference, the fit and the engines. Here: the paper's model, and the library.
+
+An effect is a force on a mass, the law of the string on the rod, a property of string, rod or mass, or a motion at release.
+Its functions take a math namespace ``xp`` (``math``, ``numpy``, ``sympy`` or ``heyoka``), the :class:`Kinematics` of one
+instant and the parameters ``p`` (an object with a coefficient per attribute), so that numbers, arrays, symbols and compiled
+expressions run the same lines.
+
+Directions are the paper's: *along* the string from the light mass towards the rod (e1 = sin(theta) x - cos(theta) y) and
+*across* it the way the light mass loops (t1 = -cos(theta) x - sin(theta) y).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from looping_pendulum.reference_ode.effects.closure import CLOSURE
+from looping_pendulum.reference_ode.effects.forces import FURTHER_FORCES
+from looping_pendulum.reference_ode.effects.properties import FURTHER_PROPERTIES
+from looping_pendulum.reference_ode.effects.types import Coefficient, Effect, EffectKind, Kinematics
+
+__all__ = [
+    "COEFFICIENTS",
+    "EFFECTS",
+    "GRAVITY",
+    "Coefficient",
+    "Effect",
+    "EffectKind",
+    "Kinematics",
+    "drag_coefficient",
+    "heavy_force",
+    "heavy_inertia",
+    "holding_exponent",
+    "light_force",
+    "light_inertia",
+    "sliding_exponent",
+]
+
+GRAVITY = Effect(
+    name="gravity",
+    kind=EffectKind.FORCE,
+    formula="F = -M g y",
+    source="paper, sec. II",
+    acts_on="both masses",
+    depends_on=(),
+    coefficients=(
+        Coefficient(
+            name="gravity",
+            unit="m/s**2",
+            default=9.81,
+            null=0.0,
+            bounds=(0.0, 100.0),
+            meaning="acceleration of free fall g",
+        ),
+    ),
+    in_base_model=True,
+    light_force=lambda xp, k, p: (
+        p.light_mass * p.gravity * xp.cos(k.wrap_angle),
+        p.light_mass * p.gravity * xp.sin(k.wrap_angle),
+    ),
+    heavy_force=lambda xp, k, p: -p.heavy_mass * p.gravity,
+)
+
+CAPSTAN = Effect(
+    name="capstan",
+    kind=EffectKind.STRING_LAW,
+    formula="T2 = T1 exp(-sign(v2) mu theta); holds while |ln(T2/T1)| <= mu_s theta",
+    source="paper, eq. for T2/T1; Euler's capstan law",
+    acts_on="string on rod",
+    depends_on=("wrap_angle",),
+    coefficients=(
+        Coefficient(
+            name="kinetic_friction",
+            unit="",
+            default=0.0,
+            null=0.0,
+            bounds=(0.0, 5.0),
+            meaning="friction coefficient mu while the string slides",
+        ),
+        Coefficient(
+            name="static_friction",
+            unit="",
+            default=0.0,
+            null=0.0,
+            bounds=(0.0, 10.0),
+            meaning="friction coefficient mu_s before it slides; the kinetic one if not given",
+        ),
+    ),
+    in_base_model=True,
+    sliding_exponent=lambda xp, k, p: p.kinetic_friction * k.contact_angle,
+    holding_exponent=lambda xp, k, p: p.static_friction * k.contact_angle,
+)
+
+LIGHT_DRAG = Effect(
+    name="light_drag",
+    kind=EffectKind.FORCE,
+    formula="F = -gamma1 |v1| v1, gamma1 = C rho A / 2",
+    source="paper, sec. II and IV",
+    acts_on="light mass",
+    depends_on=("light_speed",),
+    coefficients=(
+        Coefficient(
+            name="light_drag",
+            unit="kg/m",
+            default=0.0,
+            null=0.0,
+            bounds=(0.0, 1.0),
+            meaning="quadratic drag coefficient gamma1",
+        ),
+    ),
+    in_base_model=True,
+    light_force=lambda xp, k, p: (
+        p.light_drag * k.light_speed * k.retreat_speed,
+        -p.light_drag * k.light_speed * k.across_speed,
+    ),
+)
+
+HEAVY_DRAG = Effect(
+    name="heavy_drag",
+    kind=EffectKind.FORCE,
+    formula="F = -gamma2 |v2| v2, gamma2 = C rho A / 2",
+    source="paper, sec. II and IV",
+    acts_on="heavy mass",
+    depends_on=("heavy_speed",),
+    coefficients=(
+        Coefficient(
+            name="heavy_drag",
+            unit="kg/m",
+            default=0.0,
+            null=0.0,
+            bounds=(0.0, 1.0),
+            meaning="quadratic drag coefficient gamma2",
+        ),
+    ),
+    in_base_model=True,
+    heavy_force=lambda xp, k, p: -p.heavy_drag * k.heavy_speed_size * k.heavy_speed,
+)
+
+STRING_DRAG = Effect(
+    name="string_drag",
+    kind=EffectKind.FORCE,
+    formula="F = -alpha l |w| w t1, w = v1 . t1",
+    source="paper, sec. II: gamma_str = l alpha_str, taken to act on the light mass",
+    acts_on="light mass",
+    depends_on=("free_length", "across_speed"),
+    coefficients=(
+        Coefficient(
+            name="string_drag",
+            unit="kg/m**2",
+            default=0.0,
+            null=0.0,
+            bounds=(0.0, 1.0),
+            meaning="drag coefficient alpha of the free string per length",
+        ),
+    ),
+    in_base_model=True,
+    needs_string=True,
+    light_force=lambda xp, k, p: (
+        0.0,
+        -p.string_drag * k.free_length * k.across_speed_size * k.across_speed,
+    ),
+)
+
+EFFECTS: dict[str, Effect] = {
+    e.name: e for e in (GRAVITY, CAPSTAN, LIGHT_DRAG, HEAVY_DRAG, STRING_DRAG, *FURTHER_FORCES, *FURTHER_PROPERTIES, CLOSURE)
+}
+"""The library, by name."""
+
+COEFFICIENTS: dict[str, Coefficient] = {c.name: c for e in EFFECTS.values() for c in e.coefficients}
+"""Every coefficient of every effect, by name."""
+
+
+def drag_coefficient(shape_factor: float, air_density: float, area: float) -> float:
+    """Quadratic drag coefficient gamma = C rho A / 2 [kg/m] (paper, sec. IV).
+
+    Parameters
+    ----------
+    shape_factor
+        Drag coefficient C of the shape [1].
+    air_density
+        Density rho [kg/m^3].
+    area
+        Area A across the motion [m^2]: pi r^2 for a sphere, height times diameter for a cylinder broadside on.
+    """
+    return 0.5 * shape_factor * air_density * area
+
+
+def light_force(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> tuple[Any, Any]:
+    """Sum of the forces on the light mass other than the string's pull, (along, across) [N]."""
+    along: Any = 0.0
+    across: Any = 0.0
+    for effect in effects:
+        if effect.light_force is not None:
+            a, b = effect.light_force(xp, k, p)
+            along, across = along + a, across + b
+    return along, across
+
+
+def heavy_force(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
+    """Sum of the upward forces on the heavy mass other than the string's pull [N]."""
+    total: Any = 0.0
+    for effect in effects:
+        if effect.heavy_force is not None:
+            total = total + effect.heavy_force(xp, k, p)
+    return total
+
+
+def sliding_exponent(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
+    """ln(T2/T1) of a string that slides towards the heavy mass; its negative for the other way."""
+    return sum(e.sliding_exponent(xp, k, p) for e in effects if e.sliding_exponent is not None)
+
+
+def holding_exponent(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
+    """Largest |ln(T2/T1)| that the rod can hold while the string sticks."""
+    return sum(e.holding_exponent(xp, k, p) for e in effects if e.holding_exponent is not None)
+
+
+def light_inertia(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> tuple[Any, Any]:
+    """Light mass and what moves with it, (along, across) the string [kg]."""
+    along = across = p.light_mass
+    for effect in effects:
+        if effect.light_inertia is not None:
+            a, b = effect.light_inertia(xp, k, p)
+            along, across = along + a, across + b
+    return along, across
+
+
+def heavy_inertia(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
+    """Heavy mass and what moves with it [kg]."""
+    total = p.heavy_mass
+    for effect in effects:
+        if effect.heavy_inertia is not None:
+            total = total + effect.heavy_inertia(xp, k, p)
+    return total

@@ -1,0 +1,201 @@
+"""Forces, string laws and releases beyond the paper's model: candidates for what a measurement may show to be missing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from looping_pendulum.reference_ode.effects.types import Coefficient, Effect, EffectKind, Kinematics
+
+NO_SPEED = 1e-150
+"""Keeps a ratio of speeds defined at rest [m/s]; lost in the sum with any real speed."""
+
+
+def _one(name: str, unit: str, bounds: tuple[float, float], meaning: str) -> Coefficient:
+    return Coefficient(name=name, unit=unit, default=0.0, null=0.0, bounds=bounds, meaning=meaning)
+
+
+def _wind_along_and_across(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+    """Wind, which blows along x, in the string's directions [m/s]."""
+    return p.wind_speed * xp.sin(k.wrap_angle), -p.wind_speed * xp.cos(k.wrap_angle)
+
+
+def _resistance(p: Any, along: Any, speed: Any) -> Any:
+    """Drag per speed of a light mass that moves at ``speed`` through the air, ``along`` the string [kg/s]."""
+    attitude = p.attitude_drag * along * along / (speed + NO_SPEED)
+    return p.light_linear_drag + p.light_drag * (speed + attitude)
+
+
+def _through_air(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any, Any]:
+    """Velocity of the light mass relative to the air (along, across) and its size [m/s]."""
+    wind_along, wind_across = _wind_along_and_across(xp, k, p)
+    along, across = -k.retreat_speed - wind_along, k.across_speed - wind_across
+    return along, across, xp.sqrt(along * along + across * across + k.sideways_speed * k.sideways_speed)
+
+
+def air_resistance(xp: Any, k: Kinematics, p: Any) -> Any:
+    """Drag per speed of the light mass in the air as it moves [kg/s]."""
+    along, _, speed = _through_air(xp, k, p)
+    return _resistance(p, along, speed)
+
+
+def _wind_force(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+    """Drag in moving air less drag in still air."""
+    along, across, speed = _through_air(xp, k, p)
+    moving = _resistance(p, along, speed)
+    still = _resistance(p, k.retreat_speed, k.light_speed)
+    return -moving * along - still * k.retreat_speed, -moving * across + still * k.across_speed
+
+
+def _attitude_force(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+    more = p.light_drag * p.attitude_drag * k.retreat_speed * k.retreat_speed / (k.light_speed + NO_SPEED)
+    return more * k.retreat_speed, -more * k.across_speed
+
+
+def _horizontal(xp: Any, k: Kinematics, force: Any) -> tuple[Any, Any]:
+    """(along, across) of a force along x [N]."""
+    return force * xp.sin(k.wrap_angle), -force * xp.cos(k.wrap_angle)
+
+
+def _side_spring(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+    x = p.rod_radius * xp.cos(k.wrap_angle) - k.free_length * xp.sin(k.wrap_angle)
+    return _horizontal(xp, k, p.side_stiffness * x)
+
+
+LIGHT_LINEAR_DRAG = Effect(
+    name="light_linear_drag",
+    kind=EffectKind.FORCE,
+    formula="F = -b1 v1",
+    source="Stokes drag, 6 pi eta r for a slow sphere",
+    acts_on="light mass",
+    depends_on=("light_speed",),
+    coefficients=(_one("light_linear_drag", "kg/s", (0.0, 1.0), "linear drag coefficient b1 of the light mass"),),
+    light_force=lambda xp, k, p: (p.light_linear_drag * k.retreat_speed, -p.light_linear_drag * k.across_speed),
+)
+
+HEAVY_LINEAR_DRAG = Effect(
+    name="heavy_linear_drag",
+    kind=EffectKind.FORCE,
+    formula="F = -b2 v2",
+    source="Stokes drag, 6 pi eta r for a slow sphere",
+    acts_on="heavy mass",
+    depends_on=("heavy_speed",),
+    coefficients=(_one("heavy_linear_drag", "kg/s", (0.0, 10.0), "linear drag coefficient b2 of the heavy mass"),),
+    heavy_force=lambda xp, k, p: -p.heavy_linear_drag * k.heavy_speed,
+)
+
+ATTITUDE_DRAG = Effect(
+    name="attitude_drag",
+    kind=EffectKind.FORCE,
+    formula="F = -c gamma1 cos^2(angle between v1 and string) |v1| v1",
+    source="drag of a body that is not round and points along its string",
+    acts_on="light mass",
+    depends_on=("light_speed", "retreat_speed"),
+    coefficients=(_one("attitude_drag", "", (-1.0, 100.0), "growth of gamma1 where the light mass moves along its string"),),
+    light_force=_attitude_force,
+)
+
+WIND = Effect(
+    name="wind",
+    kind=EffectKind.FORCE,
+    formula="F = D(v1 - W x) - D(v1), D the light mass's drag",
+    source="drag acts against the velocity relative to the air",
+    acts_on="light mass",
+    depends_on=("light_speed", "retreat_speed", "across_speed", "wrap_angle"),
+    coefficients=(_one("wind_speed", "m/s", (-20.0, 20.0), "speed W of the air along x at the light mass"),),
+    light_force=_wind_force,
+)
+
+SIDE_FORCE = Effect(
+    name="side_force",
+    kind=EffectKind.FORCE,
+    formula="F = F0 x",
+    source="a constant horizontal pull",
+    acts_on="light mass",
+    depends_on=("wrap_angle",),
+    coefficients=(_one("side_force", "N", (-10.0, 10.0), "horizontal force F0 on the light mass, along x"),),
+    light_force=lambda xp, k, p: _horizontal(xp, k, p.side_force),
+)
+
+SIDE_STIFFNESS = Effect(
+    name="side_stiffness",
+    kind=EffectKind.FORCE,
+    formula="F = kappa x1 x",
+    source="a horizontal pull that grows with the distance from the rod's vertical plane, to first order",
+    acts_on="light mass",
+    depends_on=("free_length", "wrap_angle"),
+    coefficients=(
+        _one("side_stiffness", "N/m", (-10.0, 10.0), "horizontal force on the light mass per x; positive: outwards"),
+    ),
+    light_force=_side_spring,
+)
+
+FRICTION_PER_SPEED = Effect(
+    name="friction_per_speed",
+    kind=EffectKind.STRING_LAW,
+    formula="mu -> mu (1 + c |v2|) while the string slides",
+    source="friction that depends on speed, to first order",
+    acts_on="string on rod",
+    depends_on=("wrap_angle", "heavy_speed"),
+    coefficients=(_one("friction_per_speed", "s/m", (-0.1, 10.0), "relative growth of kinetic friction with sliding speed"),),
+    sliding_exponent=lambda xp, k, p: p.kinetic_friction * k.contact_angle * p.friction_per_speed * k.slip,
+)
+
+FRICTION_PER_WRAP = Effect(
+    name="friction_per_wrap",
+    kind=EffectKind.STRING_LAW,
+    formula="mu -> mu (1 + c theta)",
+    source="departure from the capstan law, as of a string with stiffness, to first order",
+    acts_on="string on rod",
+    depends_on=("wrap_angle",),
+    coefficients=(_one("friction_per_wrap", "1/rad", (-0.05, 1.0), "relative growth of friction with wrap angle"),),
+    sliding_exponent=lambda xp, k, p: p.kinetic_friction * p.friction_per_wrap * k.contact_angle * k.contact_angle,
+    holding_exponent=lambda xp, k, p: p.static_friction * p.friction_per_wrap * k.contact_angle * k.contact_angle,
+)
+
+STRING_ON_STRING = Effect(
+    name="string_on_string",
+    kind=EffectKind.STRING_LAW,
+    formula="exponent of the capstan law + c (theta - 2 pi) beyond the first turn",
+    source="string that lies on string rubs twice",
+    acts_on="string on rod",
+    depends_on=("wrap_angle",),
+    coefficients=(_one("string_on_string", "", (0.0, 5.0), "friction added to the rod's beyond the first full turn"),),
+    sliding_exponent=lambda xp, k, p: p.string_on_string * k.wrap_beyond_first_turn,
+    holding_exponent=lambda xp, k, p: p.string_on_string * k.wrap_beyond_first_turn,
+    watches_first_turn=True,
+)
+
+PUSH_ACROSS = Effect(
+    name="push_across",
+    kind=EffectKind.RELEASE,
+    formula="v1(0) = w0 t1",
+    source="a hand that moves as it lets go",
+    acts_on="light mass",
+    depends_on=(),
+    coefficients=(_one("push_across", "m/s", (-20.0, 20.0), "speed w0 of the light mass across the string at release"),),
+)
+
+PUSH_ALONG = Effect(
+    name="push_along",
+    kind=EffectKind.RELEASE,
+    formula="v1(0) = -u0 e1; a taut string shares u0 > 0 at once, as when it becomes taut, and u0 < 0 leaves it slack",
+    source="a hand that moves as it lets go",
+    acts_on="light mass",
+    depends_on=(),
+    coefficients=(_one("push_along", "m/s", (-20.0, 20.0), "speed u0 of the light mass away from the rod at release"),),
+)
+
+FURTHER_FORCES = (
+    LIGHT_LINEAR_DRAG,
+    HEAVY_LINEAR_DRAG,
+    ATTITUDE_DRAG,
+    WIND,
+    SIDE_FORCE,
+    SIDE_STIFFNESS,
+    FRICTION_PER_SPEED,
+    FRICTION_PER_WRAP,
+    STRING_ON_STRING,
+    PUSH_ACROSS,
+    PUSH_ALONG,
+)
+"""Forces, string laws and releases that the paper's model lacks."""

@@ -1,0 +1,140 @@
+"""Properties of string, rod and masses beyond the paper's model: they change inertias or geometry, or add to the state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from looping_pendulum.reference_ode.effects.types import TURN, Coefficient, Effect, EffectKind, Kinematics
+
+LEAST_LOSS_TIME = 1e-4
+"""Damping over stiffness that any string that stretches has [s]: without it nothing says how fast it passes over the rod."""
+REST_SPEED = 1e-3
+"""Speed below which the drag on a swinging heavy mass is rounded off, |v| being not analytic at 0 [m/s]: 1e-9 N at most."""
+
+
+def _one(name: str, unit: str, bounds: tuple[float, float], meaning: str) -> Coefficient:
+    return Coefficient(name=name, unit=unit, default=0.0, null=0.0, bounds=bounds, meaning=meaning)
+
+
+def _weight_of_free_string(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+    weight = 0.5 * p.string_density * p.gravity * k.free_length
+    return weight * xp.cos(k.wrap_angle), weight * xp.sin(k.wrap_angle)
+
+
+def _winding(beyond: Any, p: Any) -> tuple[Any, Any, Any]:
+    """Spiral of Archimedes on the rod: what is added to the radius, its slope, and the radius' integral."""
+    slope = p.string_thickness / TURN
+    return slope * beyond, slope, 0.5 * slope * beyond * beyond
+
+
+def swinging_mass(k: Kinematics, p: Any) -> Any:
+    """Mass that swings at the heavy end: with a share of the string, if that has a mass [kg]."""
+    return p.heavy_mass + p.string_density * k.hanging_length
+
+
+def _swing_force(xp: Any, k: Kinematics, p: Any) -> Any:
+    """What a swinging mass pulls along its string, less what a hanging one does: weight and centrifugal force [N]."""
+    length = k.hanging_length + p.rod_radius * k.heavy_tilt
+    less_weight = p.gravity * (1.0 - xp.cos(k.heavy_tilt))
+    return swinging_mass(k, p) * (less_weight - k.heavy_across_speed * k.heavy_across_speed / length)
+
+
+def swing_rates(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+    """Derivatives of the heavy mass's tilt and of its speed across its string.
+
+    With d along its string (downwards) and m across it, v2 = -u2 d + w2 m, L = hanging length + R tilt and tilt' = w2 / L:
+    M2 (w2' - u2 tilt') = -M2 g sin(tilt) - (gamma2 |v2| + b2) w2.
+    """
+    turning = k.heavy_across_speed / (k.hanging_length + p.rod_radius * k.heavy_tilt)
+    resistance = (p.heavy_drag * k.heavy_speed_size + p.heavy_linear_drag) / swinging_mass(k, p)
+    rate = k.heavy_speed * turning - p.gravity * xp.sin(k.heavy_tilt) - resistance * k.heavy_across_speed
+    return turning, rate
+
+
+STRING_MASS = Effect(
+    name="string_mass",
+    kind=EffectKind.PROPERTY,
+    formula="light side: weight rho l g / 2, inertia rho l / 2 along, rho l / 3 across; heavy side: weight and inertia rho h",
+    source="mean over a straight string; its part on the rod and the momentum of what changes sides are left out",
+    acts_on="both masses",
+    depends_on=("free_length",),
+    coefficients=(_one("string_density", "kg/m", (0.0, 0.1), "mass rho of the string per length"),),
+    needs_string=True,
+    light_force=_weight_of_free_string,
+    heavy_force=lambda xp, k, p: -p.string_density * p.gravity * k.hanging_length,
+    light_inertia=lambda xp, k, p: (p.string_density * k.free_length / 2, p.string_density * k.free_length / 3),
+    heavy_inertia=lambda xp, k, p: p.string_density * k.hanging_length,
+)
+
+STRING_THICKNESS = Effect(
+    name="string_thickness",
+    kind=EffectKind.PROPERTY,
+    formula="R -> R + d (theta - 2 pi) / (2 pi) beyond the first turn",
+    source="string that lies on itself winds a spiral of Archimedes",
+    acts_on="string on rod",
+    depends_on=("wrap_angle",),
+    coefficients=(_one("string_thickness", "m", (0.0, 0.01), "growth d of the wound radius per turn"),),
+    needs_string=True,
+    winding=_winding,
+    watches_first_turn=True,
+)
+
+HEAVY_SWING = Effect(
+    name="heavy_swing",
+    kind=EffectKind.PROPERTY,
+    formula="heavy mass as a pendulum: weight M2 g cos(phi) + M2 w2^2 / L along its string; capstan angle theta - phi",
+    source="Newton's second law for a heavy mass that is released at an angle",
+    acts_on="heavy mass",
+    depends_on=("heavy_speed",),
+    coefficients=(_one("heavy_swing", "rad", (-1.2, 1.2), "angle phi of the heavy mass's string to the vertical at release"),),
+    needs_string=True,
+    heavy_force=_swing_force,
+    variables=("heavy_tilt", "heavy_across_speed"),
+)
+
+OUT_OF_PLANE = Effect(
+    name="out_of_plane",
+    kind=EffectKind.PROPERTY,
+    formula="S = hypot(l + R theta, z) on the light side; its pull has the shares (l + R theta) / S in the plane, z / S across",
+    source="rod unrolled into a plane; the string moves along the rod without friction",
+    acts_on="light mass",
+    depends_on=("free_length", "wrap_angle"),
+    coefficients=(_one("push_sideways", "m/s", (-5.0, 5.0), "speed of the light mass along the rod at release"),),
+    needs_string=True,
+    variables=("sideways", "sideways_speed"),
+)
+
+TURNING_ROD = Effect(
+    name="turning_rod",
+    kind=EffectKind.PROPERTY,
+    formula="I / R^2 s' = T1 - T2 - sign(s) F0, s the speed of the rod's surface; the string slides relative to it",
+    source="Newton's second law for the rod, Coulomb friction in its bearing",
+    acts_on="rod",
+    depends_on=("wrap_angle",),
+    coefficients=(
+        _one("rod_mobility", "1/kg", (0.0, 1e4), "R^2 over the rod's moment of inertia; 0: the rod is fixed"),
+        _one("bearing_friction", "N", (0.0, 100.0), "Coulomb friction F0 of the bearing, as a force at the rod's surface"),
+    ),
+    needs_string=True,
+    switch="rod_mobility",
+    variables=("rod_speed",),
+)
+
+STRING_STRETCH = Effect(
+    name="string_stretch",
+    kind=EffectKind.PROPERTY,
+    formula="T = k (e + tau e') on either side of the rod, 1/k the share of its string in C",
+    source="Kelvin-Voigt model; string passes over the rod as the capstan law lets it",
+    acts_on="string",
+    depends_on=("free_length", "heavy_speed"),
+    coefficients=(
+        _one("string_compliance", "m/N", (0.0, 0.1), "stretch C of the whole string per force"),
+        _one("string_loss_time", "s", (0.0, 0.1), "damping over stiffness tau of a string that stretches; at least 0.1 ms"),
+    ),
+    needs_string=True,
+    switch="string_compliance",
+    variables=("light_stretch", "heavy_stretch"),
+)
+
+FURTHER_PROPERTIES = (STRING_MASS, STRING_THICKNESS, HEAVY_SWING, OUT_OF_PLANE, TURNING_ROD, STRING_STRETCH)
+"""Properties that the paper's model lacks."""
