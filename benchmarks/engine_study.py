@@ -17,7 +17,7 @@ from typing import Any
 from benchmarks import pareto
 from benchmarks.pareto import PROTOTYPES, Point, figure, front, points
 from looping_pendulum.cli_converge import StudyBar
-from looping_pendulum.compare.convergence import report as report
+from looping_pendulum.compare.convergence import report
 from looping_pendulum.compare.convergence.result import ConvergenceResult
 from looping_pendulum.compare.convergence.study import study_convergence, write
 from looping_pendulum.compare.export import write_whole

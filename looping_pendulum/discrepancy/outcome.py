@@ -130,24 +130,24 @@ def told(effect: Effect) -> str:
 def _sentence(verdict: Verdict, effects: Sequence[Effect], ties: Sequence[Sequence[Effect]], found: Conclusion) -> str:
     if verdict is Verdict.NO_MISSING_EFFECT:
         return "The declared model explains the data to their noise; nothing was added."
-    left = "; ".join(found.before.alarms)
+    left = _left(found.before)
     remainder = _remainder(found)
     if verdict is Verdict.IDENTIFIED:
         added = " and ".join(told(e) for e in effects)
         rest = f"but for a remainder: {_told_remainder(remainder)}" if remainder else "and nothing is left"
-        return f"The declared model leaves something ({left}); {added} explains it, {rest}."
+        return f"{added} explains what the declared model leaves, {rest}. Without it, {left}."
     if verdict is Verdict.AMBIGUOUS:
         each = "; or ".join(" and ".join(told(e) for e in tie) for tie in ties)
         rest = f" A remainder stays: {_told_remainder(remainder)}." if remainder else ""
-        return f"The declared model leaves something ({left}). These data cannot tell which explains it: {each}.{rest}"
+        return f"The declared model leaves something: {left}. These data cannot tell which explains it: {each}.{rest}"
     if verdict is Verdict.INTERRUPTED:
-        return f"Interrupted; what was found until then stands below. The declared model leaves: {left or 'nothing'}."
+        return f"Interrupted; what was found until then stands below. With the declared model, {left or 'nothing is left'}."
     if found.unlisted is not None:
         force = found.unlisted
         each = "; ".join(f"{p.side}: {p.formula} N" for p in force.profiles)
         name = force.depends_on.replace("_", " ")
         return (
-            f"The declared model leaves something ({left}), and no listed effect explains it. A force on the {force.acts_on} "
+            f"The declared model leaves something that no listed effect explains: {left}. A force on the {force.acts_on} "
             f"that depends on the {name} s does ({each}): on data that no fit saw chi2 per value falls from "
             f"{force.held_out_before:.3g} to {force.held_out_after:.3g}."
         )
@@ -158,7 +158,22 @@ def _sentence(verdict: Verdict, effects: Sequence[Effect], ties: Sequence[Sequen
         errors = f"errors that contain what even the best explanation leaves ({found.scaled.ratio:.2g} times the scatter)"
         asked = found.rounds and found.rounds[-1].errors_times != 1
         rest = f" Nor does one by {errors}." if asked else f" By {errors} the declared model is not refuted."
-    return f"The declared model leaves something ({left}), and no listed effect explains it.{nearest}{rest} Nothing was added."
+    return f"The declared model leaves something that no listed effect explains: {left}.{nearest}{rest} Nothing was added."
+
+
+def _left(model: Model) -> str:
+    """In words what a model leaves; the tests with their numbers stand under the model in the report. Empty: nothing."""
+    tests, found = model.tests, []
+    if tests.chi2_per_dof > tests.limit:
+        found.append(f"the residual is {math.sqrt(tests.chi2_per_dof):.2g} times as large as the noise")
+    if loud := sum(not group.quiet for group in tests.groups):
+        found.append(f"{loud} of the residual's {len(tests.groups)} parts show structure")
+    if tests.events is not None and not tests.events.quiet:
+        found.append(tests.events.told)
+    if not model.unseen.explained:
+        found.append(f"the data that no fit saw are off by {math.sqrt(model.unseen.worst):.2g} times the noise")
+    found += model.objections
+    return ", ".join(found) or "; ".join(model.alarms)
 
 
 def _remainder(found: Conclusion) -> Remainder | None:

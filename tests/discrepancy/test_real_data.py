@@ -16,7 +16,7 @@ import yaml
 
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.identify import identify
-from looping_pendulum.discrepancy.report import markdown as report
+from looping_pendulum.discrepancy.report import markdown
 from looping_pendulum.discrepancy.verdict import Verdict
 from tests.discrepancy.real_data import real
 
@@ -84,7 +84,7 @@ def test_what_is_left_of_the_wiffle_ball_is_told(wiffle):
     assert wiffle.remainder.ratio > 1
     assert wiffle.remainder.lasting > 1
     assert "m more than they scatter" in wiffle.sentence
-    assert "## Remainder" in report.render(wiffle)
+    assert "## Remainder" in markdown.render(wiffle)
 
 
 def test_the_tennis_ball_is_braked_by_the_air(tmp_path):

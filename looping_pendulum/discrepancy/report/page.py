@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from looping_pendulum.compare.paper_table import quantity_words
-from looping_pendulum.discrepancy.report import markdown as report
+from looping_pendulum.discrepancy.report import markdown
 from looping_pendulum.discrepancy.report.event_report import FARTHEST, off_by
 from looping_pendulum.discrepancy.report.glossary import GLOSSARY
 from looping_pendulum.discrepancy.report.plots import SHOWN
@@ -24,9 +24,9 @@ def render(result: Identification) -> str:
     """Return the page."""
     return pages.render(
         f"{result.title}: what the model lacks",
-        report.before_figures(result),
+        markdown.before_figures(result),
         figures(result),
-        report.after_figures(result),
+        markdown.after_figures(result),
         GLOSSARY,
         "Residual: measured less predicted. Grey bands: two standard errors, within which 95 % of mere noise lies.",
     )

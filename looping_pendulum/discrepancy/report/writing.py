@@ -6,8 +6,7 @@ from pathlib import Path
 
 from looping_pendulum.compare.export import file_stem, write_whole
 from looping_pendulum.discrepancy import verdict
-from looping_pendulum.discrepancy.report import markdown as report
-from looping_pendulum.discrepancy.report import page, plots
+from looping_pendulum.discrepancy.report import markdown, page, plots
 from looping_pendulum.discrepancy.verdict import Identification
 
 
@@ -21,5 +20,5 @@ def write(result: Identification, folder: Path) -> Path:
     write_whole(folder / "verdict.json", verdict.dump(result))
     write_whole(folder / "repaired.yaml", result.scenario)
     write_whole(folder / "report.html", page.render(result))
-    write_whole(folder / "report.md", report.render(result, captions))
+    write_whole(folder / "report.md", markdown.render(result, captions))
     return folder / "report.md"
