@@ -107,14 +107,14 @@ Each row is a run with everything as ours but for this one setting.
 
 def pareto_text(found: tuple[Point, ...]) -> str:
     """Return the points that nothing beats, the variants' own points, and the prototypes."""
-    best = {p.key for p in front(list(found))}
-    contact = {p.key for p in front([p for p in found if p.contact])}
+    best = {p.key for p in front(found)}
+    contact = {p.key for p in front(p for p in found if p.contact)}
     head = ["variant", "setting", "what", "RMS to 0.7 s [mm]", "wall s per s", "CPU s per s", "runs", "slowest"]
     rows = []
     for p in sorted(found, key=lambda p: (p.variant, p.wall)):
         marks = [
-            *(["nothing beats it"] if p.key in best else []),
-            *(["nothing beats it where the law is the engine's own"] if p.key in contact - best else []),
+            *(["no engine beats it"] if p.key in best else []),
+            *(["no engine beats it where the law is its own"] if p.key in contact - best else []),
             *(["own settings"] if not p.where else []),
         ]
         if marks:

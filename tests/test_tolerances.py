@@ -9,6 +9,9 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import label, missing_packages, select
 from looping_pendulum.scenarios import loader
 
+LONG = {(name, "pybullet:chain") for name in ("held", "fat_rod", "two_and_a_half_to_one")}
+"""Quick by name, and half a minute each: with the accurate ones."""
+
 
 def cases(profile: Profile):
     """(scenario, engine) for every engine that a shipped scenario has tolerances for."""
@@ -16,7 +19,8 @@ def cases(profile: Profile):
     for name in loader.shipped():
         engines = sorted({t.engine for t in loader.load(name).tolerances if t.profile == profile.value})
         for engine in engines:
-            found.append(pytest.param(name, engine, id=f"{name}-{engine}"))
+            marks = [pytest.mark.accurate] if (name, engine) in LONG else []
+            found.append(pytest.param(name, engine, id=f"{name}-{engine}", marks=marks))
     return found
 
 
