@@ -14,7 +14,7 @@ demo: $(VENV)/main ## the demonstration page: all engines and the truth, in step
 	$(BIN)/looping-pendulum demo
 
 test: $(VENV)/test ## run the tests (some minutes)
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 accurate: $(VENV)/test ## run the long accuracy tests: accurate profiles, the blind matrix, the pendulum (about an hour)
 	$(BIN)/python -m pytest -m accurate -n 2

@@ -9,8 +9,12 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import label, missing_packages, select
 from looping_pendulum.scenarios import loader
 
-LONG = {(name, "pybullet:chain") for name in ("held", "fat_rod", "two_and_a_half_to_one")}
-"""Quick by name, and half a minute each: with the accurate ones."""
+LONG = {
+    *((name, "pybullet:chain") for name in ("held", "fat_rod", "two_to_one", "two_and_a_half_to_one")),
+    *(("two_and_a_half_to_one", engine) for engine in ("pymunk:chain", "mujoco:beads")),
+    *(("ten_to_one", engine) for engine in ("pybullet:remade", "pybullet:point_to_point")),
+}
+"""Quick by name, and up to half a minute each: with the accurate ones."""
 
 
 def cases(profile: Profile):
