@@ -4,6 +4,8 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do $$p -c '
 VENV ?= .venv
 BIN = $(VENV)/bin
 DATA ?= ../shared/data
+# Our matrices are small: a second thread of BLAS only waits for a core.
+export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: compare demo test accurate lint docs benchmark infer clean
 
