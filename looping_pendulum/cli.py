@@ -302,7 +302,7 @@ def _one_line(message: Warning | str, *_: object, **__: object) -> str:
 
 def main() -> None:
     """Run the command line; print a user's mistake as one line."""
-    # Our matrices are small, and our processes share the cores: a second thread of BLAS only waits (`identify`: 1.6 times slower).
+    # Our matrices are small, and our processes share the cores: a second thread of BLAS only waits.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     debug = "--debug" in sys.argv
     if debug:
