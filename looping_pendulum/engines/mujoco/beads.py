@@ -6,7 +6,6 @@ from looping_pendulum.engines.chain import NO_STOP, ONE_COEFFICIENT, STRAIGHT_ST
 from looping_pendulum.engines.mujoco.beads_model import SETTINGS, BeadSettings
 from looping_pendulum.engines.mujoco.beads_rig import BeadRig
 from looping_pendulum.engines.mujoco.studies import (
-    BEAD_GROUP_TIME,
     BEAD_MASSES,
     BEAD_STEPS,
     BENDS,
@@ -55,13 +54,13 @@ class MujocoBeads(TunedEngine):
 
     def _ladders(self) -> tuple[Ladder, ...]:
         s, adjusted = self.settings, self.with_settings
-        density = s.bead_mass_ratio / s.bend
+        density, group_time = s.bead_mass_ratio / s.bend, s.time_step * s.steps_per_group
         return (
             ladder(
                 adjusted,
                 "time_step",
                 "s",
-                ({"time_step": dt, "steps_per_group": round(BEAD_GROUP_TIME / dt)} for dt in BEAD_STEPS),
+                ({"time_step": dt, "steps_per_group": round(group_time / dt)} for dt in BEAD_STEPS),
                 "steps between two updates of drag and beads, so that the time between them stays",
             ),
             ladder(

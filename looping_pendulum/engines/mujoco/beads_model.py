@@ -41,7 +41,7 @@ class BeadSettings:
     solver_tolerance: float = 1e-10
     bead_radius: float = 1e-3
     """[m]; the rod's cylinder is that much thinner, so that the bead's centre runs where the string should."""
-    steps_per_group: int = 10
+    steps_per_group: int = 20
     """Steps between two updates of the drag forces and of the beads that come and go; a test shows that it may be 1."""
     polygon: bool = True
     """Whether radius and coefficient are those of the polygon that stands for the circle (`engines.chain`)."""

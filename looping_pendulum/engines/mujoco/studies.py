@@ -13,8 +13,6 @@ DEFAULT_TIME_CONSTANT = 0.02
 TENDON_STEPS = (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)
 """[s]"""
 BEAD_STEPS = (2e-5, 1e-5, 5e-6, 2.5e-6, 1.25e-6)
-"""[s]; in groups of a tenth of a millisecond."""
-BEAD_GROUP_TIME = 1e-4
 """[s]"""
 TIME_CONSTANTS = (20.0, 10.0, 5.0, 2.0)
 """Of constraints, in time steps; MuJoCo raises what is below 2 to 2."""
