@@ -12,6 +12,7 @@ from looping_pendulum.compare.report import name
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, Landmarks, Samples, SupplyEntry
 from looping_pendulum.compare.stories import missing_physics, needed_physics
 from looping_pendulum.compare.tables import number
+from looping_pendulum.compare.tension import tension_from_motion
 from looping_pendulum.compare.words import EVENT_WORDS, PHYSICS_WORDS, mode_words, told_events
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Supplier, Trajectory
 from looping_pendulum.pages.palette import styles
@@ -185,7 +186,10 @@ def _tracks(run: Trajectory, distance: Array | None, p: Parameters, rate: int) -
     off = np.hypot(*(np.array(light_position(np, free_length, wrap_angle, p.rod_radius)) - (x, y)))
     if np.isnan(off).any() or off.max() > SAME_PLACE:
         tracks |= {"x": _rounded(x, 6), "y": _rounded(y, 6)}
-    for key, tension in (("light_tension", run.light_tension), ("heavy_tension", run.heavy_tension)):
+    light, heavy = run.light_tension, run.heavy_tension
+    if light is None and heavy is None:
+        light, heavy = tension_from_motion(run, p)
+    for key, tension in (("light_tension", light), ("heavy_tension", heavy)):
         if tension is not None and not np.isnan(tension).all():
             tracks[key] = _rounded(at(tension), 5)
     if distance is not None:

@@ -139,6 +139,24 @@ def test_keys(opened):
     assert not page.evaluate("demo.playing")
 
 
+def test_keys_go_from_moment_to_moment_of_the_shown_runs(opened):
+    page = opened.page
+    for box in page.locator("#runs input:checked").all()[1:]:
+        box.uncheck()
+    times = [event["t"] for event in page.evaluate("demo.data.runs[0].events")]
+    assert len(times) == 4
+    at(page, 0.0)
+    for expected in (*times, times[-1]):
+        page.keyboard.press("n")
+        assert page.evaluate("demo.time") == expected
+    page.keyboard.press("p")
+    assert page.evaluate("demo.time") == times[-2]
+    page.locator("#runs input[data-run=run1]").check()
+    page.keyboard.press("Home")
+    page.keyboard.press("N")
+    assert page.evaluate("demo.time") == min(times[0], page.evaluate("demo.data.runs[1].events[0].t"))
+
+
 def test_a_switched_off_engine_disappears(opened):
     page = opened.page
     at(page, 0.5)

@@ -56,7 +56,9 @@ def test_tracks_are_the_runs_own_samples():
     assert np.allclose(track["drop"], run.heavy_drop[every], rtol=0, atol=1e-6)  # written to a micrometre
     assert np.allclose(track["angle"], run.wrap_angle[every], rtol=0, atol=1e-5)
     assert np.allclose(track["distance"], samples.aligned[0].distance[every], rtol=0, atol=1e-8)
-    assert "light_tension" not in track, "this engine gives no tension"
+    # a rod without friction: the string pulls equally at both ends
+    assert np.allclose(track["light_tension"], track["heavy_tension"], rtol=0, atol=0.005)
+    assert max(track["light_tension"]) > 2
     truth = data["runs"][0]
     assert np.allclose(truth["heavy_tension"], samples.truth.heavy_tension[every], rtol=0, atol=1e-5)
     json.dumps(data, allow_nan=False)

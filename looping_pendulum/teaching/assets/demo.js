@@ -37,6 +37,13 @@
     for (const button of document.querySelectorAll("[data-slow]")) button.setAttribute("aria-pressed", Number(button.dataset.slow) === slow);
   }
 
+  /** The next moment of a shown run, or the one before (-1); the time stays where there is none. */
+  function moment(direction) {
+    const times = data.runs.filter((run) => shown.has(run.id)).flatMap((run) => run.events.map((event) => event.t));
+    const ahead = times.filter((t) => direction * (t - time) > 1e-9);
+    return ahead.length ? direction * Math.min(...ahead.map((t) => direction * t)) : time;
+  }
+
   /** What the truth is doing, in words. */
   function words() {
     const mode = data.modes.findLast((m) => m.from <= time + 1e-9);
@@ -132,6 +139,9 @@
     const target = event.target, kind = target.tagName;
     if (event.key === " " && kind !== "BUTTON" && kind !== "SUMMARY" && target.type !== "checkbox") {
       if (playing) pause(); else start();
+    } else if (["n", "p"].includes(event.key.toLowerCase())) {
+      pause();
+      setTime(moment(event.key.toLowerCase() === "n" ? 1 : -1));
     } else if (target === slider) {
       return;  // it has its own arrows, Home and End
     } else if (event.key === "ArrowLeft" || event.key === "ArrowRight") {

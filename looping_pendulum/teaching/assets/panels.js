@@ -85,14 +85,15 @@ const Panels = (() => {
       this.svg.addEventListener("pointermove", (event) => { if (event.buttons) follow(event); });
     }
 
-    /** Lowest and highest value that the axis shows; one late spike (a light mass at the rod) does not flatten the rest. */
+    /** Lowest and highest value that the axis shows; a short spike (a light mass at the rod, a jerk) does not flatten the rest. */
     range() {
       const values = this.runs.flatMap((run) => run[this.kind.key].filter((v) => v !== null)).map((v) => v * this.kind.factor);
       if (!values.length) return [0, 1];
       if (this.kind.log) return [FLOOR, Math.max(10 ** Math.ceil(Math.log10(Math.max(...values, 1e-2))), 1e-2)];
       values.sort((a, b) => a - b);
-      const most = values[Math.floor(0.995 * (values.length - 1))];
-      const low = Math.min(values[0], 0), high = Math.max(most > 0.6 * values.at(-1) ? values.at(-1) : 1.15 * most, low + 1e-6);
+      const least = values[Math.ceil(0.005 * (values.length - 1))], most = values[Math.floor(0.995 * (values.length - 1))];
+      const low = Math.min(least < 0.6 * values[0] ? values[0] : 1.15 * least, 0);
+      const high = Math.max(most > 0.6 * values.at(-1) ? values.at(-1) : 1.15 * most, low + 1e-6);
       return [low, high + 0.04 * (high - low)];
     }
 
