@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-LONGEST = "test_tolerances"
+LONGEST = "tests/test_tolerances.py"
 
 
 def pytest_collection_modifyitems(items):
