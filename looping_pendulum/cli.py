@@ -166,8 +166,8 @@ def compare(
 ) -> None:
     """Run all engines on one scenario and report how each departs from the exact reference.
 
-    Writes report.md with figures, result.json and the trajectories as CSV. With --baseline also changes.json: what changed
-    since then is shown, and does not alter the exit status, which the tolerances decide.
+    Writes report.md with figures, report.html, result.json and the trajectories as CSV. With --baseline also changes.json:
+    what changed since then is shown, and does not alter the exit status, which the tolerances decide.
 
     looping-pendulum compare ten_to_one --profile quick --out report/ten_to_one
     """
@@ -190,7 +190,7 @@ def compare(
         typer.echo(f"- {one.label}: {one.story}")
     if changes is not None:
         _show_changes(changes)
-    typer.echo(f"wrote {write(result, folder, changes)}")
+    typer.echo(f"wrote {write(result, folder, changes)} and report.html")
     assert result.samples is not None
     runs = [aligned.run for aligned in result.samples.aligned]
     show_output_of_failed(runs)
@@ -243,13 +243,10 @@ def identify(
 ) -> None:
     """Find the physics that a model of measured trials lacks, and report the error before and after adding it.
 
-    Writes report.md with figures, verdict.json and repaired.yaml, a scenario that `compare` runs as it is.
+    Writes report.md with figures, report.html, verdict.json and repaired.yaml, a scenario that `compare` runs as it is.
 
     looping-pendulum identify trials/study.yaml --out report/trials
     """
-    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")  # before numpy comes: threads on such small matrices cost three times what they do
-
     from looping_pendulum.discrepancy.data import study_io
     from looping_pendulum.discrepancy.identify import identify as find
     from looping_pendulum.discrepancy.report import writing
@@ -267,7 +264,7 @@ def identify(
     show_table(table)
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # what was found is written whole; that takes two seconds
     try:
-        typer.echo(f"wrote {writing.write(result, out or Path('report') / loaded.name)}")
+        typer.echo(f"wrote {writing.write(result, out or Path('report') / loaded.name)} and report.html")
     finally:
         signal.signal(signal.SIGINT, before)
     if result.verdict is Verdict.INTERRUPTED:
@@ -302,8 +299,8 @@ def _one_line(message: Warning | str, *_: object, **__: object) -> str:
 
 def main() -> None:
     """Run the command line; print a user's mistake as one line."""
-    # Our matrices are small, and our processes share the cores: a second thread of BLAS only waits.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")  # before numpy comes: a second thread on such small matrices only waits for a core
     debug = "--debug" in sys.argv
     if debug:
         sys.argv.remove("--debug")
