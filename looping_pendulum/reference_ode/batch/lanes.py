@@ -46,11 +46,6 @@ class View(NamedTuple):
     p: SimpleNamespace
 
 
-def _written_as(mode: Mode) -> Mode:
-    """The mode whose compiled step ``mode`` takes: sliding up differs from sliding down by its sign alone."""
-    return Mode.SLIDING_DOWN if mode is Mode.SLIDING_UP else mode
-
-
 def _first_events(changes: Array, lows: Array) -> tuple[Array, Index]:
     """Fraction of the step at which each run meets its first event, inf if it meets none, and the event's number."""
     numbers, runs = np.nonzero(~(lows > 0))
