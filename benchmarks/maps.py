@@ -129,7 +129,7 @@ def wall_clock(runs: int, processes: int) -> tuple[float, float, float]:
         "    print(time.perf_counter() - started)\n"
         "    uses = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]\n"
         "    print(sum(use.ru_utime + use.ru_stime for use in uses))\n"
-        f"    print((uses[0].ru_maxrss + (uses[1].ru_maxrss * {processes} if {processes} > 1 else 0)) / 1024)\n"
+        f"    print((uses[0].ru_maxrss + uses[1].ru_maxrss * {processes - 1}) / 1024)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     wall, cpu, memory = map(float, done.stdout.split())
