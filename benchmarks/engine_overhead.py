@@ -23,7 +23,8 @@ LIMIT = 0.10
 """Share that an adapter may cost on top of the bare engine."""
 SAMPLES = 300
 """The fall of ten to one, up to shortly before the halt, where most beads come and go."""
-REPEATS = 5
+REPEATS, ENOUGH = 5, 30.0
+"""Least number of repeats, and seconds below which more are made: what is short is what other programs disturb most."""
 
 BareLoop = Callable[[], None]
 """Takes the engine through one sample interval by its step call alone."""
@@ -77,10 +78,12 @@ BARE_LOOPS: dict[str, Callable[[Any], BareLoop]] = {
 def overhead(make: Callable[[], Rig], bare_of: Callable[[Any], BareLoop]) -> tuple[float, float]:
     """CPU seconds of every second of `SAMPLES` intervals with the adapter, and of the same intervals without it.
 
-    Each interval counts with its least of `REPEATS` runs, which are all the same: what else the machine did stays out.
+    Each interval counts with its least of all repeats, which are the same: what else the machine did stays out.
     """
     least = np.full((SAMPLES, 2), np.inf)
-    for _ in range(REPEATS):
+    started, repeats = time.perf_counter(), 0
+    while repeats < REPEATS or time.perf_counter() - started < ENOUGH:
+        repeats += 1
         rig = make()
         for sample in range(SAMPLES):
             least[sample, 0] = min(least[sample, 0], _seconds(lambda rig=rig: (rig.advance(), rig.read())))
