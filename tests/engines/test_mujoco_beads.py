@@ -130,8 +130,10 @@ def test_a_step_that_does_not_divide_the_sample_interval_is_refused(time_step):
         BeadSettings(time_step=time_step, bend=0.3, bead_mass_ratio=1e-4)
 
 
-@pytest.mark.accurate
-def test_a_pyramidal_cone_never_halts():
-    # A strict expected failure of MuJoCo's default cone: the string creeps on, and the heavy mass with it.
-    creeping = run(TEN_TO_ONE, 0.6, cone="pyramidal")
-    assert np.abs(creeping.heavy_velocity[creeping.t > 0.45, 1]).min() > 0.02
+@pytest.mark.parametrize("steps_per_group", [QUICK.steps_per_group, 1])
+def test_a_pyramidal_cone_never_halts(steps_per_group):
+    # MuJoCo's default cone: before the halt at 0.385 s the string has stretched by millimetres, and the mass falls on.
+    scenario = Scenario(name="test", title="", description="", parameters=TEN_TO_ONE, duration=0.4)
+    falling = MujocoBeads().with_settings(cone="pyramidal", steps_per_group=steps_per_group).simulate(scenario)
+    assert np.abs(falling.string_stretch).max() > 5e-3
+    assert np.abs(falling.heavy_velocity[falling.t > 0.1, 1]).min() > 0.1

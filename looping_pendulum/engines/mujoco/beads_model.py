@@ -29,7 +29,7 @@ class BeadSettings:
     """The same half a millimetre deep."""
     string_impedance: float = 0.9999
     cone: str = "elliptic"
-    """Shape of the friction cone; a pyramidal one lets the string creep for ever."""
+    """Shape of the friction cone; with a pyramidal one the string stretches by millimetres, and nothing halts."""
     friction_to_normal_impedance: float = 100.0
     """How much harder friction is than the contact; MuJoCo's `impratio`."""
     integrator: str = "implicitfast"

@@ -28,8 +28,8 @@ _LENGTHS_AND_MASSES = ("light_mass", "heavy_mass", "rod_radius", "free_length", 
 _FIELDS = tuple(field.name for field in dataclasses.fields(Parameters) if field.name not in ("release", "coefficients"))
 COLUMNS = (*_FIELDS, *COEFFICIENTS)
 """Names that a column may have."""
-SHARE = 2 * LANES
-"""Runs that a process takes at a time."""
+LEAST_SHARE = LANES
+"""Runs that a process takes at a time, at least; of many it takes more, since every share ends with empty lanes."""
 
 Columns = Mapping[str, Array]
 Progress = Callable[[int, int], None]
@@ -74,10 +74,9 @@ def solve_batch(
     if processes == 1 or n == 0:
         return _solve_share(base, columns, duration, tolerance, _Counter(n, progress).add)
     columns = {name: np.asarray(values, dtype=float) for name, values in columns.items()}
-    share = max(1, min(SHARE, -(-n // processes)))
     spawn = multiprocessing.get_context("spawn")  # not forked: a copy of a process whose libraries have threads may hang
     taken = spawn.Value("q", 0)
-    work = partial(_solve_shares, base, columns, duration, tolerance, share)
+    work = partial(_solve_shares, base, columns, duration, tolerance, processes)
     with ProcessPoolExecutor(processes - 1, mp_context=spawn, initializer=_share_out, initargs=(taken,)) as pool:
         others = [pool.submit(work) for _ in range(processes - 1)]
         try:
@@ -106,7 +105,7 @@ def _solve_shares(
     columns: Columns,
     duration: float,
     tolerance: float,
-    share: int,
+    processes: int,
     taken: Any = None,
     progress: Progress | None = None,
 ) -> dict[int, BatchResult]:
@@ -116,11 +115,16 @@ def _solve_shares(
     while True:
         with taken.get_lock():
             start = taken.value
-            taken.value = min(start + share, n)
+            taken.value = end = min(start + _share(n - start, processes), n)
         if start == n:
             return parts
-        part = {name: values[start : start + share] for name, values in columns.items()}
+        part = {name: values[start:end] for name, values in columns.items()}
         parts[start] = _solve_share(base, part, duration, tolerance, _Counter(n, progress, start).add)
+
+
+def _share(left: int, processes: int) -> int:
+    """How many of the runs that are ``left`` a process takes: half of what would be its due, so that all end together."""
+    return max(min(LEAST_SHARE, -(-left // processes)), left // (2 * processes))
 
 
 class _Counter:
