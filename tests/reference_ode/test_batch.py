@@ -156,11 +156,24 @@ def test_a_helping_process_takes_what_nobody_has_taken(monkeypatch):
     columns = {"release_angle": np.radians(np.linspace(70.0, 110.0, 7)), "heavy_swing": np.full(7, 0.1)}
     taken = multiprocessing.get_context("spawn").Value("q", 3)
     monkeypatch.setattr(batch, "_taken", taken)
-    parts = batch._solve_shares(BASE, columns, DURATION, TOLERANCE, 3)
-    assert list(parts) == [3, 6]
+    parts = batch._solve_shares(BASE, columns, DURATION, TOLERANCE, processes=2)
+    assert list(parts) == [3, 5, 6]
     assert taken.value == 7
     rest = {name: values[3:] for name, values in columns.items()}
     assert_equal(batch.BatchResult.joined(list(parts.values())), solve_batch(BASE, rest), bound=0.0)
+
+
+@pytest.mark.parametrize("n", [0, 1, 7, 50_000, 1_000_000])
+@pytest.mark.parametrize("processes", [2, 5])
+def test_shares_are_all_the_runs_and_small_in_the_end(n, processes):
+    left, shares = n, []
+    while left:
+        shares.append(batch._share(left, processes))
+        left -= shares[-1]
+    assert left == 0
+    assert shares == sorted(shares, reverse=True)
+    assert not shares or shares[-1] <= min(batch.LEAST_SHARE, -(-n // processes))
+    assert len(shares) < 100
 
 
 def test_trajectories_on_request():
