@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from looping_pendulum.engines.protocol import Engine
+from looping_pendulum.engines.tension import string_impulses
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios.scenario import Scenario
@@ -93,17 +94,11 @@ def measured_exponent(
     slid = float(run.heavy_drop[-1])
     if not slid > 0:
         raise EngineError(f"{run.label}: static capstan test: the string did not slide; raise drive above {drive:g}")
-    gravity = p.coefficients["gravity"]
-    step = np.diff(run.t)
-    middle = 0.5 * (run.wrap_angle[1:] + run.wrap_angle[:-1])
-    from_rod = np.stack([-np.sin(middle), np.cos(middle)], axis=1)
-    pull = np.diff(run.light_velocity, axis=0) + gravity * step[:, None] * np.array([0.0, 1.0])
-    light = -p.light_mass * (pull * from_rod).sum(axis=1)
-    heavy = p.heavy_mass * float(run.heavy_velocity[-1, 1] - run.heavy_velocity[0, 1] + gravity * step.sum())
+    light, heavy = string_impulses(run, p)
     return CapstanPoint(
         friction=friction,
-        wrap_angle=float(np.average(middle, weights=light)),
-        exponent=math.log(heavy / float(light.sum())),
+        wrap_angle=float(np.average(0.5 * (run.wrap_angle[1:] + run.wrap_angle[:-1]), weights=light)),
+        exponent=math.log(float(heavy.sum() / light.sum())),
         slid=slid,
     )
 

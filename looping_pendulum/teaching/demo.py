@@ -10,8 +10,7 @@ from pathlib import Path
 from looping_pendulum.compare.export import write_whole
 from looping_pendulum.compare.glossary import GLOSSARY
 from looping_pendulum.compare.result import ComparisonResult
-from looping_pendulum.compare.tension import WINDOW
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
+from looping_pendulum.engines.tension import WINDOW
 from looping_pendulum.pages.shell import asset, page
 from looping_pendulum.teaching.demo_data import EVENT_KINDS, page_data
 
@@ -39,7 +38,7 @@ def render(result: ComparisonResult) -> str:
         result=result,
         runs=data["runs"],
         rate=data["rate"],
-        tension_window=round(1e3 * (WINDOW - 1) * SAMPLE_INTERVAL),
+        tension_window=round(1e3 * WINDOW),
         string=data["string"],
         kinds=EVENT_KINDS,
         glossary=GLOSSARY,

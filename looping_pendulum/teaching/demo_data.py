@@ -12,8 +12,8 @@ from looping_pendulum.compare.report import name
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, Landmarks, Samples, SupplyEntry
 from looping_pendulum.compare.stories import missing_physics, needed_physics
 from looping_pendulum.compare.tables import number
-from looping_pendulum.compare.tension import tension_from_motion
 from looping_pendulum.compare.words import EVENT_WORDS, PHYSICS_WORDS, mode_words, told_events
+from looping_pendulum.engines.tension import tension_from_motion
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Supplier, Trajectory
 from looping_pendulum.pages.palette import styles
 from looping_pendulum.reference_ode.geometry import Array, light_position

@@ -8,14 +8,14 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.tension import WINDOW, tension_from_motion
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Profile
 from looping_pendulum.engines.reference import Truth
 from looping_pendulum.engines.registry import select
+from looping_pendulum.engines.tension import WINDOW, tension_from_motion
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
 
-HALF = (WINDOW // 2 + 1) * SAMPLE_INTERVAL
+HALF = 0.5 * WINDOW + SAMPLE_INTERVAL
 
 
 def shortened(name, duration, **coefficients):
@@ -35,10 +35,7 @@ def simulated(engine, scenario):
 
 @pytest.mark.parametrize("name", ["ten_to_one", "two_to_one"])
 def test_the_references_own_motion_gives_its_tensions_but_where_they_jump(name):
-    """Oracle: the reference's exact tensions; wind and drags act, too.
-
-    A line through 11 velocities has 3 (omega dt)^2 less slope than a swing of rate omega, which is 0.3 % at 32 rad/s.
-    """
+    """Oracle: the reference's exact tensions; wind and drags act, too."""
     scenario = shortened(name, 0.6, wind_speed=0.5, light_linear_drag=0.002)
     t = np.arange(601) * SAMPLE_INTERVAL
     truth = Truth(scenario)(t)
@@ -47,7 +44,7 @@ def test_the_references_own_motion_gives_its_tensions_but_where_they_jump(name):
     assert np.sum(smooth) > 400
     pulls = tension_from_motion(truth, scenario.parameters)
     for found, exact in zip(pulls, (truth.light_tension, truth.heavy_tension), strict=True):
-        assert np.max(np.abs(found - exact)[smooth] / np.max(exact)) < 4e-3
+        assert np.max(np.abs(found - exact)[smooth] / np.max(exact)) < 2e-3
 
 
 def test_an_engines_own_friction_holds_the_capstan_ratio():
@@ -75,5 +72,4 @@ def test_what_the_motion_cannot_tell_is_none():
     assert heavy is None
     drop = load("drop")
     assert tension_from_motion(Truth(drop)(np.arange(301) * SAMPLE_INTERVAL), drop.parameters) == (None, None)
-    assert tension_from_motion(Truth(held)(np.arange(5) * SAMPLE_INTERVAL), held.parameters) == (None, None)
-    assert tension_from_motion(Truth(held)(np.arange(301) * 2e-3), held.parameters) == (None, None)
+    assert tension_from_motion(Truth(held)(np.zeros(1)), held.parameters) == (None, None)
