@@ -22,8 +22,8 @@ from looping_pendulum.sweep.quantities import columns
 REFERENCE = "reference"
 """Engine that is run in batches, in the chunk's own process."""
 SMALLEST_CHUNK, LARGEST_CHUNK, CHUNKS = 256, 16384, 16
-"""Runs per chunk where the map file does not say: a 16th of the map within these bounds. A batch of 2000 runs costs twice as
-much per run as one of 16 000, which is nearly as cheap as any."""
+"""Runs per chunk where the map file does not say: a 16th of the map within these bounds. A batch of 1000 runs costs more than
+twice as much per run as one of 16 000, which is as cheap as any."""
 ENGINE_CHUNK = 4
 """The same for engines, whose runs take seconds."""
 

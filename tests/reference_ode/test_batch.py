@@ -1,14 +1,24 @@
 """Many runs at once: each equals the single run, and an independent integrator's; bad runs disturb no other."""
 
-import multiprocessing
+import dataclasses
+import os
 
 import numpy as np
 import pytest
 
 from looping_pendulum.errors import ParameterError
-from looping_pendulum.reference_ode import batch
-from looping_pendulum.reference_ode.batch import ENDS, FAILED, BatchResult, sample_batch, sequence_hash, solve_batch
-from looping_pendulum.reference_ode.batch.result import summary
+from looping_pendulum.reference_ode.batch import (
+    ENDS,
+    FAILED,
+    BatchResult,
+    sample_batch,
+    schedule,
+    sequence_hash,
+    sharing,
+    solve_batch,
+)
+from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, summary
+from looping_pendulum.reference_ode.batch.steps import UNSURE, Stepper
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators, solve
 from looping_pendulum.reference_ode.transitions import Mode
@@ -120,7 +130,7 @@ def test_impossible_runs_are_marked_and_disturb_no_other():
     found = solve_batch(BASE, bad)
     assert np.all(found.end[6:] == FAILED)
     assert np.all(np.isnan(found.end_time[6:]))
-    assert_equal(BatchResult(**{name: getattr(found, name)[:6] for name in (*COUNTS, *TIMES_AND_PLACES)}), expected, bound=1e-9)
+    assert_equal(part(found, slice(6)), expected, bound=1e-9)
 
 
 def test_effects_that_add_to_the_state_are_run_one_after_another():
@@ -151,29 +161,110 @@ def test_processes_share_the_work_and_report_it():
     assert seen == sorted(seen)
 
 
-def test_a_helping_process_takes_what_nobody_has_taken(monkeypatch):
-    """As such a process would, but here, where it does not matter which one is faster."""
-    columns = {"release_angle": np.radians(np.linspace(70.0, 110.0, 7)), "heavy_swing": np.full(7, 0.1)}
-    taken = multiprocessing.get_context("spawn").Value("q", 3)
-    monkeypatch.setattr(batch, "_taken", taken)
-    parts = batch._solve_shares(BASE, columns, DURATION, TOLERANCE, processes=2)
-    assert list(parts) == [3, 5, 6]
-    assert taken.value == 7
-    rest = {name: values[3:] for name, values in columns.items()}
-    assert_equal(batch.BatchResult.joined(list(parts.values())), solve_batch(BASE, rest), bound=0.0)
+@pytest.mark.parametrize("swing", [0.0, 0.1])
+def test_a_helping_process_takes_what_nobody_has_taken(monkeypatch, swing):
+    """As such a process would, but here, where it does not matter which one is faster. With a swing runs go one by one."""
+    columns = {"release_angle": np.radians(np.linspace(70.0, 110.0, 7))} | ({"heavy_swing": np.full(7, swing)} if swing else {})
+    job = sharing.Job.of(BASE, columns, 7, DURATION, TOLERANCE, processes=2)
+    job.taken.value = 3
+    found = BatchResult.empty(7, job.results)
+    monkeypatch.setattr(sharing, "_job", job, raising=False)
+    sharing._help()
+    assert job.taken.value == 7
+    assert job.ended.value == 4
+    assert np.all(found.end[:3] == FAILED)
+    assert_equal(part(found, slice(3, 7)), solve_batch(BASE, {name: values[3:] for name, values in columns.items()}), bound=0.0)
 
 
-@pytest.mark.parametrize("n", [0, 1, 7, 50_000, 1_000_000])
-@pytest.mark.parametrize("processes", [2, 5])
-def test_shares_are_all_the_runs_and_small_in_the_end(n, processes):
-    left, shares = n, []
-    while left:
-        shares.append(batch._share(left, processes))
-        left -= shares[-1]
-    assert left == 0
-    assert shares == sorted(shares, reverse=True)
-    assert not shares or shares[-1] <= min(batch.LEAST_SHARE, -(-n // processes))
-    assert len(shares) < 100
+class Deadly(Parameters):
+    """Ends the process that it travels to."""
+
+    def __reduce__(self):
+        return os._exit, (1,)
+
+
+def test_the_runs_of_a_helping_process_that_dies_are_run_again():
+    """As if it had taken four of six: one is impossible, so it stays failed."""
+    columns = {"release_angle": np.radians([70.0, 80.0, 90.0, 100.0, 400.0, 110.0]), "heavy_swing": np.full(6, 0.1)}
+    deadly = Deadly(**{field.name: getattr(BASE, field.name) for field in dataclasses.fields(Parameters)})
+    job = sharing.Job.of(deadly, columns, 6, DURATION, TOLERANCE, processes=2)
+    job.taken.value = 4
+    found = BatchResult.empty(6, job.results)
+    sharing.work_together(job, None)
+    assert_equal(found, solve_batch(BASE, columns), bound=0.0)
+    assert np.flatnonzero(found.end == FAILED).tolist() == [4]
+
+
+@pytest.mark.parametrize("processes", [1, 2, 5])
+def test_of_the_last_runs_a_process_takes_only_its_share(processes):
+    job = sharing.Job.of(BASE, {"heavy_mass": np.ones(1000)}, 1000, DURATION, TOLERANCE, processes)
+    runs, taken = sharing.Runs(job), []
+    while len(some := runs.take(300)):
+        taken.append(len(some))
+    assert sum(taken) == 1000
+    assert taken == sorted(taken, reverse=True)
+    assert taken[0] == min(300, 1000 // processes)
+    assert taken[-1] <= max(1, taken[-2] // processes + 1)
+    np.testing.assert_array_equal(runs.mine(), np.arange(1000))
+
+
+@pytest.mark.parametrize("at_once", [24, 100_000])
+def test_results_do_not_depend_on_what_runs_beside(monkeypatch, at_once):
+    """Not in the last bit: neither on order, nor on how a batch is cut, nor on how many runs are under way."""
+    columns = random_columns(400, seed=5, pushed=True)
+    whole = solve_batch(BASE, columns)
+    monkeypatch.setattr(schedule, "AT_ONCE", at_once)
+    order = np.random.default_rng(1).permutation(400)
+    mixed = solve_batch(BASE, {name: values[order] for name, values in columns.items()})
+    assert_equal(mixed, part(whole, order), bound=0.0)
+    for cut in (slice(0, 1), slice(1, 8), slice(8, 301)):
+        alone = solve_batch(BASE, {name: values[cut] for name, values in columns.items()})
+        assert_equal(alone, part(whole, cut), bound=0.0)
+
+
+def part(result, runs):
+    return BatchResult(**{name: getattr(result, name)[runs] for name in (*COUNTS, *TIMES_AND_PLACES)})
+
+
+def test_the_quick_search_finds_what_the_sure_one_finds(monkeypatch):
+    """Oracle: the search that bounds the number of roots from above, on every step of a batch that may have an event."""
+    compared = {"sure": 0, "unsure": 0}
+    meet = Stepper.meet
+
+    def both(self, data):
+        moved, event = meet(self, data)
+        expected, expected_event = self.search(data)
+        sure = event != UNSURE
+        np.testing.assert_array_equal(event[sure], expected_event[sure])
+        np.testing.assert_allclose(moved[:, sure], expected[:, sure], rtol=1e-12, atol=1e-12)
+        compared["sure"] += np.count_nonzero(sure)
+        compared["unsure"] += np.count_nonzero(~sure)
+        return moved, event
+
+    monkeypatch.setattr(Stepper, "meet", both)
+    solve_batch(BASE, random_columns(1000, seed=17, pushed=True))
+    assert compared["sure"] > 5000
+    assert 0 < compared["unsure"] < 0.02 * compared["sure"]
+
+
+def test_a_run_with_too_many_steps_is_left_to_the_single_integrator(monkeypatch):
+    columns = random_columns(5, seed=2)
+    expected = solve_batch(BASE, columns)
+    monkeypatch.setattr(schedule, "MAX_STEPS", 20)
+    singly = []
+    monkeypatch.setattr(sharing, "solve", lambda *a, **k: singly.append(solve(*a, **k)) or singly[-1])
+    assert_equal(solve_batch(BASE, columns), expected, bound=1e-9)
+    assert len(singly) == 5
+
+
+def test_processes_see_each_others_results():
+    memory = bytearray(3 * BYTES_PER_RUN)
+    mine, other = BatchResult.empty(3, memory), BatchResult.over(memory, 3)
+    assert len({getattr(other, name).__array_interface__["data"][0] for name in (*COUNTS, *TIMES_AND_PLACES)}) == 12
+    for i, name in enumerate((*COUNTS, *TIMES_AND_PLACES)):
+        getattr(mine, name)[:] = [i, i + 1, i + 2]
+    for i, name in enumerate((*COUNTS, *TIMES_AND_PLACES)):
+        assert getattr(other, name).tolist() == [i, i + 1, i + 2]
 
 
 def test_trajectories_on_request():
@@ -196,6 +287,11 @@ def test_trajectories_on_request():
 def test_bad_columns_are_refused_in_one_line(columns, message):
     with pytest.raises(ParameterError, match=message):
         solve_batch(BASE, columns)
+
+
+def test_no_process_at_all_is_refused():
+    with pytest.raises(ParameterError, match="processes: found 0, needed 1 or more"):
+        solve_batch(BASE, {"heavy_mass": np.ones(2)}, processes=0)
 
 
 def test_the_hash_tells_sequences_apart():

@@ -7,6 +7,7 @@ import pytest
 
 hy = pytest.importorskip("heyoka")
 
+from looping_pendulum.reference_ode.batch.compiled import Compiled  # noqa: E402
 from looping_pendulum.reference_ode.batch.roots import first_falls  # noqa: E402
 from looping_pendulum.reference_ode.batch.series import Book  # noqa: E402
 
@@ -32,6 +33,16 @@ def test_series_of_the_elementary_functions():
 
 def _binomial(a, n):
     return math.prod((a - k) / (k + 1) for k in range(n))
+
+
+def test_a_compiled_function_gives_each_column_the_same_wherever_it_stands():
+    x, y = hy.make_vars("x", "y")
+    function = Compiled([hy.exp(x) * hy.sin(y) + 1.0 / y, hy.log(x) - y], [x, y])
+    data = np.random.default_rng(0).uniform(0.1, 3.0, (2, 19))
+    whole = function(data)
+    np.testing.assert_allclose(whole, [np.exp(data[0]) * np.sin(data[1]) + 1 / data[1], np.log(data[0]) - data[1]], rtol=1e-14)
+    for i in range(19):
+        np.testing.assert_array_equal(function(data[:, i : i + 1])[:, 0], whole[:, i])
 
 
 def test_equal_operations_are_made_once():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,12 +60,21 @@ class BatchResult:
         return len(self.end)
 
     @classmethod
-    def empty(cls, n: int) -> BatchResult:
-        """Results of ``n`` runs, all marked as failed until they are filled in."""
-        columns: dict[str, Any] = {}
+    def empty(cls, n: int, memory: Any = None) -> BatchResult:
+        """Results of ``n`` runs, all marked as failed until they are filled in; ``memory``: as `over`."""
+        result = cls.over(bytearray(n * BYTES_PER_RUN) if memory is None else memory, n)
         for field in dataclasses.fields(cls):
-            kind, start = _COLUMN_KINDS.get(field.name, (np.float64, np.nan))
-            columns[field.name] = np.full(n, start, dtype=kind)
+            getattr(result, field.name)[:] = _column_kind(field.name)[1]
+        return result
+
+    @classmethod
+    def over(cls, memory: Any, n: int) -> BatchResult:
+        """The results of ``n`` runs that a buffer of ``n`` times `BYTES_PER_RUN` holds, which processes may share."""
+        columns, offset = {}, 0
+        for name in sorted((field.name for field in dataclasses.fields(cls)), key=lambda name: -_column_kind(name)[0].itemsize):
+            kind = _column_kind(name)[0]
+            columns[name] = np.frombuffer(memory, kind, count=n, offset=offset)
+            offset += n * kind.itemsize
         return cls(**columns)
 
     def put(self, runs: NDArray[np.int64], part: BatchResult) -> None:
@@ -73,20 +82,23 @@ class BatchResult:
         for field in dataclasses.fields(self):
             getattr(self, field.name)[runs] = getattr(part, field.name)
 
-    @classmethod
-    def joined(cls, parts: Sequence[BatchResult]) -> BatchResult:
-        """The results of several batches, one after another."""
-        names = [field.name for field in dataclasses.fields(cls)]
-        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
-
-_COLUMN_KINDS: dict[str, tuple[type, float]] = {
+_COLUMN_KINDS: dict[str, tuple[Any, float]] = {
     "stops": (np.int32, 0),
     "reslips": (np.int32, 0),
     "slack_intervals": (np.int32, 0),
     "end": (np.int8, FAILED),
     "sequence": (np.uint64, 0),
 }
+
+
+def _column_kind(name: str) -> tuple[np.dtype[Any], float]:
+    """Type of a column of results, and what it holds of a run that failed."""
+    kind, start = _COLUMN_KINDS.get(name, (np.float64, np.nan))
+    return np.dtype(kind), start
+
+
+BYTES_PER_RUN = sum(_column_kind(field.name)[0].itemsize for field in dataclasses.fields(BatchResult))
 
 
 def sequence_hash(modes: Iterable[int]) -> int:

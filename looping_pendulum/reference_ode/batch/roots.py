@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import comb
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from looping_pendulum.reference_ode.batch.compiled import Compiled
 from looping_pendulum.reference_ode.geometry import Array
 
 DEEPEST = 50
@@ -34,10 +35,9 @@ def first_falls(polynomials: Array) -> Array:
     first = np.full(polynomials.shape[1], np.inf)
     if not len(first):
         return first
-    found = _look(degree)(np.ascontiguousarray(polynomials), batch_parallel=False)
+    found = _look(degree)(polynomials)
     bernstein, roots, moved = found[:-2], found[-2], found[-1]
     owner, low, width = np.arange(len(first)), np.zeros(len(first)), 1.0
-    left, right = _halvings(degree)
     for depth in range(DEEPEST):
         positive = bernstein > 0
         changes = np.count_nonzero(positive[1:] != positive[:-1], axis=0)
@@ -49,7 +49,8 @@ def first_falls(polynomials: Array) -> Array:
         open_ = np.flatnonzero((changes > 1) & (low < first[owner]))
         if not len(open_):
             return first
-        bernstein = np.concatenate([left @ bernstein[:, open_], right @ bernstein[:, open_]], axis=1)
+        halves = _halves(degree)(bernstein[:, open_])
+        bernstein = np.concatenate([halves[: degree + 1], halves[degree + 1 :]], axis=1)
         width *= 0.5
         owner, low = np.tile(owner[open_], 2), np.concatenate([low[open_], low[open_] + width])
     return first
@@ -60,7 +61,7 @@ def _bracketed(polynomials: Array, low: Array, width: float) -> Array:
     if not len(low):
         return low
     high = low + width
-    x = 0.5 * (low + high)
+    x, found = 0.5 * (low + high), np.zeros(len(low), dtype=bool)
     slopes = polynomials[1:] * np.arange(1.0, len(polynomials))[:, None]
     for _ in range(POLISHINGS):
         value = values(polynomials, x)
@@ -69,9 +70,8 @@ def _bracketed(polynomials: Array, low: Array, width: float) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
             newton = x - value / values(slopes, x)
         better = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
-        moved = np.abs(better - x).max()
-        x = better
-        if moved < CLOSE:
+        x, found = np.where(found, x, better), found | (np.abs(better - x) < CLOSE)
+        if found.all():
             break
     return x
 
@@ -86,25 +86,57 @@ def values(polynomials: Array, x: Array) -> Array:
     return value
 
 
-@lru_cache(maxsize=8)
-def _look(degree: int) -> Any:
-    """Compiled: coefficients -> those in Bernstein's basis, the root that Newton's method finds, the size of its last step."""
+def horner(coefficients: list[Any], x: Any) -> Any:
+    """The expression of a polynomial, coefficients of ascending powers, at ``x``."""
+    value = coefficients[-1]
+    for coefficient in coefficients[-2::-1]:
+        value = value * x + coefficient
+    return value
+
+
+class Look(NamedTuple):
+    """Expressions of what is easily seen of a polynomial on [0, 1]."""
+
+    bernstein: list[Any]
+    """Coefficients in Bernstein's basis; the first and the last are the values at 0 and 1."""
+    root: Any
+    """The root that Newton's method finds."""
+    moved: Any
+    """Size of its last step."""
+
+
+def look(c: list[Any]) -> Look:
+    """Look at the polynomial with coefficients ``c`` of ascending powers."""
     import heyoka as hy
 
-    c = [hy.expression(f"c{k}") for k in range(degree + 1)]
+    degree = len(c) - 1
     bernstein = [hy.sum([comb(k, j) / comb(degree, j) * c[j] for j in range(k + 1)]) for k in range(degree + 1)]
-    before = x = c[0] / (c[0] - bernstein[-1])  # the secant's: the last is the value at 1
+    before = x = c[0] / (c[0] - bernstein[-1])  # the secant's
     for _ in range(NEWTON_STEPS):
         value, slope = c[-1] * x + c[-2], c[-1]
         for coefficient in c[-3::-1]:
             value, slope = value * x + coefficient, slope * x + value
         before, x = x, x - value / slope
     moved = x - before
-    return hy.cfunc([*bernstein, x, hy.select(hy.lt(moved, 0.0), -moved, moved)], c)
+    return Look(bernstein, x, hy.select(hy.lt(moved, 0.0), -moved, moved))
 
 
 @lru_cache(maxsize=8)
-def _halvings(degree: int) -> tuple[Array, Array]:
-    """Matrices that give Bernstein coefficients on either half of an interval (de Casteljau)."""
-    left = np.array([[comb(k, j) / 2.0**k for j in range(degree + 1)] for k in range(degree + 1)])
-    return left, left[::-1, ::-1].copy()
+def _look(degree: int) -> Compiled:
+    """Compiled: coefficients -> `Look`."""
+    import heyoka as hy
+
+    c = [hy.expression(f"c{k}") for k in range(degree + 1)]
+    found = look(c)
+    return Compiled([*found.bernstein, found.root, found.moved], c)
+
+
+@lru_cache(maxsize=8)
+def _halves(degree: int) -> Compiled:
+    """Compiled: coefficients in Bernstein's basis -> those on the left half and on the right half (de Casteljau)."""
+    import heyoka as hy
+
+    b = [hy.expression(f"b{k}") for k in range(degree + 1)]
+    left = [hy.sum([comb(k, j) / 2.0**k * b[j] for j in range(k + 1)]) for k in range(degree + 1)]
+    right = [hy.sum([comb(k, j) / 2.0**k * b[degree - j] for j in range(k + 1)]) for k in range(degree + 1)]
+    return Compiled([*left, *right[::-1]], b)

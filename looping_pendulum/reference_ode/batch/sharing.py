@@ -1,0 +1,197 @@
+"""How one process or several share the runs of a batch."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.errors import HarnessError
+from looping_pendulum.reference_ode.batch.numbers import Columns, member, numbers_of, possible
+from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult, summary
+from looping_pendulum.reference_ode.batch.schedule import Schedule
+from looping_pendulum.reference_ode.batch.steps import covered
+from looping_pendulum.reference_ode.effects import COEFFICIENTS
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.solve import available_integrators, solve
+
+_SPAWN = multiprocessing.get_context("spawn")
+"""Not forked: a copy of a process whose libraries have threads may hang."""
+Index = NDArray[np.int64]
+Progress = Callable[[int, int], None]
+"""Called with the number of runs that are done, and of all."""
+
+
+class _Count:
+    """A number that only this process has; otherwise as `multiprocessing.Value`."""
+
+    value = 0
+
+    def get_lock(self) -> AbstractContextManager[None]:
+        """Nothing to wait for."""
+        return nullcontext()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """A batch, as the processes that work on it share it."""
+
+    base: Parameters
+    names: tuple[str, ...]
+    """Of the columns."""
+    n: int
+    """How many runs."""
+    duration: float
+    tolerance: float
+    processes: int
+    values: Any
+    """Buffer of the columns' numbers, one column after another."""
+    results: Any
+    """Buffer of the results (`BatchResult.over`)."""
+    taken: Any
+    """How many runs have been taken by some process."""
+    ended: Any
+    """How many runs have ended."""
+
+    @classmethod
+    def of(cls, base: Parameters, columns: Columns, n: int, duration: float, tolerance: float, processes: int) -> Job:
+        """A batch of which nothing has been done yet."""
+        numbers, size = n * len(columns), n * BYTES_PER_RUN
+        alone = processes == 1
+        job = cls(
+            base=base,
+            names=tuple(columns),
+            n=n,
+            duration=duration,
+            tolerance=tolerance,
+            processes=processes,
+            values=np.empty(numbers) if alone else _SPAWN.RawArray("d", numbers),
+            results=bytearray(size) if alone else _SPAWN.RawArray("b", size),
+            taken=_Count() if alone else _SPAWN.Value("q", 0),
+            ended=_Count() if alone else _SPAWN.Value("q", 0),
+        )
+        for name, values in job.columns().items():
+            values[:] = columns[name]
+        return job
+
+    def columns(self) -> dict[str, Array]:
+        """The columns, by name."""
+        values = np.frombuffer(self.values) if self.n else np.empty(0)
+        return dict(zip(self.names, values.reshape(len(self.names), self.n), strict=True))
+
+
+class Runs:
+    """The runs of a batch: who takes which, and their numbers."""
+
+    def __init__(self, job: Job, progress: Progress | None = None) -> None:
+        self.job, self.all, self._progress = job, job.n, progress
+        self.columns = job.columns()
+        self._mine: list[Index] = []
+
+    def take(self, most: int) -> Index:
+        """The next runs; of the last ones only a share, so that all processes end together."""
+        taken = self.job.taken
+        with taken.get_lock():
+            start = taken.value
+            taken.value = end = start + min(most, -(-(self.all - start) // self.job.processes))
+        runs = np.arange(start, end)
+        self._mine.append(runs)
+        return runs
+
+    def mine(self) -> Index:
+        """What this process has taken."""
+        return np.concatenate([*self._mine, np.arange(0)])
+
+    def numbers(self, runs: Index) -> dict[str, Any]:
+        """Every number that the equations need, by name: one value, or one per run."""
+        return numbers_of(self.job.base, {name: values[runs] for name, values in self.columns.items()})
+
+    def take_possible(self, most: int) -> tuple[Index, dict[str, Any]]:
+        """The next runs whose values `Parameters` does not refuse, and their numbers."""
+        while len(runs := self.take(most)):
+            numbers = self.numbers(runs)
+            can = possible(numbers, len(runs))
+            if can.any():
+                return runs[can], {name: v[can] if np.ndim(v) else v for name, v in numbers.items()}
+        return runs, {}
+
+    def singly(self) -> Iterator[int]:
+        """The next runs, one by one."""
+        while len(run := self.take(1)):
+            yield int(run[0])
+
+    def done(self, runs: int) -> None:
+        """Count runs that have ended."""
+        with self.job.ended.get_lock():
+            self.job.ended.value = ended = self.job.ended.value + runs
+        if self._progress is not None:
+            self._progress(ended, self.all)
+
+
+def work(runs: Runs) -> None:
+    """Take runs until none are left, and fill in their results."""
+    job, result = runs.job, BatchResult.over(runs.job.results, runs.job.n)
+    effects = job.base.effects_with([name for name in job.names if name in COEFFICIENTS])
+    if "heyoka" in available_integrators() and covered(effects):
+        Schedule(runs, result, effects, job.base.release, job.duration, job.tolerance).run()
+        mine = runs.mine()
+        left = iter(mine[result.end[mine] == FAILED].tolist())  # a single run says what is wrong with these
+    else:
+        left = runs.singly()
+    for i in left:
+        try:
+            run = solve(member(job.base, runs.columns, i), duration=job.duration, tolerance=job.tolerance)
+        except (HarnessError, ArithmeticError):
+            pass
+        else:
+            for name, value in summary(run).items():
+                getattr(result, name)[i] = value
+        runs.done(1)
+
+
+def work_together(job: Job, progress: Progress | None) -> None:
+    """Do as `work`, with helping processes. The runs of one that dies are run again here."""
+    with ProcessPoolExecutor(job.processes - 1, mp_context=_SPAWN, initializer=_take_part, initargs=(job,)) as pool:
+        others = [pool.submit(_help) for _ in range(job.processes - 1)]
+        try:
+            work(Runs(job, progress))
+            for other in others:
+                other.result()
+        except BrokenProcessPool:
+            _work_again(job)
+        finally:
+            job.taken.value = job.n  # so that after an interrupt the others take no more
+    if progress is not None:
+        progress(job.n, job.n)
+
+
+def _work_again(job: Job) -> None:
+    """Run what has no result, in this process."""
+    result = BatchResult.over(job.results, job.n)
+    left = np.flatnonzero(result.end == FAILED)
+    columns = {name: values[left] for name, values in job.columns().items()}
+    rest = Job.of(job.base, columns, len(left), job.duration, job.tolerance, processes=1)
+    found = BatchResult.empty(len(left), rest.results)
+    work(Runs(rest))
+    result.put(left, found)
+
+
+_job: Job
+"""Of a helping process."""
+
+
+def _take_part(job: Job) -> None:
+    global _job
+    _job = job
+
+
+def _help() -> None:
+    work(Runs(_job))
