@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.reference_ode.batch.compiled import LEADING, vector_size
+from looping_pendulum.reference_ode.batch.compiled import LEADING, filler
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
 
@@ -27,9 +27,8 @@ class Block:
     def joined(cls, blocks: Sequence[Block], whole_vectors: bool = False) -> Block:
         """Columns of all, one block after another; ``whole_vectors``: with copies of the last one that fill whole vectors."""
         tables = [block.table for block in blocks]
-        missing = -sum(map(len, blocks)) % vector_size() if whole_vectors else 0
-        if missing:
-            tables.append(tables[-1][:, -1:].repeat(missing, axis=1))
+        if whole_vectors:
+            tables += filler(tables[-1], sum(map(len, blocks)))
         return cls(np.concatenate(tables, axis=1) if len(tables) > 1 else tables[0])
 
     def __len__(self) -> int:

@@ -26,7 +26,6 @@ LEADING = (*STATE, "time", *SIGNS, "duration")
 """What a run is described by, before the numbers of its apparatus."""
 UNREAD = {"light_radius", "hanging_length"}
 """Numbers that only others are made of; no equation reads them."""
-ROW = {name: row for row, name in enumerate(LEADING)}
 
 
 class Model(NamedTuple):
@@ -58,7 +57,8 @@ class Compiled:
         What comes of a column does not depend on where it stands, nor on the others: all are computed by vector instructions.
         """
         n = data.shape[1]
-        return self.whole_vectors(data if n % vector_size() == 0 else data.take(whole_vectors(np.arange(n)), axis=1))[:, :n]
+        more = filler(data, n)
+        return self.whole_vectors(np.concatenate([data, *more], axis=1) if more else data)[:, :n]
 
     def whole_vectors(self, data: Array) -> Array:
         """The same for a number of columns that fills whole vectors."""
@@ -74,10 +74,10 @@ def vector_size() -> int:
     return int(hy.recommended_simd_size())
 
 
-def whole_vectors(columns: Any) -> Any:
-    """Numbers of columns, the last one repeated until they fill whole vectors."""
-    missing = -len(columns) % vector_size()
-    return np.concatenate([columns, columns[-1:].repeat(missing)]) if missing else columns
+def filler(table: Array, n: int) -> list[Array]:
+    """What ``n`` columns, the last one that of ``table``, lack to fill whole vectors: copies of the last, if anything."""
+    missing = -n % vector_size()
+    return [table[:, -1:].repeat(missing, axis=1)] if missing else []
 
 
 def expression(x: Any) -> Any:
