@@ -21,9 +21,9 @@ from looping_pendulum.sweep.quantities import columns
 
 REFERENCE = "reference"
 """Engine that is run in batches, in the chunk's own process."""
-SMALLEST_CHUNK, LARGEST_CHUNK, CHUNKS = 256, 16384, 16
-"""Runs per chunk where the map file does not say: a 16th of the map within these bounds. A batch of 1000 runs costs more than
-twice as much per run as one of 16 000, which is as cheap as any."""
+SMALLEST_CHUNK, LARGEST_CHUNK, CHUNKS = 256, 65536, 16
+"""Runs per chunk where the map file does not say: a 16th of the map within these bounds. A batch costs 0.04 s and 25 us per
+run, and writing a chunk 0.03 s."""
 ENGINE_CHUNK = 4
 """The same for engines, whose runs take seconds."""
 
