@@ -14,7 +14,7 @@ from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.effects.types import TURN
 from looping_pendulum.reference_ode.geometry import Array, light_position, light_velocity
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.state import Signs, State, own_variables, string_path, winding, winds
+from looping_pendulum.reference_ode.state import Signs, State, heavy_drop, own_variables, winding, winds
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 
 NO_SPEED = 1e-200
@@ -80,7 +80,7 @@ class Run:
     def heavy_drop(self, state: State) -> Array:
         """How far the heavy mass is below its release [m] in states of this run (numbers or arrays)."""
         overlap = _overlap(state) if winds(self.parameters.effects) else 0.0
-        return np.asarray(_heavy_drop(np, state, overlap, self.parameters))
+        return np.asarray(heavy_drop(np, state, overlap, self.parameters.values(), self.parameters.effects))
 
     def _repr_html_(self) -> str:
         """Show this in a notebook."""
@@ -152,18 +152,12 @@ def light_place(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple[Any, An
 
 def heavy_place(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple[Any, Any]:
     """Heavy mass (x, y) [m], as `light_place`."""
-    height = -p.hanging_length - _heavy_drop(xp, s, overlap, p)
+    height = -p.hanging_length - heavy_drop(xp, s, overlap, p.values(), p.effects)
     if "heavy_tilt" not in own_variables(p.effects):
         return p.rod_radius, height
     length = p.rod_radius * (s.heavy_tilt - p.coefficients["heavy_swing"]) - height
     cosine, sine = xp.cos(s.heavy_tilt), xp.sin(s.heavy_tilt)
     return p.rod_radius * cosine + length * sine, p.rod_radius * sine - length * cosine
-
-
-def _heavy_drop(xp: Any, s: State, overlap: Any, p: Parameters) -> Any:
-    """How far the heavy mass is below its release [m]."""
-    path = string_path(xp, s, overlap, p.values(), p.effects) + s.slack
-    return p.free_length + p.rod_radius * p.release_angle - path
 
 
 @dataclass(frozen=True, kw_only=True)

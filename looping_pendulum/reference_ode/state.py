@@ -141,6 +141,12 @@ def string_path(xp: Any, y: State, overlap: Any, p: Any, effects: Effects) -> An
     return xp.sqrt(path * path + y.sideways * y.sideways) if "sideways" in own_variables(effects) else path
 
 
+def heavy_drop(xp: Any, y: State, overlap: Any, p: Any, effects: Effects) -> Any:
+    """How far the heavy mass is below its release [m]: what the light side has lost of the string, slack included."""
+    path = string_path(xp, y, overlap, p, effects) + y.slack
+    return p.free_length + p.rod_radius * p.release_angle - path
+
+
 def kinematics(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effects: Effects) -> Kinematics:
     """What the effects may depend on, with absolute values written through their signs."""
     own = own_variables(effects)

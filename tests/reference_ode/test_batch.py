@@ -167,11 +167,11 @@ def test_a_helping_process_takes_what_nobody_has_taken(monkeypatch, swing):
     columns = {"release_angle": np.radians(np.linspace(70.0, 110.0, 7))} | ({"heavy_swing": np.full(7, swing)} if swing else {})
     job = sharing.Job.of(BASE, columns, 7, DURATION, TOLERANCE, processes=2)
     job.taken.value = 3
-    found = BatchResult.empty(7, job.results)
     monkeypatch.setattr(sharing, "_job", job, raising=False)
     sharing._help()
     assert job.taken.value == 7
     assert job.ended.value == 4
+    found = job.result()
     assert np.all(found.end[:3] == FAILED)
     assert_equal(part(found, slice(3, 7)), solve_batch(BASE, {name: values[3:] for name, values in columns.items()}), bound=0.0)
 
@@ -189,8 +189,8 @@ def test_the_runs_of_a_helping_process_that_dies_are_run_again():
     deadly = Deadly(**{field.name: getattr(BASE, field.name) for field in dataclasses.fields(Parameters)})
     job = sharing.Job.of(deadly, columns, 6, DURATION, TOLERANCE, processes=2)
     job.taken.value = 4
-    found = BatchResult.empty(6, job.results)
     sharing.work_together(job, None)
+    found = job.result()
     assert_equal(found, solve_batch(BASE, columns), bound=0.0)
     assert np.flatnonzero(found.end == FAILED).tolist() == [4]
 
@@ -259,7 +259,7 @@ def test_a_run_with_too_many_steps_is_left_to_the_single_integrator(monkeypatch)
 
 def test_processes_see_each_others_results():
     memory = bytearray(3 * BYTES_PER_RUN)
-    mine, other = BatchResult.empty(3, memory), BatchResult.over(memory, 3)
+    mine, other = BatchResult.over(memory, 3), BatchResult.over(memory, 3)
     assert len({getattr(other, name).__array_interface__["data"][0] for name in (*COUNTS, *TIMES_AND_PLACES)}) == 12
     for i, name in enumerate((*COUNTS, *TIMES_AND_PLACES)):
         getattr(mine, name)[:] = [i, i + 1, i + 2]

@@ -57,12 +57,11 @@ def solve_batch(
     if processes < 1:
         raise ParameterError(f"processes: found {processes}, needed 1 or more")
     job = Job.of(base, columns, n, duration, tolerance, max(1, min(processes, n)))
-    result = BatchResult.empty(n, job.results)
     if job.processes == 1:
         work(Runs(job, progress))
     else:
         work_together(job, progress)
-    return result
+    return job.result()
 
 
 def sample_batch(

@@ -16,7 +16,7 @@ from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.batch.series import Book, Series
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.state import Effects, Signs, State, string_path
+from looping_pendulum.reference_ode.state import Effects, Signs, State, heavy_drop
 from looping_pendulum.reference_ode.transitions import Mode
 
 STATE = State._fields[: State._fields.index("slack") + 1]
@@ -88,6 +88,14 @@ def expression(x: Any) -> Any:
     return hy.expression(float(x)) if isinstance(x, (int, float)) else x
 
 
+def size(x: Any) -> Any:
+    """Absolute value, as an expression."""
+    import heyoka as hy
+
+    x = expression(x)
+    return hy.select(hy.lt(x, 0.0), -x, x)
+
+
 class Symbols:
     """A run's numbers as series for the equations."""
 
@@ -140,8 +148,7 @@ def impact(model: Model, slide: float) -> Compiled:
 
 @lru_cache(maxsize=64)
 def drop(model: Model) -> Compiled:
-    """How far the heavy mass is below its release [m]: what the light side has lost of the string, slack included."""
+    """`state.heavy_drop`, of a string that does not lie on itself."""
     symbols = Symbols(model)
     _, y, _, p = symbols.instant()
-    path = string_path(symbols.book, y, 0.0, p, model.effects) + y.slack
-    return Compiled([p.free_length + p.rod_radius * p.release_angle - path], symbols.inputs)
+    return Compiled([heavy_drop(symbols.book, y, 0.0, p, model.effects)], symbols.inputs)

@@ -60,11 +60,10 @@ class BatchResult:
         return len(self.end)
 
     @classmethod
-    def empty(cls, n: int, memory: Any = None) -> BatchResult:
-        """Results of ``n`` runs, all marked as failed until they are filled in; ``memory``: as `over`."""
-        result = cls.over(bytearray(n * BYTES_PER_RUN) if memory is None else memory, n)
-        for field in dataclasses.fields(cls):
-            getattr(result, field.name)[:] = _column_kind(field.name)[1]
+    def empty(cls, n: int) -> BatchResult:
+        """Results of ``n`` runs, all marked as failed until they are filled in."""
+        result = cls.over(bytearray(n * BYTES_PER_RUN), n)
+        result.clear()
         return result
 
     @classmethod
@@ -76,6 +75,11 @@ class BatchResult:
             columns[name] = np.frombuffer(memory, kind, count=n, offset=offset)
             offset += n * kind.itemsize
         return cls(**columns)
+
+    def clear(self) -> None:
+        """Mark all as failed."""
+        for field in dataclasses.fields(self):
+            getattr(self, field.name)[:] = _column_kind(field.name)[1]
 
     def put(self, runs: NDArray[np.int64], part: BatchResult) -> None:
         """Fill in ``runs`` with what became of them."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from math import comb
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from looping_pendulum.reference_ode.batch.compiled import Compiled
+from looping_pendulum.reference_ode.batch.compiled import Compiled, size
 from looping_pendulum.reference_ode.geometry import Array
 
 DEEPEST = 50
@@ -64,11 +65,11 @@ def _bracketed(polynomials: Array, low: Array, width: float) -> Array:
     x, found = 0.5 * (low + high), np.zeros(len(low), dtype=bool)
     slopes = polynomials[1:] * np.arange(1.0, len(polynomials))[:, None]
     for _ in range(POLISHINGS):
-        value = values(polynomials, x)
+        value = horner(polynomials, x)
         above = value > 0
         low, high = np.where(above, x, low), np.where(above, high, x)
         with np.errstate(divide="ignore", invalid="ignore"):
-            newton = x - value / values(slopes, x)
+            newton = x - value / horner(slopes, x)
         better = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
         x, found = np.where(found, x, better), found | (np.abs(better - x) < CLOSE)
         if found.all():
@@ -76,18 +77,8 @@ def _bracketed(polynomials: Array, low: Array, width: float) -> Array:
     return x
 
 
-def values(polynomials: Array, x: Array) -> Array:
-    """Polynomials, coefficients of ascending powers along the first axis, at ``x``."""
-    value: Array = polynomials[-1] * x
-    for coefficients in polynomials[-2:0:-1]:
-        value += coefficients
-        value *= x
-    value += polynomials[0]
-    return value
-
-
-def horner(coefficients: list[Any], x: Any) -> Any:
-    """The expression of a polynomial, coefficients of ascending powers, at ``x``."""
+def horner(coefficients: Sequence[Any] | Array, x: Any) -> Any:
+    """Polynomials at ``x``, numbers or expressions; coefficients of ascending powers, along the first axis of an array."""
     value = coefficients[-1]
     for coefficient in coefficients[-2::-1]:
         value = value * x + coefficient
@@ -117,8 +108,7 @@ def look(c: list[Any]) -> Look:
         for coefficient in c[-3::-1]:
             value, slope = value * x + coefficient, slope * x + value
         before, x = x, x - value / slope
-    moved = x - before
-    return Look(bernstein, x, hy.select(hy.lt(moved, 0.0), -moved, moved))
+    return Look(bernstein, x, size(x - before))
 
 
 @lru_cache(maxsize=8)

@@ -34,6 +34,8 @@ MAX_STEPS = 20_000
 Index = NDArray[np.int64]
 _NAMING = {Mode.SLIDING_UP: Mode.SLIDING_DOWN}
 """Modes that share another one's compiled step."""
+_LOST = -2
+"""In place of a kind of event: the run breaks down."""
 
 
 class Kind(Enum):
@@ -173,13 +175,13 @@ class Schedule:
         block["events"] += event >= 0
         lost = (block["steps"] >= MAX_STEPS) | (block["events"] > MAX_EVENTS) | ~np.isfinite(moved).all(axis=0)
         kinds = (block["mode"].astype(np.int64) * len(step.events) + event) * 2 + (block["phase"] > 0)
-        kinds[event == NONE] = -1
-        kinds[lost] = -2
+        kinds[event == NONE] = NONE
+        kinds[lost] = _LOST
         order = np.argsort(kinds, kind="stable")
         block, kinds = block.take(order), kinds[order]
         for start, end in pairwise([*np.flatnonzero(np.diff(kinds, prepend=np.nan)).tolist(), len(kinds)]):
             kind, part = int(kinds[start]), block.part(start, end)
-            if kind == -2:
+            if kind == _LOST:
                 self._fail(part)
             elif kind >= 0:
                 before = Mode(kind // (2 * len(step.events)))

@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.batch.numbers import Columns, member, numbers_of, possible
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult, summary
-from looping_pendulum.reference_ode.batch.schedule import Schedule
+from looping_pendulum.reference_ode.batch.schedule import Index, Schedule
 from looping_pendulum.reference_ode.batch.steps import covered
 from looping_pendulum.reference_ode.effects import COEFFICIENTS
 from looping_pendulum.reference_ode.geometry import Array
@@ -25,7 +24,6 @@ from looping_pendulum.reference_ode.solve import available_integrators, solve
 
 _SPAWN = multiprocessing.get_context("spawn")
 """Not forked: a copy of a process whose libraries have threads may hang."""
-Index = NDArray[np.int64]
 Progress = Callable[[int, int], None]
 """Called with the number of runs that are done, and of all."""
 
@@ -80,12 +78,17 @@ class Job:
         )
         for name, values in job.columns().items():
             values[:] = columns[name]
+        job.result().clear()
         return job
 
     def columns(self) -> dict[str, Array]:
         """The columns, by name."""
         values = np.frombuffer(self.values) if self.n else np.empty(0)
         return dict(zip(self.names, values.reshape(len(self.names), self.n), strict=True))
+
+    def result(self) -> BatchResult:
+        """The results, which other processes fill in, too."""
+        return BatchResult.over(self.results, self.n)
 
 
 class Runs:
@@ -138,7 +141,7 @@ class Runs:
 
 def work(runs: Runs) -> None:
     """Take runs until none are left, and fill in their results."""
-    job, result = runs.job, BatchResult.over(runs.job.results, runs.job.n)
+    job, result = runs.job, runs.job.result()
     effects = job.base.effects_with([name for name in job.names if name in COEFFICIENTS])
     if "heyoka" in available_integrators() and covered(effects):
         Schedule(runs, result, effects, job.base.release, job.duration, job.tolerance).run()
@@ -175,13 +178,12 @@ def work_together(job: Job, progress: Progress | None) -> None:
 
 def _work_again(job: Job) -> None:
     """Run what has no result, in this process."""
-    result = BatchResult.over(job.results, job.n)
+    result = job.result()
     left = np.flatnonzero(result.end == FAILED)
     columns = {name: values[left] for name, values in job.columns().items()}
     rest = Job.of(job.base, columns, len(left), job.duration, job.tolerance, processes=1)
-    found = BatchResult.empty(len(left), rest.results)
     work(Runs(rest))
-    result.put(left, found)
+    result.put(left, rest.result())
 
 
 _job: Job

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode import equations
-from looping_pendulum.reference_ode.batch.compiled import LEADING, Compiled, Model, Symbols, expression
-from looping_pendulum.reference_ode.batch.roots import CLOSE, first_falls, horner, look, values
+from looping_pendulum.reference_ode.batch.compiled import LEADING, Compiled, Model, Symbols, expression, size
+from looping_pendulum.reference_ode.batch.roots import CLOSE, first_falls, horner, look
 from looping_pendulum.reference_ode.batch.series import Series
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.state import Effects, complete, variables
@@ -78,7 +78,7 @@ class Stepper:
         falls = first_falls(changes.reshape(len(changes), -1)).reshape(changes.shape[1:])
         first, event = falls.min(axis=0), np.where(np.isfinite(falls).any(axis=0), falls.argmin(axis=0), NONE)
         whole = np.isfinite(coefficients).all(axis=(0, 1))
-        return values(motion, np.where(whole, np.minimum(first, 1.0), np.nan)), event
+        return horner(motion, np.where(whole, np.minimum(first, 1.0), np.nan)), event
 
     @cached_property
     def _expand(self) -> Compiled:
@@ -118,7 +118,7 @@ def _first_event(hy: Any, changes: list[list[Any]], lows: list[Any]) -> tuple[An
         falls = hy.logical_and([hy.eq(sign_changes, 1.0), hy.gt(above[0], 0.0)])
         rises = hy.logical_and([hy.eq(sign_changes, 1.0), hy.eq(above[0], 0.0)])
         clear = hy.logical_or([hy.gt(low, 0.0), hy.eq(sign_changes, 0.0), rises, hy.logical_and([falls, found])])
-        finite = hy.lt(hy.sum([_size(hy, term) for term in terms]), math.inf)
+        finite = hy.lt(hy.sum([size(term) for term in terms]), math.inf)
         sure = hy.select(hy.logical_and([clear, finite]), sure, 0.0)
         earlier = hy.logical_and([hy.lte(low, 0.0), falls, found, hy.lt(seen.root, first)])
         first, event = hy.select(earlier, seen.root, first), hy.select(earlier, hy.expression(float(i)), event)
@@ -134,19 +134,14 @@ def _step_length(hy: Any, moving: list[Series], watched: list[Series], order: in
     def largest(sizes: list[Any]) -> Any:
         return reduce(lambda a, b: _larger(hy, a, b), sizes)
 
-    scale = _larger(hy, largest([_size(hy, series[0]) for series in moving]), 1.0)
-    scales = [*(scale for _ in moving), *(_larger(hy, _size(hy, series[0]), 1.0) for series in watched)]
+    scale = _larger(hy, largest([size(series[0]) for series in moving]), 1.0)
+    scales = [*(scale for _ in moving), *(_larger(hy, size(series[0]), 1.0) for series in watched)]
     inverses = [1.0 / scale for scale in scales]
     lengths = []
     for n in (order - 1, order):
-        last = largest([_size(hy, series[n]) * inverse for series, inverse in zip(moving + watched, inverses, strict=True)])
+        last = largest([size(series[n]) * inverse for series, inverse in zip(moving + watched, inverses, strict=True)])
         lengths.append(hy.exp((math.log(LAST_TERM * tolerance) - hy.log(last)) * (1.0 / n)))
     return _smaller(hy, _smaller(hy, *lengths), LONGEST)
-
-
-def _size(hy: Any, x: Any) -> Any:
-    x = expression(x)
-    return hy.select(hy.lt(x, 0.0), -x, x)
 
 
 def _larger(hy: Any, a: Any, b: Any) -> Any:
