@@ -26,8 +26,9 @@ CSV_COLUMNS: tuple[tuple[str, Callable[[Trajectory], np.ndarray]], ...] = (
     ("free_length [m]", lambda run: run.free_length),
     ("wrap_angle [rad]", lambda run: run.wrap_angle),
     ("string_stretch [m]", lambda run: run.string_stretch),
-    ("light_tension [N]", lambda run: _or_nan(run.light_tension, run)),
-    ("heavy_tension [N]", lambda run: _or_nan(run.heavy_tension, run)),
+    ("string_slip [m]", lambda run: unknown_as_nan(run.string_slip, run)),
+    ("light_tension [N]", lambda run: unknown_as_nan(run.light_tension, run)),
+    ("heavy_tension [N]", lambda run: unknown_as_nan(run.heavy_tension, run)),
 )
 """Header with unit, and what stands under it; a last column ``mode`` has the mode's name."""
 
@@ -61,5 +62,6 @@ def file_stem(*parts: str) -> str:
     return re.sub(r"[^A-Za-z0-9.]+", "-", "-".join(p for p in parts if p)).strip("-.") or "run"
 
 
-def _or_nan(values: np.ndarray | None, run: Trajectory) -> np.ndarray:
+def unknown_as_nan(values: np.ndarray | None, run: Trajectory) -> np.ndarray:
+    """Return ``values`` of a run, shape (n,), or NaN at every sample where the engine does not say them."""
     return np.full(len(run.t), np.nan) if values is None else values

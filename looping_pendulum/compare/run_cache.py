@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from looping_pendulum import __version__
-from looping_pendulum.compare.export import file_stem, write_whole
+from looping_pendulum.compare.export import file_stem, unknown_as_nan, write_whole
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.engines.isolation import POLL_INTERVAL, identity, run_isolated
 from looping_pendulum.engines.memory import MEMORY_LIMIT
@@ -147,7 +147,8 @@ class RunCache:
             "versions": run.provenance.versions,
         }
         parts = (run.light_position, run.light_velocity, run.heavy_position, run.heavy_velocity)
-        rows = np.column_stack([run.t, *parts, run.string_stretch]).reshape(-1, len(COLUMNS))
+        slip = unknown_as_nan(run.string_slip, run)
+        rows = np.column_stack([run.t, *parts, run.string_stretch, slip]).reshape(-1, len(COLUMNS))
         out = io.BytesIO()
         np.savez_compressed(out, rows=rows, said=np.array(json.dumps(said)))
         write_whole(self.folder / f"{task.key}.npz", out.getvalue())

@@ -98,7 +98,7 @@ def _trajectory(path: Path | None, **fields: Any) -> Trajectory:
     def pair(mass: str, quantity: str = "") -> Array:
         return np.column_stack([column[f"{mass}_{quantity}x"], column[f"{mass}_{quantity}y"]])
 
-    def tension(name: str) -> Array | None:
+    def if_known(name: str) -> Array | None:
         return None if np.isnan(column[name]).all() else column[name]
 
     modes = [UNKNOWN_MODE if not row[-1] else Mode[row[-1].upper()] for row in cells]
@@ -111,9 +111,10 @@ def _trajectory(path: Path | None, **fields: Any) -> Trajectory:
         free_length=column["free_length"],
         wrap_angle=column["wrap_angle"],
         string_stretch=column["string_stretch"],
+        string_slip=if_known("string_slip"),
         mode=np.array(modes, dtype=np.int8),
-        light_tension=tension("light_tension"),
-        heavy_tension=tension("heavy_tension"),
+        light_tension=if_known("light_tension"),
+        heavy_tension=if_known("heavy_tension"),
         **fields,
     )
 

@@ -26,7 +26,7 @@ from looping_pendulum.engines import memory
 from looping_pendulum.engines.memory import MEMORY_LIMIT, held_memory, show_memory
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
 from looping_pendulum.engines.registry import how_to_get, missing_packages
-from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, Trajectory, from_samples
+from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, Trajectory, from_samples, whole_row
 from looping_pendulum.scenarios.scenario import Scenario
 
 TIME_LIMIT = 900.0
@@ -52,7 +52,7 @@ class FileRecorder:
 
     def add(self, row: Sequence[float]) -> None:
         """Keep one row of `COLUMNS`."""
-        self._file.write(np.array(row, dtype=float).tobytes())
+        self._file.write(np.array(whole_row(row), dtype=float).tobytes())
 
     def rows(self) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
         """All rows kept so far, shape (n, len(COLUMNS))."""

@@ -25,6 +25,7 @@ from looping_pendulum.engines.trajectory import (
     Supply,
     Trajectory,
     from_samples,
+    whole_row,
 )
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.effects import Effect, EffectKind
@@ -111,7 +112,7 @@ class MemoryRecorder:
 
     def add(self, row: Sequence[float]) -> None:
         """Keep one row of `COLUMNS`."""
-        self._rows.append(tuple(row))
+        self._rows.append(tuple(whole_row(row)))
 
     def rows(self) -> Array:
         """All rows kept so far, shape (n, len(COLUMNS))."""
@@ -143,7 +144,7 @@ class Rig(Protocol):
         """Step the engine through one `SAMPLE_INTERVAL`, applying the effects' forces at every step."""
 
     def read(self) -> tuple[float, ...]:
-        """Positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
+        """Positions [m], velocities [m/s], string stretch and, where known, string slip [m]: `COLUMNS` without the time."""
 
 
 class SteppedEngine(abc.ABC):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -14,8 +16,17 @@ from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.geometry import Array, string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
-COLUMNS = ("t", "light_x", "light_y", "light_vx", "light_vy", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "string_stretch")
-"""What an adapter reads back at each sample, SI: positions from the rod's centre, x right and y up."""
+COLUMNS = (
+    *("t", "light_x", "light_y", "light_vx", "light_vy", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "string_stretch"),
+    "string_slip",
+)
+"""What an adapter reads back at each sample, SI: positions from the rod's centre, x right and y up.
+
+An engine that does not know the last one leaves it out.
+"""
+
+OPTIONAL_COLUMNS = 1
+"""How many of the last `COLUMNS` a reading may leave out."""
 
 UNKNOWN_MODE = -1
 """Mode of a sample whose engine does not say whether the string slides or sticks."""
@@ -114,6 +125,8 @@ class Trajectory:
     """Turns counted [rad], shape (n,); NaN without a string."""
     string_stretch: Array
     """How much longer than its rest length the string is [m], shape (n,); NaN where the engine cannot say."""
+    string_slip: Array | None = None
+    """How far the string has slid over the rod, positive towards the heavy mass [m], shape (n,), where the engine can say it."""
     mode: NDArray[np.int8]
     """Value of `reference_ode.transitions.Mode` per sample, `UNKNOWN_MODE` where the engine does not say."""
     light_tension: Array | None = None
@@ -161,8 +174,20 @@ class Trajectory:
         return html(self)
 
 
+def whole_row(row: Sequence[float]) -> Sequence[float]:
+    """Return ``row`` of `COLUMNS` with NaN in place of the optional ones that it leaves out."""
+    return (*row, *[math.nan] * (len(COLUMNS) - len(row)))
+
+
 def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Trajectory:
-    """Make a trajectory of rows of `COLUMNS`, shape (n, 10); wrap angle and free length follow from the positions."""
+    """Make a trajectory of rows of `COLUMNS`; wrap angle and free length follow from the positions.
+
+    Parameters
+    ----------
+    samples
+        Shape (n, 11), or (n, 10) without the string's slip.
+    """
+    slip = samples[:, 10] if samples.shape[1] > 10 else np.empty(0)
     light = samples[:, 1:3]
     free_length, wrap_angle = string_coordinates(light, parameters.rod_radius, parameters.release_angle)
     if parameters.release is Release.DROP:
@@ -179,6 +204,7 @@ def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Tr
         heavy_position=samples[:, 5:7],
         heavy_velocity=samples[:, 7:9],
         string_stretch=samples[:, 9],
+        string_slip=slip if np.isfinite(slip).any() else None,
         **(defaults | fields),
     )
 

@@ -12,6 +12,7 @@ import pytest
 
 from looping_pendulum.engines.trajectory import (
     COLUMNS,
+    OPTIONAL_COLUMNS,
     Provenance,
     RunStatus,
     Supplier,
@@ -65,7 +66,7 @@ def rows(t: np.ndarray, delay: float = 0.0) -> np.ndarray:
     x, y = light_position(np, free_length, angle, p.rod_radius)
     zero = np.zeros_like(t)
     columns = (t, x, y, zero, zero, zero + p.rod_radius, -p.hanging_length - fallen, zero, -speed, zero)
-    assert len(columns) == len(COLUMNS)
+    assert len(columns) == len(COLUMNS) - OPTIONAL_COLUMNS
     return np.column_stack(columns)
 
 
