@@ -126,7 +126,7 @@ class Trajectory:
     string_stretch: Array
     """How much longer than its rest length the string is [m], shape (n,); NaN where the engine cannot say."""
     string_slip: Array | None = None
-    """How far the string has slid over the rod, positive towards the heavy mass [m], shape (n,), where the engine can say it."""
+    """How far the string has slid over the rod, positive towards the heavy mass [m], shape (n,), where known."""
     mode: NDArray[np.int8]
     """Value of `reference_ode.transitions.Mode` per sample, `UNKNOWN_MODE` where the engine does not say."""
     light_tension: Array | None = None

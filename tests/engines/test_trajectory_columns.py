@@ -37,6 +37,7 @@ def test_both_recorders_keep_a_row_with_and_without_its_slip(tmp_path, slips):
     for rows in (in_file.rows(), in_memory.rows(), read_rows(tmp_path / "samples.bin")):
         assert rows.shape == (2, len(COLUMNS))
         np.testing.assert_array_equal(rows, expected)
+    in_file._file.close()
 
 
 def test_a_slip_that_nobody_said_is_none():
