@@ -1,34 +1,12 @@
-"""Numbers and Markdown tables for people."""
+"""Markdown tables for people."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-import numpy as np
+from looping_pendulum.pages.numbers import GAP, fixed, number, signed
 
-GAP = "–"
-"""Stands where there is no number."""
-
-
-def number(value: float | None, scale: float = 1.0, digits: int = 3) -> str:
-    """``value * scale`` to ``digits`` significant digits, without an exponent as long as that is readable."""
-    if value is None:
-        return GAP
-    scaled = value * scale
-    if scaled != 0 and abs(scaled) < 1e-4:
-        return f"{scaled:.1e}"
-    return np.format_float_positional(scaled, precision=digits, fractional=False, unique=False, trim="-") if scaled else "0"
-
-
-def signed(value: float | None, scale: float = 1.0, digits: int = 3) -> str:
-    """Like `number`, always with a sign."""
-    text = number(value, scale, digits)
-    return f"+{text}" if value is not None and value > 0 else text
-
-
-def fixed(value: float | None, decimals: int) -> str:
-    """``value`` with a fixed number of decimals."""
-    return GAP if value is None else f"{value:.{decimals}f}"
+__all__ = ["GAP", "fixed", "number", "signed", "table"]
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:

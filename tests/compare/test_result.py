@@ -220,6 +220,6 @@ def test_styles_are_distinct_and_do_not_depend_on_the_order():
 
 
 def test_numbers_for_people():
-    assert [number(v) for v in (None, 0.0, 249.26, 0.12345, 1234.5, 3.2e-7)] == ["–", "0", "249", "0.123", "1230", "3.2e-07"]
+    assert [number(v) for v in (None, 0.0, 249.26, 0.12345, 1234.5, 3.2e-7)] == ["–", "0", "249", "0.123", "1230", "3.2e-7"]
     assert [signed(v, 1e3) for v in (2e-3, -2e-3, None)] == ["+2", "-2", "–"]
     assert markdown(["a", "b"], [["x|y", "1"]]).splitlines()[-1] == "| x\\|y | 1 |"

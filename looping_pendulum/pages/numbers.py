@@ -1,0 +1,128 @@
+"""Numbers as a person writes them: two or three digits that mean something, a unit that suits the size, no exponent."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+GAP = "–"
+"""Stands where there is no number."""
+
+PLAIN_EXPONENTS = range(-4, 7)
+"""Powers of ten of a number's first digit at which it is written without an exponent: 0.0001 to 9999999."""
+
+MOST_DIGITS = 6
+"""Of a value whose error is very small."""
+
+
+def number(value: float | None, scale: float = 1.0, digits: int = 3) -> str:
+    """Return ``value * scale`` to ``digits`` significant digits, without an exponent as long as that is readable."""
+    if value is None:
+        return GAP
+    scaled = float(value) * scale
+    if not math.isfinite(scaled):
+        return str(scaled)
+    mantissa, exponent = f"{scaled:.{digits - 1}e}".split("e")
+    if float(mantissa) == 0:
+        return "0"
+    if int(exponent) in PLAIN_EXPONENTS:
+        # Rounded already, so that 0.99996 is judged and written as the 1 that it becomes.
+        return np.format_float_positional(float(f"{mantissa}e{exponent}"), trim="-")
+    return f"{mantissa.rstrip('0').rstrip('.') if '.' in mantissa else mantissa}e{int(exponent)}"
+
+
+def signed(value: float | None, scale: float = 1.0, digits: int = 3) -> str:
+    """Like `number`, always with a sign."""
+    text = number(value, scale, digits)
+    return f"+{text}" if value is not None and value * scale > 0 else text
+
+
+def fixed(value: float | None, decimals: int) -> str:
+    """Return ``value`` with a fixed number of decimals."""
+    return GAP if value is None else f"{value:.{decimals}f}"
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A unit that a quantity may be written in."""
+
+    size: float
+    """In the SI unit."""
+    name: str
+    least: float = 1.0
+    """Smallest number that is written in this unit; below it the next smaller unit takes over."""
+
+
+def _metric(unit: str) -> tuple[_Step, ...]:
+    """Steps of a unit: thousandths are kept down to 0.01, since people read 0.053 mm more easily than 53 µm."""
+    return (_Step(1.0, unit), _Step(1e-3, f"m{unit}", 0.01), _Step(1e-6, f"µ{unit}", 0.01), _Step(1e-9, f"n{unit}", 0.0))
+
+
+_STEPS = {
+    "m": _metric("m"),
+    "s": _metric("s"),
+    "N": _metric("N"),
+    "m/s": _metric("m/s"),
+    "kg": (_Step(1.0, "kg"), _Step(1e-3, "g", 0.01), _Step(1e-6, "mg", 0.0)),
+    "rad": (_Step(math.pi / 180, "deg", 0.01), _Step(1e-6, "µrad", 0.01), _Step(1e-9, "nrad", 0.0)),
+}
+"""SI unit -> units to write it in, the largest first."""
+
+
+def quantity(value: float | None, unit: str, digits: int = 2, *, sign: bool = False) -> str:
+    """Return an amount in SI with the unit that a person would choose: "700 ms", "0.053 mm", "12 mm", "1.2 s".
+
+    Parameters
+    ----------
+    value
+        In ``unit``; its sign is kept. None gives a gap.
+    unit
+        SI unit; one without smaller siblings in this module stays as it is.
+    digits
+        Significant digits. A whole number of three digits keeps them all: "278 mm".
+    sign
+        Whether a positive amount is written with its sign too, as an error is.
+    """
+    if value is None:
+        return GAP
+    size = float(value)
+    steps = _STEPS.get(unit, (_Step(1.0, unit, 0.0),))
+    if size == 0 or not math.isfinite(size):
+        return f"{number(size)} {steps[min(1, len(steps) - 1)].name}".rstrip()
+    for step in steps:
+        text = number(_rounded(size / step.size, digits), digits=max(digits, 3))
+        if abs(float(text)) >= step.least:
+            break
+    return f"{'+' if sign and size > 0 else ''}{text} {step.name}".rstrip()
+
+
+def uncertain(value: float | None, error: float | None, unit: str = "") -> str:
+    """Return "0.0133 +/- 0.00042 kg/s": the error to two digits, and the value to the same decimal place.
+
+    Parameters
+    ----------
+    error
+        Standard error in the same unit. None, zero or one that is not finite leaves the value alone, to four digits.
+    """
+    if value is None:
+        return GAP
+    if error is None or not math.isfinite(error) or error <= 0 or not math.isfinite(value):
+        return f"{number(value, digits=4)} {unit}".rstrip()
+    largest = max(abs(value), error)
+    power = math.floor(math.log10(largest))
+    last = math.floor(math.log10(float(f"{error:.1e}"))) - 1
+    if power - last > MOST_DIGITS:  # more digits would be read by nobody
+        text = f"{number(value, digits=MOST_DIGITS)} +/- {number(error, digits=2)}"
+    elif power in PLAIN_EXPONENTS:
+        text = " +/- ".join(f"{round(x, -last):.{max(0, -last)}f}" for x in (value, error))
+    else:
+        inner = " +/- ".join(f"{x / 10.0**power:.{power - last}f}" for x in (value, error))
+        text = f"({inner})e{power}"
+    return f"{text} {unit}".rstrip()
+
+
+def _rounded(value: float, digits: int) -> float:
+    """Round to ``digits`` significant digits, but never a digit left of the point."""
+    return round(value, max(0, digits - 1 - math.floor(math.log10(abs(value)))))
