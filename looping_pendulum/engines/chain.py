@@ -99,6 +99,45 @@ class StraightParts:
         return 0
 
 
+class SlipGauge:
+    """How far the string has slid over the rod, read from a chain's nodes.
+
+    The rest length that hangs below the rod's centre tells it: none of it lies on the rod, and what the string stretches by is
+    no part of it. A polygon's corner that passes there changes it by less than R bend^3.
+    """
+
+    def __init__(self) -> None:
+        self._at_release: float | None = None
+
+    def read(self, places: Sequence[Place], rest_lengths: Sequence[float]) -> float:
+        """Slip since the first reading [m], positive where the string moved towards the heavy mass; NaN: it cannot be told.
+
+        ``places`` run from the light mass over every node to the heavy mass, ``rest_lengths`` [m] belong to the links between.
+        """
+        hanging = hanging_rest_length(places, rest_lengths)
+        if self._at_release is None:
+            self._at_release = hanging
+        return hanging - self._at_release
+
+
+def hanging_rest_length(places: Sequence[Place], rest_lengths: Sequence[float]) -> float:
+    """Rest length [m] from the heavy mass up to where the string first reaches the height of the rod's centre.
+
+    NaN where the heavy mass is not below that height. Arguments as for `SlipGauge.read`.
+    """
+    lower = places[-1][1]
+    if not lower < 0:
+        return math.nan
+    hanging = 0.0
+    for place, length in zip(reversed(places[:-1]), reversed(rest_lengths), strict=True):
+        upper = place[1]
+        if upper >= 0:
+            return hanging + length * -lower / (upper - lower)
+        hanging += length
+        lower = upper
+    return math.nan
+
+
 def polygon_friction(friction: float, bend: float) -> float:
     """Contact friction with which a polygon of corners ``bend`` [rad] obeys the capstan law of a circle.
 

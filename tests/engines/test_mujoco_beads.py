@@ -74,6 +74,13 @@ def test_halted_string_sticks(ten_to_one):
     assert abs(creep) < 1e-3
 
 
+def test_slip_over_the_rod_is_the_heavy_mass_s_drop(ten_to_one):
+    # Oracle: a string that keeps its length. Bound: what it does stretch by, and R bend^3 of the polygon at either reading.
+    polygon = 2 * TEN_TO_ONE.rod_radius * QUICK.bend**3
+    bound = np.abs(ten_to_one.string_stretch).max() + polygon
+    assert np.abs(ten_to_one.string_slip - ten_to_one.heavy_drop).max() < bound
+
+
 def test_string_keeps_its_length(ten_to_one):
     # Oracle: the constraint, from the masses' positions alone. Bound: the stretch that the chain admits, the offset R b^2 / 8
     # of a string that leaves a polygon, and as much again for beads that land.

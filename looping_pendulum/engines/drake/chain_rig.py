@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from looping_pendulum.engines.chain import LEAST_BEADS, StraightParts, point_on_string
+from looping_pendulum.engines.chain import LEAST_BEADS, SlipGauge, StraightParts, point_on_string
 from looping_pendulum.engines.drake.chain_model import ChainModel, ChainSettings
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
@@ -41,6 +41,7 @@ class ChainRig:
         self._taut = [True, True]
         self._caught = [0.0, 0.0]  # by how much longer either straight part was when it was caught [m]
         self._models: dict[int, ChainModel] = {}
+        self._slip = SlipGauge()
         self._groups = 0
         self._lay()
 
@@ -61,11 +62,11 @@ class ChainRig:
             self._slacken(before)
 
     def read(self) -> tuple[float, ...]:
-        """Positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
+        """Positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
         x, y = self._places[:2].tolist()
         vx, vy = self._speeds[:2].tolist()
         heavy_x, heavy_y = self._mass(HEAVY).tolist()
-        return (x, y, vx, vy, heavy_x, heavy_y, 0.0, float(self._speeds[-1]), self._stretch())
+        return (x, y, vx, vy, heavy_x, heavy_y, 0.0, float(self._speeds[-1]), *self._read_string())
 
     def _lay(self) -> None:
         """Lay the chain along the taut string, with the release's velocities."""
@@ -179,9 +180,10 @@ class ChainRig:
                     self._taut[end], self._caught[end] = True, excess  # pulling it back at once would throw the mass
                     self._set_straight(end)
 
-    def _stretch(self) -> float:
-        """How much longer than its rest length the string is [m]; negative where it hangs slack."""
+    def _read_string(self) -> tuple[float, float]:
+        """How much longer than its rest length the string is (negative: it hangs slack), and how far it has slid [m]."""
         if not self._has_string:
-            return math.nan
+            return math.nan, math.nan
         row = np.vstack([self._places[:-1].reshape(-1, 2), self._mass(HEAVY)])
-        return float(np.linalg.norm(np.diff(row, axis=0), axis=1).sum()) - math.fsum(self.lengths)
+        stretch = float(np.linalg.norm(np.diff(row, axis=0), axis=1).sum()) - math.fsum(self.lengths)
+        return stretch, self._slip.read(row.tolist(), self.lengths)

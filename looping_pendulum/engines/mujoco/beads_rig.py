@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.chain import LEAST_BEADS, Place, StraightParts, point_on_string
+from looping_pendulum.engines.chain import LEAST_BEADS, Place, SlipGauge, StraightParts, point_on_string
 from looping_pendulum.engines.mujoco.beads_model import BeadSettings, bead_xml
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.geometry import Array
@@ -64,6 +64,7 @@ class BeadRig:
         self._heavy_free = 0 if self._held else 1
         self._force = cartesian_force(p)
         self._compiled: dict[int, _Compiled] = {}
+        self._slip = SlipGauge()
         self._lay()
 
     def advance(self) -> None:
@@ -74,13 +75,13 @@ class BeadRig:
             self._step(self._now.model, self._now.data, self._settings.steps_per_group)
 
     def read(self) -> tuple[float, ...]:
-        """Positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
+        """Positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
         if any(warning.number for warning in self._now.breakdowns):
-            return (math.nan,) * 9  # MuJoCo only warns, and what follows looks like motion
+            return (math.nan,) * 10  # MuJoCo only warns, and what follows looks like motion
         x, y = self._now.qpos[:2].tolist()
         vx, vy = self._now.qvel[:2].tolist()
         heavy_y, heavy_v = self._heavy()
-        return (x, y, vx, vy, self._parameters.rod_radius, heavy_y, 0.0, heavy_v, self._stretch())
+        return (x, y, vx, vy, self._parameters.rod_radius, heavy_y, 0.0, heavy_v, *self._string())
 
     def _lay(self) -> None:
         """Lay the chain along the taut string, with the release's velocities."""
@@ -192,10 +193,11 @@ class BeadRig:
         """Coordinates, velocities, and accelerations that MuJoCo's solver starts from."""
         return self._now.qpos.tolist(), self._now.qvel.tolist(), self._now.warm_start.tolist()
 
-    def _stretch(self) -> float:
-        """How much longer than its rest length the string is [m]; negative where it hangs slack."""
+    def _string(self) -> tuple[float, float]:
+        """How much longer than its rest length the string is (negative: it hangs slack), and how far it has slid [m]."""
         if not self._has_string:
-            return math.nan
+            return math.nan, math.nan
         places = self._now.qpos[: 2 * self._beads + 2].reshape(-1, 2).tolist()
         places.append((self._parameters.rod_radius, self._heavy()[0]))
-        return math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self.lengths)
+        stretch = math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self.lengths)
+        return stretch, self._slip.read(places, self.lengths)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from looping_pendulum.engines.chain import SlipGauge
 from looping_pendulum.engines.pybullet.links import Laid
 from looping_pendulum.engines.pybullet.world import Drive, Pushed, Row, World
 from looping_pendulum.errors import EngineError
@@ -28,16 +31,24 @@ class MultibodyRig(Pushed):
         self._parameters, self._world = parameters, world
         self._drive = Drive(world, parameters)
         self._held = parameters.release is Release.HELD
+        self._slip = SlipGauge()
 
     def advance(self) -> None:
         """Step through one sample interval, applying the effects' forces."""
         self._drive.steps(self._world.steps, self)
 
     def read(self) -> Row:
-        """Positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
+        """Positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
         x, y, vx, vy, heavy_v = self.motion()
         heavy_y = -self._parameters.hanging_length if self._held else float(self._heavy_place[1])
-        return (x, y, vx, vy, self._parameters.rod_radius, heavy_y, 0.0, heavy_v, 0.0)
+        return (x, y, vx, vy, self._parameters.rod_radius, heavy_y, 0.0, heavy_v, 0.0, self._read_slip(heavy_y))
+
+    def _read_slip(self, heavy_y: float) -> float:
+        """How far the string has slid [m]; its links are as long as they are far from node to node."""
+        nodes = range(0 if self._held else 1, self._ends[0] + 1)  # the first link is the heavy mass's, unless it is held
+        rows = self._world.api.getLinkStates(self._body, nodes, physicsClientId=self._world.client)
+        places = [*(row[0][:2] for row in reversed(rows)), (self._parameters.rod_radius, heavy_y)]
+        return self._slip.read(places, list(map(math.dist, places[:-1], places[1:])))
 
     def motion(self) -> tuple[float, float, float, float, float]:
         """Light mass's position [m] and velocity [m/s], heavy mass's upward velocity [m/s]."""

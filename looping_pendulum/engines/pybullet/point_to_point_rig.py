@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from looping_pendulum.engines.chain import MASS_COMPENSATION, point_on_string
+from looping_pendulum.engines.chain import MASS_COMPENSATION, SlipGauge, point_on_string
 from looping_pendulum.engines.pybullet.links import LinkSettings, typical_wrap_angle
 from looping_pendulum.engines.pybullet.world import Drive, Pushed, Row, World
 from looping_pendulum.reference_ode.cartesian import release_velocity
@@ -46,6 +46,7 @@ class PointToPointRig(Pushed):
         masses = [light, *beads, 0.0 if self._held else p.heavy_mass]
         self._lengths = np.hypot(*np.diff(places, axis=0).T)
         self._bodies: list[int] = []
+        self._slip = SlipGauge()
         for i, mass in enumerate(masses):
             self._add(i, mass, places)
         self._start(p, places)
@@ -115,12 +116,13 @@ class PointToPointRig(Pushed):
         self._drive.steps(self._world.steps, self)
 
     def read(self) -> Row:
-        """Positions [m], velocities [m/s] and string stretch [m]: `COLUMNS` without the time."""
+        """Positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
         light, light_v = self._world.body_state(self._bodies[0])
         heavy, heavy_v = self._world.body_state(self._bodies[-1])
         places = np.array([self._world.body_state(body)[0][:2] for body in self._bodies])
         stretch = float(np.hypot(*np.diff(places, axis=0).T).sum() - self._lengths.sum())
-        return (*light[:2], *light_v[:2], *heavy[:2], *heavy_v[:2], stretch)
+        slip = self._slip.read(places.tolist(), self._lengths.tolist())
+        return (*light[:2], *light_v[:2], *heavy[:2], *heavy_v[:2], stretch, slip)
 
     def motion(self) -> tuple[float, float, float, float, float]:
         """Light mass's position [m] and velocity [m/s], heavy mass's upward velocity [m/s]."""

@@ -16,6 +16,7 @@ from typing import Any
 from looping_pendulum.engines.chain import (
     ONE_COEFFICIENT,
     STRAIGHT_STRING,
+    SlipGauge,
     bead_supplies,
     point_on_string,
     polygon_friction,
@@ -63,6 +64,7 @@ class _BeadString:
         self._bead_mass = settings.bead_mass_ratio * parameters.light_mass
         self._bead_radius = settings.bead_radius
         self._error_bias = error_bias
+        self._slip = SlipGauge()
         self._no_mutual_contact = pymunk.ShapeFilter(group=1)
         self._shapes: dict[Any, Any] = {}  # bead -> its shape, of the beads in the space
         self._spare: list[tuple[Any, Any]] = []  # beads taken away, to be used again
@@ -178,10 +180,11 @@ class _BeadString:
         self.lengths[0] = length
         self._links[0].max = length
 
-    def stretch(self, calls: Calls) -> float:
-        """How much longer than its rest length the string is [m]; negative where it hangs slack."""
+    def read(self, calls: Calls) -> tuple[float, float]:
+        """How much longer than its rest length the string is (negative: it hangs slack), and how far it has slid [m]."""
         places = [calls.place(body) for body in self.bodies]
-        return math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self.lengths)
+        stretch = math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self.lengths)
+        return stretch, self._slip.read(places, self.lengths)
 
 
 def empty_space(parameters: Parameters, settings: ChainSettings) -> Any:
@@ -218,8 +221,8 @@ class ChainRig(SpaceRig):
         if self._string is not None:
             self._string.tend(self._calls)
 
-    def _stretch(self, light: Vector, heavy: Vector) -> float:
-        return math.nan if self._string is None else self._string.stretch(self._calls)
+    def _read_string(self, light: Vector, heavy: Vector) -> tuple[float, float]:
+        return (math.nan, math.nan) if self._string is None else self._string.read(self._calls)
 
 
 _LIMITS = (

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.chain import MASS_COMPENSATION, point_on_string
+from looping_pendulum.engines.chain import MASS_COMPENSATION, SlipGauge, point_on_string
 from looping_pendulum.engines.protocol import Profile, SteppedEngine
 from looping_pendulum.engines.pymunk.abilities import full_abilities
 from looping_pendulum.engines.pymunk.calls import MOST_ALLOWED, PublicCalls
@@ -53,14 +53,19 @@ class _Beads:
         pairs = list(zip(bodies[:-1], bodies[1:], strict=True))
         joints = [pymunk.PinJoint(a, b, origin, origin) for a, b in pairs]
         add_joints(space, joints, s)
-        self._length = math.fsum(joint.distance for joint in joints)
+        self._lengths = [joint.distance for joint in joints]
+        self._slip = SlipGauge()
         anchors = [(body, origin) for body in bodies]
-        add_joints(space, long_range_joints(anchors, [joint.distance for joint in joints], s.long_range), s)
+        add_joints(space, long_range_joints(anchors, self._lengths, s.long_range), s)
 
-    def stretch(self, light: Vector, links: Array, heavy: Vector) -> float:
-        """How much longer than its rest length the string is [m]; ``links`` has x, y and angle of every one, shape (n, 3)."""
+    def read(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
+        """How much longer than its rest length the string is, and how far it has slid [m].
+
+        ``links`` has x, y and angle of every one, shape (n, 3).
+        """
         nodes = np.vstack([light, links[:, :2], heavy])
-        return float(np.hypot(*np.diff(nodes, axis=0).T).sum()) - self._length
+        stretch = float(np.hypot(*np.diff(nodes, axis=0).T).sum()) - math.fsum(self._lengths)
+        return stretch, self._slip.read(nodes.tolist(), self._lengths)
 
 
 class _Segments:
@@ -95,12 +100,13 @@ class _Segments:
             lengths.append(length)
         joints.append(pymunk.PivotJoint(last, heavy, last_anchor, origin))
         self._lengths = np.array(lengths)
+        self._slip = SlipGauge()
         self.links = len(lengths)
         add_joints(space, joints, s)
         add_joints(space, long_range_joints(anchors, lengths, s.long_range), s)
 
-    def stretch(self, light: Vector, links: Array, heavy: Vector) -> float:
-        """How much longer than its rest length the string is [m]: the joints' gaps, each along the segment before it.
+    def read(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
+        """How much longer than its rest length the string is [m]: the joints' gaps, each along the segment before it; its slip.
 
         ``links`` has x, y and angle of every segment, shape (n, 3).
         """
@@ -108,7 +114,8 @@ class _Segments:
         halves = 0.5 * self._lengths[:, None] * directions
         starts, ends = links[:, :2] - halves, links[:, :2] + halves
         gaps = np.vstack([starts[1:], heavy]) - ends
-        return float((gaps * directions).sum() + (starts[0] - light) @ directions[0])
+        stretch = float((gaps * directions).sum() + (starts[0] - light) @ directions[0])
+        return stretch, self._slip.read([*starts.tolist(), heavy], self._lengths.tolist())
 
 
 def add_link_shape(space: Any, body: Any, shape: Any) -> None:
@@ -187,16 +194,16 @@ class FullChainRig(SpaceRig):
         self._batch, self._buffer = pymunk.batch, pymunk.batch.Buffer()
         self._fields = pymunk.batch.BodyFields.POSITION | pymunk.batch.BodyFields.ANGLE
 
-    def _stretch(self, light: Vector, heavy: Vector) -> float:
+    def _read_string(self, light: Vector, heavy: Vector) -> tuple[float, float]:
         if self._chain is None:
-            return math.nan
+            return math.nan, math.nan
         self._buffer.clear()
         self._batch.get_space_bodies(self._space, self._fields, self._buffer)
         moving = np.frombuffer(self._buffer.float_buf()).reshape(
             -1, 3
         )  # in the order in which they were added, static ones last
         first = 1 if self._clamped else 2
-        return self._chain.stretch(light, moving[first : first + self._chain.links], heavy)
+        return self._chain.read(light, moving[first : first + self._chain.links], heavy)
 
 
 class PymunkFullChain(SteppedEngine):

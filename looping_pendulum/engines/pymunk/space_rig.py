@@ -34,10 +34,10 @@ class SpaceRig:
             self._groups += 1
 
     def read(self) -> tuple[float, ...]:
-        """Positions, velocities and string stretch."""
+        """Positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
         lx, ly, lvx, lvy = self._calls.motion(self._light)
         hx, hy, hvx, hvy = self._calls.motion(self._heavy)
-        return lx, ly, lvx, lvy, hx, hy, hvx, hvy, self._stretch((lx, ly), (hx, hy))
+        return lx, ly, lvx, lvy, hx, hy, hvx, hvy, *self._read_string((lx, ly), (hx, hy))
 
     def _push(self, group: int) -> None:
         """Apply the forces of a group of steps in its first one: Chipmunk forgets forces after each step.
@@ -57,6 +57,9 @@ class SpaceRig:
     def _tend(self) -> None:
         """See to the string before a group of steps."""
 
-    def _stretch(self, light: Vector, heavy: Vector) -> float:
-        """How much longer than its rest length the string between the masses' places is [m]; NaN without a string."""
-        return math.nan
+    def _read_string(self, light: Vector, heavy: Vector) -> tuple[float, float]:
+        """How much longer than its rest length the string between the masses' places is, and how far it has slid [m].
+
+        NaN without a string.
+        """
+        return math.nan, math.nan
