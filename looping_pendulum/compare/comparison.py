@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import datetime
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from looping_pendulum.compare import metrics as measure
 from looping_pendulum.compare.align import Aligned, Truth, align
 from looping_pendulum.compare.event_quantities import event_value
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.compare.landmarks import finite_length, run_landmarks, truth_landmarks
+from looping_pendulum.compare.landmarks import SampledTruth, finite_length, first_samples, run_landmarks, truth_landmarks
 from looping_pendulum.compare.result import (
     Clock,
     ComparisonResult,
@@ -28,8 +27,9 @@ from looping_pendulum.compare.result import (
     TruthResult,
     WallTime,
 )
-from looping_pendulum.compare.stories import story
+from looping_pendulum.compare.stories import missing_physics, story
 from looping_pendulum.compare.tolerances import NOT_RUN, judge
+from looping_pendulum.compare.watching import why_not_comparable
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.engines.trajectory import Provenance, Trajectory, supplies_as_rows
 from looping_pendulum.reference_ode.geometry import Array
@@ -83,8 +83,9 @@ def compare(
     grid: Array = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL
     true_run = truth(grid)
     true = truth_landmarks(truth, grid)
-    aligned = tuple(align(_known(run), truth) for run in trajectories)
-    engines = tuple(_engine(run, a, scenario, truth, true_run, true) for run, a in zip(trajectories, aligned, strict=True))
+    sampled = SampledTruth(truth, scenario.parameters)
+    aligned = tuple(align(first_samples(run, finite_length(run)), truth) for run in trajectories)
+    engines = tuple(_engine(run, a, scenario, truth, true_run, sampled) for run, a in zip(trajectories, aligned, strict=True))
     return ComparisonResult(
         scenario=scenario.name,
         title=scenario.title,
@@ -96,6 +97,7 @@ def compare(
             engine=true_run.engine,
             variant=true_run.variant,
             landmarks=true,
+            sampled=sampled.beside(),
             events=tuple((event.name, float(event.time)) for event in true_run.events),
             end_time=float(true_run.t[finite_length(true_run) - 1]),
             provenance=_provenance(true_run.provenance),
@@ -113,9 +115,10 @@ def compare(
 
 
 def _engine(
-    run: Trajectory, aligned: Aligned, scenario: Scenario, truth: Truth, true_run: Trajectory, true: Landmarks
+    run: Trajectory, aligned: Aligned, scenario: Scenario, truth: Truth, true_run: Trajectory, reference: SampledTruth
 ) -> EngineResult:
-    own = run_landmarks(run, scenario.parameters)
+    own, true = run_landmarks(run, scenario.parameters), reference.beside(aligned.run)
+    not_comparable = why_not_comparable(aligned.run, own, reference)
     in_tube = measure.tube(aligned, truth)
     found = measure.departures(aligned, true_run.events)
     provenance = _provenance(run.provenance)
@@ -131,24 +134,15 @@ def _engine(
         samples=len(run.t),
         end_time=float(aligned.t[-1]) if len(aligned.t) else None,
         landmarks=own,
-        metrics=measure.metrics(aligned, scenario.parameters, own, true, in_tube),
+        metrics=measure.metrics(aligned, scenario.parameters, own, true, in_tube, comparable=not not_comparable),
+        not_comparable=not_comparable,
         tube=in_tube,
         departures=found,
         growth_rate=measure.growth_rate(found),
-        story=story(aligned.run, scenario.parameters, provenance.supplies, found, own, true),
+        lacks=missing_physics(provenance.supplies, scenario.parameters, run.lacks),
+        story=story(aligned.run, scenario.parameters, provenance.supplies, found, own, true, not_comparable),
         provenance=provenance,
     )
-
-
-def _known(run: Trajectory) -> Trajectory:
-    """``run`` up to its first sample that is not a number."""
-    count = finite_length(run)
-    if count == len(run.t):
-        return run
-    per_sample: dict[str, Any] = {
-        f.name: value[:count] for f in dataclasses.fields(run) if isinstance(value := getattr(run, f.name), np.ndarray)
-    }
-    return dataclasses.replace(run, **per_sample)
 
 
 def _provenance(provenance: Provenance) -> RunProvenance:

@@ -1,33 +1,37 @@
-"""The moments a teacher would point at: stops, halting, break-away, extrema, and what the apparatus looks like then.
+"""What a teacher would point at: stops, halting, slip, extrema, and what the apparatus looks like then.
 
-Engines are noisy and sampled, so "at rest" has a declared dead band here; the truth says the same moments by its own events.
+Engines and reference are read by the same detector (`slides`), from samples at the same times, so that an engine with the exact
+motion gets exactly the reference's values. The reference also says the same things by its own events, to rounding; how far the
+two are apart is the detector's error on this very run.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from looping_pendulum.compare.align import SAME_TIME, Truth, sample_truth
-from looping_pendulum.compare.result import Extremum, Landmarks, Stop
+from looping_pendulum.compare.result import Extremum, HaltingTimeAt, Landmarks, Rebound, Stop
+from looping_pendulum.compare.slides import (
+    COARSE,
+    RESOLUTION,
+    RESOLUTIONS,
+    final_rest,
+    halting_time,
+    rests,
+    slid,
+    slip_onset,
+    turns,
+)
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory, TrajectoryEvent
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-
-REST_SPEED = 0.02
-"""A heavy mass slower than this [m/s] counts as at rest: chains jitter by millimetres per second, and gravity gives a free mass
-this speed in 2 ms."""
-
-LEAVE_SPEED = 2 * REST_SPEED
-"""A heavy mass at rest must exceed this [m/s] to count as moving again: noise at the band's edge makes no extra stops."""
-
-STICK_TIME = 0.01
-"""A rest shorter than this [s] is a turn, not a stick: the time that noise can hide in the dead band at 2 m/s^2."""
-
-MIN_REST = 0.05
-"""A rest at the cut end of a run must have lasted this long [s] to be called halting: a turn at the very end is none."""
+from looping_pendulum.reference_ode.solve import DURATION
 
 EXTREMUM_BAND = 1e-3
 """A turn of a coordinate smaller than this [m] is noise, not an extremum."""
@@ -36,100 +40,9 @@ STRINGLESS = (Release.HELD, Release.DROP)
 """Releases whose heavy mass cannot stop: it is clamped, or falls freely."""
 
 
-def rest_intervals(t: Array, speed: Array) -> list[tuple[int, int]]:
-    """Find where a noisy signed ``speed`` [m/s] rests after having moved.
-
-    Returns
-    -------
-    list of (int, int)
-        Per stop: index of the last sample that moves before it, and of the first that moves after it (``len(t)`` if none).
-        A reversal without a sample inside the band is a rest of no length.
-    """
-    rests: list[tuple[int, int]] = []
-    direction, resting_since = 0, -1
-    for i, value in enumerate(speed):
-        threshold = REST_SPEED if direction else LEAVE_SPEED
-        now = 0 if abs(value) <= threshold else (1 if value > 0 else -1)
-        if now == direction:
-            continue
-        if direction:
-            resting_since = i - 1
-            if now:
-                rests.append((resting_since, i))
-        elif resting_since >= 0:
-            rests.append((resting_since, i))
-        direction = now
-    if direction == 0 and resting_since >= 0:
-        rests.append((resting_since, len(t)))
-    return rests
-
-
-def stop_time(t: Array, speed: Array, last: int, rest_end: int) -> float:
-    """When ``speed`` reached zero after sample ``last``, the last one above the band [s].
-
-    The line through the last two samples above the band is carried on to zero: friction flips or sets in at the stop, so
-    samples beyond it would bias the crossing. The crossing seen in the samples, if there is one, bounds it.
-    """
-    sign = np.sign(speed[last])
-    after = speed[last + 1 : min(rest_end + 1, len(t))] * sign
-    crossed = np.flatnonzero(after <= 0)
-    latest = float(t[-1])
-    if len(crossed):
-        j = last + 1 + int(crossed[0])
-        share = speed[j - 1] / (speed[j - 1] - speed[j])
-        latest = float(t[j]) if j - 1 == last else float(t[j - 1] + share * (t[j] - t[j - 1]))
-    if last > 0:
-        slope = (speed[last] - speed[last - 1]) / (t[last] - t[last - 1])
-        if slope * sign < 0:
-            return min(float(t[last] - speed[last] / slope), latest)
-    return float(t[last + 1]) if last + 1 < len(t) else latest
-
-
-def break_away_time(t: Array, speed: Array, stop: float, first: int, parameters: Parameters) -> float | None:
-    """When a mass at rest since ``stop`` [s] began to move again [s]; None if it only turned there.
-
-    With equal friction coefficients the force leaves zero linearly, so the speed grows as the square of the time since; with a
-    larger static one it jumps, and the speed grows linearly, as it does after a turn. Good to some 3 ms: the law is only the
-    leading term, and the dead band hides the start.
-    """
-    if _back_to_rest(t, speed, first, 1.0) - stop < STICK_TIME:
-        return None
-    c = parameters.coefficients
-    power = 0.5 if c["static_friction"] == c["kinetic_friction"] else 1.0
-    return max(_back_to_rest(t, speed, first, power), stop)
-
-
-def _back_to_rest(t: Array, speed: Array, first: int, power: float) -> float:
-    """When ``speed**power`` was zero [s], on the line through sample ``first`` and the one at twice its speed."""
-    faster = np.flatnonzero(np.abs(speed[first:]) >= 2 * abs(speed[first]))
-    if not len(faster):
-        return float(t[first])
-    second = first + int(faster[0])
-    a, b = abs(speed[first]) ** power, abs(speed[second]) ** power
-    return float(t[first] - a * (t[second] - t[first]) / (b - a))
-
-
 def extrema(t: Array, values: Array) -> tuple[Extremum, ...]:
     """Turns by more than `EXTREMUM_BAND` inside the run, each at the apex of the parabola through three samples."""
-    return tuple(_apex(t, values, i) for i in turns(values))
-
-
-def turns(values: Array) -> list[int]:
-    """Indices at which ``values`` [m] turn by more than `EXTREMUM_BAND`."""
-    found: list[int] = []
-    best = start = 0
-    rising = 0
-    for i in range(1, len(values)):
-        if rising == 0:
-            if abs(values[i] - values[start]) > EXTREMUM_BAND:
-                rising = 1 if values[i] > values[start] else -1
-                best = i
-        elif rising * (values[i] - values[best]) > 0:
-            best = i
-        elif rising * (values[best] - values[i]) > EXTREMUM_BAND:
-            found.append(best)
-            rising, best = -rising, i
-    return found
+    return tuple(_apex(t, values, i) for i in turns(values, EXTREMUM_BAND))
 
 
 def _apex(t: Array, values: Array, i: int) -> Extremum:
@@ -138,7 +51,7 @@ def _apex(t: Array, values: Array, i: int) -> Extremum:
     before, after = t[i] - t[i - 1], t[i + 1] - t[i]
     d1, d2 = (values[i] - values[i - 1]) / before, (values[i + 1] - values[i]) / after
     curvature = (d2 - d1) / (before + after)
-    if curvature == 0:
+    if curvature == 0:  # three samples of the very same value: none of them is the apex more than another
         return Extremum(time=float(t[i]), value=float(values[i]))
     slope = (d1 * after + d2 * before) / (before + after)
     shift = float(np.clip(-slope / (2 * curvature), -before, after))
@@ -146,37 +59,54 @@ def _apex(t: Array, values: Array, i: int) -> Extremum:
 
 
 def run_landmarks(run: Trajectory, parameters: Parameters) -> Landmarks:
-    """Landmarks of an engine's run, from its samples alone."""
+    """Landmarks of a run, an engine's or the reference's, from its samples alone."""
     count = finite_length(run)
-    t, speed = run.t[:count], run.heavy_velocity[:count, 1]
+    t = run.t[:count]
     if count < 3:
         return Landmarks()
-    ends_on_rod = run.status is RunStatus.LIGHT_REACHED_ROD
-    height = run.heavy_position[:count, 1]
-    rests = [] if parameters.release in STRINGLESS else rest_intervals(t, speed)
-    times = [stop_time(t, speed, last, after) for last, after in rests]
-    halts = bool(rests) and rests[-1][1] == count and (ends_on_rod or float(t[-1]) - times[-1] >= MIN_REST)
-    halt = times[-1] if halts else None
+    ended = run.status is RunStatus.LIGHT_REACHED_ROD
+    light = run.light_position[:count]
+    fields: dict[str, Any] = {
+        "light_reaches_rod": float(t[-1]) if ended else None,
+        "x1_extrema": extrema(t, light[:, 0]),
+        "y1_extrema": extrema(t, light[:, 1]),
+    }
+    if parameters.release in STRINGLESS:
+        return Landmarks(**fields)
+    place = slid(run, count)
+    times = tuple(
+        HaltingTimeAt(resolution=resolution, time=halting_time(t, place, resolution, ended=ended)) for resolution in RESOLUTIONS
+    )
+    halt = next(each.time for each in times if each.resolution == RESOLUTION)
+    first_rest = next(each.time for each in times if each.resolution == COARSE)
 
     def at(time: float, values: Array) -> float:
-        return float(np.interp(time, t, values))
+        return float(np.interp(time, t, values[:count]))
 
+    resting = rests(t, place)
+    power = 3 if parameters.coefficients["static_friction"] == parameters.coefficients["kinetic_friction"] else 2
+    onsets = (slip_onset(t, place, rest, power) for rest in resting)
     return Landmarks(
-        stops=tuple(Stop(time=time, height_change=at(time, height) - float(height[0])) for time in times),
-        break_aways=tuple(
-            moved
-            for stop, (_, after) in zip(times, rests, strict=True)
-            if after < count and (moved := break_away_time(t, speed, stop, after, parameters)) is not None
-        ),
+        stops=tuple(Stop(time=rest.stop, height_change=-at(rest.stop, run.heavy_drop)) for rest in resting if rest.stop > t[0]),
+        break_aways=tuple(onset for onset in onsets if onset is not None),
         halting_time=halt,
-        halting_confirmed=halts and ends_on_rod,
-        drop_at_halt=None if halt is None else float(height[0]) - at(halt, height),
-        wrap_angle_at_halt=None if halt is None else at(halt, run.wrap_angle[:count]),
-        free_length_at_halt=None if halt is None else at(halt, run.free_length[:count]),
-        light_reaches_rod=float(t[-1]) if ends_on_rod else None,
-        x1_extrema=extrema(t, run.light_position[:count, 0]),
-        y1_extrema=extrema(t, run.light_position[:count, 1]),
+        halting_confirmed=halt is not None and ended,
+        halting_times=times,
+        settling_time=None if halt is None else float(max(halt - t[final_rest(place, RESOLUTION)], 0.0)),
+        rebound=None if first_rest is None else _rebound(t, place, first_rest),
+        drop_at_halt=None if halt is None else at(halt, run.heavy_drop),
+        wrap_angle_at_halt=None if halt is None else at(halt, run.wrap_angle),
+        free_length_at_halt=None if halt is None else at(halt, run.free_length),
+        **fields,
     )
+
+
+def _rebound(t: Array, place: Array, first_rest: float) -> Rebound:
+    """How far and how fast the string still moves after its first rest."""
+    after = np.flatnonzero(t >= first_rest)
+    moving = place[after]
+    speeds = np.abs(np.diff(moving) / np.diff(t[after]))
+    return Rebound(travel=float(np.ptp(moving)), speed=float(speeds.max(initial=0.0)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -230,6 +160,49 @@ def truth_landmarks(truth: Truth, grid: Array) -> Landmarks:
         x1_extrema=extrema(run.t[:count], run.light_position[:count, 0]),
         y1_extrema=extrema(run.t[:count], run.light_position[:count, 1]),
     )
+
+
+class SampledTruth:
+    """The reference's run as an engine's would be seen: sampled every `SAMPLE_INTERVAL`, watched as long as the engine was."""
+
+    def __init__(self, truth: Truth, parameters: Parameters) -> None:
+        whole = truth(np.arange(round(DURATION / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL)
+        ended = truth_moments(whole.events).light_reaches_rod is not None
+        self.parameters = parameters
+        self.run = dataclasses.replace(whole, status=RunStatus.LIGHT_REACHED_ROD if ended else RunStatus.FINISHED)
+        """From the release to the reference's own end, which may be later than the scenario's."""
+        self._whole = run_landmarks(self.run, parameters)
+
+    def until(self, end: float) -> Landmarks:
+        """Landmarks of the reference as if it, too, had been cut at the time ``end`` [s]."""
+        count = int(np.searchsorted(self.run.t, end + SAME_TIME))
+        return run_landmarks(dataclasses.replace(first_samples(self.run, count), status=RunStatus.FINISHED), self.parameters)
+
+    def beside(self, run: Trajectory | None = None) -> Landmarks:
+        """Landmarks of the reference over its whole run.
+
+        Beside an engine's ``run`` that ended because its light mass reached the rod, the reference ends where it has as little
+        straight string left: what the last millimetres do is not seen of the engine.
+        """
+        if run is None or not self.run.status is run.status is RunStatus.LIGHT_REACHED_ROD:
+            return self._whole
+        left = run.free_length[finite_length(run) - 1] - SHORTEST
+        shorter = np.flatnonzero(self.run.free_length < left)
+        return run_landmarks(first_samples(self.run, int(shorter[0]) if len(shorter) else len(self.run.t)), self.parameters)
+
+
+SHORTEST = 1e-9
+"""Difference of lengths [m] that is rounding."""
+
+
+def first_samples(run: Trajectory, count: int) -> Trajectory:
+    """Return ``run`` with its first ``count`` samples only."""
+    if count >= len(run.t):
+        return run
+    per_sample: dict[str, Any] = {
+        f.name: value[:count] for f in dataclasses.fields(run) if isinstance(value := getattr(run, f.name), np.ndarray)
+    }
+    return dataclasses.replace(run, **per_sample)
 
 
 def finite_length(run: Trajectory) -> int:

@@ -142,19 +142,33 @@ def acceleration_error(aligned: Aligned, parameters: Parameters) -> float | None
 
 
 def metrics(
-    aligned: Aligned, parameters: Parameters, own: Landmarks, true: Landmarks, in_tube: Tube
+    aligned: Aligned, parameters: Parameters, own: Landmarks, true: Landmarks, in_tube: Tube, *, comparable: bool = True
 ) -> dict[str, float | None]:
-    """Every metric of one run, SI; None where it cannot be said."""
+    """Every metric of one run, SI; None where it cannot be said.
+
+    Parameters
+    ----------
+    own, true
+        Landmarks of the run's samples and of the reference's, by the same detector.
+    comparable
+        Whether both were watched long enough to hold their halts against each other (`watching`).
+    """
+    halts = comparable and own.halting_time is not None and true.halting_time is not None
+
+    def at_halt(name: str) -> float | None:
+        return _difference(getattr(own, name), getattr(true, name)) if halts else None
+
     samples = finite_length(aligned.run)
     stretch = aligned.run.string_stretch[:samples]
     known = stretch[np.isfinite(stretch)]
     return {
         **{name: rms_until(aligned, mark) for name, mark in RMS_MARKS.items()},
         "rms_halt": rms_until(aligned, true.halting_time),
-        "halting_time_error": _difference(own.halting_time, true.halting_time),
-        "drop_error": _difference(own.drop_at_halt, true.drop_at_halt),
-        "wrap_angle_error": _difference(own.wrap_angle_at_halt, true.wrap_angle_at_halt),
-        "free_length_error": _difference(own.free_length_at_halt, true.free_length_at_halt),
+        "halting_time_error": at_halt("halting_time"),
+        "rebound": None if own.rebound is None else own.rebound.travel,
+        "drop_error": at_halt("drop_at_halt"),
+        "wrap_angle_error": at_halt("wrap_angle_at_halt"),
+        "free_length_error": at_halt("free_length_at_halt"),
         "string_stretch": float(np.abs(known).max()) if len(known) else None,
         "acceleration_error": acceleration_error(aligned, parameters),
         "tube_fraction": in_tube.fraction,

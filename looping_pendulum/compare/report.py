@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from looping_pendulum.compare import baseline, paper_table
+from looping_pendulum.compare import baseline, halts, paper_table
 from looping_pendulum.compare.glossary import GLOSSARY
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, Outcome, RunProvenance, ToleranceResult
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
@@ -18,6 +18,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "rms_1.0s": ("mm", 1e3),
     "rms_halt": ("mm", 1e3),
     "halting_time_error": ("ms", 1e3),
+    "rebound": ("mm", 1e3),
     "drop_error": ("mm", 1e3),
     "wrap_angle_error": ("mrad", 1e3),
     "free_length_error": ("mm", 1e3),
@@ -65,6 +66,7 @@ def after_figures(result: ComparisonResult) -> list[str]:
         sections.append("## Against the paper's trial\n\n" + paper_table.render(result))
     return [
         *sections,
+        *halts.render(result),
         "## Detail\n\n" + _detail(result),
         "## Who supplies the physics\n\n" + _supplies(result),
         "## Tolerances\n\n" + _tolerances(result),
@@ -83,13 +85,14 @@ def verdict_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
     vertical = any(e.metrics.get("acceleration_error") is not None for e in result.engines)
     head = ["engine", "within tolerance?", "RMS to 0.35 s [mm]", "to 0.7 s [mm]", "to 1.0 s [mm]", "halting time [s]"]
     head += ["halting error [ms]", "drop error [mm]", *(["acceleration error [%]"] if vertical else []), "wall time [s per s]"]
-    true = result.truth.landmarks
+    true = result.truth.sampled
     blank = [GAP] * (3 + vertical)
     rows = [["truth", GAP, *blank[:3], fixed(true.halting_time, 4), GAP, GAP, *blank[3:], GAP]]
     for engine, wall in zip(result.engines, result.clock.wall_times, strict=True):
         m, halt = engine.metrics, engine.landmarks.halting_time
         cells = [number(m[k], 1e3) for k in ("rms_0.35s", "rms_0.7s", "rms_1.0s")]
-        cells += [fixed(halt, 4), signed(m["halting_time_error"], 1e3), signed(m["drop_error"], 1e3)]
+        late = "not comparable" if engine.not_comparable else signed(m["halting_time_error"], 1e3)
+        cells += [fixed(halt, 4), late, signed(m["drop_error"], 1e3)]
         cells += [signed(m["acceleration_error"], 1e2)] if vertical else []
         rows.append([name(engine), _within(result, engine), *cells, number(wall.per_simulated_second, digits=2)])
     return head, rows
@@ -157,7 +160,7 @@ def _detail(result: ComparisonResult) -> str:
     head = ["engine", "in tube [%]", "leaves tube [s]", "1 mm off at [s]", "10 mm off at [s]", "growth [1/s]"]
     head += ["RMS to halt [mm]", "drop at halt [m]", "wrap angle at halt [rad]", "error [mrad]"]
     head += ["free length at halt [m]", "error [mm]", "stretch [mm]"]
-    true = result.truth.landmarks
+    true = result.truth.sampled
     first = ["truth", *[GAP] * 6, fixed(true.drop_at_halt, 4), fixed(true.wrap_angle_at_halt, 4), GAP]
     rows = [[*first, fixed(true.free_length_at_halt, 4), GAP, GAP]]
     for e in result.engines:

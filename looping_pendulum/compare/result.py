@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from looping_pendulum.engines.trajectory import Trajectory
 
 SCHEMA_ID = "looping-pendulum/comparison"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 class ResultError(HarnessError, ValueError):
@@ -48,17 +48,46 @@ class Extremum:
 
 
 @dataclass(frozen=True, kw_only=True)
+class HaltingTimeAt:
+    """The halting time that one resolution gives."""
+
+    resolution: float
+    """Motion of the string that does not count as sliding [m]."""
+    time: float | None
+    """[s]; None if the string slid by more until the end of the run."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rebound:
+    """What the string still does after its first rest, the time from which on it stays within `slides.COARSE`."""
+
+    travel: float
+    """Between the two furthest places it takes [m]."""
+    speed: float
+    """Largest, over one sample interval [m/s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Landmarks:
     """The moments of one run, and the apparatus at them."""
 
     stops: tuple[Stop, ...] = ()
-    """Zeros of the heavy mass's speed."""
+    """When the sliding of the string stops: it turns, or rests."""
     break_aways: tuple[float, ...] = ()
     """When a resting string began to slide again [s]."""
     halting_time: float | None = None
-    """Start of the last rest of the heavy mass, if it lasts to the end of the run [s]."""
+    """When the string stops sliding and does not slide again until the light mass reaches the rod, or the run ends [s].
+
+    Read from samples with the resolution `slides.RESOLUTION`; the reference's own events know it to rounding.
+    """
     halting_confirmed: bool = False
     """Whether that rest was seen to last until the light mass reached the rod; else the run was cut while the mass rested."""
+    halting_times: tuple[HaltingTimeAt, ...] = ()
+    """The same at several resolutions, the finest first; empty where events say it."""
+    settling_time: float | None = None
+    """How long the last `slides.RESOLUTION` of the sliding took [s]; a noisy run's halting time is blurred by as much."""
+    rebound: Rebound | None = None
+    """None where the string never comes to rest."""
     drop_at_halt: float | None = None
     """How far the heavy mass is below its release [m]."""
     wrap_angle_at_halt: float | None = None
@@ -132,6 +161,8 @@ class RunProvenance:
     """SI."""
     supplies: tuple[SupplyEntry, ...]
     seed: int | None = None
+    additions: tuple[str, ...] = ()
+    """What the adapter puts in beyond the engine, each as a sentence with its measured worth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,11 +172,14 @@ class TruthResult:
     engine: str
     variant: str
     landmarks: Landmarks
+    """By its own events, to rounding."""
     events: tuple[tuple[str, float], ...]
     """(name, time [s])"""
     end_time: float
     """Last time [s] that the truth covers, at most the scenario's duration."""
     provenance: RunProvenance
+    sampled: Landmarks = Landmarks()
+    """Landmarks of the reference's samples, by the detector that reads the engines': what their errors are taken against."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,6 +204,12 @@ class EngineResult:
     landmarks: Landmarks
     metrics: dict[str, float | None]
     """Metric name -> value, SI; None where the run or the truth ends too soon or the metric does not apply."""
+    not_comparable: str = ""
+    """Why this run's halt cannot be held against the reference's, which has one; empty: it can, or neither has one."""
+    lacks: tuple[str, ...] = ()
+    """Physics of the scenario that this run did not have, each as a sentence; empty: it had all."""
+    warnings: tuple[str, ...] = ()
+    """Ways in which the scenario lies outside the range for which this variant's accuracy was measured."""
     tube: Tube
     departures: tuple[Departure, ...]
     """One per threshold that was passed, in the order of time."""

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from looping_pendulum.compare.result import Departure, Landmarks, SupplyEntry
+from looping_pendulum.compare.slides import RESOLUTION
 from looping_pendulum.compare.words import EVENT_WORDS, PHYSICS_WORDS
+from looping_pendulum.engines.protocol import STATIC_FRICTION, needed_physics
 from looping_pendulum.engines.trajectory import RunStatus, Supplier, Trajectory
+from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 ON_TIME = 1e-5
@@ -12,6 +15,9 @@ ON_TIME = 1e-5
 
 STRETCH_SHARE = 0.5
 """A string stretched by at least this share of the deviation is named as a cause of it."""
+
+REST_PHYSICS = ("stick_slip", STATIC_FRICTION)
+"""Physics that matters only once the string has come to rest."""
 
 
 def story(
@@ -21,37 +27,44 @@ def story(
     found: tuple[Departure, ...],
     own: Landmarks,
     true: Landmarks,
+    not_comparable: str = "",
 ) -> str:
-    """Where, when and why ``run`` departs from the truth, in plain sentences."""
+    """Where, when and why ``run`` departs from the truth, in plain sentences.
+
+    Parameters
+    ----------
+    own, true
+        Landmarks of the run's samples and of the reference's, by the same detector.
+    not_comparable
+        Why the halts cannot be held against each other; empty: they can.
+    """
     if len(run.t) == 0:
         return f"No motion to compare: {run.status.value}."
+    missing = missing_physics(supplies, parameters, run.lacks)
     sentences = [_first(found, float(run.t[-1]))]
     if found:
         sentences.append(_where(found[0], parameters))
-        sentences.append(_why(found[0], supplies, parameters))
-    sentences.append(_halting(own, true, run, missing_physics(supplies, parameters)))
+        sentences.append(_why(found[0], supplies, parameters, missing))
+    sentences.append(f"Its halt is not comparable: {not_comparable}." if not_comparable else _halting(own, true, run, missing))
+    sentences.append(_rebound(own))
+    if STATIC_FRICTION in missing:
+        sentences.append(_without_static_friction(parameters))
     if not run.status.ok:
         sentences.append(f"The run broke off at {run.t[-1]:.3f} s: {run.status.value}.")
     return " ".join(s for s in sentences if s)
 
 
-def missing_physics(supplies: tuple[SupplyEntry, ...], parameters: Parameters) -> tuple[str, ...]:
-    """Physics that the scenario has and nobody supplies."""
+def missing_physics(supplies: tuple[SupplyEntry, ...], parameters: Parameters, lacks: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Physics that the scenario has and the run went without: what nobody supplies, and what ``lacks`` names."""
     needed = needed_physics(parameters)
-    return tuple(s.what for s in supplies if s.by == Supplier.NOBODY.value and s.what in needed)
+    nobody = (s.what.replace(" ", "_") for s in supplies if s.by == Supplier.NOBODY.value)
+    return tuple(dict.fromkeys([*(what for what in nobody if what in needed), *lacks]))
 
 
-def needed_physics(parameters: Parameters) -> tuple[str, ...]:
-    """Pieces of physics, of those that a trajectory says who supplies, that this scenario has at all."""
+def _without_static_friction(parameters: Parameters) -> str:
     c = parameters.coefficients
-    needed: list[str] = []
-    if parameters.release is not Release.DROP:
-        needed.append("winding")
-    if parameters.release in (Release.LOOPING, Release.VERTICAL) and c["kinetic_friction"] > 0:
-        needed += ["friction law", "stick slip"]
-    if any(value > 0 for name, value in c.items() if name.endswith("_drag")):
-        needed.append("drag")
-    return tuple(needed)
+    values = f"{c['static_friction']:g} before it slides, {c['kinetic_friction']:g} while it does"
+    return f"It has one friction coefficient where this scenario has two ({values}): the static one is missing from its run."
 
 
 def _first(found: tuple[Departure, ...], end: float) -> str:
@@ -69,33 +82,33 @@ def _first(found: tuple[Departure, ...], end: float) -> str:
 
 def _where(first: Departure, parameters: Parameters) -> str:
     if parameters.release is Release.DROP:
-        return f"There its heavy mass is {_mm(first.heavy)} {'higher' if first.heavy > 0 else 'lower'}."
+        return f"There its heavy mass is {quantity(abs(first.heavy), 'm')} {'higher' if first.heavy > 0 else 'lower'}."
     out = "further out" if first.along > 0 else "further in"
     ahead = "ahead" if first.across > 0 else "behind"
     up = "higher" if first.heavy > 0 else "lower"
-    text = f"There its light mass is {_mm(first.along)} {out} along the string and {_mm(first.across)} {ahead} across it"
-    return f"{text}, its heavy mass {_mm(first.heavy)} {up}."
+    along, across, heavy = (quantity(abs(d), "m") for d in (first.along, first.across, first.heavy))
+    return (
+        f"There its light mass is {along} {out} along the string and {across} {ahead} across it, its heavy mass {heavy} {up}."
+    )
 
 
-def _why(first: Departure, supplies: tuple[SupplyEntry, ...], parameters: Parameters) -> str:
+def _why(first: Departure, supplies: tuple[SupplyEntry, ...], parameters: Parameters, missing: tuple[str, ...]) -> str:
     causes = []
-    missing = [m for m in missing_physics(supplies, parameters) if m != "stick slip" or first.after != "release"]
-    if missing:  # a string that has slid ever since its release has not needed to stick yet
-        causes.append(f"nobody supplies {_listed([PHYSICS_WORDS[m] for m in missing])}, which this scenario has")
+    # a string that has slid ever since its release has not needed to stick yet
+    acting = [m for m in missing if m not in REST_PHYSICS or first.after != "release"]
+    if acting:
+        causes.append(f"nobody supplies {_listed([PHYSICS_WORDS[m] for m in acting])}, which this scenario has")
     if first.stretch is not None and first.stretch >= STRETCH_SHARE * first.threshold:
-        causes.append(f"its string had stretched by up to {_mm(first.stretch)} by then")
+        causes.append(f"its string had stretched by up to {quantity(first.stretch, 'm')} by then")
     if causes:
         return f"Likely why: {' and '.join(causes)}."
-    text = "No physics is declared missing"
+    text = "All the physics that has acted by then is there" if missing else "All the physics of the scenario is there"
     if first.stretch is not None:
-        text += (
-            f" and its string had stretched by no more than {_mm(first.stretch)}"
-            if first.stretch
-            else " nor did its string stretch"
-        )
+        stretch = f"had stretched by no more than {quantity(first.stretch, 'm')}" if first.stretch else "did not stretch"
+        text += f", and its string {stretch}"
     needed = needed_physics(parameters)
-    own = [PHYSICS_WORDS[s.what] for s in supplies if s.by == Supplier.ENGINE.value and s.what in needed]
-    fed = [PHYSICS_WORDS[s.what] for s in supplies if s.by == Supplier.ADAPTER.value and s.what in needed]
+    by = {who: [s.what.replace(" ", "_") for s in supplies if s.by == who.value] for who in Supplier}
+    own, fed = ([PHYSICS_WORDS[w] for w in by[who] if w in needed] for who in (Supplier.ENGINE, Supplier.ADAPTER))
     parts = [f"{_listed(own)} by the engine itself"] if own else []
     parts += [f"{_listed(fed)} fed in by the adapter"] if fed else []
     return f"{text} ({'; '.join(parts)}): suspect its time step, its solver or a coefficient." if parts else f"{text}."
@@ -113,19 +126,22 @@ def _halting(own: Landmarks, true: Landmarks, run: Trajectory, missing: tuple[st
             return f"Its light mass reaches the rod at {end:.3f} s, {early}." if own.light_reaches_rod is not None else ""
         later = [s.time for s in own.stops]
         turned = f"; it stops at {_listed([f'{t:.3f} s' for t in later[:3]])} and moves on" if later else ""
-        needed = [PHYSICS_WORDS[m] for m in missing if m in ("friction law", "stick slip")]
+        needed = [PHYSICS_WORDS[m] for m in missing if m in ("friction_law", "stick_slip")]
         why = f": nobody supplies {_listed(needed)}" if needed else ""
-        return f"Its heavy mass does not halt (the truth's halts at {true.halting_time:.3f} s){turned}{why}."
+        by = f" to within {quantity(RESOLUTION, 'm')}" if not needed else ""
+        return f"Its heavy mass does not halt{by} (the truth's halts at {true.halting_time:.3f} s){turned}{why}."
     late = own.halting_time - true.halting_time
-    text = f"Halts {abs(late) * 1e3:.2g} ms {'late' if late > 0 else 'early'}" if abs(late) > ON_TIME else "Halts on time"
+    text = f"Halts {quantity(abs(late), 's')} {'late' if late > 0 else 'early'}" if abs(late) > ON_TIME else "Halts on time"
     if not own.halting_confirmed and run.status is not RunStatus.LIGHT_REACHED_ROD:
         text += f" (seen at rest until the run's end at {end:.3f} s)"
     return text + "."
 
 
-def _mm(metres: float) -> str:
-    size = abs(metres) * 1e3
-    return f"{size:.2g} mm" if size < 100 else f"{size:.0f} mm"
+def _rebound(own: Landmarks) -> str:
+    if own.rebound is None or own.rebound.travel <= RESOLUTION:
+        return ""
+    speed, travel = own.rebound.speed, own.rebound.travel
+    return f"After its first rest it still moves by {quantity(travel, 'm')}, at up to {quantity(speed, 'm/s')}."
 
 
 def _listed(words: list[str]) -> str:

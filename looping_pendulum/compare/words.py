@@ -23,10 +23,12 @@ EVENT_WORDS = {
 
 PHYSICS_WORDS = {
     "winding": "the winding",
-    "friction law": "the string's friction on the rod",
-    "stick slip": "sticking and slipping",
+    "friction_law": "the string's friction on the rod",
+    "stick_slip": "sticking and slipping",
     "drag": "the drag",
+    "static_friction": "a static friction other than the kinetic one",
 }
+"""Name of a piece of physics, as `Abilities.lacks` and `Supplies` have it -> words for it."""
 
 
 def told_events(events: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:

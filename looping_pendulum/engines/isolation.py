@@ -118,7 +118,7 @@ def run_isolated(
         if status is None and result.exists():
             try:
                 trajectory: Trajectory = pickle.loads(result.read_bytes())
-                return replace(trajectory, output=output)
+                return replace(trajectory, output=output, lacks=engine.abilities.lacks(scenario.parameters))
             except Exception as error:
                 status, message = RunStatus.FAILED, f"its result cannot be read: {type(error).__name__}: {error}"
         return from_samples(
@@ -255,6 +255,7 @@ def identity(engine: Engine, scenario: Scenario) -> dict[str, Any]:
         "profile": engine.profile.value,
         "scenario": scenario.name,
         "provenance": provenance,
+        "lacks": engine.abilities.lacks(scenario.parameters),
     }
 
 

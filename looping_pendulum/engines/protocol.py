@@ -49,6 +49,28 @@ APPLIED_DRAG = Supply(by=Supplier.ADAPTER, how="the reference's formulas as appl
 """Who supplies the drag in an engine that applies the effects' forces."""
 
 
+STATIC_FRICTION = "static_friction"
+
+
+def needed_physics(parameters: Parameters) -> tuple[str, ...]:
+    """Pieces of physics, of those that `Supplies` names, that a scenario with ``parameters`` has at all."""
+    c = parameters.coefficients
+    needed: list[str] = []
+    if parameters.release is not Release.DROP:
+        needed.append("winding")
+    if parameters.release in (Release.LOOPING, Release.VERTICAL) and c["kinetic_friction"] > 0:
+        needed += ["friction_law", "stick_slip"]
+    if any(value > 0 for name, value in c.items() if name.endswith("_drag")):
+        needed.append("drag")
+    return tuple(needed)
+
+
+def needs_static_friction(parameters: Parameters) -> bool:
+    """Whether the string may stick with more friction than it slides with, as ``parameters`` say it."""
+    c = parameters.coefficients
+    return parameters.release in (Release.LOOPING, Release.VERTICAL) and c["static_friction"] != c["kinetic_friction"]
+
+
 class Profile(StrEnum):
     """How much a run may cost."""
 
@@ -78,6 +100,8 @@ class Abilities:
     """
     known_failures: Mapping[str, str] = field(default_factory=dict)
     """Checks of `engines.conformance` that it fails -> the measured reason: strict expected failures."""
+    static_friction: bool = False
+    """Whether a static friction other than the kinetic one reaches it; one that takes `EffectKind.STRING_LAW` has it anyway."""
     main: bool = True
     """Whether a comparison that names no engine runs it; the others are for studies, and catastrophic ones among them."""
 
@@ -87,6 +111,14 @@ class Abilities:
             return f"release {parameters.release.value!r}"
         beyond = (e for e in parameters.effects if not e.in_base_model and not self.reaches(e))
         return ", ".join(f"effect {e.name!r} ({e.kind.value})" for e in beyond)
+
+    def lacks(self, parameters: Parameters) -> tuple[str, ...]:
+        """Names of the physics that ``parameters`` have and this variant runs without, among `needed_physics`."""
+        lacking = [what for what in needed_physics(parameters) if getattr(self.supplies, what, None) is not None]
+        lacking = [what for what in lacking if getattr(self.supplies, what).by is Supplier.NOBODY]
+        if needs_static_friction(parameters) and not (self.static_friction or EffectKind.STRING_LAW in self.effect_kinds):
+            lacking.append(STATIC_FRICTION)
+        return tuple(lacking)
 
     def reaches(self, effect: Effect) -> bool:
         """Whether ``effect`` reaches this variant; one that adds variables to the state is a property whatever its kind."""
@@ -184,6 +216,7 @@ class SteppedEngine(abc.ABC):
             status=status,
             wall_time=time.perf_counter() - started,
             provenance=self.provenance(),
+            lacks=self.abilities.lacks(scenario.parameters),
         )
 
     def with_settings(self, **changes: object) -> Self:

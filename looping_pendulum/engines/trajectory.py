@@ -138,6 +138,8 @@ class Trajectory:
     message: str = ""
     """What the engine said about its end, if it failed."""
     provenance: Provenance
+    lacks: tuple[str, ...] = ()
+    """Physics of the scenario that the run went without, as `Abilities.lacks` names it."""
     wall_time: float = float("nan")
     """Seconds that the simulation took, building and starting apart."""
     output: str = field(default="", repr=False)

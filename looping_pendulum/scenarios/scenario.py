@@ -16,6 +16,7 @@ METRICS = MappingProxyType(
         "rms_1.0s": "m",
         "rms_halt": "m",
         "halting_time_error": "s",
+        "rebound": "m",
         "drop_error": "m",
         "wrap_angle_error": "rad",
         "free_length_error": "m",

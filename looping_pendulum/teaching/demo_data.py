@@ -10,11 +10,11 @@ from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.landmarks import STRINGLESS
 from looping_pendulum.compare.report import name
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, Landmarks, Samples, SupplyEntry
-from looping_pendulum.compare.stories import missing_physics, needed_physics
-from looping_pendulum.compare.tables import number
 from looping_pendulum.compare.words import EVENT_WORDS, PHYSICS_WORDS, mode_words, told_events
+from looping_pendulum.engines.protocol import needed_physics
 from looping_pendulum.engines.tension import tension_from_motion
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Supplier, Trajectory
+from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.pages.palette import styles
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -127,14 +127,14 @@ def _marks(engine: EngineResult, gap: str) -> list[dict[str, Any]]:
 def caption(result: ComparisonResult, engine: EngineResult, p: Parameters) -> str:
     """Return one honest line on a run: who supplies the friction, when it halts, what it lacks."""
     supplies = engine.provenance.supplies
-    parts = [_friction(supplies, p), _halting(engine, result.truth.landmarks), _lacks(supplies, p)]
+    parts = [_friction(supplies, p), _halting(engine, result.truth.sampled), _lacks(engine)]
     if not engine.ok:
         parts.insert(0, f"Not shown to the end: {engine.status_sentence}." if engine.samples else "Nothing to show.")
     return " ".join(part for part in parts if part)
 
 
 def _friction(supplies: tuple[SupplyEntry, ...], p: Parameters) -> str:
-    if "friction law" not in needed_physics(p):
+    if "friction_law" not in needed_physics(p):
         return "Friction plays no part here."
     entry = next((s for s in supplies if s.what == "friction law"), None)
     if entry is None:
@@ -149,9 +149,11 @@ def _friction(supplies: tuple[SupplyEntry, ...], p: Parameters) -> str:
 
 def _halting(engine: EngineResult, true: Landmarks) -> str:
     own = engine.landmarks.halting_time
-    if own is not None and true.halting_time is not None:
-        late = 1e3 * (own - true.halting_time)
-        return f"Halts at {own:.4f} s, {number(abs(late), digits=2)} ms {'after' if late > 0 else 'before'} the truth."
+    if engine.not_comparable:
+        return f"Its halt is not comparable: {engine.not_comparable}."
+    late = engine.metrics["halting_time_error"]
+    if late is not None:
+        return f"Halts at {own:.4f} s, {quantity(abs(late), 's')} {'after' if late > 0 else 'before'} the truth."
     if own is not None:
         return f"Comes to rest at {own:.4f} s; the truth never does."
     if true.halting_time is None or engine.end_time is None:
@@ -161,8 +163,8 @@ def _halting(engine: EngineResult, true: Landmarks) -> str:
     return f"Does not halt by {engine.end_time:.2f} s."
 
 
-def _lacks(supplies: tuple[SupplyEntry, ...], p: Parameters) -> str:
-    missing = [PHYSICS_WORDS[what] for what in missing_physics(supplies, p)]
+def _lacks(engine: EngineResult) -> str:
+    missing = [PHYSICS_WORDS[what] for what in engine.lacks]
     return f"Lacks {' and '.join(missing)}." if missing else "No physics is declared missing."
 
 

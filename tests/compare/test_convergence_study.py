@@ -148,7 +148,7 @@ def test_what_the_report_says_is_what_was_found(tmp_path, scenario, counted):
     assert {p.name for p in (tmp_path / "figures").iterdir()} == set(draw(result))
     assert "order 1" in report
     assert "| delayed:exact | not converged |" in report
-    assert "| delayed:exact | step | 0.8 ms | 0.4 ms | lateness | +0.199 | 0.52 | 1.04 |" in report
+    assert "| delayed:exact | step | 0.8 ms | 0.4 ms | lateness | +0.2 | 0.52 | 1.04 |" in report
     assert render(result)
 
 

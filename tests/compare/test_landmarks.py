@@ -1,4 +1,4 @@
-"""Stops, halting, break-away and extrema against closed forms, and against the reference's own events."""
+"""Landmarks of whole runs against closed forms, and against the reference's own events."""
 
 from __future__ import annotations
 
@@ -8,76 +8,12 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.landmarks import (
-    LEAVE_SPEED,
-    break_away_time,
-    extrema,
-    rest_intervals,
-    run_landmarks,
-    stop_time,
-    truth_landmarks,
-)
+from looping_pendulum.compare.landmarks import extrema, run_landmarks, truth_landmarks
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import ReferenceEngine, Truth
 from looping_pendulum.engines.trajectory import RunStatus
 
 DT = 1e-3
-
-
-def stops(t, speed):
-    return [stop_time(t, speed, last, after) for last, after in rest_intervals(t, speed)]
-
-
-@pytest.mark.parametrize("phase", [0.0, 0.13, 0.5, 0.77])
-@pytest.mark.parametrize("brake", [3.0, 12.0, 40.0])
-def test_a_constant_deceleration_is_halted_within_rounding(brake, phase):
-    t = (np.arange(600) + phase) * DT
-    halt = 0.3333
-    speed = -np.maximum(brake * (halt - t), 0.0)
-    assert stops(t, speed) == [pytest.approx(halt, abs=1e-9)]
-
-
-@pytest.mark.parametrize("phase", [0.0, 0.3, 0.6])
-def test_a_smooth_deceleration_is_halted_within_a_tenth_of_a_millisecond(phase):
-    t, halt = (np.arange(600) + phase) * DT, 0.4
-    speed = np.where(t < halt, -1.5 * np.sin(math.pi * t / halt), 0.0)
-    assert stops(t, speed) == [pytest.approx(halt, abs=1e-4)]
-
-
-def test_noise_costs_no_more_than_it_must():
-    t, halt, brake, noise = np.arange(1000) * DT, 0.4, 20.0, 3e-3
-    speed = -np.maximum(np.minimum(8 * t, brake * (halt - t)), 0.0) + np.random.default_rng(2).uniform(-noise, noise, len(t))
-    # The line is carried on from at most two steps' speed above the band: each end's noise counts at most threefold.
-    assert stops(t, speed) == [pytest.approx(halt, abs=3 * 2 * noise / brake)]
-
-
-def test_a_reversal_is_one_stop_and_no_stick(closed_form):
-    t = np.arange(600) * DT
-    speed = np.where(t < 0.3007, 8 * (t - 0.3007), 3 * (t - 0.3007))
-    rests = rest_intervals(t, speed)
-    assert stops(t, speed) == [pytest.approx(0.3007, abs=1e-9)]
-    assert break_away_time(t, speed, 0.3007, rests[0][1], closed_form.parameters) is None
-
-
-@pytest.mark.parametrize(("static", "power"), [(0.34, 2), (0.4, 1)])
-def test_a_stick_and_a_break_away(closed_form, static, power):
-    t = np.arange(900) * DT
-    speed = np.where(t < 0.3, 5 * (0.3 - t), np.where(t < 0.5, 0.0, -20 * (t - 0.5) ** power))
-    (rest,) = rest_intervals(t, speed)
-    parameters = closed_form.parameters.replace(static_friction=static)
-    assert stops(t, speed) == [pytest.approx(0.3, abs=1e-9)]
-    assert break_away_time(t, speed, 0.3, rest[1], parameters) == pytest.approx(0.5, abs=1e-6)
-
-
-def test_a_mass_that_never_moved_has_not_stopped():
-    t = np.arange(100) * DT
-    assert rest_intervals(t, np.full(100, 0.9 * LEAVE_SPEED)) == []
-
-
-def test_jitter_at_rest_makes_no_stops():
-    t = np.arange(1000) * DT
-    speed = np.where(t < 0.2, -1.0, 0.015 * np.sin(900 * t))
-    assert len(rest_intervals(t, speed)) == 1
 
 
 def test_landmarks_of_the_closed_form(closed_form, make_run):
@@ -103,6 +39,7 @@ def test_a_run_cut_just_after_a_stop_does_not_halt(closed_form, make_run):
     found = run_landmarks(make_run(until=closed_form.halt + 0.04), closed_form.parameters)
     assert found.halting_time is None
     assert len(found.stops) == 1
+    assert found.rebound is None
     assert run_landmarks(make_run(until=0.0), closed_form.parameters).stops == ()
 
 
@@ -112,12 +49,6 @@ def test_extrema_of_a_cosine():
     expected = [(k * math.pi - 0.5) / rate for k in (1, 2, 3)]
     assert [e.time for e in found] == [pytest.approx(e, abs=1e-6) for e in expected]  # the parabola misses by order dt^3 rate^2
     assert [e.value for e in found] == [pytest.approx(v, abs=1e-8) for v in (-0.2, 0.2, -0.2)]
-
-
-def test_noise_makes_no_extrema():
-    t = np.arange(1100) * DT
-    noisy = 0.2 * np.cos(9 * t + 0.5) + np.random.default_rng(3).uniform(-2e-4, 2e-4, len(t))
-    assert len(extrema(t, noisy)) == 3
 
 
 def test_the_references_samples_give_the_references_events(scenario):

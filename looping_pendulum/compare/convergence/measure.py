@@ -13,7 +13,7 @@ import numpy as np
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.convergence.ladder import Correction, Finding, Kind, norm, sizes, split_error
 from looping_pendulum.compare.convergence.result import DROP, HALT, MARKS, QUANTITIES, ErrorSplit, RunSummary, Verdict
-from looping_pendulum.compare.landmarks import run_landmarks, truth_landmarks
+from looping_pendulum.compare.landmarks import SampledTruth, run_landmarks
 from looping_pendulum.compare.metrics import MARK_SLACK, rms_until
 from looping_pendulum.compare.run_cache import Done
 from looping_pendulum.compare.tables import number
@@ -59,7 +59,7 @@ class Measured:
 
 def target(scenario: Scenario, truth: Truth) -> Target:
     """Return the truth of ``scenario`` with its numbers."""
-    marks = truth_landmarks(truth, _grid(scenario))
+    marks = SampledTruth(truth, scenario.parameters).beside()
     return Target(scenario=scenario, truth=truth, numbers={HALT: marks.halting_time, DROP: marks.drop_at_halt})
 
 

@@ -14,8 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
-from looping_pendulum.compare.landmarks import truth_moments, turns
+from looping_pendulum.compare.landmarks import EXTREMUM_BAND, truth_moments
 from looping_pendulum.compare.result import Extremum, Landmarks, Stop
+from looping_pendulum.compare.slides import turns
 from looping_pendulum.discrepancy.data.measurement import Camera
 from looping_pendulum.discrepancy.data.observations import DataError, EventRow, Observations
 from looping_pendulum.engines.reference import event_names
@@ -122,11 +123,11 @@ def _extrema(samples: Samples, camera: Camera) -> tuple[tuple[Extremum, ...], tu
 
 
 def _turns(t: Array, place: Array, speed: Array) -> tuple[Extremum, ...]:
-    """Extrema of one coordinate, by the zeros of its speed; which count is said by `compare.landmarks.turns`."""
+    """Extrema of one coordinate, by the zeros of its speed; which count is said by `slides.turns`."""
     before = np.flatnonzero(speed[:-1] * speed[1:] < 0)
     share, value = _hermite_zero(t[before + 1] - t[before], place[before], place[before + 1], speed[before], speed[before + 1])
     times = t[before] + share * (t[before + 1] - t[before])
-    chosen = turns(np.concatenate([place[:1], value, place[-1:]]))
+    chosen = turns(np.concatenate([place[:1], value, place[-1:]]), EXTREMUM_BAND)
     return tuple(Extremum(time=float(times[i - 1]), value=float(value[i - 1])) for i in chosen)
 
 
