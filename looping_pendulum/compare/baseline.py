@@ -22,6 +22,8 @@ from looping_pendulum.scenarios.scenario import METRICS
 
 SCHEMA_ID = "looping-pendulum/changes"
 SCHEMA_VERSION = 1
+SAME_SETTING = 1e-9
+"""Relative difference of a setting that is none: some settings are computed, and their last bits are the processor's."""
 
 RELATIVE = 0.01
 """A metric has changed if it moved by more than this fraction of what it was and by more than its floor."""
@@ -227,9 +229,11 @@ def _provenance(run: str, before: RunProvenance, after: RunProvenance) -> Iterat
 
 
 def _different(kind: Kind, run: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Change]:
-    """Everything that is not exactly equal."""
+    """Everything that is not equal, of numbers to `SAME_SETTING`."""
     for key in [*new, *(key for key in old if key not in new)]:
         was, now = old.get(key), new.get(key)
+        if isinstance(was, float) and isinstance(now, float) and math.isclose(was, now, rel_tol=SAME_SETTING):
+            continue
         if was != now:
             yield Change(kind=kind, run=run, what=key, unit="", before=was, after=now)
 

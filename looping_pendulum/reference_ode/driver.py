@@ -22,6 +22,8 @@ START = 1e-6
 """Length of the series step that leaves rest [s]: |v| is not analytic at v = 0. The series' next term is of order START^3."""
 ROUNDING = 1e-9
 """Tension that counts as none where a string that stretches comes to rest on the rod [N]."""
+NO_TENSION = 1e-14
+"""Tension over the light mass's weight that is none but for rounding, at a release (a string released at 90 deg has -6e-17)."""
 TINY = 1e-300
 """Stands for zero where an event function starts at a zero that is already dealt with."""
 
@@ -138,7 +140,16 @@ class Driver:
         else:
             mode = self._after_impulse()
             self._set_phase(mode)
-        return mode if self._light_tension(mode) >= 0 else slack
+        return mode if self._light_tension(mode) >= self._least_released_tension() else slack
+
+    def _least_released_tension(self) -> float:
+        """Tension from which a string is taut at its release [N].
+
+        A light mass that does not move back makes the tension grow, so that none but for rounding is the edge of a taut string;
+        taken for slack, it would never become taut, as it neither opens nor closes.
+        """
+        weight: float = self.values.light_mass * self.values.gravity
+        return -NO_TENSION * weight if self.y.across_speed >= 0 else 0.0
 
     def _now(self) -> tuple[Any, State, Signs, Any]:
         """What decides which mode follows: time, state, signs and values, as plain numbers."""

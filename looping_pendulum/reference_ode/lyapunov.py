@@ -29,6 +29,8 @@ from looping_pendulum.reference_ode.state import State, own_variables, variables
 
 SEEN = ("x1", "y1", "vx1", "vy1", "y2", "vy2")
 """What nearness is measured in: place and velocity of the light mass, height and speed of the heavy one."""
+LOST = 1e-13
+"""Growth over the largest one at the same time that is none but for rounding: a direction that a stop has taken away for good."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +65,9 @@ class Stretching:
 
     @cached_property
     def growth(self) -> Array:
-        """Singular values of `matrices`, largest first, shape (n, m)."""
-        return np.asarray(np.linalg.svd(self.matrices, compute_uv=False), dtype=float)
+        """Singular values of `matrices`, largest first, shape (n, m); 0 where a direction is `LOST`."""
+        values = np.asarray(np.linalg.svd(self.matrices, compute_uv=False), dtype=float)
+        return np.where(values <= LOST * values[:, :1], 0.0, values)
 
     @cached_property
     def exponents(self) -> Array:

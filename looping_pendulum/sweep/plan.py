@@ -55,6 +55,18 @@ class Axis:
             return np.asarray(low * (high / low) ** share)
         return np.asarray(low + (high - low) * share)
 
+    def as_dict(self) -> dict[str, Any]:
+        """What decides the values, as plain data, the same on every processor.
+
+        Values spaced by a factor are powers, whose last bits are the processor's; their ends are as written.
+        """
+        ends = [float(self.values[0]), float(self.values[-1]), len(self.values)]
+        return {
+            "name": self.name,
+            "logarithmic": self.logarithmic,
+            "values": ends if self.logarithmic else self.values.tolist(),
+        }
+
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
@@ -218,9 +230,7 @@ class MapPlan:
 
     def as_dict(self) -> dict[str, Any]:
         """What decides the results, as plain data."""
-        design: dict[str, Any] = {
-            "axes": [{"name": a.name, "values": a.values.tolist(), "logarithmic": a.logarithmic} for a in self.design.axes]
-        }
+        design: dict[str, Any] = {"axes": [axis.as_dict() for axis in self.design.axes]}
         if isinstance(self.design, Sample):
             design |= {"method": self.design.method, "count": self.design.count, "seed": self.design.seed}
         return {

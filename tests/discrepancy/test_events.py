@@ -52,6 +52,16 @@ def test_extrema_are_zeros_of_the_exact_speed(scenario):
             assert extremum.time == pytest.approx(zero, abs=1e-7)  # h^3 x''''/72 over x'' with h = 1 ms and turns of 0.1 s
 
 
+@pytest.mark.parametrize("turn", [0.5, 0.5 + 3e-4])
+def test_a_turn_that_falls_on_a_sample_is_one_turn(turn):
+    # Where the speed was exactly 0 at a sample, no product of neighbours was below zero, and the turn was lost.
+    t = np.arange(1001) * 1e-3
+    speed = 2 * (t - turn)
+    (found,) = prediction._turns(t, (t - turn) ** 2, np.where(np.abs(t - turn) < 1e-9, 0.0, speed))
+    assert found.time == pytest.approx(turn, abs=1e-12)
+    assert found.value == pytest.approx(0.0, abs=1e-12)
+
+
 def test_every_quantity_is_what_compare_says_of_the_truth(scenario):
     grid = np.arange(1301) * 1e-3
     true = truth_landmarks(Truth(scenario), grid)

@@ -45,6 +45,12 @@ def test_nothing_slides_where_nothing_can(release):
     assert friction_loss(TEN_TO_ONE.replace(release=release), FrictionSize.EQUAL_WORK) == 0.0
 
 
+@pytest.mark.parametrize("size", FrictionSize)
+def test_a_slippery_rod_has_no_friction_not_even_of_rounding_size(size):
+    # Both tensions are then one number, computed in two ways: 1e-17 N apart, which made the rig grip its string.
+    assert friction_loss(TEN_TO_ONE.replace(kinetic_friction=0.0, static_friction=0.0), size) == 0.0
+
+
 def test_constant_friction_holds_what_is_lighter_than_it():
     # Oracle: statics. With equal masses hanging nothing moves; as nothing slides, no friction is needed.
     p = TEN_TO_ONE.replace(release="vertical", heavy_mass=0.01)

@@ -1,6 +1,7 @@
 """Many runs at once: each equals the single run, and an independent integrator's; bad runs disturb no other."""
 
 import dataclasses
+import math
 import os
 
 import numpy as np
@@ -116,6 +117,16 @@ def test_a_batch_has_the_sequences_of_scipys_runs():
     columns = random_columns(400, seed=11)
     expected = one_by_one(BASE, columns, integrator="scipy", tolerance=1e-11)
     np.testing.assert_array_equal(solve_batch(BASE, columns).sequence, expected.sequence)
+
+
+def test_a_held_string_at_a_right_angle_is_taut_in_a_batch_too():
+    columns = {"release_angle": math.pi / 2 + np.array([-1e-9, 0.0, 1e-9])}
+    base = BASE.replace(release="held")
+    expected = [solve(base.replace(release_angle=angle), duration=0.5) for angle in columns["release_angle"]]
+    found = solve_batch(base, columns, duration=0.5)
+    assert found.sequence.tolist() == [sequence_hash(run.modes) for run in expected]
+    np.testing.assert_allclose(found.wrap_angle, [run.end.state.wrap_angle for run in expected], rtol=0, atol=1e-9)
+    assert np.ptp(found.wrap_angle) < 1e-7
 
 
 def test_impossible_runs_are_marked_and_disturb_no_other():

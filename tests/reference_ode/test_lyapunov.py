@@ -58,8 +58,8 @@ def test_a_stop_that_holds_takes_one_direction_away():
     halt = solve(p).halting_time
     stretching = solve_stretching(p, np.array([halt - 1e-3, halt + 1e-3]))
     assert stretching.growth[0, 3] > 1e-4
-    assert stretching.growth[1, 3] < 1e-12
-    assert stretching.exponents[1, 3] < -30  # minus infinity, but for rounding
+    assert stretching.growth[1, 3] == 0  # what linear algebra makes of it, of rounding size or not, depends on the processor
+    assert stretching.exponents[1, 3] == -np.inf
     assert np.all(stretching.growth[1, :3] > 1e-2)
 
 

@@ -14,6 +14,7 @@ from looping_pendulum.scenarios import load as load_scenario
 from looping_pendulum.sweep import map_file
 from looping_pendulum.sweep.plan import Sample
 from looping_pendulum.sweep.quantities import RATIOS, columns, variables
+from looping_pendulum.sweep.store import map_id
 from tests.sweep.maps import GRID, SAMPLE
 
 ANGLE = "release_angle: {from: 60 deg, to: 130 deg, count: 8}"
@@ -30,6 +31,20 @@ def test_shipped_maps_load_and_are_possible(name):
     assert plan.title
     assert plan.description
     assert all(why is None for _, why in plan.corners())
+
+
+def test_a_map_is_the_same_map_on_a_processor_whose_powers_differ_in_the_last_place():
+    # NumPy's powers differ with AVX-512; a map begun on one machine was another map on the next, and could not be resumed.
+    def moved(plan, factor, where):
+        axis = plan.design.axes[0]
+        values = axis.values.copy()
+        values[where] *= factor
+        return dataclasses.replace(plan, design=dataclasses.replace(plan.design, axes=(dataclasses.replace(axis, values=values),)))
+
+    plan = map_file.load_text(written(["rod_radius: {from: 1 mm, to: 20 mm, count: 8, spacing: log}"]))
+    ids = [map_id(p) for p in (plan, moved(plan, 1 + 4e-16, slice(1, -1)), moved(plan, 1 + 1e-9, -1), moved(plan, 1 + 1e-9, 0))]
+    assert ids[0] == ids[1]
+    assert len(set(ids)) == 3
 
 
 def test_every_number_of_an_apparatus_may_be_varied():

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from looping_pendulum.reference_ode.batch import compiled
 from looping_pendulum.reference_ode.batch.block import Block
 from looping_pendulum.reference_ode.batch.compiled import LEADING, STATE, Model
-from looping_pendulum.reference_ode.driver import START, TINY
+from looping_pendulum.reference_ode.driver import NO_TENSION, START, TINY
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Choice, Event, Mode, next_mode
@@ -19,7 +19,9 @@ class Changes:
 
     def __init__(self, model: Model, release: Release) -> None:
         self._model, self._release = model, release
-        self._rod_radius = len(LEADING) + model.names.index("rod_radius")
+        self._rod_radius, self._light_mass, self._gravity = (
+            len(LEADING) + model.names.index(name) for name in ("rod_radius", "light_mass", "gravity")
+        )
 
     def release(self, block: Block, push_along: Array, push_across: Array) -> None:
         """Set the modes at release, and take the first instant of what starts at rest.
@@ -67,7 +69,9 @@ class Changes:
                 hit["mode"] = self._after_impulse(hit)
                 block.table[:, pushed] = hit.table
         self._begin_slides(block)
-        block["mode"] = np.where((push >= 0) & self._pulls(block), block["mode"], slack)
+        weight = block.numbers[self._light_mass] * block.numbers[self._gravity]
+        least = np.where(block["across_speed"] >= 0, -NO_TENSION * weight, 0.0)  # as `Driver._least_released_tension`
+        block["mode"] = np.where((push >= 0) & self._pulls(block, least), block["mode"], slack)
 
     def _leave_rest(self, block: Block) -> None:
         """Take the first START seconds by series where the light mass starts at rest and |v| has a root there."""
@@ -130,12 +134,12 @@ class Changes:
         out = compiled.impact(self._model, slide)(block.numbers)
         return out[:-1], out[-1]
 
-    def _pulls(self, block: Block) -> NDArray[np.bool_]:
-        """Whether the light mass's tension is not below zero; so too where there is none."""
+    def _pulls(self, block: Block, least: Array | float = 0.0) -> NDArray[np.bool_]:
+        """Whether the light mass's tension is not below ``least`` [N]; so too where there is none."""
         pulls = np.ones(len(block), dtype=bool)
         for mode in block.present_modes():
             (tension,) = compiled.light_tension(self._model, mode)(block.numbers)
-            np.copyto(pulls, tension >= 0, where=block["mode"] == mode)
+            np.copyto(pulls, tension >= least, where=block["mode"] == mode)
         return pulls
 
     def _begin_slides(self, block: Block) -> None:
