@@ -35,7 +35,7 @@ from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import FILE_KEYS, METRICS, file_key
 from looping_pendulum.scenarios.units import Kind, RangeError, UnitError
 
-NUMBER_PATTERN = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
+NUMBER_PATTERN = r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"
 _WORDS = "x-words"
 LONGEST_DURATION = 3600.0
 """[s]; an hour, far beyond any trial: a slip of the pen must not keep an engine busy for days."""
