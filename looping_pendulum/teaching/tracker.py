@@ -36,7 +36,7 @@ MOST_FRAMES = 1_000_000
 """An hour at the usual `FRAME_RATE` has 864 000."""
 
 LARGEST_FILE = 64 * 1024 * 1024
-"""[bytes]; the file of a run of one second has a fifth of a MiB."""
+"""[bytes]; a run has 1000 rows a second, of some 200 bytes each."""
 
 LARGEST_NUMBER = 1e6
 """Of a run's file [s, m or m/s]: what is beyond it is no motion of this apparatus."""
@@ -202,8 +202,8 @@ def _motion_of_file(path: Path) -> Motion:
     """Motion in a CSV file of `compare.export.trajectory_csv`."""
     names = ("t", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "light_x", "light_y", "light_vx", "light_vy")
     rows = [text_table.cells(line, ",") for _, line in text_table.lines(_text(path))]
-    while rows and rows[-1] == ("",):
-        rows.pop()  # the end of the last line
+    while rows and not any(rows[-1]):
+        rows.pop()  # what stands behind the last line's end
     head = [cell.partition(" [")[0] for cell in rows[0]] if rows else []
     lacking = [name for name in names if name not in head]
     if lacking:
