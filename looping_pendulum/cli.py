@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -26,20 +27,22 @@ from looping_pendulum.cli_common import (
     TimeLimit,
     exit_for,
     load_scenario,
-    new_table,
     run_and_compare,
     show_output_of_failed,
-    show_table,
 )
 from looping_pendulum.cli_converge import converge
 from looping_pendulum.cli_engines import conformance, engines
 from looping_pendulum.cli_maps import map_, maps
 from looping_pendulum.cli_progress import EngineBars, StageBar
 from looping_pendulum.cli_teaching import demo, demonstrations, init, new, tracker
-from looping_pendulum.errors import HarnessError
+from looping_pendulum.cli_terminal import new_table, say, say_file, show_table
+from looping_pendulum.errors import HarnessError, one_line
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.baseline import Changes
+
+USAGE_ERROR: Any = typer.BadParameter.__base__
+"""Base of the errors of a mistyped command line; it is click's, and typer has a copy of its own from 0.26 on."""
 
 # rich_markup_mode=None: drawing the help with rich would double the time that --help takes
 app = typer.Typer(
@@ -62,7 +65,7 @@ app = typer.Typer(
 def root(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
     """Options that stand before the command."""
     if version:
-        typer.echo(f"looping-pendulum {__version__}")
+        say(f"looping-pendulum {__version__}")
         raise typer.Exit
 
 
@@ -80,9 +83,9 @@ def scenarios(
     if schema:
         import json
 
-        typer.echo(json.dumps(loader.json_schema(), indent=2))
+        say(json.dumps(loader.json_schema(), indent=2))
     elif name is not None:
-        typer.echo(loader.source_text(name), nl=False)
+        say_file(loader.source_text(name))
     else:
         table = new_table("scenario", "release", "M2/M1", "title")
         for shipped in loader.shipped():
@@ -137,11 +140,11 @@ def run(
         ended = result.status.value + (f" ({result.message})" if result.message else "")
         table.add_row(result.label, str(len(result.t)), until, drop, f"{result.wall_time:.2f}", ended)
         for event in result.events:
-            typer.echo(f"{result.label}: {event.time:.6f} s {event.name}")
+            say(f"{result.label}: {event.time:.6f} s {event.name}")
         if out is not None and len(result.t):
             path = out / f"{file_stem(result.label, result.profile)}.csv"
             write_whole(path, trajectory_csv(result))
-            typer.echo(f"wrote {path}")
+            say(f"wrote {path}")
     show_table(table)
     show_output_of_failed(runs)
     exit_for(runs)
@@ -187,10 +190,10 @@ def compare(
         table.add_row(*row)
     show_table(table)
     for one in result.engines:
-        typer.echo(f"- {one.label}: {one.story}")
+        say(f"- {one.label}: {one.story}")
     if changes is not None:
         _show_changes(changes)
-    typer.echo(f"wrote {write(result, folder, changes)} and report.html")
+    say(f"wrote {write(result, folder, changes)} and report.html")
     assert result.samples is not None
     runs = [aligned.run for aligned in result.samples.aligned]
     show_output_of_failed(runs)
@@ -217,7 +220,7 @@ def check(
         named = sorted({t.engine for t in chosen.tolerances if t.profile == profile.value})
         wanted = [name for name in named if not engine or any(name == e or name.startswith(f"{e}:") for e in engine)]
         if not wanted:
-            typer.echo(f"{chosen.name}: no tolerances for profile {profile.value}")
+            say(f"{chosen.name}: no tolerances for profile {profile.value}")
             continue
         result = run_and_compare(chosen, wanted, profile, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
         table = new_table("scenario", "engine", "metric", "value", "limit", "outcome")
@@ -255,7 +258,7 @@ def identify(
     loaded = study_io.load(study)
     with StageBar() as stages:
         result = find(loaded, seed=seed, progress=stages.update)
-    typer.echo(f"{result.verdict.value}: {result.sentence}")
+    say(f"{result.verdict.value}: {result.sentence}")
     table = new_table("trial", "seen by the fit", "RMS before [mm]", "RMS after [mm]", "before [noise]", "after [noise]")
     for e in result.errors:
         # without marks, only events were seen of the trial
@@ -264,7 +267,7 @@ def identify(
     show_table(table)
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # what was found is written whole; that takes two seconds
     try:
-        typer.echo(f"wrote {writing.write(result, out or Path('report') / loaded.name)} and report.html")
+        say(f"wrote {writing.write(result, out or Path('report') / loaded.name)} and report.html")
     finally:
         signal.signal(signal.SIGINT, before)
     if result.verdict is Verdict.INTERRUPTED:
@@ -282,7 +285,7 @@ def _show_changes(changes: Changes) -> None:
     """Show what changed since a baseline."""
     from looping_pendulum.compare.baseline import HEADER, SAID_ON_CONSOLE, heading, rows
 
-    typer.echo(heading(changes))
+    say(heading(changes))
     found = rows(changes)
     table = new_table(*HEADER)
     for row in found[:SAID_ON_CONSOLE]:
@@ -290,11 +293,17 @@ def _show_changes(changes: Changes) -> None:
     if found:
         show_table(table)
     if len(found) > SAID_ON_CONSOLE:
-        typer.echo(f"... and {len(found) - SAID_ON_CONSOLE} more in report.md and changes.json")
+        say(f"... and {len(found) - SAID_ON_CONSOLE} more in report.md and changes.json")
 
 
-def _one_line(message: Warning | str, *_: object, **__: object) -> str:
-    return f"warning: {message}\n"
+def _short_warning(message: Warning | str, *_: object, **__: object) -> str:
+    return f"warning: {one_line(str(message))}\n"
+
+
+def _fail(message: str) -> NoReturn:
+    """End with one line for a user's mistake."""
+    say(f"error: {one_line(message)}", err=True)
+    sys.exit(BAD_INPUT)
 
 
 def main() -> None:
@@ -305,27 +314,33 @@ def main() -> None:
     if debug:
         sys.argv.remove("--debug")
     else:
-        warnings.formatwarning = _one_line
+        warnings.formatwarning = _short_warning
     try:
-        app()
+        sys.exit(app(standalone_mode=False))
+    except USAGE_ERROR as error:
+        words = io.StringIO()
+        error.show(file=words)
+        say(words.getvalue(), err=True, nl=False)
+        sys.exit(BAD_INPUT)
+    except typer.Abort:
+        say("Aborted.", err=True)
+        sys.exit(OUTSIDE)
     except HarnessError as error:
         if debug:
             raise
-        typer.echo(f"error: {error}", err=True)
-        sys.exit(BAD_INPUT)
+        _fail(str(error))
     except KeyboardInterrupt:
-        typer.echo("interrupted", err=True)
+        say("interrupted", err=True)
         sys.exit(INTERRUPTED)
     except OSError as error:
         if debug:
             raise
-        typer.echo(f"error: {error.filename or ''}: {error.strerror or error}; choose another folder with --out?", err=True)
-        sys.exit(BAD_INPUT)
+        where = f"{error.filename}: " if error.filename else ""
+        _fail(f"{where}{error.strerror or error or type(error).__name__}; choose another folder with --out?")
     except Exception as error:
         if debug:
             raise
-        typer.echo(f"error: unexpected {type(error).__name__}: {error}; --debug shows where", err=True)
-        sys.exit(BAD_INPUT)
+        _fail(f"unexpected {type(error).__name__}: {error}; --debug shows where")
 
 
 if __name__ == "__main__":

@@ -1,14 +1,15 @@
-"""What several commands share: their options, tables, and how a run of engines ends."""
+"""What several commands share: their options, and how a run of engines ends."""
 
 from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from looping_pendulum.cli_progress import EngineBars
+from looping_pendulum.cli_terminal import say
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.result import ComparisonResult
@@ -39,7 +40,9 @@ TimeLimit = Annotated[
 MemoryLimit = Annotated[
     str, typer.Option(metavar="AMOUNT", help="Stop an engine's run that holds more than this; keep what it has.")
 ]
-Jobs = Annotated[int | None, typer.Option(metavar="N", min=1, help="Runs at once; default: one per core.")]
+MOST_JOBS = 1024
+"""More runs at once than any one machine has cores."""
+Jobs = Annotated[int | None, typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Runs at once; default: one per core.")]
 DataFolder = Annotated[
     Path | None,
     typer.Option("--data", metavar="DIR", help="Folder with measured tables (paper/...); also $LOOPING_PENDULUM_DATA."),
@@ -99,28 +102,6 @@ def show_output_of_failed(runs: list[Trajectory]) -> None:
     """Show the last lines that a failed engine printed."""
     for run in runs:
         if not run.status.ok and run.output.strip():
-            typer.echo(f"{run.label} printed:", err=True)
+            say(f"{run.label} printed:", err=True)
             for line in run.output.strip().splitlines()[-8:]:
-                typer.echo(f"    {line}", err=True)
-
-
-def new_table(*columns: str) -> Any:
-    """Make an empty table for a terminal."""
-    from rich.box import SIMPLE_HEAD
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for column in columns:
-        table.add_column(escape(column), overflow="fold")  # else rich takes "[mm]" for markup
-    return table
-
-
-def show_table(table: Any) -> None:
-    """Print a table of `new_table`."""
-    from rich.console import Console
-
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=200)
-    console.print(table)
+                say(f"    {line}", err=True)

@@ -16,9 +16,9 @@ from looping_pendulum.cli_common import (
     ProfileName,
     TimeLimit,
     load_scenario,
-    new_table,
-    show_table,
 )
+from looping_pendulum.cli_terminal import new_table, say, show_table
+from looping_pendulum.errors import printable
 
 
 class StudyBar:
@@ -33,7 +33,7 @@ class StudyBar:
         self._live = console.is_terminal
         columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
         self._bar = Progress(
-            *columns, TextColumn("{task.description}"), console=console, transient=True, disable=not self._live
+            *columns, TextColumn("{task.description}", markup=False), console=console, transient=True, disable=not self._live
         )
         self._task = self._bar.add_task("starting", total=1.0)
         self._bar.start()
@@ -44,10 +44,10 @@ class StudyBar:
 
     def update(self, share: float, what: str) -> None:
         """Show the share that is done, and what goes on."""
-        self._bar.update(self._task, completed=share, description=what)
+        self._bar.update(self._task, completed=share, description=printable(what))
         if not self._live and share >= self._shown + 0.1:
             self._shown = share
-            typer.echo(f"{100 * share:.0f} %: {what}", err=True)
+            say(f"{100 * share:.0f} %: {what}", err=True)
 
 
 def converge(
@@ -118,10 +118,10 @@ def converge(
             table.add_row(v.label, f"{s.quantity} [m{s.unit}]", *cells, ", then ".join(c.value for c in s.causes))
     show_table(table)
     for v in result.variants:
-        typer.echo(f"- {v.label}: halting time converges: {halting_verdict(v)}")
+        say(f"- {v.label}: halting time converges: {halting_verdict(v)}")
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # what was found is written whole
     try:
-        typer.echo(f"wrote {write(result, folder)}")
+        say(f"wrote {write(result, folder)}")
     finally:
         signal.signal(signal.SIGINT, before)
     if result.interrupted:

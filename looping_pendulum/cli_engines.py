@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from looping_pendulum.cli_common import OUTSIDE, ProfileChoice, ProfileName, TimeLimit, new_table, show_table
+from looping_pendulum.cli_common import OUTSIDE, ProfileChoice, ProfileName, TimeLimit
+from looping_pendulum.cli_terminal import new_table, say, show_table
 from looping_pendulum.errors import EngineError
 
 if TYPE_CHECKING:
@@ -48,9 +49,9 @@ def _listed(profile: Profile, markdown: bool) -> None:
         table.add_row(name, "broken", *[""] * 5, "left out; see below")
     show_table(table)
     for package, how in notes.items():
-        typer.echo(f"{package} is not installed; to get it: {how}")
+        say(f"{package} is not installed; to get it: {how}")
     for fault in faults.values():
-        typer.echo(fault)
+        say(fault)
 
 
 def _support(profile: Profile, markdown: bool) -> None:
@@ -59,7 +60,7 @@ def _support(profile: Profile, markdown: bool) -> None:
 
     found = all_engines(profile)
     if markdown:
-        typer.echo(support.page(found), nl=False)
+        say(support.page(found), nl=False)
         return
     for header, rows in support.tables(found):
         table = new_table(*header)
@@ -86,9 +87,9 @@ def conformance(
         missing = missing_packages(engine)
         if missing:
             raise EngineError(f"{label(engine)}: {missing[0]} is not installed; to get it: {how_to_get(missing[0])}")
-        typer.echo(f"{label(engine)}, {profile.value}")
+        say(f"{label(engine)}, {profile.value}")
         for verdict in examine(engine, time_limit=time_limit):
             why = f": {verdict.why}" if verdict.why else ""
-            typer.echo(f"  {verdict.outcome.value:8}  {verdict.check.replace('_', ' ')}{why}")
+            say(f"  {verdict.outcome.value:8}  {verdict.check.replace('_', ' ')}{why}")
             good = good and verdict.outcome.good
     raise typer.Exit(0 if good else OUTSIDE)

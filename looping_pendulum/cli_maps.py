@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from looping_pendulum.cli_common import INTERRUPTED, Jobs, MemoryLimit, TimeLimit, new_table, show_table
+from looping_pendulum.cli_common import INTERRUPTED, Jobs, MemoryLimit, TimeLimit
+from looping_pendulum.cli_terminal import new_table, say, say_file, show_table
 
 if TYPE_CHECKING:
     from looping_pendulum.sweep.plan import MapPlan
@@ -51,7 +52,7 @@ class RunBar:
             self._first = (now, done)
             self._spoke = now
             if done:
-                typer.echo(f"{done} of {runs} runs are there already", err=True)
+                say(f"{done} of {runs} runs are there already", err=True)
             return
         rate = (done - self._first[1]) / max(now - self._first[0], 1e-9)
         left = (runs - done) / rate
@@ -59,7 +60,7 @@ class RunBar:
         self._bar.update(self._task, completed=done, description=said)
         if not self._live and (now >= self._spoke + SPEAK_EVERY or done == runs):
             self._spoke = now
-            typer.echo(f"{said}, {_duration(left)} left" if left else said, err=True)
+            say(f"{said}, {_duration(left)} left" if left else said, err=True)
 
 
 def _duration(seconds: float) -> str:
@@ -78,7 +79,7 @@ def maps(
     from looping_pendulum.sweep import map_file
 
     if name is not None:
-        typer.echo(map_file.source_text(name), nl=False)
+        say_file(map_file.source_text(name))
     else:
         _list_maps()
 
@@ -145,11 +146,11 @@ def map_(
         message = (
             f"interrupted: {outcome.done} of {outcome.runs} runs are kept in {folder}; the same command goes on from there"
         )
-        typer.echo(message, err=True)
+        say(message, err=True)
         raise typer.Exit(INTERRUPTED)
     for one in outcome.summaries:
-        typer.echo(report.verdict(one, several=plan.several))
-    typer.echo(f"wrote {folder / report.REPORT} and {folder / STORE}")
+        say(report.verdict(one, several=plan.several))
+    say(f"wrote {folder / report.REPORT} and {folder / STORE}")
 
 
 def _say_size(plan: MapPlan) -> None:
@@ -161,5 +162,5 @@ def _say_size(plan: MapPlan) -> None:
     over = ", ".join(axis.name for axis in plan.design.axes)
     megabytes = plan.runs * BYTES_PER_RUN / 1e6
     said = f"{plan.runs} runs ({sizes}{engines}: {over}) in {plan.units} chunks, at most {megabytes:.3g} MB"
-    typer.echo(said, err=True)
+    say(said, err=True)
     sys.stderr.flush()

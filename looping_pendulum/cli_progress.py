@@ -5,7 +5,8 @@ from __future__ import annotations
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
-import typer
+from looping_pendulum.cli_terminal import say
+from looping_pendulum.errors import printable
 
 if TYPE_CHECKING:
     from looping_pendulum.engines.trajectory import Trajectory
@@ -22,7 +23,7 @@ class EngineBars:
         self._tasks: dict[str, Any] = {}
         self._bars = None
         if console.is_terminal:
-            columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+            columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
             self._bars = Progress(*columns, TimeRemainingColumn(), console=console)
         self._context = self._bars or nullcontext()
         self._context.__enter__()
@@ -37,14 +38,14 @@ class EngineBars:
             return
         name = f"{engine.name}:{engine.variant}"
         if name not in self._tasks:
-            self._tasks[name] = self._bars.add_task(name, total=1.0)
+            self._tasks[name] = self._bars.add_task(printable(name), total=1.0)
         self._bars.update(self._tasks[name], completed=share)
 
     def finished(self, run: Trajectory) -> None:
         """Say that a run has ended."""
         if self._bars is None:
             took = f" ({run.wall_time:.1f} s)" if run.wall_time == run.wall_time else ""  # NaN: it never ended by itself
-            typer.echo(f"{run.label}: {run.status.value}{took}", err=True)
+            say(f"{run.label}: {run.status.value}{took}", err=True)
 
 
 class StageBar:
@@ -55,7 +56,7 @@ class StageBar:
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
         console = Console(stderr=True)
-        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+        columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
         self._bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
         self._task = self._bar.add_task("reading", total=1.0)
         self._bar.start()
@@ -66,4 +67,4 @@ class StageBar:
 
     def update(self, what: str, share: float) -> None:
         """Show what goes on, and that ``share`` of the work is done."""
-        self._bar.update(self._task, description=what, completed=share)
+        self._bar.update(self._task, description=printable(what), completed=share)

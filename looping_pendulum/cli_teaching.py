@@ -23,6 +23,8 @@ from looping_pendulum.cli_common import (
     show_output_of_failed,
 )
 from looping_pendulum.cli_progress import StageBar
+from looping_pendulum.cli_terminal import say
+from looping_pendulum.errors import printable
 
 EXAMPLE_FOLDER = Path("looping-pendulum-example")
 
@@ -71,11 +73,11 @@ def demo(
         result = run_and_compare(chosen, engine, profile, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
         write(result, folder)
     else:
-        typer.echo(f"{folder} has the results of this input; --again runs the engines anew", err=True)
+        say(f"{folder} has the results of this input; --again runs the engines anew", err=True)
     path = pages.write(result, folder)
-    typer.echo(f"wrote {path}")
+    say(f"wrote {path}")
     if not no_open and not pages.show(path):
-        typer.echo(f"found no browser to open it; open {path.resolve().as_uri()} in one")
+        say(f"found no browser to open it; open {path.resolve().as_uri()} in one")
     assert result.samples is not None
     runs = [aligned.run for aligned in result.samples.aligned]
     show_output_of_failed(runs)
@@ -112,8 +114,8 @@ def tracker(
     path = out or Path(f"{file_stem(Path(source).stem, engine or '')}-tracker.csv")
     write_whole(path, found.to_csv())
     last = found.first_frame + len(found.t) - 1
-    typer.echo(f"wrote {path}: {found.name}; one row per frame, frames {found.first_frame} to {last} at {fps:g} a second")
-    typer.echo(f"In Tracker's Model Builder, set the start frame to {found.first_frame}.")
+    say(f"wrote {path}: {found.name}; one row per frame, frames {found.first_frame} to {last} at {fps:g} a second")
+    say(f"In Tracker's Model Builder, set the start frame to {found.first_frame}.")
 
 
 def init(
@@ -128,8 +130,8 @@ def init(
     from looping_pendulum.teaching.example_folder import place
 
     for path in place(folder):
-        typer.echo(f"wrote {path}")
-    typer.echo(f"Next: cd {folder}, and read README.md; it begins with: looping-pendulum run mine.scenario.yaml")
+        say(f"wrote {path}")
+    say(f"Next: cd {folder}, and read README.md; it begins with: looping-pendulum run mine.scenario.yaml")
 
 
 def new(
@@ -162,7 +164,7 @@ def new(
     path = file or Path("my_study.yaml" if study else "my.scenario.yaml")
     if trial and not study:
         raise AnswerError("--trial: found it with a scenario, needed it with a study; write `new study`")
-    if path.exists() and (yes or not typer.confirm(f"{path} is there already. Write over it?", default=False)):
+    if path.exists() and (yes or not typer.confirm(printable(f"{path} is there already. Write over it?"), default=False)):
         raise AnswerError(f"{path}: found a file, which is left as it is; needed another name: `new {what.value} OTHER.yaml`")
     given = dict(_key_and_value(each) for each in answers or ())
     ask = _take_default if yes else _ask
@@ -172,9 +174,9 @@ def new(
         text = new_study(ask, name=name, folder=path.parent, files=files, given=given, like=like)
     else:
         text, scenario = new_scenario(ask, name=name, like=like, given=given)
-        typer.echo(outlook(scenario))
+        say(outlook(scenario))
     write_whole(path, text)
-    typer.echo(f"wrote {path}; next: looping-pendulum {'identify' if study else 'run'} {path}")
+    say(f"wrote {path}; next: looping-pendulum {'identify' if study else 'run'} {path}")
 
 
 def _ask(words: str, default: str, check: Callable[[str], str]) -> str:
@@ -182,14 +184,14 @@ def _ask(words: str, default: str, check: Callable[[str], str]) -> str:
     from looping_pendulum.teaching.questions import AnswerError
 
     while True:
-        answer = str(typer.prompt(words, default=default)).strip()
+        answer = str(typer.prompt(printable(f"{words} [{default}]"), default=default, show_default=False)).strip()
         try:
             warning = check(answer)
         except AnswerError as error:
-            typer.echo(f"  {error}")
+            say(f"  {error}")
             continue
         if warning:
-            typer.echo(f"  {warning}")
+            say(f"  {warning}")
         return answer
 
 
@@ -230,20 +232,20 @@ def demonstrations(
     chosen = find(name or ())
     if listed:
         for each in chosen:
-            typer.echo(f"{each.name:26} {each.title}")
+            say(f"{each.name:26} {each.title}")
         return
     borne_out = True
     with StageBar() as stages:
         for done, each in enumerate(chosen):
             shown = show(each, lambda what, share, done=done: stages.update(what, (done + share) / len(chosen)))  # type: ignore[misc]
             pages = write(shown, out, with_html=html)
-            typer.echo(f"{each.title}: wrote {pages[-1]}")
+            say(f"{each.title}: wrote {pages[-1]}")
             for sentence in shown.answer:
                 if not sentence.holds:
-                    typer.echo(f"  {NOT_BORNE_OUT} {sentence.text}", err=True)
+                    say(f"  {NOT_BORNE_OUT} {sentence.text}", err=True)
             borne_out = borne_out and shown.borne_out
     if html:
-        typer.echo(f"wrote {write_index(out)}")
+        say(f"wrote {write_index(out)}")
     elif not name:
         write_whole(out / "index.md", index())
     raise typer.Exit(0 if borne_out else OUTSIDE)

@@ -25,3 +25,13 @@ class MissingPackageError(HarnessError, ImportError):
 
 class IntegrationError(HarnessError, ArithmeticError):
     """The reference could not be integrated to its end."""
+
+
+def one_line(text: str) -> str:
+    """Return ``text`` with whatever could break, colour or reorder a terminal's line shown as an escape."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def printable(text: str) -> str:
+    """Return ``text`` of several lines, each as `one_line` has it; tabs stay."""
+    return "\n".join("\t".join(map(one_line, line.split("\t"))) for line in text.split("\n"))

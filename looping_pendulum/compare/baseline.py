@@ -44,6 +44,9 @@ LANDMARK_UNITS = {
 SHOWN = {"m": ("mm", 1e3), "s": ("ms", 1e3), "rad": ("mrad", 1e3)}
 """SI unit -> the unit a reader likes, and how many of it make one."""
 
+LARGEST_BASELINE = 64 * 1024 * 1024
+"""[bytes]; the result of a dozen engines has 0.2 MiB."""
+
 TRUTH = "truth"
 NO_RUN = "not run"
 SAID_ON_CONSOLE = 40
@@ -111,10 +114,14 @@ def read_baseline(path: Path, scenario: str) -> ComparisonResult:
     """
     file = path / "result.json" if path.is_dir() else path
     try:
-        text = file.read_text(encoding="utf-8")
+        with file.open("rb") as stream:
+            raw = stream.read(LARGEST_BASELINE + 1)
+        text = raw.decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         why = (error.strerror or str(error)) if isinstance(error, OSError) else "it is no text"
         raise ResultError(f"--baseline: {file}: {why}; `looping-pendulum compare {scenario}` writes one") from None
+    if len(raw) > LARGEST_BASELINE:
+        raise ResultError(f"--baseline: {file}: found more than {LARGEST_BASELINE // 1024**2} MiB, needed a result.json")
     try:
         result = ComparisonResult.from_json(text)
     except ResultError as error:

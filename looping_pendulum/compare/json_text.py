@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from looping_pendulum.compare.result import SCHEMA_ID, SCHEMA_VERSION, ResultError
+from looping_pendulum.scenarios.document import quote, shorten
 
 T = TypeVar("T")
 
@@ -63,43 +64,112 @@ def load(
 ) -> T:
     """Read `dump`'s text back as ``cls``; ``file`` and ``again``, a way to write it again, are for the errors."""
     try:
-        tree = json.loads(text)
+        tree = json.loads(text, parse_int=_integer, parse_float=_finite, parse_constant=_finite)
+        _refuse_unwritable(tree)
     except json.JSONDecodeError as error:
         raise ResultError(f"{file}: line {error.lineno}: {error.msg}; {again}") from None
+    except ValueError as error:
+        raise ResultError(f"{file}: {error}; {again}") from None
+    except RecursionError:
+        raise ResultError(f"{file}: found values within values without end, needed a result; {again}") from None
     schema = tree.pop("schema", None) if isinstance(tree, dict) else None
     if not isinstance(schema, dict) or schema.get("id") != schema_id:
-        raise ResultError(f"{file}: schema: found {schema!r}, needed the id {schema_id!r}")
-    if not isinstance(schema.get("version"), int) or schema["version"] > version:
-        found = f"found version {schema.get('version')}, needed {version} or less"
+        raise ResultError(f"{file}: schema: found {quote(schema)}, needed the id {schema_id!r}")
+    if not isinstance(schema.get("version"), int) or not 0 < schema["version"] <= version:
+        found = f"found version {quote(schema.get('version'))}, needed {version} or less"
         raise ResultError(f"{file}: schema: {found}; update looping-pendulum")
     try:
-        return typing.cast(T, _build(cls, tree))
-    except (KeyError, TypeError, ValueError) as error:
-        raise ResultError(f"{file}: not as documented: {error!r}; {again}") from None
+        return typing.cast(T, _build(cls, tree, ""))
+    except ValueError as error:
+        raise ResultError(f"{file}: not as documented: {error}; {again}") from None
+
+
+DEEPEST = 64
+"""Levels of nesting; a result needs eight, and an engine's settings a few more."""
+LONGEST_INTEGER = 300
+"""Digits; JSON allows any number of them, but one of more is no floating-point number, either."""
+
+
+def _integer(digits: str) -> int:
+    if len(digits) > LONGEST_INTEGER:
+        raise ValueError(f"found a whole number of {len(digits)} digits, needed at most {LONGEST_INTEGER}")
+    return int(digits)
+
+
+def _finite(digits: str) -> float:
+    value = float(digits)
+    if not math.isfinite(value):
+        raise ValueError(f"found {shorten(digits)}, needed a finite number")
+    return value
+
+
+def _refuse_unwritable(tree: Any) -> None:
+    """Refuse what could be read, but neither gone through nor written again: bottomless nesting, and half characters."""
+    level = [tree]
+    for _ in range(DEEPEST):
+        strings = [each for each in level if isinstance(each, str)]
+        strings += [key for each in level if isinstance(each, dict) for key in each]
+        half = next((c for text in strings for c in text if "\ud800" <= c <= "\udfff"), None)
+        if half is not None:
+            raise ValueError(f"found {half!a}, which is half a character, needed text")
+        level = [inner for each in level if isinstance(each, dict) for inner in each.values()] + [
+            inner for each in level if isinstance(each, list) for inner in each
+        ]
+        if not level:
+            return
+    raise ValueError(f"found more than {DEEPEST} levels of nesting, needed a result")
 
 
 def _has_no_default(field: dataclasses.Field[Any]) -> bool:
     return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
 
 
-def _build(kind: Any, value: Any) -> Any:
-    """Rebuild a value of the annotated ``kind`` from plain data."""
+_WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
+
+
+def _build(kind: Any, value: Any, where: str) -> Any:
+    """Rebuild a value of the annotated ``kind`` from plain data; ``where`` is its place, "engines[0].metrics.drop_error"."""
     if kind is Any:
         return value
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if origin is types.UnionType or origin is typing.Union:
-        return None if value is None else _build(next(k for k in inner if k is not type(None)), value)
+        return None if value is None else _build(next(k for k in inner if k is not type(None)), value, where)
     if origin is tuple:
-        if len(inner) == 2 and inner[1] is Ellipsis:
-            return tuple(_build(inner[0], item) for item in value)
-        return tuple(_build(k, item) for k, item in zip(inner, value, strict=True))
+        items = _checked(list, "a list", value, where)
+        kinds = [inner[0]] * len(items) if len(inner) == 2 and inner[1] is Ellipsis else list(inner)
+        if len(kinds) != len(items):
+            raise ValueError(f"{where}: found {len(items)} values, needed {len(kinds)}")
+        return tuple(_build(k, item, f"{where}[{i}]") for i, (k, item) in enumerate(zip(kinds, items, strict=True)))
     if origin is dict:
-        return {key: _build(inner[1], item) for key, item in value.items()}
+        group = _checked(dict, "an object", value, where)
+        return {key: _build(inner[1], item, f"{where}.{key}".lstrip(".")) for key, item in group.items()}
     if dataclasses.is_dataclass(kind):
-        hints = typing.get_type_hints(kind)
-        # a key with a default may be missing: the file is older than the key
-        needed = [f.name for f in dataclasses.fields(kind) if f.compare and (f.name in value or _has_no_default(f))]
-        return typing.cast(Any, kind)(**{name: _build(hints[name], value[name]) for name in needed})
+        return _build_dataclass(kind, _checked(dict, "an object", value, where), where)
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        known = [each.value for each in kind]
+        if not isinstance(value, str) or value not in known:
+            raise ValueError(f"{where}: found {quote(value)}, needed one of {', '.join(known)}")
+        return kind(value)
     if kind is float:
-        return float(value)
-    return kind(value)
+        whole = isinstance(value, int) and not isinstance(value, bool)
+        return float(value if whole else _checked(float, _WORDS[float], value, where))
+    return _checked(kind, _WORDS[kind], value, where)
+
+
+def _build_dataclass(kind: Any, group: dict[str, Any], where: str) -> Any:
+    hints = typing.get_type_hints(kind)
+    fields = [f for f in dataclasses.fields(kind) if f.compare]
+    for f in fields:
+        if f.name not in group and _has_no_default(f):
+            raise ValueError(f"{where}: found no {f.name!r}, needed it".removeprefix(": "))
+    # a key with a default may be missing: the file is older than the key
+    return kind(
+        **{f.name: _build(hints[f.name], group[f.name], f"{where}.{f.name}".lstrip(".")) for f in fields if f.name in group}
+    )
+
+
+def _checked(kind: type[T], words: str, value: Any, where: str) -> T:
+    """Return ``value`` if it is of the ``kind``; true and false are no numbers."""
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        raise ValueError(f"{where or 'the file'}: found {quote(value)}, needed {words}")
+    return value

@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-import functools
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
-from looping_pendulum.errors import EngineError
-
-DEFINITIONS = """
-kilo- = 1e3 = k-
-mega- = 1e6 = M-
-giga- = 1e9 = G-
-kibi- = 1024 = Ki-
-mebi- = 1048576 = Mi-
-gibi- = 1073741824 = Gi-
-byte = [memory] = B
-"""
-"""Units of memory, for pint."""
+from looping_pendulum.errors import EngineError, one_line
+from looping_pendulum.scenarios.document import quote
+from looping_pendulum.scenarios.units import UnitError, to_si
 
 MEMORY_LIMIT = 2 * 1024**3
 """Default limit on the memory of one run [bytes]; our adapters were measured to hold 35 to 141 MiB."""
@@ -59,31 +48,18 @@ def parse_memory(text: str) -> int:
     EngineError
         If it is no amount of memory, or less than `SMALLEST_LIMIT`.
     """
-    import pint
-
     try:
-        quantity = _registry().Quantity(text)
-        amount = float(quantity.to("byte").magnitude)
-        whole = int(amount)
-    except (pint.PintError, ArithmeticError, AttributeError, AssertionError, SyntaxError, TypeError, ValueError):
-        raise EngineError(f"--memory-limit: found {text!r}, needed an amount of memory; write for example '2 GiB'") from None
+        whole = int(to_si(text, "byte"))
+    except UnitError:
+        message = f"--memory-limit: found {quote(text)}, needed an amount of memory; write for example '2 GiB'"
+        raise EngineError(one_line(message)) from None
     if whole < SMALLEST_LIMIT:
-        raise EngineError(
-            f"--memory-limit: found {text!r}, needed {show_memory(SMALLEST_LIMIT)} or more: Python with NumPy takes half"
-        )
+        least = show_memory(SMALLEST_LIMIT)
+        message = f"--memory-limit: found {quote(text)}, needed {least} or more: Python with NumPy takes half"
+        raise EngineError(one_line(message))
     return whole
 
 
 def show_memory(amount: int) -> str:
     """Write ``amount`` [bytes] with a handy unit: "2 GiB", "512 MiB"."""
     return f"{amount / 1024**3:.3g} GiB" if amount >= 1024**3 else f"{amount / 1024**2:.3g} MiB"
-
-
-@functools.cache
-def _registry() -> Any:
-    """Return the unit registry; pint is imported on use."""
-    import pint
-
-    registry: Any = pint.UnitRegistry(None)
-    registry.load_definitions(DEFINITIONS.strip().splitlines())
-    return registry

@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from looping_pendulum.errors import ScenarioError
+from looping_pendulum.errors import one_line as one_line
 
 LARGEST_FILE = 64 * 1024
 """[bytes]; many times a long scenario, and still read within a second or two."""
@@ -72,11 +73,6 @@ def quote(found: object) -> str:
 def shorten(text: str, longest: int = 60) -> str:
     """Cut a long text."""
     return text if len(text) <= longest else text[: longest - 3] + "..."
-
-
-def one_line(text: str) -> str:
-    """Return ``text`` with whatever could break or colour a terminal's line shown as an escape."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def parse(raw: bytes, file: str) -> Document:
@@ -149,6 +145,7 @@ class _Loader(yaml.BaseLoader):
 def _plain(node: yaml.Node, path: Path, lines: dict[Path, int], file: str) -> Any:
     """Data of a node; notes the line of everything below it."""
     if isinstance(node, yaml.ScalarNode):
+        _refuse_surrogates(node, file)
         return NOTHING if node.style is None and node.value in _NULLS else node.value
     if isinstance(node, yaml.SequenceNode):
         for i, item in enumerate(node.value):
@@ -159,6 +156,7 @@ def _plain(node: yaml.Node, path: Path, lines: dict[Path, int], file: str) -> An
         line = key.start_mark.line + 1
         if not isinstance(key, yaml.ScalarNode):
             raise ScenarioError(one_line(f"{file}:{line}: found a list or group as a key, needed a word"))
+        _refuse_surrogates(key, file)
         here = (*path, key.value)
         if key.value in data:
             message = f"{file}:{line}: {key_text(here)}: found this key twice (first on line {lines[here]}), needed it once"
@@ -166,6 +164,14 @@ def _plain(node: yaml.Node, path: Path, lines: dict[Path, int], file: str) -> An
         lines[here] = line
         data[key.value] = _plain(value, here, lines, file)
     return data
+
+
+def _refuse_surrogates(node: yaml.ScalarNode, file: str) -> None:
+    r"""Refuse half characters, which YAML lets one write as "\ud800": no file could hold the text that has one."""
+    half = next((c for c in node.value if "\ud800" <= c <= "\udfff"), None)
+    if half is not None:
+        message = f"{file}:{node.start_mark.line + 1}: found {half!a}, which is half a character, needed text; delete it"
+        raise ScenarioError(one_line(message))
 
 
 def _yaml_error(error: yaml.MarkedYAMLError, file: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import os
 from collections.abc import Sequence
@@ -10,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from looping_pendulum.errors import ScenarioError
+from looping_pendulum.scenarios import text_table
 from looping_pendulum.scenarios.document import one_line, quote
 from looping_pendulum.scenarios.units import UnitError, to_si
 
@@ -84,14 +84,16 @@ def read_event_table(path: Path, sha256: str | None = None) -> EventTable:
     text = _read(path, sha256)
     rows: list[EventRow] = []
     seen: dict[tuple[str, int], int] = {}
-    head: list[str] = []
-    for number, line in enumerate(text.splitlines(), start=1):
+    head: tuple[str, ...] = ()
+    for number, line in text_table.lines(text):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        cells = [cell.strip() for cell in next(csv.reader([line]))]
+        if len(line) > text_table.LONGEST_LINE:
+            raise _error(file, number, "", f"found a line of {len(line)} characters, needed at most {text_table.LONGEST_LINE}")
+        cells = text_table.cells(line, ",")
         if not head:
             head = cells
-            if tuple(head) != COLUMNS:
+            if head != COLUMNS:
                 raise _error(file, number, "", f"found columns {quote(','.join(head))}, needed '{','.join(COLUMNS)}'")
             continue
         row = _row(file, number, cells)
@@ -123,7 +125,7 @@ def _read(path: Path, sha256: str | None) -> str:
         raise _error(str(path), line, "", f"found the byte 0x{raw[error.start]:02x}, needed UTF-8 text") from None
 
 
-def _row(file: str, line: int, cells: list[str]) -> EventRow:
+def _row(file: str, line: int, cells: tuple[str, ...]) -> EventRow:
     if len(cells) != len(COLUMNS):
         raise _error(file, line, "", f"found {len(cells)} columns, needed {len(COLUMNS)}: {','.join(COLUMNS)}")
     quantity, index, measured, numerical, unit = cells
@@ -157,8 +159,8 @@ def _number(file: str, line: int, column: str, text: str, unit: str, si: str) ->
     if not text:
         return None
     try:
-        return to_si(f"{float(text)!r} {unit}", si)
-    except ValueError:  # UnitError, which NaN and infinity raise, is one too.
+        return to_si(f"{text} {unit}", si)
+    except UnitError:
         raise _error(file, line, column, f"found {quote(text)}, needed a finite number or nothing") from None
 
 

@@ -28,6 +28,7 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from looping_pendulum.errors import one_line
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode import parameters
 from looping_pendulum.reference_ode.effects import Coefficient
@@ -35,7 +36,7 @@ from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import FILE_KEYS, METRICS, file_key
 from looping_pendulum.scenarios.units import Kind, RangeError, UnitError
 
-NUMBER_PATTERN = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
+NUMBER_PATTERN = r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"
 _WORDS = "x-words"
 LONGEST_DURATION = 3600.0
 """[s]; an hour, far beyond any trial: a slip of the pen must not keep an engine busy for days."""
@@ -43,7 +44,8 @@ LONGEST_DURATION = 3600.0
 
 def fault(message: str, key: str = "") -> PydanticCustomError:
     """Return an error whose text is for the user as it stands; ``key`` is the key at fault below the validated group."""
-    return PydanticCustomError("scenario", "{message}", {"message": message, "key": key})
+    # pydantic cannot hold half characters, which come from files and terminals that are not UTF-8
+    return PydanticCustomError("scenario", "{message}", {"message": one_line(message), "key": key})
 
 
 class Quantity:

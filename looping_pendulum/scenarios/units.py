@@ -38,8 +38,13 @@ inch = 0.0254 * meter = in
 foot = 0.3048 * meter = ft = feet
 pound = 0.45359237 * kilogram = lb
 ounce = 0.028349523125 * kilogram = oz
+byte = [memory] = B
+gigabyte = 1e9 * byte = GB
+kibibyte = 1024 * byte = KiB
+mebibyte = 1024 * kibibyte = MiB
+gibibyte = 1024 * mebibyte = GiB
 """
-"""Units that a scenario may use, for pint.
+"""Units that a scenario or a limit on memory may use, for pint.
 
 A short list rather than pint's own: it loads in milliseconds, an angle is no plain number in it (so that "112" is no angle and
 "10 deg" no friction), and a slip of the pen is an unknown unit rather than a barn or a fortnight.
@@ -60,6 +65,7 @@ WORDS = {
     "kg/s": "a linear drag coefficient (mass per time)",
     "N": "a force",
     "N/m": "a stiffness",
+    "byte": "an amount of memory",
 }
 """SI unit -> what a quantity in it is called."""
 
@@ -74,11 +80,12 @@ EXAMPLES = {
     "kg/m": "1e-3 kg/m",
     "kg/m**2": "1e-3 kg/m^2",
     "kg/m**3": "1.2 kg/m^3",
+    "byte": "2 GiB",
 }
 """SI unit -> a quantity in it as one would write it."""
 
 _DIGITS = decimal.Context(prec=60, Emin=-9999, Emax=9999)
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 # One digit per exponent and a few factors: pint expands powers, and m^999999999 would fill the memory.
 _FACTOR = r"[A-Za-zµ°%]{1,20}(?:(?:\^|\*\*)-?[1-9])?"
 _UNIT = re.compile(rf"(?:1 ?/ ?)?{_FACTOR}(?: ?[*/ ] ?{_FACTOR}){{0,5}}")
@@ -153,13 +160,13 @@ def to_si(text: str, unit: str) -> float:
     UnitError
         If it is not a finite number with a unit of that dimension (or, for '', without one).
     """
-    text = text.translate(_SPELLINGS).strip()
+    text = text.strip().translate(_SPELLINGS)
     number = _NUMBER.match(text)
     if number is None:
         if re.match(r"[+-]?\.?(?:nan|inf)", text, re.IGNORECASE):
             raise UnitError("it must be finite")
         raise UnitError("")
-    written = " ".join(text[number.end() :].split())
+    written = unit_of(text)
     if written.startswith(","):
         raise UnitError("write a decimal point, not a comma")
     if len(text) > _LONGEST or (written and not _UNIT.fullmatch(written)):
@@ -170,6 +177,13 @@ def to_si(text: str, unit: str) -> float:
     if not math.isfinite(value):
         raise UnitError("it must be finite")
     return value
+
+
+def unit_of(text: str) -> str:
+    """What stands behind the number of a quantity: "mm" of "6.25 mm"; '' where nothing does, or where there is no number."""
+    text = text.strip().translate(_SPELLINGS)
+    number = _NUMBER.match(text)
+    return " ".join(text[number.end() :].split()) if number else ""
 
 
 @functools.lru_cache(maxsize=256)
@@ -193,6 +207,9 @@ def factor(written: str, unit: str) -> Decimal:
         raise UnitError(f"{names!r} is no known unit") from None
     except pint.DimensionalityError:
         raise UnitError("") from None
+    except (pint.PintError, ArithmeticError, ValueError, TypeError, AttributeError, AssertionError):
+        # Words that pint takes for numbers (nan), and units whose powers leave every range.
+        raise UnitError(f"{written!r} is no known unit") from None
 
 
 def pretty(unit: str) -> str:

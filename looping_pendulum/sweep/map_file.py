@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,7 +21,7 @@ from looping_pendulum.scenarios.document import Document, one_line, quote, short
 from looping_pendulum.scenarios.faults import first_fault
 from looping_pendulum.scenarios.scenario import FILE_KEYS, Scenario
 from looping_pendulum.scenarios.schema import LONGEST_DURATION, Group, Quantity, Text, fault, suggest
-from looping_pendulum.scenarios.units import Kind, factor
+from looping_pendulum.scenarios.units import Kind, factor, unit_of
 from looping_pendulum.sweep.cells import engine_called
 from looping_pendulum.sweep.plan import REFERENCE, Axis, Grid, MapPlan, Sample
 from looping_pendulum.sweep.quantities import MAY_MEET, Variable, variables
@@ -122,7 +121,7 @@ def load(name_or_path: str | Path) -> MapPlan:
 
 def load_text(raw: bytes | str, *, file: str = "map.yaml", name: str = "map", folder: Path | None = None) -> MapPlan:
     """Load a map from YAML text; ``folder`` is where a scenario's path begins. Raises as `load`."""
-    data = raw.encode() if isinstance(raw, str) else raw
+    data = raw.encode("utf-8", "surrogatepass") if isinstance(raw, str) else raw
     doc = document.parse(data, file)
     try:
         checked = MapFile.model_validate(doc.data)
@@ -291,7 +290,7 @@ def _axis(variable: Variable, content: object, *, sampled: bool) -> Axis:
         values, first = _listed(quantity, group)
     else:
         values, first = _range(quantity, group, logarithmic, sampled=sampled, example=example)
-    written = re.sub(r"^[-+0-9.eE\s]*", "", first).strip()
+    written = unit_of(first)
     return Axis(
         name=variable.name,
         unit=variable.kind.unit,

@@ -6,7 +6,6 @@ x right and y up, as the guide (docs/tracker.md) has a student set the axes in T
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import EngineError, HarnessError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solve import DURATION, solve
-from looping_pendulum.scenarios import loader
+from looping_pendulum.scenarios import loader, text_table
 from looping_pendulum.scenarios.scenario import Scenario
 
 HEADER = ("t", "heavyx", "heavyy", "lightx", "lighty")
@@ -29,6 +28,18 @@ HEADER = ("t", "heavyx", "heavyy", "lightx", "lighty")
 
 FRAME_RATE = 240.0
 """Slow motion of many phones [frames per second]."""
+
+LATEST_START = 86400.0
+"""[s]; a video of a day."""
+
+MOST_FRAMES = 1_000_000
+"""An hour at the usual `FRAME_RATE` has 864 000."""
+
+LARGEST_FILE = 64 * 1024 * 1024
+"""[bytes]; a run has 1000 rows a second, of some 200 bytes each."""
+
+LARGEST_NUMBER = 1e6
+"""Of a run's file [s, m or m/s]: what is beyond it is no motion of this apparatus."""
 
 NO_FRAME = 1e-9
 """A frame this little before the release [frames] still counts as at it: 0.35 s at 240 frames a second is no round number."""
@@ -91,14 +102,18 @@ def overlay(motion: Motion, *, frame_rate: float = FRAME_RATE, start: float = 0.
     """
     if not (math.isfinite(frame_rate) and 0 < frame_rate <= 1e5):
         raise TrackerError(f"--fps: found {frame_rate:g}, needed frames per second above 0; write for example --fps 240")
-    if not (math.isfinite(start) and start >= 0):
-        raise TrackerError(f"--start: found {start:g}, needed the time of the release in the video, 0 s or more")
+    if not 0 <= start <= LATEST_START:
+        needed = f"the time of the release in the video, 0 s to {LATEST_START:.0f} s"
+        raise TrackerError(f"--start: found {start:g}, needed {needed}; write for example --start 0.35")
     first = math.ceil(start * frame_rate - NO_FRAME)
     last = math.floor((start + motion.end) * frame_rate + NO_FRAME)
     if last < first:
         raise TrackerError(
             f"--fps: found {frame_rate:g}, at which no frame falls into the {motion.end:g} s of {motion.name}; raise it"
         )
+    if last - first >= MOST_FRAMES:
+        found = f"found {frame_rate:g}, at which {motion.name} lasts {last - first + 1} frames"
+        raise TrackerError(f"--fps: {found}, needed at most {MOST_FRAMES}; lower it")
     t = np.arange(first, last + 1) / frame_rate
     heavy, light = motion.places(np.clip(t - start, 0.0, motion.end))
     return Overlay(name=motion.name, first_frame=first, frame_rate=frame_rate, t=t, heavy=heavy, light=light)
@@ -186,8 +201,9 @@ def _file_in(folder: Path, engine: str | None) -> Path:
 def _motion_of_file(path: Path) -> Motion:
     """Motion in a CSV file of `compare.export.trajectory_csv`."""
     names = ("t", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "light_x", "light_y", "light_vx", "light_vy")
-    with path.open(newline="", encoding="utf-8") as stream:
-        rows = list(csv.reader(stream))
+    rows = [text_table.cells(line, ",") for _, line in text_table.lines(_text(path))]
+    while rows and not any(rows[-1]):
+        rows.pop()  # what stands behind the last line's end
     head = [cell.partition(" [")[0] for cell in rows[0]] if rows else []
     lacking = [name for name in names if name not in head]
     if lacking:
@@ -196,11 +212,37 @@ def _motion_of_file(path: Path) -> Motion:
     if not len(columns):
         raise TrackerError(f"{path}: found no samples, needed two or more")
     t, heavy, heavy_v, light, light_v = np.split(columns, [1, 3, 5, 7], axis=1)
+    still = np.flatnonzero(np.diff(t[:, 0]) <= 0)
+    if still.size:
+        line = int(still[0]) + 3  # the second of the two rows; the first row of numbers stands on line 2
+        raise TrackerError(f"{path}:{line}: found {t[line - 2, 0]:g} s after {t[line - 3, 0]:g} s, needed times that grow")
     return _sampled(path.stem, t[:, 0], (heavy, heavy_v), (light, light_v))
+
+
+def _text(path: Path) -> str:
+    """Text of a run's file."""
+    with path.open("rb") as stream:
+        raw = stream.read(LARGEST_FILE + 1)
+    if len(raw) > LARGEST_FILE:
+        raise TrackerError(f"{path}: found more than {LARGEST_FILE // 1024**2} MiB, needed the file of one run")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        message = f"{path}:{line}: found the byte 0x{raw[error.start]:02x}, needed UTF-8 text"
+        raise TrackerError(f"{message}, as `looping-pendulum run --out` writes it") from None
+    for line, content in text_table.lines(text):
+        if len(content) > text_table.LONGEST_LINE:
+            raise TrackerError(f"{path}:{line}: found a line of {len(content)} characters, needed a row of numbers")
+    return text
 
 
 def _numbers(path: Path, line: int, row: Sequence[str], places: Sequence[int]) -> list[float]:
     try:
-        return [float(row[i]) for i in places]
+        numbers = [float(row[i]) for i in places]
     except (ValueError, IndexError):
         raise TrackerError(f"{path}:{line}: found a row without all its numbers, needed times, places and velocities") from None
+    for number in numbers:
+        if not abs(number) <= LARGEST_NUMBER:
+            raise TrackerError(f"{path}:{line}: found {number:g}, needed numbers up to {LARGEST_NUMBER:g} in size")
+    return numbers

@@ -84,10 +84,7 @@ def _known_roles(table: Table, names: Row, columns: list[Column]) -> list[Column
 
 def _role(cell: str) -> tuple[str, str, str]:
     """Role, mass and unit of a column's name: "light_x [cm]" -> ("x", "light", "cm")."""
-    text, unit = cell.strip(), ""
-    bracket = re.fullmatch(r"(.*?)\s*[\[(]([^\])]*)[\])]", text)
-    if bracket:
-        text, unit = bracket[1], bracket[2].strip()
+    text, unit = _without_unit(cell.strip())
     text = text.lower()
     suffix = _SUFFIX.fullmatch(text)
     if suffix and not unit and not _TIDY.fullmatch(text):
@@ -97,6 +94,16 @@ def _role(cell: str) -> tuple[str, str, str]:
         mass, axis = (tidy[1], tidy[2]) if tidy[1] else (tidy[4], tidy[3])
         return axis, {"m1": "light", "1": "light", "m2": "heavy", "2": "heavy"}.get(mass, mass), unit
     return _ROLES.get(text, ""), "", unit
+
+
+def _without_unit(text: str) -> tuple[str, str]:
+    """Split "x [cm]" or "x (cm)" into "x" and "cm"; the unit is '' without brackets at the end."""
+    if not text.endswith(("]", ")")):
+        return text, ""
+    inside = text[:-1]
+    last = max(inside.rfind("]"), inside.rfind(")")) + 1  # an earlier pair of brackets is part of the name
+    opening = min((i for sign in "[(" if (i := inside.find(sign, last)) >= 0), default=None)
+    return (text, "") if opening is None else (inside[:opening].rstrip(), inside[opening + 1 :].strip())
 
 
 def _columns_without_names(

@@ -5,7 +5,6 @@ Nothing here knows physics. Every fault is a `DataError` of one line that names 
 
 from __future__ import annotations
 
-import csv
 import math
 import os
 import re
@@ -13,14 +12,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from looping_pendulum.discrepancy.data.observations import DataError
+from looping_pendulum.scenarios import text_table
 from looping_pendulum.scenarios.document import one_line, quote
 
 LARGEST_FILE = 20 * 1024 * 1024
 """[bytes]; an hour of marks at 240 fps."""
 MISSING = frozenset({"", "-", "--", "nan", "na", "n/a", "null", "none"})
 """Cells that say that there is no mark, in lower case."""
-_POINT = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,4})?")
-_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d{1,4})?")
+_POINT = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
+_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]{1,4})?")
 _FOREIGN = {
     b"PK\x03\x04": "a zip archive (a spreadsheet or a Tracker project)",
     b"\xd0\xcf\x11\xe0": "an old spreadsheet",
@@ -97,13 +97,17 @@ def read_table(path: str | Path, worded: str = "") -> Table:
     """
     file = os.fspath(path)
     text = _decode(_bytes(Path(path), file), file)
-    lines = [(number, line) for number, line in enumerate(re.split(r"\r\n|\r|\n", text), start=1)]
+    lines = text_table.lines(text)
     multi = any(line.lstrip().lower().startswith("#multi") for _, line in lines[:3])
     lines = [(n, line) for n, line in lines if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
         raise data_error(file, None, "", "found no rows, needed a table of numbers; export the data again")
+    for number, line in lines:
+        if len(line) > text_table.LONGEST_LINE:
+            message = f"found a line of {len(line)} characters, needed rows of at most {text_table.LONGEST_LINE}"
+            raise data_error(file, number, "", f"{message}; export the data again")
     delimiter, decimal_comma = _dialect([line for _, line in lines])
-    rows = [Row(line=n, cells=_split(line, delimiter)) for n, line in lines]
+    rows = [Row(line=n, cells=text_table.cells(line, delimiter)) for n, line in lines]
     named = next((i + 1 for i, row in enumerate(rows) if worded and row.cells[0].lower() == worded), None)
     first = named or next((i for i, row in enumerate(rows) if _is_data(row.cells, decimal_comma)), len(rows))
     if first == len(rows):
@@ -155,17 +159,11 @@ def _decode(raw: bytes, file: str) -> str:
     return text
 
 
-def _split(line: str, delimiter: str) -> tuple[str, ...]:
-    if delimiter == " ":
-        return tuple(line.split())
-    return tuple(cell.strip() for cell in next(csv.reader([line], delimiter=delimiter)))
-
-
 def _dialect(lines: list[str]) -> tuple[str, bool]:
     """Delimiter, and whether numbers have a decimal comma."""
     for delimiter in ("\t", ";"):
         if sum(delimiter in line for line in lines) * 2 > len(lines):
-            cells = [cell for line in lines for cell in _split(line, delimiter)]
+            cells = [cell for line in lines for cell in text_table.cells(line, delimiter)]
             return delimiter, any(_COMMA.fullmatch(c) for c in cells)
     last = lines[-1].split()
     if len(last) > 1 and all(_POINT.fullmatch(c) or _COMMA.fullmatch(c) for c in last):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
+from decimal import Decimal
 from pathlib import Path
 
 from looping_pendulum.discrepancy.data.delimited import Row, Table, data_error
@@ -52,8 +52,11 @@ def _printed(path: str | Path, table: Table, name: str) -> Observations:
         if row.measured is None:
             missing.append(f"{row.quantity} {row.index}")
             continue
-        unit = row.unit
-        sigma = _last_digit(printed.cells[COLUMNS.index("measured")]) * to_si(f"1 {printed.cells[-1]}", unit)
+        unit, text = row.unit, printed.cells[COLUMNS.index("measured")]
+        sigma = _last_digit(text) * to_si(f"1 {printed.cells[-1]}", unit)
+        if not 0 < sigma < math.inf:
+            message = f"found {quote(text)}, whose last digit is worth {sigma:g}, needed a number as a measurement prints it"
+            raise table.error(printed.line, "measured", f"{message}; write for example '0.351'")
         events.append(EventRow(quantity=row.quantity, index=row.index, value=row.measured, sigma=sigma, unit=unit))
     dropped = (Dropped(count=len(missing), reason=f"not measured: {', '.join(missing)}"),) if missing else ()
     assumption = "event errors taken as one unit of the last printed digit"
@@ -62,9 +65,8 @@ def _printed(path: str | Path, table: Table, name: str) -> Observations:
 
 def _last_digit(text: str) -> float:
     """One unit of the last printed digit: "0.31" -> 0.01, "1.5e-3" -> 0.0001."""
-    mantissa, _, exponent = text.lower().partition("e")
-    decimals = len(re.sub(r"\D", "", mantissa.partition(".")[2]))
-    return 10.0 ** (int(exponent or 0) - decimals)
+    exponent = Decimal(text).as_tuple().exponent
+    return float(f"1e{exponent}")  # unlike 10.0**exponent, which is an error far below and above
 
 
 def _tidy(table: Table, name: str) -> Observations:

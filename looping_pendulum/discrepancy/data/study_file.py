@@ -21,13 +21,12 @@ from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.document import Document, Path, quote
 from looping_pendulum.scenarios.schema import Group, Quantity, Text, fault, suggest
-from looping_pendulum.scenarios.units import Kind, UnitError, show
+from looping_pendulum.scenarios.units import Kind, UnitError, show, to_si
 
 FREE_STARTS = {"kinetic_friction": 0.3, "static_friction": 0.3, "light_drag": 1e-3, "heavy_drag": 1e-3, "string_drag": 1e-3}
 """Where a "free" coefficient starts [SI] unless the file says: the order of magnitude that the paper prints; others at their
 default."""
-_PLUS_MINUS = re.compile(r"\s*(?:\+/-|\+-|±)\s*")
-_BRACKETED = re.compile(r"\((.*)\)(.*)")
+_PLUS_MINUS = re.compile(r"\+/-|\+-|±")
 
 
 class Measured(Quantity):
@@ -42,10 +41,11 @@ class Measured(Quantity):
         text = found.strip() if isinstance(found, str) else ""
         if text == "free" or text.startswith("free from "):
             return self._free(text)
-        bracketed = _BRACKETED.fullmatch(text)
-        if bracketed and len(_PLUS_MINUS.split(bracketed[1])) == 2:  # "(65 +/- 1) cm"
-            text = " +/- ".join(f"{part}{bracketed[2]}" for part in _PLUS_MINUS.split(bracketed[1]))
-        parts = _PLUS_MINUS.split(text)
+        inside, bracket, unit = text.removeprefix("(").rpartition(")")
+        parts = _split(inside)
+        if not (text.startswith("(") and bracket and len(parts) == 2):
+            parts, unit = _split(text), ""
+        parts = [part + unit for part in parts]  # "(65 +/- 1) cm"
         if len(parts) > 2:
             raise fault(f"expected one '+/-', got {quote(found)}; write for example '{self.way_out}'")
         value = self.read(parts[0] if isinstance(found, str) else found)
@@ -66,11 +66,11 @@ class Measured(Quantity):
     def _error(self, text: str, value: float) -> float:
         try:
             if text.endswith("%"):
-                sigma = abs(value) * float(text[:-1]) / 100
+                sigma = abs(value) * to_si(text[:-1], "") / 100
             else:
                 sigma = Kind(unit=self.kind.unit).parse(text)
-        except (UnitError, ValueError) as error:
-            detail = f" ({error})" if isinstance(error, UnitError) and str(error) else ""
+        except UnitError as error:
+            detail = f" ({error})" if str(error) else ""
             message = f"found {quote(text)} after '+/-'{detail}, needed a standard error in the same kind of unit or in %"
             raise fault(f"{message}; write for example '{self.way_out}'") from None
         if not (math.isfinite(sigma) and sigma > 0):
@@ -79,6 +79,11 @@ class Measured(Quantity):
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self.estimate)
+
+
+def _split(text: str) -> list[str]:
+    """Value and errors around each plus-minus; spaces are cut off here, as an expression for them would take quadratic time."""
+    return [part.strip() for part in _PLUS_MINUS.split(text)]
 
 
 def _length(example: str) -> Measured:
