@@ -187,8 +187,8 @@ def test_margin_by_which_neighbours_are_found_changes_no_contact() -> None:
 
 @pytest.mark.parametrize("name", [n for n in loader.shipped() if loader.load(n).parameters.release is Release.LOOPING])
 def test_contact_friction_is_chosen_for_the_way_to_the_halt(name) -> None:
-    # Oracle: the coefficient that suits the reference's wrap angle halfway to the halt, for 5 mm links. Bound: 0.4 %, under half of
-    # the change that moves the light mass by a centimetre; chosen for the wrap angle at release it is 0.5 to 0.9 % off.
+    # Oracle: the coefficient that suits the reference's wrap angle halfway to the halt, for 5 mm links. Bound: 0.4 %, under
+    # half of the change that moves the light mass by a centimetre; chosen for the wrap angle at release it is 0.5 to 0.9 % off.
     p = loader.load(name).parameters
     halt = solve(p).halt
     if halt is None:

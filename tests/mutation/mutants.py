@@ -65,7 +65,7 @@ def all_mutants(root: Path, folder: str) -> list[Mutant]:
 
 
 def sample(mutants: list[Mutant], size: int | None, seed: int) -> list[Mutant]:
-    """Draw ``size`` of ``mutants`` without replacement, each equally likely; the first of a larger sample are the smaller one."""
+    """Draw ``size`` of ``mutants`` without replacement, each equally likely; a larger sample begins with the smaller one."""
     drawn = random.Random(seed).sample(mutants, len(mutants))
     return drawn[:size]
 
