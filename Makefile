@@ -7,7 +7,7 @@ DATA ?= ../shared/data
 # Our matrices are small: a second thread of BLAS only waits for a core.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: compare demo test accurate lint docs benchmark infer clean
+.PHONY: compare demo test accurate mutation lint docs benchmark infer clean
 
 compare: $(VENV)/main ## run all engines on the 10:1 trial and write report/ten_to_one/report.md
 	$(BIN)/looping-pendulum compare ten_to_one --profile quick --out report/ten_to_one
@@ -20,6 +20,11 @@ test: $(VENV)/test ## run the tests (some minutes)
 
 accurate: $(VENV)/test ## run the long accuracy tests: accurate profiles, the blind matrix, the pendulum (about an hour)
 	$(BIN)/python -m pytest -m accurate -n 2
+
+SAMPLE ?= 200
+SEED ?= 1
+mutation: $(VENV)/mutation ## seed faults into the code and count those that a test catches: SAMPLE=200 of each folder, drawn by SEED=1 (hours)
+	$(BIN)/python -m tests.mutation --sample $(SAMPLE) --seed $(SEED)
 
 lint: $(VENV)/dev ## style, types, and the one-way direction of the imports
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
@@ -48,6 +53,10 @@ $(VENV)/main: $(VENV)/pip pyproject.toml
 $(VENV)/test: $(VENV)/pip pyproject.toml
 	$(BIN)/python -m pip install --quiet -e ".[test]"
 	touch $@ $(VENV)/main
+
+$(VENV)/mutation: $(VENV)/pip pyproject.toml
+	$(BIN)/python -m pip install --quiet -e ".[mutation]"
+	touch $@ $(VENV)/test $(VENV)/main
 
 $(VENV)/dev: $(VENV)/pip pyproject.toml
 	$(BIN)/python -m pip install --quiet -e ".[dev]"

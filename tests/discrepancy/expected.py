@@ -4,6 +4,13 @@ from __future__ import annotations
 
 from tests.blind.cases import CASES
 
+DECISIVE = 10.0
+"""Difference of the Bayesian information criterion that decides: odds of exp(10 / 2), 148 to 1.
+
+Kass and Raftery (J. Am. Stat. Assoc. 90 (1995) 773) call it very strong. Tests take it from here and not from the search, whose
+own limits are what they test.
+"""
+
 
 def _hidden(case: str) -> float:
     c = CASES[case]

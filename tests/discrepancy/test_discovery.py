@@ -15,7 +15,6 @@ from looping_pendulum.discrepancy.fit.residual import calibrated
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.markdown import render
-from looping_pendulum.discrepancy.search import GAIN
 from looping_pendulum.discrepancy.unlisted import formula
 from looping_pendulum.discrepancy.unlisted.discovery import _evidence, _refit, screen
 from looping_pendulum.discrepancy.unlisted.formula import PREFIX
@@ -29,6 +28,7 @@ from tests.blind import Effects
 from tests.blind.cases import CASES, CLEAN, FILMED, TRIALS
 from tests.blind.simulator import simulate
 from tests.discrepancy.blind_study import write_study
+from tests.discrepancy.expected import DECISIVE
 
 PULSE = {"closure_of_time": 1.0, "closure_by_constant": 1.0, "closure_scale": 12.0, "closure_start": 0.0}
 
@@ -92,11 +92,11 @@ def test_no_formula_gains_on_clean_data(tmp_path):
     base = calibrated(calibrate(Problem(inputs.study, inputs.training, inputs.numbers)))
     samples = [base.problem.run(base.x, k) for k in range(len(base.problem.data))]
     best = max(screen(base, samples), key=lambda s: s.gain)
-    assert best.gain < GAIN
+    assert best.gain < DECISIVE
     found = _refit((base, inputs.held, samples), best)
     written = formula.refit(base, [found], inputs.held, lambda what: None)
     assert written
-    assert all(w.gain < GAIN for w in written)
+    assert all(w.gain < DECISIVE for w in written)
 
 
 @pytest.mark.parametrize("target", ["heavy mass", "light mass"])
@@ -113,12 +113,22 @@ def test_a_formula_is_laid_into_bumps_to_a_thousandth(target):
         assert error < (0.01 if "step" in form.name else 1e-3) * np.abs(exact).max(), form.name
 
 
+UNSEPARATED = pytest.mark.xfail(
+    strict=True,
+    raises=AssertionError,
+    reason="side_stiffness and clock_offset together gain 761, the best closure 762: nothing separates them",
+)
+
+
 @pytest.mark.accurate
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("name", ["magnet", "thrust"])
+@pytest.mark.parametrize(
+    ("name", "seed"),
+    [
+        *(pytest.param("magnet", seed, marks=[UNSEPARATED] if seed == 3 else []) for seed in (1, 2, 3)),
+        *(("thrust", seed) for seed in (1, 2, 3)),
+    ],
+)
 def test_unlisted_cases_are_unlisted(tmp_path, name, seed):
-    if (name, seed) == ("magnet", 3):
-        pytest.xfail("side_stiffness and clock_offset together gain 761, the best closure 762: nothing separates them")
     result = identified(tmp_path, name, seed)
     assert result.verdict is Verdict.UNLISTED, result.sentence
     force = result.unlisted

@@ -21,12 +21,11 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.listed.attribution import refit
 from looping_pendulum.discrepancy.listed.screening import screen
 from looping_pendulum.discrepancy.report.writing import write
-from looping_pendulum.discrepancy.search import MARGIN
 from looping_pendulum.discrepancy.verdict import Verdict
 from looping_pendulum.scenarios import loader
 from tests.blind.cases import CASES, CLEAN, CLEAN_VARIED, with_signature
 from tests.discrepancy.blind_study import write_study
-from tests.discrepancy.expected import EXPECTED
+from tests.discrepancy.expected import DECISIVE, EXPECTED
 
 INDISTINGUISHABLE = {"wrong_gravity", "clock_ratio"}
 """With drag that grows with the square of the speed and friction by the capstan law, gravity only sets the clock."""
@@ -56,7 +55,7 @@ def test_what_was_hidden_is_named_with_its_value(tmp_path, case):
     assert abs(result.effects[0].value - planted) < 3 * result.effects[0].error
     held = [e for e in result.errors if e.held_out]
     assert all(e.noise_after <= 1.2 for e in held)
-    assert result.rounds[0].margin >= MARGIN
+    assert result.rounds[0].margin >= DECISIVE
 
 
 def test_a_declared_term_left_out_is_found(tmp_path):
@@ -81,7 +80,7 @@ def test_what_cannot_be_told_apart_is_tied_and_an_experiment_is_named(ambiguous)
     assert ambiguous.verdict is Verdict.AMBIGUOUS
     assert {e.name for tie in ambiguous.ties for e in tie} >= INDISTINGUISHABLE
     assert ambiguous.next_experiments
-    assert ambiguous.rounds[0].margin < MARGIN
+    assert ambiguous.rounds[0].margin < DECISIVE
 
 
 def test_files_are_as_promised_and_the_same_again(tmp_path, ambiguous):

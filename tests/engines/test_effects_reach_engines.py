@@ -65,9 +65,9 @@ def reference(parameters, t):
     return solve_at(parameters, t, duration=DURATION + 0.01, tolerance=1e-9, integrator="scipy")
 
 
-def places(run):
-    """Light mass x and y, heavy mass y, at the end [m]."""
-    return np.array([*run.light_position[-1], run.heavy_position[-1, 1]])
+def places(run, i=-1):
+    """Light mass x and y, heavy mass y, in sample ``i`` [m]."""
+    return np.array([*run.light_position[i], run.heavy_position[i, 1]])
 
 
 def test_every_force_and_release_of_the_library_is_examined():
@@ -106,6 +106,32 @@ def test_effect_acts_as_in_the_reference(engine, effect, undisturbed):
     found = places(run) - places(plain)
     assert np.linalg.norm(expected) > LEAST, "the case is too weak to show anything"
     assert np.linalg.norm(found - expected) <= WITHIN * np.linalg.norm(expected)
+
+
+LATE_PULSE = {
+    "closure_of_time": 1.0, "closure_by_constant": 1.0, "closure_scale": 200.0, "closure_start": 0.0, "closure_across_3": 0.5,
+}  # fmt: skip
+"""A thrust of 0.5 N across the string, 15 ms after release and 5 ms wide: at release there is a ninetieth of it."""
+
+
+def engines_with_forces_of_time():
+    return [e for e in main_variants() if EffectKind.CLOSURE in e.abilities.effect_kinds]
+
+
+@pytest.mark.parametrize("engine", [pytest.param(e, id=label(e)) for e in engines_with_forces_of_time()])
+def test_a_force_that_is_a_function_of_time_acts_at_its_time(engine, undisturbed):
+    # Oracle: the difference that the pulse makes in the reference. An engine that asks for the force at time 0 for ever feels a
+    # ninetieth of it; one whose clock is off by the pulse's width moves the mass for a third longer or shorter.
+    if missing_packages(engine):
+        pytest.skip(f"{missing_packages(engine)[0]} is not installed")
+    pushed = WITHOUT.replace(**LATE_PULSE)
+    run = engine.simulate(dataclasses.replace(scenario(pushed), duration=DURATION / 2)).raise_if_failed()
+    plain = undisturbed(engine, WITHOUT)
+    last = len(run.t) - 1
+    assert plain.t[last] == pytest.approx(run.t[last], abs=1e-12)
+    expected = places(reference(pushed, run.t[-1:])) - places(reference(WITHOUT, run.t[-1:]))
+    assert np.linalg.norm(expected) > LEAST, "the case is too weak to show anything"
+    assert np.linalg.norm(places(run) - places(plain, last) - expected) <= WITHIN * np.linalg.norm(expected)
 
 
 @pytest.mark.parametrize("effect", ["push_across", "push_along"])

@@ -1,0 +1,153 @@
+"""What is late is positive, what is further is positive, and a unit in a header is the unit of the numbers below it."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+
+import numpy as np
+import pytest
+
+from looping_pendulum.compare import compare
+from looping_pendulum.compare.export import trajectory_csv
+from looping_pendulum.compare.report import limit_and_value, render, verdict_rows
+from looping_pendulum.compare.result import Outcome
+from looping_pendulum.compare.tolerances import AT_LEAST, judge_one
+from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.scenarios.scenario import METRICS
+
+HALF_A_SAMPLE = 0.5e-3
+"""[s]; delays are whole samples, so that a detector errs alike with and without one, and by no more than this."""
+
+
+def cell(result, header):
+    """Cell of the only engine in the verdict's table, below the heading that begins so."""
+    head, rows = verdict_rows(result)
+    (column,) = [i for i, text in enumerate(head) if text.startswith(header)]
+    return head[column], rows[1][column]
+
+
+def further(run, share=0.0, turned=0.0):
+    """``run`` with a heavy mass that drops further by a ``share``, and a string that winds ``turned`` [rad/s] faster."""
+    height = run.heavy_position[:, 1]
+    heavy = np.column_stack([run.heavy_position[:, 0], height[0] + (1 + share) * (height - height[0])])
+    return dataclasses.replace(
+        run, heavy_position=heavy, heavy_velocity=(1 + share) * run.heavy_velocity, wrap_angle=run.wrap_angle + turned * run.t
+    )
+
+
+@pytest.mark.parametrize("late", [3e-3, -3e-3, 0.0])
+def test_what_halts_late_has_a_positive_halting_error(scenario, truth, make_run, late):
+    result = compare(scenario, truth, [make_run(delay=late)])
+    assert result.engines[0].metrics["halting_time_error"] == pytest.approx(late, abs=HALF_A_SAMPLE)
+    heading, shown = cell(result, "halting error")
+    assert heading == "halting error [ms]"
+    assert float(shown) == pytest.approx(1e3 * late, abs=1e3 * HALF_A_SAMPLE)
+    story = result.engines[0].story
+    assert {3e-3: "ms late", -3e-3: "ms early", 0.0: "on time"}[late] in story
+
+
+@pytest.mark.parametrize("share", [0.01, -0.01])
+def test_what_drops_further_has_a_positive_drop_error(scenario, truth, make_run, closed_form, share):
+    # Oracle: the closed form's drop. Bound: what falls in half a sample while the mass brakes, 40 m/s^2 (0.5 ms)^2 / 2 = 5 um.
+    result = compare(scenario, truth, [further(make_run(), share)])
+    assert result.engines[0].metrics["drop_error"] == pytest.approx(share * closed_form.drop, abs=1e-5)
+    heading, shown = cell(result, "drop error")
+    assert heading == "drop error [mm]"
+    assert float(shown) == pytest.approx(1e3 * share * closed_form.drop, abs=0.01)
+
+
+@pytest.mark.parametrize("rate", [0.1, -0.1])
+def test_what_winds_further_has_a_positive_wrap_angle_error(scenario, truth, make_run, closed_form, rate):
+    # Bound: the string winds at 6 rad/s, so half a sample is 3 mrad.
+    metrics = compare(scenario, truth, [further(make_run(), turned=rate)]).engines[0].metrics
+    assert metrics["wrap_angle_error"] == pytest.approx(rate * closed_form.halt, abs=6 * HALF_A_SAMPLE)
+
+
+def test_a_longer_free_string_has_a_positive_free_length_error(scenario, truth, make_run):
+    run = make_run()
+    longer = dataclasses.replace(run, free_length=run.free_length + 2e-3)
+    error = compare(scenario, truth, [longer]).engines[0].metrics["free_length_error"]
+    assert error == pytest.approx(2e-3, abs=1e-4)  # the string shortens by 37 mm/s of winding: 0.02 mm in half a sample
+
+
+@pytest.mark.parametrize("metric", METRICS)
+@pytest.mark.parametrize(("factor", "kept"), [(2.0, False), (-2.0, False), (0.5, True), (-0.5, True), (1.0, True)])
+def test_a_limit_holds_for_either_sign(scenario, truth, make_run, limit, metric, factor, kept):
+    engine = compare(scenario, truth, [make_run()]).engines[0]
+    judged = judge_one(limit(metric, 0.01), dataclasses.replace(engine, metrics=engine.metrics | {metric: 0.01 * factor}))
+    if metric in AT_LEAST:  # more is better, and a share or a time is not negative
+        kept = factor >= 1
+    assert judged.outcome is (Outcome.PASSED if kept else Outcome.FAILED)
+
+
+def test_only_what_is_good_when_large_has_a_least_value():
+    assert AT_LEAST == {"tube_fraction", "simulated_time"}
+
+
+@pytest.mark.parametrize("late", [3e-3, -3e-3])
+def test_an_engine_that_is_early_breaks_its_limit_as_one_that_is_late(scenario, truth, make_run, limit, late):
+    strict = dataclasses.replace(scenario, tolerances=(limit("halting_time_error", 2e-3),))
+    wide = dataclasses.replace(scenario, tolerances=(limit("halting_time_error", 4e-3),))
+    assert not compare(strict, truth, [make_run(delay=late)]).within_tolerance
+    assert compare(wide, truth, [make_run(delay=late)]).within_tolerance
+
+
+@pytest.mark.parametrize(
+    ("metric", "value", "shown"),
+    [
+        ("rms_0.35s", 4e-4, "0.4 mm"), ("rms_0.7s", 4e-4, "0.4 mm"), ("rms_1.0s", 4e-4, "0.4 mm"), ("rms_halt", 4e-4, "0.4 mm"),
+        ("halting_time_error", 3e-3, "3 ms"), ("drop_error", 2e-3, "2 mm"), ("wrap_angle_error", 5e-3, "5 mrad"),
+        ("free_length_error", 2e-3, "2 mm"), ("string_stretch", 1e-4, "0.1 mm"), ("acceleration_error", 3e-3, "0.3 %"),
+        ("tube_fraction", 0.99, "99 %"), ("simulated_time", 1.25, "1.25 s"),
+    ],
+)  # fmt: skip
+def test_limits_are_told_in_the_unit_of_the_paper(scenario, truth, make_run, limit, metric, value, shown):
+    judged = judge_one(limit(metric, value), compare(scenario, truth, [make_run()]).engines[0])
+    told = limit_and_value(dataclasses.replace(judged, value=value / 2))
+    assert told[0] == f"{'at least' if metric in AT_LEAST else 'at most'} {shown}"
+    number, unit = told[1].split()
+    assert float(number) == pytest.approx(float(shown.split()[0]) / 2, rel=5e-3)
+    assert unit == shown.split()[1]
+
+
+def test_every_column_of_the_exported_samples_is_what_its_heading_says(make_run):
+    """Oracle: the trajectory. Every column gets values of its own, so that no two could be exchanged."""
+    run = make_run(mode=np.full(1051, Mode.SLIDING_DOWN, dtype=np.int8))
+    own = np.random.default_rng(1)
+    pairs = {
+        name: own.normal(size=(1051, 2)) for name in ("light_position", "light_velocity", "heavy_position", "heavy_velocity")
+    }
+    single = {
+        name: own.normal(size=1051)
+        for name in ("free_length", "wrap_angle", "string_stretch", "light_tension", "heavy_tension")
+    }
+    run = dataclasses.replace(run, **pairs, **single)
+    expected = {"t [s]": run.t}
+    for name, short, unit in (
+        ("light_position", "light_{}", "m"), ("light_velocity", "light_v{}", "m/s"),
+        ("heavy_position", "heavy_{}", "m"), ("heavy_velocity", "heavy_v{}", "m/s"),
+    ):  # fmt: skip
+        for i, axis in enumerate("xy"):
+            expected[f"{short.format(axis)} [{unit}]"] = pairs[name][:, i]
+    for name, unit in zip(single, ("m", "rad", "m", "N", "N"), strict=True):
+        expected[f"{name} [{unit}]"] = single[name]
+    rows = list(csv.DictReader(io.StringIO(trajectory_csv(run))))
+    assert set(rows[0]) >= {*expected, "mode"}
+    assert {row["mode"] for row in rows} == {"sliding_down"}
+    for name, values in expected.items():
+        np.testing.assert_allclose([float(row[name]) for row in rows], values, rtol=1e-8, atol=1e-12, err_msg=name)
+
+
+def test_the_report_tells_the_errors_at_halt_in_their_units(scenario, truth, make_run, closed_form):
+    run = further(make_run(), 0.01, 0.1)
+    report = render(compare(scenario, truth, [dataclasses.replace(run, free_length=run.free_length + 2e-3)]))
+    (head,) = [line.split("|") for line in report.splitlines() if line.startswith("| engine | in tube")]
+    (row,) = [line.split("|") for line in report.splitlines() if line.startswith("| pymunk:chain, quick | 100 ")]
+    cells = dict(zip([h.strip() for h in head[:-4]], row, strict=False))
+    assert float(cells["drop at halt [m]"]) == pytest.approx(1.01 * closed_form.drop, abs=1e-4)
+    angles = [float(c) for h, c in zip(head, row, strict=True) if h.strip() == "error [mrad]"]
+    lengths = [float(c) for h, c in zip(head, row, strict=True) if h.strip() == "error [mm]"]
+    assert angles == [pytest.approx(1e3 * 0.1 * closed_form.halt, abs=3)]
+    assert lengths == [pytest.approx(2, abs=0.1)]

@@ -1,0 +1,77 @@
+"""The limits that the search decides by, each at its edge, on fits that are made up: no run is needed."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from looping_pendulum.discrepancy.listed.attribution import judge
+from looping_pendulum.discrepancy.search import Search
+from tests.discrepancy.expected import DECISIVE
+
+
+def a_refit(name, gain):
+    candidate = SimpleNamespace(name=name, kind="a force", companions=())
+    screened = SimpleNamespace(candidate=candidate, score=20.0, amplitude=1.0)
+    return SimpleNamespace(candidate=candidate, screened=screened, gain=gain, inside=True, value=1.0, error=0.1)
+
+
+def one_round(gains):
+    """A round of the search in which the candidates a, b, ... gain what ``gains`` says, and nothing else speaks against any."""
+    refits = [a_refit(name, gain) for name, gain in zip("abcdef", gains, strict=False)]
+    search = Search(SimpleNamespace(), 0, lambda what, share: None)
+    search.refits = lambda current, share: refits
+    search.judged = lambda current, near, share, base=None: {
+        r.candidate.name: SimpleNamespace(names=(r.candidate.name,), alarms=(), unseen=SimpleNamespace(worst=1.0)) for r in near
+    }
+    search.round(SimpleNamespace(names=(), left=()), 0.0)
+    return search
+
+
+@pytest.mark.parametrize(("gain", "enough"), [(DECISIVE + 0.1, True), (DECISIVE - 0.1, False), (0.5, False), (-4.0, False)])
+def test_a_candidate_is_added_if_its_gain_decides(gain, enough):
+    search = one_round([gain])
+    assert bool(search.winners) is enough
+    (told,) = search.rounds[0].ranking
+    assert told.passes is enough
+    assert told.reason == ("" if enough else "gains less than 10")
+
+
+@pytest.mark.parametrize(("behind", "tied"), [(0.4, True), (DECISIVE - 0.1, True), (DECISIVE + 0.1, False), (40.0, False)])
+def test_a_rival_is_ruled_out_if_the_difference_decides(behind, tied):
+    search = one_round([100.0, 100.0 - behind])
+    assert [m.names[0] for m in search.winners] == (["a", "b"] if tied else ["a"])
+    assert search.rounds[0].margin == pytest.approx(behind)
+
+
+def held_out(chi2_per_value, count, monkeypatch):
+    """What is said of a held-out trial of marks that a fit leaves with this chi2 per value."""
+    data = SimpleNamespace(channels=(), trial=SimpleNamespace(name="six"))
+    marks = SimpleNamespace(channels=("light_x", "light_y"))
+    fit = SimpleNamespace(cost=chi2_per_value * count, problem=SimpleNamespace(count=count, data=[marks]))
+    monkeypatch.setattr("looping_pendulum.discrepancy.listed.attribution._explain", lambda *_: fit)
+    monkeypatch.setattr("looping_pendulum.discrepancy.listed.attribution.rms", lambda *_: 1e-3)
+    return judge(fit, [(data, ())]).explained
+
+
+@pytest.mark.parametrize("count", [1000, 4000, 100_000])
+def test_unseen_data_are_explained_up_to_what_clean_ones_reach(count, monkeypatch):
+    # 120 clean studies of about a thousand values reached 1.072. A signature of a third of the noise's size adds 1/9 to that of
+    # noise alone, 1, and must not be called explained.
+    assert held_out(1.072, count, monkeypatch)
+    assert not held_out(1 + 1 / 9, count, monkeypatch)
+
+
+@pytest.mark.parametrize("count", [25, 100, 400])
+def test_few_values_are_granted_three_standard_errors(count, monkeypatch):
+    # Oracle: 1 + 3 / sqrt(n), as the page on the method has it.
+    limit = 1 + 3 / math.sqrt(count)
+    assert held_out(limit - 1e-3, count, monkeypatch)
+    assert not held_out(limit + 1e-3, count, monkeypatch)
+
+
+def test_nan_explains_nothing(monkeypatch):
+    assert not held_out(np.nan, 1000, monkeypatch)

@@ -1,0 +1,224 @@
+"""Which tests run which line, how long each takes, and so which to ask about a mutant."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import json
+import os
+import signal
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.mutation import processes
+from tests.mutation.mutants import Mutant, source_hash
+
+BUDGET = 60.0
+"""A mutant is asked of tests that take this much processor time together [s], the covering ones first."""
+
+LONGEST = 3000.0
+"""Time limit of one file's tests under coverage [s]."""
+
+PYTEST = ["-q", "-x", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning", "--tb=line", "--no-header"]
+
+
+@dataclass
+class Coverage:
+    """What the tests of some files run."""
+
+    durations: dict[str, float] = field(default_factory=dict)
+    """Passing test -> processor time [s] under coverage, with the fixtures that it was the first to ask for."""
+    broken: list[str] = field(default_factory=list)
+    """Tests that fail without a mutant: they are not asked."""
+    lines: dict[str, dict[int, list[str]]] = field(default_factory=dict)
+    """File -> line -> tests that run it."""
+    imported: dict[str, list[int]] = field(default_factory=dict)
+    """File -> lines that run when it is imported."""
+
+    def plan(self, root: Path, mutant: Mutant) -> list[str]:
+        """Tests to ask about ``mutant``, the fast ones first; none if no test runs the statement."""
+        by_line = self.lines.get(mutant.path, {})
+        start, end, whole = statement(root, mutant)
+        here = {t for line in range(start, end + 1) for t in by_line.get(line, ())}
+        if not here and (whole or any(start <= line <= end for line in self.imported.get(mutant.path, ()))):
+            here = {t for tests in by_line.values() for t in tests}
+        files = {t.partition("::")[0] for t in here}
+        # A result that is cached or a fixture that is shared runs the line in the first test that asks; others see it too.
+        beside = [t for t in self.durations if t not in here and t.partition("::")[0] in files]
+        chosen, spent = [], 0.0
+        for test in [*self._fast_first(here), *self._fast_first(beside)]:
+            if not chosen or spent + self.durations[test] <= BUDGET:
+                chosen.append(test)
+                spent += self.durations[test]
+        return chosen
+
+    def _fast_first(self, tests: Iterable[str]) -> list[str]:
+        return sorted((t for t in tests if t in self.durations), key=lambda t: (round(self.durations[t], 2), t))
+
+
+@cache
+def _statements(path: Path) -> list[tuple[int, int, bool]]:
+    """First and last line of every simple statement and of every compound one's head, and whether it runs on import."""
+    found = []
+
+    def visit(body: list[ast.stmt], on_import: bool) -> None:
+        for node in body:
+            inner = [child for name in ("body", "orelse", "finalbody", "handlers") for child in getattr(node, name, [])]
+            first = min([node.lineno, *(d.lineno for d in getattr(node, "decorator_list", []))])
+            last = min((child.lineno for child in inner), default=(node.end_lineno or 0) + 1) - 1
+            found.append((first, max(first, last), on_import))
+            is_function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+            visit(inner, on_import and not is_function)
+
+    visit(ast.parse(path.read_text(encoding="utf-8")).body, True)
+    return found
+
+
+def statement(root: Path, mutant: Mutant) -> tuple[int, int, bool]:
+    """First and last line of the shortest statement that holds the mutant, and whether it runs on import."""
+    holding = [s for s in _statements(root / mutant.path) if s[0] <= mutant.line <= s[1]]
+    return min(holding, key=lambda s: s[1] - s[0], default=(mutant.line, mutant.line, True))
+
+
+def measure(
+    root: Path, copy: Path, folder: str, tests: Iterable[str], cache_folder: Path, tell: Callable[[str], None]
+) -> Coverage:
+    """Run each test file once under coverage, or take what an earlier call on the same files found."""
+    package = sorted((root / "looping_pendulum").rglob("*.py"))
+    sources = "".join(source_hash(p) for p in package)
+    helpers = "".join(source_hash(p) for p in sorted((root / "tests").rglob("*.py")) if not p.name.startswith("test_"))
+    cache_folder.mkdir(parents=True, exist_ok=True)
+    total = Coverage()
+    for file in _test_files(root, tests):
+        key = _digest(f"{folder} {sources} {helpers} {source_hash(root / file)}")
+        stored = cache_folder / f"{file.replace('/', '-')}-{folder.replace('/', '-')}-{key}.json"
+        if not stored.exists():
+            tell(f"which lines {file} runs")
+            _measure_file(copy, folder, file, stored)
+        _add(total, json.loads(stored.read_text()))
+    return total
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _test_files(root: Path, tests: Iterable[str]) -> list[str]:
+    found: list[Path] = []
+    for name in tests:
+        path = root / name
+        found += sorted(path.rglob("test_*.py")) if path.is_dir() else [path]
+    return [path.relative_to(root).as_posix() for path in found]
+
+
+def _add(total: Coverage, part: dict[str, Any]) -> None:
+    total.durations |= part["durations"]
+    total.broken += part["broken"]
+    for path, lines in part["lines"].items():
+        mine = total.lines.setdefault(path, {})
+        for line, tests in lines.items():
+            mine.setdefault(int(line), []).extend(part["tests"][i] for i in tests)
+    for path, lines in part["imported"].items():
+        total.imported[path] = sorted({*total.imported.get(path, []), *lines})
+
+
+def _processor_time() -> float:
+    """Time that this process and its finished children used [s]."""
+    return sum(os.times()[:4])
+
+
+class _Watch:
+    """Pytest plugin: one coverage context per test, its outcome and its processor time."""
+
+    def __init__(self, coverage: Any) -> None:
+        self.coverage = coverage
+        self.durations: dict[str, float] = {}
+        self.outcomes: dict[str, set[str]] = {}
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Any:
+        self.coverage.switch_context(item.nodeid)
+        start = _processor_time()
+        try:
+            return (yield)
+        finally:
+            self.durations[item.nodeid] = _processor_time() - start
+            self.coverage.switch_context("")
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.outcomes.setdefault(report.nodeid, set()).add(report.outcome)
+
+
+def _measure_file(copy: Path, folder: str, file: str, out: Path) -> None:
+    def work() -> int:
+        import coverage
+
+        measured = coverage.Coverage(data_file=None, config_file=False, source=[str(copy / folder)], data_suffix=False)
+        measured.start()
+        watch = _Watch(measured)
+        status = pytest.main([*(a for a in PYTEST if a != "-x"), file], plugins=[watch])
+        measured.stop()
+        data = measured.get_data()
+        good = [t for t, outcomes in watch.outcomes.items() if outcomes == {"passed"}]
+        place = {test: i for i, test in enumerate(good)}
+        lines, imported = {}, {}
+        for name in data.measured_files():
+            path = Path(name).relative_to(copy).as_posix()
+            contexts = data.contexts_by_lineno(name)
+            lines[path] = {n: [place[t] for t in tests if t in place] for n, tests in contexts.items()}
+            imported[path] = [n for n, tests in contexts.items() if "" in tests]
+        broken = [t for t, outcomes in watch.outcomes.items() if "failed" in outcomes]
+        found = {"tests": good, "durations": {t: watch.durations[t] for t in good}, "broken": broken}
+        out.write_text(json.dumps(found | {"lines": lines, "imported": imported}))
+        return int(status)
+
+    log = out.with_suffix(".log")
+    status, seconds = processes.run_child(copy, log, work, LONGEST)
+    if not out.exists():
+        raise SystemExit(f"{file}: no coverage after {seconds:.0f} s (status {status}); see {log}")
+
+
+class Limits:
+    """Pytest plugin: a test that uses five times its processor time ends the process; the one that runs is noted."""
+
+    def __init__(self, durations: dict[str, float], note: Path) -> None:
+        self.durations, self.note = durations, note
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Any:
+        self.note.write_text(item.nodeid)
+        signal.signal(signal.SIGPROF, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_PROF, 5 + 5 * self.durations.get(item.nodeid, 1.0))
+        try:
+            return (yield)
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0)
+
+
+def ask(copy: Path, tests: list[str], durations: dict[str, float], log: Path) -> tuple[int, float, str]:
+    """Run ``tests`` until one fails.
+
+    Returns
+    -------
+    int
+        Pytest's exit status (0: no test minds), or minus the signal that ended the process.
+    float
+        Wall time [s].
+    str
+        The test that was running at the end, empty if pytest did not come so far.
+    """
+    note = log.with_suffix(".test")
+    note.unlink(missing_ok=True)
+
+    def work() -> int:
+        processes.forget_bytecode()
+        return int(pytest.main([*PYTEST, *tests], plugins=[Limits(durations, note)]))
+
+    limit = 120 + 20 * sum(durations[t] for t in tests)
+    status, seconds = processes.run_child(copy, log, work, limit)
+    return status, seconds, note.read_text() if note.exists() else ""
