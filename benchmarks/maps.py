@@ -68,8 +68,8 @@ def error(found: tuple[np.ndarray, np.ndarray], exact: tuple[np.ndarray, np.ndar
     return f"{np.median(worst):.0e}, {np.quantile(worst, 0.99):.0e}"
 
 
-def peers(repeats: int, runs: int = 50_000, checked: int = 300, slow_runs: int = 40) -> None:
-    """CPU time per run and accuracy, ours against others'."""
+def peers(repeats: int, runs: int = 50_000, checked: int = 300, slow_runs: int = 40) -> dict[str, float]:
+    """CPU time per run and accuracy, ours against others'; returns the times [us]."""
     from benchmarks.compiled_dop853 import solve_with_numba  # here, so that Numba is not in `wall_clock`'s memory
 
     columns = map_columns(runs)
@@ -106,14 +106,17 @@ def peers(repeats: int, runs: int = 50_000, checked: int = 300, slow_runs: int =
     print(f"\nMode sequences that differ between solve_batch and Numba, both at 1e-12: {differ} of {runs}.")
     for name, needed in (("Numba DOP853, 1e-12", 1.5), ("SciPy DOP853, 1e-9", 300.0)):
         print(f"Target {needed:g} times {name}: {verdict(medians[name] / ours >= needed)} ({medians[name] / ours:.2f}).")
+    return medians
 
 
 def verdict(met: bool) -> str:
     return "met" if met else "not met"
 
 
-def growth(rounds: int = 3) -> None:
+def growth(rounds: int = 3) -> tuple[float, float]:
     """CPU time of a batch of a thousand runs to a million, beside a straight line through the first and the last.
+
+    Returns the line: what a batch costs at the start [s], and what each run adds [s].
 
     The fastest of several, taken in turn: this machine is at times slower by half, for seconds.
     """
@@ -132,6 +135,7 @@ def growth(rounds: int = 3) -> None:
     off = max(abs(found / (start + n * slope) - 1) for n, found in times.items())
     print(f"\nThe line: {start:.3f} s and {1e6 * slope:.1f} us per run; furthest off it: {100 * off:.0f} %.")
     print(f"Target cost linear from 1e3 to 1e6 (within 20 % of a line): {verdict(off <= 0.2)}.")
+    return float(start), float(slope)
 
 
 def piece(runs: int) -> None:
@@ -146,10 +150,11 @@ def cached_work(times: int) -> None:
         np.exp(a)
 
 
-def scaling(pairs: int = 40, runs: int = 20_000) -> None:
+def scaling(pairs: int = 40, runs: int = 20_000) -> tuple[float, float]:
     """How many times one process two get done that are ready, as those of `map --jobs 2` are: short pieces, in turn.
 
     Others use this machine, too, and two processes feel it more than one; so work that shares nothing is done in turn with it.
+    Returns the two medians: of the runs, and of that work.
     """
     tasks: dict[str, tuple[Callable[[int], None], int]] = {
         "runs of the map": (piece, runs),
@@ -177,6 +182,7 @@ def scaling(pairs: int = 40, runs: int = 20_000) -> None:
         print(f"| {name} | {middle:.2f} | {low:.2f} to {high:.2f} |")
     ours, possible = (statistics.median(found) for found in ratios.values())
     print(f"\nTarget two processes 1.8 times one, both ready: {verdict(ours >= 1.8)} ({ours:.2f}; np.exp: {possible:.2f}).")
+    return ours, possible
 
 
 def wall_clock(runs: int, processes: int) -> tuple[float, float, float]:
@@ -198,28 +204,46 @@ def wall_clock(runs: int, processes: int) -> tuple[float, float, float]:
     return wall, cpu, memory
 
 
-def whole_map(runs: int, repeats: int = 3) -> None:
-    """The map itself, on one process and on two, in turn."""
+def whole_map(runs: int, repeats: int = 3) -> dict[str, float]:
+    """The map itself, on one process and on two, in turn; returns median wall times [s] and the largest memory [MiB]."""
     print(f"\n## {runs} runs at 1e-12, from a fresh start (what heyoka has compiled before, it finds on disk)\n")
     print("| processes | wall [s] | CPU [s] | peak memory [MiB] |\n|---|---|---|---|")
     walls: dict[int, list[float]] = {1: [], 2: []}
     wall_clock(1000, 1)
+    most = 0.0
     for _ in range(repeats):
         for processes, taken in walls.items():
             wall, cpu, memory = wall_clock(runs, processes)
             taken.append(wall)
+            most = max(most, memory)
             print(f"| {processes} | {wall:.1f} | {cpu:.1f} | {memory:.0f} |", flush=True)
     one, two = (statistics.median(taken) for taken in walls.values())
     print(f"\nTarget 1e6 runs in 40 s on two cores: {verdict(two * 1e6 / runs <= 40)} ({two:.1f} s; the aim was 20 s).")
     print(
         f"Target two processes 1.8 times one, the second one's start included: {verdict(one / two >= 1.8)} ({one / two:.2f})."
     )
+    return {"one_process": one, "two_processes": two, "memory_mib": most}
+
+
+def measured(repeats: int, runs: int) -> dict[str, object]:
+    """Everything, as numbers."""
+    times = peers(repeats)
+    ours = times["solve_batch, 1e-12"]
+    start, slope = growth()
+    twice, possible = scaling()
+    return {
+        "cpu_per_run_us": times,
+        "numba_ratio": times["Numba DOP853, 1e-12"] / ours,
+        "scipy_ratio": times["SciPy DOP853, 1e-9"] / ours,
+        "start": start,
+        "slope": slope,
+        "two_ready_processes": twice,
+        "two_processes_at_best": possible,
+        "whole_map": whole_map(runs) | {"runs": runs},
+    }
 
 
 def benchmark(repeats: int, runs: int) -> None:
-    """Everything."""
-    peers(repeats)
-    growth()
-    scaling()
-    whole_map(runs)
+    """Print everything."""
+    measured(repeats, runs)
     print(f"\nPeak memory of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")

@@ -33,6 +33,14 @@ def number(value: float | None, scale: float = 1.0, digits: int = 3) -> str:
     return f"{mantissa.rstrip('0').rstrip('.') if '.' in mantissa else mantissa}e{int(exponent)}"
 
 
+def amount(value: float | None, scale: float = 1.0, digits: int = 2) -> str:
+    """Like `number`, but without an exponent, all digits left of the point stay: 262 where two are asked for, not 260."""
+    if value is None or not 1 <= abs(value * scale) < 10.0**PLAIN_EXPONENTS.stop:
+        return number(value, scale, digits)
+    size = round(float(value) * scale, max(0, digits - 1 - math.floor(math.log10(abs(value * scale)))))
+    return number(size, digits=max(digits, PLAIN_EXPONENTS.stop))
+
+
 def signed(value: float | None, scale: float = 1.0, digits: int = 3) -> str:
     """Like `number`, always with a sign."""
     text = number(value, scale, digits)
@@ -92,7 +100,7 @@ def quantity(value: float | None, unit: str, digits: int = 2, *, sign: bool = Fa
     if size == 0 or not math.isfinite(size):
         return f"{number(size)} {steps[min(1, len(steps) - 1)].name}".rstrip()
     for step in steps:
-        text = number(_rounded(size / step.size, digits), digits=max(digits, 3))
+        text = amount(size / step.size, digits=digits)
         if abs(float(text)) >= step.least:
             break
     return f"{'+' if sign and size > 0 else ''}{text} {step.name}".rstrip()
@@ -121,8 +129,3 @@ def uncertain(value: float | None, error: float | None, unit: str = "") -> str:
         inner = " +/- ".join(f"{x / 10.0**power:.{power - last}f}" for x in (value, error))
         text = f"({inner})e{power}"
     return f"{text} {unit}".rstrip()
-
-
-def _rounded(value: float, digits: int) -> float:
-    """Round to ``digits`` significant digits, but never a digit left of the point."""
-    return round(value, max(0, digits - 1 - math.floor(math.log10(abs(value)))))

@@ -1,0 +1,99 @@
+"""README's table of engines, written from the results that `compare ten_to_one` left.
+
+`python -m scripts.engine_table quick/result.json accurate/result.json` keeps what the table needs of two results in
+`docs/data/ten_to_one`; `python -m scripts.docs_numbers` writes the table from there.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from looping_pendulum.pages.numbers import amount
+
+FOLDER = Path(__file__).parents[1] / "docs" / "data" / "ten_to_one"
+BEGIN, END = "<!-- table of engines: python -m scripts.docs_numbers -->", "<!-- end of the table -->"
+BLOCK = re.compile(rf"{re.escape(BEGIN)}\n.*?{re.escape(END)}", re.DOTALL)
+ROWS = {
+    "mujoco:documented": ("MuJoCo, tendon as documented", ("quick",)),
+    "mujoco:capstan": ("MuJoCo, capstan bound fed in", ("quick", "accurate")),
+    "mujoco:beads": ("MuJoCo, beads over a cylinder", ("quick", "accurate")),
+    "pymunk:chain": ("pymunk, beads over a circle", ("quick", "accurate")),
+    "pybullet:chain": ("PyBullet, link chain over a sphere", ("quick", "accurate")),
+}
+"""Variant -> its name in the table, and the profiles that it has a row for."""
+MARKS = ("rms_0.35s", "rms_0.7s", "rms_1.0s")
+PROFILES = ("quick", "accurate")
+
+
+def keep(results: list[Path]) -> None:
+    """Keep of each result what the table needs, with what made it."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for file in results:
+        tree = json.loads(file.read_text(encoding="utf-8"))
+        profiles = {e["profile"] for e in tree["engines"]}
+        if tree["scenario"] != "ten_to_one" or len(profiles) != 1:
+            raise SystemExit(f"{file}: found {tree['scenario']}, {sorted(profiles)}; needed ten_to_one in one profile")
+        (profile,) = profiles
+        walls = {(w["engine"], w["profile"]): w["per_simulated_second"] for w in tree["clock"]["wall_times"]}
+        kept = {
+            "command": f"looping-pendulum compare ten_to_one --profile {profile} --jobs 1",
+            "measured_on": tree["clock"]["written"][:10],
+            "engines": {
+                (name := f"{e['engine']}:{e['variant']}"): {
+                    "status": e["status"],
+                    "versions": e["provenance"]["versions"],
+                    "metrics": {key: _short(value) for key, value in e["metrics"].items()},
+                    "wall_per_simulated_second": _short(walls[name, profile]),
+                }
+                for e in tree["engines"]
+            },
+        }
+        (FOLDER / f"{profile}.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+
+
+def table() -> str:
+    """Return the table in Markdown."""
+    stored = {p: json.loads((FOLDER / f"{p}.json").read_text(encoding="utf-8"))["engines"] for p in PROFILES}
+    lines = [
+        "| | profile | RMS of the light mass to 0.35 / 0.7 / 1.0 s | halting time off by | wall s per s |",
+        "|---|---|---|---|---|",
+    ]
+    for variant, (title, profiles) in ROWS.items():
+        for profile in profiles:
+            lines.append(_row(title if profile == profiles[0] else "", profile, stored[profile][variant]))
+    return "\n".join(lines)
+
+
+def _row(title: str, profile: str, engine: dict[str, Any]) -> str:
+    m = engine["metrics"]
+    path = " / ".join(amount(m[mark], 1e3) for mark in MARKS)
+    error = m["halting_time_error"]
+    halt = "never halts" if error is None else f"{amount(abs(error), 1e3)} ms"
+    wall = amount(engine["wall_per_simulated_second"])
+    return f"| {title} | {profile} | {path} mm | {halt} | {wall} |"
+
+
+def replaced(text: str) -> str:
+    """Return a page with the table between its markers as the stored results have it."""
+    if not BLOCK.search(text):
+        raise ValueError(f"needed the markers {BEGIN!r} and {END!r}")
+    return BLOCK.sub(lambda _: f"{BEGIN}\n{table()}\n{END}", text)
+
+
+def removed(text: str) -> str:
+    """Return a page without the table."""
+    return BLOCK.sub("", text)
+
+
+def _short(value: float | None) -> float | None:
+    return value if value is None else float(f"{value:.6g}")
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        raise SystemExit(__doc__)
+    keep([Path(name) for name in sys.argv[1:]])

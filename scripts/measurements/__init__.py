@@ -1,0 +1,1 @@
+"""What the documentation's numbers were measured by; see `scripts.measure`."""

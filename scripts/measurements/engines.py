@@ -1,0 +1,171 @@
+"""Measurements of engines: what their pages declare of themselves in numbers, and what the guides say of them."""
+
+from __future__ import annotations
+
+import re
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import numpy as np
+
+from looping_pendulum.compare.landmarks import run_landmarks
+from looping_pendulum.engines.protocol import Profile, SteppedEngine
+from looping_pendulum.engines.registry import select
+from looping_pendulum.engines.trajectory import Trajectory
+from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
+from looping_pendulum.reference_ode.solve import solve
+from looping_pendulum.scenarios import load
+from looping_pendulum.scenarios.scenario import Scenario
+from scripts.measurements.reference import rms_of
+
+PAGE = Path(__file__).parents[2] / "docs" / "write-an-engine.md"
+FRICTIONS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.2)
+"""Sizes of a constant friction [N]."""
+
+
+def engine(name: str, profile: Profile = Profile.QUICK, **changes: Any) -> SteppedEngine:
+    """One variant, with some settings changed."""
+    (found,) = select([name], profile)
+    assert isinstance(found, SteppedEngine)
+    return found.with_settings(**changes) if changes else found
+
+
+def largest_stretch(run: Trajectory) -> float:
+    """Of the string, over the whole run [m]."""
+    return float(np.nanmax(np.abs(run.string_stretch)))
+
+
+def acceleration_error(run: Trajectory, scenario: Scenario) -> float:
+    """Share by which the heavy mass's constant acceleration from rest is off the closed form of a vertical drop."""
+    found = 2 * float(np.sum(run.heavy_drop * run.t**2) / np.sum(run.t**4))
+    return found / atwood_acceleration(scenario.parameters) - 1
+
+
+def summary(run: Trajectory, scenario: Scenario) -> dict[str, Any]:
+    """Distances, stretch and how the run ended."""
+    return {
+        "rms": rms_of(run, scenario.parameters),
+        "stretch": largest_stretch(run),
+        "end": float(run.t[-1]),
+        "status": run.status.name,
+    }
+
+
+def constant_friction() -> dict[str, Any]:
+    """MuJoCo's constant friction loss over a scan of sizes: which is nearest, and whether any halts the heavy mass."""
+    scenario = load("ten_to_one")
+    exact = solve(scenario.parameters).halting_time
+    assert exact is not None
+    scan = {}
+    for size in FRICTIONS:
+        with mock.patch("looping_pendulum.engines.mujoco.tendon.friction_loss", return_value=size):
+            run = engine("mujoco:frictionloss").simulate(scenario)
+        falling = run.heavy_velocity[:, 1] < -1e-3
+        turns = np.flatnonzero(run.heavy_velocity[:, 1] > 1e-3)
+        halt = run_landmarks(run, scenario.parameters).halting_time
+        scan[f"{size:g}"] = {
+            "rms_0.35s": rms_of(run, scenario.parameters)["0.35s"],
+            "halt": halt,
+            "turns_back_at": float(run.t[turns[0]]) if len(turns) else None,
+            "still_falls_at": float(run.t[np.flatnonzero(falling)[-1]]),
+        }
+    nearest = min(scan, key=lambda size: scan[size]["rms_0.35s"])
+    late = [abs(one["halt"] - exact) for one in scan.values() if one["halt"] is not None]
+    return {
+        "smallest": min(FRICTIONS),
+        "largest": max(FRICTIONS),
+        "nearest": float(nearest),
+        "nearest_turns_back_at": scan[nearest]["turns_back_at"],
+        "smallest_halting_error": min(late) if late else None,
+        "exact_halt": exact,
+        "scan": scan,
+    }
+
+
+def pymunk_public_calls() -> dict[str, Any]:
+    """Pymunk's chain on ten_to_one with its private call, and without."""
+    scenario = load("ten_to_one")
+    with_call = summary(engine("pymunk:chain").simulate(scenario), scenario)
+    with mock.patch("looping_pendulum.engines.pymunk.chain.direct_library", return_value=None):
+        without = summary(engine("pymunk:chain").simulate(scenario), scenario)
+    return {"private": with_call, "public": without}
+
+
+def pymunk_defaults() -> dict[str, Any]:
+    """Chipmunk as it comes: how much its chain has stretched where the run is ended, and with ten times the sweeps."""
+    scenario = load("ten_to_one")
+    found = {}
+    for name, iterations in (("default", 10), ("ten_times", 100)):
+        run = engine("pymunk:defaults", iterations=iterations).simulate(scenario)
+        found[name] = {"iterations": iterations} | summary(run, scenario)
+    with mock.patch("looping_pendulum.engines.protocol.STRETCH_BUDGET", float("inf")):
+        for name, iterations in (("default", 10), ("ten_times", 100)):
+            run = engine("pymunk:defaults", iterations=iterations).simulate(scenario)
+            found[f"{name}_not_ended"] = {"iterations": iterations} | summary(run, scenario)
+    return found
+
+
+def pybullet_cylinder() -> dict[str, Any]:
+    """The vertical drop of PyBullet's chain over a sphere, as ours is, and over the obvious cylinder."""
+    scenario = load("atwood")
+    runs = {shape: engine("pybullet:chain", rod=shape).simulate(scenario) for shape in ("sphere", "cylinder")}
+    return {shape: acceleration_error(run, scenario) for shape, run in runs.items()}
+
+
+def pybullet_chain() -> dict[str, Any]:
+    """How far the halt of two_to_one moves when PyBullet's forces are updated every step."""
+    scenario = load("two_to_one")
+    exact = solve(scenario.parameters).halting_time
+    halts = {}
+    for name, changes in (("own", {}), ("every_step", {"force_interval": 1})):
+        run = engine("pybullet:chain", **changes).simulate(scenario)
+        halts[name] = run_landmarks(run, scenario.parameters).halting_time
+    assert exact is not None
+    assert all(h is not None for h in halts.values())
+    return {"exact": exact} | halts | {"moved": abs(halts["every_step"] - halts["own"])}
+
+
+def pybullet_remade() -> dict[str, Any]:
+    """The remade multibody where its constants were not selected, and what the choice of its nodes does to a vertical drop."""
+    found: dict[str, Any] = {}
+    for name in ("two_to_one", "two_and_a_half_to_one"):
+        scenario = load(name)
+        found[name] = summary(engine("pybullet:remade").simulate(scenario), scenario)
+    scenario = load("atwood")
+    one = engine("pybullet:remade")
+    errors = {"own": acceleration_error(one.simulate(scenario), scenario)}
+    for choice in one.studies().choices:
+        if "node" in choice.what:
+            errors[f"{choice.what}: {choice.instead}"] = acceleration_error(choice.engine.simulate(scenario), scenario)
+    found["acceleration_errors"] = errors
+    found["acceleration_moved"] = max(abs(error - errors["own"]) for error in errors.values())
+    found["largest_rms"] = max(
+        x for name in ("two_to_one", "two_and_a_half_to_one") for x in found[name]["rms"].values() if x is not None
+    )
+    return found
+
+
+def spring() -> dict[str, Any]:
+    """The engine of the page on writing one: its code is taken from the page."""
+    (code, *_) = re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    scenario = load("ten_to_one")
+    exact = solve(scenario.parameters).halting_time
+    assert exact is not None
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "looping_spring.py").write_text(code, encoding="utf-8")
+        sys.path.insert(0, folder)
+        try:
+            import looping_spring  # type: ignore[import-not-found]
+        finally:
+            sys.path.remove(folder)
+    found = {}
+    for profile in Profile:
+        (one,) = looping_spring.engines(profile)
+        run = one.simulate(scenario)
+        halt = run_landmarks(run, scenario.parameters).halting_time
+        error = None if halt is None else abs(halt - exact)
+        found[profile.value] = summary(run, scenario) | {"halting_time_error": error}
+    return found
