@@ -15,7 +15,6 @@ from looping_pendulum.discrepancy.search import Progress, Search
 from looping_pendulum.discrepancy.unlisted.description import unlisted
 from looping_pendulum.discrepancy.verdict import Experiment, Identification, Verdict
 from looping_pendulum.discrepancy.workers import Workers, available
-from looping_pendulum.reference_ode.solve import available_integrators
 
 
 def identify(
@@ -46,7 +45,6 @@ def identify(
 
 
 def _identify(study: Study, seed: int, progress: Progress, workers: Workers) -> Identification:
-    _hush()
     inputs = read_inputs(study)
     search = Search(inputs, seed, progress, workers)
     interrupted = False
@@ -80,14 +78,6 @@ def _identify(study: Study, seed: int, progress: Progress, workers: Workers) -> 
         ),
         _provenance(),
     )
-
-
-def _hush() -> None:
-    """Keep heyoka from printing where a trial value is beyond what it can integrate: the fit goes elsewhere by itself."""
-    if "heyoka" in available_integrators():
-        import heyoka
-
-        heyoka.set_logger_level_critical()
 
 
 def _provenance() -> dict[str, str]:

@@ -16,6 +16,7 @@ from looping_pendulum.errors import IntegrationError, MissingPackageError
 from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import MAX_STEPS, HeyokaIntegrator, ModeEquations
+from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Part, Run
 from looping_pendulum.reference_ode.solve import DURATION, available_integrators
@@ -56,7 +57,7 @@ def solve_extended(
 
 def _kind(precision: str) -> Any:
     """Type of the numbers."""
-    import heyoka as hy
+    hy = load_heyoka()
 
     kind = np.longdouble if precision == "80-bit" else getattr(hy, "real128", None)
     if kind is None or (precision == "80-bit" and np.finfo(np.longdouble).nmant < 63):
@@ -113,7 +114,7 @@ class _Compiled:
     """A Taylor integrator of one mode in extended precision."""
 
     def __init__(self, mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...], kind: Any) -> None:
-        import heyoka as hy
+        hy = load_heyoka()
 
         written = ModeEquations(mode, effects, parameter_names)
         self.names, self.rows, self.events = written.names, written.rows, tuple(written.watched)

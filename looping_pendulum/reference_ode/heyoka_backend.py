@@ -12,6 +12,7 @@ from looping_pendulum.errors import IntegrationError
 from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.solution import Part, Segment
 from looping_pendulum.reference_ode.state import Effects, Signs, State, complete, follow, meaning, variables
 from looping_pendulum.reference_ode.transitions import Event, Mode
@@ -24,9 +25,7 @@ class ModeEquations:
     """The equations of one mode as heyoka's expressions."""
 
     def __init__(self, mode: Mode, effects: Effects, parameter_names: tuple[str, ...]) -> None:
-        import heyoka as hy
-
-        hy.set_logger_level_critical()  # what it would warn of comes back as an outcome
+        hy = load_heyoka()
 
         self.names = names = variables(mode, effects)
         self.variables = dict(zip(names, hy.make_vars(*names), strict=True))
@@ -47,7 +46,7 @@ class _Compiled:
     """A Taylor integrator of one mode, with what it needs to translate states, parameters and events."""
 
     def __init__(self, mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...]) -> None:
-        import heyoka as hy
+        hy = load_heyoka()
 
         written = ModeEquations(mode, effects, parameter_names)
         self.mode, self.names, self.rows = mode, written.names, written.rows

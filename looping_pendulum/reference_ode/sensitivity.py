@@ -28,6 +28,7 @@ from looping_pendulum.reference_ode.dual import Dual
 from looping_pendulum.reference_ode.effects.types import Effect
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import MAX_STEPS, HeyokaIntegrator, ModeEquations
+from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solution import Part, Run, RunEvent, Samples, heavy_place, join, light_place
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators
@@ -261,7 +262,7 @@ class _Variational:
     """Variational equations of one mode, and the gradients of its events."""
 
     def __init__(self, mode: Mode, effects: Effects, tolerance: float, names: tuple[str, ...], moved: tuple[str, ...]) -> None:
-        import heyoka as hy
+        hy = load_heyoka()
 
         written = ModeEquations(mode, effects, names)
         self.names, self.rows, self.events = written.names, written.rows, tuple(written.watched)

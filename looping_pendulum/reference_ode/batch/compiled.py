@@ -16,6 +16,7 @@ from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.batch.series import Book, Series
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.state import Effects, Signs, State, heavy_drop
 from looping_pendulum.reference_ode.transitions import Mode
 
@@ -47,7 +48,7 @@ class Compiled:
     """A compiled function of columns of numbers."""
 
     def __init__(self, outputs: Sequence[Any], inputs: Sequence[Any]) -> None:
-        import heyoka as hy
+        hy = load_heyoka()
 
         self._function = hy.cfunc([expression(output) for output in outputs], list(inputs))
 
@@ -69,7 +70,7 @@ class Compiled:
 @cache
 def vector_size() -> int:
     """How many numbers this processor takes at once."""
-    import heyoka as hy
+    hy = load_heyoka()
 
     return int(hy.recommended_simd_size())
 
@@ -82,7 +83,7 @@ def filler(table: Array, n: int) -> list[Array]:
 
 def expression(x: Any) -> Any:
     """A number, or a series' first coefficient, as an expression."""
-    import heyoka as hy
+    hy = load_heyoka()
 
     x = x[0] if isinstance(x, Series) else x
     return hy.expression(float(x)) if isinstance(x, (int, float)) else x
@@ -90,7 +91,7 @@ def expression(x: Any) -> Any:
 
 def size(x: Any) -> Any:
     """Absolute value, as an expression."""
-    import heyoka as hy
+    hy = load_heyoka()
 
     x = expression(x)
     return hy.select(hy.lt(x, 0.0), -x, x)
@@ -100,7 +101,7 @@ class Symbols:
     """A run's numbers as series for the equations."""
 
     def __init__(self, model: Model) -> None:
-        import heyoka as hy
+        hy = load_heyoka()
 
         self.book = Book()
         self.leading = {name: hy.expression(name) for name in LEADING}

@@ -11,6 +11,7 @@ import numpy as np
 
 from looping_pendulum.reference_ode.batch.compiled import Compiled, size
 from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 
 DEEPEST = 50
 """Halvings after which two roots count as one."""
@@ -98,7 +99,7 @@ class Look(NamedTuple):
 
 def look(c: list[Any]) -> Look:
     """Look at the polynomial with coefficients ``c`` of ascending powers."""
-    import heyoka as hy
+    hy = load_heyoka()
 
     degree = len(c) - 1
     bernstein = [hy.sum([comb(k, j) / comb(degree, j) * c[j] for j in range(k + 1)]) for k in range(degree + 1)]
@@ -114,7 +115,7 @@ def look(c: list[Any]) -> Look:
 @lru_cache(maxsize=8)
 def _look(degree: int) -> Compiled:
     """Compiled: coefficients -> `Look`."""
-    import heyoka as hy
+    hy = load_heyoka()
 
     c = [hy.expression(f"c{k}") for k in range(degree + 1)]
     found = look(c)
@@ -124,7 +125,7 @@ def _look(degree: int) -> Compiled:
 @lru_cache(maxsize=8)
 def _halves(degree: int) -> Compiled:
     """Compiled: coefficients in Bernstein's basis -> those on the left half and on the right half (de Casteljau)."""
-    import heyoka as hy
+    hy = load_heyoka()
 
     b = [hy.expression(f"b{k}") for k in range(degree + 1)]
     left = [hy.sum([comb(k, j) / 2.0**k * b[j] for j in range(k + 1)]) for k in range(degree + 1)]

@@ -10,6 +10,8 @@ import itertools
 from collections.abc import Callable
 from typing import Any
 
+from looping_pendulum.reference_ode.heyoka_library import load_heyoka
+
 
 class Series:
     """A Taylor series, its normalised coefficients x^(n) / n! found one after another when they are asked for."""
@@ -80,7 +82,7 @@ class Book:
     """Math namespace of `Series`; keeps each that was made, so that nothing is computed twice."""
 
     def __init__(self) -> None:
-        import heyoka as hy
+        hy = load_heyoka()
 
         self._hy = hy
         self.numbers = itertools.count()

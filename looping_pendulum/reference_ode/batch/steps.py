@@ -18,6 +18,7 @@ from looping_pendulum.reference_ode.batch.compiled import LEADING, Compiled, Mod
 from looping_pendulum.reference_ode.batch.roots import CLOSE, first_falls, horner, look
 from looping_pendulum.reference_ode.batch.series import Series
 from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.state import Effects, complete, variables
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
@@ -41,7 +42,7 @@ class Stepper:
     """The compiled step of a mode, as functions of runs' numbers (`compiled.Compiled`)."""
 
     def __init__(self, model: Model, mode: Mode, tolerance: float) -> None:
-        import heyoka as hy
+        hy = load_heyoka()
 
         self.order = order = math.ceil(2.0 - 0.5 * math.log(tolerance))
         moving = (*variables(mode, model.effects), "time")

@@ -1,0 +1,91 @@
+"""What heyoka keeps of its compiled code: bounded, in a folder of ours, never a reason to fail. Its import brings no SymPy."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import looping_pendulum
+from looping_pendulum.reference_ode.heyoka_library import DISK_LIMIT
+
+pytest.importorskip("heyoka", reason="this is about heyoka's own files")
+
+COMPILE = """
+import sys
+from looping_pendulum.reference_ode.heyoka_library import load_heyoka
+hy = load_heyoka()
+x = hy.expression("x")
+assert hy.cfunc([hy.sin(x)], [x])([0.0]) == [0.0]
+code = hy.llvm_state
+assert "sympy" not in sys.modules
+print(code.get_diskcache_enabled(), code.get_diskcache_path())
+print(code.get_diskcache_limit() if code.get_diskcache_enabled() else None)
+"""
+FILL = """
+from looping_pendulum.reference_ode import heyoka_library
+heyoka_library.DISK_LIMIT = {limit}
+hy = heyoka_library.load_heyoka()
+x, v = hy.make_vars("x", "v")
+for i in range(6):
+    hy.cfunc([hy.sin(x * float({first} + i)) + v], [x, v])
+"""
+
+
+def start(code: str, cache: Path, **variables: str) -> subprocess.Popen[str]:
+    environment = {name: value for name, value in os.environ.items() if name != "HEYOKA_CACHE_DIR"}
+    environment |= {"XDG_CACHE_HOME": str(cache)} | variables
+    pipe = subprocess.PIPE
+    return subprocess.Popen([sys.executable, "-c", code], stdout=pipe, stderr=pipe, text=True, env=environment)
+
+
+def printed(process: subprocess.Popen[str]) -> list[str]:
+    out, error = process.communicate(timeout=120)
+    assert (process.returncode, error) == (0, "")
+    return out.split()
+
+
+def test_nothing_else_imports_heyoka():
+    package = Path(looping_pendulum.__file__).parent
+    importing = [
+        path.name for path in package.rglob("*.py") if re.search(r"^\s*(import|from) heyoka", path.read_text(), re.MULTILINE)
+    ]
+    assert importing == ["heyoka_library.py"]
+
+
+def test_compiled_code_is_kept_in_our_folder_under_our_limit(tmp_path):
+    folder = tmp_path / "looping-pendulum" / "heyoka"
+    assert printed(start(COMPILE, tmp_path)) == ["True", str(folder), str(DISK_LIMIT)]
+    assert (folder / "cache.db").stat().st_size > 0
+
+
+def test_who_chooses_a_folder_keeps_it_and_its_limit(tmp_path):
+    chosen = tmp_path / "chosen"
+    enabled, path, limit = printed(start(COMPILE, tmp_path, HEYOKA_CACHE_DIR=str(chosen)))
+    assert (enabled, path) == ("True", str(chosen))
+    assert int(limit) > DISK_LIMIT
+    assert not (tmp_path / "looping-pendulum").exists()
+
+
+@pytest.mark.parametrize("damage", ["a file where the folder should be", "a file that is no database"])
+def test_a_folder_that_cannot_be_used_costs_time_alone(tmp_path, damage):
+    folder = tmp_path / "looping-pendulum" / "heyoka"
+    if "folder" in damage:
+        folder.parent.mkdir()
+        folder.write_text("")
+    else:
+        folder.mkdir(parents=True)
+        (folder / "cache.db").write_bytes(b"no database" * 1000)
+    assert printed(start(COMPILE, tmp_path)) == ["False", str(folder), "None"]
+
+
+def test_two_processes_that_fill_one_folder_keep_to_the_limit(tmp_path):
+    limit = 200_000  # bytes: each of the functions takes some tens of thousands
+    processes = [start(FILL.format(limit=limit, first=first), tmp_path) for first in (1, 100)]
+    assert [printed(process) for process in processes] == [[], []]
+    kept = (tmp_path / "looping-pendulum" / "heyoka" / "cache.db").stat().st_size
+    assert limit / 2 < kept < 2 * limit  # the file's own pages and index stand beside what the limit counts
