@@ -27,6 +27,7 @@ from looping_pendulum.engines.trajectory import (
     from_samples,
     whole_row,
 )
+from looping_pendulum.engines.validated import ValidatedRange, outside_range
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.effects import Effect, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
@@ -78,6 +79,10 @@ class Abilities:
     """
     known_failures: Mapping[str, str] = field(default_factory=dict)
     """Checks of `engines.conformance` that it fails -> the measured reason: strict expected failures."""
+    additions: tuple[str, ...] = ()
+    """What the adapter puts in beyond the engine, each with its measured worth."""
+    validated: tuple[ValidatedRange, ...] = ()
+    """Over which scenarios its accuracy was measured, per profile, and what it was."""
     main: bool = True
     """Whether a comparison that names no engine runs it; the others are for studies, and catastrophic ones among them."""
 
@@ -87,6 +92,10 @@ class Abilities:
             return f"release {parameters.release.value!r}"
         beyond = (e for e in parameters.effects if not e.in_base_model and not self.reaches(e))
         return ", ".join(f"effect {e.name!r} ({e.kind.value})" for e in beyond)
+
+    def outside_range(self, profile: str, parameters: Parameters) -> tuple[str, ...]:
+        """Return what of ``parameters`` lies outside the range in which ``profile``'s accuracy was measured; empty: nothing."""
+        return outside_range(self.validated, profile, parameters)
 
     def reaches(self, effect: Effect) -> bool:
         """Whether ``effect`` reaches this variant; one that adds variables to the state is a property whatever its kind."""
