@@ -24,7 +24,7 @@ import numpy as np
 
 from looping_pendulum.engines import memory
 from looping_pendulum.engines.memory import MEMORY_LIMIT, held_memory, show_memory
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, declared
 from looping_pendulum.engines.registry import how_to_get, missing_packages
 from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, Trajectory, from_samples, whole_row
 from looping_pendulum.scenarios.scenario import Scenario
@@ -118,7 +118,7 @@ def run_isolated(
         if status is None and result.exists():
             try:
                 trajectory: Trajectory = pickle.loads(result.read_bytes())
-                return replace(trajectory, output=output, lacks=engine.abilities.lacks(scenario.parameters))
+                return replace(trajectory, output=output, **declared(engine, scenario.parameters))
             except Exception as error:
                 status, message = RunStatus.FAILED, f"its result cannot be read: {type(error).__name__}: {error}"
         return from_samples(
@@ -255,7 +255,7 @@ def identity(engine: Engine, scenario: Scenario) -> dict[str, Any]:
         "profile": engine.profile.value,
         "scenario": scenario.name,
         "provenance": provenance,
-        "lacks": engine.abilities.lacks(scenario.parameters),
+        **declared(engine, scenario.parameters),
     }
 
 

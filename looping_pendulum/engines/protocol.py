@@ -27,6 +27,7 @@ from looping_pendulum.engines.trajectory import (
     from_samples,
     whole_row,
 )
+from looping_pendulum.engines.validated import ValidatedRange, outside_range
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.effects import Effect, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
@@ -102,6 +103,10 @@ class Abilities:
     """Checks of `engines.conformance` that it fails -> the measured reason: strict expected failures."""
     static_friction: bool = False
     """Whether a static friction other than the kinetic one reaches it; one that takes `EffectKind.STRING_LAW` has it anyway."""
+    additions: tuple[str, ...] = ()
+    """What the adapter puts in beyond the engine, each with its measured worth."""
+    validated: tuple[ValidatedRange, ...] = ()
+    """Over which scenarios its accuracy was measured, per profile, and what it was."""
     main: bool = True
     """Whether a comparison that names no engine runs it; the others are for studies, and catastrophic ones among them."""
 
@@ -120,10 +125,22 @@ class Abilities:
             lacking.append(STATIC_FRICTION)
         return tuple(lacking)
 
+    def outside_range(self, profile: str, parameters: Parameters) -> tuple[str, ...]:
+        """Return what of ``parameters`` lies outside the range in which ``profile``'s accuracy was measured; empty: nothing."""
+        return outside_range(self.validated, profile, parameters)
+
     def reaches(self, effect: Effect) -> bool:
         """Whether ``effect`` reaches this variant; one that adds variables to the state is a property whatever its kind."""
         kinds = {effect.kind, EffectKind.PROPERTY} if effect.variables else {effect.kind}
         return kinds <= self.effect_kinds
+
+
+def declared(engine: Engine, parameters: Parameters) -> dict[str, tuple[str, ...]]:
+    """Return the fields of a `Trajectory` that follow from what ``engine`` declares of itself, whatever its run does."""
+    return {
+        "lacks": engine.abilities.lacks(parameters),
+        "outside_range": engine.abilities.outside_range(engine.profile.value, parameters),
+    }
 
 
 class Recorder(Protocol):
@@ -216,7 +233,7 @@ class SteppedEngine(abc.ABC):
             status=status,
             wall_time=time.perf_counter() - started,
             provenance=self.provenance(),
-            lacks=self.abilities.lacks(scenario.parameters),
+            **declared(self, scenario.parameters),
         )
 
     def with_settings(self, **changes: object) -> Self:

@@ -140,6 +140,8 @@ class Trajectory:
     provenance: Provenance
     lacks: tuple[str, ...] = ()
     """Physics of the scenario that the run went without, as `Abilities.lacks` names it."""
+    outside_range: tuple[str, ...] = ()
+    """What of the scenario lies outside the range in which the engine's accuracy was measured, as `Abilities.outside_range`."""
     wall_time: float = float("nan")
     """Seconds that the simulation took, building and starting apart."""
     output: str = field(default="", repr=False)

@@ -8,6 +8,7 @@ from looping_pendulum.engines.drake.chain_rig import ChainRig
 from looping_pendulum.engines.drake.studies import chain_studies
 from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, TunedEngine
 from looping_pendulum.engines.studies import Studies
+from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -37,6 +38,7 @@ class DrakeChain(TunedEngine):
         packages=("pydrake",),
         summary="Beads on distance constraints over a static sphere, one constraint for each straight part of the string.",
         limits=_LIMITS,
+        validated=shipped_range("drake:chain"),
         main=False,
     )
     tuned = SETTINGS

@@ -16,6 +16,7 @@ from looping_pendulum.engines.mujoco.studies import (
 )
 from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, TunedEngine
 from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder, Studies, ladder
+from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -40,6 +41,7 @@ class MujocoBeads(TunedEngine):
         packages=("mujoco",),
         summary="Beads on links of fixed length over a cylinder, a limited tendon for each straight part of the string.",
         limits=_LIMITS,
+        validated=shipped_range("mujoco:beads"),
     )
     tuned = SETTINGS
     settings: BeadSettings

@@ -13,6 +13,7 @@ from looping_pendulum.engines.mujoco.tendon_model import EffectiveMassSettings
 from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities, Profile, SteppedEngine
 from looping_pendulum.engines.studies import HiddenDefault, Studies
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
@@ -98,6 +99,7 @@ class MujocoEffectiveMass(SteppedEngine):
             packages=("mujoco",),
             summary=_SUMMARY[chosen],
             limits=(*_LIMITS, *_MORE_LIMITS[chosen]),
+            validated=shipped_range(f"mujoco:{chosen.value}"),
             main=False,
         )
 

@@ -29,6 +29,7 @@ from looping_pendulum.engines.protocol import (
 )
 from looping_pendulum.engines.studies import Choice, Studies
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
@@ -164,6 +165,7 @@ class MujocoTendon(SteppedEngine):
             summary=f"Two spatial tendons used in turn over a cylinder, {_FRICTION[chosen]}.",
             limits=(*_COMMON_LIMITS, *_LIMITS[chosen]),
             known_failures=_KNOWN_FAILURES if chosen is Variant.DEFAULTS else {},
+            validated=shipped_range(f"mujoco:{chosen.value}"),
             main=chosen in (Variant.DOCUMENTED, Variant.CAPSTAN),
         )
 

@@ -22,6 +22,7 @@ from looping_pendulum.engines.pybullet.studies import (
 from looping_pendulum.engines.pybullet.variant import COULOMB_AT_NODES, ONE_COEFFICIENT, PybulletVariant
 from looping_pendulum.engines.studies import Ladder, Studies, ladder
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -69,6 +70,7 @@ _ABILITIES = Abilities(
         "forces updated every 5 steps instead of every one move the halt of two_to_one by 13 ms: its figures are one draw each",
         UNSTRETCHED,
     ),
+    validated=shipped_range("pybullet:chain"),
 )
 
 

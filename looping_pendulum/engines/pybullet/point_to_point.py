@@ -15,6 +15,7 @@ from looping_pendulum.engines.pybullet.studies import (
 from looping_pendulum.engines.pybullet.variant import COULOMB_AT_NODES, ONE_COEFFICIENT, PybulletVariant
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -40,6 +41,7 @@ _ABILITIES = Abilities(
         "the heavy mass hangs freely and may swing",
     ),
     main=False,
+    validated=shipped_range("pybullet:point_to_point"),
     known_failures={
         "vertical_release_obeys_the_capstan_law": "measured 5.73 m/s^2 for 5.80: a ratio of tensions too high by 2.4 %",
     },

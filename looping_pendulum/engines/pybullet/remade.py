@@ -17,6 +17,7 @@ from looping_pendulum.engines.pybullet.studies import BEAD_MASSES, choice, itera
 from looping_pendulum.engines.pybullet.variant import ONE_COEFFICIENT, PybulletVariant
 from looping_pendulum.engines.studies import Studies, ladder
 from looping_pendulum.engines.trajectory import Supplier, Supply
+from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.scenarios.scenario import Scenario
 
 SETTINGS = {
@@ -37,6 +38,7 @@ _ABILITIES = replace(
         ),
     ),
     main=False,
+    validated=shipped_range("pybullet:remade"),
     summary="The multibody made anew whenever a node comes on the rod or goes; its constants were selected on ten_to_one.",
     limits=(
         ONE_COEFFICIENT,

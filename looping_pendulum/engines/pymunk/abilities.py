@@ -8,6 +8,7 @@ from looping_pendulum.engines.chain import ONE_COEFFICIENT
 from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities
 from looping_pendulum.engines.pymunk.full_settings import Variant
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.reference_ode.parameters import Release
 
 
@@ -61,6 +62,7 @@ def full_abilities(variant: Variant) -> Abilities:
         packages=("pymunk",),
         summary=_SUMMARIES[variant],
         limits=_LIMITS[variant],
+        validated=shipped_range(f"pymunk:{variant.value}"),
         known_failures=KNOWN_FAILURES.get(variant, {}),
         main=False,
     )

@@ -38,6 +38,7 @@ from looping_pendulum.engines.pymunk.space_rig import SpaceRig
 from looping_pendulum.engines.pymunk.studies import chain_studies
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.engines.trajectory import Provenance
+from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -247,6 +248,7 @@ class PymunkChain(TunedEngine):
         packages=("pymunk",),
         summary="Point beads on pin joints over a static circle, a slide joint for each straight part of the string.",
         limits=_LIMITS,
+        validated=shipped_range("pymunk:chain"),
     )
     tuned = SETTINGS
     settings: ChainSettings

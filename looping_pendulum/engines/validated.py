@@ -1,0 +1,155 @@
+"""Over which scenarios a variant's accuracy was measured, how good it was there, and whether a scenario is one of them.
+
+`benchmarks.engine_range` measures it on seeded random scenarios and writes `validated.json`; a third party's engine may declare
+its own in `Abilities.validated`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+
+FILE = "validated.json"
+"""Beside this module: what `benchmarks.engine_range` measured of the variants that ship."""
+SLACK = 1e-9
+"""Relative slack of a bound, so that a scenario at the very edge of the range is inside it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """A number of a scenario that decides how hard it is for an engine."""
+
+    name: str
+    unit: str
+    """As shown; empty: a pure number."""
+    per_unit: float
+    """How many of the shown unit make one SI unit."""
+    of: Callable[[Parameters], float | None]
+    """SI; None: the scenario has no such quantity."""
+
+
+def _drag(name: str, mass: Callable[[Parameters], float], power: int) -> Callable[[Parameters], float]:
+    """Drag over inertia on a way of one free length: coefficient times length to ``power`` over mass."""
+    return lambda p: p.coefficients[name] * p.free_length**power / mass(p)
+
+
+def _static_over_kinetic(p: Parameters) -> float | None:
+    kinetic, static = p.coefficients["kinetic_friction"], p.coefficients["static_friction"]
+    return static / kinetic if kinetic > 0 else None
+
+
+QUANTITIES: tuple[Quantity, ...] = (
+    Quantity(name="mass ratio M2/M1", unit="", per_unit=1.0, of=lambda p: p.heavy_mass / p.light_mass),
+    Quantity(name="light mass", unit="g", per_unit=1e3, of=lambda p: p.light_mass),
+    Quantity(
+        name="release angle",
+        unit="deg",
+        per_unit=180 / math.pi,
+        of=lambda p: None if p.release is Release.VERTICAL else p.release_angle,
+    ),
+    Quantity(name="rod radius", unit="mm", per_unit=1e3, of=lambda p: p.rod_radius),
+    Quantity(name="free length", unit="cm", per_unit=1e2, of=lambda p: p.free_length),
+    Quantity(name="kinetic friction", unit="", per_unit=1.0, of=lambda p: p.coefficients["kinetic_friction"]),
+    Quantity(name="static over kinetic friction", unit="", per_unit=1.0, of=_static_over_kinetic),
+    Quantity(name="light mass's drag l/M1", unit="", per_unit=1.0, of=_drag("light_drag", lambda p: p.light_mass, 1)),
+    Quantity(name="heavy mass's drag l/M2", unit="", per_unit=1.0, of=_drag("heavy_drag", lambda p: p.heavy_mass, 1)),
+    Quantity(name="string's drag l^2/M1", unit="", per_unit=1.0, of=_drag("string_drag", lambda p: p.light_mass, 2)),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """Of one error over the scenarios, SI."""
+
+    count: int
+    """Scenarios in which it could be measured."""
+    median: float
+    ninety: float
+    """90 % of the scenarios are at most this far off."""
+    worst: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ValidatedRange:
+    """The scenarios over which one profile's accuracy was measured, and what it was."""
+
+    profile: str
+    scenarios: int
+    """How many were run."""
+    failed: int
+    """Runs among them that did not come to their proper end; they are in no `errors`."""
+    releases: frozenset[Release]
+    bounds: Mapping[str, tuple[float, float]]
+    """Name of a `Quantity` -> least and largest value measured, SI."""
+    errors: Mapping[str, Spread]
+    """What -> how far off: "rms_0.35s" and "rms_0.7s" [m], each to the end of the run if that is earlier."""
+
+
+def outside_range(validated: Sequence[ValidatedRange], profile: str, parameters: Parameters) -> tuple[str, ...]:
+    """Return what of ``parameters`` lies outside the range over which a variant's ``profile`` was measured; empty: nothing.
+
+    Each is a phrase such as "mass ratio M2/M1 30 (measured: 1.6 to 19)". A variant that states no range gives nothing.
+    """
+    known = [each for each in validated if each.profile == profile]
+    if not known:
+        return ()
+    if all(parameters.release not in each.releases for each in known):
+        return (f"release {parameters.release.value!r} (measured: {', '.join(sorted(r.value for r in known[0].releases))})",)
+    return min((_outside(each, parameters) for each in known), key=len)
+
+
+def _outside(validated: ValidatedRange, parameters: Parameters) -> tuple[str, ...]:
+    found = []
+    for quantity in QUANTITIES:
+        bounds, value = validated.bounds.get(quantity.name), quantity.of(parameters)
+        if bounds is None or value is None:
+            continue
+        low, high = bounds
+        if not low * (1 - SLACK) <= value <= high * (1 + SLACK):
+            shown = " ".join([f"{quantity.per_unit * value:.3g}", *([quantity.unit] if quantity.unit else [])])
+            measured = f"{quantity.per_unit * low:.3g} to {quantity.per_unit * high:.3g}"
+            found.append(f"{quantity.name} {shown} (measured: {measured})")
+    return tuple(found)
+
+
+def shipped_range(label: str) -> tuple[ValidatedRange, ...]:
+    """What was measured of the variant ``label``, "mujoco:beads"; empty: nothing."""
+    return _shipped().get(label, ())
+
+
+@cache
+def _shipped() -> dict[str, tuple[ValidatedRange, ...]]:
+    path = files(__package__).joinpath(FILE)
+    tree = json.loads(path.read_text(encoding="utf-8"))
+    return {label: tuple(from_plain(each) for each in ranges) for label, ranges in tree.items()}
+
+
+def to_plain(validated: ValidatedRange) -> dict[str, Any]:
+    """``validated`` as JSON has it."""
+    return {
+        "profile": validated.profile,
+        "scenarios": validated.scenarios,
+        "failed": validated.failed,
+        "releases": sorted(release.value for release in validated.releases),
+        "bounds": {name: list(pair) for name, pair in validated.bounds.items()},
+        "errors": {name: vars(spread) for name, spread in validated.errors.items()},
+    }
+
+
+def from_plain(tree: dict[str, Any]) -> ValidatedRange:
+    """Read `to_plain`'s tree back."""
+    return ValidatedRange(
+        profile=tree["profile"],
+        scenarios=tree["scenarios"],
+        failed=tree["failed"],
+        releases=frozenset(Release(name) for name in tree["releases"]),
+        bounds={name: (low, high) for name, (low, high) in tree["bounds"].items()},
+        errors={name: Spread(**spread) for name, spread in tree["errors"].items()},
+    )
