@@ -187,7 +187,7 @@ def _ended(worker: int, *, kill: bool) -> int | None:
 
 
 def _end_descendants(worker: int) -> None:
-    """End what the worker has started, its group first; on Linux also what has left that group, which comes to us as children."""
+    """End what the worker has started: its group, and on Linux what has left that group, which comes to us as children."""
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(worker, signal.SIGKILL)
     while pids := _children():

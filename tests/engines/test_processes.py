@@ -1,4 +1,4 @@
-"""Processes that the package starts: they import nothing because it lies in the working folder, and end with what started them."""
+"""Processes that the package starts import nothing because it lies in the working folder, and end with what started them."""
 
 from __future__ import annotations
 
