@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
     from looping_pendulum.scenarios.scenario import Scenario
 
 OUTSIDE, BAD_INPUT, INTERRUPTED = 1, 2, 130
+BESIDE = "interrupted"
+"""Folder of an interrupted report, below that of a complete one."""
 
 
 class ProfileChoice(StrEnum):
@@ -82,6 +86,46 @@ def run_and_compare(
         )
 
 
+COMPARE_FILES, COMPARE_FOLDERS = ("result.json", "report.md", "report.html"), ("figures", "trajectories")
+"""What `compare.write` leaves in a folder."""
+
+
+def beside_complete(folder: Path, file: str, *, interrupted: bool, cut_short: Callable[[Any], bool]) -> Path:
+    """Return where a report goes: in ``folder``, but an interrupted one beside a complete one that is there, not over it.
+
+    Parameters
+    ----------
+    file
+        Which file of the folder says whether the report there is complete.
+    cut_short
+        Whether that file's content is of an interrupted run.
+    """
+    if not interrupted:
+        return folder
+    try:
+        kept = not cut_short(json.loads((folder / file).read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):  # nothing, or nothing worth keeping
+        kept = False
+    if not kept:
+        return folder
+    typer.echo(f"interrupted: the complete report in {folder} is kept; this one goes into {folder / BESIDE}", err=True)
+    return folder / BESIDE
+
+
+def beside_complete_comparison(folder: Path, result: ComparisonResult) -> Path:
+    """As `beside_complete`, for what `compare.write` leaves."""
+
+    def interrupted(statuses: Iterable[str]) -> bool:
+        return "INTERRUPTED" in statuses
+
+    return beside_complete(
+        folder,
+        "result.json",
+        interrupted=interrupted(e.status for e in result.engines),
+        cut_short=lambda found: interrupted(e["status"] for e in found["engines"]),
+    )
+
+
 def exit_for(runs: list[Trajectory], *, within: bool | None = None) -> None:
     """Leave with the status that the runs deserve."""
     from looping_pendulum.engines.trajectory import RunStatus
@@ -105,14 +149,20 @@ def show_output_of_failed(runs: list[Trajectory]) -> None:
 
 
 def new_table(*columns: str) -> Any:
-    """Make an empty table for a terminal."""
+    """Make an empty table for a terminal; what its cells say is shown literally."""
     from rich.box import SIMPLE_HEAD
-    from rich.markup import escape
     from rich.table import Table
+    from rich.text import Text
 
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    class LiteralTable(Table):
+        """Takes no cell for rich's markup: a trial may be called "[/x]", and a unit "[mm]" is no style."""
+
+        def add_row(self, *cells: Any, **how: Any) -> None:
+            super().add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in cells), **how)
+
+    table = LiteralTable(box=SIMPLE_HEAD, pad_edge=False)
     for column in columns:
-        table.add_column(escape(column), overflow="fold")  # else rich takes "[mm]" for markup
+        table.add_column(Text(column), overflow="fold")
     return table
 
 

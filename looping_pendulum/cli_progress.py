@@ -22,7 +22,7 @@ class EngineBars:
         self._tasks: dict[str, Any] = {}
         self._bars = None
         if console.is_terminal:
-            columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+            columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
             self._bars = Progress(*columns, TimeRemainingColumn(), console=console)
         self._context = self._bars or nullcontext()
         self._context.__enter__()
@@ -55,7 +55,7 @@ class StageBar:
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
         console = Console(stderr=True)
-        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+        columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
         self._bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
         self._task = self._bar.add_task("reading", total=1.0)
         self._bar.start()
