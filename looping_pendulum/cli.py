@@ -15,6 +15,8 @@ import typer
 from looping_pendulum import __version__
 from looping_pendulum.cli_common import (
     BAD_INPUT,
+    COMPARE_FILES,
+    COMPARE_FOLDERS,
     INTERRUPTED,
     OUTSIDE,
     DataFolder,
@@ -25,6 +27,8 @@ from looping_pendulum.cli_common import (
     ProfileName,
     ScenarioName,
     TimeLimit,
+    beside_complete,
+    beside_complete_comparison,
     exit_for,
     load_scenario,
     run_and_compare,
@@ -112,18 +116,19 @@ def run(
 
     looping-pendulum run two_to_one --out runs/two_to_one
     """
-    from looping_pendulum.compare.export import file_stem, trajectory_csv, write_whole
+    from looping_pendulum.compare.export import trajectory_csv
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.engines.isolation import run_all
     from looping_pendulum.engines.memory import parse_memory
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.engines.reference import ReferenceEngine
+    from looping_pendulum.files import file_stems, ready_folder, write_whole
     from looping_pendulum.reference_ode.solve import available_integrators
 
     chosen, speed, most_memory = load_scenario(scenario), Profile(profile.value), parse_memory(memory_limit)
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
     wanted = chosen_engines(engine, speed) if engine else [ReferenceEngine(available_integrators()[0], speed)]
+    if out is not None:
+        ready_folder(out)  # before the work, not after it
     with EngineBars() as progress:
         runs = run_all(
             wanted,
@@ -135,14 +140,15 @@ def run(
             finished=progress.finished,
         )
     table = new_table("engine", "samples", "until [s]", "M2 dropped [m]", "wall [s]", "ended")
-    for result in runs:
+    stems = file_stems([(result.label, result.profile) for result in runs])
+    for result, stem in zip(runs, stems, strict=True):
         until, drop = ("", "") if not len(result.t) else (f"{result.t[-1]:.3f}", f"{result.heavy_drop[-1]:.4f}")
         ended = result.status.value + (f" ({result.message})" if result.message else "")
         table.add_row(result.label, str(len(result.t)), until, drop, f"{result.wall_time:.2f}", ended)
         for event in result.events:
             say(f"{result.label}: {event.time:.6f} s {event.name}")
         if out is not None and len(result.t):
-            path = out / f"{file_stem(result.label, result.profile)}.csv"
+            path = out / f"{stem}.csv"
             write_whole(path, trajectory_csv(result))
             say(f"wrote {path}")
     show_table(table)
@@ -177,13 +183,16 @@ def compare(
     from looping_pendulum.compare import write
     from looping_pendulum.compare.baseline import changes_since, read_baseline
     from looping_pendulum.compare.report import verdict_rows
+    from looping_pendulum.files import ready_folder
 
     chosen = load_scenario(scenario)
     earlier = None if baseline is None else read_baseline(baseline, chosen.name)
     folder = out or Path("report") / chosen.name
-    folder.mkdir(parents=True, exist_ok=True)  # before the work, not after it
+    ready_folder(folder, files=(*COMPARE_FILES, "changes.json"), folders=COMPARE_FOLDERS)  # before the work, not after it
     result = run_and_compare(chosen, engine, profile, data=data, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
     changes = None if earlier is None else changes_since(earlier, result, source=str(baseline), relative=baseline_threshold)
+    folder = beside_complete_comparison(folder, result)
+    written = write(result, folder, changes)
     header, rows = verdict_rows(result)
     table = new_table(*header)
     for row in rows:
@@ -193,7 +202,7 @@ def compare(
         say(f"- {one.label}: {one.story}")
     if changes is not None:
         _show_changes(changes)
-    say(f"wrote {write(result, folder, changes)} and report.html")
+    say(f"wrote {written} and report.html")
     assert result.samples is not None
     runs = [aligned.run for aligned in result.samples.aligned]
     show_output_of_failed(runs)
@@ -254,10 +263,22 @@ def identify(
     from looping_pendulum.discrepancy.identify import identify as find
     from looping_pendulum.discrepancy.report import writing
     from looping_pendulum.discrepancy.verdict import Verdict
+    from looping_pendulum.files import ready_folder
 
     loaded = study_io.load(study)
+    folder = out or Path("report") / loaded.name
+    ready_folder(folder, files=writing.FILES, folders=writing.FOLDERS)  # before the work, not after it
     with StageBar() as stages:
         result = find(loaded, seed=seed, progress=stages.update)
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # what was found is written whole; that takes two seconds
+    try:
+        interrupted = result.verdict is Verdict.INTERRUPTED
+        folder = beside_complete(
+            folder, "verdict.json", interrupted=interrupted, cut_short=lambda found: found["verdict"] == Verdict.INTERRUPTED
+        )
+        written = writing.write(result, folder)
+    finally:
+        signal.signal(signal.SIGINT, before)
     say(f"{result.verdict.value}: {result.sentence}")
     table = new_table("trial", "seen by the fit", "RMS before [mm]", "RMS after [mm]", "before [noise]", "after [noise]")
     for e in result.errors:
@@ -265,12 +286,8 @@ def identify(
         sizes = ["" if rms is None else f"{1e3 * rms:.2f}" for rms in (e.rms_before, e.rms_after)]
         table.add_row(e.trial, "no" if e.held_out else "yes", *sizes, f"{e.noise_before:.2f}", f"{e.noise_after:.2f}")
     show_table(table)
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # what was found is written whole; that takes two seconds
-    try:
-        say(f"wrote {writing.write(result, out or Path('report') / loaded.name)} and report.html")
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if result.verdict is Verdict.INTERRUPTED:
+    say(f"wrote {written} and report.html")
+    if interrupted:
         raise typer.Exit(INTERRUPTED)
 
 
@@ -310,6 +327,9 @@ def main() -> None:
     """Run the command line; print a user's mistake as one line."""
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")  # before numpy comes: a second thread on such small matrices only waits for a core
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # what a terminal cannot show must not end a command
     debug = "--debug" in sys.argv
     if debug:
         sys.argv.remove("--debug")

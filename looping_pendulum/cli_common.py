@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Iterable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
     from looping_pendulum.scenarios.scenario import Scenario
 
 OUTSIDE, BAD_INPUT, INTERRUPTED = 1, 2, 130
+BESIDE = "interrupted"
+"""Folder of an interrupted report, below that of a complete one."""
 
 
 class ProfileChoice(StrEnum):
@@ -83,6 +87,46 @@ def run_and_compare(
             progress=progress.update,
             finished=progress.finished,
         )
+
+
+COMPARE_FILES, COMPARE_FOLDERS = ("result.json", "report.md", "report.html"), ("figures", "trajectories")
+"""What `compare.write` leaves in a folder."""
+
+
+def beside_complete(folder: Path, file: str, *, interrupted: bool, cut_short: Callable[[Any], bool]) -> Path:
+    """Return where a report goes: in ``folder``, but an interrupted one beside a complete one that is there, not over it.
+
+    Parameters
+    ----------
+    file
+        Which file of the folder says whether the report there is complete.
+    cut_short
+        Whether that file's content is of an interrupted run.
+    """
+    if not interrupted:
+        return folder
+    try:
+        kept = not cut_short(json.loads((folder / file).read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):  # nothing, or nothing worth keeping
+        kept = False
+    if not kept:
+        return folder
+    typer.echo(f"interrupted: the complete report in {folder} is kept; this one goes into {folder / BESIDE}", err=True)
+    return folder / BESIDE
+
+
+def beside_complete_comparison(folder: Path, result: ComparisonResult) -> Path:
+    """As `beside_complete`, for what `compare.write` leaves."""
+
+    def interrupted(statuses: Iterable[str]) -> bool:
+        return "INTERRUPTED" in statuses
+
+    return beside_complete(
+        folder,
+        "result.json",
+        interrupted=interrupted(e.status for e in result.engines),
+        cut_short=lambda found: interrupted(e["status"] for e in found["engines"]),
+    )
 
 
 def exit_for(runs: list[Trajectory], *, within: bool | None = None) -> None:

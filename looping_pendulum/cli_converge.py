@@ -15,6 +15,7 @@ from looping_pendulum.cli_common import (
     ProfileChoice,
     ProfileName,
     TimeLimit,
+    beside_complete,
     load_scenario,
 )
 from looping_pendulum.cli_terminal import new_table, say, show_table
@@ -86,16 +87,18 @@ def converge(
     looping-pendulum converge ten_to_one --engine mujoco:capstan --budget 60
     """
     from looping_pendulum.compare.convergence.report import halting_verdict
+    from looping_pendulum.compare.convergence.result import FILE
     from looping_pendulum.compare.convergence.study import study_convergence, write
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.compare.tables import number
     from looping_pendulum.engines.memory import parse_memory
     from looping_pendulum.engines.protocol import Profile
+    from looping_pendulum.files import ready_folder
 
     chosen = load_scenario(scenario)
     engines = chosen_engines(engine or (), Profile(profile.value))
     folder = out or Path("report") / f"{chosen.name}-converge"
-    folder.mkdir(parents=True, exist_ok=True)  # before the work, not after it
+    ready_folder(folder, files=("convergence.md", FILE), folders=("figures",))  # before the work, not after it
     with StudyBar() as progress:
         result = study_convergence(
             chosen,
@@ -108,6 +111,12 @@ def converge(
             memory_limit=parse_memory(memory_limit),
             progress=progress.update,
         )
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # what was found is written whole
+    try:
+        folder = beside_complete(folder, FILE, interrupted=result.interrupted, cut_short=lambda found: found["interrupted"])
+        written = write(result, folder)
+    finally:
+        signal.signal(signal.SIGINT, before)
     table = new_table(
         "variant", "quantity", "error", "not converged", "different model", "+/-", "choice", "spread", "larger part"
     )
@@ -119,10 +128,6 @@ def converge(
     show_table(table)
     for v in result.variants:
         say(f"- {v.label}: halting time converges: {halting_verdict(v)}")
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # what was found is written whole
-    try:
-        say(f"wrote {write(result, folder)}")
-    finally:
-        signal.signal(signal.SIGINT, before)
+    say(f"wrote {written}")
     if result.interrupted:
         raise typer.Exit(INTERRUPTED)

@@ -28,7 +28,7 @@ class RunBar:
 
         console = Console(stderr=True)
         self._live = console.is_terminal
-        columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), TextColumn("left:"))
+        columns = (BarColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn(), TextColumn("left:"))
         self._bar = Progress(
             *columns,
             TimeRemainingColumn(elapsed_when_finished=True),
@@ -120,6 +120,7 @@ def map_(
     """
     from looping_pendulum.compare.landmarks import run_landmarks
     from looping_pendulum.engines.memory import parse_memory
+    from looping_pendulum.files import ready_folder
     from looping_pendulum.sweep import map_file, report, runner
     from looping_pendulum.sweep.store import STORE
 
@@ -129,6 +130,8 @@ def map_(
     plan = map_file.load(file)
     map_file.refuse_typo(plan, max_runs)
     folder = out or Path("report") / f"{plan.name}-map"
+    if folder.exists():
+        ready_folder(folder, files=(report.REPORT, report.COPY), folders=(STORE,))  # before the work, not after it
     _say_size(plan)
     with RunBar() as progress:
         outcome = runner.run_map(

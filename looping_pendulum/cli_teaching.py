@@ -10,6 +10,8 @@ from typing import Annotated
 import typer
 
 from looping_pendulum.cli_common import (
+    COMPARE_FILES,
+    COMPARE_FOLDERS,
     OUTSIDE,
     EngineNames,
     Jobs,
@@ -17,6 +19,7 @@ from looping_pendulum.cli_common import (
     ProfileChoice,
     ProfileName,
     TimeLimit,
+    beside_complete_comparison,
     exit_for,
     load_scenario,
     run_and_compare,
@@ -62,15 +65,17 @@ def demo(
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.compare.stored import stored_result
     from looping_pendulum.engines.protocol import Profile
+    from looping_pendulum.files import ready_folder
     from looping_pendulum.teaching import demo as pages
 
     chosen = load_scenario(scenario)
     folder = out or Path("report") / chosen.name
-    folder.mkdir(parents=True, exist_ok=True)  # before the work, not after it
+    ready_folder(folder, files=(*COMPARE_FILES, pages.FILE), folders=COMPARE_FOLDERS)  # before the work, not after it
     engines = chosen_engines(engine or (), Profile(profile.value))
     result = None if again else stored_result(folder, chosen, engines)
     if result is None:
         result = run_and_compare(chosen, engine, profile, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
+        folder = beside_complete_comparison(folder, result)
         write(result, folder)
     else:
         say(f"{folder} has the results of this input; --again runs the engines anew", err=True)
@@ -106,12 +111,13 @@ def tracker(
 
     looping-pendulum tracker ten_to_one --fps 240 --start 0.35 --out overlay.csv
     """
-    from looping_pendulum.compare.export import file_stem, write_whole
     from looping_pendulum.engines.protocol import Profile
+    from looping_pendulum.files import file_stem, ready_folder, write_whole
     from looping_pendulum.teaching.tracker import find_motion, overlay
 
-    found = overlay(find_motion(source, engine, Profile(profile.value)), frame_rate=fps, start=start)
     path = out or Path(f"{file_stem(Path(source).stem, engine or '')}-tracker.csv")
+    ready_folder(path.parent, files=(path.name,))
+    found = overlay(find_motion(source, engine, Profile(profile.value)), frame_rate=fps, start=start)
     write_whole(path, found.to_csv())
     last = found.first_frame + len(found.t) - 1
     say(f"wrote {path}: {found.name}; one row per frame, frames {found.first_frame} to {last} at {fps:g} a second")
@@ -225,7 +231,7 @@ def demonstrations(
 
     looping-pendulum demonstrations polygon --out demonstrations
     """
-    from looping_pendulum.compare.export import write_whole
+    from looping_pendulum.files import ready_folder, write_whole
     from looping_pendulum.teaching.demonstrations import show
     from looping_pendulum.teaching.demonstrations_page import NOT_BORNE_OUT, find, index, write, write_index
 
@@ -234,6 +240,7 @@ def demonstrations(
         for each in chosen:
             say(f"{each.name:26} {each.title}")
         return
+    ready_folder(out)  # before the work, not after it
     borne_out = True
     with StageBar() as stages:
         for done, each in enumerate(chosen):

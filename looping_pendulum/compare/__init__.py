@@ -10,8 +10,9 @@ from pathlib import Path
 
 from looping_pendulum.compare.baseline import Changes
 from looping_pendulum.compare.comparison import compare
-from looping_pendulum.compare.export import file_stem, trajectory_csv, write_whole
+from looping_pendulum.compare.export import trajectory_csv, trajectory_files
 from looping_pendulum.compare.result import ComparisonResult
+from looping_pendulum.files import decoration, write_whole
 
 __all__ = ["ComparisonResult", "compare", "write"]
 
@@ -20,7 +21,8 @@ def write(result: ComparisonResult, folder: Path | str, changes: Changes | None 
     """Write ``result`` below ``folder`` and return the report's path; each file is whole or absent.
 
     A result read back from JSON has no samples: then the report has no figures and there are no CSV files. With ``changes``
-    since a baseline the report has a section on them, and ``changes.json`` has them as data.
+    since a baseline the report has a section on them, and ``changes.json`` has them as data. The numbers are written first; a
+    figure or a page that cannot be made is left out with a warning.
     """
     from looping_pendulum.compare import page
     from looping_pendulum.compare.plots import draw
@@ -30,17 +32,16 @@ def write(result: ComparisonResult, folder: Path | str, changes: Changes | None 
     write_whole(folder / "result.json", result.to_json())
     if changes is not None:
         write_whole(folder / "changes.json", changes.to_json())
+    if result.samples is not None:
+        write_whole(folder / "trajectories" / "truth.csv", trajectory_csv(result.samples.truth))
+        for aligned, name in zip(result.samples.aligned, trajectory_files(result), strict=True):
+            if len(aligned.run.t):
+                write_whole(folder / "trajectories" / name, trajectory_csv(aligned.run))
     figures = draw(result)
     for name, (_, png) in figures.items():
         write_whole(folder / "figures" / name, png)
-    if result.samples is not None:
-        write_whole(folder / "trajectories" / "truth.csv", trajectory_csv(result.samples.truth))
-        for aligned in result.samples.aligned:
-            run = aligned.run
-            if len(run.t):
-                name = file_stem(run.label, run.profile) + ".csv"
-                write_whole(folder / "trajectories" / name, trajectory_csv(run))
-    write_whole(folder / "report.html", page.render(result, changes))
     report = folder / "report.md"
     write_whole(report, render(result, {f"figures/{name}": caption for name, (caption, _) in figures.items()}, changes))
+    with decoration("report.html"):
+        write_whole(folder / "report.html", page.render(result, changes))
     return report

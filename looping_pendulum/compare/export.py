@@ -1,17 +1,18 @@
-"""Files that are whole or absent, and trajectories as CSV."""
+"""Trajectories as CSV."""
 
 from __future__ import annotations
 
 import io
-import os
-import re
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
+from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Trajectory
+from looping_pendulum.files import file_stem, file_stems, write_whole
 from looping_pendulum.reference_ode.transitions import Mode
+
+__all__ = ["CSV_COLUMNS", "file_stem", "trajectory_csv", "write_whole"]
 
 CSV_COLUMNS: tuple[tuple[str, Callable[[Trajectory], np.ndarray]], ...] = (
     ("t [s]", lambda run: run.t),
@@ -33,18 +34,6 @@ CSV_COLUMNS: tuple[tuple[str, Callable[[Trajectory], np.ndarray]], ...] = (
 """Header with unit, and what stands under it; a last column ``mode`` has the mode's name."""
 
 
-def write_whole(path: Path, content: bytes | str) -> None:
-    """Write a file under a temporary name and rename it, so that a crash never leaves half of it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    data = content.encode() if isinstance(content, str) else content
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        partial.write_bytes(data)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
-
-
 def trajectory_csv(run: Trajectory) -> str:
     """Every sample as one line, nine significant digits (a nanometre in a metre); an unknown value is an empty cell."""
     columns = np.stack([values(run) for _, values in CSV_COLUMNS], axis=1)
@@ -57,9 +46,9 @@ def trajectory_csv(run: Trajectory) -> str:
     return out.getvalue()
 
 
-def file_stem(*parts: str) -> str:
-    """Return a file name that every file system takes: ("pymunk:chain", "quick") -> "pymunk-chain-quick"."""
-    return re.sub(r"[^A-Za-z0-9.]+", "-", "-".join(p for p in parts if p)).strip("-.") or "run"
+def trajectory_files(result: ComparisonResult) -> list[str]:
+    """Name of the CSV file of each engine's trajectory, no two alike."""
+    return [f"{stem}.csv" for stem in file_stems([("truth",), *((e.label, e.profile) for e in result.engines)])[1:]]
 
 
 def unknown_as_nan(values: np.ndarray | None, run: Trajectory) -> np.ndarray:

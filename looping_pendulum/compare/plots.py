@@ -17,11 +17,14 @@ from looping_pendulum.compare.metrics import THRESHOLDS
 from looping_pendulum.compare.paper_table import quantity_words
 from looping_pendulum.compare.result import ComparisonResult, Samples
 from looping_pendulum.compare.words import told_events
+from looping_pendulum.files import decoration, utf8
 from looping_pendulum.pages.palette import Style, styles
 
 PRINTED_HALF_DIGIT = 0.005
 """Bars of the paper's values: half of the last digit printed, in s and in m; the paper states no uncertainty."""
 GREY = "0.55"
+LONGEST_LABEL = 50
+"""Characters of a name that a figure shows: a longer one would leave no room for the axes."""
 FLOOR = 1e-8
 """Deviations below this [m] are not drawn on the log axis: they would squeeze the visible ones."""
 
@@ -41,10 +44,12 @@ def draw(result: ComparisonResult) -> dict[str, tuple[str, bytes]]:
             ),
         )
         for name, caption, make in panels:
-            figures[name] = caption, png(make(result, result.samples, look))
+            with decoration(f"figures/{name}"):
+                figures[name] = caption, png(make(result, result.samples, look))
     if any(row.unit == "s" and row.measured is not None for row in result.measured):
         caption = "Event times less the measured ones; grey bars: half of the last digit that the paper prints."
-        figures["events.png"] = caption, png(events_figure(result, look))
+        with decoration("figures/events.png"):
+            figures["events.png"] = caption, png(events_figure(result, look))
     return figures
 
 
@@ -61,7 +66,7 @@ def path_figure(result: ComparisonResult, samples: Samples, look: dict[str, Styl
     _halts(axes, result, samples, look)
     _widen(axes)
     axes.set_aspect("equal")
-    axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{result.scenario}: path of the light mass")
+    axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{literal(result.scenario)}: path of the light mass")
     legend_below(figure)
     return figure
 
@@ -105,7 +110,7 @@ def drop_figure(result: ComparisonResult, samples: Samples, look: dict[str, Styl
         top.errorbar(t, drop, xerr=bar, yerr=bar, label="measured", zorder=5, **how)  # type: ignore[arg-type]
     least, most = top.get_ylim()
     top.set_ylim(max(most, 0.01), min(least, -0.001))  # down is down; a clamped mass is drawn at rest, not as its rounding
-    top.set(ylabel="drop of the heavy mass [m]", title=f"{result.scenario}: heavy mass")
+    top.set(ylabel="drop of the heavy mass [m]", title=f"{literal(result.scenario)}: heavy mass")
     below.axhline(0, color="black", lw=1.2)
     below.set_yscale("symlog", linthresh=0.1)
     below.set_ylim(min(below.get_ylim()[0], -0.2), max(below.get_ylim()[1], 0.2))
@@ -148,7 +153,7 @@ def divergence_figure(result: ComparisonResult, samples: Samples, look: dict[str
             place, text = axes.get_xaxis_transform(), name.replace("_", " ")
             axes.text(time, 1.01, text, transform=place, rotation=40, ha="left", va="bottom", fontsize=8, color="0.25")
     axes.set(xlabel="time since release [s]", ylabel="distance from the truth's light mass [mm]")
-    axes.set_title(f"{result.scenario}: divergence", pad=58)  # room for the events' names
+    axes.set_title(f"{literal(result.scenario)}: divergence", pad=58)  # room for the events' names
     legend_below(figure)
     return figure
 
@@ -176,7 +181,7 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
         engine = result.engines[i]
         style = look[engine.label]
         offset = -0.04 + 0.36 * place / max(len(shown) - 1, 1)
-        points([r.engines[i] for r in rows], offset, engine.label, marker=style.marker, color=style.colour, ms=4.5)
+        points([r.engines[i] for r in rows], offset, literal(engine.label), marker=style.marker, color=style.colour, ms=4.5)
     axes.set_yticks(y, [quantity_words(r.quantity, r.index) for r in rows])
     axes.invert_yaxis()
     axes.set_xscale("symlog", linthresh=20)
@@ -184,7 +189,7 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
     axes.set_xticks([-500, -100, -20, -10, 0, 10, 20, 100, 500])
     axes.set_xlim(limits)
     axes.xaxis.set_major_formatter("{x:g}")
-    axes.set(xlabel="time less measured time [ms] (linear within ±20)", title=f"{result.scenario}: event times")
+    axes.set(xlabel="time less measured time [ms] (linear within ±20)", title=f"{literal(result.scenario)}: event times")
     legend_below(figure)
     return figure
 
@@ -195,7 +200,13 @@ def _drawn(samples: Samples) -> list[Aligned]:
 
 def _name(aligned: Aligned, result: ComparisonResult) -> str:
     run = aligned.run
-    return next(result.short_name(e) for e in result.engines if (e.label, e.profile) == (run.label, run.profile))
+    return literal(next(result.short_name(e) for e in result.engines if (e.label, e.profile) == (run.label, run.profile)))
+
+
+def literal(text: str) -> str:
+    """``text`` as matplotlib shows it literally: two $ make a formula, and half a character or a long line is refused."""
+    shown = utf8(text).decode()
+    return (shown if len(shown) <= LONGEST_LABEL else f"{shown[:LONGEST_LABEL]}...").replace("$", r"\$")
 
 
 def _line(style: Style) -> dict[str, Any]:

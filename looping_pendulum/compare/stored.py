@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.compare.align import SAME_TIME, align
-from looping_pendulum.compare.export import CSV_COLUMNS, file_stem
+from looping_pendulum.compare.export import CSV_COLUMNS, trajectory_files
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.result import ComparisonResult, ResultError, RunProvenance, Samples
 from looping_pendulum.compare.run_cache import run_key
@@ -71,7 +71,7 @@ def _samples(result: ComparisonResult, folder: Path) -> Samples:
 
     runs = [
         _trajectory(
-            folder / f"{file_stem(e.label, e.profile)}.csv" if e.samples else None,
+            folder / file if e.samples else None,
             engine=e.engine,
             variant=e.variant,
             profile=e.profile,
@@ -80,7 +80,7 @@ def _samples(result: ComparisonResult, folder: Path) -> Samples:
             message=e.message,
             provenance=_provenance(e.provenance),
         )
-        for e in result.engines
+        for e, file in zip(result.engines, trajectory_files(result), strict=True)
     ]
     return Samples(truth=truth, aligned=tuple(align(run, at) for run in runs))
 

@@ -47,7 +47,7 @@ def story(
         sentences.append(_why(found[0], supplies, parameters, missing))
     sentences.append(f"Its halt is not comparable: {not_comparable}." if not_comparable else _halting(own, true, run, missing))
     sentences.append(_rebound(own))
-    if STATIC_FRICTION in missing:
+    if STATIC_FRICTION in missing and "friction_law" not in missing:
         sentences.append(_without_static_friction(parameters))
     if not run.status.ok:
         sentences.append(f"The run broke off at {run.t[-1]:.3f} s: {run.status.value}.")

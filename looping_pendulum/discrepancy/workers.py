@@ -9,15 +9,15 @@ from __future__ import annotations
 import contextlib
 import os
 import pickle
-import subprocess
 import sys
 import threading
 from collections.abc import Callable, Sequence
 from typing import Any, Self
 
+from looping_pendulum.processes import start
+
 MOST = 2
 """Processes, this one included, unless asked for another number: each needs some 300 MiB."""
-COMMAND = "from looping_pendulum.discrepancy.workers import serve; serve()"
 
 Told = Callable[[str], None]
 
@@ -181,14 +181,7 @@ class _Helper:
     """A process that works for this one."""
 
     def __init__(self) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", COMMAND],  # a file of the working folder never shadows a library
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-            start_new_session=True,  # Ctrl-C reaches the parent alone, which then decides
-        )
+        self._process = start("looping_pendulum.discrepancy.workers:serve", [])
 
     def write(self, message: Any) -> None:
         """Send it something; one that is dead does not read it.

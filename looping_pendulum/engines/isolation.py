@@ -9,9 +9,6 @@ from __future__ import annotations
 import os
 import pickle
 import signal
-import subprocess
-import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -27,6 +24,9 @@ from looping_pendulum.engines.memory import MEMORY_LIMIT, held_memory, show_memo
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, declared
 from looping_pendulum.engines.registry import how_to_get, missing_packages
 from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, Trajectory, from_samples, whole_row
+from looping_pendulum.errors import EngineError
+from looping_pendulum.process_start import OUTPUT
+from looping_pendulum.processes import Supervised
 from looping_pendulum.scenarios.scenario import Scenario
 
 TIME_LIMIT = 900.0
@@ -38,6 +38,16 @@ OUTPUT_LIMIT = 2**24
 OUTPUT_KEPT = 2**16
 """How much of the end of what an engine printed comes back [bytes]."""
 ROW_BYTES = 8 * len(COLUMNS)
+
+SAMPLES, RESULT = "samples.bin", "trajectory.pickle"
+"""Files in a worker's folder: samples as they are made, and what the engine returned."""
+ENVIRONMENT = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONFAULTHANDLER": "1",
+    "PYTHONUNBUFFERED": "1",  # what was printed before a crash is there
+}
+"""Variables of a worker."""
 
 Progress = Callable[[Engine, float], None]
 """Called with an engine and the share of its run that is done, 0 to 1."""
@@ -51,12 +61,25 @@ class FileRecorder:
         self._file = path.open("ab", buffering=0)
 
     def add(self, row: Sequence[float]) -> None:
-        """Keep one row of `COLUMNS`."""
-        self._file.write(np.array(whole_row(row), dtype=float).tobytes())
+        """Keep one row of `COLUMNS`.
+
+        Raises
+        ------
+        EngineError
+            If it has another length: all later rows would be read wrongly.
+        """
+        data = np.array(whole_row(row), dtype=float).tobytes()
+        if len(data) != ROW_BYTES:
+            raise EngineError(f"a sample has {len(row)} numbers, needed {len(COLUMNS)}: {', '.join(COLUMNS)}")
+        self._file.write(data)
 
     def rows(self) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
         """All rows kept so far, shape (n, len(COLUMNS))."""
         return read_rows(self._path)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
 
 
 def read_rows(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
@@ -108,27 +131,36 @@ def run_isolated(
     except Exception as error:
         why = f"it cannot travel to its process: {type(error).__name__}: {error}"
         return _without_run(engine, scenario, RunStatus.FAILED, why)
-    with tempfile.TemporaryDirectory(prefix="looping-pendulum-", ignore_cleanup_errors=True) as name:
-        folder = Path(name)
-        (folder / "job.pickle").write_bytes(job)
-        limits = Limits(time=time_limit, memory=memory_limit)
-        status, message = _watch(folder, engine, scenario, limits, progress, cancelled)
-        output = _tail(folder / "output.txt")
-        result = folder / "trajectory.pickle"
-        if status is None and result.exists():
-            try:
-                trajectory: Trajectory = pickle.loads(result.read_bytes())
-                return replace(trajectory, output=output, **declared(engine, scenario.parameters))
-            except Exception as error:
-                status, message = RunStatus.FAILED, f"its result cannot be read: {type(error).__name__}: {error}"
-        return from_samples(
-            read_rows(folder / "samples.bin"),
-            parameters=scenario.parameters,
-            status=status or RunStatus.CRASHED,
-            message=message or "it ended without a result",
-            output=output,
-            **identity(engine, scenario),
-        )
+    limits = Limits(time=time_limit, memory=memory_limit)
+    process = Supervised("looping_pendulum.engines.worker:main", job, ENVIRONMENT)
+    try:
+        status, message = _watch(process, engine, scenario, limits, progress, cancelled)
+        process.end()
+        return _result(process, engine, scenario, status, message)
+    finally:
+        process.close()
+
+
+def _result(process: Supervised, engine: Engine, scenario: Scenario, status: RunStatus | None, message: str) -> Trajectory:
+    """Return what an ended worker has left in its folder."""
+    folder = process.folder
+    output = _tail(folder / OUTPUT)
+    if status is None:
+        try:
+            trajectory: Trajectory = pickle.loads((folder / RESULT).read_bytes())
+            return replace(trajectory, output=output, **declared(engine, scenario.parameters))
+        except FileNotFoundError:
+            pass
+        except Exception as error:
+            status, message = RunStatus.FAILED, f"its result cannot be read: {type(error).__name__}: {error}"
+    return from_samples(
+        read_rows(folder / SAMPLES),
+        parameters=scenario.parameters,
+        status=status or RunStatus.CRASHED,
+        message=message or "it ended without a result",
+        output=output,
+        **identity(engine, scenario),
+    )
 
 
 def run_all(
@@ -167,83 +199,61 @@ def run_all(
 
 
 def _watch(
-    folder: Path,
+    process: Supervised,
     engine: Engine,
     scenario: Scenario,
     limits: Limits,
     progress: Progress | None,
     cancelled: threading.Event | None,
 ) -> tuple[RunStatus | None, str]:
-    """Start the worker and wait for it; return (None, "") if it ended by itself with success."""
-    samples, printed = folder / "samples.bin", folder / "output.txt"
+    """Wait for a worker; return (None, "") if it ended by itself with success."""
+    samples, printed = process.folder / SAMPLES, process.folder / OUTPUT
     expected = max(1, round(scenario.duration / SAMPLE_INTERVAL) + 1)
-    process = _start(folder, printed)
     deadline = time.monotonic() + limits.time
     next_look = 0.0
-    try:
-        while process.poll() is None:
-            now = time.monotonic()
-            if cancelled is not None and cancelled.is_set():
-                return RunStatus.INTERRUPTED, ""
-            if now > deadline:
-                return RunStatus.TIME_LIMIT, f"limit {limits.time:g} s"
-            if now >= next_look:
-                next_look = now + memory.POLL_INTERVAL
-                held = held_memory(process.pid)
-                if held is not None and held > limits.memory:
-                    return RunStatus.MEMORY_LIMIT, f"held {show_memory(held)}, limit {show_memory(limits.memory)}"
-            if printed.stat().st_size > OUTPUT_LIMIT:
-                os.truncate(printed, 0)
-            if progress is not None and samples.exists():
-                progress(engine, min(1.0, samples.stat().st_size / ROW_BYTES / expected))
-            time.sleep(POLL_INTERVAL)
-    finally:
-        if process.poll() is None:
-            _kill(process)
+    while not process.wait(POLL_INTERVAL):
+        now = time.monotonic()
+        if cancelled is not None and cancelled.is_set():
+            return RunStatus.INTERRUPTED, ""
+        if now > deadline:
+            return RunStatus.TIME_LIMIT, f"limit {limits.time:g} s"
+        if now >= next_look and process.pid is not None:
+            next_look = now + memory.POLL_INTERVAL
+            held = held_memory(process.pid)
+            if held is not None and held > limits.memory:
+                return RunStatus.MEMORY_LIMIT, f"held {show_memory(held)}, limit {show_memory(limits.memory)}"
+        if _size(printed) > OUTPUT_LIMIT:
+            os.truncate(printed, 0)
+        if progress is not None:
+            progress(engine, min(1.0, _size(samples) / ROW_BYTES / expected))
     if progress is not None:
         progress(engine, 1.0)
     code = process.returncode
-    if code < 0:
+    if process.fault:
+        return RunStatus.CRASHED, f"its process could not begin: {process.fault}"
+    if code is not None and code < 0:
         name = signal.Signals(-code).name
         hint = "; not by us: was the machine out of memory?" if name == "SIGKILL" else ""
         return RunStatus.CRASHED, f"killed by signal {name}{hint}"
     return (None, "") if code == 0 else (RunStatus.CRASHED, f"exit status {code}")
 
 
-def _start(folder: Path, printed: Path) -> subprocess.Popen[bytes]:
-    """Start a worker on the job in ``folder``; all that it prints, from Python or C, is appended to ``printed``."""
-    environment = os.environ | {
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-        "PYTHONFAULTHANDLER": "1",
-        "PYTHONUNBUFFERED": "1",  # what was printed before a crash is there
-        "PYTHONPATH": os.pathsep.join(path for path in sys.path if path),  # where the engine's class was imported from
-    }
-    with printed.open("ab") as output:
-        return subprocess.Popen(
-            [sys.executable, "-m", "looping_pendulum.engines.worker", str(folder)],
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            env=environment,
-            start_new_session=True,  # Ctrl-C reaches the parent alone, which then decides
-        )
-
-
-def _kill(process: subprocess.Popen[bytes]) -> None:
-    """End a worker and what it has started."""
-    if hasattr(os, "killpg"):
-        os.killpg(process.pid, signal.SIGKILL)  # the worker leads its own session, so its process group has its id
-    else:
-        process.kill()
-    process.wait()
+def _size(path: Path) -> int:
+    """Size of a file [bytes]; 0 if it is not there (yet)."""
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
 
 
 def _tail(path: Path) -> str:
-    """Return the last `OUTPUT_KEPT` bytes of a file as text."""
-    with path.open("rb") as file:
-        file.seek(max(0, path.stat().st_size - OUTPUT_KEPT))
-        return file.read().decode(errors="replace")
+    """Return the last `OUTPUT_KEPT` bytes of a file as text; nothing if it is not there."""
+    try:
+        with path.open("rb") as file:
+            file.seek(max(0, _size(path) - OUTPUT_KEPT))
+            return file.read().decode(errors="replace")
+    except OSError:
+        return ""
 
 
 def identity(engine: Engine, scenario: Scenario) -> dict[str, Any]:

@@ -135,7 +135,7 @@ class Abilities:
         return kinds <= self.effect_kinds
 
 
-def declared(engine: Engine, parameters: Parameters) -> dict[str, tuple[str, ...]]:
+def declared(engine: Engine, parameters: Parameters) -> dict[str, Any]:
     """Return the fields of a `Trajectory` that follow from what ``engine`` declares of itself, whatever its run does."""
     return {
         "lacks": engine.abilities.lacks(parameters),

@@ -179,8 +179,9 @@ class Trajectory:
 
 
 def whole_row(row: Sequence[float]) -> Sequence[float]:
-    """Return ``row`` of `COLUMNS` with NaN in place of the optional ones that it leaves out."""
-    return (*row, *[math.nan] * (len(COLUMNS) - len(row)))
+    """Return ``row`` of `COLUMNS` with NaN in place of the optional ones that it leaves out, and any other row as it is."""
+    missing = len(COLUMNS) - len(row)
+    return (*row, *[math.nan] * missing) if 0 < missing <= OPTIONAL_COLUMNS else row
 
 
 def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Trajectory:

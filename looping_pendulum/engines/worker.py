@@ -1,39 +1,32 @@
-"""The process in which one engine runs: `python -m looping_pendulum.engines.worker FOLDER` (see `isolation`)."""
+"""The process in which one engine runs (see `isolation`)."""
 
 from __future__ import annotations
 
 import pickle
-import sys
 import traceback
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
-from looping_pendulum.engines.isolation import FileRecorder, Job, identity
+from looping_pendulum.engines.isolation import RESULT, SAMPLES, FileRecorder, Job, identity
+from looping_pendulum.engines.returned import checked
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory, from_samples
+from looping_pendulum.process_start import JOB
 
 
-def main(folder: Path) -> None:
-    """Run the job that lies in ``folder`` and leave the trajectory beside it."""
-    job: Job = pickle.loads((folder / "job.pickle").read_bytes())
-    recorder = FileRecorder(folder / "samples.bin")
+def main(place: str) -> None:
+    """Run the job that lies in the folder ``place`` and leave the trajectory beside it."""
+    folder = Path(place)
+    job: Job = pickle.loads((folder / JOB).read_bytes())
+    recorder = FileRecorder(folder / SAMPLES)
     try:
-        trajectory = _checked(job.engine.simulate(job.scenario, recorder))
+        trajectory = checked(job.engine.simulate(job.scenario, recorder), job.engine, job.scenario)
+        result = pickle.dumps(replace(trajectory, output=""))
     except Exception as error:
         traceback.print_exc()
-        trajectory = _failed(job, recorder, error)
+        result = pickle.dumps(_failed(job, recorder, error))
     finished = folder / "trajectory.part"
-    finished.write_bytes(pickle.dumps(replace(trajectory, output="")))
-    finished.rename(folder / "trajectory.pickle")
-
-
-def _checked(trajectory: Trajectory) -> Trajectory:
-    """Return what an engine gave back; a run with a position that is no number did not end as it should."""
-    if not isinstance(trajectory, Trajectory):
-        raise TypeError(f"simulate returned {type(trajectory).__name__}, needed a Trajectory")
-    finite = np.isfinite(trajectory.light_position).all() and np.isfinite(trajectory.heavy_position).all()
-    return replace(trajectory, status=RunStatus.NOT_FINITE) if trajectory.status.ok and not finite else trajectory
+    finished.write_bytes(result)
+    finished.rename(folder / RESULT)
 
 
 def _failed(job: Job, recorder: FileRecorder, error: Exception) -> Trajectory:
@@ -44,7 +37,3 @@ def _failed(job: Job, recorder: FileRecorder, error: Exception) -> Trajectory:
         message=f"{type(error).__name__}: {error}",
         **identity(job.engine, job.scenario),
     )
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

@@ -6,6 +6,8 @@ import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from looping_pendulum.files import utf8
+
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's colour-blind-safe palette without black (the truth) and yellow (faint on white)."""
 DARK_COLOURS = ("#4DA3E0", "#FF8A3D", "#2CC9A0", "#E8A0CB", "#F7BF3E", "#9AD8FF")
@@ -31,7 +33,7 @@ def styles(labels: Iterable[str]) -> dict[str, Style]:
     """Colour, dashes and marker per label: by the label's checksum; a later label (in order) gives way if they clash."""
     taken: dict[int, str] = {}
     for label in sorted(set(labels)):
-        wanted = zlib.crc32(label.encode()) % len(COLOURS)
+        wanted = zlib.crc32(utf8(label)) % len(COLOURS)
         free = [slot for k in range(len(COLOURS)) if (slot := (wanted + k) % len(COLOURS)) not in taken]
         taken[free[0] if free else len(taken)] = label
     count = len(COLOURS)

@@ -7,11 +7,6 @@ from __future__ import annotations
 
 import itertools
 import multiprocessing
-import os
-import signal
-import sys
-import threading
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -19,6 +14,7 @@ from importlib import import_module
 from typing import Any
 
 from looping_pendulum.errors import EngineError, HarnessError, MissingPackageError
+from looping_pendulum.processes import end_with_parent, safe_spawning
 from looping_pendulum.scenarios.document import one_line
 from looping_pendulum.sweep.cells import Result, Task
 
@@ -48,8 +44,13 @@ def in_processes(tasks: Iterator[Task], solve: Solve, jobs: int) -> Iterator[Res
     EngineError
         If one of them dies.
     """
+    with safe_spawning():
+        yield from _in_pool(tasks, solve, jobs)
+
+
+def _in_pool(tasks: Iterator[Task], solve: Solve, jobs: int) -> Iterator[Result]:
     before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker)
+    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=end_with_parent)
     try:
         running: set[Future[Result]] = {pool.submit(solve, task) for task in itertools.islice(tasks, 2 * jobs)}
         while running:
@@ -64,25 +65,6 @@ def in_processes(tasks: Iterator[Task], solve: Solve, jobs: int) -> Iterator[Res
         for child in set(multiprocessing.active_children()) - before:
             child.terminate()
         pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _begin_worker() -> None:
-    """Leave Ctrl-C to the parent, end in good order when told to, and end with the parent if that is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that what an engine has started is ended, too
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    main = threading.main_thread().ident
-    if main is None or not hasattr(signal, "pthread_kill"):
-        os._exit(1)
-    while True:  # the first may end a task, whose end the pool takes for a result; the next one then ends the wait for work
-        signal.pthread_kill(main, signal.SIGTERM)
-        time.sleep(0.2)
 
 
 def on_cluster(tasks: Iterator[Task], solve: Solve, address: str) -> Iterator[Result]:

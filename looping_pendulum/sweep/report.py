@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 
+from looping_pendulum.files import decoration, write_whole
 from looping_pendulum.sweep.fields import FIELDS, WORDS
 from looping_pendulum.sweep.plan import Axis, MapPlan, Sample
 from looping_pendulum.sweep.store import attributes
@@ -17,27 +17,18 @@ COPY = "map.yaml"
 
 def write(plan: MapPlan, store: Path, folder: Path, *, figures: bool) -> list[EngineSummary]:
     """Write report, figures and the map file's copy into ``folder``, the same bytes for the same map; return the summaries."""
+    write_whole(folder / COPY, plan.text)
+    summaries = summarize(plan, store)
     drawn: dict[str, tuple[str, bytes]] = {}
     if figures:
         from looping_pendulum.sweep.figures import draw  # matplotlib takes half a second to come
 
-        drawn = draw(plan, store)
+        with decoration("the figure"):
+            drawn = draw(plan, store)
     for name, (_, png) in drawn.items():
         write_whole(folder / name, png)
-    write_whole(folder / COPY, plan.text)
-    summaries = summarize(plan, store)
     write_whole(folder / REPORT, render(plan, summaries, {name: caption for name, (caption, _) in drawn.items()}))
     return summaries
-
-
-def write_whole(path: Path, content: bytes | str) -> None:
-    """Write a file under a temporary name and rename it, so that a crash never leaves half of it."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        partial.write_bytes(content.encode() if isinstance(content, str) else content)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def render(plan: MapPlan, summaries: list[EngineSummary], captions: dict[str, str]) -> str:

@@ -14,6 +14,7 @@ from typing import Any
 from looping_pendulum.engines.isolation import TIME_LIMIT
 from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.errors import EngineError
+from looping_pendulum.files import write_whole
 from looping_pendulum.scenarios.document import one_line
 from looping_pendulum.sweep import cells, executors, report
 from looping_pendulum.sweep.executors import Solve
@@ -199,4 +200,4 @@ def _note_time(folder: Path, outcome: MapOutcome, where: str) -> None:
             "runs_per_second": round(runs / outcome.seconds, 1) if outcome.seconds else None,
         }
     )
-    report.write_whole(path, json.dumps({"sessions": sessions}, indent=2) + "\n")
+    write_whole(path, json.dumps({"sessions": sessions}, indent=2) + "\n")

@@ -7,8 +7,10 @@ import math
 import os
 import subprocess
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Profile, SteppedEngine
 from looping_pendulum.engines.reference import SUPPLIES
@@ -45,6 +47,14 @@ class FaultyEngine(SteppedEngine):
         run = super().simulate(scenario, recorder)
         if self.variant == "returns_nan":
             run.light_position[round(FAULT_AT * 1000) :] = math.nan
+        if self.variant == "leaves_child":
+            print(subprocess.Popen(["sleep", "600"], start_new_session=True).pid, flush=True)  # noqa: T201
+        spoiled = {
+            "returns_complex": {"light_position": run.light_position.astype(complex)},
+            "returns_wrong_shape": {"heavy_position": run.heavy_position[:-1]},
+            "returns_unknown_mode": {"mode": np.full(len(run.t), 77)},
+        }
+        run = replace(run, **spoiled.get(self.variant, {}))
         return None if self.variant == "returns_nothing" else run
 
     def build(self, scenario):
@@ -70,6 +80,9 @@ class FaultyRig:
             print("chatter" * 100, flush=True)  # noqa: T201
         if self.fault == "hang_with_child":
             print(subprocess.Popen(["sleep", "600"]).pid, flush=True)  # noqa: T201
+        if self.fault == "hang_with_children":
+            subprocess.Popen(["sleep", "600"])
+            subprocess.Popen(["sleep", "600"], start_new_session=True)  # left the engine's group
         if self.fault.startswith("hang"):
             time.sleep(3600)
         while self.fault == "memory" and len(self.hoard) < HOARD_END:

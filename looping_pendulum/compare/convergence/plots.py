@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from looping_pendulum.compare.convergence.ladder import Kind
 from looping_pendulum.compare.convergence.result import HALT, MARKS, ConvergenceResult, LadderStudy, VariantStudy, Verdict
-from looping_pendulum.compare.export import file_stem
-from looping_pendulum.compare.plots import GREY, figure_of, legend_below, png
+from looping_pendulum.compare.plots import GREY, figure_of, legend_below, literal, png
+from looping_pendulum.files import decoration, file_stem
 from looping_pendulum.pages.palette import COLOURS
 
 LOOK = dict(zip(MARKS, (("o", COLOURS[0]), ("s", COLOURS[1])), strict=True))
@@ -30,7 +30,8 @@ def draw(result: ConvergenceResult) -> dict[str, tuple[str, str, bytes]]:
                     f"{v.label}: error against the truth (full) and against its own limit (dashed) as {ladder.setting} "
                     "is refined to the right; below, the halting time's error."
                 )
-                figures[name] = v.label, caption, png(ladder_figure(v, ladder))
+                with decoration(f"figures/{name}"):
+                    figures[name] = v.label, caption, png(ladder_figure(v, ladder))
     return figures
 
 
@@ -48,7 +49,7 @@ def ladder_figure(v: VariantStudy, ladder: LadderStudy) -> Figure:
     if values[0] > values[-1]:
         last.invert_xaxis()
     last.set_xlabel(f"{ladder.setting}{f' [{ladder.unit}]' if ladder.unit else ''}, finer to the right")
-    axes[0].set_title(f"{v.label}, {v.profile}: {ladder.setting}")
+    axes[0].set_title(literal(f"{v.label}, {v.profile}: {ladder.setting}"))
     legend_below(figure, columns=2)
     return figure
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from looping_pendulum.compare.paper_table import quantity_words
+from looping_pendulum.compare.plots import literal
 from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.fit.event_prediction import MISSED
 from looping_pendulum.discrepancy.verdict import EventResidual, Identification
@@ -63,7 +64,7 @@ def figure(events: Sequence[EventResidual], before: str, after: str) -> Figure:
         axes.plot([x for x, _ in places], [y for _, y in places], "o", ms=4, color=colour, label=label)
         missing = [i for i, _, v in known if v is None]
         axes.plot([FARTHEST] * len(missing), missing, "x", ms=6, color=colour)
-    names = [f"{e.trial}{' (held out)' if e.held_out else ''}: {quantity_words(e.quantity, e.index)}" for e in events]
+    names = [f"{literal(e.trial)}{' (held out)' if e.held_out else ''}: {quantity_words(e.quantity, e.index)}" for e in events]
     axes.set_yticks(range(len(events)), names, fontsize=8)
     axes.invert_yaxis()
     axes.set_xlim(-1.05 * FARTHEST, 1.05 * FARTHEST)

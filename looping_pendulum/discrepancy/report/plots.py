@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from looping_pendulum.compare.plots import GREY
+from looping_pendulum.compare.plots import GREY, literal
 from looping_pendulum.discrepancy.report import event_report, unlisted_report
 from looping_pendulum.discrepancy.verdict import Identification, Picture
+from looping_pendulum.files import decoration, file_stems
 from looping_pendulum.pages.palette import COLOURS
 
 BEFORE, AFTER = COLOURS[1], COLOURS[0]
@@ -20,21 +23,26 @@ SHOWN = 12
 
 def draw(result: Identification) -> dict[str, tuple[str, bytes]]:
     """Every figure: file name -> (caption, PNG)."""
-    figures: dict[str, tuple[str, bytes]] = {}
-    for picture in result.pictures:
+    made: list[tuple[str, str, Callable[[], Figure]]] = []
+    stems = file_stems([("trial", picture.trial) for picture in result.pictures])
+    for picture, stem in zip(result.pictures, stems, strict=True):
         word = "held out" if picture.held_out else "seen by the fit"
         caption = f"Trial {picture.trial} ({word}): marks and both models; below, residuals in units of noise (band: 2)."
-        figures[f"trial_{picture.trial}.png"] = caption, _png(trial_figure(picture))
+        made.append((f"{stem}.png", caption, partial(trial_figure, picture)))
     if result.events:
         caption = "Measured less predicted events in units of their standard errors (band: 2); crosses: they do not happen."
-        figures["events.png"] = caption, _png(event_report.figure(result.events, BEFORE, AFTER))
+        made.append(("events.png", caption, partial(event_report.figure, result.events, BEFORE, AFTER)))
     if result.rounds and any(r.gain is not None for r in result.rounds[0].ranking):
         caption = "First round: gain of every refitted candidate on the Bayesian information criterion; blue: passes."
-        figures["ranking.png"] = caption, _png(ranking_figure(result))
+        made.append(("ranking.png", caption, partial(ranking_figure, result)))
     if result.unlisted is not None:
         caption = "The unlisted force along its coordinate; bands: two standard errors."
-        figures["unlisted_force.png"] = caption, _png(unlisted_report.figure(result.unlisted))
-    figures["errors.png"] = "Error of each trial before and after, in units of noise.", _png(error_figure(result))
+        made.append(("unlisted-force.png", caption, partial(unlisted_report.figure, result.unlisted)))
+    made.append(("errors.png", "Error of each trial before and after, in units of noise.", partial(error_figure, result)))
+    figures: dict[str, tuple[str, bytes]] = {}
+    for name, caption, make in made:
+        with decoration(f"figures/{name}"):
+            figures[name] = caption, _png(make())
     return figures
 
 
@@ -71,7 +79,7 @@ def ranking_figure(result: Identification) -> Figure:
     figure = Figure(figsize=(7.0, 1.2 + 0.35 * len(ranking)), layout="constrained")
     axes = figure.subplots()
     gains = [max(r.gain or 0.0, 0.0) for r in ranking]
-    axes.barh([r.name for r in ranking], gains, color=[AFTER if r.passes else GREY for r in ranking])
+    axes.barh([literal(r.name) for r in ranking], gains, color=[AFTER if r.passes else GREY for r in ranking])
     axes.set_xscale("symlog", linthresh=10)
     axes.axvline(10, color="black", lw=0.8, ls=":")
     axes.set_xlabel("gain (dotted: the least that counts)")
@@ -86,7 +94,7 @@ def error_figure(result: Identification) -> Figure:
     axes.bar(at - 0.2, [e.noise_before for e in result.errors], 0.4, color=BEFORE, label="declared")
     axes.bar(at + 0.2, [e.noise_after for e in result.errors], 0.4, color=AFTER, label="repaired")
     axes.axhline(1, color="black", lw=0.8, ls=":")
-    axes.set_xticks(at, [e.trial + (" (held out)" if e.held_out else "") for e in result.errors])
+    axes.set_xticks(at, [literal(e.trial) + (" (held out)" if e.held_out else "") for e in result.errors])
     axes.set_ylabel("RMS [noise]")
     axes.legend(fontsize=8)
     return figure

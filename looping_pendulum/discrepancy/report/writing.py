@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from looping_pendulum.compare.export import file_stem, write_whole
 from looping_pendulum.discrepancy import verdict
 from looping_pendulum.discrepancy.report import markdown, page, plots
 from looping_pendulum.discrepancy.verdict import Identification
+from looping_pendulum.files import decoration, write_whole
+
+FILES, FOLDERS = ("verdict.json", "repaired.yaml", "report.md", "report.html"), ("figures",)
+"""What `write` leaves."""
 
 
 def write(result: Identification, folder: Path) -> Path:
-    """Write report.md with figures, report.html, verdict.json and repaired.yaml; return the path of report.md."""
-    captions = {}
-    for name, (caption, image) in plots.draw(result).items():
-        stem = f"{file_stem(name.removesuffix('.png'))}.png"
-        write_whole(folder / "figures" / stem, image)
-        captions[f"figures/{stem}"] = caption
+    """Write verdict.json, repaired.yaml, report.md with figures, and report.html; return the path of report.md.
+
+    The verdict is written first; a figure or a page that cannot be made is left out with a warning.
+    """
     write_whole(folder / "verdict.json", verdict.dump(result))
     write_whole(folder / "repaired.yaml", result.scenario)
-    write_whole(folder / "report.html", page.render(result))
+    captions = {}
+    for name, (caption, image) in plots.draw(result).items():
+        write_whole(folder / "figures" / name, image)
+        captions[f"figures/{name}"] = caption
     write_whole(folder / "report.md", markdown.render(result, captions))
+    with decoration("report.html"):
+        write_whole(folder / "report.html", page.render(result))
     return folder / "report.md"

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import nullcontext
 
 import numpy as np
 
 from looping_pendulum.errors import ParameterError
+from looping_pendulum.processes import safe_spawning
 from looping_pendulum.reference_ode.batch.numbers import COLUMNS, Columns, member
 from looping_pendulum.reference_ode.batch.result import ENDS, FAILED, BatchResult, sequence_hash
 from looping_pendulum.reference_ode.batch.sharing import Job, Progress, Runs, work, work_together
@@ -56,11 +58,13 @@ def solve_batch(
     n = _checked_length(columns)
     if processes < 1:
         raise ParameterError(f"processes: found {processes}, needed 1 or more")
-    job = Job.of(base, columns, n, duration, tolerance, max(1, min(processes, n)))
-    if job.processes == 1:
-        work(Runs(job, progress))
-    else:
-        work_together(job, progress)
+    shared_by = max(1, min(processes, n))
+    with safe_spawning() if shared_by > 1 else nullcontext():
+        job = Job.of(base, columns, n, duration, tolerance, shared_by)
+        if job.processes == 1:
+            work(Runs(job, progress))
+        else:
+            work_together(job, progress)
     return job.result()
 
 

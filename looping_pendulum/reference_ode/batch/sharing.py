@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.processes import end_with_parent
 from looping_pendulum.reference_ode.batch.numbers import Columns, member, numbers_of, possible
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult, summary
 from looping_pendulum.reference_ode.batch.schedule import Index, Schedule
@@ -192,6 +193,7 @@ _job: Job
 
 def _take_part(job: Job) -> None:
     global _job
+    end_with_parent()
     _job = job
 
 

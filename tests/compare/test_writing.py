@@ -1,0 +1,191 @@
+"""Finished work is never lost to a name, a figure or a folder; a complete report is not written over by an interrupted one."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import stat
+
+import pytest
+from typer.testing import CliRunner
+
+from looping_pendulum import cli, cli_common
+from looping_pendulum.compare import compare, plots, write
+from looping_pendulum.compare.result import ComparisonResult
+from looping_pendulum.discrepancy.report import plots as identify_plots
+from looping_pendulum.discrepancy.report import writing
+from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.files import LeftOutWarning, OutputError, file_stem, file_stems, ready_folder, write_whole
+from tests.pages import made_up
+
+HOSTILE = ("[/x]", "[bold", "$\\frac{", "$a$", "a" * 260, "_hidden", "half a pair: \ud800", "line\nbreak", "<script>", "|")
+"""Names that ended a command after its work: markup of rich, formulas of matplotlib, too long, no characters at all."""
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_no_name_of_a_trial_costs_the_report_of_identify(tmp_path, name, capsys):
+    """A trial called "[/x]" ended `identify` with MarkupError and nothing written."""
+    result = made_up.identification(name)
+    writing.write(result, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir() if path.is_file()) == sorted(writing.FILES)
+    assert json.loads((tmp_path / "verdict.json").read_text())["study"] == name
+    assert len(list((tmp_path / "figures").iterdir())) == 5
+    table = cli_common.new_table("trial [mm]", name)
+    table.add_row(name, "[red]")
+    cli_common.show_table(table)
+    shown = capsys.readouterr().out
+    assert "[mm]" in shown
+    assert "[red]" in shown
+    assert name.encode(errors="backslashreplace").decode()[:5].strip() in shown
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_no_name_or_message_of_an_engine_costs_the_report_of_compare(tmp_path, scenario, truth, make_run, name):
+    run = make_run(engine="toy", variant=name, settings={"how": name}, message=name, status=RunStatus.FAILED)
+    named = dataclasses.replace(scenario, name=name, title=name, description=name)
+    result = compare(named, truth, [run])
+    write(result, tmp_path)
+    assert ComparisonResult.from_json((tmp_path / "result.json").read_text()) == result
+    assert len(list((tmp_path / "figures").iterdir())) == 3
+    assert len(list((tmp_path / "trajectories").iterdir())) == 2
+    assert (tmp_path / "report.html").exists()
+
+
+def test_names_that_look_alike_have_files_of_their_own(tmp_path, scenario, truth, make_run):
+    """`a/b` beside `a-b`: the second figure, and the second trajectory, was written over the first."""
+    runs = [make_run(engine="toy", variant=name, shift=(1e-3 * i, 0.0)) for i, name in enumerate(("a/b", "a-b", "A-b"))]
+    write(compare(scenario, truth, runs), tmp_path)
+    assert len({path.read_text() for path in (tmp_path / "trajectories").iterdir()}) == 4  # and the truth
+    one, other = (made_up.identification(name) for name in ("a/b", "a-b"))
+    both = dataclasses.replace(one, pictures=one.pictures + other.pictures, errors=one.errors + other.errors)
+    assert sum("trial" in name for name in identify_plots.draw(both)) == 2
+
+
+def test_file_names_are_short_distinct_and_as_they_were():
+    assert file_stem("pymunk:chain", "quick") == "pymunk-chain-quick"
+    stems = file_stems([("a/b",), ("a-b",), ("A-b",), ("b",), ("x" * 300,), ("x" * 301,), ("\ud800",), ("",)])
+    assert len({stem.lower() for stem in stems}) == len(stems)
+    assert stems[3] == "b"
+    assert all(0 < len(f".{stem}.0123456789ab.part.png") < 255 for stem in stems)
+    assert stems == file_stems([("a/b",), ("a-b",), ("A-b",), ("b",), ("x" * 300,), ("x" * 301,), ("\ud800",), ("",)])
+
+
+def test_a_figure_that_cannot_be_made_is_a_warning_and_the_rest_is_there(tmp_path, monkeypatch, scenario, truth, make_run):
+    def fail(*_):
+        raise ValueError("no such font")
+
+    monkeypatch.setattr(plots, "drop_figure", fail)
+    monkeypatch.setattr("looping_pendulum.compare.page.render", fail)
+    with (
+        pytest.warns(LeftOutWarning, match="drop.png is left out: ValueError: no such font"),
+        pytest.warns(match="report.html"),
+    ):
+        report = write(compare(scenario, truth, [make_run()]), tmp_path / "compare")
+    assert "path.png" in report.read_text()
+    assert "drop.png" not in report.read_text()
+    monkeypatch.setattr(identify_plots, "trial_figure", fail)
+    with pytest.warns(LeftOutWarning, match="trial-one.png"):
+        report = writing.write(made_up.identification("one"), tmp_path / "identify")
+    assert len(list((tmp_path / "identify" / "figures").iterdir())) == 4
+
+
+@pytest.mark.parametrize("stop", [MemoryError, KeyboardInterrupt])
+def test_the_verdict_is_written_before_anything_is_drawn(tmp_path, monkeypatch, stop):
+    def fail(*_):
+        raise stop
+
+    monkeypatch.setattr(identify_plots, "draw", fail)
+    with pytest.raises(stop):
+        writing.write(made_up.identification("one"), tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["repaired.yaml", "verdict.json"]
+
+
+def test_a_link_planted_at_a_temporary_name_is_not_followed(tmp_path):
+    """The name was `.result.json.PID.part`, and what it pointed to was written over."""
+    victim = tmp_path / "victim"
+    victim.write_text("mine")
+    (tmp_path / f".result.json.{os.getpid()}.part").symlink_to(victim)
+    (tmp_path / "result.json").symlink_to(victim)
+    before = os.umask(0o022)
+    try:
+        write_whole(tmp_path / "result.json", "{}")
+    finally:
+        os.umask(before)
+    assert victim.read_text() == "mine"
+    assert (tmp_path / "result.json").read_text() == "{}"
+    assert stat.S_IMODE((tmp_path / "result.json").lstat().st_mode) == 0o644
+
+
+def test_a_folder_is_tried_before_the_work(tmp_path):
+    assert ready_folder(tmp_path / "new" / "folder", files=("report.md",)) == tmp_path / "new" / "folder"
+    assert list((tmp_path / "new" / "folder").iterdir()) == []
+    (tmp_path / "report.md").mkdir()
+    (tmp_path / "figures").write_text("")
+    for files, folders in ((("report.md",), ()), ((), ("figures",))):
+        with pytest.raises(OutputError, match=r"^--out: [^\n]* found a \w+, needed room for a \w+ of that name"):
+            ready_folder(tmp_path, files=files, folders=folders)
+    for bad in (tmp_path / "figures" / "below", tmp_path / ("x" * 300), tmp_path / "\0"):
+        with pytest.raises((OutputError, ValueError)):
+            ready_folder(bad)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["compare", "ten_to_one", "--out", "DIR"],
+        ["run", "ten_to_one", "--out", "FILE"],
+        ["converge", "ten_to_one", "--out", "FILE"],
+        ["demo", "--no-open", "--out", "DIR"],
+        ["identify", "STUDY", "--out", "DIR"],
+        ["demonstrations", "--out", "FILE"],
+        ["tracker", "ten_to_one", "--out", "DIR"],
+    ],
+    ids=lambda command: command[0],
+)
+def test_commands_notice_before_the_work_that_they_cannot_write(tmp_path, monkeypatch, command):
+    """`identify` found out after minutes of fitting that its folder was a file."""
+
+    def work(*_, **__):
+        raise AssertionError("the work was begun")
+
+    for place in (
+        "looping_pendulum.cli.run_and_compare",
+        "looping_pendulum.cli_teaching.run_and_compare",
+        "looping_pendulum.engines.isolation.run_all",
+        "looping_pendulum.compare.convergence.study.study_convergence",
+        "looping_pendulum.discrepancy.identify.identify",
+        "looping_pendulum.teaching.demonstrations.show",
+        "looping_pendulum.teaching.tracker.find_motion",
+    ):
+        monkeypatch.setattr(place, work)
+    (tmp_path / "dir" / "report.md").mkdir(parents=True)
+    (tmp_path / "file").write_text("")
+    (tmp_path / "study.yaml").write_text(
+        "title: t\napparatus: {light: {mass: 10 g}, heavy: {mass: 100 g}, rod: {radius: 6 mm}}\n"
+        "trials: [{file: a.csv, release: {angle: 112 deg, free_length: 58 cm}}]\n"
+    )
+    places = {"DIR": str(tmp_path / "dir"), "FILE": str(tmp_path / "file"), "STUDY": str(tmp_path / "study.yaml")}
+    done = CliRunner().invoke(cli.app, [places.get(word, word) for word in command])
+    assert isinstance(done.exception, OutputError), done.output
+
+
+def test_an_interrupted_comparison_goes_beside_a_complete_one(tmp_path, monkeypatch, scenario, truth, make_run):
+    """Ctrl-C while `compare` ran again left the interrupted report in place of the complete one."""
+    whole = compare(scenario, truth, [make_run()])
+    cut = compare(scenario, truth, [make_run(until=0.2, status=RunStatus.INTERRUPTED)])
+    for result, status in ((cut, 130), (whole, 0), (cut, 130), (cut, 130), (whole, 0)):
+        monkeypatch.setattr(cli, "load_scenario", lambda _: scenario)
+        monkeypatch.setattr(cli, "run_and_compare", lambda *_, result=result, **__: result)
+        done = CliRunner().invoke(cli.app, ["compare", "made_up", "--out", str(tmp_path)])
+        assert done.exit_code == status, done.output
+        kept = ComparisonResult.from_json((tmp_path / "result.json").read_text())
+        assert kept == (cut if not (tmp_path / "interrupted").exists() and result is cut else whole)
+    assert ComparisonResult.from_json((tmp_path / "interrupted" / "result.json").read_text()) == cut
+
+
+@pytest.mark.parametrize("there", ["", "{", "[]", "null", '{"engines": 1}', "[" * 10**5, "\x00"])
+def test_what_cannot_be_read_is_not_kept(tmp_path, there):
+    (tmp_path / "result.json").write_text(there)
+    cut_short = lambda found: any(e["status"] == "INTERRUPTED" for e in found["engines"])  # noqa: E731
+    assert cli_common.beside_complete(tmp_path, "result.json", interrupted=True, cut_short=cut_short) == tmp_path
