@@ -150,11 +150,10 @@ def cached_work(times: int) -> None:
         np.exp(a)
 
 
-def scaling(pairs: int = 40, runs: int = 20_000) -> tuple[float, float]:
+def scaling(pairs: int = 40, runs: int = 20_000) -> None:
     """How many times one process two get done that are ready, as those of `map --jobs 2` are: short pieces, in turn.
 
     Others use this machine, too, and two processes feel it more than one; so work that shares nothing is done in turn with it.
-    Returns the two medians: of the runs, and of that work.
     """
     tasks: dict[str, tuple[Callable[[int], None], int]] = {
         "runs of the map": (piece, runs),
@@ -182,7 +181,6 @@ def scaling(pairs: int = 40, runs: int = 20_000) -> tuple[float, float]:
         print(f"| {name} | {middle:.2f} | {low:.2f} to {high:.2f} |")
     ours, possible = (statistics.median(found) for found in ratios.values())
     print(f"\nTarget two processes 1.8 times one, both ready: {verdict(ours >= 1.8)} ({ours:.2f}; np.exp: {possible:.2f}).")
-    return ours, possible
 
 
 def wall_clock(runs: int, processes: int) -> tuple[float, float, float]:
@@ -204,46 +202,43 @@ def wall_clock(runs: int, processes: int) -> tuple[float, float, float]:
     return wall, cpu, memory
 
 
-def whole_map(runs: int, repeats: int = 3) -> dict[str, float]:
-    """The map itself, on one process and on two, in turn; returns median wall times [s] and the largest memory [MiB]."""
+def whole_map(runs: int, repeats: int = 3) -> None:
+    """The map itself, on one process and on two, in turn."""
     print(f"\n## {runs} runs at 1e-12, from a fresh start (what heyoka has compiled before, it finds on disk)\n")
     print("| processes | wall [s] | CPU [s] | peak memory [MiB] |\n|---|---|---|---|")
     walls: dict[int, list[float]] = {1: [], 2: []}
     wall_clock(1000, 1)
-    most = 0.0
     for _ in range(repeats):
         for processes, taken in walls.items():
             wall, cpu, memory = wall_clock(runs, processes)
             taken.append(wall)
-            most = max(most, memory)
             print(f"| {processes} | {wall:.1f} | {cpu:.1f} | {memory:.0f} |", flush=True)
     one, two = (statistics.median(taken) for taken in walls.values())
     print(f"\nTarget 1e6 runs in 40 s on two cores: {verdict(two * 1e6 / runs <= 40)} ({two:.1f} s; the aim was 20 s).")
     print(
         f"Target two processes 1.8 times one, the second one's start included: {verdict(one / two >= 1.8)} ({one / two:.2f})."
     )
-    return {"one_process": one, "two_processes": two, "memory_mib": most}
 
 
-def measured(repeats: int, runs: int) -> dict[str, object]:
-    """Everything, as numbers."""
+def measured_cost(repeats: int, runs: int) -> dict[str, object]:
+    """CPU times and memory as numbers: what of this does not depend on what else the machine does."""
     times = peers(repeats)
     ours = times["solve_batch, 1e-12"]
-    start, slope = growth()
-    twice, possible = scaling()
+    start, slope = growth(repeats)
     return {
         "cpu_per_run_us": times,
         "numba_ratio": times["Numba DOP853, 1e-12"] / ours,
         "scipy_ratio": times["SciPy DOP853, 1e-9"] / ours,
         "start": start,
         "slope": slope,
-        "two_ready_processes": twice,
-        "two_processes_at_best": possible,
-        "whole_map": whole_map(runs) | {"runs": runs},
+        "memory_mib": wall_clock(runs, 1)[2],
     }
 
 
 def benchmark(repeats: int, runs: int) -> None:
-    """Print everything."""
-    measured(repeats, runs)
+    """Everything."""
+    peers(repeats)
+    growth()
+    scaling()
+    whole_map(runs)
     print(f"\nPeak memory of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")

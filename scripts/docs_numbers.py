@@ -32,6 +32,8 @@ DATA = PROJECT / "docs" / "data"
 LIST = DATA / "numbers.yaml"
 GENERATED = ("docs/answers.md", "docs/engine-study.md", "docs/support.md", "docs/demonstrations/")
 """Pages that other scripts write whole from their own data, each with a test of its own."""
+TESTED = "docs/verification.md"
+"""The page whose tables give a bound and the test that asserts it in each row; a test checks that there is such a test."""
 DECLARED = "docs/engines/"
 """Pages of what the adapters declare: only their limits say what was measured, and those sentences stand in the code."""
 
@@ -69,7 +71,8 @@ class Sentence:
         return {name: _text(source) for name, source in self.sources.items()}
 
 
-def sentences() -> list[Sentence]:
+@functools.cache
+def sentences() -> tuple[Sentence, ...]:
     """Every sentence of the list that holds numbers."""
     found = []
     for page, entries in _list()["pages"].items():
@@ -79,12 +82,12 @@ def sentences() -> list[Sentence]:
             if sorted(asked) != sorted(sources):
                 raise ValueError(f"{LIST.name}: {page}: {entry['text']!r}: placeholders {asked}, but sources {list(sources)}")
             found.append(Sentence(page=page, text=entry["text"], sources=sources))
-    return found
+    return tuple(found)
 
 
-def given() -> dict[str, list[dict[str, str]]]:
+def given() -> dict[str, dict[str, str]]:
     """Page -> its numbers that nothing measures, each with the reason."""
-    found: dict[str, list[dict[str, str]]] = _list()["given"]
+    found: dict[str, dict[str, str]] = _list()["given"]
     return found
 
 
@@ -121,7 +124,7 @@ def problems() -> list[str]:
         found += [f"{page}: {where!r}: no source in docs/data/numbers.yaml" for where in uncovered(page)]
     for page, entries in given().items():
         text = _plain((PROJECT / page).read_text(encoding="utf-8"))
-        found += [f"{page}: has lost {e['text']!r}" for e in entries if not _literal(e["text"]).search(text)]
+        found += [f"{page}: has lost {words!r}" for words in entries if not _literal(words).search(text)]
     return found
 
 
@@ -135,7 +138,7 @@ def uncovered(page: str) -> list[str]:
     """Numbers with units in the prose of ``page`` that no sentence and no reason covers, each with its surroundings."""
     text = prose(page, (PROJECT / page).read_text(encoding="utf-8"))
     spans = [m.span() for s in sentences() if _speaks_of(s.page, page) for m in s.pattern.finditer(text)]
-    spans += [m.span() for entry in given().get(page, []) for m in _literal(entry["text"]).finditer(text)]
+    spans += [m.span() for words in given().get(page, {}) for m in _literal(words).finditer(text)]
     return [
         " ".join(text[max(0, m.start() - 30) : m.end() + 20].split())
         for m in MEASURED.finditer(text)
@@ -147,6 +150,8 @@ def prose(page: str, text: str) -> str:
     """Return the part of a page that says something in numbers: no code, no formulas, no table that a script writes."""
     if page.startswith(DECLARED):
         return "\n\n".join(re.findall(r"^### Limits\n(.*?)(?=^#|\Z)", text, re.DOTALL | re.MULTILINE))
+    if page == TESTED:
+        text = re.sub(r"^\|.*$", "", text, flags=re.MULTILINE)
     return _plain(engine_table.removed(text))
 
 

@@ -44,7 +44,8 @@ def falling_balls() -> dict[str, Any]:
 def pendulum() -> dict[str, Any]:
     """A pendulum that decays over two minutes; needs the data folder."""
     with tempfile.TemporaryDirectory() as folder:
-        return summary(real_data.decaying_pendulum(Path(folder)))
+        result = real_data.decaying_pendulum(Path(folder))
+    return summary(result) | {"explanations": {e.name: e.value for tie in result.ties for e in tie}}
 
 
 def thrust() -> dict[str, Any]:

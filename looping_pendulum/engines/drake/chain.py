@@ -20,7 +20,7 @@ _LIMITS = (
     "Drake's distance constraint pushes too: the adapter switches a straight part off where it would, up to 1 ms late, and a "
     "string that becomes taut again stays as much longer as it was when it was caught",
     "a slack straight part passes through the rod: one that turns further while it is slack is caught late",
-    "beads bounce where the light mass pulls little: the string's way over the rod is up to 0.6 mm longer for some ms",
+    "beads bounce where the light mass pulls little: the string's way over the rod is longer for some milliseconds",
     NO_STOP,
 )
 

@@ -1,0 +1,155 @@
+"""Numbers in README and docs: each is what its stored data say, none is without a source, and a wrong one would be found."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from scripts import docs_numbers, engine_table, measure
+from scripts.docs_numbers import Sentence, prose
+from tests.docs_commands import PROJECT
+
+STORED = sorted((PROJECT / "docs" / "data" / "measured").glob("*.json"))
+TEST_NAME = re.compile(r"(tests/[\w/]+\.py)::(\w+)")
+
+
+def test_every_number_is_what_its_source_says_and_every_number_has_one():
+    wrong = docs_numbers.problems()
+    assert not wrong, "\n".join([*wrong, "to write the numbers again: python -m scripts.docs_numbers"])
+
+
+def test_the_list_is_no_formality():
+    assert len(docs_numbers.sentences()) >= 20
+    assert sum(len(s.sources) for s in docs_numbers.sentences()) >= 40
+
+
+@pytest.mark.parametrize("file", STORED, ids=lambda file: file.stem)
+def test_stored_data_say_what_measured_them_when_and_with_which_versions(file):
+    tree = json.loads(file.read_text(encoding="utf-8"))
+    assert tree["command"] == f"python -m scripts.measure {file.stem}"
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d", tree["measured_on"])
+    assert {"python", "looping-pendulum", "numpy"} <= set(tree["versions"])
+    assert tree["values"]
+
+
+def test_every_stored_measurement_is_used_and_can_be_made_again():
+    names = {source.get("data", "") for s in docs_numbers.sentences() for source in s.sources.values()}
+    assert {f"measured/{file.stem}" for file in STORED} == {n for n in names if n.startswith("measured/")}
+    assert {file.stem for file in STORED} == set(measure.EVERY)
+    for name, module in measure.EVERY.items():
+        code = (PROJECT / "scripts" / "measurements" / f"{module}.py").read_text(encoding="utf-8")
+        assert f"\ndef {name}() -> dict" in code, name
+
+
+def test_a_bound_that_a_test_asserts_names_a_test_that_there_is():
+    reasons = [reason for entries in docs_numbers.given().values() for reason in entries.values()]
+    named = [found for reason in reasons for found in TEST_NAME.findall(reason)]
+    assert len(named) >= 4
+    for file, test in named:
+        assert f"def {test}(" in (PROJECT / file).read_text(encoding="utf-8"), test
+    assert all(reason.strip() for reason in reasons)
+
+
+def test_every_row_of_the_verification_page_names_a_test_that_there_is():
+    rows = [line for line in (PROJECT / docs_numbers.TESTED).read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
+    tests = "\n".join(file.read_text(encoding="utf-8") for file in (PROJECT / "tests").rglob("test_*.py"))
+    assert len(rows) > 40
+    for row in rows[1:]:
+        named = re.findall(r"`([^`]+)`", row.rsplit("|", 2)[1]) or (["same"] if "| same |" in row else [])
+        assert named, row
+        for name in named:
+            path, _, function = name.partition("::")
+            inside = [PROJECT / path, PROJECT / "looping_pendulum" / path, *(PROJECT / "tests").rglob(Path(path).name)]
+            started = (function or path).rstrip("._")
+            assert name == "same" or any(p.exists() for p in inside) or f"def {started}" in tests, row
+
+
+SENTENCE = Sentence(page="x", text="a chain stretches by {size} mm, {share} % of it", sources={})
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a chain stretches by 0.13 mm, 40 % of it",
+        "a chain\nstretches by 0.13 mm,\n  40 % of it",
+        'a chain "\n        "stretches by 0.13 mm, 40 % of it',
+    ],
+)
+def test_a_sentence_is_found_wherever_its_lines_end(text):
+    found = SENTENCE.pattern.search(text)
+    assert found is not None
+    assert (found["size"], found["share"]) == ("0.13", "40")
+
+
+@pytest.mark.parametrize(
+    ("text", "numbers"),
+    [
+        ("it is 0.13 mm off", ["0.13 mm"]),
+        ("RMS of 0.10 / 1.1 / 1.3 mm and 5 %", ["0.10 / 1.1 / 1.3 mm", "5 %"]),
+        ("in 4 of 4 seeds", ["4 of 4"]),
+        ("0.0129 +/- 0.0006 kg/s", ["0.0129 +/- 0.0006 kg/s"]),
+        ("needs 3.2 to 3.8 times that", ["3.2 to 3.8 times"]),
+        ("1e-9 m of the 10:1 trial", ["1e-9 m"]),
+        ("Python 3.11 to 3.13 and section 2 more", []),
+        ("mujoco 4.0.0, seven rows, M1 metres", []),
+    ],
+)
+def test_numbers_with_units_are_seen(text, numbers):
+    assert [m[0] for m in docs_numbers.MEASURED.finditer(text)] == numbers
+
+
+def test_code_formulas_and_the_written_table_are_no_prose():
+    table = f"{engine_table.BEGIN}\n| 5 mm |\n{engine_table.END}"
+    text = f"before $x = 3\\,mm$\n```sh\nrun 4 mm\n```\n$$5 mm$$\n{table}\n6 mm after"
+    assert [m[0] for m in docs_numbers.MEASURED.finditer(prose("x.md", text))] == ["6 mm"]
+
+
+def test_a_wrong_number_a_lost_sentence_and_a_number_without_source_are_found(tmp_path, monkeypatch):
+    """Oracle: a page, data and a list made for this test, with one fault of each kind."""
+    (tmp_path / "docs" / "data" / "measured").mkdir(parents=True)
+    data = {"values": {"stretch": 1.336e-4, "runs": [{"what": "a", "x": 0.5}, {"what": "b", "x": 262.4}]}}
+    (tmp_path / "docs" / "data" / "measured" / "chain.json").write_text(json.dumps(data))
+    page = "The chain stretches by 0.2 mm;\nits run b is 262 m off. It took 7 s.\n"
+    readme = f"{engine_table.BEGIN}\n{engine_table.END}\n"
+    (tmp_path / "docs" / "page.md").write_text(page)
+    (tmp_path / "README.md").write_text(readme)
+    listed = """
+pages:
+  docs/page.md:
+    - {text: "stretches by {s} mm", s: {data: measured/chain, at: stretch, times: 1e3}}
+    - {text: "its run b is {x} m off", x: {data: measured/chain, at: "runs[what=b]/x"}}
+    - {text: "a sentence of {y} mm that is not there", y: {data: measured/chain, at: stretch}}
+given: {}
+"""
+    (tmp_path / "docs" / "data" / "numbers.yaml").write_text(listed)
+    monkeypatch.setattr(docs_numbers, "PROJECT", tmp_path)
+    monkeypatch.setattr(docs_numbers, "DATA", tmp_path / "docs" / "data")
+    monkeypatch.setattr(docs_numbers, "LIST", tmp_path / "docs" / "data" / "numbers.yaml")
+    monkeypatch.setattr(engine_table, "table", lambda: "| table |")
+    caches = (docs_numbers._list, docs_numbers._file, docs_numbers.sentences)
+    for cache in caches:
+        cache.cache_clear()
+    try:
+        found = docs_numbers.problems()
+        assert len(found) == 4
+        assert any("says 0.2 for s" in line and "the data say 0.13" in line for line in found)
+        assert any("has lost 'a sentence of {y} mm" in line for line in found)
+        assert any("It took 7 s" in line and "no source" in line for line in found)
+        assert any("table of engines" in line for line in found)
+        assert docs_numbers.rewrite() == ["docs/page.md", "README.md"]
+        assert (tmp_path / "docs" / "page.md").read_text() == page.replace("0.2 mm", "0.13 mm")
+        assert "| table |" in (tmp_path / "README.md").read_text()
+        assert len(docs_numbers.problems()) == 2  # the lost sentence and the number without a source stay
+    finally:
+        for cache in caches:
+            cache.cache_clear()
+
+
+def test_the_table_of_engines_has_a_row_per_variant_and_profile():
+    lines = engine_table.table().splitlines()
+    assert len(lines) == 2 + sum(len(profiles) for _, profiles in engine_table.ROWS.values())
+    assert len({line.count("|") for line in lines}) == 1
+    assert "never halts" in next(line for line in lines if "tendon as documented" in line)
