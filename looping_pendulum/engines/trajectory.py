@@ -179,9 +179,24 @@ class Trajectory:
 
 
 def whole_row(row: Sequence[float]) -> Sequence[float]:
-    """Return ``row`` of `COLUMNS` with NaN in place of the optional ones that it leaves out, and any other row as it is."""
-    missing = len(COLUMNS) - len(row)
-    return (*row, *[math.nan] * missing) if 0 < missing <= OPTIONAL_COLUMNS else row
+    """Return ``row`` of `COLUMNS` with NaN in place of the optional ones that it leaves out.
+
+    Raises
+    ------
+    EngineError
+        If it is shorter or longer than that.
+    """
+    _refuse_width(len(row))
+    return (*row, *[math.nan] * (len(COLUMNS) - len(row)))
+
+
+def _refuse_width(count: int) -> None:
+    least = len(COLUMNS) - OPTIONAL_COLUMNS
+    if not least <= count <= len(COLUMNS):
+        raise EngineError(
+            f"a sample: found {count} values with its time, needed {least} or {len(COLUMNS)}: {', '.join(COLUMNS)}; "
+            "a rig's read() gives all but t, and may leave out the last"
+        )
 
 
 def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Trajectory:
@@ -191,7 +206,13 @@ def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Tr
     ----------
     samples
         Shape (n, 11), or (n, 10) without the string's slip.
+
+    Raises
+    ------
+    EngineError
+        If a sample has another number of values.
     """
+    _refuse_width(samples.shape[1])
     slip = samples[:, 10] if samples.shape[1] > 10 else np.empty(0)
     light = samples[:, 1:3]
     free_length, wrap_angle = string_coordinates(light, parameters.rod_radius, parameters.release_angle)
