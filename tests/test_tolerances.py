@@ -10,7 +10,7 @@ from looping_pendulum.engines.registry import label, missing_packages, select
 from looping_pendulum.scenarios import loader
 
 LONG = {
-    *((name, "pybullet:chain") for name in ("held", "fat_rod", "two_to_one", "two_and_a_half_to_one")),
+    *((name, "pybullet:chain") for name in ("held", "fat_rod", "static_friction", "two_to_one", "two_and_a_half_to_one")),
     *(("two_and_a_half_to_one", engine) for engine in ("pymunk:chain", "mujoco:beads")),
     *(("ten_to_one", engine) for engine in ("pybullet:remade", "pybullet:point_to_point")),
 }

@@ -139,6 +139,8 @@ def _engine(
         tube=in_tube,
         departures=found,
         growth_rate=measure.growth_rate(found),
+        outside_range=run.outside_range,
+        additions=run.additions,
         lacks=missing_physics(provenance.supplies, scenario.parameters, run.lacks),
         story=story(aligned.run, scenario.parameters, provenance.supplies, found, own, true, not_comparable),
         provenance=provenance,

@@ -69,20 +69,23 @@ def _summary(result: ComparisonResult) -> list[str]:
 
 def moments(result: ComparisonResult) -> str:
     """Stops, break-aways and extrema of the truth and each engine, as times."""
-    truth = result.truth.landmarks
-    marks = [result.truth.landmarks, *(e.landmarks for e in result.engines)]
-    rows = _series("stop", [[s.time for s in m.stops] for m in marks])
-    rows += _series("break-away", [list(m.break_aways) for m in marks])
-    rows += _series("x1 extremum", [_times(m.x1_extrema) for m in marks])
-    rows += _series("y1 extremum", [_times(m.y1_extrema) for m in marks])
+    truth = result.truth.sampled
+    marks = [truth, *(e.landmarks for e in result.engines)]
+    ends = [e.end_time or 0.0 for e in result.engines]
+    rows = _series("stop", [[s.time for s in m.stops] for m in marks], ends)
+    rows += _series("slips again", [list(m.break_aways) for m in marks], ends)
+    rows += _series("x1 extremum", [_times(m.x1_extrema) for m in marks], ends)
+    rows += _series("y1 extremum", [_times(m.y1_extrema) for m in marks], ends)
     if truth.light_reaches_rod is not None:
-        rows += _series("light mass reaches rod", [[] if m.light_reaches_rod is None else [m.light_reaches_rod] for m in marks])
+        reached = [[] if m.light_reaches_rod is None else [m.light_reaches_rod] for m in marks]
+        rows += _series("light mass reaches rod", reached, ends)
     if not rows:
         return ""
     head = ["moment", "truth [s]", *(f"{result.short_name(e)} [ms later]" for e in result.engines)]
     note = (
-        "Moments of the truth, and how much later (+) or earlier (-) each engine has them. A moment that the truth\n"
-        "does not have is given as a time. An engine's run ends a little early, at a free length of its own choosing.\n\n"
+        "Moments of the truth, and how much later (+) or earlier (-) each engine has them, both read from samples in the\n"
+        "same way. A moment that the truth does not have is given as a time; *after its end*: the run ends before that.\n"
+        "An engine's run ends a little early, at a free length of its own choosing.\n\n"
     )
     return note + table(head, rows)
 
@@ -91,11 +94,18 @@ def _times(found: tuple[Extremum, ...]) -> list[float]:
     return [e.time for e in found]
 
 
-def _series(what: str, columns: list[list[float]]) -> list[list[str]]:
+def _series(what: str, columns: list[list[float]], ends: list[float]) -> list[list[str]]:
+    """Rows of one kind of moment: the truth's times first, then each engine's, whose runs end at ``ends`` [s]."""
     rows = []
     for i in range(max(len(c) for c in columns)):
         values = [c[i] if i < len(c) else None for c in columns]
         truth = values[0]
-        cells = [GAP if v is None else f"at {v:.4f} s" if truth is None else signed(v - truth, 1e3) for v in values[1:]]
+        cells = [_cell(v, truth, end) for v, end in zip(values[1:], ends, strict=True)]
         rows.append([f"{what} {i + 1}" if max(len(c) for c in columns) > 1 else what, fixed(truth, 4), *cells])
     return rows
+
+
+def _cell(value: float | None, truth: float | None, end: float) -> str:
+    if value is None:
+        return "after its end" if truth is not None and truth > end else GAP
+    return f"at {value:.4f} s" if truth is None else signed(value - truth, 1e3)

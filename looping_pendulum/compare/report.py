@@ -140,8 +140,17 @@ def _stories(result: ComparisonResult) -> str:
     events = "".join(f", {n.replace('_', ' ')} at {t:.4f} s" for n, t in told_events(result.truth.events))
     end = "" if halt is not None else ", never halts"
     true = f"- **truth** ({result.truth.engine}:{result.truth.variant}): released at 0 s{events}{end}.\n"
-    lines = [f"- **{name(e)}**: {e.story}{' ' + _quoted(e.message) if e.message else ''}\n" for e in result.engines]
+    lines = [
+        f"- **{name(e)}**: {e.story}{_range_warning(e)}{' ' + _quoted(e.message) if e.message else ''}\n"
+        for e in result.engines
+    ]
     return true + "".join(lines)
+
+
+def _range_warning(engine: EngineResult) -> str:
+    if not engine.outside_range:
+        return ""
+    return f" **Its accuracy was never measured on such a scenario:** {'; '.join(engine.outside_range)}."
 
 
 def _quoted(message: str) -> str:
@@ -184,7 +193,9 @@ def _supplies(result: ComparisonResult) -> str:
         by = {s.what: f"**{s.by}**: {s.how}" for s in provenance.supplies}
         rows.append([label, *(by.get(what, GAP) for what in whats)])
     note = "A law that the adapter feeds in is no evidence for that law; only what the engine supplies itself tests it.\n\n"
-    return note + table(["run", *whats], rows, left=1 + len(whats))
+    added = "".join(f"- **{name(e)}**: {what}\n" for e in result.engines for what in e.additions)
+    added = f"\nWhat an adapter puts in beyond its engine, and what that is worth:\n\n{added}" if added else ""
+    return note + table(["run", *whats], rows, left=1 + len(whats)) + added
 
 
 def _tolerances(result: ComparisonResult) -> str:

@@ -161,8 +161,6 @@ class RunProvenance:
     """SI."""
     supplies: tuple[SupplyEntry, ...]
     seed: int | None = None
-    additions: tuple[str, ...] = ()
-    """What the adapter puts in beyond the engine, each as a sentence with its measured worth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,9 +205,11 @@ class EngineResult:
     not_comparable: str = ""
     """Why this run's halt cannot be held against the reference's, which has one; empty: it can, or neither has one."""
     lacks: tuple[str, ...] = ()
-    """Physics of the scenario that this run did not have, each as a sentence; empty: it had all."""
-    warnings: tuple[str, ...] = ()
-    """Ways in which the scenario lies outside the range for which this variant's accuracy was measured."""
+    """Names of the physics that the scenario has and this run went without, "static_friction"; empty: it had all."""
+    additions: tuple[str, ...] = ()
+    """What the adapter puts in beyond the engine, each as a sentence with its measured worth."""
+    outside_range: tuple[str, ...] = ()
+    """What of the scenario lies outside the range in which this variant's accuracy was measured, each as a phrase."""
     tube: Tube
     departures: tuple[Departure, ...]
     """One per threshold that was passed, in the order of time."""

@@ -61,4 +61,6 @@ def _keeps(tolerance: Tolerance, value: float) -> bool:
 def _no_value(run: EngineResult) -> str:
     if not run.ok:
         return f"no value: {run.status_sentence}"
+    if run.not_comparable:
+        return f"no value: {run.not_comparable}"
     return "no value: the run or the truth does not reach what it measures"

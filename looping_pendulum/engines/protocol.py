@@ -139,6 +139,7 @@ def declared(engine: Engine, parameters: Parameters) -> dict[str, Any]:
     """Return the fields of a `Trajectory` that follow from what ``engine`` declares of itself, whatever its run does."""
     return {
         "lacks": engine.abilities.lacks(parameters),
+        "additions": engine.abilities.additions,
         "outside_range": engine.abilities.outside_range(engine.profile.value, parameters),
     }
 

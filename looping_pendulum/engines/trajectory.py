@@ -140,6 +140,8 @@ class Trajectory:
     provenance: Provenance
     lacks: tuple[str, ...] = ()
     """Physics of the scenario that the run went without, as `Abilities.lacks` names it."""
+    additions: tuple[str, ...] = ()
+    """What the adapter put in beyond the engine, as `Abilities.additions`."""
     outside_range: tuple[str, ...] = ()
     """What of the scenario lies outside the range in which the engine's accuracy was measured, as `Abilities.outside_range`."""
     wall_time: float = float("nan")

@@ -110,6 +110,6 @@ def test_a_wrong_return_is_a_gap_and_the_others_results_stay(tmp_path):
 
 def test_a_sample_of_another_length_is_refused_before_it_shifts_the_others(tmp_path):
     with closing(FileRecorder(tmp_path / "samples")) as recorder:
-        with pytest.raises(EngineError, match="a sample has 9 numbers, needed 10"):
+        with pytest.raises(EngineError, match="found 9 values with its time, needed 10 or 11"):
             recorder.add([0.0] * 9)
         assert len(recorder.rows()) == 0

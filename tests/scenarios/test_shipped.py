@@ -17,7 +17,17 @@ from looping_pendulum.scenarios.document import parse
 from looping_pendulum.scenarios.measured import find_data, read_event_table
 from looping_pendulum.scenarios.scenario import FILE_KEYS
 
-NAMES = ["atwood", "drop", "fat_rod", "frictionless", "held", "ten_to_one", "two_and_a_half_to_one", "two_to_one"]
+NAMES = [
+    "atwood",
+    "drop",
+    "fat_rod",
+    "frictionless",
+    "held",
+    "static_friction",
+    "ten_to_one",
+    "two_and_a_half_to_one",
+    "two_to_one",
+]
 FOLDER = resources.files("looping_pendulum.scenarios")
 
 

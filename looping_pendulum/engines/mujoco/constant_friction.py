@@ -26,18 +26,19 @@ class FrictionSize(StrEnum):
 def friction_loss(parameters: Parameters, size: FrictionSize) -> float:
     """Friction |T2 - T1| of the string that slides over the rod [N], reduced to one number of the reference's own run.
 
-    Where the reference never halts, `FrictionSize.AT_HALT` is the last value while the string slides.
+    Where the reference never halts, `FrictionSize.AT_HALT` is the last value while the string slides. Where it never slides,
+    the constant is the largest that holds it. It has no static friction of its own, so the reference takes the kinetic one.
     """
     if parameters.release in (Release.HELD, Release.DROP):
         return 0.0
-    run = solve(parameters, duration=DURATION)
+    run = solve(parameters.replace(static_friction=parameters.coefficients["kinetic_friction"]), duration=DURATION)
     until = run.end_time if run.halting_time is None else run.halting_time
     samples = run.sample(np.linspace(0.0, until, SAMPLES))
     light, heavy = samples.tensions
     speed = np.abs(samples.state.heavy_speed)
     sliding = (speed > 0) & (light > 0)  # the reference gives a string that sticks, or is slack, exactly 0
     if not sliding.any():
-        return 0.0
+        return float(np.abs(heavy - light).max())
     friction, speed = np.abs(heavy - light)[sliding], speed[sliding]
     if np.all(friction <= ROUNDING * light[sliding]):
         return 0.0
