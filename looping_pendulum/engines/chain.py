@@ -26,6 +26,8 @@ NO_STOP = (
     "the rig does not stop where the string leaves the rod (wrap angle 0) or the heavy mass reaches it, as the reference does"
 )
 """Limits that chains share."""
+BEADS_WEIGH = "beads on the rod weigh something, {:.2g} % of the light mass each; nothing is taken off the masses for them"
+"""An addition that bead chains share."""
 
 COMES = 0.2
 """A bead comes when its place on the straight string is this near to the rod's polygon, in R bend^2: the place comes nearer
@@ -51,7 +53,8 @@ def bead_supplies(rod: str, stick_slip: str) -> Supplies:
         ),
         friction_law=Supply(
             by=Supplier.ENGINE,
-            how=f"Coulomb friction between beads and {rod.split()[-1]}, corrected for the polygon's corners",
+            how=f"Coulomb friction between beads and {rod.split()[-1]}, its coefficient solved "
+            "from the capstan law for the polygon's corners",
         ),
         stick_slip=Supply(by=Supplier.ENGINE, how=f"the same contact: {stick_slip}"),
         drag=APPLIED_DRAG,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from looping_pendulum.engines.chain import NO_STOP, STRAIGHT_STRING, bead_supplies
+from looping_pendulum.engines.chain import BEADS_WEIGH, NO_STOP, STRAIGHT_STRING, bead_supplies
 from looping_pendulum.engines.drake.chain_model import SETTINGS, ChainSettings
 from looping_pendulum.engines.drake.chain_rig import ChainRig
 from looping_pendulum.engines.drake.studies import chain_studies
-from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, TunedEngine
+from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, TunedEngine
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.reference_ode.parameters import Release
@@ -38,6 +38,7 @@ class DrakeChain(TunedEngine):
         packages=("pydrake",),
         summary="Beads on distance constraints over a static sphere, one constraint for each straight part of the string.",
         limits=_LIMITS,
+        additions=(BEADS_WEIGH.format(100 * SETTINGS[Profile.QUICK].bead_mass_ratio),),
         validated=shipped_range("drake:chain"),
         main=False,
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from looping_pendulum.engines.chain import NO_STOP, ONE_COEFFICIENT, STRAIGHT_STRING, bead_supplies
+from looping_pendulum.engines.additions import measured_additions
+from looping_pendulum.engines.chain import BEADS_WEIGH, NO_STOP, ONE_COEFFICIENT, STRAIGHT_STRING, bead_supplies
 from looping_pendulum.engines.mujoco.beads_model import SETTINGS, BeadSettings
 from looping_pendulum.engines.mujoco.beads_rig import BeadRig
 from looping_pendulum.engines.mujoco.studies import (
@@ -14,7 +15,7 @@ from looping_pendulum.engines.mujoco.studies import (
     solver_defaults,
     time_constant_default,
 )
-from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, TunedEngine
+from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, TunedEngine
 from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder, Studies, ladder
 from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.reference_ode.parameters import Release
@@ -41,6 +42,10 @@ class MujocoBeads(TunedEngine):
         packages=("mujoco",),
         summary="Beads on links of fixed length over a cylinder, a limited tendon for each straight part of the string.",
         limits=_LIMITS,
+        additions=(
+            *measured_additions("mujoco:beads"),
+            BEADS_WEIGH.format(100 * SETTINGS[Profile.QUICK].bead_mass_ratio),
+        ),
         validated=shipped_range("mujoco:beads"),
     )
     tuned = SETTINGS

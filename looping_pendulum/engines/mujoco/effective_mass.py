@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 from enum import StrEnum
 
+from looping_pendulum.engines.additions import measured_additions
 from looping_pendulum.engines.mujoco.drum_rig import DrumRig
 from looping_pendulum.engines.mujoco.effective_mass_rig import EffectiveMassRig
 from looping_pendulum.engines.mujoco.studies import TENDON_STEPS, choice, softness_ladder, step_ladder, string_defaults
@@ -99,6 +100,7 @@ class MujocoEffectiveMass(SteppedEngine):
             packages=("mujoco",),
             summary=_SUMMARY[chosen],
             limits=(*_LIMITS, *_MORE_LIMITS[chosen]),
+            additions=measured_additions(f"mujoco:{chosen.value}"),
             validated=shipped_range(f"mujoco:{chosen.value}"),
             main=False,
         )

@@ -27,6 +27,9 @@ LOCK = 0
 """The one equality constraint, which holds the heavy mass. Active it is the first constraint row; the string is the last."""
 SLACK = 1e-6
 """A string with this much length to spare [m] counts as slack."""
+MOST_TURN = 0.25
+"""Angle that the string may turn by in one step [rad]: as it winds up it turns ever faster, and beyond 1 rad a Runge-Kutta step
+of a string that may only bend along its circle is no step of it."""
 MAX_PARTS = 8
 """Changes of motion within one step; more means that the string rattles, and the rest of the step is taken as it comes."""
 
@@ -100,9 +103,11 @@ class EffectiveMassRig(abc.ABC):
         self._mujoco.set_mjcb_passive(self._passive)  # one for the whole process, so it is ours only while we step
         try:
             for _ in range(self._steps):
-                if self._string()[0] <= self._end_length:
-                    return
-                self._advance_step()
+                parts = self._parts()
+                for _ in range(parts):
+                    if self._string()[0] <= self._end_length:
+                        return
+                    self._advance_step(self._dt / parts)
         finally:
             self._mujoco.set_mjcb_passive(None)
 
@@ -125,9 +130,16 @@ class EffectiveMassRig(abc.ABC):
             finally:
                 self._mujoco.set_mjcb_passive(None)
 
-    def _advance_step(self) -> None:
-        """Take one step, in parts where the motion changes within it."""
-        length = self._dt
+    def _parts(self) -> int:
+        """In how many parts the coming step is taken, so that the string turns by `MOST_TURN` at most in each."""
+        length = self._string()[0]
+        if not self._has_string or length <= self._end_length:
+            return 1
+        _, _, vx, vy = self._light()
+        return max(math.ceil(self._dt * math.hypot(vx, vy) / (MOST_TURN * length)), 1)
+
+    def _advance_step(self, length: float) -> None:
+        """Take one step of ``length`` [s], in parts where the motion changes within it."""
         spare, margins = self._spare(), self._margins()
         for _ in range(MAX_PARTS):
             saved = (self._data.time, self._qpos.copy(), self._qvel.copy())

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from enum import StrEnum
 
+from looping_pendulum.engines.additions import measured_additions
 from looping_pendulum.engines.mujoco.constant_friction import FrictionSize, friction_loss
 from looping_pendulum.engines.mujoco.studies import (
     DEFAULT_TIME_CONSTANT,
@@ -73,21 +74,24 @@ _WINDING = Supply(by=Supplier.ENGINE, how="spatial tendon wrapped over a cylinde
 _NO_FRICTION = Supply(by=Supplier.NOBODY, how="spatial tendons have no friction on what they wrap")
 _NO_STICKING = Supply(by=Supplier.NOBODY, how="nothing to stick to")
 _FRICTIONLESS = Supplies(winding=_WINDING, friction_law=_NO_FRICTION, stick_slip=_NO_STICKING, drag=APPLIED_DRAG)
-_STICK_SLIP = "friction-loss constraint; the adapter picks the static or kinetic bound and splits a step that reverses"
+_STICK_SLIP = (
+    "the adapter predicts where in a step the string stops and decides by the laws whether the rod holds it; MuJoCo's "
+    "friction-loss constraint then stops and holds it"
+)
 _SUPPLIES = {
     Variant.DOCUMENTED: _FRICTIONLESS,
     Variant.DEFAULTS: _FRICTIONLESS,
     Variant.CAPSTAN: Supplies(
         winding=_WINDING,
         friction_law=Supply(by=Supplier.ADAPTER, how="capstan bound from the tendon's tension, fed to dof_frictionloss"),
-        stick_slip=Supply(by=Supplier.ENGINE, how=_STICK_SLIP),
+        stick_slip=Supply(by=Supplier.ADAPTER, how=_STICK_SLIP),
         drag=APPLIED_DRAG,
     ),
     Variant.FRICTIONLOSS: Supplies(
         winding=_WINDING,
         friction_law=Supply(
             by=Supplier.ENGINE,
-            how="constant frictionloss of the hanging part's tendon, whatever its load; as large as the capstan's at release",
+            how="constant frictionloss of the hanging part's tendon, whatever its load; its size is the adapter's",
         ),
         stick_slip=Supply(by=Supplier.ENGINE, how="the same friction-loss constraint"),
         drag=APPLIED_DRAG,
@@ -118,6 +122,20 @@ _FRICTION = {
 }
 
 
+_LATE_CATCH = "the length by which a slack string is caught late, which is let go of again within some milliseconds"
+_ADDITIONS: Mapping[Variant, tuple[str, ...]] = {
+    Variant.DOCUMENTED: (_LATE_CATCH,),
+    Variant.CAPSTAN: (
+        "the tension without friction, found by a solve of its own at every step, from which law and bound follow",
+        "the force of the friction that turns round within a step",
+        _LATE_CATCH,
+    ),
+    Variant.FRICTIONLOSS: (
+        "the size of the constant: the friction at the release in the reference's own run, which the adapter solves beforehand",
+        _LATE_CATCH,
+    ),
+    Variant.DEFAULTS: (),
+}
 _KNOWN_FAILURES = {
     "held_pendulum_swings_to_the_other_side": "measured 6 % of the fall's energy too much or too little: the string stretches",
     "string_keeps_its_length": "measured 1.8 mm in 0.15 s, where 1 mm is allowed: a string with a time constant of 20 ms",
@@ -165,6 +183,7 @@ class MujocoTendon(SteppedEngine):
             summary=f"Two spatial tendons used in turn over a cylinder, {_FRICTION[chosen]}.",
             limits=(*_COMMON_LIMITS, *_LIMITS[chosen]),
             known_failures=_KNOWN_FAILURES if chosen is Variant.DEFAULTS else {},
+            additions=(*measured_additions(f"mujoco:{chosen.value}"), *_ADDITIONS[chosen]),
             validated=shipped_range(f"mujoco:{chosen.value}"),
             main=chosen in (Variant.DOCUMENTED, Variant.CAPSTAN),
         )

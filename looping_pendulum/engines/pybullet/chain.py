@@ -7,6 +7,7 @@ sphere: it has the rod's section in the plane of motion, and sphere on sphere is
 
 from __future__ import annotations
 
+from looping_pendulum.engines.additions import measured_additions
 from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities, Profile
 from looping_pendulum.engines.pybullet.chain_model import COARSEST, ChainSettings
 from looping_pendulum.engines.pybullet.chain_rig import ChainRig
@@ -69,6 +70,10 @@ _ABILITIES = Abilities(
         RIPPLE,
         "forces updated every 5 steps instead of every one move the halt of two_to_one by 13 ms: its figures are one draw each",
         UNSTRETCHED,
+    ),
+    additions=(
+        *measured_additions("pybullet:chain"),
+        "the wrap angle over which that coefficient is right on average: the release's, and a quarter turn for what follows",
     ),
     validated=shipped_range("pybullet:chain"),
 )

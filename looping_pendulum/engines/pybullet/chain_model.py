@@ -36,6 +36,8 @@ class ChainSettings(WorldSettings):
     """Length of the links below the rod on the heavy side at release, which never come to lie on it [m]."""
     relative_inertia: float = 1e-2
     """Moment of inertia of a link about its end, in its mass times its length squared: small, but not singular."""
+    mass_compensation: float = MASS_COMPENSATION
+    """Share of the chain's mass taken off the light mass, see `engines.chain`."""
     joint_motors: bool = False
     """Leave on the motor that PyBullet puts in every joint."""
 
@@ -145,7 +147,7 @@ def chain_urdf(p: Parameters, s: ChainSettings, chain: LaidChain, node_radii: Ar
         if i < last:
             mass, node_radius = density * 0.5 * (length + lengths[i + 1]), float(node_radii[i])
         else:
-            mass, node_radius = p.light_mass - MASS_COMPENSATION * string_mass, None
+            mass, node_radius = p.light_mass - s.mass_compensation * string_mass, None
         child = f"link{i}"
         rows += [_link(child, mass=mass, at=length, inertia=s.relative_inertia * mass * length**2, node_radius=node_radius)]
         rows += [_joint("continuous", parent, child, x=x, y=y, turn=turn, axis="0 0 1")]

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
 
 import numpy as np
 
-from looping_pendulum.engines.pybullet.chain_model import ChainSettings, chain_urdf, lay_chain
+from looping_pendulum.engines.chain import MASS_FRACTION
+from looping_pendulum.engines.pybullet.chain_model import ChainSettings, LaidChain, chain_urdf, lay_chain
 from looping_pendulum.engines.pybullet.links import contact_friction, typical_wrap_angle
 from looping_pendulum.engines.pybullet.multibody import MultibodyRig, free_joints, set_joints
-from looping_pendulum.engines.pybullet.world import World
+from looping_pendulum.engines.pybullet.world import LongestStep, World
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.parameters import Parameters
+
+STABLE_SHARE = 0.9
+"""Share of a link that a wave on the chain may pass in one step; a chain of equal links flies apart above 1."""
 
 
 class ChainRig(MultibodyRig):
@@ -22,7 +27,7 @@ class ChainRig(MultibodyRig):
         p = parameters
         chain = lay_chain(p, settings)
         world = World(p, settings)
-        super().__init__(p, world)
+        super().__init__(p, world, longest_step(p, chain))
         rod_radius = float(chain.node_circles.min()) - settings.node_radius
         world.lay_rod(rod_radius, 1.0)
         node_radii = chain.node_circles - rod_radius
@@ -41,6 +46,27 @@ class ChainRig(MultibodyRig):
             world.set_friction(self._body, joints - links + i, friction * circle / rod_radius)
         if chain.velocities.any():
             set_joints(world, self._body, chain, np.zeros(links), sliding=not self._held)
+
+
+def longest_step(parameters: Parameters, chain: LaidChain) -> LongestStep:
+    """Return what tells the longest stable step for the masses' motion.
+
+    A taut chain carries waves at sqrt(tension / mass per length), and an explicit step is stable while they pass less than a
+    link in it. The string is tightest next to the heavy mass while the rod brakes that, M2 (g + a), or where the light mass
+    whips round on a short string, M1 (v^2 / l + g), which no step could be chosen for at release.
+    """
+    p = parameters
+    density = MASS_FRACTION * p.light_mass / float(chain.lengths.sum())
+    shortest = float(chain.lengths.min())
+    gravity, radius_square = p.coefficients["gravity"], p.rod_radius**2
+
+    def longest(x: float, y: float, vx: float, vy: float, heavy_acceleration: float) -> float:
+        free = math.sqrt(max(x * x + y * y - radius_square, shortest * shortest))
+        light = p.light_mass * ((vx * vx + vy * vy) / free + gravity)
+        heavy = p.heavy_mass * (gravity + heavy_acceleration)
+        return STABLE_SHARE * shortest * math.sqrt(density / max(light, heavy))
+
+    return longest
 
 
 def _load(world: World, urdf: str) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pybullet.chain import PybulletChain
 from looping_pendulum.engines.pybullet.chain_model import ChainSettings
@@ -39,6 +40,10 @@ class PybulletDefaults(PybulletChain):
     abilities = replace(
         PybulletChain.abilities,
         main=False,
+        additions=(
+            f"the string weighs {100 * MASS_FRACTION:g} % of the light mass; "
+            f"{100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken off that",
+        ),
         validated=(),
         known_failures={
             "frictionless_vertical_release_is_an_atwood_machine": "measured -0.0002 m/s^2 for 8.03: motors hold all hinges",

@@ -8,7 +8,7 @@ import numpy as np
 
 from looping_pendulum.engines.chain import SlipGauge
 from looping_pendulum.engines.pybullet.links import Laid
-from looping_pendulum.engines.pybullet.world import Drive, Pushed, Row, World
+from looping_pendulum.engines.pybullet.world import Drive, LongestStep, Pushed, Row, World
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -27,9 +27,9 @@ class MultibodyRig(Pushed):
     _ends: tuple[int, int]
     """Links to read: the light mass, then the heavy one (if held: any, it is not read)."""
 
-    def __init__(self, parameters: Parameters, world: World) -> None:
+    def __init__(self, parameters: Parameters, world: World, longest_step: LongestStep | None = None) -> None:
         self._parameters, self._world = parameters, world
-        self._drive = Drive(world, parameters)
+        self._drive = Drive(world, parameters, longest_step)
         self._held = parameters.release is Release.HELD
         self._slip = SlipGauge()
 

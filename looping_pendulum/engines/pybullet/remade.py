@@ -38,6 +38,11 @@ _ABILITIES = replace(
         ),
     ),
     main=False,
+    additions=(
+        f"nodes on the rod weigh {100 * SETTINGS[Profile.QUICK].bead_mass_ratio:.2g} % of the light mass each; nothing is "
+        "taken off the masses for them",
+        "what a node that goes had in length and speed is shared out between the masses, as the string's pull would",
+    ),
     validated=shipped_range("pybullet:remade"),
     summary="The multibody made anew whenever a node comes on the rod or goes; its constants were selected on ten_to_one.",
     limits=(

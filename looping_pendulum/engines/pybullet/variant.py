@@ -10,7 +10,9 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
 ONE_COEFFICIENT = "one Coulomb coefficient: of a static friction above the kinetic one, only the kinetic one is represented"
-COULOMB_AT_NODES = "Coulomb contact at every node; the adapter only corrects the coefficient for the polygon"
+COULOMB_AT_NODES = (
+    "Coulomb contact at every node; the adapter solves its coefficient from the capstan law for the polygon's corners"
+)
 
 
 class PybulletVariant(TunedEngine):

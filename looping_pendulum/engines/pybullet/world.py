@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import weakref
+from collections.abc import Callable
 from typing import Any
 
-from looping_pendulum.engines.protocol import steps_per_sample
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, steps_per_sample
 from looping_pendulum.engines.pybullet.settings import RodShape, WorldSettings
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import CartesianForce, cartesian_force, release_velocity
@@ -16,7 +17,13 @@ from looping_pendulum.reference_ode.parameters import Parameters
 ROD_HALF_LENGTH = 0.01
 """Of a rod that is a cylinder [m]."""
 
+STEPS_TO_LOOK = 5
+"""Steps between two looks at the longest stable step, where no force asks for the motion more often."""
+MOST_PARTS = 50
+"""Parts of a step, at most: a light mass that needs more has as good as met the rod."""
+
 Row = tuple[float, ...]
+LongestStep = Callable[[float, float, float, float, float], float]
 
 
 class World:
@@ -92,12 +99,24 @@ class World:
 
 
 class Drive:
-    """Steps a world and applies the effects' forces: one way for every rig."""
+    """Steps a world and applies the effects' forces: one way for every rig.
 
-    def __init__(self, world: World, parameters: Parameters) -> None:
+    Parameters
+    ----------
+    world, parameters
+        Where, and whose effects.
+    longest_step
+        Longest stable step [s] for the light mass's position [m] and velocity [m/s], x, y, vx, vy, and the heavy mass's mean
+        upward acceleration [m/s^2]. Where it is shorter than the settings' step, that is taken in as many equal parts as it
+        needs. None: every step is stable.
+    """
+
+    def __init__(self, world: World, parameters: Parameters, longest_step: LongestStep | None = None) -> None:
         self._world = world
         self._force: CartesianForce | None = cartesian_force(parameters)
-        self._steps_done = 0
+        self._longest_step = longest_step
+        self._steps_done, self._parts = 0, 1
+        self._heavy_v, self._heavy_a = release_velocity(parameters)[2], 0.0
 
     def steps(self, count: int, rig: Pushed) -> None:
         """Take ``count`` steps.
@@ -106,17 +125,35 @@ class Drive:
         """
         world = self._world
         step, client, interval = world.api.stepSimulation, world.client, world.settings.force_interval
-        if self._force is None:
+        if self._force is None and self._longest_step is None:
             for _ in range(count):
                 step(physicsClientId=client)
             return
+        look = interval if self._force is not None else STEPS_TO_LOOK
         for _ in range(count):
-            if self._steps_done % interval == 0:
+            if self._steps_done % look == 0:
                 x, y, vx, vy, heavy_v = rig.motion()
-                fx, fy, heavy = self._force(self._steps_done * world.settings.time_step, x, y, vx, vy, heavy_v)
-                rig.push((interval * fx, interval * fy), interval * heavy)
-            step(physicsClientId=client)
+                self._divide((x, y, vx, vy), heavy_v)
+                if self._force is not None:
+                    fx, fy, heavy = self._force(self._steps_done * world.settings.time_step, x, y, vx, vy, heavy_v)
+                    share = interval * self._parts
+                    rig.push((share * fx, share * fy), share * heavy)
+            for _ in range(self._parts):
+                step(physicsClientId=client)
             self._steps_done += 1
+
+    def _divide(self, light: tuple[float, float, float, float], heavy_v: float) -> None:
+        """Set into how many parts the coming steps are divided."""
+        if self._longest_step is None:
+            return
+        time_step = self._world.settings.time_step
+        if self._steps_done and self._steps_done % self._world.steps == 0:
+            # Averaged over a sample: from step to step, contacts chatter.
+            self._heavy_a, self._heavy_v = (heavy_v - self._heavy_v) / SAMPLE_INTERVAL, heavy_v
+        parts = min(max(math.ceil(time_step / self._longest_step(*light, self._heavy_a)), 1), MOST_PARTS)
+        if parts != self._parts:
+            self._parts = parts
+            self._world.api.setTimeStep(time_step / parts, physicsClientId=self._world.client)
 
 
 class Pushed:

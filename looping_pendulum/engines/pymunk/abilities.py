@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from looping_pendulum.engines.chain import ONE_COEFFICIENT
+from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION, ONE_COEFFICIENT
 from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities
 from looping_pendulum.engines.pymunk.full_settings import Variant
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
@@ -21,11 +21,10 @@ def _supplies(links: str, contact: str) -> Supplies:
     )
 
 
+_SOLVED = "Coulomb friction between {} and circle, its coefficient solved from the capstan law for the polygon's corners"
 _SUPPLIES = {
-    Variant.BEADS: _supplies("beads", "Coulomb friction between beads and circle, corrected for the polygon's corners"),
-    Variant.SEGMENTS: _supplies(
-        "segments", "Coulomb friction between segments and circle, corrected for the polygon's corners"
-    ),
+    Variant.BEADS: _supplies("beads", _SOLVED.format("beads")),
+    Variant.SEGMENTS: _supplies("segments", _SOLVED.format("segments")),
     Variant.DEFAULTS: _supplies("beads", "Coulomb friction between beads and circle, uncorrected"),
 }
 _SUMMARIES = {
@@ -36,11 +35,14 @@ _SUMMARIES = {
 _SPRING = (
     "nothing damps its joints, which act as a spring: the string rings along its length, and the halted heavy mass with it"
 )
-_MASS = "the string has mass, a hundredth of the light mass's; 0.4 of it is taken off the light mass"
+_MASS = (
+    f"the string weighs {100 * MASS_FRACTION:g} % of the light mass; {100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken "
+    "off that"
+)
 _LIMITS = {
-    Variant.BEADS: (ONE_COEFFICIENT, _SPRING, _MASS),
-    Variant.SEGMENTS: (ONE_COEFFICIENT, _SPRING, _MASS),
-    Variant.DEFAULTS: (ONE_COEFFICIENT, _MASS, "the string stretches without bound: no run of it says anything of a string"),
+    Variant.BEADS: (ONE_COEFFICIENT, _SPRING),
+    Variant.SEGMENTS: (ONE_COEFFICIENT, _SPRING),
+    Variant.DEFAULTS: (ONE_COEFFICIENT, "the string stretches without bound: no run of it says anything of a string"),
 }
 KNOWN_FAILURES: dict[Variant, Mapping[str, str]] = {
     Variant.DEFAULTS: {
@@ -62,6 +64,7 @@ def full_abilities(variant: Variant) -> Abilities:
         packages=("pymunk",),
         summary=_SUMMARIES[variant],
         limits=_LIMITS[variant],
+        additions=(_MASS,),
         validated=shipped_range(f"pymunk:{variant.value}"),
         known_failures=KNOWN_FAILURES.get(variant, {}),
         main=False,

@@ -13,7 +13,9 @@ import dataclasses
 import math
 from typing import Any
 
+from looping_pendulum.engines.additions import measured_additions
 from looping_pendulum.engines.chain import (
+    BEADS_WEIGH,
     ONE_COEFFICIENT,
     STRAIGHT_STRING,
     SlipGauge,
@@ -248,6 +250,10 @@ class PymunkChain(TunedEngine):
         packages=("pymunk",),
         summary="Point beads on pin joints over a static circle, a slide joint for each straight part of the string.",
         limits=_LIMITS,
+        additions=(
+            *measured_additions("pymunk:chain"),
+            BEADS_WEIGH.format(100 * SETTINGS[Profile.QUICK].bead_mass_ratio),
+        ),
         validated=shipped_range("pymunk:chain"),
     )
     tuned = SETTINGS
