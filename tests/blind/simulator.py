@@ -19,9 +19,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import atan2, exp, hypot, pi, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,11 +105,10 @@ class _Contact:
     """Direction in which the rod turns."""
 
 
-@dataclass(frozen=True)
-class _Instant:
+class _Instant(NamedTuple):
     """Rates of the state and what else the step control needs."""
 
-    rates: State = field(repr=False)
+    rates: State
     wrap_angle: float
     free_length: float
     light_tension: float
@@ -247,21 +246,27 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: N
     whole = sum(paths)
     spin = 0.4 * m1 * e.light_radius**2
     light_force = _light_force(a, e)
+    # What follows runs some 10^5 times a run: names of its own are found twice as fast as attributes.
+    friction, heavy_drag, thickness, density = a.friction, a.heavy_drag, e.string_thickness, e.string_density
+    per_speed, per_wrap, on_string = e.friction_per_speed, e.friction_per_wrap, e.string_on_string
+    static_excess, compliance, mobility, bearing = e.static_excess, e.compliance, e.rod_mobility, e.bearing_friction
+    turn, static = 2 * pi, e.static_excess > 0
+    both_stiff = numerics.stiffness, numerics.stiffness
 
     def parts(passed: float) -> tuple[float, float]:
         """Stiffness of the light and of the heavy part [N/m]."""
-        if e.compliance == 0:
-            return numerics.stiffness, numerics.stiffness
+        if compliance == 0:
+            return both_stiff
         share = (paths[0] + passed) / whole
-        return 1 / (base_compliance + e.compliance * share), 1 / (base_compliance + e.compliance * (1 - share))
+        return 1 / (base_compliance + compliance * share), 1 / (base_compliance + compliance * (1 - share))
 
     def exponent(wrap: float, speed: float) -> float:
         """ln of the ratio of tensions on the edge of the friction cone."""
         if wrap <= 0:
             return 0.0
-        value = a.friction * wrap * (1 + e.friction_per_speed * speed + e.friction_per_wrap * wrap)
-        if wrap > 2 * pi:
-            value += e.string_on_string * (wrap - 2 * pi)
+        value = friction * wrap * (1 + per_speed * speed + per_wrap * wrap)
+        if wrap > turn:
+            value += on_string * (wrap - turn)
         return min(value, 80.0)
 
     first_k1, first_k2 = parts(0.0)
@@ -279,10 +284,10 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: N
         t1 = k1 * e1 + c1 * v1 if e1 > 0 else 0.0
         t2 = k2 * e2 + c2 * v2 if e2 > 0 else 0.0
         passing = 0.0
-        if not held and not (slip == 0 and e.static_excess > 0):
-            if t2 > cone * t1 and c2 > 0 and (slip <= 0 or e.static_excess == 0):
+        if not held and not (slip == 0 and static):
+            if t2 > cone * t1 and c2 > 0 and (slip <= 0 or not static):
                 passing = (cone * t1 - t2) / (c2 + cone * c1)
-            elif t1 > cone * t2 and c1 > 0 and (slip >= 0 or e.static_excess == 0):
+            elif t1 > cone * t2 and c1 > 0 and (slip >= 0 or not static):
                 passing = (t1 - cone * t2) / (c1 + cone * c2)
         return max(t1 - c1 * passing, 0.0), max(t2 + c2 * passing, 0.0), passing
 
@@ -292,14 +297,14 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: N
         free = sqrt(max(square - radius * radius, 1e-12))
         nx, ny = (radius * x + free * y) / square, (radius * y - free * x) / square  # the rod's normal where the string leaves
         wrap = atan2(ny, nx)
-        wrap += 2 * pi * round((contact.wrap_angle - wrap) / (2 * pi))
+        wrap += turn * round((contact.wrap_angle - wrap) / turn)
         path = free + radius * wrap
-        if e.string_thickness != 0 and wrap > 2 * pi - 0.5:
+        if thickness != 0 and wrap > turn - 0.5:
             for _ in range(3):  # Newton: the string's line touches the wound string, position . normal = h
-                h, slope, wound = _profile(wrap, radius, e.string_thickness)
+                h, slope, wound = _profile(wrap, radius, thickness)
                 nx, ny = math.cos(wrap), math.sin(wrap)
                 wrap -= (x * nx + y * ny - h) / (y * nx - x * ny - slope)
-            h, slope, wound = _profile(wrap, radius, e.string_thickness)
+            h, slope, wound = _profile(wrap, radius, thickness)
             nx, ny = math.cos(wrap), math.sin(wrap)
             free, path = y * nx - x * ny - slope, y * nx - x * ny + wound
         ax, ay = -ny, nx  # away from the rod along the string
@@ -325,11 +330,11 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: N
         if not dropped:
             value = exponent(wrap - tilt, abs(heavy_rate + surface))
             cone = exp(value)
-            holding = exp(value * (1 + e.static_excess)) if e.static_excess else cone
+            holding = exp(value * (1 + static_excess)) if static_excess else cone
             t1, t2, passing = tensions(stretch1, stretch2, rate - surface, heavy_rate + surface, passed, cone, contact.slip)
         fx, fy, fz = light_force(t, x, y, vx, vy, vz, ax, ay, nx, ny, free)
         along, toward = fx * ax + fy * ay - t1 * in_plane, fx * nx + fy * ny
-        string_mass = e.string_density * free
+        string_mass = density * free
         mass_across = m1 + string_mass / 3
         if spin:
             turning, share = -across / free, spin / (free * free)
@@ -337,16 +342,18 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: N
             mass_across += share
         along /= m1 + string_mass / 2
         toward /= mass_across
-        heavy_total = m2 + e.string_density * heavy_path
+        heavy_total = m2 + density * heavy_path
         heavy_speed = hypot(hvx, hvy)
-        hax = (t2 * lift_x - a.heavy_drag * heavy_speed * hvx) / heavy_total if swings else 0.0
-        hay = (t2 * lift_y - a.heavy_drag * heavy_speed * hvy) / heavy_total - g
+        hax = (t2 * lift_x - heavy_drag * heavy_speed * hvx) / heavy_total if swings else 0.0
+        hay = (t2 * lift_y - heavy_drag * heavy_speed * hvy) / heavy_total - g
         if held:
             hax = hay = 0.0
-        turning_up = e.rod_mobility * (t1 - t2 - e.bearing_friction * contact.rod) if contact.rod else 0.0
+        turning_up = mobility * (t1 - t2 - bearing * contact.rod) if contact.rod else 0.0
         return _Instant(
-            [vx, vy, vz, hvx, hvy, surface + passing]
-            + [along * ax + toward * nx, along * ay + toward * ny, fz / m1 - t1 * pull_z / m1, hax, hay, turning_up],
+            [
+                *(vx, vy, vz, hvx, hvy, surface + passing),
+                *(along * ax + toward * nx, along * ay + toward * ny, fz / m1 - t1 * pull_z / m1, hax, hay, turning_up),
+            ],
             wrap,
             free,
             t1,
@@ -364,16 +371,17 @@ def _light_force(a: Apparatus, e: Effects) -> Callable[..., Any]:
     half_string = e.string_density * a.gravity / 2
     near = -0.5 / e.magnet_range**2
     extra = any((e.side_force, e.side_stiffness, e.magnet, e.thrust))
+    wind, linear_drag, attitude_drag = e.wind, e.linear_drag, e.attitude_drag
 
     def force(
         t: float, x: float, y: float, vx: float, vy: float, vz: float, ax: float, ay: float, nx: float, ny: float, free: float
     ) -> tuple[float, float, float]:
-        wx = vx - e.wind
+        wx = vx - wind
         speed = sqrt(wx * wx + vy * vy + vz * vz)
         quadratic = drag
-        if e.attitude_drag and speed > 0:
-            quadratic *= 1 + e.attitude_drag * ((wx * ax + vy * ay) / speed) ** 2
-        resist = quadratic * speed + e.linear_drag
+        if attitude_drag and speed > 0:
+            quadratic *= 1 + attitude_drag * ((wx * ax + vy * ay) / speed) ** 2
+        resist = quadratic * speed + linear_drag
         across = vx * nx + vy * ny
         swept = string_drag * free * abs(across) * across
         fx, fy, fz = -resist * wx - swept * nx, -resist * vy - swept * ny - gravity - half_string * free, -resist * vz

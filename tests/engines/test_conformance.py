@@ -4,19 +4,44 @@ from __future__ import annotations
 
 import pytest
 
-from looping_pendulum.engines.conformance import CHECKS, CheckOutcome, examine, left_out
+from looping_pendulum.engines.conformance import CHECKS, CheckOutcome, Remembering, examine, left_out
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import all_engines, label, missing_packages
 from tests.engines.faulty import FaultyEngine
 
+CHAINS = frozenset(
+    {
+        *("mujoco:beads", "pymunk:chain", "pymunk:beads", "pymunk:segments", "pymunk:defaults"),
+        *("pybullet:chain", "pybullet:remade", "pybullet:point_to_point", "pybullet:defaults", "drake:chain"),
+    }
+)
+"""Variants that take 5 to 80 s of a processor for a second: daily, they run what the checks of `DAILY_FOR_CHAINS` share.
+
+Their friction, halts, drops and held releases are judged daily by the scenarios' tolerances, tests/test_tolerances.py.
+"""
+DAILY_FOR_CHAINS = frozenset(
+    {
+        *("makes_nothing_heavy", "samples_every_millisecond_from_rest", "velocity_is_the_rate_of_position", "is_deterministic"),
+        *("says_who_supplies_what", "string_keeps_its_length", "heavy_mass_falls_straight_down"),
+        *("release_has_the_exact_acceleration", "energy_is_kept_without_losses", "follows_the_reference_without_losses"),
+    }
+)
+
 
 def cases():
     """(engine, check) for every variant; what a variant is known to fail is a strict expected failure."""
-    for engine in all_engines(Profile.QUICK):
+    for engine in map(Remembering, all_engines(Profile.QUICK)):
         for check in CHECKS:
             reason = engine.abilities.known_failures.get(check.__name__)
             marks = [pytest.mark.xfail(reason=reason, raises=AssertionError, strict=True)] if reason else []
+            if label(engine) in CHAINS and check.__name__ not in DAILY_FOR_CHAINS:
+                marks.append(pytest.mark.accurate)
             yield pytest.param(engine, check, id=f"{label(engine)}-{check.__name__}", marks=marks)
+
+
+def test_what_is_not_run_daily_is_of_variants_and_checks_that_exist():
+    assert {label(engine) for engine in all_engines(Profile.QUICK)} >= CHAINS
+    assert {check.__name__ for check in CHECKS} >= DAILY_FOR_CHAINS
 
 
 def test_known_failures_are_of_checks_that_exist():
