@@ -25,3 +25,11 @@ class MissingPackageError(HarnessError, ImportError):
 
 class IntegrationError(HarnessError, ArithmeticError):
     """The reference could not be integrated to its end."""
+
+
+class IntegratorGaveUpError(IntegrationError):
+    """One integrator could not go on; another may."""
+
+
+class HandedOverWarning(UserWarning):
+    """Runs of the reference were solved by another integrator, since the usual one gave up."""
