@@ -8,6 +8,7 @@ import json
 import re
 import warnings
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
