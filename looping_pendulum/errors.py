@@ -27,6 +27,14 @@ class IntegrationError(HarnessError, ArithmeticError):
     """The reference could not be integrated to its end."""
 
 
+class IntegratorGaveUpError(IntegrationError):
+    """One integrator could not go on; another may."""
+
+
+class HandedOverWarning(UserWarning):
+    """Runs of the reference were solved by another integrator, since the usual one gave up."""
+
+
 def one_line(text: str) -> str:
     """Return ``text`` with whatever could break, colour or reorder a terminal's line shown as an escape."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -204,7 +204,7 @@ def _name(aligned: Aligned, result: ComparisonResult) -> str:
 
 
 def literal(text: str) -> str:
-    """``text`` as matplotlib shows it literally: two $ make a formula, and half a character or a long line is refused."""
+    """``text`` as matplotlib shows it literally: it takes what stands between two $ for a formula, and no half characters."""
     shown = utf8(text).decode()
     return (shown if len(shown) <= LONGEST_LABEL else f"{shown[:LONGEST_LABEL]}...").replace("$", r"\$")
 

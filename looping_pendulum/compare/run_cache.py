@@ -10,6 +10,7 @@ import os
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -35,6 +36,11 @@ STEEPEST = 3.0
 """Largest power of the refinement with which costs are taken to grow."""
 FIRST_GUESS = 10.0
 """Most that a cost is taken to grow to the second rung, while nothing says how it grows."""
+
+
+class DamagedRunWarning(UserWarning):
+    """A kept run cannot be read, so it is made again."""
+
 
 Progress = Callable[[float, str], None]
 """Called with the share of the work that is done, 0 to 1, and what goes on."""
@@ -113,12 +119,25 @@ class RunCache:
         self.folder = folder
 
     def get(self, task: Task, time_limit: float) -> Done | None:
-        """Return the kept run of ``task``; None if there is none, or one that a shorter time limit has cut."""
-        try:
-            with np.load(self.folder / f"{task.key}.npz", allow_pickle=False) as file:
-                rows, said = file["rows"], json.loads(str(file["said"]))
-        except (OSError, ValueError, KeyError):
+        """Return the kept run of ``task``; None if there is none, or one that a shorter time limit has cut.
+
+        A file that is damaged in whatever way is as none: the run is made again and takes its place.
+        """
+        path = self.folder / f"{task.key}.npz"
+        if not path.is_file():
             return None
+        try:
+            return self._read(path, task, time_limit)
+        except Exception as error:
+            warnings.warn(DamagedRunWarning(f"{path} is damaged ({type(error).__name__}); its run is made again"), stacklevel=2)
+            return None
+
+    @staticmethod
+    def _read(path: Path, task: Task, time_limit: float) -> Done | None:
+        with np.load(path, allow_pickle=False) as file:
+            rows, said = np.asarray(file["rows"], dtype=float), json.loads(str(file["said"]))
+        if not (rows.ndim == 2 and rows.shape[1] == len(COLUMNS) and (np.diff(rows[:, 0]) > 0).all()):
+            raise ValueError(f"{path}: found rows of shape {rows.shape}, needed {len(COLUMNS)} columns and times that grow")
         status = RunStatus[said["status"]]
         if status is RunStatus.TIME_LIMIT and said["time_limit"] < time_limit:
             return None
@@ -126,12 +145,14 @@ class RunCache:
             rows,
             parameters=task.scenario.parameters,
             status=status,
-            message=said["message"],
-            wall_time=math.nan if said["wall_time"] is None else said["wall_time"],
+            message=str(said["message"]),
+            wall_time=math.nan if said["wall_time"] is None else float(said["wall_time"]),
             **identity(task.engine, task.scenario),
         )
-        provenance = replace(run.provenance, versions=said["versions"])
-        return Done(run=replace(run, provenance=provenance), seconds=said["seconds"])
+        versions = {str(package): str(found) for package, found in said["versions"].items()}
+        provenance = replace(run.provenance, versions=versions)
+        seconds = None if said["seconds"] is None else float(said["seconds"])
+        return Done(run=replace(run, provenance=provenance), seconds=seconds)
 
     def put(self, task: Task, done: Done, time_limit: float) -> None:
         """Keep a run, unless its end says to try again."""

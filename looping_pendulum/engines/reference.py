@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 
 import numpy as np
@@ -81,7 +81,7 @@ class ReferenceEngine:
             times,
             duration=max(DURATION, scenario.duration),  # whether a stop is the halt shows only at the run's end
             tolerance=self.settings.tolerance,
-            integrator=self.settings.integrator,
+            integrator="auto" if self.settings.integrator == available_integrators()[0] else self.settings.integrator,
         )
         wall_time = time.perf_counter() - started
         trajectory = _trajectory(samples, scenario, self, wall_time)
@@ -170,6 +170,16 @@ def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine, w
         heavy_tension=heavy_tension,
         events=event_names(run),
         status=RunStatus.LIGHT_REACHED_ROD if reached else RunStatus.FINISHED,
+        message=run.handed_over,
         wall_time=wall_time,
-        provenance=engine.provenance(),
+        provenance=_provenance(engine, run),
     )
+
+
+def _provenance(engine: ReferenceEngine, run: Run) -> Provenance:
+    """What made a run; of one that was handed to another integrator, that, and why."""
+    provenance = engine.provenance()
+    if not run.handed_over:
+        return provenance
+    settings = provenance.settings | {"integrator": run.integrator, "handed_over": run.handed_over}
+    return replace(provenance, settings=settings)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.errors import IntegrationError
+from looping_pendulum.errors import IntegratorGaveUpError
 from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
@@ -95,7 +95,7 @@ class HeyokaIntegrator:
 
         Raises
         ------
-        IntegrationError
+        IntegratorGaveUpError
             If the state becomes non-finite or the steps do not end.
         """
         run = self._start(mode, t, y, signs)
@@ -113,7 +113,7 @@ class HeyokaIntegrator:
             if taylor.time >= until:
                 break
         else:
-            raise IntegrationError(f"{mode.name.lower()}: no event within {MAX_STEPS} steps, at t = {taylor.time:g} s")
+            raise IntegratorGaveUpError(f"{mode.name.lower()}: no event within {MAX_STEPS} steps, at t = {taylor.time:g} s")
         return event, taylor.time, self._final(run), _segment(run, signs, series, times)
 
     def advance_sampled(
@@ -146,7 +146,7 @@ class HeyokaIntegrator:
         number = -int(getattr(outcome, "value", outcome)) - 1
         if not 0 <= number < len(run.events):
             state = ", ".join(f"{value:g}" for value in run.integrator.state)
-            raise IntegrationError(f"{run.mode.name.lower()}: integration broke down ({outcome}) at state {state}")
+            raise IntegratorGaveUpError(f"{run.mode.name.lower()}: integration broke down ({outcome}) at state {state}")
         return meaning(run.events[number], signs)
 
 

@@ -43,6 +43,8 @@ class Run:
     tolerance: float
     events: tuple[RunEvent, ...]
     """Every event in order, the release first and the end last."""
+    handed_over: str = ""
+    """Why another integrator than the usual one solved this run; empty if it did not."""
 
     @property
     def end(self) -> RunEvent:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
+from typing import Any, TypeVar
 
 import numpy as np
 
-from looping_pendulum.errors import MissingPackageError
+from looping_pendulum.errors import HandedOverWarning, IntegratorGaveUpError, MissingPackageError
 from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Run, Samples, Solution, join
+
+T = TypeVar("T")
 
 TOLERANCE = 1e-12
 DURATION = 5.0
@@ -32,7 +37,8 @@ def solve(
     tolerance
         Relative tolerance of a step.
     integrator
-        "heyoka", "scipy", or "auto": heyoka where it is installed.
+        "heyoka", "scipy", or "auto": heyoka where it is installed; a run at which it gives up is handed to SciPy, with a
+        `HandedOverWarning`, and says so (`Run.handed_over`).
 
     Raises
     ------
@@ -41,9 +47,17 @@ def solve(
     MissingPackageError
         If heyoka is asked for by name and not installed.
     """
-    driver = Driver(parameters, duration, tolerance, _chosen(integrator))
-    segments = driver.run_dense()
-    return Solution(**driver.record(), segments=tuple(segments))
+    solution = solve_quietly(parameters, duration=duration, tolerance=tolerance, integrator=integrator)
+    _warn(solution)
+    return solution
+
+
+def solve_quietly(
+    parameters: Parameters, *, duration: float = DURATION, tolerance: float = TOLERANCE, integrator: str = "auto"
+) -> Solution:
+    """As `solve`; that a run was handed over only its `Run.handed_over` says."""
+    record, segments = _driven(parameters, duration, tolerance, integrator, Driver.run_dense)
+    return Solution(**record, segments=tuple(segments))
 
 
 def solve_at(
@@ -58,9 +72,37 @@ def solve_at(
 
     Times after the run's end are left out, so the samples may be fewer than the times.
     """
-    driver = Driver(parameters, duration, tolerance, _chosen(integrator))
-    parts = driver.run_sampled(np.asarray(t, dtype=float))
-    return join(Run(**driver.record()), parts)
+    times = np.asarray(t, dtype=float)
+    record, parts = _driven(parameters, duration, tolerance, integrator, lambda driver: driver.run_sampled(times))
+    run = Run(**record)
+    _warn(run)
+    return join(run, parts)
+
+
+def _driven(
+    parameters: Parameters, duration: float, tolerance: float, integrator: str, drive: Callable[[Driver], T]
+) -> tuple[dict[str, Any], T]:
+    """Drive a run to its end; return its record, and what ``drive`` returned.
+
+    Where the choice of the integrator is ours, and heyoka gives up, SciPy goes over the whole run: near some ends Taylor
+    steps become too short to arrive, and those of DOP853 do not.
+    """
+    chosen = _chosen(integrator)
+    driver = Driver(parameters, duration, tolerance, chosen)
+    try:
+        driven = drive(driver)
+    except IntegratorGaveUpError as error:
+        if integrator != "auto" or chosen == "scipy":
+            raise
+        driver = Driver(parameters, duration, tolerance, "scipy")
+        driven = drive(driver)
+        return driver.record() | {"handed_over": f"{chosen} gave up ({error}), so SciPy solved this run"}, driven
+    return driver.record(), driven
+
+
+def _warn(run: Run) -> None:
+    if run.handed_over:
+        warnings.warn(HandedOverWarning(run.handed_over), stacklevel=3)
 
 
 @cache

@@ -44,15 +44,25 @@ def open_map(folder: Path | str) -> xarray.Dataset:
     Raises
     ------
     MapError
-        If there is none.
+        If there is none, or if what is needed to read it is missing or damaged.
     """
     import xarray as xr
 
+    from looping_pendulum.scenarios.document import one_line, shorten
     from looping_pendulum.sweep.plan import MapError
-    from looping_pendulum.sweep.store import STORE
+    from looping_pendulum.sweep.store import STORE, coordinate_file
+
+    mend = "`looping-pendulum map` of the same file in that folder mends or names it"
 
     path = Path(folder) / STORE
     if not (path / "zarr.json").is_file():
         raise MapError(f"{folder}: found no map, needed a folder that `looping-pendulum map` wrote")
-    data: xr.Dataset = xr.open_zarr(path)
+    try:
+        data: xr.Dataset = xr.open_zarr(path)
+    except Exception as error:  # of whatever kind a damaged file raises
+        why = f"{type(error).__name__}: {shorten(' '.join(str(error).split()))}"
+        raise MapError(one_line(f"{path}: found it damaged ({why}); {mend}")) from None
+    for name in data.indexes:
+        if not coordinate_file(path, str(name)).is_file():
+            raise MapError(one_line(f"{path}: found no values of {name}; {mend}"))
     return data

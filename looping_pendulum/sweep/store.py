@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import zarr
+import zarr.storage
 from zarr.codecs import ZstdCodec
 
 from looping_pendulum.scenarios import dump
@@ -34,6 +35,10 @@ STORE = "map.zarr"
 PART = ".map.zarr.part"
 """What it is called while it is made."""
 LOCK = ".lock"
+METADATA = "zarr.json"
+"""Where a group or an array is described."""
+DESCRIPTION = ("shape", "data_type", "chunk_grid", "chunk_key_encoding", "dimension_names", "attributes")
+"""What of such a description the values are read by."""
 BYTES_PER_RUN = sum(np.dtype(field.dtype).itemsize for field in FIELDS)
 """Uncompressed."""
 
@@ -130,6 +135,8 @@ def open_store(plan: MapPlan, folder: Path) -> MapStore:
         os.replace(part, folder / STORE)
     else:
         _refuse_other(plan, folder)
+        _refuse_damaged(plan, folder / STORE)
+        _mend_coordinates(plan, folder / STORE)
     return MapStore(plan, folder)
 
 
@@ -193,7 +200,71 @@ def _refuse_other(plan: MapPlan, folder: Path) -> None:
             raise MapError(one_line(f"{message}: install {package} {old}, or {way_out}"))
 
 
-def _create(plan: MapPlan, path: Path) -> None:
+def _refuse_damaged(plan: MapPlan, path: Path) -> None:
+    """Refuse a store whose description of its arrays is not what this map's is: its numbers would be read wrongly."""
+    whole = zarr.storage.MemoryStore()
+    _create(plan, whole)
+    names = [name for name, _ in zarr.open_group(whole, mode="r").arrays()]
+    seen = {file: _description(path / file) for file in (METADATA, *(f"{name}/{METADATA}" for name in names))}
+    together = (seen[METADATA].get("consolidated_metadata") or {}).get("metadata") or {}
+    for name in names:
+        wanted = zarr.open_group(whole, mode="r")[name].metadata.to_dict()
+        wanted = json.loads(json.dumps(wanted, default=str))
+        for file, found in ((f"{name}/{METADATA}", seen[f"{name}/{METADATA}"]), (METADATA, together.get(name) or {})):
+            for key in _described(plan, name):
+                if found.get(key) != wanted[key]:
+                    what = f"{key} {shorten(json.dumps(found.get(key)))} of {name}, needed {shorten(json.dumps(wanted[key]))}"
+                    raise _damaged(path / file, what)
+
+
+def _described(plan: MapPlan, name: str) -> tuple[str, ...]:
+    """What of an array's description must be as written; maps of an earlier version coded their coordinates otherwise."""
+    coordinate = name == "engine" or (isinstance(plan.design, Grid) and name in plan.design.dims)
+    return DESCRIPTION if coordinate else (*DESCRIPTION, "fill_value", "codecs")
+
+
+def _description(path: Path) -> dict[str, Any]:
+    """What a zarr.json says.
+
+    Raises
+    ------
+    MapError
+        If it is not there or damaged.
+    """
+    try:
+        found = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError) as error:
+        raise _damaged(path, f"{type(error).__name__}: {error}") from None
+    if not isinstance(found, dict):
+        raise _damaged(path, "no description of an array")
+    return found
+
+
+def _damaged(path: Path, what: str) -> MapError:
+    way_out = "restore that file from a copy, or delete the map and make it again"
+    return MapError(one_line(f"{path}: found it damaged ({what}); {way_out}"))
+
+
+def _mend_coordinates(plan: MapPlan, path: Path) -> None:
+    """Write coordinates again that are not there, damaged or other than the map file says."""
+    group = zarr.open_group(path, mode="r+", use_consolidated=False)
+    wanted: dict[str, Any] = {"engine": np.array(plan.engines, dtype=object)} if plan.several else {}
+    wanted |= {axis.name: axis.values for axis in plan.design.axes} if isinstance(plan.design, Grid) else {}
+    for name, values in wanted.items():
+        try:
+            whole = coordinate_file(path, name).is_file() and np.array_equal(np.asarray(group[name]), values)
+        except Exception:  # of whatever kind a damaged chunk raises
+            whole = False
+        if not whole:
+            group[name][...] = values
+
+
+def coordinate_file(store: Path, name: str) -> Path:
+    """The one chunk of a coordinate."""
+    return store / name / "c" / "0"
+
+
+def _create(plan: MapPlan, path: Path | zarr.storage.MemoryStore) -> None:
     """Write all but the results."""
     group = zarr.open_group(path, mode="w", zarr_format=3, attributes=attributes(plan))
     dims, shape, chunks = plan.design.dims, plan.design.shape, plan.chunk_shape
@@ -244,6 +315,13 @@ def _empty_array(
 def _whole_array(group: Any, name: str, values: Any, said: dict[str, Any], dtype: Any = "float64") -> None:
     """Write a coordinate."""
     array = group.create_array(
-        name, shape=values.shape, chunks=values.shape, dtype=dtype, dimension_names=(name,), attributes=said
+        name,
+        shape=values.shape,
+        chunks=values.shape,
+        dtype=dtype,
+        fill_value="" if dtype is str else float("nan"),  # of a lost chunk: zarr's own 0 would pass for a value
+        dimension_names=(name,),
+        attributes=said,
+        compressors=[ZstdCodec(level=3, checksum=True)],
     )
     array[...] = values

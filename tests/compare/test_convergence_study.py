@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import io
+import json
+import re
+import warnings
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -15,7 +20,7 @@ from looping_pendulum.compare.convergence.plots import draw
 from looping_pendulum.compare.convergence.report import halting_verdict, render
 from looping_pendulum.compare.convergence.result import HALT, ConvergenceResult
 from looping_pendulum.compare.convergence.study import changed_starts, judge, plan, study_convergence, watched, write
-from looping_pendulum.compare.run_cache import Done, RunCache, Runner, Task, run_key
+from looping_pendulum.compare.run_cache import DamagedRunWarning, Done, RunCache, Runner, Task, run_key
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Truth
 from looping_pendulum.engines.registry import select
@@ -137,7 +142,8 @@ def test_a_study_is_kept_and_goes_on(tmp_path, scenario, counted):
     assert len(counted) == 10, "all were kept"
     assert dataclasses.replace(again, clock=first.clock) == first
     next((tmp_path / "runs").iterdir()).write_bytes(b"half a file")
-    study_convergence(scenario, [engine], tmp_path, jobs=1)
+    with pytest.warns(DamagedRunWarning, match="its run is made again"):
+        study_convergence(scenario, [engine], tmp_path, jobs=1)
     assert len(counted) == 11, "a damaged file is a run to be made again"
     assert ConvergenceResult.from_json(first.to_json()) == first
 
@@ -211,3 +217,62 @@ def test_the_name_of_a_run_tells_settings_and_scenario_apart(scenario):
     keys.add(run_key(DelayedEngine(time_step=STEPS[0]), dataclasses.replace(scenario, duration=0.5)))
     assert len(keys) == 5
     assert run_key(DelayedEngine(), scenario) == run_key(DelayedEngine(), scenario)
+
+
+def archive(**arrays):
+    out = io.BytesIO()
+    np.savez_compressed(out, **arrays)
+    return out.getvalue()
+
+
+SAID = {"status": "FINISHED", "message": "", "wall_time": 1.0, "seconds": 1.0, "time_limit": 10.0, "versions": {}}
+DAMAGED = {
+    "nothing": b"",
+    "text": b"half a file",
+    "a zip's begin": b"PK\x03\x04" + bytes(100),  # BadZipFile, which is no ValueError, ended the command
+    "another archive": archive(other=np.zeros(3)),
+    "one array": archive(rows=np.zeros((2, 10))),
+    "rows of another width": archive(rows=np.zeros((2, 3)), said=json.dumps(SAID)),
+    "times that stay": archive(rows=np.zeros((2, 10)), said=json.dumps(SAID)),
+    "no numbers": archive(rows=np.array([["a"] * 10]), said=json.dumps(SAID)),
+    "no JSON": archive(rows=np.zeros((1, 10)), said="{"),
+    "a list": archive(rows=np.zeros((1, 10)), said="[]"),
+    "deep": archive(rows=np.zeros((1, 10)), said="[" * 10**5),
+    **{f"without {key}": archive(rows=np.zeros((1, 10)), said=json.dumps({k: SAID[k] for k in SAID if k != key}))
+       for key in SAID if key != "time_limit"},
+    "another status": archive(rows=np.zeros((1, 10)), said=json.dumps(SAID | {"status": "DONE"})),
+    "text for a time": archive(rows=np.zeros((1, 10)), said=json.dumps(SAID | {"wall_time": "long"})),
+    "versions in a list": archive(rows=np.zeros((1, 10)), said=json.dumps(SAID | {"versions": ["7.3"]})),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("damage", DAMAGED)
+def test_a_damaged_file_of_a_run_is_a_run_to_be_made_again(tmp_path, scenario, in_this_process, damage):
+    engine = DelayedEngine()
+    task = Task(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
+    path = tmp_path / f"{task.key}.npz"
+    path.write_bytes(DAMAGED[damage])
+    with pytest.warns(DamagedRunWarning, match=f"{re.escape(task.key)}.npz is damaged"):
+        done = Runner(RunCache(tmp_path), jobs=1, time_limit=10, budget=None).run([task])
+    assert done[task.key].run.status.ok
+    again = RunCache(tmp_path).get(task, 10.0)  # it has taken the damaged one's place
+    assert np.array_equal(again.run.light_position, done[task.key].run.light_position)
+
+
+def test_a_kept_run_cut_anywhere_or_with_a_flipped_bit_is_never_a_traceback(tmp_path, scenario):
+    engine = DelayedEngine()
+    task = Task(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
+    kept = RunCache(tmp_path)
+    kept.put(task, Done(run=engine.simulate(scenario), seconds=1.0), time_limit=10.0)
+    path = tmp_path / f"{task.key}.npz"
+    whole, good = path.read_bytes(), kept.get(task, 10.0)
+    rng = np.random.default_rng(1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DamagedRunWarning)
+        for _ in range(60):
+            data, place = bytearray(whole), int(rng.integers(len(whole)))
+            data[place] ^= 1 << int(rng.integers(8))
+            for bad in (bytes(data), whole[:place]):
+                path.write_bytes(bad)
+                found = kept.get(task, 10.0)
+                assert found is None or np.array_equal(found.run.light_position, good.run.light_position)

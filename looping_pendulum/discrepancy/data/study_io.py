@@ -19,6 +19,7 @@ from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import document
 from looping_pendulum.scenarios.document import Document, one_line
+from looping_pendulum.scenarios.measured import DATA_VARIABLE
 from looping_pendulum.scenarios.schema import suggest
 from looping_pendulum.scenarios.units import show
 
@@ -92,8 +93,26 @@ def _study(content: StudyFile, doc: Document, name: str, folder: Path) -> Study:
     )
     _check_names(study, doc)
     for i, trial in enumerate(study.trials):
+        _check_places(folder, trial, doc, i)
         _check_trial(study, trial, doc, i)
     return study
+
+
+def _check_places(folder: Path, trial: Trial, doc: Document, index: int) -> None:
+    """Refuse files that lie elsewhere: a study from a stranger must not have any file of this computer read and reported on."""
+    below = [Path(os.path.realpath(each)) for each in (folder, os.curdir, os.environ.get(DATA_VARIABLE)) if each is not None]
+    keys = ("file",) if len(trial.files) == 1 else tuple(("files", mass) for _, tracks in trial.files for mass in tracks)
+    named = [(key, path) for key, (path, _) in zip(keys, trial.files, strict=True)]
+    named += [("events", trial.events)] if trial.events is not None else []
+    for key, path in named:
+        where = ("trials", index, *((key,) if isinstance(key, str) else key))
+        try:
+            place = Path(os.path.realpath(folder / path))
+        except ValueError:
+            raise doc.error(where, f"found {document.quote(path)}, which is no possible file name; needed one") from None
+        if not any(place.is_relative_to(each) for each in below):
+            message = f"found {document.quote(path)}, needed a file below the study's folder or the current one"
+            raise doc.error(where, f"{message}; put it there, or name its folder in ${DATA_VARIABLE}")
 
 
 def _given(group: Any, names: Mapping[str, str]) -> dict[str, Estimate]:

@@ -23,7 +23,7 @@ from looping_pendulum.engines.reference import event_names
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Samples
-from looping_pendulum.reference_ode.solve import DURATION, solve_at
+from looping_pendulum.reference_ode.solve import DURATION, available_integrators, solve_at
 from looping_pendulum.scenarios.document import quote
 
 SAMPLE_STEP = 1e-3
@@ -61,7 +61,7 @@ def check_events(observations: Observations) -> None:
 
 def run_for_events(parameters: Parameters) -> Samples:
     """Run to its end, as halts need, at the times that extrema need."""
-    return solve_at(parameters, _GRID, duration=DURATION)
+    return solve_at(parameters, _GRID, duration=DURATION, integrator=available_integrators()[0])
 
 
 def landmarks(samples: Samples, camera: Camera) -> Landmarks:

@@ -257,7 +257,8 @@ class Problem:
         def sample(t: Array) -> Samples:
             last = self._last[k]
             if last is None or last[1] is not t or last[0] != parameters:
-                self._last[k] = last = parameters, t, solve_at(parameters, t, duration=float(t[-1]) + 1e-3)
+                run = solve_at(parameters, t, duration=float(t[-1]) + 1e-3, integrator=available_integrators()[0])
+                self._last[k] = last = parameters, t, run
             return last[2]
 
         d = self.data[k]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from contextlib import nullcontext
 
 import numpy as np
 
-from looping_pendulum.errors import ParameterError
+from looping_pendulum.errors import HandedOverWarning, ParameterError
 from looping_pendulum.processes import safe_spawning
 from looping_pendulum.reference_ode.batch.numbers import COLUMNS, Columns, member
 from looping_pendulum.reference_ode.batch.result import ENDS, FAILED, BatchResult, sequence_hash
@@ -31,8 +32,9 @@ def solve_batch(
 ) -> BatchResult:
     """Integrate many runs that share ``base`` but for ``columns``; each result equals that of `solve`.
 
-    With heyoka, and effects that add nothing to the state, all runs are stepped together; else one after another. A result does
-    not depend, in any bit, on the other runs, their order, or which process has it.
+    With heyoka, and effects that add nothing to the state, all runs are stepped together; else one after another. A run at
+    which heyoka gives up is handed to SciPy, with one `HandedOverWarning` for all, and marked (`BatchResult.handed_over`).
+    A result does not depend, in any bit, on the other runs, their order, or which process has it.
 
     Parameters
     ----------
@@ -65,7 +67,11 @@ def solve_batch(
             work(Runs(job, progress))
         else:
             work_together(job, progress)
-    return job.result()
+    result = job.result()
+    count = int(np.count_nonzero(result.handed_over))
+    if count:
+        warnings.warn(HandedOverWarning(f"heyoka gave up at {count} of {n} runs, so SciPy solved these"), stacklevel=2)
+    return result
 
 
 def sample_batch(

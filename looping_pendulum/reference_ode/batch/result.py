@@ -55,6 +55,8 @@ class BatchResult:
     """[s]"""
     sequence: NDArray[np.uint64]
     """Hash of the sequence of modes (`sequence_hash`)."""
+    handed_over: NDArray[np.int8]
+    """1 where heyoka gave up and SciPy solved the run, else 0."""
 
     def __len__(self) -> int:
         return len(self.end)
@@ -93,6 +95,7 @@ _COLUMN_KINDS: dict[str, tuple[Any, float]] = {
     "slack_intervals": (np.int32, 0),
     "end": (np.int8, FAILED),
     "sequence": (np.uint64, 0),
+    "handed_over": (np.int8, 0),
 }
 
 
@@ -137,4 +140,5 @@ def summary(run: Run) -> dict[str, Any]:
         "end": ENDS.index(end.event),
         "end_time": run.end_time,
         "sequence": sequence_hash(run.modes),
+        "handed_over": int(bool(run.handed_over)),
     }

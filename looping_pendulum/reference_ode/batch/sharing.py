@@ -21,7 +21,7 @@ from looping_pendulum.reference_ode.batch.steps import covered
 from looping_pendulum.reference_ode.effects import COEFFICIENTS
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.solve import available_integrators, solve
+from looping_pendulum.reference_ode.solve import available_integrators, solve_quietly
 
 _SPAWN = multiprocessing.get_context("spawn")
 """Not forked: a copy of a process whose libraries have threads may hang."""
@@ -152,7 +152,7 @@ def work(runs: Runs) -> None:
         left = runs.singly()
     for i in left:
         try:
-            run = solve(member(job.base, runs.columns, i), duration=job.duration, tolerance=job.tolerance)
+            run = solve_quietly(member(job.base, runs.columns, i), duration=job.duration, tolerance=job.tolerance)
         except (HarnessError, ArithmeticError):
             pass
         else:
