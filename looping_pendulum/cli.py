@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from looping_pendulum import __version__
+from looping_pendulum.cli_check import check
 from looping_pendulum.cli_common import (
     BAD_INPUT,
     COMPARE_FILES,
@@ -209,38 +210,7 @@ def compare(
     exit_for(runs, within=result.within_tolerance)
 
 
-@app.command()
-def check(
-    scenario: Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...", help="Default: every shipped one.")] = None,
-    engine: EngineNames = None,
-    profile: ProfileName = ProfileChoice.QUICK,
-    time_limit: TimeLimit = 900.0,
-    memory_limit: MemoryLimit = "2 GiB",
-    jobs: Jobs = None,
-) -> None:
-    """Check the tolerances that stand in the scenarios' files; write nothing.
-
-    Engines whose tolerances a scenario does not name are not run.
-    """
-    from looping_pendulum.scenarios import loader
-
-    within = True
-    for chosen in [load_scenario(name) for name in scenario or loader.shipped()]:
-        named = sorted({t.engine for t in chosen.tolerances if t.profile == profile.value})
-        wanted = [name for name in named if not engine or any(name == e or name.startswith(f"{e}:") for e in engine)]
-        if not wanted:
-            say(f"{chosen.name}: no tolerances for profile {profile.value}")
-            continue
-        result = run_and_compare(chosen, wanted, profile, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
-        table = new_table("scenario", "engine", "metric", "value", "limit", "outcome")
-        for t in result.tolerances:
-            value = "" if t.value is None else f"{t.value:.6g}"
-            table.add_row(chosen.name, t.engine, t.metric, value, f"{t.limit:.6g}", t.outcome.value)
-        show_table(table)
-        within = within and result.within_tolerance
-    raise typer.Exit(0 if within else OUTSIDE)
-
-
+app.command()(check)
 app.command()(conformance)
 app.command()(converge)
 app.command("map")(map_)

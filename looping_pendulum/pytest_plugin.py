@@ -10,7 +10,7 @@ import hashlib
 import re
 import tempfile
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,12 @@ SUFFIXES = (".scenario.yaml", ".scenario.yml")
 
 SCENARIO_KEYS = tuple(re.compile(rf"^{key}\s*:", re.MULTILINE).search for key in ("light", "heavy", "rod", "release"))
 """A YAML file given on the command line that has all of these is a scenario; others are left to other plugins."""
+
+NOTHING_JUDGED = 2
+"""Exit status of a session that met scenarios and judged nothing of any.
+
+It is that of `looping-pendulum check`, and pytest's own for a faulty file.
+"""
 
 RUN = "run"
 """Item that fails where the engine's run itself broke off, whatever its metrics."""
@@ -70,8 +76,51 @@ def _is_scenario(path: Path) -> bool:
     return all(search(text) for search in SCENARIO_KEYS)
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, Any]:
+    """Mark the reports of our items, so that they are known wherever they are counted (under xdist, in another process)."""
+    report = yield
+    if isinstance(item, (ToleranceItem, NothingToJudge)):
+        report.looping_pendulum = True
+    return report
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Count in this session what is judged."""
+    if not hasattr(config, "workerinput"):
+        config.pluginmanager.register(Tally(), "looping-pendulum-tally")
+
+
+class Tally:
+    """How many of our items this session has seen and judged; under xdist, in the process that the reports come to."""
+
+    def __init__(self) -> None:
+        self.seen = 0
+        self.judged = 0
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        """Count: a skip, or an error in an item's setup, judges nothing."""
+        if getattr(report, "looping_pendulum", False):
+            self.seen += report.when == "setup"
+            self.judged += report.when == "call"
+
+    def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
+        """Leave with `NOTHING_JUDGED` where that is so: pytest calls a session of skips a success."""
+        ended = exitstatus in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED)
+        if ended and self.seen and not self.judged:
+            session.exitstatus = NOTHING_JUDGED
+
+    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
+        """Say so."""
+        if self.seen and not self.judged:
+            terminalreporter.write_line(
+                f"looping-pendulum: nothing was judged: no limit of a scenario is on an engine that runs here; "
+                f"exit status {NOTHING_JUDGED}"
+            )
+
+
 class OutsideToleranceError(Exception):
-    """A limit is not kept; the message is the judgement."""
+    """A limit is not kept, or there is none to judge; the message says so."""
 
 
 class ScenarioFile(pytest.File):
@@ -79,26 +128,31 @@ class ScenarioFile(pytest.File):
 
     def collect(self) -> Iterable[pytest.Item | pytest.Collector]:
         """Read the scenario and group its tolerances."""
+        from looping_pendulum.compare.declared_limits import nothing_to_judge, with_variants
+        from looping_pendulum.engines.protocol import Profile
         from looping_pendulum.errors import HarnessError
         from looping_pendulum.scenarios import loader
 
         profile = self.config.getoption("--lp-profile")
         try:
-            scenario = loader.load(self.path)
+            scenario = with_variants(loader.load(self.path), Profile(profile))
             asked = _asked(self.config.getoption("--lp-engines"), profile)
         except HarnessError as error:
             raise self.CollectError(str(error)) from None
-        own = [t for t in scenario.tolerances if t.profile == profile]
-        wanted = [t for t in own if asked is None or t.engine in asked]
-        for engine in dict.fromkeys(t.engine for t in wanted):
-            limits = tuple(t for t in wanted if t.engine == engine)
-            yield EngineVariant.from_parent(self, name=engine, scenario=scenario, tolerances=limits)
-        if not wanted:
-            have = ", ".join(dict.fromkeys(t.engine for t in own))
-            why = f"it has them for {have}" if own else "add some under `tolerances:`"
-            item = NothingToJudge.from_parent(self, name="tolerances")
-            item.add_marker(pytest.mark.skip(reason=f"no tolerances for profile {profile}: {why}"))
+        lacking = nothing_to_judge(scenario, profile, asked)
+        if lacking:
+            item = NothingToJudge.from_parent(self, name="tolerances", why=lacking)
+            if asked is not None:  # whoever leaves engines out leaves scenarios out
+                item.add_marker(pytest.mark.skip(reason=lacking))
             yield item
+            return
+        wanted = [t for t in scenario.tolerances if t.profile == profile and (asked is None or t.engine in asked)]
+        gaps = {engine: _gap(engine, profile, scenario) for engine in dict.fromkeys(t.engine for t in wanted)}
+        for engine, gap in gaps.items():
+            limits = tuple(t for t in wanted if t.engine == engine)
+            yield EngineVariant.from_parent(self, name=engine, scenario=scenario, tolerances=limits, gap=gap)
+        if all(gaps.values()):
+            yield NothingToJudge.from_parent(self, name="tolerances", why="; ".join(gaps.values()))
 
 
 def _asked(names: str, profile: str) -> set[str] | None:
@@ -118,10 +172,22 @@ def _asked(names: str, profile: str) -> set[str] | None:
 
 
 class NothingToJudge(pytest.Item):
-    """Says that a scenario has no tolerances, as a skip that is seen."""
+    """Says that nothing is judged of a scenario: an error, or a skip where --lp-engines left it out."""
+
+    def __init__(self, *, why: str, **rest: Any) -> None:
+        super().__init__(**rest)
+        self.why = why
+
+    def setup(self) -> None:
+        """Fail before there is anything to run."""
+        raise OutsideToleranceError(f"{self.path.name}: nothing was judged: {self.why}")
 
     def runtest(self) -> None:
-        """Do nothing: the item is always skipped."""
+        """Do nothing: `setup` never lets it come so far."""
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """Show the reason without a traceback."""
+        return str(excinfo.value)
 
     def reportinfo(self) -> tuple[Path, int, str]:
         """Where the item is from."""
@@ -131,8 +197,9 @@ class NothingToJudge(pytest.Item):
 class EngineVariant(pytest.Collector):
     """One engine variant on one scenario: its run, and an item per tolerance."""
 
-    def __init__(self, *, scenario: Scenario, tolerances: tuple[Tolerance, ...], **rest: Any) -> None:
+    def __init__(self, *, scenario: Scenario, tolerances: tuple[Tolerance, ...], gap: str, **rest: Any) -> None:
         super().__init__(**rest)
+        self.gap = gap
         self.scenario = scenario
         self.tolerances = tolerances
         self._result: ComparisonResult | None = None
@@ -140,11 +207,10 @@ class EngineVariant(pytest.Collector):
 
     def collect(self) -> Iterable[pytest.Item]:
         """One item for the run itself, and one per metric."""
-        gap = _gap(self.name, self.config.getoption("--lp-profile"), self.scenario)
         for metric in (RUN, *(t.metric for t in self.tolerances)):
             item = ToleranceItem.from_parent(self, name=metric)
-            if gap:
-                item.add_marker(pytest.mark.skip(reason=gap))
+            if self.gap:
+                item.add_marker(pytest.mark.skip(reason=self.gap))
             if self.config.pluginmanager.hasplugin("xdist"):
                 item.add_marker(pytest.mark.xdist_group(self.nodeid))
             yield item
@@ -211,16 +277,11 @@ class EngineVariant(pytest.Collector):
 
 
 def _gap(wanted: str, profile: str, scenario: Scenario) -> str:
-    """Why there is no run of an engine here, and the way to get it; empty: there is one, or its failure will say why not."""
+    """Why there is no run of an engine variant here, and the way to get it; empty: there is one."""
     from looping_pendulum.engines.protocol import Profile
-    from looping_pendulum.engines.registry import how_to_get, label, loaded, missing_packages, offers
+    from looping_pendulum.engines.registry import how_to_get, label, loaded, missing_packages
 
-    name = wanted.partition(":")[0]
-    if name not in {offer.name for offer in offers()}:
-        return f"no installed package offers the engine {name!r}; install the one that does, or correct the name"
-    engine = next((engine for engine in loaded(Profile(profile))[0] if label(engine) == wanted), None)
-    if engine is None:
-        return ""
+    (engine,) = (engine for engine in loaded(Profile(profile))[0] if label(engine) == wanted)
     missing = missing_packages(engine)
     if missing:
         return f"{wanted}: {missing[0]} is not installed; to get it: {how_to_get(missing[0])}"
@@ -246,7 +307,7 @@ class ToleranceItem(pytest.Item):
             if result.broke_off(engine):
                 raise OutsideToleranceError(self._story(f"its run broke off: {engine.status_sentence}", engine))
             return
-        judged = next(t for t in result.judged(engine) if t.metric == self.name)
+        (judged,) = (t for t in result.judged(engine) if t.metric == self.name)
         if judged.expected_failure and not judged.outcome.good:
             raise OutsideToleranceError(self._story(_judgement(judged), engine))
         if judged.expected_failure:

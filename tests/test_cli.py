@@ -146,6 +146,47 @@ def test_outside_tolerance_is_exit_status_one(tmp_path):
     assert "fail" in done.stdout
 
 
+def limited(folder, tolerances):
+    """Path of the shipped drop with other tolerances."""
+    text = command("scenarios", "drop").stdout
+    path = folder / "mine.yaml"
+    path.write_text(text[: text.index("tolerances:")] + tolerances)
+    return str(path)
+
+
+LIMIT = "tolerances: {%s: {quick: {tube_fraction: {limit: 0.5, reason: easily kept}}}}\n"
+
+
+def test_a_check_that_judges_nothing_is_exit_status_two(tmp_path):
+    offer(tmp_path, "FaultyEngine('missing', packages=('no_such_package',), releases=Release)")
+    path = limited(tmp_path, LIMIT % "'faulty:missing'")
+    done = command("check", path, also=tmp_path)
+    assert done.returncode == 2
+    assert "not run" in done.stdout  # the gap stays visible
+    assert "nothing was judged of mine: faulty:missing: the engine is not installed" in done.stderr
+    assert "nothing was judged of mine: no tolerances for profile accurate: it has them for profile quick" in one_line_error(
+        command("check", path, "-p", "accurate", also=tmp_path)
+    )
+    assert "nothing was judged: no scenario has tolerances" in one_line_error(
+        command("check", path, "-e", "pymunk", also=tmp_path)
+    )
+    assert "add some under `tolerances:`" in one_line_error(command("check", limited(tmp_path, ""), also=tmp_path))
+
+
+def test_an_unknown_engine_in_a_tolerance_or_option_is_an_error(tmp_path):
+    path = limited(tmp_path, LIMIT % "'pymunk:chian'")
+    said = "mine: tolerances: no engine is called 'pymunk:chian'; did you mean 'pymunk:chain'?"
+    assert said in one_line_error(command("check", path))
+    assert said in one_line_error(command("compare", path, "-e", "reference", "--out", str(tmp_path / "report")))
+    assert "--engine: no engine is called 'pymnk'" in one_line_error(command("check", "drop", "-e", "pymnk"))
+
+
+def test_a_tolerance_under_an_engines_name_is_judged_of_its_main_variants(tmp_path):
+    done = command("check", limited(tmp_path, LIMIT % "reference"))
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("pass") == 2, done.stdout
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 def test_interrupt_keeps_what_was_computed(tmp_path):
     arguments = [sys.executable, "-m", "looping_pendulum", "compare", "held", "-e", "pymunk", "--out", str(tmp_path)]

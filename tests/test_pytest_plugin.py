@@ -39,18 +39,29 @@ tolerances:
 """
 OTHERS = """
 tolerances:
-  nowhere:chain:
-    quick:
-      rms_0.35s: {limit: 1 mm, reason: nobody offers it}
-  pymunk:chian:
-    quick:
-      rms_0.35s: {limit: 1 mm, reason: a slip of the pen}
   faulty:missing:
     quick:
       rms_0.35s: {limit: 1 mm, reason: its package is missing}
   faulty:segfault:
     quick:
       string_stretch: {limit: 1 m, reason: kept before it dies}
+"""
+
+
+MISSING = """
+tolerances:
+  faulty:missing:
+    quick:
+      rms_0.35s: {limit: 1 mm, reason: its package is missing}
+"""
+BY_NAME = """
+tolerances:
+  faulty:
+    quick:
+      string_stretch: {limit: 1 m, reason: of both main variants}
+  faulty:other:
+    quick:
+      string_stretch: {limit: 0 m, reason: "of this one", expected_failure: "wrongly declared"}
 """
 
 
@@ -159,22 +170,84 @@ def test_engines_that_are_not_here_are_skips_with_the_way_to_get_them_and_crashe
         "FaultyEngine('segfault', releases=Release)",
     )
     done = run(pytester, "-rs")
-    done.assert_outcomes(skipped=4, failed=3, passed=1)
+    done.assert_outcomes(skipped=2, failed=1, passed=1)
     done.stdout.fnmatch_lines_random(
         [
-            "*pymunk:chian: run*",
-            "mine.scenario.yaml: tolerances: no engine is called 'pymunk:chian'; did you mean 'pymunk:chain'?*",
             "*faulty:segfault, quick: its run broke off: the engine's process died*",
             "*killed by signal SIGSEGV",
-            "SKIPPED *no installed package offers the engine 'nowhere'; install the one that does*",
             "SKIPPED *no_such_package is not installed; to get it: pip install no_such_package",
         ]
     )
     assert "Traceback" not in done.stdout.str()
+    assert done.ret == pytest.ExitCode.TESTS_FAILED
+
+
+def test_a_session_that_judges_nothing_is_no_success(project):
+    pytester = project(gap=MISSING, bare="tolerances: {}", mine=TOLERANCES)
+    offer(pytester.path, "FaultyEngine('missing', packages=('no_such_package',), releases=Release)")
+    done = run(pytester, "gap.scenario.yaml", "-rs")
+    done.assert_outcomes(skipped=2, errors=1)  # the gap stays visible
+    assert done.ret == 2
+    done.stdout.fnmatch_lines_random(
+        [
+            "SKIPPED *no_such_package is not installed; to get it: pip install no_such_package",
+            "gap.scenario.yaml: nothing was judged: faulty:missing: no_such_package is not installed*",
+            "looping-pendulum: nothing was judged: *; exit status 2",
+        ]
+    )
+    done = run(pytester, "bare.scenario.yaml")
+    done.assert_outcomes(errors=1)
+    assert done.ret == 2
+    done.stdout.fnmatch_lines(
+        ["bare.scenario.yaml: nothing was judged: no tolerances for profile quick: add some under `tolerances:`"]
+    )
+    done = run(pytester, "mine.scenario.yaml", "--lp-profile", "quick", "--lp-engines", "pymunk", "-rs")
+    done.assert_outcomes(skipped=1)
+    assert done.ret == 2
+    done.stdout.fnmatch_lines(["SKIPPED *asked for: it has them for reference:scipy"])
+    done = run(pytester, "bare.scenario.yaml", "mine.scenario.yaml", "-k", "tolerances or rms")
+    done.assert_outcomes(errors=1, passed=1)  # the other file is judged all the same
+    assert done.ret == pytest.ExitCode.TESTS_FAILED
+    (pytester.path / "test_mine.py").write_text("def test_mine(): pass\n")
+    assert run(pytester, "test_mine.py").ret == pytest.ExitCode.OK
+    assert run(pytester, "bare.scenario.yaml", "--collect-only").ret == pytest.ExitCode.OK
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("nowhere:chain", "no engine is called 'nowhere:chain'. Known: reference:heyoka*"),
+        ("pymunk:chian", "no engine is called 'pymunk:chian'; did you mean 'pymunk:chain'?*"),
+        ("drake", "'drake' has no main variant; write one of drake:chain"),
+    ],
+)
+def test_an_unknown_engine_in_a_tolerance_is_an_error(project, name, said):
+    pytester = project(mine=TOLERANCES.replace("reference:scipy", name))
+    done = run(pytester, "mine.scenario.yaml")
+    done.assert_outcomes(errors=1)
+    assert done.ret == pytest.ExitCode.INTERRUPTED  # the number 2, as of `check`
+    done.stdout.fnmatch_lines([f"mine.scenario: tolerances: {said}"])
+    assert "Traceback" not in done.stdout.str()
+
+
+def test_an_engines_name_means_its_main_variants(project):
+    pytester = project(mine=BY_NAME)
+    offer(
+        pytester.path,
+        "FaultyEngine('one', releases=Release)",
+        "FaultyEngine('other', releases=Release)",
+        "FaultyEngine('study', releases=Release, main=False)",
+    )
+    done = run(pytester, "mine.scenario.yaml", "--collect-only", "-q")
+    found = [line.partition("::")[2] for line in done.stdout.lines if "::" in line]
+    assert found == [f"faulty:{name}::{metric}" for name in ("one", "other") for metric in ("run", "string_stretch")]
+    done = run(pytester, "mine.scenario.yaml")
+    done.assert_outcomes(passed=3, failed=1)  # 0 m of stretch: the limit under the variant's own name counts
+    done.stdout.fnmatch_lines(["*faulty:other, quick: string_stretch is 0 mm, limit 0 mm*"])
 
 
 def test_faults_of_files_and_options_are_one_line_each(project):
-    pytester = project(mine=TOLERANCES, bare="")
+    pytester = project(mine=TOLERANCES)
     broken = (pytester.path / "mine.scenario.yaml").read_text().replace("10 g", "10 mm", 1)
     (pytester.path / "broken.scenario.yaml").write_text(broken)
     done = run(pytester, "broken.scenario.yaml")
@@ -183,14 +256,7 @@ def test_faults_of_files_and_options_are_one_line_each(project):
     assert "Traceback" not in done.stdout.str()
     done = run(pytester, "mine.scenario.yaml", "--lp-engines", "refrence")
     done.stdout.fnmatch_lines(["--lp-engines: no engine is called 'refrence'; did you mean 'reference'?*"])
-    done = run(pytester, "bare.scenario.yaml", "mine.scenario.yaml", "--lp-engines", "pymunk", "-rs")
-    done.assert_outcomes(skipped=2)
-    done.stdout.fnmatch_lines_random(
-        [
-            "SKIPPED * no tolerances for profile quick: add some under `tolerances:`",
-            "SKIPPED * no tolerances for profile quick: it has them for reference:scipy",
-        ]
-    )
+    assert done.ret == pytest.ExitCode.INTERRUPTED
 
 
 def test_workers_share_one_run_of_an_engine(project):

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from looping_pendulum.compare.comparison import compare
+from looping_pendulum.compare.declared_limits import with_variants
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.engines.isolation import TIME_LIMIT, Progress, run_all
@@ -65,8 +66,11 @@ def compare_engines(
     ------
     EngineError
         If an engine's name is not known.
+    ScenarioError
+        If a tolerance names an engine that is not known.
     """
     profile = Profile(profile)
+    scenario = with_variants(scenario, profile)
     truth = Truth(scenario)
     chosen = chosen_engines(engines, profile)
     runs = run_all(

@@ -137,6 +137,15 @@ def _from_elsewhere(offer: Offer, profile: Profile, taken: Collection[str]) -> l
     return found
 
 
+def unknown(name: str, engines: Iterable[Engine]) -> str:
+    """Say that none of ``engines`` is called ``name``, with the nearest name and all of them."""
+    engines = tuple(engines)
+    known = [label(engine) for engine in engines]
+    near = difflib.get_close_matches(name, [*{engine.name for engine in engines}, *known], n=1)
+    hint = f"; did you mean {near[0]!r}?" if near else "."
+    return f"no engine is called {name!r}{hint} Known: {', '.join(known)}"
+
+
 def missing_packages(engine: Engine) -> tuple[str, ...]:
     """Packages that ``engine`` needs and that are not installed here."""
     return tuple(package for package in engine.abilities.packages if not _importable(package))
@@ -174,9 +183,6 @@ def select(wanted: Iterable[str], profile: Profile) -> list[Engine]:
         if name == EVERYTHING:
             found = [engine for engine in engines if engine.name != "reference"]
         if not found:
-            known = [label(engine) for engine in engines]
-            near = difflib.get_close_matches(name, [*{engine.name for engine in engines}, *known], n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise EngineError(f"--engine: no engine is called {name!r}{hint} Known: {', '.join(known)}")
+            raise EngineError(f"--engine: {unknown(name, engines)}")
         chosen += [engine for engine in found if engine not in chosen]
     return chosen

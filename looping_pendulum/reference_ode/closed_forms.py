@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.geometry import Array, light_velocity
 from looping_pendulum.reference_ode.parameters import Parameters
 
 HELD_PERIOD_NODES = 200
@@ -95,3 +95,23 @@ def simple_pendulum_period(length: float, amplitude: float, gravity: float) -> f
     from scipy.special import ellipk
 
     return float(4 * math.sqrt(length / gravity) * ellipk(math.sin(amplitude / 2) ** 2))
+
+
+def release_acceleration(parameters: Parameters) -> tuple[float, float, float]:
+    """Accelerations of a looping release at t = 0: light mass x and y, heavy mass y [m/s^2].
+
+    From rest, at the wrap angle theta, with E = exp(mu theta) the ratio of the tensions over a rod on which the string slides:
+    M1 u' = -M1 g cos(theta) - T1 along the string, M2 u' = T1 E - M2 g, and g sin(theta) across it. Drag is zero at rest.
+
+    Raises
+    ------
+    ValueError
+        If the rod holds the string, so that it does not slide down.
+    """
+    p, theta, gravity = parameters, parameters.release_angle, parameters.coefficients["gravity"]
+    weight = -p.light_mass * math.cos(theta)
+    if p.heavy_mass <= weight * math.exp(p.coefficients["static_friction"] * theta):
+        raise ValueError("release_acceleration: the rod holds the string; needs a heavier heavy mass")
+    ratio = math.exp(p.coefficients["kinetic_friction"] * theta)
+    rate = gravity * (weight * ratio - p.heavy_mass) / (p.heavy_mass + p.light_mass * ratio)
+    return (*light_velocity(math, theta, rate, gravity * math.sin(theta)), rate)

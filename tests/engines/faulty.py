@@ -35,10 +35,12 @@ class FaultyEngine(SteppedEngine):
     name = "faulty"
     profile = Profile.QUICK
 
-    def __init__(self, fault: str, packages: tuple[str, ...] = ("numpy",), releases=frozenset({Release.LOOPING})) -> None:
+    def __init__(
+        self, fault: str, packages: tuple[str, ...] = ("numpy",), releases=frozenset({Release.LOOPING}), main: bool = True
+    ) -> None:
         self.variant = fault
         self.settings = FaultSettings(fault=fault)
-        self.abilities = Abilities(releases=releases, supplies=SUPPLIES, packages=packages, summary="misbehaves")
+        self.abilities = Abilities(releases=releases, supplies=SUPPLIES, packages=packages, summary="misbehaves", main=main)
 
     def versions(self):
         return {"numpy": "?"}

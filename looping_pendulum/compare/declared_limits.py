@@ -1,0 +1,73 @@
+"""Which engine variants a scenario's tolerances mean, and whether anything was judged by them.
+
+A scenario file names an engine as a command line does: "mujoco:capstan" for one variant, "mujoco" for all its main variants. A
+limit under a variant's own name stands in place of one on the same metric under the engine's name.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Sequence
+
+from looping_pendulum.compare.result import ComparisonResult, Outcome
+from looping_pendulum.engines.protocol import Engine, Profile
+from looping_pendulum.engines.registry import ADAPTERS, label, loaded, unknown
+from looping_pendulum.errors import ScenarioError
+from looping_pendulum.scenarios.scenario import Scenario
+
+
+def with_variants(scenario: Scenario, profile: Profile) -> Scenario:
+    """Return ``scenario`` with every tolerance under the name of one variant.
+
+    Raises
+    ------
+    ScenarioError
+        If a tolerance names an engine that no installed package offers, or one without a main variant.
+    """
+    engines, faults = loaded(profile)
+    meant = {name: _variants(name, scenario.name, engines, faults) for name in {t.engine for t in scenario.tolerances}}
+    own = {(t.engine, t.profile, t.metric) for t in scenario.tolerances}
+    tolerances = [
+        dataclasses.replace(tolerance, engine=variant)
+        for tolerance in scenario.tolerances
+        for variant in meant[tolerance.engine]
+        if variant == tolerance.engine or (variant, tolerance.profile, tolerance.metric) not in own
+    ]
+    return dataclasses.replace(scenario, tolerances=tuple(tolerances))
+
+
+def _variants(name: str, scenario: str, engines: Sequence[Engine], faults: dict[str, str]) -> list[str]:
+    """Labels of the variants that ``name`` means."""
+    if name in {label(engine) for engine in engines}:
+        return [name]
+    fault = faults.get(name.partition(":")[0])
+    if fault is not None and name.partition(":")[0] not in ADAPTERS:
+        raise ScenarioError(f"{scenario}: tolerances: {fault}")
+    of_that_name = [engine for engine in engines if engine.name == name]
+    main = [label(engine) for engine in of_that_name if engine.abilities.main]
+    if main:
+        return main
+    if of_that_name:
+        choice = ", ".join(label(engine) for engine in of_that_name)
+        raise ScenarioError(f"{scenario}: tolerances: {name!r} has no main variant; write one of {choice}")
+    raise ScenarioError(f"{scenario}: tolerances: {unknown(name, engines)}")
+
+
+def nothing_to_judge(scenario: Scenario, profile: str, asked: Collection[str] | None) -> str:
+    """Return why ``scenario`` has no limit for ``profile`` on any of the variants ``asked`` (None: all); empty: it has some."""
+    named = list(dict.fromkeys(t.engine for t in scenario.tolerances if t.profile == profile))
+    if any(asked is None or name in asked for name in named):
+        return ""
+    others = sorted({t.profile for t in scenario.tolerances} - {profile})
+    if named:
+        return f"no tolerances for profile {profile} of the engines asked for: it has them for {', '.join(named)}"
+    way = f"it has them for profile {others[0]}" if others else "add some under `tolerances:`"
+    return f"no tolerances for profile {profile}: {way}"
+
+
+def nothing_judged(result: ComparisonResult) -> str:
+    """Return why no tolerance of ``result`` was judged; empty: at least one was, or a run broke off, which says enough."""
+    if any(t.outcome is not Outcome.NOT_RUN for t in result.tolerances) or any(result.broke_off(e) for e in result.engines):
+        return ""
+    gaps = [f"{e.label}: {e.status_sentence}" + (f" ({e.message})" if e.message else "") for e in result.engines]
+    return "; ".join(gaps)
