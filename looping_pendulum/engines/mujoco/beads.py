@@ -17,6 +17,7 @@ from looping_pendulum.engines.mujoco.studies import (
 from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, TunedEngine
 from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder, Studies, ladder
 from looping_pendulum.engines.validated import shipped_range
+from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -121,5 +122,5 @@ class MujocoBeads(TunedEngine):
                 "1",
                 adjusted(steps_per_group=1),
             ),
-            choice("bead radius", f"{s.bead_radius:g} m", "0.5 mm", adjusted(bead_radius=5e-4)),
+            choice("bead radius", quantity(s.bead_radius, "m", 3), "0.5 mm", adjusted(bead_radius=5e-4)),
         )
