@@ -11,6 +11,7 @@ import typer
 
 from looping_pendulum.cli_common import INTERRUPTED, Jobs, MemoryLimit, TimeLimit
 from looping_pendulum.cli_terminal import new_table, say, say_file, show_table
+from looping_pendulum.pages.numbers import amount
 
 if TYPE_CHECKING:
     from looping_pendulum.sweep.plan import MapPlan
@@ -56,7 +57,7 @@ class RunBar:
             return
         rate = (done - self._first[1]) / max(now - self._first[0], 1e-9)
         left = (runs - done) / rate
-        said = f"{done} of {runs} runs, {rate:.4g} runs/s"
+        said = f"{done} of {runs} runs, {amount(rate)} runs/s"
         self._bar.update(self._task, completed=done, description=said)
         if not self._live and (now >= self._spoke + SPEAK_EVERY or done == runs):
             self._spoke = now
@@ -164,6 +165,6 @@ def _say_size(plan: MapPlan) -> None:
     engines = f" x {len(plan.engines)} engines" if len(plan.engines) > 1 else ""
     over = ", ".join(axis.name for axis in plan.design.axes)
     megabytes = plan.runs * BYTES_PER_RUN / 1e6
-    said = f"{plan.runs} runs ({sizes}{engines}: {over}) in {plan.units} chunks, at most {megabytes:.3g} MB"
+    said = f"{plan.runs} runs ({sizes}{engines}: {over}) in {plan.units} chunks, at most {amount(megabytes)} MB"
     say(said, err=True)
     sys.stderr.flush()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from looping_pendulum.compare.convergence.report import setting_words
 from looping_pendulum.compare.tables import table
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import all_engines, how_to_get, label
@@ -71,8 +72,8 @@ def _variant(engine: Engine) -> str:
         rows = [[c.what, c.ours, c.instead] for c in studies.choices]
         text += f"\n### Choices of the adapter\n\n{table(['what', 'ours', 'as well'], rows, left=3)}"
     if studies.ladders:
-        rows = [[ladder.setting, ", ".join(f"{v:g}" for v in ladder.values), pretty(ladder.unit)] for ladder in studies.ladders]
-        text += f"\n### What can be refined\n\n{table(['setting', 'from coarse to fine', 'unit'], rows, left=3)}"
+        rows = [[ladder.setting, ", ".join(setting_words(v, ladder.unit) for v in ladder.values)] for ladder in studies.ladders]
+        text += f"\n### What can be refined\n\n{table(['setting', 'from coarse to fine'], rows, left=2)}"
     return text + "\n"
 
 

@@ -29,6 +29,7 @@ from looping_pendulum.discrepancy.verdict import (
     Unlisted,
     Verdict,
 )
+from looping_pendulum.pages.numbers import amount, number, quantity, uncertain
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario
@@ -122,9 +123,12 @@ def _effect(
 
 
 def told(effect: Effect) -> str:
-    """One effect in words: "linear_drag = 0.0012 +/- 0.00003 kg/s"."""
-    known = f"{effect.name} = {effect.value:.4g} +/- {effect.error:.2g} {effect.unit}".rstrip()
-    return known if effect.interval is None else f"{known} ({effect.interval[0]:.3g} to {effect.interval[1]:.3g} by likelihood)"
+    """One effect in words: "linear_drag = 0.00120 +/- 0.00003 kg/s"."""
+    known = f"{effect.name} = {uncertain(effect.value, effect.error, effect.unit)}"
+    if effect.interval is None:
+        return known
+    low, high = (number(x) for x in effect.interval)
+    return f"{known} ({low} to {high} by likelihood)"
 
 
 def _sentence(verdict: Verdict, effects: Sequence[Effect], ties: Sequence[Sequence[Effect]], found: Conclusion) -> str:
@@ -149,13 +153,13 @@ def _sentence(verdict: Verdict, effects: Sequence[Effect], ties: Sequence[Sequen
         return (
             f"The declared model leaves something that no listed effect explains: {left}. A force on the {force.acts_on} "
             f"that depends on the {name} s does ({each}): on data that no fit saw chi2 per value falls from "
-            f"{force.held_out_before:.3g} to {force.held_out_after:.3g}."
+            f"{number(force.held_out_before)} to {number(force.held_out_after)}."
         )
     best = next((r for r in found.rounds[0].ranking if r.gain is not None), None) if found.rounds else None
     nearest = f" The nearest is {best.name}, which does not pass: {best.reason}." if best else ""
     rest = ""
     if found.scaled is not None:
-        errors = f"errors that contain what even the best explanation leaves ({found.scaled.ratio:.2g} times the scatter)"
+        errors = f"errors that contain what even the best explanation leaves ({amount(found.scaled.ratio)} times the scatter)"
         asked = found.rounds and found.rounds[-1].errors_times != 1
         rest = f" Nor does one by {errors}." if asked else f" By {errors} the declared model is not refuted."
     return f"The declared model leaves something that no listed effect explains: {left}.{nearest}{rest} Nothing was added."
@@ -165,13 +169,13 @@ def _left(model: Model) -> str:
     """In words what a model leaves; the tests with their numbers stand under the model in the report. Empty: nothing."""
     tests, found = model.tests, []
     if tests.chi2_per_dof > tests.limit:
-        found.append(f"the residual is {math.sqrt(tests.chi2_per_dof):.2g} times as large as the noise")
+        found.append(f"the residual is {amount(math.sqrt(tests.chi2_per_dof))} times as large as the noise")
     if loud := sum(not group.quiet for group in tests.groups):
         found.append(f"{loud} of the residual's {len(tests.groups)} parts show structure")
     if tests.events is not None and not tests.events.quiet:
         found.append(tests.events.told)
     if not model.unseen.explained:
-        found.append(f"the data that no fit saw are off by {math.sqrt(model.unseen.worst):.2g} times the noise")
+        found.append(f"the data that no fit saw are off by {amount(math.sqrt(model.unseen.worst))} times the noise")
     found += model.objections
     return ", ".join(found) or "; ".join(model.alarms)
 
@@ -190,9 +194,10 @@ def _remainder(found: Conclusion) -> Remainder | None:
 
 
 def _told_remainder(remainder: Remainder) -> str:
+    rms = quantity(remainder.rms, remainder.unit)
     return (
-        f"marks are off by {remainder.rms:.2g} {remainder.unit} more than they scatter; nothing in the library explains that, "
-        f"and it was taken for errors of the marks (times {remainder.ratio:.2g}, lasting {remainder.lasting:.2g} marks)"
+        f"marks are off by {rms} more than they scatter; nothing in the library explains that, "
+        f"and it was taken for errors of the marks (times {amount(remainder.ratio)}, lasting {amount(remainder.lasting)} marks)"
     )
 
 

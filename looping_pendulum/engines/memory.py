@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from looping_pendulum.errors import EngineError, one_line
+from looping_pendulum.pages.numbers import number
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.units import UnitError, to_si
 
@@ -62,4 +63,4 @@ def parse_memory(text: str) -> int:
 
 def show_memory(amount: int) -> str:
     """Write ``amount`` [bytes] with a handy unit: "2 GiB", "512 MiB"."""
-    return f"{amount / 1024**3:.3g} GiB" if amount >= 1024**3 else f"{amount / 1024**2:.3g} MiB"
+    return f"{number(amount / 1024**3)} GiB" if amount >= 1024**3 else f"{number(amount / 1024**2)} MiB"

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from looping_pendulum.files import decoration, write_whole
+from looping_pendulum.pages.numbers import number
 from looping_pendulum.sweep.fields import FIELDS, WORDS
 from looping_pendulum.sweep.plan import Axis, MapPlan, Sample
 from looping_pendulum.sweep.store import attributes
@@ -51,12 +52,12 @@ def verdict(one: EngineSummary, *, several: bool = False) -> str:
     halts = f"{one.halted} ({_percent(one.halted, one.runs)}) halt"
     seen = one.ranges["halting_time"]
     if seen.count:
-        halts += f", {seen.low:.4g} s to {seen.high:.4g} s after the release"
+        halts += f", {number(seen.low, digits=4)} s to {number(seen.high, digits=4)} s after the release"
     return f"{begin}{one.runs} runs: {halts}."
 
 
 def _percent(part: int, whole: int) -> str:
-    return f"{100 * part / whole:.3g} %"
+    return f"{number(100 * part / whole)} %"
 
 
 def _axes_table(plan: MapPlan, summaries: list[EngineSummary]) -> str:
@@ -77,7 +78,7 @@ def _axes_table(plan: MapPlan, summaries: list[EngineSummary]) -> str:
 
 def _shown(axis: Axis, value: float) -> str:
     """Value in the unit of the map file."""
-    return f"{value / axis.scale:.6g} {axis.written}".strip()
+    return f"{number(value / axis.scale, digits=6)} {axis.written}".strip()
 
 
 def _ends_table(one: EngineSummary) -> str:
@@ -92,7 +93,7 @@ def _ranges_table(one: EngineSummary) -> str:
     rows = []
     for name, seen in one.ranges.items():
         of = f"{name} [{units[name]}]" if units[name] else name
-        cells = [f"{value:.6g}" for value in (seen.low, seen.mean, seen.high)] if seen.count else ["–"] * 3
+        cells = [number(value, digits=6) for value in (seen.low, seen.mean, seen.high)] if seen.count else ["–"] * 3
         rows.append([of, *cells, str(seen.count)])
     return _table(["quantity", "smallest", "mean", "largest", "runs that have it"], rows)
 

@@ -43,6 +43,10 @@ WITHOUT = TEN_TO_ONE.replace(kinetic_friction=0.0, light_drag=0.0, heavy_drag=0.
 CHEAP = frozenset({"drake:chain", "mujoco:frictionloss", "mujoco:effective_mass", "mujoco:drum"})
 """Variants that are examined though they are not main ones."""
 
+DAILY = {"drake:chain": {"light_drag", "heavy_drag", "push_across"}}
+"""Variant -> the effects that are examined every day, where a run takes long: a force on either mass and a push at release show
+that the one function that brings all of them is called. The others are examined with `-m accurate`."""
+
 
 def main_variants():
     return challengers(Profile.QUICK)
@@ -54,7 +58,9 @@ def variants_and_effects():
             continue
         for effect in CASES:
             if EFFECTS[effect].in_base_model or EFFECTS[effect].kind in engine.abilities.effect_kinds:
-                yield pytest.param(engine, effect, id=f"{label(engine)}-{effect}")
+                daily = effect in DAILY.get(label(engine), CASES)
+                marks = () if daily else (pytest.mark.accurate,)
+                yield pytest.param(engine, effect, id=f"{label(engine)}-{effect}", marks=marks)
 
 
 def scenario(parameters):

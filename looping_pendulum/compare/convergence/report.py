@@ -18,6 +18,8 @@ from looping_pendulum.compare.convergence.result import (
     VariationStudy,
 )
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
+from looping_pendulum.pages.numbers import quantity
+from looping_pendulum.scenarios.units import pretty
 
 WORDS = {
     "path_0.35s": "path to 0.35 s",
@@ -199,19 +201,23 @@ def _moved(one: VariationStudy) -> list[str]:
 
 
 def _ladder(ladder: LadderStudy) -> str:
-    unit = f" [{ladder.unit}]" if ladder.unit else ""
-    head = [f"{ladder.setting}{unit}", "RMS to 0.35 s [mm]", "to 0.7 s [mm]", "0.7 s, from finest [mm]", "from own limit [mm]"]
+    head = [ladder.setting, "RMS to 0.35 s [mm]", "to 0.7 s [mm]", "0.7 s, from finest [mm]", "from own limit [mm]"]
     head += ["halting time [s]", "halting error [ms]", "remark"]
     rows = []
     for rung in ladder.rungs:
         run = rung.run
-        row = [f"{rung.value:g}", number(run.rms[EARLY], 1e3), number(run.rms[LATE], 1e3)]
+        row = [setting_words(rung.value, ladder.unit), number(run.rms[EARLY], 1e3), number(run.rms[LATE], 1e3)]
         row += [number(rung.to_finest[LATE], 1e3), number(rung.to_limit[LATE], 1e3)]
         rows.append([*row, fixed(run.halting_time, 5), signed(run.halting_time_error, 1e3), "" if run.ok else run.why])
     follows = f" ({ladder.follows})" if ladder.follows else ""
     said = "".join(f"- {WORDS[v.quantity]}: {v.sentence}\n" for v in ladder.verdicts)
-    own = "" if ladder.own is None else f"; the variant's own is {ladder.own:g}"
+    own = "" if ladder.own is None else f"; the variant's own is {setting_words(ladder.own, ladder.unit)}"
     return f"### Refining {ladder.setting}{follows}{own}\n\n{table(head, rows, left=0)}\n{said}"
+
+
+def setting_words(value: float, unit: str) -> str:
+    """Value of a setting with its unit, as a person writes it; angles stay in the settings' own radians."""
+    return f"{number(value)} rad" if unit == "rad" else quantity(value, pretty(unit), 3)
 
 
 def defaults_table(result: ConvergenceResult) -> str:
@@ -249,7 +255,7 @@ def ladders_table(result: ConvergenceResult) -> str:
         for ladder in v.ladders:
             said = {one.quantity: one for one in ladder.verdicts}
             ran = [rung.value for rung in ladder.rungs if rung.run.status not in ("SKIPPED", "NOT_RUN")]
-            ends = [f"{value:g} {ladder.unit}".strip() for value in (ran[0], ran[-1])] if ran else [GAP, GAP]
+            ends = [setting_words(value, ladder.unit) for value in (ran[0], ran[-1])] if ran else [GAP, GAP]
             counts = f"{len(ran)} of {len(ladder.rungs)}"
             rows.append([v.label, ladder.setting, *ends, counts, *(said[name].sentence for name in (EARLY, LATE, HALT))])
     return table(head, rows, left=8)
@@ -261,7 +267,7 @@ def provenance_table(result: ConvergenceResult) -> str:
     rows = []
     for v in result.variants:
         p = v.provenance
-        settings = ", ".join(f"{k} {f'{x:.6g}' if isinstance(x, float) else x}" for k, x in p.settings.items())
+        settings = ", ".join(f"{k} {number(x, digits=6) if isinstance(x, float) else x}" for k, x in p.settings.items())
         supplies = ", ".join(f"{s.what}: {s.by}" for s in p.supplies)
         rows.append([v.label, ", ".join(f"{k} {x}" for k, x in p.versions.items()) or GAP, settings, supplies])
     return table(head, rows, left=4)

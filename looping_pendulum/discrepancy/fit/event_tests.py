@@ -17,6 +17,7 @@ from scipy import special  # scipy.stats takes a second to import
 
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.problem import Data
+from looping_pendulum.pages.numbers import number
 
 RARE = 0.005
 """Chance below which a misfit is not taken for one: with two tests of it in a study, 1 % of false alarms."""
@@ -45,7 +46,8 @@ class EventTest:
     @property
     def told(self) -> str:
         """In words."""
-        return f"events: chi2 {self.chi2:.1f} where {self.expected:.1f} is expected (p {self.p:.1g}), most by {self.worst}"
+        found = f"chi2 {self.chi2:.1f} where {self.expected:.1f} is expected (p {number(self.p, digits=1)})"
+        return f"events: {found}, most by {self.worst}"
 
 
 def check_events_of(fit: Fit) -> EventTest | None:

@@ -20,6 +20,7 @@ from looping_pendulum.discrepancy.data.study import Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.event_tests import EventTest, check_events_of
 from looping_pendulum.discrepancy.fit.problem import Data
+from looping_pendulum.pages.numbers import number
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
 
@@ -209,7 +210,9 @@ class ResidualTests:
             found.append(self.events.told)
         for g in self.groups:
             if not g.quiet:
-                found.append(f"{g.group}: lag-1 z {g.lag1:.1f}, Ljung-Box p {g.ljung_box:.1g}, runs z {g.runs:.1f}")
+                found.append(
+                    f"{g.group}: lag-1 z {g.lag1:.1f}, Ljung-Box p {number(g.ljung_box, digits=1)}, runs z {g.runs:.1f}"
+                )
         return "; ".join(found)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.report import event_report, unlisted_report
 from looping_pendulum.discrepancy.verdict import Effect, FitReport, Identification, Round, Verdict
+from looping_pendulum.pages.numbers import uncertain
 
 HEADLINES = {
     Verdict.NO_MISSING_EFFECT: "Nothing is missing",
@@ -72,7 +73,7 @@ def _effect_table(effects: tuple[Effect, ...]) -> str:
         f"\nThe value of {e.name} {e.meaning} {e.parameter}.\n" for e in effects if e.name != e.parameter or e.meaning != "is"
     )
     for e in effects:
-        note += "".join(f"\nFitted with {e.name}: {n} = {v:.4g} +/- {s:.2g} [SI].\n" for n, v, s in e.companions)
+        note += "".join(f"\nFitted with {e.name}: {n} = {uncertain(v, s)} [SI].\n" for n, v, s in e.companions)
     return table(head, rows, left=5) + note
 
 
@@ -159,7 +160,7 @@ def _fit(fit: FitReport) -> str:
         )  # fmt: skip
     text = table(head, rows)
     text += f"\nChi2 per degree of freedom {fit.chi2_per_dof:.3f}; unseen chi2 per value {fit.held_out:.3f}; "
-    text += f"largest score {fit.largest_score:.1f}; condition number {fit.condition:.2g}."
+    text += f"largest score {fit.largest_score:.1f}; condition number {number(fit.condition, digits=2)}."
     if fit.starts:
         text += f" Starts ended at costs {', '.join(f'{c:.1f}' for c in fit.starts)}."
     text += "\n\nNot quiet: " + ("; ".join(fit.alarms) if fit.alarms else "nothing") + ".\n"

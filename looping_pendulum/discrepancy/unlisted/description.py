@@ -10,6 +10,7 @@ from looping_pendulum.discrepancy.unlisted.discovery import SIGNIFICANT, TARGETS
 from looping_pendulum.discrepancy.unlisted.formula import Written
 from looping_pendulum.discrepancy.unlisted.simplify import Term
 from looping_pendulum.discrepancy.verdict import ForceProfile, Formula, FormulaNumber, OtherClosure, Unlisted
+from looping_pendulum.pages.numbers import number
 from looping_pendulum.reference_ode.effects import Kinematics
 from looping_pendulum.reference_ode.transitions import Mode
 
@@ -117,7 +118,7 @@ def _profile(found: Found, formula: Written | None, index: int) -> ForceProfile:
 def _text(written: Written, index: int) -> str:
     """Formula of one side, its numbers filled in."""
     text = written.form.texts[index]
-    values = {t.name: f"{v:.4g}" for t, v in zip(written.form.terms, written.q, strict=True)}
+    values = {t.name: number(v, digits=4) for t, v in zip(written.form.terms, written.q, strict=True)}
     factor = TIMES[written.found.closure.factor]
     filled = text.format(**values)
     return f"{factor} ({filled})" if factor and text != "0" else filled

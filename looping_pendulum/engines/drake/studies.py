@@ -7,6 +7,7 @@ from typing import Any
 from looping_pendulum.engines.drake.chain_model import ChainSettings
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.engines.studies import Adjusted, Choice, HiddenDefault, Ladder, Studies, ladder
+from looping_pendulum.pages.numbers import quantity
 
 STEPS = (5e-5, 2e-5, 1e-5, 5e-6)
 """[s]"""
@@ -44,7 +45,7 @@ def _defaults(s: ChainSettings, adjusted: Adjusted) -> tuple[HiddenDefault, ...]
         (
             "time_step",
             "1 ms",
-            f"{s.time_step:g} s",
+            quantity(s.time_step, "s", 3),
             "length of a step",
             {"time_step": SAMPLE_INTERVAL, "steps_per_group": 1},
         ),
@@ -81,7 +82,7 @@ def _choices(s: ChainSettings, adjusted: Adjusted) -> tuple[Choice, ...]:
         ("convex approximation of Coulomb's law", s.contact_approximation, "sap", {"contact_approximation": "sap"}),
         ("rod", f"a {s.rod_shape}", "a cylinder", {"rod_shape": "cylinder"}),
         ("radius and coefficient", "corrected for the polygon", "the circle's own", {"polygon": False}),
-        ("bead radius", f"{s.bead_radius:g} m", "0.5 mm", {"bead_radius": 5e-4}),
+        ("bead radius", quantity(s.bead_radius, "m", 3), "0.5 mm", {"bead_radius": 5e-4}),
         ("steps between two updates of drag and beads", f"{s.steps_per_group}", "1", {"steps_per_group": 1}),
     )
     return tuple(

@@ -18,6 +18,7 @@ from looping_pendulum.engines.mujoco.studies import (
 from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, TunedEngine
 from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder, Studies, ladder
 from looping_pendulum.engines.validated import shipped_range
+from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -126,5 +127,5 @@ class MujocoBeads(TunedEngine):
                 "1",
                 adjusted(steps_per_group=1),
             ),
-            choice("bead radius", f"{s.bead_radius:g} m", "0.5 mm", adjusted(bead_radius=5e-4)),
+            choice("bead radius", quantity(s.bead_radius, "m", 3), "0.5 mm", adjusted(bead_radius=5e-4)),
         )

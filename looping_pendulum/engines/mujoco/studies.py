@@ -7,6 +7,7 @@ from typing import Any
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
 from looping_pendulum.engines.studies import Adjusted, Choice, HiddenDefault, Ladder, ladder
+from looping_pendulum.pages.numbers import quantity
 
 DEFAULT_TIME_CONSTANT = 0.02
 """MuJoCo's `solref` and `solreffriction` [s]."""
@@ -37,8 +38,8 @@ def time_constant_default(adjusted: Adjusted, setting: str, ours: float, name: s
     """MuJoCo's time constant for one kind of constraint."""
     return HiddenDefault(
         setting=name,
-        default=f"{DEFAULT_TIME_CONSTANT:g} s",
-        ours=f"{ours:g} s",
+        default=quantity(DEFAULT_TIME_CONSTANT, "s", 3),
+        ours=quantity(ours, "s", 3),
         effect=effect,
         engine=adjusted(**{setting: DEFAULT_TIME_CONSTANT}),
     )
@@ -74,7 +75,7 @@ def solver_defaults(adjusted: Adjusted, settings: Any, **with_long_step: Any) ->
         (
             "timestep",
             "2 ms (run at 1 ms, where samples fall)",
-            f"{s.time_step:g} s",
+            quantity(s.time_step, "s", 3),
             "length of a step",
             long_step,
         ),

@@ -31,6 +31,7 @@ from looping_pendulum.engines.protocol import (
 from looping_pendulum.engines.studies import Choice, Studies
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.engines.validated import shipped_range
+from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
@@ -239,8 +240,8 @@ class MujocoTendon(SteppedEngine):
             ),
             choice(
                 "time in which a late catch is taken back",
-                f"{s.catch_time:g} s",
-                f"{5 * s.catch_time:g} s",
+                quantity(s.catch_time, "s", 3),
+                quantity(5 * s.catch_time, "s", 3),
                 self.with_settings(catch_time=5 * s.catch_time),
             ),
             choice(

@@ -24,6 +24,7 @@ from looping_pendulum.engines.pybullet.variant import COULOMB_AT_NODES, ONE_COEF
 from looping_pendulum.engines.studies import Ladder, Studies, ladder
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.engines.validated import shipped_range
+from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -97,7 +98,10 @@ class PybulletChain(PybulletVariant):
             choices=(
                 *(c for c in common_choices(adjusted, s) if c.engine.settings != s),
                 choice(
-                    "links below the rod", f"{s.hanging_link_length:g} m", "half as long", adjusted(hanging_link_length=7.5e-3)
+                    "links below the rod",
+                    quantity(s.hanging_link_length, "m", 3),
+                    "half as long",
+                    adjusted(hanging_link_length=7.5e-3),
                 ),
                 choice("inertia of a link", f"{s.relative_inertia:g} m h^2", "three times", adjusted(relative_inertia=0.03)),
             ),

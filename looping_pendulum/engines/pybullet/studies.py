@@ -15,6 +15,7 @@ from looping_pendulum.engines.pybullet.settings import (
     WorldSettings,
 )
 from looping_pendulum.engines.studies import Adjusted, Choice, HiddenDefault, Ladder, ladder
+from looping_pendulum.pages.numbers import quantity
 
 Row = tuple[str, str, str, str, dict[str, Any]]
 """PyBullet's name, its value, ours, what it does, and the changes that set it."""
@@ -53,7 +54,7 @@ def world_defaults(adjusted: Adjusted, settings: WorldSettings) -> tuple[HiddenD
         (
             "fixedTimeStep",
             "1/240 s (run at 1 ms, where samples fall)",
-            f"{s.time_step:g} s",
+            quantity(s.time_step, "s", 3),
             "length of a step",
             {"time_step": LARGEST_STEP},
         ),
@@ -137,7 +138,7 @@ def common_choices(adjusted: Adjusted, settings: WorldSettings) -> tuple[Choice,
     s = settings
     return (
         choice("radius and coefficient", "corrected for the corners", "the circle's own", adjusted(polygon=False)),
-        choice("node radius", f"{s.node_radius:g} m", "1 mm", adjusted(node_radius=1e-3)),
+        choice("node radius", quantity(s.node_radius, "m", 3), "1 mm", adjusted(node_radius=1e-3)),
         choice("steps between two updates of the forces", f"{s.force_interval}", "1", adjusted(force_interval=1)),
         choice(
             "share of a penetration taken back in a step",

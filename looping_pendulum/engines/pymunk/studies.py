@@ -17,6 +17,7 @@ from looping_pendulum.engines.pymunk.full_settings import (
     Variant,
 )
 from looping_pendulum.engines.studies import Adjusted, Choice, HiddenDefault, Ladder, Studies, ladder
+from looping_pendulum.pages.numbers import quantity
 
 REFINEMENTS = (1, 2, 4, 8)
 """How many times finer than the settings' own a rung of the chain of beads near the rod is. None is coarser: its joints are
@@ -61,14 +62,16 @@ def chain_studies(settings: ChainSettings, adjusted: Adjusted) -> Studies:
             _default(
                 "dt",
                 COARSE_STEP,
-                f"{s.time_step:g} s",
+                quantity(s.time_step, "s", 3),
                 LENGTH,
                 adjusted(time_step=DEFAULT_TIME_STEP, leak_interval=1, **NO_GROUPS),
             ),
             _default(
                 "iterations", f"{DEFAULT_ITERATIONS}", f"{s.iterations}", PER_STEP, adjusted(iterations=DEFAULT_ITERATIONS)
             ),
-            _default("collision_slop", SLOP, f"{s.contact_slop:g} m", DEPTH, adjusted(contact_slop=DEFAULT_COLLISION_SLOP)),
+            _default(
+                "collision_slop", SLOP, quantity(s.contact_slop, "m", 3), DEPTH, adjusted(contact_slop=DEFAULT_COLLISION_SLOP)
+            ),
             _default("collision_bias", A_TENTH, f"{s.contact_rate:g} /s", RISE, adjusted(contact_rate=DEFAULT_RATE)),
             _default("error_bias", A_TENTH, f"{s.error_rate:g} /s", RETURN, adjusted(error_rate=DEFAULT_RATE)),
             _default(
@@ -105,7 +108,9 @@ def full_studies(variant: Variant, settings: FullChainSettings, adjusted: Adjust
             _of(adjusted, "mass_fraction", "", STRING_MASSES),
         ),
         defaults=(
-            _default("dt", COARSE_STEP, f"{s.time_step:g} s", LENGTH, adjusted(time_step=DEFAULT_TIME_STEP, **NO_GROUPS)),
+            _default(
+                "dt", COARSE_STEP, quantity(s.time_step, "s", 3), LENGTH, adjusted(time_step=DEFAULT_TIME_STEP, **NO_GROUPS)
+            ),
             *(
                 [
                     _default(
@@ -119,7 +124,13 @@ def full_studies(variant: Variant, settings: FullChainSettings, adjusted: Adjust
                 if s.iterations != DEFAULT_ITERATIONS
                 else []
             ),
-            _default("collision_slop", SLOP, f"{s.collision_slop:g} m", DEPTH, adjusted(collision_slop=DEFAULT_COLLISION_SLOP)),
+            _default(
+                "collision_slop",
+                SLOP,
+                quantity(s.collision_slop, "m", 3),
+                DEPTH,
+                adjusted(collision_slop=DEFAULT_COLLISION_SLOP),
+            ),
             _default("error_bias", A_TENTH, f"{s.error_rate:g} /s", RETURN, adjusted(error_rate=DEFAULT_RATE)),
         ),
         choices=(
