@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare
+from looping_pendulum.compare.align import align
 from looping_pendulum.compare.export import trajectory_csv
+from looping_pendulum.compare.metrics import THRESHOLDS, departures, growth_rate
 from looping_pendulum.compare.report import limit_and_value, render, verdict_rows
 from looping_pendulum.compare.result import Outcome
 from looping_pendulum.compare.tolerances import AT_LEAST, judge_one
+from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios.scenario import METRICS
 
@@ -98,7 +101,8 @@ def test_an_engine_that_is_early_breaks_its_limit_as_one_that_is_late(scenario, 
     ("metric", "value", "shown"),
     [
         ("rms_0.35s", 4e-4, "0.4 mm"), ("rms_0.7s", 4e-4, "0.4 mm"), ("rms_1.0s", 4e-4, "0.4 mm"), ("rms_halt", 4e-4, "0.4 mm"),
-        ("halting_time_error", 3e-3, "3 ms"), ("drop_error", 2e-3, "2 mm"), ("wrap_angle_error", 5e-3, "5 mrad"),
+        ("rebound", 2e-3, "2 mm"), ("halting_time_error", 3e-3, "3 ms"), ("drop_error", 2e-3, "2 mm"),
+        ("wrap_angle_error", 5e-3, "5 mrad"),
         ("free_length_error", 2e-3, "2 mm"), ("string_stretch", 1e-4, "0.1 mm"), ("acceleration_error", 3e-3, "0.3 %"),
         ("tube_fraction", 0.99, "99 %"), ("simulated_time", 1.25, "1.25 s"),
     ],
@@ -151,3 +155,73 @@ def test_the_report_tells_the_errors_at_halt_in_their_units(scenario, truth, mak
     lengths = [float(c) for h, c in zip(head, row, strict=True) if h.strip() == "error [mm]"]
     assert angles == [pytest.approx(1e3 * 0.1 * closed_form.halt, abs=3)]
     assert lengths == [pytest.approx(2, abs=0.1)]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_departure_says_how_far_and_to_which_side(truth, make_run, sign):
+    # Oracle: what was added. The threshold is passed in the sample after 0.1 s; everything else is read off there.
+    run = make_run()
+    on = (run.t > 0.1 + 1e-9).astype(float)
+    outward = run.light_position / np.linalg.norm(run.light_position, axis=1)[:, None]
+    off = dataclasses.replace(
+        run,
+        light_position=run.light_position + sign * 2e-3 * on[:, None] * outward,
+        free_length=run.free_length + sign * 2e-3 * on,
+        wrap_angle=run.wrap_angle + sign * 5e-3 * on,
+        heavy_position=run.heavy_position + np.outer(on, [0.0, sign * 3e-3]),
+        string_stretch=-1e-4 * np.arange(len(run.t)) / len(run.t),
+    )
+    (found,) = departures(align(off, truth), truth(run.t).events)
+    assert (found.threshold, found.after, found.after_time) == (1e-3, "release", 0.0)
+    assert found.time == pytest.approx(0.101, abs=1e-9)
+    assert found.along == pytest.approx(sign * 2e-3, rel=1e-9)
+    assert found.across == pytest.approx(sign * 5e-3 * run.free_length[101], rel=1e-9)
+    assert found.heavy == pytest.approx(sign * 3e-3, rel=1e-9)
+    assert found.stretch == pytest.approx(1e-4 * 101 / len(run.t), rel=1e-9)
+    assert growth_rate((found,)) is None
+
+
+def test_a_distance_of_just_the_threshold_is_no_departure(truth, make_run):
+    aligned = align(make_run(shift=(THRESHOLDS[0] * (1 - 1e-9), 0.0)), truth)
+    assert departures(aligned, ()) == ()
+    assert len(departures(align(make_run(shift=(THRESHOLDS[0] * (1 + 1e-9), 0.0)), truth), ())) == 1
+
+
+def test_growth_is_the_rate_of_the_exponential_through_the_first_and_the_last(truth, make_run):
+    """Oracle: ln 10 over the time between, whatever lies between."""
+    run = make_run()
+    size = np.where(run.t < 0.2, 0.0, np.where(run.t < 0.7, 2e-3, 0.02))
+    off = dataclasses.replace(run, light_position=run.light_position + np.outer(size, [1.0, 0.0]))
+    found = departures(align(off, truth), ())
+    assert growth_rate(found) == pytest.approx(np.log(10) / 0.5, rel=3e-3)
+    jump = dataclasses.replace(run, light_position=run.light_position + np.outer(run.t >= 0.2, [1.0, 0.0]))
+    assert growth_rate(departures(align(jump, truth), ())) is None, "both at one time: no rate"
+
+
+def test_the_rms_at_halt_is_averaged_up_to_the_references_halt(scenario, truth, make_run, closed_form):
+    run = make_run()
+    drifting = dataclasses.replace(run, light_position=run.light_position + np.outer(0.01 * run.t, [1.0, 0.0]))
+    until = run.t[run.t <= closed_form.halt + 1e-4]
+    found = compare(scenario, truth, [drifting]).engines[0].metrics["rms_halt"]
+    assert found == pytest.approx(0.01 * np.sqrt(np.mean(until**2)), rel=4e-3)  # one sample more or less: 1 in 300
+
+
+def test_the_stretch_is_the_largest_of_either_sign(scenario, truth, make_run):
+    run = make_run()
+    run.string_stretch[:] = np.linspace(-2e-3, 1e-3, len(run.t))
+    run.string_stretch[5] = np.nan
+    result = compare(scenario, truth, [run]).engines[0]
+    assert result.metrics["string_stretch"] == pytest.approx(2e-3, rel=1e-12)
+    assert result.metrics["simulated_time"] == run.t[-1]
+
+
+def test_why_a_tolerance_has_no_value(scenario, truth, make_run, limit):
+    short = dataclasses.replace(scenario, tolerances=(limit("rms_1.0s", 1e-3),))
+    crashed = compare(short, truth, [make_run(until=0.5, status=RunStatus.CRASHED)]).tolerances[0]
+    assert (crashed.outcome, crashed.value) == (Outcome.FAILED, None)
+    assert crashed.explanation == f"no value: {RunStatus.CRASHED.value}"
+    cut = compare(short, truth, [make_run(until=0.5)]).tolerances[0]
+    assert cut.outcome is Outcome.FAILED
+    assert cut.explanation.startswith("no value: the run or the truth does not reach")
+    kept = dataclasses.replace(scenario, tolerances=(limit("rms_0.35s", 1e-3),))
+    assert compare(kept, truth, [make_run()]).tolerances[0].explanation == ""

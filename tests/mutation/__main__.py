@@ -16,8 +16,11 @@ ROOT = Path(__file__).resolve().parents[2]
 from tests.mutation import FOLDERS, covering, processes  # noqa: E402
 from tests.mutation.mutants import Mutant, all_mutants, changed_lines, mutated, sample, source_hash  # noqa: E402
 from tests.mutation.summary import EQUIVALENT, Asked, read_equivalent, summary, verdict_lines  # noqa: E402
+from tests.mutation.zygote import NO_PLACE, Zygote, enclosing_function  # noqa: E402
 
 OK, TESTS_FAILED = 0, 1
+QUICK = 0.5
+"""Processor time of a test that is asked whether all is well without a mutant [s]."""
 
 
 def main() -> int:
@@ -74,49 +77,87 @@ def _run(name: str, asked_for: argparse.Namespace) -> tuple[list[Asked], int, li
         coverage = covering.measure(
             ROOT, copy, folder, tests, asked_for.work / "coverage", lambda text: progress.update(task, description=text)
         )
+        asker = _Asker(copy, coverage, asked_for.work / f"{name}.log")
         survived = 0
         for mutant in drawn:
             if time.monotonic() > deadline:
                 break
             known = store.known(mutant, coverage)
-            result = known or _ask(mutant, copy, coverage, asked_for.work / f"{name}.log")
+            result = known or asker.ask(mutant)
             if not known:
                 store.add(result)
             asked.append(result)
             survived += not result.caught
             progress.update(task, advance=1, description=f"{name}: {survived} survived")
+        asker.close()
     return asked, len(population), coverage.broken
 
 
-def _ask(mutant: Mutant, copy: Path, coverage: covering.Coverage, log: Path) -> Asked:
-    before, after = changed_lines(ROOT, mutant)
-    tests = coverage.plan(ROOT, mutant)
-    outcome, by, seconds = "no test runs it", "", 0.0
-    if tests:
-        log.unlink(missing_ok=True)
-        path = copy / mutant.path
+class _Asker:
+    """Asks the tests about mutants of one folder."""
+
+    def __init__(self, copy: Path, coverage: covering.Coverage, log: Path) -> None:
+        self.copy, self.coverage, self.log = copy, coverage, log
+        self._zygote: Zygote | None = None
+
+    def _ready(self) -> Zygote:
+        """Return the process that forks for mutants; when it starts, the quick tests must pass in it without one."""
+        if self._zygote is None:
+            durations = self.coverage.durations
+            self._zygote = Zygote(self.copy, sorted({t.partition("::")[0] for t in durations}), durations, self.log)
+            quick = sorted(t for t, seconds in durations.items() if seconds < QUICK)
+            status, _, by = self._zygote.ask("", "", "", quick, 600.0, self.log)
+            if status != OK:
+                raise SystemExit(f"{by} fails without a mutant (status {status}); see {self.log}")
+        return self._zygote
+
+    def ask(self, mutant: Mutant) -> Asked:
+        """Run the tests that may notice ``mutant``."""
+        before, after = changed_lines(ROOT, mutant)
+        tests = self.coverage.plan(ROOT, mutant)
+        outcome, by, seconds = "no test runs it", "", 0.0
+        if tests:
+            status, seconds, by = self._status(mutant, tests)
+            outcome = _outcome(status, by)
+        return Asked(
+            key=mutant.key,
+            path=mutant.path,
+            line=mutant.line,
+            operator=mutant.operator.removeprefix("core/"),
+            before=before,
+            after=after,
+            outcome=outcome,
+            by="" if outcome == "survived" else by,
+            tests=len(tests),
+            seconds=round(seconds, 2),
+            source=source_hash(ROOT / mutant.path),
+            test_source=_test_sources(tests, by if outcome != "survived" else ""),
+        )
+
+    def _status(self, mutant: Mutant, tests: list[str]) -> tuple[int, float, str]:
+        path, text, function = self.copy / mutant.path, mutated(ROOT, mutant), enclosing_function(ROOT, mutant)
+        if covering.runs_on_import(ROOT, mutant, self.coverage):
+            function = ""
+        if function:
+            self._ready()
+        self.log.unlink(missing_ok=True)
         original, times = path.read_bytes(), path.stat()
-        path.write_text(mutated(ROOT, mutant), encoding="utf-8")
+        path.write_text(text, encoding="utf-8")  # for processes that the tests start
         try:
-            status, seconds, by = covering.ask(copy, tests, coverage.durations, log)
+            if function:
+                module = mutant.path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+                limit = covering.wall_limit(tests, self.coverage.durations)
+                status, seconds, by = self._ready().ask(module, function, text, tests, limit, self.log)
+                if status != NO_PLACE:
+                    return status, seconds, by
+            return covering.ask(self.copy, tests, self.coverage.durations, self.log)
         finally:
             path.write_bytes(original)
             os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))  # its compiled file is then as good as before
-        outcome = _outcome(status, by)
-    return Asked(
-        key=mutant.key,
-        path=mutant.path,
-        line=mutant.line,
-        operator=mutant.operator.removeprefix("core/"),
-        before=before,
-        after=after,
-        outcome=outcome,
-        by="" if outcome == "survived" else by,
-        tests=len(tests),
-        seconds=round(seconds, 2),
-        source=source_hash(ROOT / mutant.path),
-        test_source=_test_sources(tests, by if outcome != "survived" else ""),
-    )
+
+    def close(self) -> None:
+        if self._zygote is not None:
+            self._zygote.close()
 
 
 def _outcome(status: int, by: str) -> str:

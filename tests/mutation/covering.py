@@ -200,6 +200,17 @@ class Limits:
             signal.setitimer(signal.ITIMER_PROF, 0)
 
 
+def wall_limit(tests: Iterable[str], durations: dict[str, float]) -> float:
+    """Wall time after which tests that wait, and use no processor, are ended [s]."""
+    return 120 + 20 * sum(durations[t] for t in tests)
+
+
+def runs_on_import(root: Path, mutant: Mutant, coverage: Coverage) -> bool:
+    """Whether the mutant's statement runs when its file or another is imported."""
+    start, end, whole = statement(root, mutant)
+    return whole or any(start <= line <= end for line in coverage.imported.get(mutant.path, ()))
+
+
 def ask(copy: Path, tests: list[str], durations: dict[str, float], log: Path) -> tuple[int, float, str]:
     """Run ``tests`` until one fails.
 
@@ -219,6 +230,5 @@ def ask(copy: Path, tests: list[str], durations: dict[str, float], log: Path) ->
         processes.forget_bytecode()
         return int(pytest.main([*PYTEST, *tests], plugins=[Limits(durations, note)]))
 
-    limit = 120 + 20 * sum(durations[t] for t in tests)
-    status, seconds = processes.run_child(copy, log, work, limit)
+    status, seconds = processes.run_child(copy, log, work, wall_limit(tests, durations))
     return status, seconds, note.read_text() if note.exists() else ""

@@ -46,8 +46,13 @@ def preload() -> None:
     for name in PRELOADED:
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
+    freeze()
+
+
+def freeze() -> None:
+    """Let children neither walk nor copy what is there now."""
     gc.collect()
-    gc.freeze()  # a child then neither walks nor copies these pages
+    gc.freeze()
 
 
 @contextlib.contextmanager
@@ -64,8 +69,13 @@ def project_copy(root: Path) -> Iterator[Path]:
         yield copy
 
 
-def run_child(copy: Path, log: Path, work: Callable[[], int], limit: float) -> tuple[int, float]:
+def run_child(copy: Path, log: Path, work: Callable[[], int], limit: float, *, fresh: bool = True) -> tuple[int, float]:
     """Call ``work`` in a forked process that imports the project from ``copy``, and end it after ``limit`` [s].
+
+    Parameters
+    ----------
+    fresh
+        Whether it imports the project anew.
 
     Returns
     -------
@@ -79,7 +89,10 @@ def run_child(copy: Path, log: Path, work: Callable[[], int], limit: float) -> t
     if pid == 0:
         status = 70
         try:
-            _become_child(copy, log)
+            if fresh:
+                become_child(copy, log)
+            else:
+                _own_group(log)
             status = work()
         except BaseException:
             import traceback
@@ -116,10 +129,16 @@ def _wait(pid: int, deadline: float) -> int:
         pause = min(2 * pause, 0.1)
 
 
-def _become_child(copy: Path, log: Path) -> None:
+def _own_group(log: Path) -> None:
+    """Become the leader of a process group, so that whatever is started can be ended; print to ``log``."""
     os.setsid()
     for out in (1, 2):
         os.dup2(os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND), out)
+
+
+def become_child(copy: Path, log: Path) -> None:
+    """Let this process import the project from ``copy`` and print to ``log``."""
+    _own_group(log)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     os.chdir(copy)
     os.environ |= {"PYTHONPATH": str(copy), "CI": "true"}  # CI: Hypothesis draws the same every time

@@ -1,0 +1,147 @@
+"""How the figures look, held against what was agreed on, and what their lines show, held against the runs.
+
+`appearance.json` holds the look. After a change that is meant, run
+``APPEARANCE=write python -m pytest tests/compare/test_appearance.py``, look at the figures, and commit both.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from looping_pendulum.compare import compare, page, plots
+from looping_pendulum.compare.convergence import plots as convergence_plots
+from looping_pendulum.compare.convergence.ladder import Kind
+from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.pages.palette import styles
+from tests.compare import fingerprint
+
+STORED = Path(__file__).with_name("appearance.json")
+
+
+@pytest.fixture
+def full(measured_scenario, truth, make_run, missing, table):
+    """A comparison with everything that a figure can show."""
+    late = make_run(shift=(2e-3, -1e-3), delay=4e-3)
+    lower = dataclasses.replace(late, heavy_position=late.heavy_position - np.outer(np.minimum(late.t, 0.3), [0.0, 0.04]))
+    crashed = make_run(delay=-2e-3, until=0.6, engine="mujoco", status=RunStatus.CRASHED)
+    exact = make_run(engine="drake", profile="accurate")
+    rows = [
+        *table.rows,
+        SimpleNamespace(quantity="t_A", index=1, measured=0.33, paper_numerical=0.34, unit="s"),
+        SimpleNamespace(quantity="height_change_at_A", index=1, measured=-0.24, paper_numerical=None, unit="m"),
+        SimpleNamespace(quantity="time_light_reaches_rod", index=1, measured=1.0, paper_numerical=1.05, unit="s"),
+    ]
+    return compare(measured_scenario, truth, [lower, crashed, exact, missing], SimpleNamespace(rows=rows))
+
+
+def looks(result):
+    """Name -> figure, of both kinds."""
+    look, samples = styles(e.label for e in result.engines), result.samples
+    drawn = {
+        "path": plots.path_figure(result, samples, look),
+        "drop": plots.drop_figure(result, samples, look),
+        "divergence": plots.divergence_figure(result, samples, look),
+        "events": plots.events_figure(result, look),
+    }
+    found = {name: fingerprint.of_figure(figure) for name, figure in drawn.items()}
+    return found | {f"page {f.id}": fingerprint.plain(dataclasses.asdict(f)) for f in page.figures(result)}
+
+
+def ladder():
+    """A variant's ladder of four steps with everything that its figure can show."""
+    steps = (8e-4, 4e-4, 2e-4, 1e-4)
+    marks = list(convergence_plots.MARKS)
+    rungs = [
+        SimpleNamespace(
+            value=v, run=SimpleNamespace(rms={m: (1 + i) * v for i, m in enumerate(marks)}, halting_time_error=-3 * v)
+        )
+        for v in steps
+    ]
+    verdicts = [
+        SimpleNamespace(quantity=marks[0], kind=Kind.CONVERGES, order=1.02, limit_error=None, uncertainty=None),
+        *(SimpleNamespace(quantity=m, kind=Kind.SCATTERS, order=None, limit_error=None, uncertainty=None) for m in marks[1:]),
+        SimpleNamespace(quantity=convergence_plots.HALT, kind=Kind.SETTLED, order=None, limit_error=1e-4, uncertainty=2e-4),
+    ]
+    to_limit = {m: [0.9 * v for v in steps] for m in marks}
+    ladder = SimpleNamespace(rungs=rungs, verdicts=verdicts, to_limit=to_limit, setting="time_step", unit="s", own=4e-4)
+    for rung, i in zip(rungs, range(4), strict=True):
+        rung.to_limit = {m: to_limit[m][i] for m in marks}
+    spread = {m: 1e-5 for m in marks} | {convergence_plots.HALT: 5e-5}
+    return SimpleNamespace(label="pymunk:chain", profile="quick", spread=spread, ladders=(ladder,)), ladder
+
+
+def test_figures_look_as_agreed(full):
+    found = looks(full) | {"ladder": fingerprint.of_figure(convergence_plots.ladder_figure(*ladder()))}
+    found = json.loads(json.dumps(found))
+    if os.environ.get("APPEARANCE") == "write":
+        STORED.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    stored = json.loads(STORED.read_text(encoding="utf-8"))
+    assert not fingerprint.differences(found, stored), "meant? see this file's first lines"
+
+
+def test_a_changed_look_is_seen(full):
+    found = json.loads(json.dumps(looks(full)))
+    thicker = json.loads(json.dumps(found))
+    thicker["path"]["axes"][0]["lines"][1]["lw"] *= 1.1
+    thicker["page drop"]["traces"][1]["x"]["sums"][0] += 1e-3
+    assert len(fingerprint.differences(thicker, found)) == 2
+
+
+def lines_of(figure, k=0):
+    return {line.get_label(): line.get_data() for line in figure.axes[k].lines}
+
+
+def test_the_divergence_is_the_distance_in_millimetres(full):
+    # Oracle: the runs' own samples.
+    drawn = lines_of(plots.divergence_figure(full, full.samples, styles(e.label for e in full.engines)))
+    late, truth = full.samples.aligned[0], full.samples.truth
+    t, distance = drawn["pymunk:chain"]
+    expected = 1e3 * np.hypot(*(late.run.light_position - truth.light_position[: len(late.t)]).T)
+    np.testing.assert_allclose(distance, expected, rtol=1e-12)
+    np.testing.assert_array_equal(t, late.t)
+    assert "drake:chain (below 1e-05 mm)" in drawn
+
+
+def test_a_lower_heavy_mass_is_drawn_above_zero_in_the_panel_of_drops(full):
+    figure = plots.drop_figure(full, full.samples, styles(e.label for e in full.engines))
+    late, truth = full.samples.aligned[0], full.samples.truth
+    lines = [line.get_data() for line in figure.axes[1].lines]
+    expected = 1e3 * (truth.heavy_position[: len(late.t), 1] - late.run.heavy_position[:, 1])
+    assert expected[-1] == pytest.approx(12, abs=0.5)
+    np.testing.assert_allclose(lines[0][1], expected, rtol=1e-9, atol=1e-9)
+    low, high = figure.axes[0].get_ylim()
+    assert low > high, "down is down"
+
+
+def test_measured_drops_are_downward(full):
+    assert plots.measured_drops(full) == [(0.33, 0.24), (0.3512, 0.25)]
+
+
+def test_event_times_are_drawn_less_the_measured_ones(full):
+    figure = plots.events_figure(full, styles(e.label for e in full.engines))
+    drawn = lines_of(figure)
+    measured = [row.measured for row in full.measured if row.unit == "s" and row.measured is not None]
+    truth = [row.truth for row in full.measured if row.unit == "s" and row.measured is not None]
+    expected = [1e3 * (v - m) for v, m in zip(truth, measured, strict=True) if v is not None]
+    np.testing.assert_allclose(drawn["truth"][0], expected, rtol=1e-12)
+    (events,) = [f for f in page.figures(full) if f.id == "events"]
+    shown = [x for x in events.traces[1]["x"] if x is not None]
+    np.testing.assert_allclose(shown, expected, atol=6e-4)  # the page rounds to a microsecond
+
+
+def test_the_star_is_where_the_light_mass_was_at_the_halt(full):
+    figure = plots.path_figure(full, full.samples, styles(e.label for e in full.engines))
+    late, halt = full.samples.aligned[0].run, full.engines[0].landmarks.halting_time
+    place = [np.interp(halt, late.t, late.light_position[:, k]) for k in (0, 1)]
+    stars = [c.get_offsets()[0] for c in figure.axes[0].collections]
+    assert any(np.allclose(star, place, atol=1e-12) for star in stars)
+    (path,) = [f for f in page.figures(full) if f.id == "path"]
+    pairs = [(t["x"][0], t["y"][0]) for t in path.traces if len(t["x"]) == 1]
+    assert any(np.allclose(pair, place, atol=1e-6) for pair in pairs)
