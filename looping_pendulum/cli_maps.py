@@ -120,14 +120,17 @@ def map_(
     """
     from looping_pendulum.compare.landmarks import run_landmarks
     from looping_pendulum.engines.memory import parse_memory
-    from looping_pendulum.sweep import map_file, report, runner
+    from looping_pendulum.sweep import executors, map_file, report, runner
     from looping_pendulum.sweep.store import STORE
 
     if file is None:
         _list_maps()
         return
+    if cluster is not None:
+        executors.check_address(cluster)
     plan = map_file.load(file)
     map_file.refuse_typo(plan, max_runs)
+    most_memory = parse_memory(memory_limit)
     folder = out or Path("report") / f"{plan.name}-map"
     _say_size(plan)
     with RunBar() as progress:
@@ -138,7 +141,7 @@ def map_(
             cluster=cluster,
             figures=figures,
             time_limit=time_limit,
-            memory_limit=parse_memory(memory_limit),
+            memory_limit=most_memory,
             read_moments=run_landmarks,
             progress=progress.update,
         )

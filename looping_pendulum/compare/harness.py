@@ -67,8 +67,9 @@ def compare_engines(
         If an engine's name is not known.
     """
     profile = Profile(profile)
-    truth = Truth(scenario)
     chosen = chosen_engines(engines, profile)
+    truth = Truth(scenario)
+    measured = measured_table(scenario, data_folder)  # before the runs: a faulty table must not cost them
     runs = run_all(
         chosen,
         scenario,
@@ -78,7 +79,7 @@ def compare_engines(
         progress=progress,
         finished=finished,
     )
-    result = compare(scenario, truth, runs, measured_table(scenario, data_folder))
+    result = compare(scenario, truth, runs, measured)
     return dataclasses.replace(result, run_keys=tuple(run_key(engine, scenario) for engine in chosen))
 
 

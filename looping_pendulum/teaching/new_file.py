@@ -16,6 +16,7 @@ from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import DURATION, solve
 from looping_pendulum.scenarios import loader
+from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.schema import suggest
 from looping_pendulum.teaching.questions import QUESTIONS, RELEASES, AnswerError, Ask, check_release, check_text
@@ -153,6 +154,8 @@ def _trial(answer: _Answers, index: int, count: int, file: str, *, folder: Path,
 
     path = file
     if file:
+        if not Path(file).exists():
+            raise AnswerError(f"--trial: found no file {quote(file)}, needed the file of a trial's marks; correct the path")
         check_file(file)
     else:
         path = answer(f"{at}.file", f"Trial {index + 1}: file of its marks", f"trial{index + 1}.csv", check_file)
