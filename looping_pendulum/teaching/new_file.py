@@ -125,6 +125,9 @@ def new_study(ask: Ask, *, name: str, folder: Path, files: Sequence[str], given:
     StudyError
         If the answers are impossible together.
     """
+    for file in files:
+        if not Path(file).exists():
+            raise AnswerError(f"--trial: found no file {quote(file)}, needed the file of a trial's marks; correct the path")
     pattern = _written(like)
     answer = _Answers(ask, given)
     tree: Tree = {"title": answer("title", "Title, a few words", name.replace("_", " "), check_text), "apparatus": {}}
@@ -154,8 +157,6 @@ def _trial(answer: _Answers, index: int, count: int, file: str, *, folder: Path,
 
     path = file
     if file:
-        if not Path(file).exists():
-            raise AnswerError(f"--trial: found no file {quote(file)}, needed the file of a trial's marks; correct the path")
         check_file(file)
     else:
         path = answer(f"{at}.file", f"Trial {index + 1}: file of its marks", f"trial{index + 1}.csv", check_file)
