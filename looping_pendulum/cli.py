@@ -41,13 +41,16 @@ from looping_pendulum.cli_maps import map_, maps
 from looping_pendulum.cli_progress import EngineBars, StageBar
 from looping_pendulum.cli_teaching import demo, demonstrations, init, new, tracker
 from looping_pendulum.cli_terminal import new_table, say, say_file, show_table
-from looping_pendulum.errors import HarnessError, one_line
+from looping_pendulum.errors import HarnessError, one_line, shorten
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.baseline import Changes
 
 USAGE_ERROR: Any = typer.BadParameter.__base__
 """Base of the errors of a mistyped command line; it is click's, and typer has a copy of its own from 0.26 on."""
+
+LONGEST_MESSAGE = 1000
+"""[characters] of a line that says what was wrong; what a command line holds may be a hundred times longer."""
 
 # rich_markup_mode=None: drawing the help with rich would double the time that --help takes
 app = typer.Typer(
@@ -289,7 +292,7 @@ def _short_warning(message: Warning | str, *_: object, **__: object) -> str:
 
 def _fail(message: str) -> NoReturn:
     """End with one line for a user's mistake."""
-    say(f"error: {one_line(message)}", err=True)
+    say(f"error: {shorten(one_line(message), LONGEST_MESSAGE)}", err=True)
     sys.exit(BAD_INPUT)
 
 
@@ -310,7 +313,7 @@ def main() -> None:
     except USAGE_ERROR as error:
         words = io.StringIO()
         error.show(file=words)
-        say(words.getvalue(), err=True, nl=False)
+        say("\n".join(shorten(line, LONGEST_MESSAGE) for line in words.getvalue().splitlines()), err=True)
         sys.exit(BAD_INPUT)
     except typer.Abort:
         say("Aborted.", err=True)

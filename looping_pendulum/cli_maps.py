@@ -122,14 +122,17 @@ def map_(
     from looping_pendulum.compare.landmarks import run_landmarks
     from looping_pendulum.engines.memory import parse_memory
     from looping_pendulum.files import ready_folder
-    from looping_pendulum.sweep import map_file, report, runner
+    from looping_pendulum.sweep import executors, map_file, report, runner
     from looping_pendulum.sweep.store import STORE
 
     if file is None:
         _list_maps()
         return
+    if cluster is not None:
+        executors.check_address(cluster)
     plan = map_file.load(file)
     map_file.refuse_typo(plan, max_runs)
+    most_memory = parse_memory(memory_limit)
     folder = out or Path("report") / f"{plan.name}-map"
     if folder.exists():
         ready_folder(folder, files=(report.REPORT, report.COPY), folders=(STORE,))  # before the work, not after it
@@ -142,7 +145,7 @@ def map_(
             cluster=cluster,
             figures=figures,
             time_limit=time_limit,
-            memory_limit=parse_memory(memory_limit),
+            memory_limit=most_memory,
             read_moments=run_landmarks,
             progress=progress.update,
         )

@@ -40,6 +40,11 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
+def shorten(text: str, longest: int = 60) -> str:
+    """Cut a long text."""
+    return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
 def printable(text: str) -> str:
     """Return ``text`` of several lines, each as `one_line` has it; tabs stay."""
     return "\n".join("\t".join(map(one_line, line.split("\t"))) for line in text.split("\n"))

@@ -71,8 +71,9 @@ def compare_engines(
     """
     profile = Profile(profile)
     scenario = with_variants(scenario, profile)
-    truth = Truth(scenario)
     chosen = chosen_engines(engines, profile)
+    truth = Truth(scenario)
+    measured = measured_table(scenario, data_folder)  # before the runs: a faulty table must not cost them
     runs = run_all(
         chosen,
         scenario,
@@ -82,7 +83,7 @@ def compare_engines(
         progress=progress,
         finished=finished,
     )
-    result = compare(scenario, truth, runs, measured_table(scenario, data_folder))
+    result = compare(scenario, truth, runs, measured)
     return dataclasses.replace(result, run_keys=tuple(run_key(engine, scenario) for engine in chosen))
 
 

@@ -12,6 +12,7 @@ import yaml
 
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.errors import one_line as one_line
+from looping_pendulum.errors import shorten as shorten
 
 LARGEST_FILE = 64 * 1024
 """[bytes]; many times a long scenario, and still read within a second or two."""
@@ -68,11 +69,6 @@ def quote(found: object) -> str:
     if isinstance(found, list):
         return "a list"
     return f"'{shorten(str(found))}'"
-
-
-def shorten(text: str, longest: int = 60) -> str:
-    """Cut a long text."""
-    return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
 def parse(raw: bytes, file: str) -> Document:

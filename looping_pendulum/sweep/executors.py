@@ -12,14 +12,17 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from importlib import import_module
 from typing import Any
+from urllib.parse import urlsplit
 
 from looping_pendulum.errors import EngineError, HarnessError, MissingPackageError
 from looping_pendulum.processes import end_with_parent, safe_spawning
-from looping_pendulum.scenarios.document import one_line
+from looping_pendulum.scenarios.document import one_line, quote
 from looping_pendulum.sweep.cells import Result, Task
 
 Solve = Callable[[Task], Result]
 
+SCHEMES = ("tcp", "tls", "ws", "wss")
+"""How Dask may speak to a scheduler."""
 CONNECT_TIME = 5.0
 """How long a scheduler may take to answer [s]."""
 WORKER_TIME = 15.0
@@ -67,6 +70,24 @@ def _in_pool(tasks: Iterator[Task], solve: Solve, jobs: int) -> Iterator[Result]
         pool.shutdown(wait=True, cancel_futures=True)
 
 
+def check_address(address: str) -> None:
+    """Refuse what cannot be the address of a scheduler; Dask itself takes ten seconds and a traceback for it.
+
+    Raises
+    ------
+    EngineError
+        If it is none.
+    """
+    try:
+        parts = urlsplit(address if "://" in address else f"tcp://{address}")
+        good = parts.scheme in SCHEMES and bool(parts.hostname) and bool(parts.port) and not (parts.path or parts.query)
+    except ValueError:
+        good = False
+    if not good:
+        message = f"--cluster: found {quote(address)}, needed the address of a Dask scheduler; write for example"
+        raise EngineError(one_line(f"{message} --cluster tcp://127.0.0.1:8786"))
+
+
 def on_cluster(tasks: Iterator[Task], solve: Solve, address: str) -> Iterator[Result]:
     """Run tasks on the workers of a Dask scheduler; a worker that dies only costs the chunks that it had.
 
@@ -77,6 +98,7 @@ def on_cluster(tasks: Iterator[Task], solve: Solve, address: str) -> Iterator[Re
     MissingPackageError
         If Dask is not installed.
     """
+    check_address(address)
     with _Cluster(address) as cluster:
         running = cluster.collector()
         cluster.begin(tasks, solve, running)

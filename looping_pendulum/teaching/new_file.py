@@ -16,6 +16,7 @@ from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import DURATION, solve
 from looping_pendulum.scenarios import loader
+from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.schema import suggest
 from looping_pendulum.teaching.questions import QUESTIONS, RELEASES, AnswerError, Ask, check_release, check_text
@@ -124,6 +125,9 @@ def new_study(ask: Ask, *, name: str, folder: Path, files: Sequence[str], given:
     StudyError
         If the answers are impossible together.
     """
+    for file in files:
+        if not Path(file).exists():
+            raise AnswerError(f"--trial: found no file {quote(file)}, needed the file of a trial's marks; correct the path")
     pattern = _written(like)
     answer = _Answers(ask, given)
     tree: Tree = {"title": answer("title", "Title, a few words", name.replace("_", " "), check_text), "apparatus": {}}

@@ -10,6 +10,7 @@ import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -82,6 +83,8 @@ def encoded(arguments: Sequence[str]) -> bytes:
 
 def seeds() -> list[bytes]:
     """Real command lines, and the files that they name, in a folder from which each run starts afresh."""
+    for module in (*(work.rpartition(".")[0] for work in WORK), "looping_pendulum.teaching.demonstrations_page"):
+        import_module(module)  # takes longer than any command line may
     shutil.rmtree("pristine", ignore_errors=True)
     here = Path("pristine")
     shutil.copytree(EXAMPLE, here)

@@ -106,6 +106,25 @@ def replace_value(random: Random, data: bytes) -> bytes:
     return data[: value.start()] + b" " + some_word(random) + data[value.end() :]
 
 
+def copy_value(random: Random, data: bytes) -> bytes:
+    """Put one value of the file in place of another."""
+    values = list(re.finditer(rb"(?<=[:,;\t\n\[])[^:,;\t\n\]}]+", data))
+    if not values:
+        return data
+    source, target = random.choice(values), random.choice(values)
+    return data[: target.start()] + source[0] + data[target.end() :]
+
+
+def change_number(random: Random, data: bytes) -> bytes:
+    """Multiply a number, or turn its sign, and leave its unit."""
+    numbers = list(re.finditer(rb"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?", data))
+    if not numbers:
+        return data
+    number = random.choice(numbers)
+    factor = random.choice((0.0, -1.0, 0.5, 2.0, 10.0, 1e-3, 1e3, 1e-12, 1e12, 1e-300, 1e300, random.random()))
+    return data[: number.start()] + b"%.12g" % (float(number[0][:30]) * factor) + data[number.end() :]
+
+
 def change_lines(random: Random, data: bytes) -> bytes:
     """Leave out, repeat, move or indent a line."""
     lines = data.split(b"\n")
@@ -137,10 +156,12 @@ def change_encoding(random: Random, data: bytes) -> bytes:
 
 
 TEXT_MUTATIONS: tuple[Mutation, ...] = (
-    change_bytes, delete_bytes, repeat_bytes, cut_off, put_word, put_word, replace_token, replace_token, replace_token,
-    replace_value,
-    replace_value, replace_value, change_lines, change_lines, change_signs,
-)  # fmt: skip
+    *(change_bytes, delete_bytes, repeat_bytes, cut_off, change_signs, put_word, put_word, change_lines, change_lines),
+    *[replace_token] * 3,
+    *[replace_value] * 3,
+    *[copy_value] * 3,
+    *[change_number] * 4,
+)
 
 
 def mutate(random: Random, data: bytes, mutations: Sequence[Mutation] = TEXT_MUTATIONS) -> bytes:
