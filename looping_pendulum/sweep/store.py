@@ -247,7 +247,7 @@ def _damaged(path: Path, what: str) -> MapError:
 
 def _mend_coordinates(plan: MapPlan, path: Path) -> None:
     """Write coordinates again that are not there, damaged or other than the map file says."""
-    group = zarr.open_group(path, mode="r+", use_consolidated=False)
+    group: Any = zarr.open_group(path, mode="r+", use_consolidated=False)
     wanted: dict[str, Any] = {"engine": np.array(plan.engines, dtype=object)} if plan.several else {}
     wanted |= {axis.name: axis.values for axis in plan.design.axes} if isinstance(plan.design, Grid) else {}
     for name, values in wanted.items():

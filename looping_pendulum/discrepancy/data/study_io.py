@@ -105,7 +105,7 @@ def _check_places(folder: Path, trial: Trial, doc: Document, index: int) -> None
     named = [(key, path) for key, (path, _) in zip(keys, trial.files, strict=True)]
     named += [("events", trial.events)] if trial.events is not None else []
     for key, path in named:
-        where = ("trials", index, *((key,) if isinstance(key, str) else key))
+        where: tuple[str | int, ...] = ("trials", index, *((key,) if isinstance(key, str) else key))
         try:
             place = Path(os.path.realpath(folder / path))
         except ValueError:
