@@ -30,7 +30,8 @@ SCENARIO_HEAD = """\
 STUDY_HEAD = """\
 # "+/-" is the standard error of what was measured; "free" is what nobody knows. Then: looping-pendulum identify THIS_FILE
 """
-NOT_ASKED = {Release.VERTICAL: ("release.angle",), Release.HELD: ("string.kinetic_friction", "heavy.drag")}
+STATIC = "string.static_friction"
+NOT_ASKED = {Release.VERTICAL: ("release.angle",), Release.HELD: ("string.kinetic_friction", STATIC, "heavy.drag")}
 """Release -> questions that mean nothing for it."""
 KEPT = ("gravity", "light.radius", "effects")
 """Not asked for, but kept where the scenario that the defaults are from has them."""
@@ -84,6 +85,8 @@ def new_scenario(ask: Ask, *, name: str, like: str, given: Mapping[str, str]) ->
     for key, question in QUESTIONS.items():
         if key in NOT_ASKED.get(Release(kind), ()):
             continue
+        if key == STATIC and _at(pattern, key) in (None, _at(pattern, "string.kinetic_friction")):
+            continue  # one coefficient is enough where the defaults are from; the file takes the kinetic one for both
         default = _at(pattern, key)
         default = _at(usual, key) if default is None else default
         _put(tree, key, answer(key, question.words, str(default), question.check))

@@ -110,6 +110,7 @@ QUESTIONS: Mapping[str, Question] = MappingProxyType(
             Question(key="heavy.mass", words="Heavy mass M2, which falls", unit="kg", usual=(5e-3, 2.0)),
             Question(key="rod.radius", words="Radius of the rod (half its diameter)", unit="m", usual=(5e-4, 0.05)),
             _coefficient("kinetic_friction", "Friction coefficient of the string on the rod", (0.05, 1.0)),
+            _coefficient("static_friction", "Friction coefficient of the string before it slides", (0.05, 1.5)),
             _coefficient("light_drag", "Air drag of the light mass (C rho A / 2)", (0.0, 0.01)),
             _coefficient("heavy_drag", "Air drag of the heavy mass", (0.0, 0.02)),
             _coefficient("string_drag", "Air drag of the string, per length", (0.0, 0.01)),
