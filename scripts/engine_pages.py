@@ -59,6 +59,8 @@ def _variant(engine: Engine) -> str:
     supplies = table(["physics", "by", "how"], supplies_as_rows(a.supplies), left=3)
     limits = "".join(f"- {limit}\n" for limit in a.limits) or "None declared.\n"
     text = f"## {label(engine)}\n\n{_sentence(a.summary)} {RUNS[kind(engine)]}\n\n{supplies}\n### Limits\n\n{limits}"
+    if a.additions:
+        text += "\n### What the adapter adds\n\n" + "".join(f"- {addition}\n" for addition in a.additions)
     if a.known_failures:
         rows = [[check.replace("_", " "), why] for check, why in a.known_failures.items()]
         text += f"\n### Checks that it fails\n\n{table(['check', 'measured reason'], rows, left=2)}"

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.trajectory import supplies_as_rows
+from looping_pendulum.engines.validated import QUANTITIES, Quantity, Spread
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.scenarios import loader
 
@@ -15,13 +16,26 @@ COMMAND = "looping-pendulum engines --support --markdown > docs/support.md"
 
 YES = "yes"
 
+ERRORS = {
+    "rms_0.35s": "RMS to 0.35 s [mm]",
+    "rms_0.7s": "RMS to 0.7 s [mm]",
+    "halting_time_error": "halting time [ms]",
+}
+"""What of `ValidatedRange.errors` is shown, and as what: median / 90 % / worst."""
+
 Table = tuple[list[str], list[list[str]]]
 """Header and rows."""
 
 
 def tables(engines: Sequence[Engine]) -> list[Table]:
-    """Three tables: scenarios, effects beyond the paper's model, and who supplies what; a row or column per variant."""
-    return [scenario_table(engines), effect_table(engines), supply_table(engines)]
+    """Scenarios, effects beyond the paper's model, who supplies what, what adapters add, and where accuracy was measured."""
+    return [
+        scenario_table(engines),
+        effect_table(engines),
+        supply_table(engines),
+        addition_table(engines),
+        *accuracy_tables(engines),
+    ]
 
 
 def scenario_table(engines: Sequence[Engine]) -> Table:
@@ -55,6 +69,38 @@ def supply_table(engines: Sequence[Engine]) -> Table:
     return ["variant", *whats, "what it is", "limits"], rows
 
 
+def addition_table(engines: Sequence[Engine]) -> Table:
+    """A row for everything that an adapter adds beyond its engine."""
+    return ["variant", "what the adapter adds"], [[label(e), what] for e in engines for what in e.abilities.additions]
+
+
+def accuracy_tables(engines: Sequence[Engine]) -> list[Table]:
+    """Two tables with a row per variant and profile: how far off it was over random scenarios, and how far those reached."""
+    stated = [(label(engine), each) for engine in engines for each in engine.abilities.validated]
+    errors: list[list[str]] = []
+    ranges: list[list[str]] = []
+    for name, validated in stated:
+        ended = f"{validated.scenarios - validated.failed} of {validated.scenarios}"
+        errors.append([name, validated.profile, ended, *(_spread(validated.errors.get(what)) for what in ERRORS)])
+        ranges.append([name, validated.profile, *(_reach(q, validated.bounds.get(q.name)) for q in QUANTITIES)])
+    headers = [f"{q.name} [{q.unit}]" if q.unit else q.name for q in QUANTITIES]
+    return [
+        (["variant", "profile", "ended properly", *ERRORS.values()], errors),
+        (["variant", "profile", *headers], ranges),
+    ]
+
+
+def _spread(spread: Spread | None) -> str:
+    """Median, 90 % and worst, in thousandths of the SI unit."""
+    if spread is None:
+        return "-"
+    return " / ".join(f"{1e3 * value:.2g}" for value in (spread.median, spread.ninety, spread.worst))
+
+
+def _reach(quantity: Quantity, bounds: tuple[float, float] | None) -> str:
+    return "-" if bounds is None else " to ".join(f"{quantity.per_unit * value:.3g}" for value in bounds)
+
+
 def kind(engine: Engine) -> str:
     """Whether a comparison runs the variant unasked."""
     return "truth" if engine.name == "reference" else "main" if engine.abilities.main else "study"
@@ -62,7 +108,7 @@ def kind(engine: Engine) -> str:
 
 def page(engines: Sequence[Engine]) -> str:
     """Return the tables as a page of Markdown."""
-    scenarios, effects, supplies = (_markdown(*each) for each in tables(engines))
+    scenarios, effects, supplies, additions, errors, ranges = (_markdown(*each) for each in tables(engines))
     return f"""# Which engine can run what
 
 Written by `{COMMAND}` from what every variant declares of
@@ -80,7 +126,20 @@ A scenario or an effect that a variant cannot represent is a gap in its row of e
 
 A law that an adapter feeds in is no evidence for that law.
 
-{supplies}"""
+{supplies}
+What the adapter adds beyond its engine, with what it is worth on the 10:1 trial (quick profile) where that was measured:
+
+{additions}
+## Where the accuracy was measured
+
+On seeded random scenarios (`python -m benchmarks.engine_range`; every run stands in docs/data/engine_range.json): how far the
+light mass was from the reference's, root mean square up to that time or to the end of the run if that is earlier, as median /
+90 % / worst of the scenarios whose run ended properly. `compare` says so where a scenario lies outside the range.
+
+{errors}
+The scenarios reached:
+
+{ranges}"""
 
 
 def _markdown(header: list[str], rows: list[list[str]]) -> str:

@@ -16,6 +16,7 @@ from tests.apparatus import TEN_TO_ONE, TWO_TO_ONE
 pytest.importorskip("mujoco")
 
 NO_DRAG = {"light_drag": 0.0, "heavy_drag": 0.0, "string_drag": 0.0}
+LIGHT_DRAG = {"light_drag": 2.72e-4, "heavy_drag": 1.11e-3, "string_drag": 1.56e-6}
 both = pytest.mark.parametrize("coordinates", Coordinates)
 
 
@@ -40,6 +41,16 @@ def test_vertical_release_is_an_atwood_machine_with_the_capstan_ratio(coordinate
     trajectory = run(coordinates, p, 0.3)
     expected = 0.5 * atwood_acceleration(p) * trajectory.t**2
     np.testing.assert_allclose(trajectory.heavy_drop, expected, rtol=2e-4, atol=1e-8)
+
+
+@both
+def test_a_light_mass_that_whips_round_a_short_string_reaches_the_rod(coordinates):
+    # A step of 1 ms in which the string turns by 1.6 rad ended the drum in a number that is none, a millisecond before the rod.
+    # Oracle: the reference's end; bound: two samples.
+    p = TEN_TO_ONE.replace(light_mass=0.1 / 15, heavy_mass=0.1, release_angle=math.radians(130), **LIGHT_DRAG)
+    trajectory = run(coordinates, p, 0.7)
+    assert trajectory.status is RunStatus.LIGHT_REACHED_ROD
+    assert trajectory.t[-1] == pytest.approx(solve(p).end_time, abs=2e-3)
 
 
 @both

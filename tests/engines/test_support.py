@@ -43,4 +43,4 @@ def test_effects_say_whom_they_do_not_reach():
 
 def test_every_variant_is_on_the_page():
     text = PAGE.read_text(encoding="utf-8")
-    assert all(text.count(f"| {label(engine)} |") == 2 for engine in own())
+    assert all(text.count(f"| {label(engine)} |") >= 2 for engine in own())

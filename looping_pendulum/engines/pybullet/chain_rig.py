@@ -14,10 +14,17 @@ from looping_pendulum.engines.pybullet.links import contact_friction, typical_wr
 from looping_pendulum.engines.pybullet.multibody import MultibodyRig, free_joints, set_joints
 from looping_pendulum.engines.pybullet.world import LongestStep, World
 from looping_pendulum.errors import EngineError
-from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.solve import solve
 
 STABLE_SHARE = 0.9
 """Share of a link that a wave on the chain may pass in one step; a chain of equal links flies apart above 1."""
+SAMPLES = 2000
+"""Of the reference's run."""
+BRAKED_SHARE = 0.55
+"""The same of a wave at the tension that the contacts hold back, T2 - T1, largest in the whole run.
+
+Contacts are less stable than the chain: at shares up to 0.54 (ten_to_one) it halts; 15:1 at 130 deg flew apart at 0.63."""
 
 
 class ChainRig(MultibodyRig):
@@ -49,24 +56,35 @@ class ChainRig(MultibodyRig):
 
 
 def longest_step(parameters: Parameters, chain: LaidChain) -> LongestStep:
-    """Return what tells the longest stable step for the masses' motion.
+    """Return what tells the longest stable step for the light mass's motion.
 
     A taut chain carries waves at sqrt(tension / mass per length), and an explicit step is stable while they pass less than a
-    link in it. The string is tightest next to the heavy mass while the rod brakes that, M2 (g + a), or where the light mass
-    whips round on a short string, M1 (v^2 / l + g), which no step could be chosen for at release.
+    link in it. No step could be chosen once for all: as the light mass whips round on ever less string, its tension
+    M1 (v^2 / l + g) grows beyond bounds. What the rod holds back has a largest value, which the reference's run tells.
     """
     p = parameters
     density = MASS_FRACTION * p.light_mass / float(chain.lengths.sum())
     shortest = float(chain.lengths.min())
     gravity, radius_square = p.coefficients["gravity"], p.rod_radius**2
+    braked = largest_braking(p)
+    contacts = BRAKED_SHARE * shortest * math.sqrt(density / braked) if braked > 0 else math.inf
 
-    def longest(x: float, y: float, vx: float, vy: float, heavy_acceleration: float) -> float:
+    def longest(x: float, y: float, vx: float, vy: float) -> float:
         free = math.sqrt(max(x * x + y * y - radius_square, shortest * shortest))
-        light = p.light_mass * ((vx * vx + vy * vy) / free + gravity)
-        heavy = p.heavy_mass * (gravity + heavy_acceleration)
-        return STABLE_SHARE * shortest * math.sqrt(density / max(light, heavy))
+        tension = p.light_mass * ((vx * vx + vy * vy) / free + gravity)
+        return min(contacts, STABLE_SHARE * shortest * math.sqrt(density / tension))
 
     return longest
+
+
+def largest_braking(parameters: Parameters) -> float:
+    """Largest friction T2 - T1 of the string on the rod in the reference's run until it halts [N]."""
+    if parameters.release is Release.HELD:
+        return 0.0
+    run = solve(parameters)
+    until = run.end_time if run.halting_time is None else run.halting_time
+    light, heavy = run.sample(np.linspace(0.0, until, SAMPLES)).tensions
+    return float(np.nanmax(heavy - light))
 
 
 def _load(world: World, urdf: str) -> int:

@@ -7,7 +7,7 @@ import weakref
 from collections.abc import Callable
 from typing import Any
 
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, steps_per_sample
+from looping_pendulum.engines.protocol import steps_per_sample
 from looping_pendulum.engines.pybullet.settings import RodShape, WorldSettings
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import CartesianForce, cartesian_force, release_velocity
@@ -23,7 +23,7 @@ MOST_PARTS = 50
 """Parts of a step, at most: a light mass that needs more has as good as met the rod."""
 
 Row = tuple[float, ...]
-LongestStep = Callable[[float, float, float, float, float], float]
+LongestStep = Callable[[float, float, float, float], float]
 
 
 class World:
@@ -106,9 +106,8 @@ class Drive:
     world, parameters
         Where, and whose effects.
     longest_step
-        Longest stable step [s] for the light mass's position [m] and velocity [m/s], x, y, vx, vy, and the heavy mass's mean
-        upward acceleration [m/s^2]. Where it is shorter than the settings' step, that is taken in as many equal parts as it
-        needs. None: every step is stable.
+        Longest stable step [s] for the light mass's position [m] and velocity [m/s]: x, y, vx, vy. Where it is shorter than
+        the settings' step, that is taken in as many equal parts as it needs. None: every step is stable.
     """
 
     def __init__(self, world: World, parameters: Parameters, longest_step: LongestStep | None = None) -> None:
@@ -116,7 +115,6 @@ class Drive:
         self._force: CartesianForce | None = cartesian_force(parameters)
         self._longest_step = longest_step
         self._steps_done, self._parts = 0, 1
-        self._heavy_v, self._heavy_a = release_velocity(parameters)[2], 0.0
 
     def steps(self, count: int, rig: Pushed) -> None:
         """Take ``count`` steps.
@@ -133,7 +131,7 @@ class Drive:
         for _ in range(count):
             if self._steps_done % look == 0:
                 x, y, vx, vy, heavy_v = rig.motion()
-                self._divide((x, y, vx, vy), heavy_v)
+                self._divide(x, y, vx, vy)
                 if self._force is not None:
                     fx, fy, heavy = self._force(self._steps_done * world.settings.time_step, x, y, vx, vy, heavy_v)
                     share = interval * self._parts
@@ -142,15 +140,12 @@ class Drive:
                 step(physicsClientId=client)
             self._steps_done += 1
 
-    def _divide(self, light: tuple[float, float, float, float], heavy_v: float) -> None:
+    def _divide(self, x: float, y: float, vx: float, vy: float) -> None:
         """Set into how many parts the coming steps are divided."""
         if self._longest_step is None:
             return
         time_step = self._world.settings.time_step
-        if self._steps_done and self._steps_done % self._world.steps == 0:
-            # Averaged over a sample: from step to step, contacts chatter.
-            self._heavy_a, self._heavy_v = (heavy_v - self._heavy_v) / SAMPLE_INTERVAL, heavy_v
-        parts = min(max(math.ceil(time_step / self._longest_step(*light, self._heavy_a)), 1), MOST_PARTS)
+        parts = min(max(math.ceil(time_step / self._longest_step(x, y, vx, vy)), 1), MOST_PARTS)
         if parts != self._parts:
             self._parts = parts
             self._world.api.setTimeStep(time_step / parts, physicsClientId=self._world.client)

@@ -1,0 +1,82 @@
+"""When PyBullet's chain divides its steps, and that dividing them takes neither time nor force away."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Profile
+from looping_pendulum.engines.pybullet.chain import SETTINGS
+from looping_pendulum.engines.pybullet.chain_model import lay_chain
+from looping_pendulum.engines.pybullet.chain_rig import BRAKED_SHARE, STABLE_SHARE, largest_braking, longest_step
+from looping_pendulum.engines.pybullet.world import Drive
+from tests.apparatus import TEN_TO_ONE
+
+QUICK = SETTINGS[Profile.QUICK]
+CHAIN = lay_chain(TEN_TO_ONE, QUICK)
+DENSITY = 0.01 * TEN_TO_ONE.light_mass / CHAIN.lengths.sum()
+AT_REST = (0.3, 0.1, 0.0, 0.0)
+
+
+def test_the_shipped_trial_is_stepped_as_its_settings_say():
+    # Oracle: its published figures were measured with that step; dividing it would move them.
+    longest = longest_step(TEN_TO_ONE, CHAIN)
+    assert longest(*AT_REST) > QUICK.time_step
+
+
+def test_what_the_rod_holds_back_bounds_the_step():
+    # Oracle: the wave equation, c = sqrt(T / rho); 15:1 at 130 deg holds back 8.9 N and flew apart with steps of 20 us.
+    p = TEN_TO_ONE.replace(heavy_mass=0.15, release_angle=math.radians(130))
+    braked = largest_braking(p)
+    wave = np.sqrt(braked / DENSITY)
+    assert wave * longest_step(p, CHAIN)(*AT_REST) == pytest.approx(BRAKED_SHARE * CHAIN.lengths.min(), rel=1e-12)
+    assert QUICK.time_step / 2 < longest_step(p, CHAIN)(*AT_REST) < QUICK.time_step
+
+
+def test_without_friction_a_light_mass_that_whips_round_shortens_it():
+    # Oracle: the wave equation with a tension of M1 (v^2 / l + g).
+    p = TEN_TO_ONE.replace(kinetic_friction=0.0, static_friction=0.0)
+    length, speed = 0.05, 8.0
+    wave = np.sqrt(p.light_mass * (speed**2 / length + 9.81) / DENSITY)
+    longest = longest_step(p, CHAIN)(np.hypot(length, p.rod_radius), 0.0, 0.0, speed)
+    assert wave * longest == pytest.approx(STABLE_SHARE * CHAIN.lengths.min(), rel=1e-12)
+    assert STABLE_SHARE < 1
+
+
+class FakeWorld:
+    """Counts the time that is stepped through and the impulse that is pushed with."""
+
+    def __init__(self, time_step, force_interval):
+        self.settings = SimpleNamespace(time_step=time_step, force_interval=force_interval)
+        self.steps, self.client, self.api = round(SAMPLE_INTERVAL / time_step), 0, self
+        self.step, self.time, self.force, self.impulse = time_step, 0.0, 0.0, 0.0
+
+    def setTimeStep(self, step, physicsClientId):  # noqa: N802 - PyBullet's name
+        self.step = step
+
+    def stepSimulation(self, physicsClientId):  # noqa: N802
+        self.time += self.step
+        self.impulse += self.step * self.force
+        self.force = 0.0
+
+    def motion(self):
+        return 0.3, 0.1, 0.0, 1.0, 0.0
+
+    def push(self, light, heavy):
+        self.force = light[1]
+
+
+@pytest.mark.parametrize("parts", [1, 3])
+@pytest.mark.parametrize("force_interval", [1, 5])
+def test_divided_steps_take_as_long_and_push_as_much(parts, force_interval):
+    # Oracle: time and impulse of the same motion with steps as they are: a constant drag over one sample.
+    world = FakeWorld(2e-5, force_interval)
+    p = TEN_TO_ONE.replace(light_drag=1e-3)
+    drive = Drive(world, p, lambda *_: 0.99 * world.settings.time_step / (parts - 1) if parts > 1 else 1.0)
+    drive.steps(world.steps, world)
+    once = FakeWorld(2e-5, 1)
+    Drive(once, p).steps(once.steps, once)
+    assert world.step == pytest.approx(2e-5 / parts, rel=1e-12)
+    assert world.time == pytest.approx(SAMPLE_INTERVAL, rel=1e-12)
+    assert world.impulse == pytest.approx(once.impulse, rel=1e-9) != 0
