@@ -74,9 +74,7 @@ def test_every_kind_of_change_is_listed(scenario, truth, make_run, missing, limi
 @pytest.mark.parametrize(("factor", "seen"), [(1 + 4e-16, False), (1 - 1e-12, False), (1 + 1e-6, True)])
 def test_the_last_bits_of_a_computed_setting_are_no_change(scenario, truth, make_run, factor, seen):
     # A contact's friction is solved for, and comes out one unit of the last place apart on another processor.
-    before, after = (
-        compare(scenario, truth, [make_run(settings={"rod": {"friction": 0.34217 * f}})]) for f in (1.0, factor)
-    )
+    before, after = (compare(scenario, truth, [make_run(settings={"rod": {"friction": 0.34217 * f}})]) for f in (1.0, factor))
     assert ((Kind.SETTING, RUN, "rod.friction") in found(changes_since(before, after))) is seen
 
 
