@@ -71,6 +71,7 @@ def velocity_is_the_rate_of_position(engine: Engine) -> None:
 def is_deterministic(engine: Engine) -> None:
     """The same input gives the same bytes."""
     first, second = (engine.simulate(scenario(FRICTIONLESS, 0.03)) for _ in range(2))
+    # the same code on the same processor: whatever differs was left over from the first run
     assert first.light_position.tobytes() == second.light_position.tobytes()
     assert first.heavy_position.tobytes() == second.heavy_position.tobytes()
 

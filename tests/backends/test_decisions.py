@@ -59,7 +59,7 @@ def test_events_are_those_of_longer_arithmetic(name):
     assert told == [[event, mode] for event, _, mode, *_ in EVENTS[name]]
     found = np.array([[e.time, e.state.wrap_angle, e.state.free_length] for e in run.events], dtype=float)
     expected = np.array([[time, angle, length] for _, time, _, angle, length in EVENTS[name]])
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)  # the angle grows to 23 rad
 
 
 @pytest.mark.accurate  # a batch takes half a minute to compile; `reference_ode/test_batch.py` compares its sequences every day
@@ -90,10 +90,11 @@ FRICTION = 0.34
     ids=["equal masses", "edge of sliding down", "edge of sliding up"],
 )
 def test_on_the_edge_of_sliding_nothing_moves_whichever_way_rounding_decides(p):
-    # Oracle: statics. The margin is 0 but for rounding, so that a slide has an acceleration of 1e-15 m/s^2 at most.
+    # Oracle: statics. Bound: the tolerance of a step, 1e-12, of some hundred steps. With equal masses the string let go of the
+    # rod by rounding, while all rests, and heyoka broke down at the root of |v|.
     run = solve(p, duration=1.0)
     t = np.linspace(0, 1.0, 11)
-    assert np.abs(run.heavy_drop(run.sample(t).state)).max() < 1e-12
+    assert np.abs(run.heavy_drop(run.sample(t).state)).max() < 1e-10
 
 
 def test_a_string_released_horizontal_is_taut():
@@ -110,7 +111,9 @@ def test_a_worker_process_finds_the_reference_where_it_is():
     scenario = Scenario(name="ten", title="", description="", parameters=TEN_TO_ONE, duration=0.05)
     run = run_isolated(engine, scenario).raise_if_failed()
     exact = solve_at(TEN_TO_ONE, run.t, duration=0.06)
-    np.testing.assert_allclose(run.light_position, exact.light_position, rtol=0, atol=1e-10)
+    assert available_integrators()[0] == run.variant
+    # Oracle: the same here, at a finer tolerance. Bound: that of a step, over a hundred steps.
+    np.testing.assert_allclose(run.light_position, exact.light_position, rtol=0, atol=100 * engine.settings.tolerance)
 
 
 @NEEDS_HEYOKA
@@ -145,7 +148,7 @@ def test_the_data_loop_names_the_push_and_gives_the_planted_values_back(loop):
 
 
 def test_the_data_loop_finds_the_same_numbers(loop):
-    # Oracle: the same under the default backend, stored. Bound: a fit ends where its cost falls by less than CLOSE of itself, and
+    # Oracle: the same under the default backend, stored. Bound: a fit ends where its cost falls by less than CLOSE of itself:
     # that far, in standard errors, two may end apart. A score changes by as much.
     stored = json.loads((DATA / "data_loop.json").read_text(encoding="utf-8"))
     for name, fit in (("declared", loop.declared), ("added", loop.added)):

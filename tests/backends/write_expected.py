@@ -1,7 +1,7 @@
 """What all backends must find: `python -m tests.backends.write_expected` writes `data/`.
 
-Events are from arithmetic of 80 bits, whose rounding is 2000 times smaller. The small study has places of the reference's masses
-with noise, as text, so that every backend reads the same bytes.
+Events are from arithmetic of 80 bits, whose rounding is 2000 times smaller. The small study has places of the reference's
+masses with noise, as text, so that every backend reads the same bytes.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ def test_a_string_that_does_not_slide_is_no_measurement(integrator):
 
 
 class Creeping:
-    """The reference, its heavy mass lower by a drop that grows evenly: what rounding or a soft contact does to a stuck string."""
+    """The reference, its heavy mass lower by a drop that grows evenly, as rounding or a soft contact moves a stuck string."""
 
     def __init__(self, reference, drop):
         self.reference, self.drop = reference, drop
