@@ -197,7 +197,7 @@ def _tolerances(run: str, before: ComparisonResult, after: ComparisonResult, eng
     yield from _different(Kind.TOLERANCE, run, old, new)
     for metric in (metric for metric in judged[1] if metric in judged[0]):
         limits = [known[metric].limit for known in judged]
-        if limits[0] != limits[1]:
+        if limits[0] != limits[1]:  # exact: limits are read, not computed
             unit = METRICS.get(metric, "")
             yield Change(kind=Kind.TOLERANCE, run=run, what=f"limit of {metric}", unit=unit, before=limits[0], after=limits[1])
 

@@ -28,8 +28,8 @@ DRIVE = 2.0
 DURATION = 0.15
 """Time over which tensions are averaged [s]."""
 LEAST_SLIDE = 0.01
-"""Least slide over free fall in the same time. A string that slides less has nearly the ratio of the weights in its tensions,
-within 2 % of a unit of ln(T2 / T1), whatever rod holds it. Strings that stick move by rounding (1e-14) up to contacts' creep (3e-3).
+"""Least slide over free fall in the same time. With less, the tensions have the ratio of the weights, whatever the rod does,
+within 0.02 of ln(T2 / T1). Strings that stick move by rounding (1e-13 of free fall) up to what soft contacts creep (3e-3).
 """
 LEAST_ANGLE, GREATEST_ANGLE = math.radians(85), math.radians(275)
 """Wrap angles between which the released light mass keeps its string taut [rad]."""

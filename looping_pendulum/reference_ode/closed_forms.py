@@ -29,7 +29,7 @@ def free_fall(t: Array, *, mass: float, drag: float, gravity: float) -> Array:
 
     (m / gamma) ln cosh(sqrt(g gamma / m) t), or g t^2 / 2 without drag.
     """
-    if drag == 0:
+    if drag == 0:  # as written
         return 0.5 * gravity * t**2
     x = math.sqrt(gravity * drag / mass) * t
     return mass / drag * (np.logaddexp(x, -x) - math.log(2))

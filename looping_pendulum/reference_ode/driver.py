@@ -41,7 +41,12 @@ class Integrator(Protocol):
 
 
 class Driver:
-    """The state of one run while it goes on. Its `record` is complete once `run_dense` or `run_sampled` has returned."""
+    """The state of one run while it goes on. Its `record` is complete once `run_dense` or `run_sampled` has returned.
+
+    Where it compares a number with 0: coefficients are as written; speeds of what rests (or `TINY`) and signs were assigned,
+    so these are exact. Tensions and margins are computed: they have `NO_TENSION`, `ROUNDING` and `equations.EDGE`, or are far
+    from 0 but in grazing cases, in which both neighbours are right to rounding.
+    """
 
     xp: Any = math
     """Math namespace of the numbers that the state is made of."""

@@ -29,10 +29,12 @@ from looping_pendulum.reference_ode.transitions import Event, Mode
 
 NUDGE = 1e-18
 """Added to a phase's first event function: heyoka misses later roots of a function that is exactly zero where it starts."""
-
-
 PASSING_NUDGE = 1e-12
 """The same for the speed of passing string, which is the difference of numbers about 1 m/s."""
+EDGE = 1e-14
+"""Share of the heavy side's tension by which the rod holds more than the friction cone says. On the very edge, as with equal
+masses and no friction, rounding would decide; and |v| cannot be differentiated where a string lets go while everything rests.
+"""
 
 
 class _Slant(NamedTuple):
@@ -215,7 +217,8 @@ def holding_margins(
 
 def _margins(mode: Mode, signs: Signs, b: _Balance, p: Any) -> tuple[Any, Any]:
     light, heavy = _tensions(mode, b, _heavy_rate(mode, signs, b, p))
-    return light * b.holding - heavy, heavy * b.holding - light
+    spare = EDGE * heavy
+    return light * b.holding - heavy + spare, heavy * b.holding - light + spare
 
 
 def _rod_returns(signs: Signs, y: State, rod_rate: Any) -> Any:

@@ -30,7 +30,7 @@ from looping_pendulum.reference_ode.state import State, own_variables, variables
 SEEN = ("x1", "y1", "vx1", "vy1", "y2", "vy2")
 """What nearness is measured in: place and velocity of the light mass, height and speed of the heavy one."""
 LOST = 1e-13
-"""Growth over the largest one at the same time that is none but for rounding: a direction that a stop has taken away for good."""
+"""Growth over the largest one at that time that is none but for rounding: a direction that a stop has taken away for good."""
 
 
 @dataclass(frozen=True, kw_only=True)

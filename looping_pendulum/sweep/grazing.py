@@ -209,7 +209,7 @@ def least_value(run: Solution, event: Event, start: float, end: float) -> tuple[
     for segment in (s for s in run.segments if s.times[-1] > start and s.times[0] < end):
         t = np.linspace(max(start, segment.times[0]), min(end, segment.times[-1]), SAMPLES)
         values = _watched(run, segment, event, t)
-        first_counts = not (from_zero and t[0] == start)
+        first_counts = not (from_zero and t[0] == start)  # exact: a segment begins at the very time of the event before it
         candidates = [(float(values[i]), float(t[i])) for i in ((0, -1) if first_counts else (-1,))]
         for i in 1 + np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])):
             refined = minimize_scalar(

@@ -31,7 +31,7 @@ OLD = {
     "NPY_DISABLE_CPU_FEATURES": _dispatched(),
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX2,-AVX2_Usable,-FMA,-FMA_Usable,-FMA4,-AVX",
 }
-"""Linear algebra, NumPy's functions and those of `math` without what x86 has learned since 2004: each rounds differently then."""
+"""Linear algebra, NumPy's functions and those of `math` without what x86 has learned since 2004: each then rounds otherwise."""
 
 
 @dataclass(frozen=True, kw_only=True)

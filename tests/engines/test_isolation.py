@@ -119,7 +119,7 @@ def test_every_fault_at_once_leaves_the_others_results(tmp_path):
     assert {run.variant: (run.status, len(run.t)) for run in runs[1:-1]} == FAULTS
     result = compare(SCENARIO, Truth(SCENARIO), runs)
     by_themselves = compare(SCENARIO, Truth(SCENARIO), alone)
-    for beside, lone in ((0, 0), (-1, 1)):
+    for beside, lone in ((0, 0), (-1, 1)):  # every bit: the same code on the same processor, each in a process of its own
         assert runs[beside].light_position.tobytes() == alone[lone].light_position.tobytes()
         assert result.engines[beside] == by_themselves.engines[lone]
     for run in runs[1:-1]:

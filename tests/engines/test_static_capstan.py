@@ -44,14 +44,14 @@ def test_a_wrap_angle_that_lets_the_string_go_slack_is_refused(reference):
 
 @pytest.mark.parametrize("integrator", available_integrators())
 def test_a_string_that_does_not_slide_is_no_measurement(integrator):
-    # SciPy leaves a drop of 9e-15 m where heyoka leaves 0 on one processor, and the reverse on another: `slid > 0` took it for a slide.
+    # SciPy leaves a drop of 9e-15 m with AVX-512, and 0 or less elsewhere: `slid > 0` took that for a slide.
     (engine,) = select([f"reference:{integrator}"], Profile.QUICK)
     with pytest.raises(EngineError, match="did not slide .* needed a slide of 1.1 mm; raise drive above 0.9"):
         measured_exponent(engine, drive=0.9)
 
 
 class Creeping:
-    """The reference, its heavy mass lower by a drop that grows evenly: what rounding or a soft contact makes of a stuck string."""
+    """The reference, its heavy mass lower by a drop that grows evenly, as rounding or a soft contact moves a stuck string."""
 
     def __init__(self, reference, drop):
         self.reference, self.drop = reference, drop

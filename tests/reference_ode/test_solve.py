@@ -69,9 +69,9 @@ def test_held_pendulum_has_the_period_of_its_energy_integral(integrator, radius)
 
 @BOTH
 def test_a_held_string_released_at_a_right_angle_is_taut_though_its_tension_is_zero_but_for_rounding(integrator):
-    # cos(90 deg) is 6e-17 in floating point. Taken for slack, the string was neither to open nor to close, and the light mass fell
-    # straight down for ever. Oracle: a release 1 nrad lower, whose tension grows from 1e-9 of the weight; path by path within
-    # what 1 nrad moves the light mass, a few times 1e-9 of its string.
+    # cos(90 deg) is 6e-17 in floating point. Taken for slack, the string neither opened nor closed, and the light mass fell
+    # straight down for ever. Oracle: a release 1 nrad lower, whose tension grows from 1e-9 of the weight. Bound: what 1 nrad
+    # moves the light mass, a few times 1e-9 of its string's length.
     p = TEN_TO_ONE.replace(release="held", release_angle=math.pi / 2, **WITHOUT_LOSSES)
     t = np.linspace(0, 0.7, 71)
     run, lower = (solve(q, duration=0.71, integrator=integrator) for q in (p, p.replace(release_angle=math.pi / 2 + 1e-9)))

@@ -39,9 +39,8 @@ def test_a_map_is_the_same_map_on_a_processor_whose_powers_differ_in_the_last_pl
         axis = plan.design.axes[0]
         values = axis.values.copy()
         values[where] *= factor
-        return dataclasses.replace(
-            plan, design=dataclasses.replace(plan.design, axes=(dataclasses.replace(axis, values=values),))
-        )
+        design = dataclasses.replace(plan.design, axes=(dataclasses.replace(axis, values=values),))
+        return dataclasses.replace(plan, design=design)
 
     plan = map_file.load_text(written(["rod_radius: {from: 1 mm, to: 20 mm, count: 8, spacing: log}"]))
     ids = [map_id(p) for p in (plan, moved(plan, 1 + 4e-16, slice(1, -1)), moved(plan, 1 + 1e-9, -1), moved(plan, 1 + 1e-9, 0))]

@@ -61,7 +61,7 @@ def test_a_grid_says_what_the_batch_says(tmp_path):
     )
     with xr.open_zarr(tmp_path / "map.zarr") as data:
         assert data["halting_time"].dims == ("release_angle", "mass_ratio")
-        for field in FIELDS:
+        for field in FIELDS:  # every bit: `solve_batch` promises that no result depends on what runs beside
             assert np.array_equal(
                 data[field.name].values.ravel(), getattr(batch, field.name), equal_nan=field.dtype == "float64"
             )

@@ -244,7 +244,7 @@ class EffectiveMassRig(abc.ABC):
 
     def _change(self) -> None:
         """Find what the string does from here on: slides as the heavy mass moves, or as it is pulled, or sticks."""
-        if self._motion is Motion.FREE and self._heavy_speed() != 0.0:
+        if self._motion is Motion.FREE and self._heavy_speed() != 0.0:  # the release's own, as written: 0 but for a push
             self._motion = Motion.UP if self._heavy_speed() > 0 else Motion.DOWN
             return
         if self._held:

@@ -1,0 +1,46 @@
+"""The tests that no backend may fail, under every backend; `make test BACKEND=NAME` runs all tests under one."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.backends import BACKENDS, DEFAULT, current, environment
+
+PROJECT = Path(__file__).parents[2]
+CHECKED = (
+    "tests/backends/test_decisions.py",
+    "tests/engines/test_static_capstan.py::test_over_half_a_turn_it_is_exact",
+    "tests/engines/test_static_capstan.py::test_a_string_that_does_not_slide_is_no_measurement",
+    "tests/engines/test_static_capstan.py::test_what_rounding_or_creep_moves_a_stuck_string_is_no_slide",
+)
+DAILY = ("heyoka-avx512", "scipy", "old-processor")
+"""Every way to round differently, once."""
+
+pytestmark = pytest.mark.skipif(current() != DEFAULT, reason="this run itself is under one backend")
+
+
+def run_checks(name, *options):
+    """Run `CHECKED` in one process: what a backend is can only be set before a process starts."""
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *options, *CHECKED]
+    inherited = {variable: value for variable, value in environment(name).items() if not variable.startswith("PYTEST_")}
+    done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, timeout=1800, env=inherited)
+    assert done.returncode == 0, done.stdout + done.stderr
+    counts = {what: int(number) for number, what in re.findall(r"(\d+) (passed|skipped|xfailed)", done.stdout)}
+    assert "skipped" not in counts, done.stdout  # a check that is left out checks nothing
+    assert counts["passed"] > 10
+
+
+@pytest.mark.parametrize("name", DAILY)
+def test_no_decision_depends_on(name):
+    run_checks(name)
+
+
+@pytest.mark.accurate
+@pytest.mark.parametrize("name", [name for name in BACKENDS if name != DEFAULT])
+def test_no_decision_depends_on_batches_included(name):
+    run_checks(name, "-m", "accurate or not accurate")

@@ -1,0 +1,90 @@
+"""What all backends must find: `python -m tests.backends.write_expected` writes `data/`.
+
+Events are from arithmetic of 80 bits, whose rounding is 2000 times smaller. The small study has places of the reference's
+masses with noise, as text, so that every backend reads the same bytes.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.residual import calibrated
+from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.listed.screening import Screened, screen
+from looping_pendulum.reference_ode.extended import solve_extended
+from looping_pendulum.reference_ode.solve import solve_at
+from tests.apparatus import SENSITIVE, TEN_TO_ONE, TWO_TO_ONE
+
+DATA = Path(__file__).with_name("data")
+APPARATUS = {"ten_to_one": TEN_TO_ONE, "two_to_one": TWO_TO_ONE, "sensitive": SENSITIVE}
+FRAME_RATE, FRAMES = 120, 44
+"""Frames per second, and how many: up to 0.36 s, a little before the halt."""
+NOISE = 5e-4
+"""Standard deviation of the tracked points [m]."""
+PUSH = 0.06
+"""Undeclared speed of the light mass across the string at release [m/s]: what the data loop has to name."""
+
+
+def events(name: str) -> list[list[object]]:
+    """Every event of an apparatus: name, time [s], mode after it, wrap angle [rad] and free length [m]."""
+    run = solve_extended(APPARATUS[name], precision="80-bit", duration=2.0)
+    return [
+        [e.event and e.event.value, float(e.time), e.mode_after.name, float(e.state.wrap_angle), float(e.state.free_length)]
+        for e in run.events
+    ]
+
+
+def tracked() -> str:
+    """The small study's CSV."""
+    t = np.arange(FRAMES) / FRAME_RATE
+    samples = solve_at(TEN_TO_ONE.replace(push_across=PUSH), t, duration=0.4)
+    places = np.column_stack([samples.light_position, samples.heavy_position[:, 1]])
+    places += np.random.default_rng(12).normal(0.0, NOISE, places.shape)
+    rows = [",".join([f"{time:.6f}", *(f"{1e3 * place:.2f}" for place in row)]) for time, row in zip(t, places, strict=True)]
+    return "\n".join(["t [s],light_x [mm],light_y [mm],heavy_y [mm]", *rows]) + "\n"
+
+
+SCREENED = ("push_across", "wind_speed", "clock_offset", "scale")
+"""Candidates of the small study that need little compiling."""
+
+
+class Loop(NamedTuple):
+    """A turn of the data loop on the small study."""
+
+    declared: Fit
+    """Of the model without the push."""
+    screened: list[Screened]
+    """Candidates, best first."""
+    added: Fit
+    """With the best of them."""
+
+
+def data_loop() -> Loop:
+    """Read the small study, fit what it declares, screen candidates, add the best one and fit again."""
+    inputs = read_inputs(load(DATA / "study.yaml"))
+    problem = Problem(inputs.study, inputs.training, inputs.numbers)
+    declared = calibrated(minimise(problem, problem.prior_mean))
+    screened = screen(declared, [c for c in inputs.library if c.name in SCREENED])
+    best = screened[0]
+    wider = declared.problem.with_numbers(best.candidate.number(best.scale))
+    return Loop(declared, screened, calibrated(minimise(wider, np.append(declared.x, best.amplitude / best.scale))))
+
+
+def said(loop: Loop) -> dict[str, object]:
+    """Results of `data_loop` as plain data."""
+    fits = {name: dict(fit.values) for name, fit in (("declared", loop.declared), ("added", loop.added))}
+    return fits | {"scores": {s.candidate.name: s.score for s in loop.screened}}
+
+
+if __name__ == "__main__":
+    found = {name: events(name) for name in APPARATUS}
+    (DATA / "events.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    (DATA / "ten_to_one.csv").write_text(tracked(), encoding="utf-8")
+    (DATA / "data_loop.json").write_text(json.dumps(said(data_loop()), indent=1) + "\n", encoding="utf-8")
