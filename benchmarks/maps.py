@@ -113,10 +113,8 @@ def verdict(met: bool) -> str:
     return "met" if met else "not met"
 
 
-def growth(rounds: int = 3) -> tuple[float, float]:
+def growth(rounds: int = 3) -> None:
     """CPU time of a batch of a thousand runs to a million, beside a straight line through the first and the last.
-
-    Returns the line: what a batch costs at the start [s], and what each run adds [s].
 
     The fastest of several, taken in turn: this machine is at times slower by half, for seconds.
     """
@@ -135,7 +133,6 @@ def growth(rounds: int = 3) -> tuple[float, float]:
     off = max(abs(found / (start + n * slope) - 1) for n, found in times.items())
     print(f"\nThe line: {start:.3f} s and {1e6 * slope:.1f} us per run; furthest off it: {100 * off:.0f} %.")
     print(f"Target cost linear from 1e3 to 1e6 (within 20 % of a line): {verdict(off <= 0.2)}.")
-    return float(start), float(slope)
 
 
 def piece(runs: int) -> None:
@@ -218,21 +215,6 @@ def whole_map(runs: int, repeats: int = 3) -> None:
     print(
         f"Target two processes 1.8 times one, the second one's start included: {verdict(one / two >= 1.8)} ({one / two:.2f})."
     )
-
-
-def measured_cost(repeats: int, runs: int) -> dict[str, object]:
-    """CPU times and memory as numbers: what of this does not depend on what else the machine does."""
-    times = peers(repeats)
-    ours = times["solve_batch, 1e-12"]
-    start, slope = growth(repeats)
-    return {
-        "cpu_per_run_us": times,
-        "numba_ratio": times["Numba DOP853, 1e-12"] / ours,
-        "scipy_ratio": times["SciPy DOP853, 1e-9"] / ours,
-        "start": start,
-        "slope": slope,
-        "memory_mib": wall_clock(runs, 1)[2],
-    }
 
 
 def benchmark(repeats: int, runs: int) -> None:

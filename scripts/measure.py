@@ -3,7 +3,7 @@
 Each measurement is a function of `scripts.measurements` that returns plain numbers in SI. It is stored as
 `docs/data/measured/NAME.json` with the command that made it, the day, and the versions; `python -m scripts.docs_numbers` then
 writes the pages' numbers from there. Without a name the measurements are listed; `--all` makes all but the timings, which want
-a quiet machine (`--timings`), and those that take many minutes (`--long`).
+a quiet machine (`--timings`).
 """
 
 from __future__ import annotations
@@ -28,20 +28,15 @@ QUICK = {
     "pymunk_public_calls": "engines",
     "pymunk_defaults": "engines",
     "pybullet_cylinder": "engines",
-    "pybullet_chain": "engines",
-    "pybullet_remade": "engines",
     "spring": "engines",
     "falling_balls": "identification",
-    "paper_events": "identification",
     "thrust": "identification",
     "magnet": "identification",
 }
 """Measurement that takes some minutes at most, on any machine -> its module; its function has its name."""
-LONG = {"pendulum": "identification"}
-"""Those that take many minutes."""
 TIMINGS = {"reference_speed": "timings", "map_cost": "timings"}
 """Those whose numbers are times, to be taken on a machine that does nothing else; `map_cost` needs the extra "benchmark"."""
-EVERY = QUICK | LONG | TIMINGS
+EVERY = QUICK | TIMINGS
 PACKAGES = ("looping-pendulum", "numpy", "scipy", "heyoka", "mujoco", "pymunk", "pybullet", "drake")
 
 
@@ -49,11 +44,11 @@ def main() -> None:
     """Make the measurements that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(EVERY))
-    for group in ("all", "long", "timings"):
+    for group in ("all", "timings"):
         parser.add_argument(f"--{group}", action="store_true")
     options = parser.parse_args()
     names = list(options.names)
-    for wanted, group in ((options.all, QUICK), (options.long, LONG), (options.timings, TIMINGS)):
+    for wanted, group in ((options.all, QUICK), (options.timings, TIMINGS)):
         names += group if wanted else []
     for name in names:
         if name not in EVERY:

@@ -124,39 +124,6 @@ def pybullet_cylinder() -> dict[str, Any]:
     return {shape.value: acceleration_error(run, scenario) for shape, run in runs.items()}
 
 
-def pybullet_chain() -> dict[str, Any]:
-    """How far the halt of two_to_one moves when PyBullet's forces are updated every step."""
-    scenario = load("two_to_one")
-    exact = solve(scenario.parameters).halting_time
-    halts = {}
-    for name, changes in (("own", {}), ("every_step", {"force_interval": 1})):
-        run = engine("pybullet:chain", **changes).simulate(scenario)
-        halts[name] = run_landmarks(run, scenario.parameters).halting_time
-    assert exact is not None
-    assert all(h is not None for h in halts.values())
-    return {"exact": exact} | halts | {"moved": abs(halts["every_step"] - halts["own"])}
-
-
-def pybullet_remade() -> dict[str, Any]:
-    """The remade multibody where its constants were not selected, and what the choice of its nodes does to a vertical drop."""
-    found: dict[str, Any] = {}
-    for name in ("two_to_one", "two_and_a_half_to_one"):
-        scenario = load(name)
-        found[name] = summary(engine("pybullet:remade").simulate(scenario), scenario)
-    scenario = load("atwood")
-    one = engine("pybullet:remade")
-    errors = {"own": acceleration_error(one.simulate(scenario), scenario)}
-    for choice in one.studies().choices:
-        if "node" in choice.what:
-            errors[f"{choice.what}: {choice.instead}"] = acceleration_error(choice.engine.simulate(scenario), scenario)
-    found["acceleration_errors"] = errors
-    found["acceleration_moved"] = max(abs(error - errors["own"]) for error in errors.values())
-    found["largest_rms"] = max(
-        x for name in ("two_to_one", "two_and_a_half_to_one") for x in found[name]["rms"].values() if x is not None
-    )
-    return found
-
-
 def spring() -> dict[str, Any]:
     """The engine of the page on writing one: its code is taken from the page."""
     (code, *_) = re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)

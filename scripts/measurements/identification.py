@@ -11,7 +11,6 @@ from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.verdict import Identification
 from tests.blind.cases import CASES
 from tests.discrepancy import test_discovery as discovery
-from tests.discrepancy import test_events as events
 from tests.discrepancy import test_real_data as real_data
 from tests.discrepancy.blind_study import write_study
 
@@ -39,13 +38,6 @@ def falling_balls() -> dict[str, Any]:
         with tempfile.TemporaryDirectory() as folder:
             found[ball] = summary(real_data.falling(Path(folder), ball))
     return found
-
-
-def pendulum() -> dict[str, Any]:
-    """A pendulum that decays over two minutes; needs the data folder."""
-    with tempfile.TemporaryDirectory() as folder:
-        result = real_data.decaying_pendulum(Path(folder))
-    return summary(result) | {"explanations": {e.name: e.value for tie in result.ties for e in tie}}
 
 
 def thrust() -> dict[str, Any]:
@@ -89,19 +81,3 @@ def _unlisted(case: str) -> dict[str, Any]:
         "imitated_by_listed_effects": sum(one["verdict"] in ("identified", "ambiguous") for one in seeds.values()),
         "seeds": seeds,
     }
-
-
-def paper_events() -> dict[str, Any]:
-    """The paper's 2:1 table of events, fitted alone with friction and all drag free; needs the data folder."""
-    with tempfile.TemporaryDirectory() as folder:
-        result = events.paper_study(Path(folder), train=["two"])
-    late = next(e for e in result.events if (e.trial, e.quantity) == ("two", "t_C"))
-    ranking = {
-        c.name: {"passes": c.passes, "delta_bic": c.gain, "value": c.value, "error": c.error} for c in result.rounds[0].ranking
-    }
-    return {
-        "t_C": late.measured,
-        "off_by": events.off_by(result, "two", "t_C"),
-        "alarms": list(result.before.alarms),
-        "ranking": ranking,
-    } | summary(result)

@@ -69,7 +69,7 @@ _ABILITIES = Abilities(
         f"at most {MAX_JOINTS} joints are reported rightly: links of a long string are laid up to {COARSEST:g} times longer "
         "than the settings say, and a longer string still is refused",
         RIPPLE,
-        "forces updated every 5 steps instead of every one move the halt of two_to_one by 13 ms: its figures are one draw each",
+        "forces updated every 5 steps instead of every one move the halt of two_to_one: its figures are one draw each",
         UNSTRETCHED,
     ),
     additions=(
