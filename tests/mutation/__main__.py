@@ -59,7 +59,9 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--work", type=Path, default=ROOT / ".mutation", help="folder for what is known so far; a second run resumes"
     )
-    parser.add_argument("--stop-after", type=float, metavar="MINUTES", help="draw no further mutant after this time")
+    parser.add_argument(
+        "--stop-after", type=float, metavar="MINUTES", help="ask of no further mutant after this time, coverage not counted"
+    )
     parser.add_argument("--list", action="store_true", help="count the mutants and stop")
     return parser.parse_args()
 
@@ -69,7 +71,6 @@ def _run(name: str, asked_for: argparse.Namespace) -> tuple[list[Asked], int, li
     population = all_mutants(ROOT, folder)
     drawn = sample(population, asked_for.sample, asked_for.seed)
     store = _Store(asked_for.work / f"{name}.jsonl")
-    deadline = time.monotonic() + 60 * (asked_for.stop_after or 1e9)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     asked: list[Asked] = []
     with processes.project_copy(ROOT) as copy, Progress(*columns) as progress:
@@ -78,6 +79,7 @@ def _run(name: str, asked_for: argparse.Namespace) -> tuple[list[Asked], int, li
             ROOT, copy, folder, tests, asked_for.work / "coverage", lambda text: progress.update(task, description=text)
         )
         asker = _Asker(copy, coverage, asked_for.work / f"{name}.log")
+        deadline = time.monotonic() + 60 * (asked_for.stop_after or 1e9)
         survived = 0
         for mutant in drawn:
             if time.monotonic() > deadline:

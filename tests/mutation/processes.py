@@ -133,7 +133,7 @@ def _own_group(log: Path) -> None:
     """Become the leader of a process group, so that whatever is started can be ended; print to ``log``."""
     os.setsid()
     for out in (1, 2):
-        os.dup2(os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND), out)
+        os.dup2(os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644), out)
 
 
 def become_child(copy: Path, log: Path) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
+import sys
+
 import pytest
 from scipy.stats import binomtest
 
 pytest.importorskip("cosmic_ray", reason="the extra `mutation` is not installed")
 
-from tests.mutation.mutants import all_mutants, changed_lines, mutated, sample
+from tests.mutation.mutants import Mutant, all_mutants, changed_lines, mutated, sample
 from tests.mutation.summary import Asked, summary, wilson
+from tests.mutation.zygote import enclosing_function, lay
 
 SOURCE = """\
 from __future__ import annotations
@@ -78,3 +82,49 @@ def test_equivalent_mutants_are_counted_apart():
     found = summary("x", [asked(True), asked(True, 8), asked(False)], 10, 1, {("package/share.py", "a", "b"): "same"}, [])
     assert (found["caught"], found["share"], found["share_without_equivalent"]) == (2, 0.6667, 1.0)
     assert found["survivors"][0]["equivalent"] == "same"
+
+
+LIVE = """\
+import functools
+
+
+@functools.lru_cache
+def half(x):
+    return x / 2
+
+
+class Number:
+    @property
+    def third(self):
+        return [x / 3 for x in (self.value,)][0]
+
+    value = 6.0
+"""
+
+
+@pytest.fixture
+def live(tmp_path, monkeypatch):
+    (tmp_path / "live_numbers.py").write_text(LIVE)
+    monkeypatch.syspath_prepend(tmp_path)
+    yield tmp_path, importlib.import_module("live_numbers")
+    del sys.modules["live_numbers"]
+
+
+def test_a_mutant_is_laid_into_what_is_imported_already(live):
+    folder, module = live
+    half, number = module.half, module.Number()
+    assert lay("live_numbers", "half", LIVE.replace("x / 2", "x * 2"))
+    assert half(3) == 6
+    assert lay("live_numbers", "Number.third", LIVE.replace("x / 3", "x + 3"))
+    assert number.third == 9
+    assert not lay("live_numbers", "Number.fourth", LIVE)
+    assert not lay("live_numbers", "half", "\n" + LIVE), "another line: not the function that was asked for"
+
+
+def test_only_what_runs_when_a_function_is_called_can_be_laid(live):
+    folder, _ = live
+
+    def function(line):
+        return enclosing_function(folder, Mutant(path="live_numbers.py", operator="core/AddNot", occurrence=0, line=line))
+
+    assert [function(line) for line in (4, 6, 12, 14)] == ["", "half", "Number.third", ""]

@@ -1,0 +1,142 @@
+"""Tables against arithmetic: event quantities, differences from the measured values, moments, and what a halt was read from."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from looping_pendulum.compare import compare
+from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
+from looping_pendulum.compare.paper_table import moments, quantity_words, render
+from looping_pendulum.compare.report import render as render_report
+from looping_pendulum.compare.result import Extremum, Landmarks, Stop
+
+FOUND = Landmarks(
+    stops=(Stop(time=0.4, height_change=-0.3), Stop(time=0.7, height_change=-0.2), Stop(time=0.9, height_change=-0.25)),
+    break_aways=(0.5, 0.75, 0.95),
+    halting_time=0.9,
+    drop_at_halt=0.25,
+    wrap_angle_at_halt=8.0,
+    free_length_at_halt=0.1,
+    light_reaches_rod=1.4,
+    x1_extrema=(Extremum(time=0.21, value=0.1), Extremum(time=0.41, value=-0.1)),
+    y1_extrema=(Extremum(time=0.31, value=0.2), Extremum(time=0.51, value=-0.2)),
+)
+SAID = {
+    ("x1_extremum", 1): 0.21, ("x1_extremum", 2): 0.41, ("y1_extremum", 1): 0.31, ("y1_extremum", 2): 0.51,
+    ("stop_time", 1): 0.4, ("stop_time", 3): 0.9, ("height_change_at_stop", 2): -0.2, ("height_change_at_stop", 3): -0.25,
+    ("break_away_time", 1): 0.5, ("break_away_time", 3): 0.95,
+    ("t_A", 1): 0.4, ("height_change_at_A", 1): -0.3, ("t_B", 1): 0.7, ("height_change_at_B", 1): -0.2, ("t_C", 1): 0.75,
+    ("halting_time", 1): 0.9, ("height_change_at_halt", 1): -0.25, ("drop_at_halt", 1): 0.25,
+    ("wrap_angle_at_halt", 1): 8.0, ("free_length_at_halt", 1): 0.1, ("time_light_reaches_rod", 1): 1.4,
+}  # fmt: skip
+"""(quantity, which) -> what it is of `FOUND`; C is the last slip before the halt, so not the one at 0.95 s."""
+
+
+@pytest.mark.parametrize(("quantity", "index"), SAID)
+def test_every_event_quantity_is_read_from_its_landmark(quantity, index):
+    assert event_value(FOUND, quantity, index) == SAID[quantity, index]
+    assert event_value(Landmarks(), quantity, index) is None
+    assert event_value(FOUND, quantity, 0) is None
+    assert EVENT_QUANTITIES[quantity].several is (quantity in {q for q, i in SAID if i > 1})
+
+
+def test_every_event_quantity_is_examined():
+    assert set(EVENT_QUANTITIES) == {quantity for quantity, _ in SAID}
+    assert event_value(FOUND, "colour", 1) is None
+
+
+@pytest.mark.parametrize("quantity", [q for q, known in EVENT_QUANTITIES.items() if known.several])
+def test_one_more_than_there_are_is_none(quantity):
+    last = max(i for i in range(1, 9) if event_value(FOUND, quantity, i) is not None)
+    assert event_value(FOUND, quantity, last + 1) is None
+    assert quantity_words(quantity, last) == f"{quantity.replace('_', ' ')} {last}"
+
+
+def test_a_slip_needs_a_halt_to_be_before():
+    assert event_value(dataclasses.replace(FOUND, halting_time=None), "t_C", 1) is None
+    assert event_value(dataclasses.replace(FOUND, break_aways=(0.95,)), "t_C", 1) is None
+    assert quantity_words("t_C", 1) == "t C"
+
+
+@pytest.mark.parametrize(("kind", "unit"), [("time", "s"), ("angle", "rad"), ("height", "m"), ("drop", "m"), ("length", "m")])
+def test_units_of_event_quantities(kind, unit):
+    assert {q.unit for q in EVENT_QUANTITIES.values() if q.kind == kind} == {unit}
+
+
+@pytest.fixture
+def measured(measured_scenario, truth, make_run):
+    rows = [
+        ("halting_time", 0.3512, 0.34, "s"), ("drop_at_halt", 0.25, 0.26, "m"), ("wrap_angle_at_halt", None, 3.9995, "rad"),
+        ("time_light_reaches_rod", 1.0955, None, "s"), ("t_B", 0.6, None, "s"),
+    ]  # fmt: skip
+    names = ("quantity", "measured", "paper_numerical", "unit")
+    table = SimpleNamespace(rows=[SimpleNamespace(index=1, **dict(zip(names, row, strict=True))) for row in rows])
+    runs = [make_run(delay=2e-3), make_run(engine="mujoco", until=0.3)]
+    return compare(measured_scenario, truth, runs, table)
+
+
+def cells(text, first):
+    (line,) = [line for line in text.splitlines() if line.startswith(f"| {first} |")]
+    return [cell.strip() for cell in line.strip("|").split("|")]
+
+
+def test_differences_from_the_measured_values_are_in_thousandths(measured, closed_form):
+    text = render(measured)
+    shown = cells(text, "halting time")
+    assert shown[2:4] == ["0.35", "0.34 (-11)"]
+    assert shown[4].endswith(f"({round(1e3 * (closed_form.halt - 0.3512)):+d})")
+    assert float(shown[4].split()[0]) == pytest.approx(closed_form.halt, abs=6e-4)
+    assert float(shown[5].split()[0]) == pytest.approx(closed_form.halt + 2e-3, abs=6e-4)
+    assert shown[6] == "–"
+    assert cells(text, "drop at halt")[3] == "0.26 (+10)"
+    angle = cells(text, "wrap angle at halt")
+    assert angle[2:4] == ["–", "3.999"] or angle[2:4] == ["–", "4"]
+    assert int(angle[4].split("(")[1].strip(")")) == round(1e3 * (closed_form.wrap_angle - 3.9995))
+
+
+def test_the_rms_of_the_times_is_over_what_a_column_has(measured, closed_form):
+    # Oracle: the root of the mean square of the differences from the measured times.
+    shown = cells(render(measured), "RMS difference of the times")
+    assert shown[3] == f"{1e3 * (0.3512 - 0.34):.1f} (1 of 3)"
+    off = (measured.measured[0].truth - 0.3512, 1.1 - 1.0955)
+    assert shown[4] == f"{1e3 * math.sqrt((off[0] ** 2 + off[1] ** 2) / 2):.1f} (2 of 3)"
+    assert shown[6] == "–"
+
+
+def test_moments_are_told_as_later_or_earlier_than_the_truth(scenario, truth, make_run):
+    result = compare(scenario, truth, [make_run(delay=2e-3)])
+    engine, true = result.engines[0].landmarks, result.truth.sampled
+    row = cells(moments(result), "stop")
+    assert float(row[1]) == pytest.approx(true.stops[0].time, abs=1e-3)
+    assert row[2].startswith("+")
+    assert float(row[2]) == pytest.approx(2.0, abs=0.6)
+    turns = [line for line in moments(result).splitlines() if line.startswith("| x1 extremum")]
+    assert len(turns) == max(len(engine.x1_extrema), len(true.x1_extrema)) > 0
+    assert "2e-" not in moments(result)
+
+
+def test_a_moment_that_the_truth_lacks_is_told_as_a_time(scenario, truth, make_run, closed_form):
+    run = make_run()
+    bounce = np.where(run.t > 0.6, 5e-3 * np.sin(20 * (run.t - 0.6)), 0.0)
+    moved = run.heavy_position + np.column_stack([np.zeros_like(bounce), bounce])
+    result = compare(scenario, truth, [dataclasses.replace(run, heavy_position=moved)])
+    rows = [line for line in moments(result).splitlines() if line.startswith("| stop")]
+    assert len(rows) == len(result.engines[0].landmarks.stops) > 1
+    times = [s.time for s in result.engines[0].landmarks.stops]
+    assert rows[1].split("|")[2].strip() == "–"
+    assert rows[1].split("|")[3].strip() == f"at {times[1]:.4f} s"
+
+
+def test_the_report_says_when_it_halts_at_every_resolution(scenario, truth, make_run):
+    result = compare(scenario, truth, [make_run(delay=2e-3)])
+    row = cells(render_report(result).split("## When does it halt?")[1].split("\n## ")[0], "pymunk:chain, quick")
+    known = [each.time for each in result.engines[0].landmarks.halting_times]
+    assert [float(cell) for cell in row[1 : 1 + len(known)]] == [pytest.approx(time, abs=6e-5) for time in known]
+    rebound = result.engines[0].landmarks.rebound
+    assert float(row[-2]) == pytest.approx(1e3 * rebound.travel, rel=0.05)
+    assert float(row[-1]) == pytest.approx(1e3 * rebound.speed, rel=0.05)
