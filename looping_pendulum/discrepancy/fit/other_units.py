@@ -108,7 +108,7 @@ def _factors(problem: Problem, k: int) -> tuple[float, list[_Factor]]:
 
 def _centred(values: Array) -> Array:
     """Without the mean: where the camera's origin is must not matter."""
-    return values - values.mean()
+    return np.asarray(values - values.mean())
 
 
 def _best_scale(pairs: list[tuple[Channel, Array]]) -> float:
