@@ -225,6 +225,10 @@ def identify(
     study: Annotated[Path, typer.Argument(metavar="STUDY.yaml", help="Apparatus, declared effects, trials and their files.")],
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Where the report goes; default: report/STUDY.")] = None,
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the second start of the fit.")] = 0,
+    time_limit: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", min=1.0, help="End the search after about this long, and report what it has found."),
+    ] = None,
 ) -> None:
     """Find the physics that a model of measured trials lacks, and report the error before and after adding it.
 
@@ -242,7 +246,7 @@ def identify(
     folder = out or Path("report") / loaded.name
     ready_folder(folder, files=writing.FILES, folders=writing.FOLDERS)  # before the work, not after it
     with StageBar() as stages:
-        result = find(loaded, seed=seed, progress=stages.update)
+        result = find(loaded, seed=seed, progress=stages.update, time_limit=time_limit)
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # what was found is written whole; that takes two seconds
     try:
         interrupted = result.verdict is Verdict.INTERRUPTED

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from looping_pendulum.discrepancy.data.observations import DataError, Observations
 from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
 from looping_pendulum.discrepancy.fit.event_prediction import check_events
-from looping_pendulum.discrepancy.fit.problem import Data, Number, numbers_of
+from looping_pendulum.discrepancy.fit.other_units import refuse_other_units
+from looping_pendulum.discrepancy.fit.problem import Data, Number, Problem, numbers_of
 from looping_pendulum.discrepancy.fit.residual import data_of
 from looping_pendulum.discrepancy.listed.candidates import Candidate, candidates
 
@@ -30,7 +31,7 @@ def read_inputs(study: Study) -> Inputs:
     Raises
     ------
     DataError
-        If a file cannot be used.
+        If a file cannot be used, or its lengths or times are in another unit than the study says.
     """
     observed = tuple((t, read_trial(study, t)) for t in study.trials)
     for _, o in observed:
@@ -41,11 +42,15 @@ def read_inputs(study: Study) -> Inputs:
     numbers = numbers_of(study, training)
     cameras = [set(study.camera_priors(t, o)) for t, o in training]
     shared = [n for n in study.camera_priors(*training[0]) if all(n in c for c in cameras)]
+    data = tuple(data_of(t, o) for t, o in training)
+    held = tuple((data_of(t, o), numbers_of(study, [(t, o)])) for t, o in observed if t.held_out)
+    for part, own in ((data, numbers), *(((one,), few) for one, few in held)):
+        refuse_other_units(Problem(study, part, own))
     return Inputs(
         study=study,
         observed=observed,
-        training=tuple(data_of(t, o) for t, o in training),
+        training=data,
         numbers=numbers,
-        held=tuple((data_of(t, o), numbers_of(study, [(t, o)])) for t, o in observed if t.held_out),
+        held=held,
         library=candidates(study, numbers, shared),
     )

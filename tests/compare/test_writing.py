@@ -10,7 +10,7 @@ import stat
 import pytest
 from typer.testing import CliRunner
 
-from looping_pendulum import cli, cli_common
+from looping_pendulum import cli, cli_common, cli_terminal
 from looping_pendulum.compare import compare, plots, write
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.discrepancy.report import plots as identify_plots
@@ -31,9 +31,9 @@ def test_no_name_of_a_trial_costs_the_report_of_identify(tmp_path, name, capsys)
     assert sorted(path.name for path in tmp_path.iterdir() if path.is_file()) == sorted(writing.FILES)
     assert json.loads((tmp_path / "verdict.json").read_text())["study"] == name
     assert len(list((tmp_path / "figures").iterdir())) == 5
-    table = cli_common.new_table("trial [mm]", name)
+    table = cli_terminal.new_table("trial [mm]", name)
     table.add_row(name, "[red]")
-    cli_common.show_table(table)
+    cli_terminal.show_table(table)
     shown = capsys.readouterr().out
     assert "[mm]" in shown
     assert "[red]" in shown
