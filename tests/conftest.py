@@ -1,4 +1,4 @@
-"""What the whole suite needs: the longest tests first, no processes beside those of the tests, and the backend they are under."""
+"""What the whole suite needs: the longest tests first, no processes beside those of the tests, and the backend."""
 
 from __future__ import annotations
 
