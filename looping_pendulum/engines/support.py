@@ -9,6 +9,7 @@ from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.trajectory import supplies_as_rows
 from looping_pendulum.engines.validated import QUANTITIES, Quantity, Spread
 from looping_pendulum.reference_ode.effects import EFFECTS
+from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios import loader
 
 COMMAND = "looping-pendulum engines --support --markdown > docs/support.md"
@@ -39,13 +40,20 @@ def tables(engines: Sequence[Engine]) -> list[Table]:
 
 
 def scenario_table(engines: Sequence[Engine]) -> Table:
-    """A row per variant, a column per shipped scenario: "yes", or what of it the variant cannot represent."""
+    """A row per variant, a column per shipped scenario: "yes", or what of it the variant cannot represent or goes without."""
     scenarios = [loader.load(name) for name in loader.shipped()]
     rows = []
     for engine in engines:
-        missing = [engine.abilities.unsupported(scenario.parameters) for scenario in scenarios]
-        rows.append([label(engine), kind(engine), *(f"no: {what}" if what else YES for what in missing)])
+        rows.append([label(engine), kind(engine), *(_how_much_of(engine, scenario.parameters) for scenario in scenarios)])
     return ["variant", "kind", *(scenario.name for scenario in scenarios)], rows
+
+
+def _how_much_of(engine: Engine, parameters: Parameters) -> str:
+    """How much of a scenario with ``parameters`` the variant has."""
+    unsupported, lacks = engine.abilities.unsupported(parameters), engine.abilities.lacks(parameters)
+    if unsupported:
+        return f"no: {unsupported}"
+    return f"without {', '.join(what.replace('_', ' ') for what in lacks)}" if lacks else YES
 
 
 def effect_table(engines: Sequence[Engine]) -> Table:
@@ -114,7 +122,8 @@ def page(engines: Sequence[Engine]) -> str:
 Written by `{COMMAND}` from what every variant declares of
 itself (`Abilities` in `looping_pendulum/engines/protocol.py`); do not edit it by hand.
 *main*: `compare` runs the variant unasked; *study*: only if named, or with `-e all`.
-A scenario or an effect that a variant cannot represent is a gap in its row of every report, never a wrong result.
+A scenario or an effect that a variant cannot represent is a gap in its row of every report. Physics of the paper's model that a
+variant goes without (*without ...*) is declared beside its result: it is run, and its report names what is missing.
 
 ## Shipped scenarios
 
