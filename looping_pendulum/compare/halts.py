@@ -18,11 +18,11 @@ def render(result: ComparisonResult) -> list[str]:
     if not any(each.time is not None for _, found in runs for each in found.halting_times):
         return []
     head = ["run", *(f"halts, to {quantity(each.resolution, 'm')} [s]" for each in runs[0][1].halting_times)]
-    head += [f"last {quantity(RESOLUTION, 'm')} took [ms]", "then moves by [mm]", "at up to [mm/s]"]
+    head += ["blurred by [ms]", "moves after by [mm]", "at up to [mm/s]"]
     rows = []
     for label, found in runs:
         then = found.rebound
-        row = [label, *(fixed(each.time, 4) for each in found.halting_times), number(found.settling_time, 1e3, 2)]
+        row = [label, *(fixed(each.time, 4) for each in found.halting_times), number(found.halting_time_blur, 1e3, 2)]
         rows.append([*row, *([GAP, GAP] if then is None else [number(then.travel, 1e3, 2), number(then.speed, 1e3, 2)])])
     return [f"## When does it halt?\n\n{_meaning()} {_against_events(result)}\n\n{_gaps(result)}{table(head, rows)}"]
 
@@ -32,8 +32,8 @@ def _meaning() -> str:
         f"A string halts when it stops sliding and does not slide by more than {quantity(RESOLUTION, 'm')} again until the "
         "light mass reaches the rod, or the run ends. The time is read from samples: of the string's slip over the rod where "
         "an engine tells it, else of the heavy mass's height, and in the same way for the truth. The table has it for several "
-        f"resolutions. Its last columns say what the string still does once it stays within {quantity(COARSE, 'm')}: it "
-        "rebounds, or creeps."
+        f"resolutions, and by how much a quarter more or less than {quantity(RESOLUTION, 'm')} moves it: its blur. The last "
+        f"columns say what the string still does once it stays within {quantity(COARSE, 'm')}: it rebounds, or creeps."
     )
 
 

@@ -18,9 +18,9 @@ from looping_pendulum.compare.align import SAME_TIME, Truth, sample_truth
 from looping_pendulum.compare.result import Extremum, HaltingTimeAt, Landmarks, Rebound, Stop
 from looping_pendulum.compare.slides import (
     COARSE,
+    NEARBY,
     RESOLUTION,
     RESOLUTIONS,
-    final_rest,
     halting_time,
     rests,
     slid,
@@ -92,13 +92,20 @@ def run_landmarks(run: Trajectory, parameters: Parameters) -> Landmarks:
         halting_time=halt,
         halting_confirmed=halt is not None and ended,
         halting_times=times,
-        settling_time=None if halt is None else float(max(halt - t[final_rest(place, RESOLUTION)], 0.0)),
+        halting_time_blur=None if halt is None else _blur(t, place, halt, ended=ended),
         rebound=None if first_rest is None else _rebound(t, place, first_rest),
         drop_at_halt=None if halt is None else at(halt, run.heavy_drop),
         wrap_angle_at_halt=None if halt is None else at(halt, run.wrap_angle),
         free_length_at_halt=None if halt is None else at(halt, run.free_length),
         **fields,
     )
+
+
+def _blur(t: Array, place: Array, halt: float, *, ended: bool) -> float | None:
+    """How far the halting time moves with a somewhat finer and a somewhat coarser resolution [s]."""
+    others = [halting_time(t, place, share * RESOLUTION, ended=ended) for share in NEARBY]
+    moved = [abs(time - halt) for time in others if time is not None]
+    return max(moved) if len(moved) == len(others) else None
 
 
 def _rebound(t: Array, place: Array, first_rest: float) -> Rebound:

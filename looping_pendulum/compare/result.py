@@ -84,8 +84,8 @@ class Landmarks:
     """Whether that rest was seen to last until the light mass reached the rod; else the run was cut while the mass rested."""
     halting_times: tuple[HaltingTimeAt, ...] = ()
     """The same at several resolutions, the finest first; empty where events say it."""
-    settling_time: float | None = None
-    """How long the last `slides.RESOLUTION` of the sliding took [s]; a noisy run's halting time is blurred by as much."""
+    halting_time_blur: float | None = None
+    """How far the halting time moves if `slides.RESOLUTION` is a quarter finer or coarser [s]; None: it is then lost."""
     rebound: Rebound | None = None
     """None where the string never comes to rest."""
     drop_at_halt: float | None = None

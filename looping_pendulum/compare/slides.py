@@ -21,6 +21,9 @@ RESOLUTION = 1e-4
 RESOLUTIONS = (1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
 """Resolutions at which the halting time is given, so that a reader sees how much it depends on them [m]."""
 
+NEARBY = (0.8, 1.25)
+"""Shares of `RESOLUTION` between which a halting time must not depend on it, or it is blurred by as much as it does."""
+
 COARSE = 1e-3
 """A string that stays within this [m] for good has come to its first rest; what it does after that is its rebound."""
 
