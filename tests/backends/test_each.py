@@ -23,7 +23,7 @@ DAILY = {
     "scipy": [],
     "old-processor": [],
 }
-"""Every way to round differently, once: backend -> options of pytest. What does not call heyoka's compiler need not be run twice."""
+"""Every way to round differently, once: backend -> options of pytest, where only what heyoka compiles is another."""
 
 pytestmark = pytest.mark.skipif(current() != DEFAULT, reason="this run itself is under one backend")
 
