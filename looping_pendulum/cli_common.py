@@ -111,7 +111,7 @@ def beside_complete(folder: Path, file: str, *, interrupted: bool, cut_short: Ca
         kept = False
     if not kept:
         return folder
-    typer.echo(f"interrupted: the complete report in {folder} is kept; this one goes into {folder / BESIDE}", err=True)
+    say(f"interrupted: the complete report in {folder} is kept; this one goes into {folder / BESIDE}", err=True)
     return folder / BESIDE
 
 

@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from looping_pendulum.compare import baseline
 from looping_pendulum.compare.comparison import compare
-from looping_pendulum.compare.export import file_stem, trajectory_csv
+from looping_pendulum.compare.export import trajectory_csv
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.stored import stored_result
 from looping_pendulum.discrepancy.data import readers, study_io
@@ -26,6 +26,7 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import ReferenceEngine
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.files import file_stem
 from looping_pendulum.scenarios import dump, load, load_text
 from looping_pendulum.scenarios.measured import read_event_table
 from looping_pendulum.scenarios.scenario import Scenario

@@ -1,0 +1,175 @@
+"""Inputs that once ended in a traceback or in no time at all, each with the line that it must give now.
+
+Most were found by the fuzzer and shrunk by it, the others by faults put in on purpose.
+"""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from looping_pendulum.errors import HarnessError
+from tests.fuzz.command_lines import RefusedLine, encoded
+from tests.fuzz.judging import CPU_LIMIT, Outcome, judge, time_limits
+from tests.fuzz.kinds import EVENT_TABLES, KINDS, _result
+from tests.fuzz.mutation import BLANKS
+
+HALF = '"\\ud800"'
+"""A lone surrogate, as YAML and JSON let one write it."""
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """Folder of each kind, with the files that its inputs name."""
+    made = {}
+
+    def folder(kind, monkeypatch):
+        is_new = kind not in made
+        made.setdefault(kind, tmp_path_factory.mktemp(kind))
+        monkeypatch.chdir(made[kind])
+        if is_new:
+            KINDS[kind].seeds()
+
+    return folder
+
+
+GOOD = """\
+title: A trial
+light: {mass: 10 g}
+heavy: {mass: 100 g}
+rod: {radius: 6.25 mm}
+release: {angle: 112 deg, free_length: 58 cm}
+duration: 1 s
+"""
+STUDY = """\
+title: A study
+apparatus: {light: {mass: 10 g}, rod: {radius: 6.25 mm}}
+effects: {gravity: 9.81 m/s^2}
+trials:
+- file: trials/first.csv
+  tracks: {light: light, heavy: heavy}
+  heavy: {mass: 100 g}
+  release: {angle: 112 deg, free_length: 58 cm}
+"""
+MAP = "title: A map\nscenario: held\nparameters:\n  rod_radius: [1 mm, 2 mm]\n"
+RUN = "t,heavy_x,heavy_y,heavy_vx,heavy_vy,light_x,light_y,light_vx,light_vy\n0,0,0,0,0,1,0,0,0\n0.1,0,0,0,0,1,0,0,0\n"
+
+FILES = [
+    # pint answers "nan" with a ValueError of its own, since it takes it for a number
+    ("scenario", GOOD.replace("6.25 mm", "1 nan"), "any.yaml:4: rod.radius: expected a length, got '1 nan' ('nan' is no"),
+    ("scenario", GOOD.replace("6.25 mm", "1 / *"), "any.yaml:4: rod.radius: expected a length, got '1 / *'"),
+    ("scenario", GOOD.replace("A trial", HALF), "any.yaml:1: found '\\ud800', which is half a character, needed text"),
+    ("scenario", GOOD.replace("title", HALF), "any.yaml:1: found '\\ud800', which is half a character, needed text"),
+    ("scenario", GOOD.replace("6.25 mm", HALF), "any.yaml:4: found '\\ud800', which is half a character, needed text"),
+    ("study", STUDY.replace("100 g", "100 nan +/- 1 g"), "any.yaml:7: trials[0].heavy.mass: expected a mass, got '100 nan'"),
+    ("study", STUDY.replace("A study", HALF), "any.yaml:1: found '\\ud800'"),
+    # \s* before and after the sign took quadratic time
+    ("study", STUDY.replace("100 g", f"100 g +/-{BLANKS[:50_000]}x"), "trials[0].heavy.mass: found 'x' after '+/-'"),
+    ("study", STUDY.replace("100 g", f'"(65 +/- 1{")" * 50_000}\\n x"'), "trials[0].heavy.mass: expected a mass, got '(65"),
+    ("study", STUDY.replace("100 g", "100 g +/- 1_0 %"), "trials[0].heavy.mass: found '1_0 %' after '+/-'"),
+    ("map", MAP.replace("1 mm", "1 nan"), "any.yaml:4: parameters.rod_radius.values: expected a length, got '1 nan'"),
+    ("map", MAP.replace("A map", HALF), "any.yaml:1: found '\\ud800'"),
+    ("events", EVENT_TABLES[0].replace(b",s\n", b",nan\n", 1), "any.csv:3: unit: found 'nan', needed a unit of"),
+    ("events", EVENT_TABLES[0].replace(b",s\n", b",/ *\n", 1), "any.csv:3: unit: found '/ *', needed a unit of"),
+    # the csv module takes no cell of more than 131 072 characters, which was an error of its own
+    ("events", EVENT_TABLES[0].replace(b"27.1", b"1" * 140_000), "any.csv:5: found a line of 140"),
+    ("readers", b"t,x,y\n0,1,2\n1," + b"1" * 140_000 + b",2\n", "any.csv:3: found a line of 140004 characters"),
+    ("run-file", RUN.encode() + b"0.2,\xe4\n", "reference-scipy-quick.csv:4: found the byte 0xe4, needed UTF-8 text"),
+    ("run-file", RUN.replace("0.1", "0"), "reference-scipy-quick.csv:3: found 0 s after 0 s, needed times that grow"),
+    ("run-file", RUN.replace("0.1", "nan"), "reference-scipy-quick.csv:3: found nan, needed numbers up to 1e+06 in size"),
+    ("run-file", RUN.replace("0.1", "1e300"), "reference-scipy-quick.csv:3: found 1e+300, needed numbers up to 1e+06 in size"),
+    ("run-file", RUN.replace("0.1", "1e6"), "lasts 240000001 frames, needed at most 1000000; lower it"),
+    ("baseline", "[" * 100_000, "found values within values without end"),
+    ("baseline", '{"schema": ' + "[" * 200 + "]" * 200 + "}", "found more than 64 levels of nesting"),
+    ("baseline", "[]", "schema: found 'None', needed the id"),
+    ("baseline", f'{{"schema": {"9" * 5000}}}', "found a whole number of 5000 digits, needed at most 300"),
+    ("baseline", '{"schema": 1e999}', "found 1e999, needed a finite number"),
+    ("baseline", '{"schema": NaN}', "found NaN, needed a finite number"),
+    ("baseline", f'{{"schema": {HALF}}}', "found '\\ud800', which is half a character"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "content", "said"), FILES, ids=[f"{k}: {s[:50]}" for k, _, s in FILES])
+def test_a_hostile_file_gives_its_line(kind, content, said, folders, monkeypatch):
+    folders(kind, monkeypatch)
+    with time_limits(CPU_LIMIT), pytest.raises(HarnessError) as caught:
+        KINDS[kind].run(content if isinstance(content, bytes) else content.encode())
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+SHAPES = [
+    (("engines",), {}, "engines: found a group of keys, needed a list"),
+    (("engines", 0), [], "engines[0]: found a list, needed an object"),
+    (("engines", 0, "metrics"), [1], "engines[0].metrics: found a list, needed an object"),
+    (("engines", 0, "landmarks", "stops"), [[]], "engines[0].landmarks.stops[0]: found a list, needed an object"),
+    (("engines", 0, "ok"), "yes", "engines[0].ok: found 'yes', needed true or false"),
+    (("engines", 0, "samples"), True, "engines[0].samples: found 'True', needed a whole number"),
+    (("truth", "events"), [["release"]], "truth.events[0]: found 1 values, needed 2"),
+    (("truth", "end_time"), "1", "truth.end_time: found '1', needed a number"),
+    (("clock",), None, "clock: found 'None', needed an object"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "said"), SHAPES, ids=[said for *_, said in SHAPES])
+def test_a_result_of_the_wrong_shape_names_the_place(path, value, said, folders, monkeypatch):
+    folders("baseline", monkeypatch)
+    tree = json.loads(_result().to_json())
+    holder = tree
+    for key in path[:-1]:
+        holder = holder[key]
+    holder[path[-1]] = value
+    with pytest.raises(HarnessError, match="not as documented") as caught:
+        KINDS["baseline"].run(json.dumps(tree).encode())
+    assert said in str(caught.value)
+
+
+SLOW = [
+    ("units", b"1 nan"),
+    ("units", b"1 / *"),
+    ("units", b"9**9**9 B"),
+    ("units", b")"),
+    ("units", b"\xfe"),
+    ("units", b"10 g +/-" + BLANKS.encode()),
+    ("units", b"4 cm" + BLANKS.encode() + b"x ["),
+    ("units", b"(" * 50_000),
+    # (.*?)\s*[\[(] before a bracket that never closes took quadratic time, and so did \d+\.?\d* before what is no number
+    ("readers", f"t,x{BLANKS[:90_000]}[cm,y\n0,1,2\n".encode()),
+    ("readers", b"t,x,y\n0," + b"1" * 90_000 + b"x,2\n"),
+]
+
+
+@pytest.mark.parametrize(("kind", "data"), SLOW, ids=[f"{kind}: {data[:12]!r}" for kind, data in SLOW])
+def test_a_hostile_text_is_refused_or_read_in_time(kind, data, folders, monkeypatch):
+    folders(kind, monkeypatch)
+    assert not judge(KINDS[kind].run, data).outcome.is_fault
+
+
+LINES = [
+    (["run", "drop", "--memory-limit", "9**9**9 B"], "--memory-limit: found '9**9**9 B', needed an amount of memory"),
+    (["run", "drop", "--memory-limit", "(" * 5000], "--memory-limit: found '(((("),
+    (["run", "drop", "--jobs", "999999999"], "Invalid value for '--jobs'"),
+    (["run", "drop", "--time-limit", "nan"], "Invalid value for '--time-limit'"),
+    (["run", "\x1b[2J\u202egnp.yaml"], "error: \\x1b[2J\\u202egnp.yaml: found neither a file nor a shipped scenario"),
+    (["run", "drop", "-e", "\u202emujoco"], "\\u202emujoco"),
+    (["engines", "x" * 100_000], "Error: Got unexpected extra argument"),
+    (["compare", "drop", "--baseline", "deep.json"], "--baseline: deep.json: found values within values without end"),
+    (["compare", "drop", "--baseline", "result.json"], "--baseline: result.json: schema: found 'None'"),
+    (["tracker", "runs.csv", "--start", "1e300"], "--start: found 1e+300, needed the time of the release in the video, 0 s to"),
+    (["tracker", "back.csv"], "back.csv:3: found 0 s after 0.1 s, needed times that grow"),
+    (["tracker", "latin.csv"], "latin.csv:2: found the byte 0xfc, needed UTF-8 text"),
+    (["map", "quick", "--cluster", "nonsense"], "--cluster: found 'nonsense', needed the address of a Dask scheduler"),
+    (["new", "study", "s.yaml", "--trial", "nope.csv"], "--trial: found no file 'nope.csv', needed the file"),
+    (["new", "study", "s.yaml", "--trial", "nope.csv", "--yes"], "--trial: found no file 'nope.csv'"),
+    (["run", "bad.yaml"], "bad.yaml:"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("arguments", "said"), LINES, ids=lambda value: repr(value)[:60])
+def test_a_hostile_command_line_gives_one_line_and_exit_status_two(arguments, said, folders, monkeypatch):
+    folders("command-line", monkeypatch)
+    with time_limits(CPU_LIMIT), pytest.raises(RefusedLine) as caught:  # it holds the line, and the status was 2
+        KINDS["command-line"].run(encoded(arguments))
+    assert said in str(caught.value)
+    assert judge(KINDS["command-line"].run, encoded(arguments)).outcome is Outcome.CLEAN_ERROR

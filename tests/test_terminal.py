@@ -1,0 +1,62 @@
+"""What a terminal gets: names and messages of strangers as plain text, whatever characters they have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from looping_pendulum import cli_terminal
+from looping_pendulum.cli_converge import StudyBar
+from looping_pendulum.cli_progress import StageBar
+from looping_pendulum.cli_terminal import new_table, say, say_file, show_table
+
+HOSTILE = "[/x][red]\x1b[2J\u202e\u2066\x07\x9b1A\ud800"
+"""rich's markup, an escape sequence, bidirectional controls, a bell, an 8-bit control sequence, half a character."""
+SHOWN = "[/x][red]\\x1b[2J\\u202e\\u2066\\x07\\x9b1A\\ud800"
+
+
+def test_lines_show_control_characters_as_escapes(capsys):
+    say(f"a {HOSTILE}\n\tb")
+    say(f"c {HOSTILE}", err=True)
+    assert capsys.readouterr() == (f"a {SHOWN}\n\tb\n", f"c {SHOWN}\n")
+
+
+def test_tables_show_markup_and_control_characters(capsys):
+    table = new_table("name [mm]", HOSTILE)
+    table.add_row(HOSTILE, 3)
+    show_table(table)
+    out = capsys.readouterr().out
+    assert "name [mm]" in out
+    assert out.count(SHOWN) == 2
+    assert "\x1b" not in out
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_a_file_is_printed_unchanged_only_into_another(capsys, monkeypatch, is_terminal):
+    monkeypatch.setattr(cli_terminal.sys.stdout, "isatty", lambda: is_terminal)
+    say_file("title: \u202ex\n")
+    assert capsys.readouterr().out == ("title: \\u202ex\n" if is_terminal else "title: \u202ex\n")
+
+
+@pytest.mark.parametrize("bar", [StageBar, StudyBar])
+def test_bars_show_what_goes_on_as_plain_text(capsys, monkeypatch, bar):
+    monkeypatch.setenv("FORCE_COLOR", "1")  # rich then takes the stream for a terminal
+    monkeypatch.setenv("COLUMNS", "200")
+    with bar() as shown:
+        shown.update(*((HOSTILE, 0.5) if bar is StageBar else (0.5, HOSTILE)))
+        shown._bar.refresh()
+    err = capsys.readouterr().err
+    assert "[/x][red]\\x1b[2J" in err
+    assert "\u202e" not in err
+    assert "\x1b[2J" not in err
+
+
+def test_no_command_prints_past_this_place():
+    package = Path(cli_terminal.__file__).parent
+    others = [path for path in package.glob("cli*.py") if path.name != "cli_terminal.py"]
+    assert len(others) > 5
+    for path in others:
+        text = path.read_text()
+        assert "echo(" not in text, path.name
+        assert " print(" not in text, path.name
