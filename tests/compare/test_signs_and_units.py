@@ -225,3 +225,12 @@ def test_why_a_tolerance_has_no_value(scenario, truth, make_run, limit):
     assert cut.explanation.startswith("no value: the run or the truth does not reach")
     kept = dataclasses.replace(scenario, tolerances=(limit("rms_0.35s", 1e-3),))
     assert compare(kept, truth, [make_run()]).tolerances[0].explanation == ""
+
+
+@pytest.mark.parametrize(("watched", "enough"), [(0.060, True), (0.040, False)])
+def test_a_rest_at_the_cut_end_of_a_run_must_last_50_ms(scenario, truth, make_run, closed_form, watched, enough):
+    # Oracle: the closed form rests from its halt on; a run that is cut 50 ms later has shown it, one cut before may only turn.
+    run = compare(scenario, truth, [make_run(until=closed_form.halt + watched)]).engines[0]
+    assert (run.metrics["halting_time_error"] is not None) is enough
+    assert (run.landmarks.halting_time is not None) is enough
+    assert (run.not_comparable == "") is enough
