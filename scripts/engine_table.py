@@ -1,7 +1,8 @@
 """README's table of engines, written from the results that `compare ten_to_one` left.
 
 `python -m scripts.engine_table quick/result.json accurate/result.json` keeps what the table needs of two results in
-`docs/data/ten_to_one`; `python -m scripts.docs_numbers` writes the table from there.
+`docs/data/ten_to_one`; `python -m scripts.docs_numbers` writes the table from there. With `--without-times` first, wall times are
+left out, as those of a busy machine should be: make the results with `--jobs 1` on a machine that does nothing else.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from looping_pendulum.pages.numbers import amount
+from looping_pendulum.pages.numbers import amount, quantity
 
 FOLDER = Path(__file__).parents[1] / "docs" / "data" / "ten_to_one"
 BEGIN, END = "<!-- table of engines: python -m scripts.docs_numbers -->", "<!-- end of the table -->"
@@ -26,11 +27,13 @@ ROWS = {
 }
 """Variant -> its name in the table, and the profiles that it has a row for."""
 MARKS = ("rms_0.35s", "rms_0.7s", "rms_1.0s")
+SMALL = 1e-6
+"""Distance [m] below which a row is in micrometres."""
 PROFILES = ("quick", "accurate")
 
 
-def keep(results: list[Path]) -> None:
-    """Keep of each result what the table needs, with what made it."""
+def keep(results: list[Path], *, times: bool = True) -> None:
+    """Keep of each result what the table needs, with what made it; ``times`` says whether wall times are among it."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     for file in results:
         tree = json.loads(file.read_text(encoding="utf-8"))
@@ -47,7 +50,7 @@ def keep(results: list[Path]) -> None:
                     "status": e["status"],
                     "versions": e["provenance"]["versions"],
                     "metrics": {key: _short(value) for key, value in e["metrics"].items()},
-                    "wall_per_simulated_second": _short(walls[name, profile]),
+                    "wall_per_simulated_second": _short(walls[name, profile]) if times else None,
                 }
                 for e in tree["engines"]
             },
@@ -70,11 +73,12 @@ def table() -> str:
 
 def _row(title: str, profile: str, engine: dict[str, Any]) -> str:
     m = engine["metrics"]
-    path = " / ".join(amount(m[mark], 1e3) for mark in MARKS)
+    scale, unit = (1e3, "mm") if max(m[mark] or 0.0 for mark in MARKS) >= SMALL else (1e6, "µm")
+    path = " / ".join(amount(m[mark], scale) for mark in MARKS)
     error = m["halting_time_error"]
-    halt = "never halts" if error is None else f"{amount(abs(error), 1e3)} ms"
+    halt = "never halts" if error is None else quantity(abs(error), "s")
     wall = amount(engine["wall_per_simulated_second"])
-    return f"| {title} | {profile} | {path} mm | {halt} | {wall} |"
+    return f"| {title} | {profile} | {path} {unit} | {halt} | {wall} |"
 
 
 def replaced(text: str) -> str:
@@ -96,4 +100,5 @@ def _short(value: float | None) -> float | None:
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         raise SystemExit(__doc__)
-    keep([Path(name) for name in sys.argv[1:]])
+    files = [name for name in sys.argv[1:] if name != "--without-times"]
+    keep([Path(name) for name in files], times=len(files) == len(sys.argv) - 1)

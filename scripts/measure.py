@@ -30,8 +30,6 @@ QUICK = {
     "pybullet_cylinder": "engines",
     "spring": "engines",
     "falling_balls": "identification",
-    "thrust": "identification",
-    "magnet": "identification",
 }
 """Measurement that takes some minutes at most, on any machine -> its module; its function has its name."""
 TIMINGS = {"reference_speed": "timings", "map_cost": "timings"}
