@@ -179,9 +179,20 @@ class Trajectory:
 
 
 def whole_row(row: Sequence[float]) -> Sequence[float]:
-    """Return ``row`` of `COLUMNS` with NaN in place of the optional ones that it leaves out, and any other row as it is."""
-    missing = len(COLUMNS) - len(row)
-    return (*row, *[math.nan] * missing) if 0 < missing <= OPTIONAL_COLUMNS else row
+    """Return ``row`` of `COLUMNS` with NaN in place of the optional ones that it leaves out.
+
+    Raises
+    ------
+    EngineError
+        If it is longer than that, or shorter.
+    """
+    least = len(COLUMNS) - OPTIONAL_COLUMNS
+    if not least <= len(row) <= len(COLUMNS):
+        raise EngineError(
+            f"a sample has {len(row)} numbers, needed {least} or {len(COLUMNS)}: {', '.join(COLUMNS)}; "
+            "a rig's read() returns all but t"
+        )
+    return (*row, *[math.nan] * (len(COLUMNS) - len(row)))
 
 
 def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Trajectory:
