@@ -127,9 +127,25 @@ def test_what_an_engine_declares_that_it_lacks_is_left_out():
         assert left_out(capstan, engines[name]) == left_out(static, engines[name]) == ""
 
 
-def test_runs_are_shared_and_an_engine_that_forgets_nothing_is_still_examined_for_repeating_itself():
+def test_runs_are_shared_but_for_those_that_are_made_again():
     engine = FaultyEngine("none")
     shared = Remembering(engine)
     same = scenario(TEN_TO_ONE, 0.005)
     assert shared.simulate(same) is shared.simulate(scenario(TEN_TO_ONE, 0.005))
     assert shared.again(same) is not shared.simulate(same)
+
+
+def test_a_run_that_fails_is_not_waited_for_twice():
+    class Failing(FaultyEngine):
+        runs = 0
+
+        def simulate(self, scenario, recorder=None):
+            self.runs += 1
+            raise ValueError("no rod today")
+
+    engine = Failing("none")
+    shared = Remembering(engine)
+    for _ in range(2):
+        with pytest.raises(ValueError, match="no rod today"):
+            shared.simulate(scenario(TEN_TO_ONE, 0.005))
+    assert engine.runs == 1
