@@ -11,7 +11,7 @@ GLOSSARY: dict[str, str] = {
     "tube": "a sample is inside if the truth passes within 5 mm of it, give or take 5 ms: a small delay is forgiven.",
     "stop": "the heavy mass's speed is zero, if only for an instant.",
     "halting time": "when the string stops sliding over the rod and does not slide by more than 0.1 mm again until the light "
-    "mass reaches the rod, or the run ends. It is read from samples a millisecond apart, in the same way for truth and engines.",
+    "mass reaches the rod, or the run ends. It is read from samples a millisecond apart, for truth and engines in one way.",
     "blur": "by how much a quarter more or less than 0.1 mm moves a halting time.",
     "first rest, rebound": "from the first rest on the string stays within 1 mm; what it still moves is its rebound, or creep.",
     "not comparable": "one side was not watched long enough to have what the other has, or to show that it does not.",

@@ -1,6 +1,6 @@
 """Every coefficient of the paper's model acts in every variant as in the reference, or the variant declares that it does not.
 
-Forces are examined in `test_effects_reach_engines`; here are gravity and the two friction coefficients, which each engine
+Forces are examined by `engines.conformance`; here are gravity and the two friction coefficients, which each engine
 supplies in a way of its own.
 """
 
@@ -11,6 +11,7 @@ import math
 import numpy as np
 import pytest
 
+from looping_pendulum.engines.conformance.against_reference import EFFECT_CASES
 from looping_pendulum.engines.protocol import STATIC_FRICTION, Profile
 from looping_pendulum.engines.registry import all_engines, label, missing_packages
 from looping_pendulum.errors import EngineError
@@ -19,9 +20,9 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
-from tests.engines.test_effects_reach_engines import CASES as FORCE_CASES
-from tests.engines.test_effects_reach_engines import CHEAP
 
+CHEAP = frozenset({"mujoco:frictionloss", "mujoco:effective_mass", "mujoco:drum"})
+"""Variants that are examined daily though they are not main ones."""
 DURATION = 0.06
 """[s]; long enough for each coefficient to move the heavy mass by 2.5 mm, ten times a chain's ripple."""
 WITHIN = 0.2
@@ -96,7 +97,7 @@ def drops():
 
 def test_every_coefficient_of_the_papers_model_is_examined_somewhere():
     base = {c.name for effect in EFFECTS.values() if effect.in_base_model for c in effect.coefficients}
-    assert base == set(CASES) | {name for case in FORCE_CASES.values() for name in case} & base
+    assert base == set(CASES) | {name for case in EFFECT_CASES.values() for name in case.coefficients} & base
 
 
 def test_the_case_is_what_it_says():

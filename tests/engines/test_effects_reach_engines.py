@@ -1,4 +1,4 @@
-"""Every effect that an engine says it takes acts in it as in the reference: one path, every engine."""
+"""Forces of time and pushes at release reach every engine; that each effect acts in it is for `engines.conformance`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import all_engines, challengers, label, missing_packages
-from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
+from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.scenarios.scenario import Scenario
@@ -22,45 +22,14 @@ WITHIN = 0.1
 """Share of an effect's displacement by which an engine may miss it: a wrong sign, axis, mass or factor of 2 misses by half."""
 LEAST = 5e-4
 """[m] by which an effect must move a mass, so that there is something to miss."""
-CASES = {
-    "light_drag": {"light_drag": 0.5},
-    "heavy_drag": {"heavy_drag": 1.0},
-    "string_drag": {"string_drag": 1.0},
-    "light_linear_drag": {"light_linear_drag": 0.2},
-    "heavy_linear_drag": {"heavy_linear_drag": 1.0},
-    "attitude_drag": {"light_drag": 0.1, "attitude_drag": 20.0},
-    "wind": {"light_drag": 0.02, "wind_speed": -4.0},
-    "side_force": {"side_force": 0.05},
-    "side_stiffness": {"side_stiffness": 0.2},
-    "push_across": {"push_across": 0.5},
-    "push_along": {"push_along": 0.5},
-}
+PUSHES = {"push_across": {"push_across": 0.5}, "push_along": {"push_along": 0.5}}
 """Effect -> coefficients with which it shows."""
 WITHOUT = TEN_TO_ONE.replace(kinetic_friction=0.0, light_drag=0.0, heavy_drag=0.0, string_drag=0.0)
 """Without friction, so that engines that have none are examined too."""
 
 
-CHEAP = frozenset({"drake:chain", "mujoco:frictionloss", "mujoco:effective_mass", "mujoco:drum"})
-"""Variants that are examined though they are not main ones."""
-
-DAILY = {"drake:chain": {"light_drag", "heavy_drag", "push_across"}}
-"""Variant -> the effects that are examined every day, where a run takes long: a force on either mass and a push at release show
-that the one function that brings all of them is called. The others are examined with `-m accurate`."""
-
-
 def main_variants():
     return challengers(Profile.QUICK)
-
-
-def variants_and_effects():
-    for engine in all_engines(Profile.QUICK):
-        if engine.name == "reference" or not (engine.abilities.main or label(engine) in CHEAP):
-            continue
-        for effect in CASES:
-            if EFFECTS[effect].in_base_model or EFFECTS[effect].kind in engine.abilities.effect_kinds:
-                daily = effect in DAILY.get(label(engine), CASES)
-                marks = () if daily else (pytest.mark.accurate,)
-                yield pytest.param(engine, effect, id=f"{label(engine)}-{effect}", marks=marks)
 
 
 def scenario(parameters):
@@ -76,12 +45,6 @@ def places(run, i=-1):
     return np.array([*run.light_position[i], run.heavy_position[i, 1]])
 
 
-def test_every_force_and_release_of_the_library_is_examined():
-    # The closures are fitted to data and have no coefficients of their own to set here; gravity is every other test's.
-    kinds = (EffectKind.FORCE, EffectKind.RELEASE)
-    assert {e.name for e in EFFECTS.values() if e.kind in kinds and e.name != "gravity"} == set(CASES)
-
-
 @pytest.fixture(scope="module")
 def undisturbed():
     """Engine -> its run without any effect, each run once."""
@@ -94,24 +57,6 @@ def undisturbed():
         return runs[key]
 
     return run
-
-
-@pytest.mark.parametrize(("engine", "effect"), list(variants_and_effects()))
-def test_effect_acts_as_in_the_reference(engine, effect, undisturbed):
-    # Oracle: the difference that the effect makes in the reference. The engine's own error, which is there with and without the
-    # effect, drops out of the difference.
-    missing = missing_packages(engine)
-    if missing:
-        pytest.skip(f"{missing[0]} is not installed")
-    with_effect = WITHOUT.replace(**CASES[effect])
-    without = WITHOUT.replace(**{k: v for k, v in CASES[effect].items() if k not in _names(effect)})
-    run = engine.simulate(scenario(with_effect)).raise_if_failed()
-    plain = undisturbed(engine, without)
-    exact, exact_plain = (reference(p, run.t[-1:]) for p in (with_effect, without))
-    expected = places(exact) - places(exact_plain)
-    found = places(run) - places(plain)
-    assert np.linalg.norm(expected) > LEAST, "the case is too weak to show anything"
-    assert np.linalg.norm(found - expected) <= WITHIN * np.linalg.norm(expected)
 
 
 LATE_PULSE = {
@@ -144,7 +89,7 @@ def test_a_force_that_is_a_function_of_time_acts_at_its_time(engine, undisturbed
 def test_a_push_is_there_from_the_first_sample(effect):
     for engine in main_variants():
         if EffectKind.RELEASE in engine.abilities.effect_kinds and not missing_packages(engine):
-            p = WITHOUT.replace(**CASES[effect])
+            p = WITHOUT.replace(**PUSHES[effect])
             run = engine.simulate(dataclasses.replace(scenario(p), duration=0.002))
             exact = reference(p, np.zeros(1))
             within = 1e-12 + ripple(engine, p) * float(np.linalg.norm(exact.light_velocity[0]))
@@ -179,7 +124,3 @@ def test_a_dropped_mass_is_pushed_too():
             run = engine.simulate(scenario(p))
             exact = reference(p, run.t)
             np.testing.assert_allclose(run.light_velocity, exact.light_velocity, rtol=0, atol=9.81e-3)  # a step's worth
-
-
-def _names(effect):
-    return {c.name for c in EFFECTS[effect].coefficients}
