@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from looping_pendulum.compare.result import SCHEMA_ID, SCHEMA_VERSION, ResultError
+from looping_pendulum.files import utf8
 from looping_pendulum.scenarios.document import quote, shorten
 
 T = TypeVar("T")
@@ -42,7 +43,9 @@ def plain(value: Any) -> Any:
         return plain(value.item())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
-    if value is None or isinstance(value, (bool, int, str)):
+    if isinstance(value, str):
+        return utf8(value).decode()  # half a character is no text: it is written as its escape
+    if value is None or isinstance(value, (bool, int)):
         return value
     return str(value)
 

@@ -48,6 +48,12 @@ class EventTable:
     """In the order of the source."""
 
 
+def data_folders() -> list[Path]:
+    """Folders in which measured data are looked for: the one that $LOOPING_PENDULUM_DATA names, then those nearby."""
+    named = os.environ.get(DATA_VARIABLE)
+    return [*([Path(named)] if named else []), *map(Path, NEARBY)]
+
+
 def find_data(file: str, folders: Path | Sequence[Path] | None = None) -> Path | None:
     """Find a file of measured data, or return None.
 
@@ -59,8 +65,7 @@ def find_data(file: str, folders: Path | Sequence[Path] | None = None) -> Path |
         Data folders to look in first; then in $LOOPING_PENDULUM_DATA, then near the current directory.
     """
     given = [folders] if isinstance(folders, Path) else list(folders or ())
-    named = os.environ.get(DATA_VARIABLE)
-    for folder in [*given, *([Path(named)] if named else []), *map(Path, NEARBY)]:
+    for folder in [*given, *data_folders()]:
         path = folder / file
         if path.is_file():
             return path

@@ -16,7 +16,7 @@ from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.discrepancy.report import plots as identify_plots
 from looping_pendulum.discrepancy.report import writing
 from looping_pendulum.engines.trajectory import RunStatus
-from looping_pendulum.files import LeftOutWarning, OutputError, file_stem, file_stems, ready_folder, write_whole
+from looping_pendulum.files import LeftOutWarning, OutputError, file_stem, file_stems, ready_folder, utf8, write_whole
 from tests.pages import made_up
 
 HOSTILE = ("[/x]", "[bold", "$\\frac{", "$a$", "a" * 260, "_hidden", "half a pair: \ud800", "line\nbreak", "<script>", "|")
@@ -29,7 +29,7 @@ def test_no_name_of_a_trial_costs_the_report_of_identify(tmp_path, name, capsys)
     result = made_up.identification(name)
     writing.write(result, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir() if path.is_file()) == sorted(writing.FILES)
-    assert json.loads((tmp_path / "verdict.json").read_text())["study"] == name
+    assert json.loads((tmp_path / "verdict.json").read_text())["study"] == utf8(name).decode()
     assert len(list((tmp_path / "figures").iterdir())) == 5
     table = cli_terminal.new_table("trial [mm]", name)
     table.add_row(name, "[red]")
@@ -46,7 +46,9 @@ def test_no_name_or_message_of_an_engine_costs_the_report_of_compare(tmp_path, s
     named = dataclasses.replace(scenario, name=name, title=name, description=name)
     result = compare(named, truth, [run])
     write(result, tmp_path)
-    assert ComparisonResult.from_json((tmp_path / "result.json").read_text()) == result
+    back = ComparisonResult.from_json((tmp_path / "result.json").read_text())
+    assert (back == result) == (name.isascii())
+    assert (back.title, back.engines[0].message) == (utf8(name).decode(),) * 2
     assert len(list((tmp_path / "figures").iterdir())) == 3
     assert len(list((tmp_path / "trajectories").iterdir())) == 2
     assert (tmp_path / "report.html").exists()

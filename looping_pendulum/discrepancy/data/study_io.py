@@ -19,7 +19,7 @@ from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import document
 from looping_pendulum.scenarios.document import Document, one_line
-from looping_pendulum.scenarios.measured import DATA_VARIABLE
+from looping_pendulum.scenarios.measured import DATA_VARIABLE, data_folders
 from looping_pendulum.scenarios.schema import suggest
 from looping_pendulum.scenarios.units import show
 
@@ -100,7 +100,7 @@ def _study(content: StudyFile, doc: Document, name: str, folder: Path) -> Study:
 
 def _check_places(folder: Path, trial: Trial, doc: Document, index: int) -> None:
     """Refuse files that lie elsewhere: a study from a stranger must not have any file of this computer read and reported on."""
-    below = [Path(os.path.realpath(each)) for each in (folder, os.curdir, os.environ.get(DATA_VARIABLE)) if each is not None]
+    below = [Path(os.path.realpath(each)) for each in (folder, Path(), *data_folders())]
     keys = ("file",) if len(trial.files) == 1 else tuple(("files", mass) for _, tracks in trial.files for mass in tracks)
     named = [(key, path) for key, (path, _) in zip(keys, trial.files, strict=True)]
     named += [("events", trial.events)] if trial.events is not None else []
