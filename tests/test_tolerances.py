@@ -19,9 +19,9 @@ LONG = {
 }
 """Quick by name, and up to half a minute each: with the accurate ones.
 
-What they hold is held daily by the same variant in a shorter run, or by another chain in the same scenario: free fall, a swing
-from a hand and a loop without friction in tests/engines/test_conformance.py, 2:1 by `mujoco:beads`, the fat rod by
-`pymunk:chain` and `mujoco:beads`; 2.5:1 by the tendons alone.
+What they hold is held daily by the same variant in a shorter run, or by another chain in the same scenario: free fall and a
+swing from a hand in tests/engines (`test_pybullet.py`, ...), a loop without friction in `test_conformance.py` there, 2:1 by
+`mujoco:beads`, the fat rod by `pymunk:chain` and `mujoco:beads`; 2.5:1 by the tendons alone.
 """
 
 

@@ -17,18 +17,16 @@ CHAINS = frozenset(
 )
 """Variants that take 5 to 80 s of a processor for a second: daily, they run what the checks of `DAILY_FOR_CHAINS` share.
 
-Their friction and halts are judged daily by the scenarios' tolerances, tests/test_tolerances.py.
+Their friction and halts are judged daily by the scenarios' tolerances (tests/test_tolerances.py), their falls, swings and
+static friction by their own files of tests, effects by test_effects_reach_engines.py.
 """
 DAILY_FOR_CHAINS = frozenset(
     {
         *("makes_nothing_heavy", "samples_every_millisecond_from_rest", "velocity_is_the_rate_of_position", "is_deterministic"),
         *("says_who_supplies_what", "string_keeps_its_length", "heavy_mass_falls_straight_down"),
         *("release_has_the_exact_acceleration", "energy_is_kept_without_losses", "follows_the_reference_without_losses"),
-        "drop_is_free_fall",
     }
 )
-ALSO_DAILY = frozenset({(name, "held_pendulum_swings_to_the_other_side") for name in ("mujoco:beads", "pymunk:chain")})
-"""Half a second each of what the tolerances of `held` judge over two; PyBullet's would take a quarter of a minute."""
 
 
 def cases():
@@ -37,8 +35,7 @@ def cases():
         for check in CHECKS:
             reason = engine.abilities.known_failures.get(check.__name__)
             marks = [pytest.mark.xfail(reason=reason, raises=AssertionError, strict=True)] if reason else []
-            daily = check.__name__ in DAILY_FOR_CHAINS or (label(engine), check.__name__) in ALSO_DAILY
-            if label(engine) in CHAINS and not daily:
+            if label(engine) in CHAINS and check.__name__ not in DAILY_FOR_CHAINS:
                 marks.append(pytest.mark.accurate)
             yield pytest.param(engine, check, id=f"{label(engine)}-{check.__name__}", marks=marks)
 
