@@ -228,7 +228,11 @@ def plain() -> Motion:
     return simulate(SIX, duration=0.9, numerics=QUICK)
 
 
-@pytest.mark.parametrize("name", NEARLY_NULL)
+DAILY = ("compliance", "string_thickness", "heavy_swing", "sideways_push")
+"""Those that change the geometry or the string; reference_ode/test_effects_against_blind.py runs the code of the others."""
+
+
+@pytest.mark.parametrize("name", [n if n in DAILY else pytest.param(n, marks=pytest.mark.accurate) for n in NEARLY_NULL])
 def test_an_effect_near_its_null_value_changes_nothing(name: str, plain: Motion) -> None:
     motion = simulate(SIX, Effects(**{name: NEARLY_NULL[name]}), duration=0.9, numerics=QUICK)
     assert np.abs(motion.at(plain.t)[0] - plain.light[:, :2]).max() < 2e-6
@@ -258,7 +262,7 @@ def test_order_of_convergence_is_four_where_the_motion_is_smooth() -> None:
         numerics = Numerics(stiffness=1e4, loss_time=1e-3, step=step)
         return simulate(held, duration=0.4, numerics=numerics).light[-1]
 
-    exact = place(6.25e-6)
+    exact = place(2.5e-5)  # off by a 256th of what half the coarser of the two steps is off
     coarse, fine = (np.linalg.norm(place(step) - exact) for step in (2e-4, 1e-4))
     assert 3.5 < math.log2(coarse / fine) < 4.6
 

@@ -29,7 +29,8 @@ CHAINS = frozenset(
 )
 """Variants that take 5 to 80 s of a processor for a second: daily, they run what the checks of `DAILY_FOR_CHAINS` share.
 
-Their friction, halts, drops and held releases are judged daily by the scenarios' tolerances, tests/test_tolerances.py.
+Their friction and halts are judged daily by the scenarios' tolerances (tests/test_tolerances.py), their falls, swings and
+static friction by their own files of tests, effects by test_effects_reach_engines.py.
 """
 DAILY_FOR_CHAINS = frozenset(
     {

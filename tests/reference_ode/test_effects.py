@@ -139,10 +139,12 @@ def test_two_integrators_agree(base, name):
 
 
 @EACH
-def test_sequence_of_modes_does_not_depend_on_the_tolerance(name):
+@pytest.mark.parametrize("tolerance", [1e-11, pytest.param(1e-9, marks=pytest.mark.accurate)])
+def test_sequence_of_modes_does_not_depend_on_the_tolerance(name, tolerance):
+    # Daily at a tolerance for which another test has the equations compiled: a third costs as much as all else here.
     for base in (TEN_TO_ONE, TWO_TO_ONE):
         p = base.replace(**TYPICAL[name])
-        assert len({solve(p, tolerance=tolerance).modes for tolerance in (1e-9, 1e-11, 1e-12)}) == 1
+        assert solve(p, tolerance=tolerance).modes == solve(p).modes
 
 
 DISSIPATIVE = [

@@ -98,7 +98,19 @@ def test_random_apparatus_through_slack_and_taut():
     assert seen >= {Event.STOP, Event.BREAKS_DOWN, Event.BREAKS_UP, Event.LOSES_TENSION, Event.TAUT, Event.LIGHT_REACHES_ROD}
 
 
-@pytest.mark.parametrize("name", sorted(set(TYPICAL) - {"wind"}))
+DAILY = ("light_linear_drag", "friction_per_wrap", "string_thickness", "out_of_plane", "turning_rod")
+"""A force, a friction law, a geometry, a state of its own and a rod that turns; each effect takes 4 s to compile.
+
+Every effect's derivatives are also what a fit screens its candidates by, daily, in tests/discrepancy.
+"""
+
+
+def sweep(names, daily=DAILY):
+    """Return ``names`` as parameters, those beyond ``daily`` for the accurate tests."""
+    return [name if name in daily else pytest.param(name, marks=pytest.mark.accurate) for name in names]
+
+
+@pytest.mark.parametrize("name", sweep(sorted(set(TYPICAL) - {"wind"})))
 def test_every_effect_of_the_library_can_be_moved(name):
     p = TEN_TO_ONE.replace(**TYPICAL[name])
     own = tuple(n for n in TYPICAL[name] if not n.startswith(("closure_of", "closure_by")))
@@ -122,7 +134,7 @@ ABSENT = {"side_force": 5e-6, "string_density": 6e-7, "heavy_swing": 1e-3, "push
 """Steps from the null value [SI], about a thousandth of a typical one."""
 
 
-@pytest.mark.parametrize("name", ABSENT)
+@pytest.mark.parametrize("name", sweep(ABSENT, ("string_density", "push_sideways")))
 def test_an_absent_effect_has_a_derivative_too(name):
     t, h = np.linspace(0, 1.1, 100), ABSENT[name]
     ours = solve_sensitivities(TEN_TO_ONE, t, (name,))
