@@ -28,19 +28,6 @@ WITHOUT = TEN_TO_ONE.replace(kinetic_friction=0.0, light_drag=0.0, heavy_drag=0.
 """Without friction, so that engines that have none are examined too."""
 
 
-<<<<<<< HEAD
-=======
-CHEAP = frozenset({"drake:chain", "mujoco:frictionloss", "mujoco:effective_mass", "mujoco:drum"})
-"""Variants that are examined though they are not main ones."""
-
-DAILY = dict.fromkeys(
-    ("mujoco:beads", "pymunk:chain", "pybullet:chain", "drake:chain"), {"light_drag", "heavy_drag", "push_across"}
-)
-"""Variant -> the effects that are examined every day, where a run takes long: a force on either mass and a push at release show
-that the one function that brings all of them is called. The others are examined with `-m accurate`."""
-
-
->>>>>>> speed
 def main_variants():
     return challengers(Profile.QUICK)
 
