@@ -62,8 +62,8 @@ def table() -> str:
     """Return the table in Markdown."""
     stored = {p: json.loads((FOLDER / f"{p}.json").read_text(encoding="utf-8"))["engines"] for p in PROFILES}
     lines = [
-        "| | profile | RMS of the light mass to 0.35 / 0.7 / 1.0 s | halting time off by | wall s per s |",
-        "|---|---|---|---|---|",
+        "| | profile | RMS of the light mass to 0.35 / 0.7 / 1.0 s | halting time off by | then moves by | wall s per s |",
+        "|---|---|---|---|---|---|",
     ]
     for variant, (title, profiles) in ROWS.items():
         for profile in profiles:
@@ -77,8 +77,9 @@ def _row(title: str, profile: str, engine: dict[str, Any]) -> str:
     path = " / ".join(amount(m[mark], scale) for mark in MARKS)
     error = m["halting_time_error"]
     halt = "never halts" if error is None else quantity(abs(error), "s")
+    then = quantity(m["rebound"], "m")
     wall = amount(engine["wall_per_simulated_second"])
-    return f"| {title} | {profile} | {path} {unit} | {halt} | {wall} |"
+    return f"| {title} | {profile} | {path} {unit} | {halt} | {then} | {wall} |"
 
 
 def replaced(text: str) -> str:
