@@ -8,7 +8,7 @@ DATA ?= ../shared/data
 # Our matrices are small: a second thread of BLAS only waits for a core.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: compare demo test accurate mutation lint docs benchmark infer clean
+.PHONY: compare demo test accurate mutation fuzz lint docs benchmark infer clean
 
 compare: $(VENV)/main ## run all engines on the 10:1 trial and write report/ten_to_one/report.md
 	$(BIN)/looping-pendulum compare ten_to_one --profile quick --out report/ten_to_one
@@ -26,6 +26,9 @@ SAMPLE ?= 200
 SEED ?= 1
 mutation: $(VENV)/mutation ## seed faults into the code and count those that a test catches: SAMPLE=200 of each folder, drawn by SEED=1 (hours)
 	$(BIN)/python -m tests.mutation --sample $(SAMPLE) --seed $(SEED)
+
+fuzz: $(VENV)/test ## try 20 000 damaged files, quantities and command lines (some minutes)
+	$(BIN)/python -m tests.fuzz
 
 lint: $(VENV)/dev ## style, types, and the one-way direction of the imports
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports

@@ -160,7 +160,25 @@ def test_amounts_of_memory(text, amount):
     assert parse_memory(text) == amount
 
 
-@pytest.mark.parametrize("text", ["", "2", "2 m", "nan GiB", "inf GiB", "1e999 B", "-2 GiB", "1 MiB", "2 GiB/0", "two GiB"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "2",
+        "2 m",
+        "nan GiB",
+        "inf GiB",
+        "1e999 B",
+        "-2 GiB",
+        "1 MiB",
+        "2 GiB/0",
+        "two GiB",
+        "9**9**9 B",
+        "2 * 2 GiB",
+        ")",
+        "(" * 5000,
+    ],
+)
 def test_what_is_no_memory_limit_is_one_line_with_a_way_out(text):
     with pytest.raises(EngineError, match="^--memory-limit: found .* needed [^\n]*$"):
         parse_memory(text)

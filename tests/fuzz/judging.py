@@ -16,7 +16,7 @@ from looping_pendulum.errors import HarnessError
 
 CPU_LIMIT = 10.0
 """[s] of processor time, so that other work on the machine does not count; most inputs take milliseconds."""
-WALL_LIMIT = 60.0
+WALL_LIMIT = 120.0
 """[s]; for what waits and does not compute."""
 PACKAGE = str(Path(__file__).parents[2] / "looping_pendulum")
 
@@ -76,8 +76,8 @@ def signature(error: BaseException) -> str:
 def time_limits(cpu_limit: float) -> Iterator[None]:
     """Raise `NoEnd` in what takes longer."""
 
-    def stop(_number: int, _frame: FrameType | None) -> None:
-        raise NoEnd
+    def stop(number: int, _frame: FrameType | None) -> None:
+        raise NoEnd(f"{cpu_limit:g} s of processor time" if number == signal.SIGPROF else f"{WALL_LIMIT:g} s")
 
     timers = ((signal.SIGPROF, signal.ITIMER_PROF, cpu_limit), (signal.SIGALRM, signal.ITIMER_REAL, WALL_LIMIT))
     before = [signal.signal(number, stop) for number, _, _ in timers]

@@ -9,6 +9,7 @@ import json
 
 import pytest
 
+from looping_pendulum.discrepancy.data.readers import DataError, read
 from looping_pendulum.errors import HarnessError
 from tests.fuzz.command_lines import RefusedLine, encoded
 from tests.fuzz.judging import CPU_LIMIT, Outcome, judge, time_limits
@@ -66,7 +67,7 @@ FILES = [
     ("study", STUDY.replace("A study", HALF), "any.yaml:1: found '\\ud800'"),
     # \s* before and after the sign took quadratic time
     ("study", STUDY.replace("100 g", f"100 g +/-{BLANKS[:50_000]}x"), "trials[0].heavy.mass: found 'x' after '+/-'"),
-    ("study", STUDY.replace("100 g", f'"(65 +/- 1{")" * 50_000}\\n x"'), "trials[0].heavy.mass: expected a mass, got '(65"),
+    ("study", STUDY.replace("100 g", f'"(65 +/- 1{")" * 50_000}\\n x"'), "trials[0].heavy.mass: expected a mass, got '65"),
     ("study", STUDY.replace("100 g", "100 g +/- 1_0 %"), "trials[0].heavy.mass: found '1_0 %' after '+/-'"),
     ("map", MAP.replace("1 mm", "1 nan"), "any.yaml:4: parameters.rod_radius.values: expected a length, got '1 nan'"),
     ("map", MAP.replace("A map", HALF), "any.yaml:1: found '\\ud800'"),
@@ -97,6 +98,26 @@ def test_a_hostile_file_gives_its_line(kind, content, said, folders, monkeypatch
         KINDS[kind].run(content if isinstance(content, bytes) else content.encode())
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def read_time(tmp_path, text):
+    path = tmp_path / "events.csv"
+    path.write_text(f"quantity,index,measured,paper_numerical,unit\nstop,1,{text},,s\n")
+    (event,) = read(path, kind="events").events
+    return event.sigma
+
+
+@pytest.mark.parametrize(("text", "sigma"), [("0.351", 1e-3), ("1.5e-3", 1e-4), ("2.5e2", 10.0), ("12", 1.0), ("0", 1.0)])
+def test_the_error_of_a_printed_time_is_its_last_digit(tmp_path, text, sigma):
+    assert read_time(tmp_path, text) == sigma
+
+
+@pytest.mark.parametrize("text", ["0e400", "0e-400"])
+def test_a_zero_with_an_absurd_exponent_has_no_last_digit(tmp_path, text):
+    with pytest.raises(
+        DataError, match=r"events.csv:2: column measured: found '0e-?400', whose last digit is worth (inf|0), needed"
+    ):
+        read_time(tmp_path, text)  # 10.0**400 was an OverflowError
 
 
 SHAPES = [

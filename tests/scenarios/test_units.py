@@ -62,7 +62,22 @@ def test_reads_as_python_would_write_it(text, unit, value):
         "1:30 m",
         "1/2 m",
     ]
-    + ["1 m**99", "1 m^9^9", "2 2 m", "1 __class__", "1 m; import os", "1 m" + " m^1" * 60, "9" * 500 + " m"],
+    + [
+        "1 m**99",
+        "1 m^9^9",
+        "2 2 m",
+        "1 __class__",
+        "1 m; import os",
+        "1 nan",
+        "1 / *",
+        "1 NaN",
+        "1 m*nan",
+        "9**9**9 m",
+        "٣ m",
+        "1 B",
+        "1 m" + " m^1" * 60,
+        "9" * 500 + " m",
+    ],
 )
 def test_refuses_what_is_no_length(text):
     with pytest.raises(UnitError):
