@@ -40,8 +40,7 @@ def check(
 
     looping-pendulum check mine.yaml --engine pymunk
     """
-    from looping_pendulum.compare.declared_limits import nothing_judged, nothing_to_judge, with_variants
-    from looping_pendulum.compare.result import Outcome
+    from looping_pendulum.engines.limits import nothing_to_judge, with_variants
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.engines.registry import label, select
     from looping_pendulum.scenarios import loader
@@ -69,7 +68,7 @@ def check(
         raise typer.Exit(OUTSIDE)
     if unjudged:
         raise ScenarioError(f"check: nothing was judged of {'; '.join(unjudged)}")
-    if not any(t.outcome is not Outcome.NOT_RUN for result in results for t in result.tolerances):
+    if not results:
         raise ScenarioError("check: nothing was judged: no scenario has tolerances for this profile of the engines asked for")
 
 
@@ -84,3 +83,13 @@ def _show(result: ComparisonResult) -> None:
     show_table(table)
     if any(engine.status == RunStatus.INTERRUPTED.name for engine in result.engines):
         raise typer.Exit(INTERRUPTED)
+
+
+def nothing_judged(result: ComparisonResult) -> str:
+    """Return why no tolerance of ``result`` was judged; empty: at least one was, or a run broke off, which says enough."""
+    from looping_pendulum.compare.result import Outcome
+
+    if any(t.outcome is not Outcome.NOT_RUN for t in result.tolerances) or any(result.broke_off(e) for e in result.engines):
+        return ""
+    gaps = [f"{e.label}: {e.status_sentence}" + (f" ({e.message})" if e.message else "") for e in result.engines]
+    return "; ".join(gaps)

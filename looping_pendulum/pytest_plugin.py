@@ -82,6 +82,8 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     report = yield
     if isinstance(item, (ToleranceItem, NothingToJudge)):
         report.looping_pendulum = True
+    if isinstance(item, NothingToJudge) and report.failed:
+        report.longrepr = item.sentence  # pytest asks an item how to show its failure, but not that of its setup
     return report
 
 
@@ -128,7 +130,7 @@ class ScenarioFile(pytest.File):
 
     def collect(self) -> Iterable[pytest.Item | pytest.Collector]:
         """Read the scenario and group its tolerances."""
-        from looping_pendulum.compare.declared_limits import nothing_to_judge, with_variants
+        from looping_pendulum.engines.limits import nothing_to_judge, with_variants
         from looping_pendulum.engines.protocol import Profile
         from looping_pendulum.errors import HarnessError
         from looping_pendulum.scenarios import loader
@@ -180,14 +182,15 @@ class NothingToJudge(pytest.Item):
 
     def setup(self) -> None:
         """Fail before there is anything to run."""
-        raise OutsideToleranceError(f"{self.path.name}: nothing was judged: {self.why}")
+        raise OutsideToleranceError(self.sentence)
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong, in one line."""
+        return f"{self.path.name}: nothing was judged: {self.why}"
 
     def runtest(self) -> None:
         """Do nothing: `setup` never lets it come so far."""
-
-    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Show the reason without a traceback."""
-        return str(excinfo.value)
 
     def reportinfo(self) -> tuple[Path, int, str]:
         """Where the item is from."""

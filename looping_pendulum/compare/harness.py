@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from looping_pendulum.compare.comparison import compare
-from looping_pendulum.compare.declared_limits import with_variants
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.engines.isolation import TIME_LIMIT, Progress, run_all
+from looping_pendulum.engines.limits import with_variants
 from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Truth

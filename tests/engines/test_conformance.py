@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from looping_pendulum.engines.conformance import CHECKS, CheckOutcome, Remembering, examine, left_out
+from looping_pendulum.engines.conformance import CHECKS, CheckOutcome, Remembering, examine, left_out, scenario
+from looping_pendulum.engines.conformance.against_reference import (
+    EFFECT_CASES,
+    EFFECT_CHECKS,
+    LEAST_DISPLACEMENT,
+    reference_positions,
+)
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import all_engines, label, missing_packages
+from looping_pendulum.reference_ode.effects import EFFECTS
+from tests.apparatus import TEN_TO_ONE
 from tests.engines.faulty import FaultyEngine
 
+BY_NAME = {check.__name__: check for check in CHECKS}
 CHAINS = frozenset(
     {
         *("mujoco:beads", "pymunk:chain", "pymunk:beads", "pymunk:segments", "pymunk:defaults"),
@@ -45,8 +55,10 @@ def test_what_is_not_run_daily_is_of_variants_and_checks_that_exist():
 
 
 def test_known_failures_are_of_checks_that_exist():
-    names = {check.__name__ for check in CHECKS}
-    assert all(set(engine.abilities.known_failures) <= names for engine in all_engines(Profile.QUICK))
+    for engine in all_engines(Profile.QUICK):
+        known = engine.abilities.known_failures
+        assert set(known) <= set(BY_NAME), label(engine)
+        assert not any(left_out(BY_NAME[name], engine) for name in known), f"{label(engine)}: a failure of what it is not asked"
 
 
 @pytest.mark.parametrize(("engine", "check"), list(cases()))
@@ -60,9 +72,32 @@ def test_conformance(engine, check):
     check(engine)
 
 
+def test_every_effect_of_the_library_has_a_check():
+    # Gravity and the capstan law act in all other checks; a closure is found from data, and has no case to set.
+    assert set(EFFECT_CHECKS) == set(EFFECT_CASES) == set(EFFECTS) - {"gravity", "capstan", "closure"}
+
+
+@pytest.mark.parametrize("effect", EFFECT_CASES)
+def test_an_effects_case_shows_it(effect):
+    case = EFFECT_CASES[effect]
+    ends = [reference_positions(p, np.array([case.duration]))[-1] for p in (case.acting, case.without)]
+    assert np.linalg.norm(ends[0] - ends[1]) > LEAST_DISPLACEMENT
+    assert EFFECTS[effect] in case.acting.effects
+    assert EFFECTS[effect] not in case.without.effects or EFFECTS[effect].in_base_model
+
+
+def test_every_effect_that_an_engine_says_it_takes_is_asked_of_it():
+    for engine in all_engines(Profile.QUICK):
+        asked = {name for name, check in EFFECT_CHECKS.items() if not left_out(check, engine)}
+        taken = {name for name in EFFECT_CHECKS if EFFECTS[name].in_base_model or engine.abilities.reaches(EFFECTS[name])}
+        assert asked == taken, label(engine)
+
+
 def test_examining_an_engine_says_what_failed_and_goes_on():
-    found = {result.check: result for result in examine(FaultyEngine("nan"), time_limit=60)}
-    assert list(found) == [check.__name__ for check in CHECKS]
+    some = [BY_NAME[name] for name in ("makes_nothing_heavy", "samples_every_millisecond_from_rest", "drop_is_free_fall")]
+    some.append(BY_NAME["string_keeps_its_length"])
+    found = {result.check: result for result in examine(FaultyEngine("nan"), time_limit=60, checks=some)}
+    assert list(found) == [check.__name__ for check in some]
     assert found["makes_nothing_heavy"].outcome is CheckOutcome.PASSED
     assert found["drop_is_free_fall"].outcome is CheckOutcome.LEFT_OUT
     assert "'drop'" in found["drop_is_free_fall"].why
@@ -77,8 +112,37 @@ def test_an_engine_that_crashes_fails_its_checks_and_no_more():
     assert "SIGSEGV" in found[1].why
 
 
-def test_without_a_friction_law_the_capstan_check_is_left_out():
-    laws = {label(e): left_out(CHECKS[6], e) for e in all_engines(Profile.QUICK)}
-    assert CHECKS[6].__name__ == "vertical_release_obeys_the_capstan_law"
-    assert laws["mujoco:documented"] == "nobody supplies its friction law"
-    assert laws["reference:scipy"] == ""
+def test_what_an_engine_declares_that_it_lacks_is_left_out():
+    capstan, static = (
+        BY_NAME[name]
+        for name in ("vertical_release_obeys_the_capstan_law", "static_friction_holds_what_kinetic_friction_would_not")
+    )
+    engines = {label(engine): engine for engine in all_engines(Profile.QUICK)}
+    assert left_out(capstan, engines["mujoco:documented"]) == "nobody supplies its friction law"
+    assert left_out(static, engines["mujoco:beads"]) == "it declares no static friction of its own"
+    for name in ("reference:scipy", "mujoco:capstan"):
+        assert left_out(capstan, engines[name]) == left_out(static, engines[name]) == ""
+
+
+def test_runs_are_shared_but_for_those_that_are_made_again():
+    engine = FaultyEngine("none")
+    shared = Remembering(engine)
+    same = scenario(TEN_TO_ONE, 0.005)
+    assert shared.simulate(same) is shared.simulate(scenario(TEN_TO_ONE, 0.005))
+    assert shared.again(same) is not shared.simulate(same)
+
+
+def test_a_run_that_fails_is_not_waited_for_twice():
+    class Failing(FaultyEngine):
+        runs = 0
+
+        def simulate(self, scenario, recorder=None):
+            self.runs += 1
+            raise ValueError("no rod today")
+
+    engine = Failing("none")
+    shared = Remembering(engine)
+    for _ in range(2):
+        with pytest.raises(ValueError, match="no rod today"):
+            shared.simulate(scenario(TEN_TO_ONE, 0.005))
+    assert engine.runs == 1

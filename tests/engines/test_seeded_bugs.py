@@ -19,7 +19,7 @@ from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Profile
 from looping_pendulum.engines.trajectory import Supplier, Supply, Trajectory
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.parameters import Release
-from tests.engines.page_example import blocks, module
+from tests.engines.page_example import PAGE, blocks, module
 
 SOURCE = blocks("python")[0]
 BY_NAME = {check.__name__: check for check in CHECKS}
@@ -368,3 +368,9 @@ def test_an_engine_of_no_law_is_not_asked_for_one():
     assert why[ROUGH] == why[CAPSTAN] == "nobody supplies its friction law"
     assert why["light_drag_acts_as_in_the_reference"] == "nobody supplies its drag"
     assert why["runs_to_its_end"] == why[SMOOTH] == why[ATWOOD] == ""
+
+
+def test_the_page_says_how_many_are_caught():
+    text = " ".join(PAGE.read_text(encoding="utf-8").split())
+    assert f"Of {len(BUGS) + len(NOT_CAUGHT)} bugs planted in the adapter above" in text
+    assert f"it catches {len(BUGS)}, each by" in text

@@ -6,43 +6,46 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
+import zipfile
+from types import SimpleNamespace
 
 import pytest
 
-from looping_pendulum.engines.conformance import CHECKS, left_out
+from looping_pendulum.compare.convergence.report import halting_verdict
+from looping_pendulum.engines.conformance import CHECKS, Remembering, left_out, scenario
+from looping_pendulum.engines.conformance.against_reference import errs_no_more_than_refining_it_changes
+from looping_pendulum.engines.conformance.apparatus import SMOOTH
 from looping_pendulum.engines.protocol import Engine, Profile
+from looping_pendulum.engines.studies import Studies
+from looping_pendulum.errors import EngineError
+from tests.engines.page_example import blocks, module
 
-PAGE = Path(__file__).parents[2] / "docs" / "write-an-engine.md"
-
-
-def blocks(language):
-    return re.findall(rf"^```{language}\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+BUILD = "from setuptools.build_meta import build_wheel; build_wheel('dist')"
 
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory):
-    """The example, installed into a folder as pip would: a module and the entry point of its pyproject.toml."""
-    import tomllib
-
-    folder = tmp_path_factory.mktemp("site")
-    project = tomllib.loads(blocks("toml")[0])["project"]
-    (folder / "looping_spring.py").write_text(blocks("python")[0], encoding="utf-8")
-    info = folder / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n")
-    points = [f"[{group}]\n" + "".join(f"{k} = {v}\n" for k, v in p.items()) for group, p in project["entry-points"].items()]
-    (info / "entry_points.txt").write_text("".join(points))
-    return folder
+    """The page's two files, built as pip builds them, and the wheel unpacked, which is how pip installs one of pure Python."""
+    pytest.importorskip("setuptools")
+    project, site = tmp_path_factory.mktemp("project"), tmp_path_factory.mktemp("site")
+    (project / "looping_spring.py").write_text(blocks("python")[0], encoding="utf-8")
+    (project / "pyproject.toml").write_text(blocks("toml")[0], encoding="utf-8")
+    done = subprocess.run([sys.executable, "-c", BUILD], cwd=project, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    (wheel,) = (project / "dist").glob("*.whl")
+    zipfile.ZipFile(wheel).extractall(site)
+    return site
 
 
-@pytest.fixture
-def engine(package, monkeypatch):
-    monkeypatch.syspath_prepend(str(package))
-    import looping_spring
+@pytest.fixture(scope="module")
+def spring():
+    return module("looping_spring", blocks("python")[0])
 
-    (made,) = looping_spring.engines(Profile.QUICK)
-    return made
+
+@pytest.fixture(scope="module")
+def engine(spring):
+    (made,) = spring.engines(Profile.QUICK)
+    return Remembering(made)
 
 
 def command(package, *arguments):
@@ -59,14 +62,17 @@ def command(package, *arguments):
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
 def test_the_example_passes_every_check(engine, check):
     assert isinstance(engine, Engine)
-    assert not left_out(check, engine)
+    if left_out(check, engine):  # an effect of a kind that it does not declare
+        assert "effect" in left_out(check, engine)
+        return
     check(engine)
 
 
 def test_the_command_examines_it_and_the_list_says_where_it_is_from(package):
     done = command(package, "conformance", "spring")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count("  pass ") == len(CHECKS)
+    assert done.stdout.count("  pass ") > 30
+    assert "  fail" not in done.stdout
     done = command(package, "engines")
     assert "spring:euler" in done.stdout
     assert "of the package looping-spring" in re.sub(r"\s+", " ", done.stdout)
@@ -78,6 +84,51 @@ def test_compare_runs_it_beside_the_others(package, tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
     assert "spring:euler" in (tmp_path / "report.md").read_text()
     assert "looping-spring 0.1" in (tmp_path / "report.md").read_text()
+
+
+def test_its_studies_are_ladders_that_run(engine, spring):
+    studies = engine.studies()
+    assert [(one.setting, len(one.values)) for one in studies.ladders] == [("time_step", 4), ("stiffness", 4)]
+    for rung in (*(one.engines[0] for one in studies.ladders), *(choice.engine for choice in studies.choices)):
+        assert rung.simulate(scenario(SMOOTH, 0.002)).status.ok
+        assert rung.settings != engine.settings or rung is studies.ladders[0].engines[0]
+
+
+@pytest.mark.parametrize("left", [8, 11])
+def test_a_reading_of_another_length_says_what_it_needs(spring, left):
+    # It was a bare "IndexError: tuple index out of range", from a line of ours.
+    class Misread(spring.SpringRig):
+        def read(self):
+            return (*super().read(), 0.0, 0.0)[:left]
+
+    class MisreadEngine(spring.SpringEngine):
+        def build(self, scenario):
+            return Misread(scenario.parameters, self.settings)
+
+    with pytest.raises(
+        EngineError, match=rf"a sample: found {left + 1} values .*needed 10 or 11: t, light_x, .*read\(\) gives all"
+    ):
+        MisreadEngine(Profile.QUICK).simulate(scenario(SMOOTH, 0.002))
+
+
+@pytest.mark.accurate
+def test_converge_splits_its_error(package, tmp_path):
+    done = command(package, "converge", "ten_to_one", "-e", "spring", "--until", "0.36", "--out", str(tmp_path))
+    assert done.returncode == 0, done.stdout + done.stderr
+    report = (tmp_path / "convergence.md").read_text()
+    assert "Refining time_step" in report
+    assert "Refining stiffness" in report
+    assert "no ladder" not in report
+
+
+def test_an_engine_without_a_ladder_is_told_which_page_has_one(spring):
+    class Plain(spring.SpringEngine):
+        def studies(self):
+            return Studies()
+
+    page = "studies(), in docs/write-an-engine.md"
+    assert left_out(errs_no_more_than_refining_it_changes, Plain(Profile.QUICK)) == f"it offers no ladder: {page}"
+    assert halting_verdict(SimpleNamespace(ladders=())) == f"not known: it has no ladder ({page})"
 
 
 def test_the_pages_test_snippet_runs(package, tmp_path):

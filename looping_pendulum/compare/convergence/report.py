@@ -30,6 +30,9 @@ WORDS = {
 EARLY, LATE = MARKS
 """The two paths."""
 
+LADDERS = "studies(), in docs/write-an-engine.md"
+"""Where it says how an adapter offers a ladder."""
+
 HOW_TO_READ = """\
 - **error**: root mean square distance of the light mass from the truth up to that time; of a number, its difference.
 - **not converged** (numerics): how far the variant at its own settings is from its own limit. Each ladder refines one setting;
@@ -142,7 +145,7 @@ def halting_verdict(v: VariantStudy) -> str:
     found = [verdict for ladder in v.ladders for verdict in ladder.verdicts if verdict.quantity == HALT]
     kinds = {verdict.kind for verdict in found}
     if not found:
-        return "not known: it has no ladder"
+        return f"not known: it has no ladder ({LADDERS})"
     if kinds == {Kind.NEVER}:
         return "never halts"
     if not v.own.ok:
@@ -172,7 +175,7 @@ def _halting_row(v: VariantStudy) -> list[str]:
 
 def _variant(v: VariantStudy, figures: Mapping[str, tuple[str, str]]) -> str:
     parts = [f"## {v.label}, {v.profile}\n\n{v.summary.rstrip('.')}. At its own settings: {v.own.why}.\n"]
-    parts += [_ladder(ladder) for ladder in v.ladders] or ["It offers no ladder.\n"]
+    parts += [_ladder(ladder) for ladder in v.ladders] or [f"It offers no ladder ({LADDERS}).\n"]
     parts += [f"![{caption}]({path})\n\n*{caption}*\n" for path, (label, caption) in figures.items() if label == v.label]
     if v.starts:
         rows = [[one.what, *_errors(one.run)] for one in v.starts]

@@ -185,7 +185,7 @@ def energy_is_kept_without_losses(engine: Engine) -> None:
     energy = _energy(run, p)
     given = p.heavy_mass * 9.81 * float(run.heavy_drop.max())
     off = float(np.abs(energy - energy[0]).max())
-    assert off < ENERGY_TOLERANCE * given, f"energy off by {off:.2e} J, {100 * off / given:.1f} % of what the heavy mass gave"
+    assert off < ENERGY_TOLERANCE * given, f"energy off by {1e3 * off:.3f} mJ; the heavy mass gave {1e3 * given:.3f} mJ"
 
 
 @needs(ROUGH)
@@ -195,7 +195,7 @@ def energy_never_grows_with_losses(engine: Engine) -> None:
     energy = _energy(run, p)
     grown = float(np.max(energy - np.minimum.accumulate(energy)))
     given = p.heavy_mass * p.coefficients["gravity"] * float(run.heavy_drop.max())
-    assert grown < ENERGY_TOLERANCE * given, f"energy grows by {grown:.2e} J, {100 * grown / given:.1f} % of what was given"
+    assert grown < ENERGY_TOLERANCE * given, f"energy grows by {1e3 * grown:.3f} mJ; the heavy mass gave {1e3 * given:.3f} mJ"
 
 
 def _energy(run: Trajectory, p: Parameters) -> Array:

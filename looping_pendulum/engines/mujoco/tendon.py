@@ -138,9 +138,18 @@ _ADDITIONS: Mapping[Variant, tuple[str, ...]] = {
     Variant.DEFAULTS: (),
 }
 _KNOWN_FAILURES = {
-    "held_pendulum_swings_to_the_other_side": "measured 6 % of the fall's energy too much or too little: the string stretches",
-    "string_keeps_its_length": "measured 1.8 mm in 0.15 s, where 1 mm is allowed: a string with a time constant of 20 ms",
+    Variant.FRICTIONLOSS: {
+        "friction_holds_the_string_of_a_small_overweight": "measured 25 mm in 0.1 s: it does not grow with the tension",
+        "follows_the_reference_past_the_halt_and_a_full_turn": "measured 121 mm off at 0.39 s: it does not halt it",
+    },
+    Variant.DEFAULTS: {
+        "held_pendulum_swings_to_the_other_side": "measured 6 % of the fall's energy off: the string stretches",
+        "string_keeps_its_length": "measured 1.8 mm in 0.15 s, where 1 mm is allowed: a string with a time constant of 20 ms",
+        "runs_to_its_end": "the string stretches by more than its budget before the light mass is at the rod",
+        "release_has_the_exact_acceleration": "measured a start 0.58 ms early: half of Euler's step of 1 ms, and a soft string",
+    },
 }
+"""Variant -> checks of `engines.conformance` that it fails, with the measured reason."""
 
 
 class MujocoTendon(SteppedEngine):
@@ -183,7 +192,7 @@ class MujocoTendon(SteppedEngine):
             packages=("mujoco",),
             summary=f"Two spatial tendons used in turn over a cylinder, {_FRICTION[chosen]}.",
             limits=(*_COMMON_LIMITS, *_LIMITS[chosen]),
-            known_failures=_KNOWN_FAILURES if chosen is Variant.DEFAULTS else {},
+            known_failures=_KNOWN_FAILURES.get(chosen, {}),
             additions=(*measured_additions(f"mujoco:{chosen.value}"), *_ADDITIONS[chosen]),
             validated=shipped_range(f"mujoco:{chosen.value}"),
             main=chosen in (Variant.DOCUMENTED, Variant.CAPSTAN),

@@ -44,13 +44,31 @@ _LIMITS = {
     Variant.SEGMENTS: (ONE_COEFFICIENT, _SPRING),
     Variant.DEFAULTS: (ONE_COEFFICIENT, "the string stretches without bound: no run of it says anything of a string"),
 }
+_LOST_EFFECTS = ("light_drag", "heavy_drag", "light_linear_drag", "heavy_linear_drag", "attitude_drag", "wind", "side_force")
 KNOWN_FAILURES: dict[Variant, Mapping[str, str]] = {
+    Variant.SEGMENTS: {
+        "follows_the_reference_past_the_halt_and_a_full_turn": "measured 5.8 mm off at 0.42 s, for 5.7 mm: it rings",
+    },
     Variant.DEFAULTS: {
+        "samples_every_millisecond_from_rest": "measured to stretch by more than its budget after 0.06 s, which ends the run",
+        "runs_to_its_end": "measured to stretch by more than its budget after 0.06 s, which ends the run",
         "frictionless_vertical_release_is_an_atwood_machine": "measured 9.56 for 8.03 m/s^2: a string that stretches lets fall",
         "vertical_release_obeys_the_capstan_law": "measured 9.56 for 5.80 m/s^2: a string that stretches lets fall",
+        "friction_holds_the_string_of_a_small_overweight": "measured 12 mm in 0.1 s: a string that stretches lets fall",
         "held_pendulum_swings_to_the_other_side": "the light mass falls all the way: the string that should turn it stretches",
         "string_keeps_its_length": "measured 22 mm of stretch after 0.15 s",
+        "release_has_the_exact_acceleration": "measured free fall of the light mass: no string pulls it",
+        "release_against_friction_has_the_exact_acceleration": "measured free fall of the light mass: no string pulls it",
+        "energy_never_grows_with_losses": "measured 1.1 % of what the heavy mass gave, where 1 % is allowed",
+        "energy_is_kept_without_losses": "measured 1.6 % of what the heavy mass gave, where 1 % is allowed",
+        "follows_the_reference_without_losses": "measured 21 mm off at 0.06 s",
+        "follows_the_reference_past_the_halt_and_a_full_turn": "measured 10 mm off at 0.05 s",
+        "errs_no_more_than_refining_it_changes": "its finer runs break off like its own: the string stretches without bound",
     }
+    | {
+        f"{effect}_acts_as_in_the_reference": "measured on one mass only: a string that stretches does not pull the other"
+        for effect in (*_LOST_EFFECTS, "side_stiffness")
+    },
 }
 """Variant -> checks of `engines.conformance` that it fails, with the measured reason."""
 

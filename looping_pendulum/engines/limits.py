@@ -1,4 +1,4 @@
-"""Which engine variants a scenario's tolerances mean, and whether anything was judged by them.
+"""Which engine variants a scenario's tolerances mean.
 
 A scenario file names an engine as a command line does: "mujoco:capstan" for one variant, "mujoco" for all its main variants. A
 limit under a variant's own name stands in place of one on the same metric under the engine's name.
@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection, Sequence
 
-from looping_pendulum.compare.result import ComparisonResult, Outcome
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import ADAPTERS, label, loaded, unknown
 from looping_pendulum.errors import ScenarioError
@@ -63,11 +62,3 @@ def nothing_to_judge(scenario: Scenario, profile: str, asked: Collection[str] | 
         return f"no tolerances for profile {profile} of the engines asked for: it has them for {', '.join(named)}"
     way = f"it has them for profile {others[0]}" if others else "add some under `tolerances:`"
     return f"no tolerances for profile {profile}: {way}"
-
-
-def nothing_judged(result: ComparisonResult) -> str:
-    """Return why no tolerance of ``result`` was judged; empty: at least one was, or a run broke off, which says enough."""
-    if any(t.outcome is not Outcome.NOT_RUN for t in result.tolerances) or any(result.broke_off(e) for e in result.engines):
-        return ""
-    gaps = [f"{e.label}: {e.status_sentence}" + (f" ({e.message})" if e.message else "") for e in result.engines]
-    return "; ".join(gaps)
