@@ -97,23 +97,27 @@ def step_of(engine: Engine) -> float:
 
 
 class Remembering:
-    """An engine that runs each scenario once: checks share their runs, and `again` makes one anew."""
+    """An engine that runs each scenario once: checks share their runs, failed ones too, and `again` makes one anew."""
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
         self.name, self.variant, self.profile = engine.name, engine.variant, engine.profile
         self.abilities, self.settings = engine.abilities, engine.settings
         self.studies = engine.studies
-        self._runs: list[tuple[Scenario, Trajectory]] = []
+        self._runs: list[tuple[Scenario, Trajectory | Exception]] = []
 
     def simulate(self, scenario: Scenario, recorder: object = None) -> Trajectory:
         """Return the run of ``scenario``; samples come with the trajectory, not through ``recorder``."""
-        for known, run in self._runs:
-            if known == scenario:
-                return run
-        run = self.engine.simulate(scenario)
-        self._runs.append((scenario, run))
-        return run
+        outcome = next((outcome for known, outcome in self._runs if known == scenario), None)
+        if outcome is None:
+            try:
+                outcome = self.engine.simulate(scenario)
+            except Exception as error:  # a hang of minutes is not waited for again
+                outcome = error
+            self._runs.append((scenario, outcome))
+        if isinstance(outcome, Exception):
+            raise outcome
+        return outcome
 
     def again(self, scenario: Scenario) -> Trajectory:
         """Run ``scenario`` whatever was run before."""

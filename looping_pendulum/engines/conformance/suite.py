@@ -14,6 +14,7 @@ from looping_pendulum.engines.isolation import TIME_LIMIT, run_isolated
 from looping_pendulum.engines.protocol import STATIC_FRICTION, Abilities, Engine, Profile, Recorder
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.engines.trajectory import Trajectory
+from looping_pendulum.errors import EngineError
 from looping_pendulum.scenarios.scenario import Scenario
 
 CHECKS: tuple[Check, ...] = (
@@ -95,7 +96,7 @@ def examine(engine: Engine, *, checks: Sequence[Check] = CHECKS, time_limit: flo
         outcome = CheckOutcome.UNEXPECTED_PASS if expected else CheckOutcome.PASSED
         try:
             check(isolated)
-        except AssertionError as error:
+        except (AssertionError, EngineError) as error:  # a run that breaks off is a failure like another, expected or not
             outcome = CheckOutcome.EXPECTED_FAILURE if expected else CheckOutcome.FAILED
             why = str(error).partition("\n")[0] or "it does not hold"
         except Exception as error:  # of the engine's code, whatever it is
