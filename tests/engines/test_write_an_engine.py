@@ -106,7 +106,7 @@ def test_a_reading_of_another_length_says_what_it_needs(spring, left):
             return Misread(scenario.parameters, self.settings)
 
     with pytest.raises(
-        EngineError, match=rf"a sample has {left + 1} numbers, needed 10 or 11: t, light_x, .*read\(\) returns all"
+        EngineError, match=rf"a sample: found {left + 1} values .*needed 10 or 11: t, light_x, .*read\(\) gives all"
     ):
         MisreadEngine(Profile.QUICK).simulate(scenario(SMOOTH, 0.002))
 
