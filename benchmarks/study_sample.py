@@ -1,7 +1,7 @@
 """Measure a sample of the engine study again, and say whether its stored numbers still stand.
 
-`python -m benchmarks.study_sample --count 5 --seed 1` draws runs at random from docs/data/engine_study.json (variants' own settings,
-rungs of ladders, defaults and choices of the adapters), makes them again, and prints stored and measured errors side by side.
+`python -m benchmarks.study_sample --count 5 --seed 1` draws runs from docs/data/engine_study.json: variants' own settings, and
+rungs of ladders, defaults and choices of the adapters. It makes them again and prints stored and measured errors side by side.
 Exit status 1: one of them differs by more than `SAME`.
 """
 
