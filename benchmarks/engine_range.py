@@ -27,7 +27,7 @@ from looping_pendulum.compare.export import write_whole
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.metrics import MARK_SLACK
 from looping_pendulum.compare.run_cache import RunCache, Runner, Task, run_key
-from looping_pendulum.engines.protocol import Engine, Profile
+from looping_pendulum.engines.protocol import STATIC_FRICTION, Engine, Profile
 from looping_pendulum.engines.reference import Truth
 from looping_pendulum.engines.registry import label, select
 from looping_pendulum.engines.trajectory import Trajectory
@@ -130,6 +130,7 @@ def measure(chosen: Sequence[Engine], sample: Sequence[Scenario], work: Path, jo
         for engine in chosen
         for scenario in sample
         if not engine.abilities.unsupported(scenario.parameters)
+        and STATIC_FRICTION not in engine.abilities.lacks(scenario.parameters)  # declared missing: no accuracy to measure
     ]
     with StudyBar() as bar:
         runner = Runner(RunCache(work), jobs=jobs, time_limit=time_limit, budget=None, progress=bar.update)

@@ -80,6 +80,7 @@ class EffectiveMassRig(abc.ABC):
         self._motion = Motion.FREE
         self._catch_time = settings.catch_time
         self._caught, self._last_excess = 0.0, 0.0
+        self._divided, self._time_constants = 1, self._model.tendon_solref_lim[:, 0].copy()
         self._release_velocity = release_velocity(p)
 
     @abc.abstractmethod
@@ -104,6 +105,7 @@ class EffectiveMassRig(abc.ABC):
         try:
             for _ in range(self._steps):
                 parts = self._parts()
+                self._stiffen(parts)
                 for _ in range(parts):
                     if self._string()[0] <= self._end_length:
                         return
@@ -131,12 +133,22 @@ class EffectiveMassRig(abc.ABC):
                 self._mujoco.set_mjcb_passive(None)
 
     def _parts(self) -> int:
-        """In how many parts the coming step is taken, so that the string turns by `MOST_TURN` at most in each."""
+        """In how many parts the coming step is taken: the string turns by `MOST_TURN` at most in each.
+
+        On a thick rod a turn of so much takes more than the free string that is left: there it is that share of the string.
+        """
         length = self._string()[0]
         if not self._has_string or length <= self._end_length:
             return 1
         _, _, vx, vy = self._light()
-        return max(math.ceil(self._dt * math.hypot(vx, vy) / (MOST_TURN * length)), 1)
+        turn = self._dt * math.hypot(vx, vy) / length * max(self._parameters.rod_radius / length, 1.0)
+        return max(math.ceil(turn / MOST_TURN), 1) if math.isfinite(turn) else 1
+
+    def _stiffen(self, parts: int) -> None:
+        """Let the string return to its length as fast, in steps, when steps are divided: a soft one flies wide as it turns."""
+        if parts != self._divided:
+            self._divided = parts
+            self._model.tendon_solref_lim[:, 0] = self._time_constants / parts
 
     def _advance_step(self, length: float) -> None:
         """Take one step of ``length`` [s], in parts where the motion changes within it."""

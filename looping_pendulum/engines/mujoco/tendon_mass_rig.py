@@ -42,4 +42,5 @@ class TendonMassRig(EffectiveMassRig):
         if self._turns is not None:
             self._turns.follow(kinematics.wrap_angle)
             across = kinematics.across_speed
-            self._turns.allow(self._caught - TAUT - self._turning_shift * across * across / kinematics.free_length)
+            shift = self._turning_shift / (self._divided * self._divided)
+            self._turns.allow(self._caught - TAUT - shift * across * across / kinematics.free_length)
