@@ -1,8 +1,8 @@
 """README's table of engines, written from the results that `compare ten_to_one` left.
 
 `python -m scripts.engine_table quick/result.json accurate/result.json` keeps what the table needs of two results in
-`docs/data/ten_to_one`; `python -m scripts.docs_numbers` writes the table from there. With `--without-times` first, wall times are
-left out, as those of a busy machine should be: make the results with `--jobs 1` on a machine that does nothing else.
+`docs/data/ten_to_one`; `python -m scripts.docs_numbers` writes the table from there. With `--without-times` first, wall times
+are left out, as those of a busy machine should be: make the results with `--jobs 1` on a machine that does nothing else.
 """
 
 from __future__ import annotations
