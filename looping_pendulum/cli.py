@@ -317,7 +317,8 @@ def main() -> None:
     except USAGE_ERROR as error:
         words = io.StringIO()
         error.show(file=words)
-        say("\n".join(shorten(line, LONGEST_MESSAGE) for line in words.getvalue().splitlines()), err=True)
+        usage, error_sign, message = words.getvalue().rstrip("\n").partition("\nError: ")
+        say(f"{usage}{error_sign}{shorten(one_line(message), LONGEST_MESSAGE)}", err=True)
         sys.exit(BAD_INPUT)
     except typer.Abort:
         say("Aborted.", err=True)

@@ -175,6 +175,7 @@ LINES = [
     (["run", "\x1b[2J\u202egnp.yaml"], "error: \\x1b[2J\\u202egnp.yaml: found neither a file nor a shipped scenario"),
     (["run", "drop", "-e", "\u202emujoco"], "\\u202emujoco"),
     (["engines", "x" * 100_000], "Error: Got unexpected extra argument"),
+    (["scenarios", "drop", "\u2028"], "Error: Got unexpected extra argument(s) (\\u2028)"),
     (["compare", "drop", "--baseline", "deep.json"], "--baseline: deep.json: found values within values without end"),
     (["compare", "drop", "--baseline", "result.json"], "--baseline: result.json: schema: found 'None'"),
     (["tracker", "runs.csv", "--start", "1e300"], "--start: found 1e+300, needed the time of the release in the video, 0 s to"),
