@@ -68,8 +68,8 @@ def error(found: tuple[np.ndarray, np.ndarray], exact: tuple[np.ndarray, np.ndar
     return f"{np.median(worst):.0e}, {np.quantile(worst, 0.99):.0e}"
 
 
-def peers(repeats: int, runs: int = 50_000, checked: int = 300, slow_runs: int = 40) -> dict[str, float]:
-    """CPU time per run and accuracy, ours against others'; returns the times [us]."""
+def peers(repeats: int, runs: int = 50_000, checked: int = 300, slow_runs: int = 40) -> None:
+    """CPU time per run and accuracy, ours against others'."""
     from benchmarks.compiled_dop853 import solve_with_numba  # here, so that Numba is not in `wall_clock`'s memory
 
     columns = map_columns(runs)
@@ -106,7 +106,6 @@ def peers(repeats: int, runs: int = 50_000, checked: int = 300, slow_runs: int =
     print(f"\nMode sequences that differ between solve_batch and Numba, both at 1e-12: {differ} of {runs}.")
     for name, needed in (("Numba DOP853, 1e-12", 1.5), ("SciPy DOP853, 1e-9", 300.0)):
         print(f"Target {needed:g} times {name}: {verdict(medians[name] / ours >= needed)} ({medians[name] / ours:.2f}).")
-    return medians
 
 
 def verdict(met: bool) -> str:

@@ -77,9 +77,10 @@ def _row(title: str, profile: str, engine: dict[str, Any]) -> str:
     path = " / ".join(amount(m[mark], scale) for mark in MARKS)
     error = m["halting_time_error"]
     halt = "never halts" if error is None else quantity(abs(error), "s")
-    then = quantity(m["rebound"], "m")
+    then = quantity(m.get("rebound"), "m")
     wall = amount(engine["wall_per_simulated_second"])
-    return f"| {title} | {profile} | {path} {unit} | {halt} | {then} | {wall} |"
+    cells = [title, profile, f"{path} {unit}", halt, then, wall]
+    return f"| {' | '.join(cells)} |".replace("|  |", "| |")
 
 
 def replaced(text: str) -> str:

@@ -32,8 +32,8 @@ QUICK = {
     "falling_balls": "identification",
 }
 """Measurement that takes some minutes at most, on any machine -> its module; its function has its name."""
-TIMINGS = {"reference_speed": "timings", "map_cost": "timings"}
-"""Those whose numbers are times, to be taken on a machine that does nothing else; `map_cost` needs the extra "benchmark"."""
+TIMINGS = {"reference_speed": "timings"}
+"""Those whose numbers are times, to be taken on a machine that does nothing else."""
 EVERY = QUICK | TIMINGS
 PACKAGES = ("looping-pendulum", "numpy", "scipy", "heyoka", "mujoco", "pymunk", "pybullet", "drake")
 

@@ -8,10 +8,12 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from looping_pendulum.pages.numbers import amount
+
 FILE = "additions.json"
 """Beside this module: what `benchmarks.additions` measured."""
 SHOWN = 2
-"""Significant digits of an error."""
+"""Significant digits of an error, and all digits of whole millimetres."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +37,7 @@ class Addition:
 
 
 def _pair(errors: tuple[float, float]) -> str:
-    return " / ".join(f"{1e3 * error:.{SHOWN}g}" for error in errors) + " mm"
+    return " / ".join(amount(error, 1e3, SHOWN) for error in errors) + " mm"
 
 
 def measured_additions(label: str) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.trajectory import supplies_as_rows
 from looping_pendulum.engines.validated import QUANTITIES, Quantity, Spread
+from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios import loader
@@ -102,11 +103,11 @@ def _spread(spread: Spread | None) -> str:
     """Median, 90 % and worst, in thousandths of the SI unit."""
     if spread is None:
         return "-"
-    return " / ".join(f"{1e3 * value:.2g}" for value in (spread.median, spread.ninety, spread.worst))
+    return " / ".join(amount(value, 1e3) for value in (spread.median, spread.ninety, spread.worst))
 
 
 def _reach(quantity: Quantity, bounds: tuple[float, float] | None) -> str:
-    return "-" if bounds is None else " to ".join(f"{quantity.per_unit * value:.3g}" for value in bounds)
+    return "-" if bounds is None else " to ".join(amount(value, quantity.per_unit, 3) for value in bounds)
 
 
 def kind(engine: Engine) -> str:

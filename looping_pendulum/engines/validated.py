@@ -14,6 +14,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 FILE = "validated.json"
@@ -113,8 +114,8 @@ def _outside(validated: ValidatedRange, parameters: Parameters) -> tuple[str, ..
             continue
         low, high = bounds
         if not low * (1 - SLACK) <= value <= high * (1 + SLACK):
-            shown = " ".join([f"{quantity.per_unit * value:.3g}", *([quantity.unit] if quantity.unit else [])])
-            measured = f"{quantity.per_unit * low:.3g} to {quantity.per_unit * high:.3g}"
+            shown = " ".join([amount(value, quantity.per_unit, 3), *([quantity.unit] if quantity.unit else [])])
+            measured = f"{amount(low, quantity.per_unit, 3)} to {amount(high, quantity.per_unit, 3)}"
             found.append(f"{quantity.name} {shown} (measured: {measured})")
     return tuple(found)
 

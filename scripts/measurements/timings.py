@@ -31,16 +31,3 @@ def reference_speed() -> dict[str, Any]:
         cpu_time(name, tolerance, 1)
     taken = {name: [cpu_time(name, tolerance, n) for _ in range(15)] for name, (tolerance, n) in tasks.items()}
     return {name: statistics.median(times) for name, times in taken.items()}
-
-
-def map_cost() -> dict[str, Any]:
-    """CPU time of a run in a batch, against what it would cost otherwise."""
-    from benchmarks import maps  # compiles, and needs the extra "benchmark"
-
-    microseconds = maps.peers(repeats=3)
-    ours = microseconds["solve_batch, 1e-12"]
-    return {
-        "microseconds": ours,
-        "numba_ratio": microseconds["Numba DOP853, 1e-12"] / ours,
-        "scipy_ratio": microseconds["SciPy DOP853, 1e-9"] / ours,
-    }

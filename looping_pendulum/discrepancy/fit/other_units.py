@@ -16,6 +16,7 @@ from looping_pendulum.discrepancy.data.observations import Channel, DataError
 from looping_pendulum.discrepancy.data.study import Trial
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.pages.numbers import number
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solve import available_integrators, solve_quietly
 
@@ -71,13 +72,13 @@ def refuse_other_units(problem: Problem) -> None:
         sure = "scale" if best.what == "lengths" else "clock_ratio"
         raise DataError(
             f"trial {data.trial.name!r}: found {best.what} that are {_times(1 / best.times)} what the declared apparatus allows"
-            f" (times {best.times:.3g}, they would fit), needed both in the same units; say for example '{unit}', mend the "
+            f" (times {number(best.times)}, they would fit), needed both in the same units; say for example '{unit}', mend the "
             f"apparatus, or, if all is as it should be, declare 'camera: {{{sure}: free from 1}}'"
         )
 
 
 def _times(factor: float) -> str:
-    return f"{factor:.3g} times" if factor >= 1 else f"1/{1 / factor:.3g} of"
+    return f"{number(factor)} times" if factor >= 1 else f"1/{number(1 / factor)} of"
 
 
 def _factors(problem: Problem, k: int) -> tuple[float, list[_Factor]]:

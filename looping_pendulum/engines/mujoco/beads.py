@@ -24,7 +24,7 @@ from looping_pendulum.scenarios.scenario import Scenario
 
 _LIMITS = (
     ONE_COEFFICIENT,
-    "friction that is a soft constraint creeps: the halted heavy mass still sinks, by some 0.05 mm/s",
+    "friction that is a soft constraint creeps: the halted heavy mass still sinks, by some 0.03 mm/s",
     STRAIGHT_STRING,
     NO_STOP,
 )

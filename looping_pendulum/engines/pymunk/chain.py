@@ -231,7 +231,7 @@ class ChainRig(SpaceRig):
 _LIMITS = (
     ONE_COEFFICIENT,
     "damps its joints through a private pymunk call (a leaky warm start); where a pymunk lacks it the chain is softer (at ten "
-    "to one, quick: 1.2 mm of stretch for 0.2 mm) and provenance.settings says leaky_warm_start: False",
+    "to one, quick: 0.99 mm of stretch for 0.13 mm) and provenance.settings says leaky_warm_start: False",
     STRAIGHT_STRING,
     "a slack string that jerks taut bounces: the chain takes the pull as a spring, where the reference's pull is inelastic",
 )
