@@ -134,7 +134,7 @@ class RunCache:
 
     @staticmethod
     def _read(path: Path, task: Task, time_limit: float) -> Done | None:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:  # of a damaged one np.load closes nothing
             rows, said = np.asarray(file["rows"], dtype=float), json.loads(str(file["said"]))
         if not (rows.ndim == 2 and rows.shape[1] == len(COLUMNS) and (np.diff(rows[:, 0]) > 0).all()):
             raise ValueError(f"{path}: found rows of shape {rows.shape}, needed {len(COLUMNS)} columns and times that grow")
