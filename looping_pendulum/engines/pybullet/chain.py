@@ -69,8 +69,7 @@ _ABILITIES = Abilities(
         f"at most {MAX_JOINTS} joints are reported rightly: links of a long string are laid up to {COARSEST:g} times longer "
         "than the settings say, and a longer string still is refused",
         "a link that winds on must not be longer than the rod is thick: quick (8 mm links) refuses rods below 4 mm of radius",
-        "explicit steps: where the rod holds back more than at ten_to_one the step is divided; 15:1 at 130 deg is 9 mm off "
-        "up to 0.5 s",
+        "explicit steps: where the rod holds back more than at ten_to_one the step is divided",
         RIPPLE,
         "forces updated every 5 steps instead of every one move the halt of two_to_one: its figures are one draw each",
         UNSTRETCHED,
