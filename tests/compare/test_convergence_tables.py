@@ -1,0 +1,149 @@
+"""The tables of a study of convergence: every cell has a number of its own, so that none can stand in another's place."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from looping_pendulum.compare.convergence.ladder import Cause, Kind
+from looping_pendulum.compare.convergence.report import (
+    choices_table,
+    defaults_table,
+    halting_table,
+    halting_verdict,
+    ladders_table,
+    setting_words,
+    splits_table,
+)
+from looping_pendulum.compare.convergence.result import DROP, HALT, MARKS
+
+EARLY, LATE = MARKS
+
+
+RUNGS = ((8e-4, "FINISHED"), (2e-4, "FINISHED"), (1e-4, "SKIPPED"))
+
+
+def a_run(i, *, ok=True, halting_time=0.4, why="", status="FINISHED"):
+    """A run whose figures are ``i`` times 1, 2, 3 and 4 thousandths."""
+    rms = {EARLY: 1e-3 * i, LATE: 2e-3 * i}
+    late = None if halting_time is None else -3e-3 * i
+    return SimpleNamespace(ok=ok, why=why, status=status, rms=rms, halting_time=halting_time, halting_time_error=late,
+                           drop_error=4e-3 * i)  # fmt: skip
+
+
+def a_split(name, unit, i):
+    return SimpleNamespace(
+        quantity=name, unit=unit, error=1e-3 * i, numerics=2e-3 * i, model=3e-3 * i, numerics_uncertainty=4e-3 * i,
+        choice=5e-3 * i, spread=6e-3 * i, causes=(Cause.MODEL, Cause.NOT_CONVERGED), without_limit=("dt",),
+    )  # fmt: skip
+
+
+def a_verdict(name, kind=Kind.CONVERGES, scatter=None):
+    return SimpleNamespace(quantity=name, kind=kind, scatter=scatter, sentence=f"{name} {kind.value}")
+
+
+def a_variant(kinds=(Kind.CONVERGES,), own=None, splits=None):
+    ladders = [
+        SimpleNamespace(
+            setting=f"dt{k}", unit="s", own=None, follows="",
+            rungs=[SimpleNamespace(value=v, run=a_run(1, status=s)) for v, s in RUNGS],
+            verdicts=[a_verdict(EARLY), a_verdict(LATE), a_verdict(HALT, kind, 2e-3 * (k + 1))],
+        )
+        for k, kind in enumerate(kinds)
+    ]  # fmt: skip
+    names = ((EARLY, "m", 1), (LATE, "m", 2), (HALT, "s", 3))
+    return SimpleNamespace(
+        label="toy:chain", own=own or a_run(7), ladders=ladders, spread={HALT: 5e-5, EARLY: None, LATE: None, DROP: None},
+        splits=[a_split(*name) for name in names] if splits is None else splits, choices=[], defaults=[],
+    )  # fmt: skip
+
+
+def rows(text, first="toy:chain"):
+    found = [line.strip("|").split("|") for line in text.splitlines() if line.startswith(f"| {first} |")]
+    return [[cell.strip() for cell in row] for row in found]
+
+
+def test_every_quantitys_split_stands_in_its_own_table():
+    result = SimpleNamespace(variants=[a_variant()])
+    found = rows(splits_table(result))
+    cause = f"{Cause.MODEL.value}, then {Cause.NOT_CONVERGED.value} (no limit along dt)"
+    assert found == [["toy:chain", cause, *(str(k * i) for k in range(1, 7))] for i in (1, 2, 3)]
+    assert splits_table(result).count("[mm]") == 2
+    assert splits_table(result).count("[ms]") == 1
+
+
+@pytest.mark.parametrize(
+    ("own", "said"),
+    [(a_run(1, halting_time=None), "never halts"), (a_run(1), "the truth has none"), (a_run(1, ok=False, why="died"), "died")],
+)
+def test_why_there_is_no_split(own, said):
+    variant = a_variant(own=own, splits=[])
+    assert rows(splits_table(SimpleNamespace(variants=[variant]), [HALT])) == [["toy:chain", said, *["–"] * 6]]
+    if own.ok:
+        assert rows(splits_table(SimpleNamespace(variants=[variant]), [EARLY]))[0][1] == "the truth has none"
+
+
+@pytest.mark.parametrize(
+    ("kinds", "own", "said"),
+    [
+        ((), a_run(1), "not known: it has no ladder"),
+        ((Kind.NEVER, Kind.NEVER), a_run(1), "never halts"),
+        ((Kind.CONVERGES,), a_run(1, ok=False), "not known: its own run does not end properly"),
+        ((Kind.CONVERGES, Kind.NEVER), a_run(1, halting_time=None), "no; it halts at some settings only"),
+        ((Kind.SCATTERS, Kind.CONVERGES, Kind.SCATTERS), a_run(1), "no; it scatters by ± 6 ms"),
+        ((Kind.CONVERGES, Kind.NEVER), a_run(1), "no; it scatters by ± 0 ms"),
+        ((Kind.CONVERGES, Kind.UNKNOWN), a_run(1), "not known along every ladder"),
+        ((Kind.CONVERGES, Kind.WITHIN_SPREAD), a_run(1), "only to within ± 12 ms, its spread"),
+        ((Kind.CONVERGES, Kind.SETTLED), a_run(1), "yes, to within ± 12 ms"),
+    ],
+)
+def test_whether_the_halting_time_converges(kinds, own, said):
+    assert halting_verdict(a_variant(kinds, own)).startswith(said)
+    if kinds == (Kind.CONVERGES, Kind.SETTLED):
+        assert halting_verdict(a_variant(kinds, own, splits=[])) == "not known along every ladder"
+
+
+def test_the_halting_table_has_error_and_spread_in_milliseconds():
+    (found,) = rows(halting_table(SimpleNamespace(variants=[a_variant()])))
+    assert found[2:4] == ["-21", "0.05"]
+    assert found[4] == f"dt0: {HALT} converges"
+    (found,) = rows(halting_table(SimpleNamespace(variants=[a_variant(own=a_run(1, halting_time=None))])))
+    assert found[2] == "does not halt"
+
+
+def test_choices_and_defaults_say_what_moves():
+    variant = a_variant()
+    change = {EARLY: 1e-3, LATE: 2e-3, HALT: 3e-3}
+    one = SimpleNamespace(what="start", ours="now", other="then", effect="lateness", change=change, run=a_run(9))
+    variant.choices, variant.defaults = [one], [one]
+    result = SimpleNamespace(variants=[variant])
+    assert rows(choices_table(result)) == [["toy:chain", "start", "now", "then", "1", "2", "+3", ""]]
+    assert rows(defaults_table(result)) == [["toy:chain", "start", "then", "now", "lateness", "+3", "7", "9", ""]]
+    one.run = a_run(9, halting_time=None)
+    assert rows(choices_table(result))[0][-1] == "never halts"
+    one.run = a_run(9, ok=False, why="died")
+    assert rows(choices_table(result))[0][-1] == "died"
+
+
+def test_ladders_are_told_from_the_first_to_the_last_rung_that_ran():
+    (found,) = rows(ladders_table(SimpleNamespace(variants=[a_variant()])))
+    assert found == [
+        "toy:chain",
+        "dt0",
+        "0.8 ms",
+        "0.2 ms",
+        "2 of 3",
+        f"{EARLY} converges",
+        f"{LATE} converges",
+        f"{HALT} converges",
+    ]
+    variant = a_variant()
+    for rung in variant.ladders[0].rungs:
+        rung.run.status = "NOT_RUN"
+    assert rows(ladders_table(SimpleNamespace(variants=[variant])))[0][2:5] == ["–", "–", "0 of 3"]
+
+
+def test_angles_stay_in_radians():
+    assert setting_words(0.28, "rad") == "0.28 rad"
+    assert setting_words(5e-3, "m") == "5 mm"
