@@ -11,7 +11,6 @@ import typer
 
 from looping_pendulum.cli_common import INTERRUPTED, Jobs, MemoryLimit, TimeLimit
 from looping_pendulum.cli_terminal import new_table, say, say_file, show_table
-from looping_pendulum.pages.numbers import amount
 
 if TYPE_CHECKING:
     from looping_pendulum.sweep.plan import MapPlan
@@ -47,6 +46,8 @@ class RunBar:
 
     def update(self, done: int, runs: int) -> None:
         """Show that ``done`` of all ``runs`` are there."""
+        from looping_pendulum.pages.numbers import amount
+
         now = time.monotonic()
         if self._task is None:
             self._task = self._bar.add_task("starting", total=runs, completed=done)
@@ -162,6 +163,7 @@ def map_(
 
 def _say_size(plan: MapPlan) -> None:
     """State the size before anything starts."""
+    from looping_pendulum.pages.numbers import amount
     from looping_pendulum.sweep.store import BYTES_PER_RUN
 
     sizes = " x ".join(f"{size}" for size in plan.design.shape)
