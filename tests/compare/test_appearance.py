@@ -25,9 +25,19 @@ from tests.compare import fingerprint
 STORED = Path(__file__).with_name("appearance.json")
 
 
+MADE = {}
+"""The comparison below, once it is made: it is frozen, and its fixtures are made anew for every test."""
+
+
 @pytest.fixture
 def full(measured_scenario, truth, make_run, missing, table):
     """A comparison with everything that a figure can show."""
+    if not MADE:
+        MADE["full"] = everything(measured_scenario, truth, make_run, missing, table)
+    return MADE["full"]
+
+
+def everything(measured_scenario, truth, make_run, missing, table):
     late = make_run(shift=(2e-3, -1e-3), delay=4e-3)
     lower = dataclasses.replace(late, heavy_position=late.heavy_position - np.outer(np.minimum(late.t, 0.3), [0.0, 0.04]))
     crashed = make_run(delay=-2e-3, until=0.6, engine="mujoco", status=RunStatus.CRASHED)
