@@ -139,7 +139,6 @@ _ADDITIONS: Mapping[Variant, tuple[str, ...]] = {
 }
 _KNOWN_FAILURES = {
     Variant.FRICTIONLOSS: {
-        "friction_holds_the_string_of_a_small_overweight": "measured 25 mm in 0.1 s: it does not grow with the tension",
         "follows_the_reference_past_the_halt_and_a_full_turn": "measured 121 mm off at 0.39 s: it does not halt it",
     },
     Variant.DEFAULTS: {
