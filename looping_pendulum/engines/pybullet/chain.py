@@ -8,6 +8,7 @@ sphere: it has the rod's section in the plane of motion, and sphere on sphere is
 from __future__ import annotations
 
 from looping_pendulum.engines.additions import measured_additions
+from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION
 from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities, Profile
 from looping_pendulum.engines.pybullet.chain_model import COARSEST, ChainSettings
 from looping_pendulum.engines.pybullet.chain_rig import ChainRig
@@ -75,6 +76,9 @@ _ABILITIES = Abilities(
         UNSTRETCHED,
     ),
     additions=(
+        f"a string that weighs {100 * MASS_FRACTION:g} % of the light mass, "
+        f"from which {100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken off",
+        "a contact coefficient and radius solved from the capstan law for the chain's corners: a little of that law is fed in",
         *measured_additions("pybullet:chain"),
         "in how many parts a step is taken, from the largest T2 - T1 of the reference's run, solved beforehand",
         "the wrap angle over which that coefficient is right on average: the release's, and a quarter turn for what follows",
