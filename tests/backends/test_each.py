@@ -19,7 +19,7 @@ CHECKED = (
     "tests/engines/test_static_capstan.py::test_what_rounding_or_creep_moves_a_stuck_string_is_no_slide",
 )
 DAILY = {
-    "heyoka-avx512": ["-k", "events or derivatives or direction or edge or under_the_backend"],
+    "heyoka-avx512": ["-k", "events or derivatives or direction or edge or under_the_backend or does_not_slide"],
     "scipy": [],
     "old-processor": [],
 }
