@@ -18,7 +18,7 @@ from benchmarks import pareto
 from benchmarks.pareto import PROTOTYPES, Point, figure, front, points
 from looping_pendulum.cli_converge import StudyBar
 from looping_pendulum.compare.convergence import report
-from looping_pendulum.compare.convergence.result import ConvergenceResult
+from looping_pendulum.compare.convergence.result import SCHEMA_VERSION, ConvergenceResult
 from looping_pendulum.compare.convergence.study import study_convergence, write
 from looping_pendulum.compare.export import write_whole
 from looping_pendulum.compare.plots import png
@@ -31,6 +31,12 @@ DOCS = Path(__file__).parents[1] / "docs"
 SUMMARY, PAGE, FIGURE = DOCS / "data" / "engine_study.json", DOCS / "engine-study.md", DOCS / "img" / "pareto.png"
 COMMAND = "python -m benchmarks.engine_study"
 SCENARIO = "ten_to_one"
+OLD_HALTS = """**These runs are older than the definition of the halting time that reports use now.** Here the heavy mass was taken for at
+rest below 20 mm/s, and rebounds up to 40 mm/s were not seen: the halting errors of chains, here and in the other tables, are
+smaller than those in README and in reports, which say when the string has stopped sliding to 0.1 mm. Paths are not touched by it.
+
+"""
+"""Stands where the stored study has halting times of version 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +45,8 @@ class Study:
 
     convergence: ConvergenceResult
     pareto: tuple[Point, ...]
+    version: int = SCHEMA_VERSION
+    """Of the convergence result: in version 1 halting times were read from a band of speeds."""
 
     def to_json(self) -> str:
         """Text of the stored numbers: one line per variant, ladder and timed point, to keep it small."""
@@ -56,6 +64,7 @@ def read(text: str) -> Study:
     return Study(
         convergence=ConvergenceResult.from_json(json.dumps(tree["convergence"])),
         pareto=tuple(Point(**p) for p in tree["pareto"]),
+        version=tree["convergence"]["schema"]["version"],
     )
 
 
@@ -83,7 +92,7 @@ Written by `{COMMAND}` from `docs/data/engine_study.json`, the stored numbers of
 {report.splits_table(result)}
 ## Does the halting time converge?
 
-{report.halting_table(result)}
+{"" if study.version >= SCHEMA_VERSION else OLD_HALTS}{report.halting_table(result)}
 ## Along every ladder
 
 {report.ladders_table(result)}

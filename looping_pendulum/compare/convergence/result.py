@@ -16,7 +16,8 @@ from looping_pendulum.compare.json_text import dump, load
 from looping_pendulum.compare.result import RunProvenance
 
 SCHEMA_ID = "looping-pendulum/convergence"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+"""Since 2, halting times are the end of the string's sliding (`compare.slides`); in 1 they were read from a band of speeds."""
 FILE = "convergence.json"
 
 HALT = "halting_time"
