@@ -18,6 +18,7 @@ from benchmarks import pareto
 from benchmarks.pareto import PROTOTYPES, Point, figure, front, points
 from looping_pendulum.cli_converge import StudyBar
 from looping_pendulum.compare.convergence import report
+from looping_pendulum.compare.convergence.result import SCHEMA_ID as CONVERGENCE_ID
 from looping_pendulum.compare.convergence.result import SCHEMA_VERSION, ConvergenceResult
 from looping_pendulum.compare.convergence.study import study_convergence, write
 from looping_pendulum.compare.export import write_whole
@@ -31,9 +32,10 @@ DOCS = Path(__file__).parents[1] / "docs"
 SUMMARY, PAGE, FIGURE = DOCS / "data" / "engine_study.json", DOCS / "engine-study.md", DOCS / "img" / "pareto.png"
 COMMAND = "python -m benchmarks.engine_study"
 SCENARIO = "ten_to_one"
-OLD_HALTS = """**These runs are older than the definition of the halting time that reports use now.** Here the heavy mass was taken for at
-rest below 20 mm/s, and rebounds up to 40 mm/s were not seen: the halting errors of chains, here and in the other tables, are
-smaller than those in README and in reports, which say when the string has stopped sliding to 0.1 mm. Paths are not touched by it.
+OLD_HALTS = """**These runs are older than the definition of the halting time that reports use now.** Here the heavy mass was
+taken for at rest below 20 mm/s, and rebounds up to 40 mm/s were not seen: the halting errors of chains, here and in the other
+tables, are smaller than those in README and in reports, which say when the string has stopped sliding to 0.1 mm. Paths are not
+touched by it.
 
 """
 """Stands where the stored study has halting times of version 1."""
@@ -52,7 +54,7 @@ class Study:
         """Text of the stored numbers: one line per variant, ladder and timed point, to keep it small."""
         tree = {
             "schema": {"id": "looping-pendulum/engine-study", "version": 1},
-            "convergence": json.loads(self.convergence.to_json()),
+            "convergence": json.loads(self.convergence.to_json()) | {"schema": {"id": CONVERGENCE_ID, "version": self.version}},
             "pareto": [dataclasses.asdict(p) for p in self.pareto],
         }
         return json.dumps(rounded(tree), indent=None, separators=(",", ":")).replace('{"engine":', '\n{"engine":') + "\n"
