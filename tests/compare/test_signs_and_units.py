@@ -12,6 +12,7 @@ import pytest
 from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.export import trajectory_csv
+from looping_pendulum.compare.landmarks import run_landmarks
 from looping_pendulum.compare.metrics import THRESHOLDS, departures, growth_rate
 from looping_pendulum.compare.report import limit_and_value, render, verdict_rows
 from looping_pendulum.compare.result import Outcome
@@ -234,3 +235,17 @@ def test_a_rest_at_the_cut_end_of_a_run_must_last_50_ms(scenario, truth, make_ru
     assert (run.metrics["halting_time_error"] is not None) is enough
     assert (run.landmarks.halting_time is not None) is enough
     assert (run.not_comparable == "") is enough
+
+
+def test_the_story_says_how_long_after_the_last_event_it_departs(scenario, truth, make_run, closed_form):
+    # Oracle: a step of 2 mm, 100 ms after the truth's halt; the first sample beyond it is up to a millisecond later.
+    run = make_run()
+    step = np.outer(run.t > closed_form.halt + 0.1, [2e-3, 0.0])
+    story = compare(scenario, truth, [dataclasses.replace(run, light_position=run.light_position + step)]).engines[0].story
+    assert any(f"while the string sticks to the rod, {late} ms after the halt" in story for late in (100, 101))
+
+
+@pytest.mark.parametrize(("samples", "enough"), [(2, False), (3, True), (4, True)])
+def test_landmarks_need_three_samples(make_run, closed_form, samples, enough):
+    found = run_landmarks(make_run(until=1e-3 * (samples - 1)), closed_form.parameters)
+    assert (found.halting_times != ()) is enough

@@ -19,7 +19,7 @@ import pytest
 from tests.mutation import processes
 from tests.mutation.mutants import Mutant, source_hash
 
-BUDGET = 20.0
+BUDGET = 40.0
 """A mutant is asked of tests that take this much processor time together [s], the covering ones first."""
 
 LONGEST = 3000.0
