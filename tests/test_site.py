@@ -11,12 +11,10 @@ from pathlib import Path
 import pytest
 
 from tests.docs_commands import PROJECT
-from tests.pages.conftest import chromium, until
+from tests.pages.conftest import until
 
 SITE = PROJECT / "site"
 SOURCES = ("docs/**/*.md", "docs/*.css", "docs/*.js", "mkdocs.yml", "scripts/docs_math.py", "looping_pendulum/**/*.py")
-
-__all__ = ["chromium"]  # a fixture
 
 
 @pytest.fixture(scope="module")

@@ -94,20 +94,22 @@ def final_rest(place: Array, resolution: float) -> int:
 
 
 def stop_time(t: Array, place: Array, first: int) -> float:
-    """When the sliding ends that still goes on at sample ``first``, within `RESOLUTION` of its end [s].
+    """When the sliding ends that has at most the resolution left to go at sample ``first``, and more at the one before it [s].
 
     The apex of the parabola through the last three samples before the stop: friction flips or sets in there, so that samples
-    beyond it would bias it. They are the first three whose apex comes before the next sample.
+    beyond it would bias it. They are the first three whose apex comes before the next sample. Sample ``first`` may already lie
+    beyond the stop, the one before it may not.
     """
-    for k in range(max(first - 2, 2), len(t) - 1):  # the sample at ``first`` may already lie beyond the stop
+    sliding = max(first - 1, 0)
+    for k in range(max(first - 2, 2), len(t) - 1):
         way = 1.0 if place[k - 1] >= place[k - 2] else -1.0
         before = way * (place[k - 1] - place[k - 2]) / (t[k - 1] - t[k - 2])
         speed = way * (place[k] - place[k - 1]) / (t[k] - t[k - 1])
-        if speed <= 0:  # it turned since, or rests since
+        if speed <= 0 and k - 1 >= sliding:  # it turned since, or rests since
             return float(t[k - 1])
-        if speed < before:
+        if 0 < speed < before:
             apex = 0.5 * (t[k] + t[k - 1]) + speed * 0.5 * (t[k] - t[k - 2]) / (before - speed)
-            if apex <= t[k + 1]:
+            if t[sliding] <= apex <= t[k + 1]:
                 return float(apex)
     return float(t[min(first, len(t) - 1)])
 

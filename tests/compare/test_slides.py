@@ -48,7 +48,7 @@ def test_noise_blurs_the_halt_by_no_more_than_the_last_tenth_of_a_millimetre_tak
     assert halting_time(t, place, RESOLUTION, ended=False) == pytest.approx(halt, abs=math.sqrt(2 * RESOLUTION / brake))
 
 
-@pytest.mark.parametrize(("travel", "later"), [(0.5 * RESOLUTION, False), (2 * RESOLUTION, True)])
+@pytest.mark.parametrize(("travel", "later"), [(0.5 * RESOLUTION, False), (1.15 * RESOLUTION, True), (2 * RESOLUTION, True)])
 def test_a_rebound_delays_the_halt_if_it_is_longer_than_the_resolution(travel, later):
     t, halt, swing = np.arange(1000) * DT, 0.4, 8e-3
     # After its halt the string comes back by ``travel`` in half a cosine, and rests.

@@ -236,7 +236,7 @@ def test_results_do_not_depend_on_what_runs_beside(monkeypatch, at_once):
 
 
 def part(result, runs):
-    return BatchResult(**{name: getattr(result, name)[runs] for name in (*COUNTS, *TIMES_AND_PLACES)})
+    return BatchResult(**{name: getattr(result, name)[runs] for name in (*COUNTS, *TIMES_AND_PLACES, "handed_over")})
 
 
 def test_the_quick_search_finds_what_the_sure_one_finds(monkeypatch):

@@ -40,6 +40,8 @@ class ChainSettings(WorldSettings):
     """Share of the chain's mass taken off the light mass, see `engines.chain`."""
     joint_motors: bool = False
     """Leave on the motor that PyBullet puts in every joint."""
+    braked_step: bool = True
+    """Divide the step where the rod holds back more tension than a wave's passing of a link allows."""
 
 
 @dataclass(frozen=True, kw_only=True)
