@@ -40,8 +40,8 @@ class ChainSettings(WorldSettings):
     """Share of the chain's mass taken off the light mass, see `engines.chain`."""
     joint_motors: bool = False
     """Leave on the motor that PyBullet puts in every joint."""
-    braked_step: bool = True
-    """Divide the step where the rod holds back more tension than a wave's passing of a link allows."""
+    divided_step: bool = True
+    """Divide the step where a wave on the taut chain would pass too much of a link in it."""
 
 
 @dataclass(frozen=True, kw_only=True)

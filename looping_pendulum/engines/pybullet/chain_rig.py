@@ -34,7 +34,7 @@ class ChainRig(MultibodyRig):
         p = parameters
         chain = lay_chain(p, settings)
         world = World(p, settings)
-        super().__init__(p, world, longest_step(p, chain, braked=settings.braked_step))
+        super().__init__(p, world, longest_step(p, chain) if settings.divided_step else None)
         rod_radius = float(chain.node_circles.min()) - settings.node_radius
         world.lay_rod(rod_radius, 1.0)
         node_radii = chain.node_circles - rod_radius
@@ -55,19 +55,18 @@ class ChainRig(MultibodyRig):
             set_joints(world, self._body, chain, np.zeros(links), sliding=not self._held)
 
 
-def longest_step(parameters: Parameters, chain: LaidChain, *, braked: bool = True) -> LongestStep:
+def longest_step(parameters: Parameters, chain: LaidChain) -> LongestStep:
     """Return what tells the longest stable step for the light mass's motion.
 
     A taut chain carries waves at sqrt(tension / mass per length), and an explicit step is stable while they pass less than a
     link in it. No step could be chosen once for all: as the light mass whips round on ever less string, its tension
-    M1 (v^2 / l + g) grows beyond bounds. What the rod holds back has a largest value, which the reference's run tells; it is
-    looked at where ``braked``.
+    M1 (v^2 / l + g) grows beyond bounds. What the rod holds back has a largest value, which the reference's run tells.
     """
     p = parameters
     density = MASS_FRACTION * p.light_mass / float(chain.lengths.sum())
     shortest = float(chain.lengths.min())
     gravity, radius_square = p.coefficients["gravity"], p.rod_radius**2
-    braking = largest_braking(p) if braked else 0.0
+    braking = largest_braking(p)
     contacts = BRAKED_SHARE * shortest * math.sqrt(density / braking) if braking > 0 else math.inf
 
     def longest(x: float, y: float, vx: float, vy: float) -> float:

@@ -30,7 +30,7 @@ SETTINGS = ChainSettings(
     rod=RodShape.CYLINDER,
     friction_with_damping=True,
     polygon=False,
-    braked_step=False,
+    divided_step=False,
 )
 
 
