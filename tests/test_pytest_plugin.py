@@ -48,6 +48,14 @@ tolerances:
 """
 
 
+HANGING = """
+tolerances:
+  faulty:hang:
+    quick:
+      string_stretch: {limit: 1 m, reason: kept before it hangs}
+"""
+
+
 MISSING = """
 tolerances:
   faulty:missing:
@@ -274,7 +282,7 @@ def test_profile_and_time_limit_are_passed_on(project):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 def test_an_interrupt_ends_the_session_and_is_no_failed_limit(project, tmp_path):
-    pytester = project(mine=OTHERS.replace("segfault", "hang"))
+    pytester = project(mine=HANGING)
     offer(pytester.path, "FaultyEngine('hang', releases=Release)")
     scratch = tmp_path / "scratch"
     scratch.mkdir()
