@@ -119,8 +119,7 @@ class Abilities:
 
     def lacks(self, parameters: Parameters) -> tuple[str, ...]:
         """Names of the physics that ``parameters`` have and this variant runs without, among `needed_physics`."""
-        lacking = [what for what in needed_physics(parameters) if getattr(self.supplies, what, None) is not None]
-        lacking = [what for what in lacking if getattr(self.supplies, what).by is Supplier.NOBODY]
+        lacking = [what for what in needed_physics(parameters) if getattr(self.supplies, what).by is Supplier.NOBODY]
         if needs_static_friction(parameters) and not (self.static_friction or EffectKind.STRING_LAW in self.effect_kinds):
             lacking.append(STATIC_FRICTION)
         return tuple(lacking)
