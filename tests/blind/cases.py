@@ -18,6 +18,7 @@ from tests.blind import Apparatus, Effects
 from tests.blind.camera import Camera, film, tracker_csv
 from tests.blind.rigid import RigidMotion, simulate_rigid
 from tests.blind.simulator import DEFAULT, Motion, Numerics, simulate
+from tests.blind.stored import stored_or_written
 
 Array = NDArray[np.float64]
 Numbers = tuple[tuple[str, float], ...]
@@ -219,6 +220,16 @@ def with_signature(case: Case, target: float, *, tolerance: float = 0.05) -> Cas
 
 def write_case(folder: Path, case: Case, seed: int) -> Known:
     """Write a Tracker export per trial, and return what the experimenter knows (also written, as ``known.json``)."""
+    if case == CASES.get(case.name):
+        stored_or_written(f"tracks-{case.name}-{seed}", folder, lambda to: simulate_case(to, case, seed))
+    else:
+        simulate_case(folder, case, seed)
+    known: Known = json.loads((folder / "known.json").read_text(encoding="utf-8"))
+    return known
+
+
+def simulate_case(folder: Path, case: Case, seed: int) -> None:
+    """Write a case as the simulator makes it now."""
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([seed, zlib.crc32(case.name.encode())])
     known: Known = {"trials": []}
@@ -248,7 +259,6 @@ def write_case(folder: Path, case: Case, seed: int) -> Known:
     known["light_mass"] = _measured(rng, a.light_mass, MASS_UNCERTAINTY * a.light_mass)
     known["rod_radius"] = _measured(rng, a.rod_radius, RADIUS_UNCERTAINTY * a.rod_radius)
     (folder / "known.json").write_text(json.dumps(known, indent=2) + "\n", encoding="utf-8")
-    return known
 
 
 def _believed(case: Case, trial: Trial) -> dict[str, float]:

@@ -16,6 +16,7 @@ from looping_pendulum.scenarios.measured import find_data
 from tests.blind import Apparatus, Effects, cases
 from tests.blind.cases import Case
 from tests.blind.simulator import Motion, simulate
+from tests.blind.stored import stored_or_written
 from tests.discrepancy.blind_study import write_study
 
 Array = NDArray[np.float64]
@@ -72,19 +73,27 @@ def write_blind_study(folder: Path, case: Case, seed: int, *, tracks_of: Sequenc
     """Write the study of a blind case with event tables in place of its tracks, or beside them in the trials ``tracks_of``."""
     path = write_study(folder, case, seed, **options)
     study = yaml.safe_load(path.read_text(encoding="utf-8"))
-    named = {t.name: t for t in cases.TRIALS}
-    rng = np.random.default_rng([seed, zlib.crc32(case.name.encode()), 7])
+    names = tuple(trial["name"] for trial in study["trials"])
+    name = f"tables-{case.name}-{seed}-{'-'.join(names)}"
+    stored_or_written(name, folder, lambda to: simulate_tables(to, case, seed, names))
     for trial in study["trials"]:
-        motion = _moved(case.true(named[trial["name"]], seed), case.hidden())
-        table = event_table(motion, rng)
+        table = f"{trial['name']}_events.csv"
         if trial["name"] in tracks_of:
-            (folder / f"{trial['name']}_events.csv").write_text(table, encoding="utf-8")
-            trial["events"] = f"{trial['name']}_events.csv"
-            continue
-        (folder / trial["file"]).write_text(table, encoding="utf-8")
-        del trial["tracks"], trial["camera"]
+            trial["events"] = table
+        else:
+            trial["file"] = table
+            del trial["tracks"], trial["camera"]
     path.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
     return path
+
+
+def simulate_tables(folder: Path, case: Case, seed: int, names: Sequence[str]) -> None:
+    """Write the table of each of these trials as the simulator makes it now."""
+    named = {t.name: t for t in cases.TRIALS}
+    rng = np.random.default_rng([seed, zlib.crc32(case.name.encode()), 7])
+    for name in names:
+        motion = _moved(case.true(named[name], seed), case.hidden())
+        (folder / f"{name}_events.csv").write_text(event_table(motion, rng), encoding="utf-8")
 
 
 @lru_cache(maxsize=8)

@@ -121,11 +121,11 @@ def test_an_event_that_does_not_happen_counts_as_missed_by_a_fixed_number_of_err
 )
 def test_a_faulty_table_is_refused_in_one_line(tmp_path, line, message):
     path = write_blind_study(tmp_path, CLEAN, 5, trials=["ten_a"])
-    (tmp_path / "ten_a.csv").write_text(f"quantity,index,value,sigma,unit\n{line}\n", encoding="utf-8")
+    (tmp_path / "ten_a_events.csv").write_text(f"quantity,index,value,sigma,unit\n{line}\n", encoding="utf-8")
     with pytest.raises(DataError, match=message) as error:
         read_inputs(load(path))
     assert "\n" not in str(error.value)
-    assert "ten_a.csv" in str(error.value)
+    assert "ten_a_events.csv" in str(error.value)
 
 
 def test_clean_event_tables_add_nothing(tmp_path):

@@ -46,8 +46,9 @@ class Coverage:
         by_line = self.lines.get(mutant.path, {})
         start, end, whole = statement(root, mutant)
         here = {t for line in range(start, end + 1) for t in by_line.get(line, ())}
-        if not here and (whole or any(start <= line <= end for line in self.imported.get(mutant.path, ()))):
-            here = {t for tests in by_line.values() for t in tests} | self._structural()
+        if whole or any(start <= line <= end for line in self.imported.get(mutant.path, ())):
+            # What an import made is seen by whoever uses the file, not only by the tests that happen to import it again.
+            here |= {t for tests in by_line.values() for t in tests} | self._structural()
         files = {t.partition("::")[0] for t in here}
         # A result that is cached or a fixture that is shared runs the line in the first test that asks; others see it too.
         beside = [t for t in self.durations if t not in here and t.partition("::")[0] in files]

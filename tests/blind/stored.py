@@ -1,0 +1,88 @@
+"""What the simulator wrote for the tests of every day: its motions take a minute of processor time, their marks 30 kB a case.
+
+Each file carries a digest of the sources that made it. Where they have changed since, or the file is not there, the
+simulator runs: an old file costs time, never a wrong result. ``python -m tests.blind.stored`` writes them anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import zipfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+HERE = Path(__file__).parent
+DATA = HERE / "data"
+SOURCES = (*sorted(HERE.glob("*.py")), HERE.parent / "discrepancy/event_study.py")
+DIGEST = "made_by.sha256"
+MADE = (1980, 1, 1, 0, 0, 0)
+"""Date of every file in an archive, so that its bytes depend on what is in it alone."""
+
+
+@cache
+def digest() -> str:
+    """Of everything that what is written can depend on."""
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in SOURCES if path.name != Path(__file__).name)).hexdigest()
+
+
+def stored_or_written(name: str, folder: Path, write: Callable[[Path], None]) -> None:
+    """Fill ``folder`` with what is stored as ``name``; where that is not of the present sources, by ``write``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    archive = DATA / f"{name}.zip"
+    if archive.exists():
+        with zipfile.ZipFile(archive) as files:
+            if files.read(DIGEST).decode() == digest():
+                files.extractall(folder, [file for file in files.namelist() if file != DIGEST])
+                return
+    write(folder)
+
+
+def store(name: str, folder: Path) -> None:
+    """Keep all files of ``folder`` as ``name``."""
+    DATA.mkdir(exist_ok=True)
+    contents = {DIGEST: digest().encode()} | {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+    with zipfile.ZipFile(DATA / f"{name}.zip", "w", zipfile.ZIP_DEFLATED) as files:
+        for file, content in contents.items():
+            files.writestr(zipfile.ZipInfo(file, MADE), content, zipfile.ZIP_DEFLATED)
+
+
+def main() -> None:
+    """Write anew what the daily tests ask for."""
+    import tempfile
+
+    from tests.blind.cases import CASES, simulate_case
+    from tests.discrepancy.event_study import simulate_tables
+
+    for name, seed in TRACKS:
+        with tempfile.TemporaryDirectory() as folder:
+            simulate_case(Path(folder), CASES[name], seed)
+            store(f"tracks-{name}-{seed}", Path(folder))
+    for name, seed, trials in TABLES:
+        with tempfile.TemporaryDirectory() as folder:
+            simulate_tables(Path(folder), CASES[name], seed, trials)
+            store(f"tables-{name}-{seed}-{'-'.join(trials)}", Path(folder))
+
+
+TRACKS = (
+    *(("clean", seed) for seed in (0, 1, 2, 3, 5)),
+    ("clean_varied", 5),
+    ("string_thickness", 1),
+    ("linear_drag", 1),
+    ("tilt", 2),
+    ("frame_rate", 0),
+    ("scale", 1),
+    ("thrust", 3),
+    ("static_excess", 0),
+    ("side_force", 0),
+)
+"""Case and seed of every film that a daily test reads."""
+TABLES = (
+    ("clean", 1, ("ten_a", "ten_b", "six", "eight")),
+    ("side_force", 0, ("ten_a", "ten_b", "six", "eight")),
+    ("clean", 3, ("ten_a", "eight")),
+)
+"""Case, seed and trials of every table of events."""
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,69 @@
+"""What is stored of the simulator is what the simulator makes."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tests.blind.cases import CASES, simulate_case
+from tests.blind.stored import DATA, DIGEST, TABLES, TRACKS, digest, stored_or_written
+from tests.discrepancy.event_study import simulate_tables
+
+HOW = "; run `python -m tests.blind.stored`"
+NUMBER = re.compile(r"-?\d+\.?\d*(?:e[+-]?\d+)?")
+
+
+def names():
+    return {f"tracks-{name}-{seed}" for name, seed in TRACKS} | {
+        f"tables-{name}-{seed}-{'-'.join(trials)}" for name, seed, trials in TABLES
+    }
+
+
+def test_all_is_stored_by_the_present_sources():
+    assert {path.stem for path in DATA.glob("*.zip")} == names(), HOW
+    for path in sorted(DATA.glob("*.zip")):
+        with zipfile.ZipFile(path) as files:
+            assert files.read(DIGEST).decode() == digest(), f"{path.name} is of older sources{HOW}"
+
+
+def test_what_is_old_or_missing_is_written(tmp_path, monkeypatch):
+    def write(folder: Path) -> None:
+        (folder / "known.json").write_text("{}")
+
+    stored_or_written("tracks-nothing-0", tmp_path / "missing", write)
+    monkeypatch.setattr("tests.blind.stored.digest", lambda: "of other sources")
+    stored_or_written("tracks-clean-0", tmp_path / "old", write)
+    for folder in ("missing", "old"):
+        assert [path.name for path in (tmp_path / folder).iterdir()] == ["known.json"]
+
+
+def assert_stored_is_what_is_made(name, tmp_path, simulate):
+    stored_or_written(name, tmp_path / "stored", lambda to: pytest.fail(f"{name} is not stored{HOW}"))
+    (tmp_path / "made").mkdir()
+    simulate(tmp_path / "made")
+    stored, made = ({path.name: path.read_text() for path in (tmp_path / which).iterdir()} for which in ("stored", "made"))
+    assert stored.keys() == made.keys()
+    for file, text in made.items():
+        assert NUMBER.sub("#", stored[file]) == NUMBER.sub("#", text)
+        # another processor rounds otherwise; a printed digit of a mark is 1e-6 of it
+        assert [float(n) for n in NUMBER.findall(stored[file])] == pytest.approx(
+            [float(n) for n in NUMBER.findall(text)], rel=1e-5, abs=1e-6
+        )
+
+
+@pytest.mark.parametrize(
+    ("name", "seed", "trials"), [pytest.param(*case, marks=[pytest.mark.accurate] * (len(case[2]) > 2)) for case in TABLES]
+)
+def test_stored_tables_are_what_the_simulator_makes(tmp_path, name, seed, trials):
+    assert_stored_is_what_is_made(
+        f"tables-{name}-{seed}-{'-'.join(trials)}", tmp_path, lambda to: simulate_tables(to, CASES[name], seed, trials)
+    )
+
+
+@pytest.mark.accurate
+@pytest.mark.parametrize(("name", "seed"), TRACKS)
+def test_stored_films_are_what_the_simulator_makes(tmp_path, name, seed):
+    assert_stored_is_what_is_made(f"tracks-{name}-{seed}", tmp_path, lambda to: simulate_case(to, CASES[name], seed))
