@@ -70,18 +70,19 @@ def held_period(parameters: Parameters) -> float:
     Raises
     ------
     ValueError
-        If the string would go slack (release above the horizontal).
+        If the string would go slack: at the release, or at the turn on the other side, where it is shorter and so higher.
     """
     from scipy.optimize import brentq
 
     p, gravity, start = parameters, parameters.coefficients["gravity"], parameters.release_angle
-    if not math.pi / 2 <= start < math.pi:
-        raise ValueError("held_period: needs a release between 90 and 180 deg; above the horizontal the string is slack")
     total = p.free_length + p.rod_radius * start
 
     def height(theta: Array | float) -> Array:
         return np.asarray(p.rod_radius * np.sin(theta) + (total - p.rod_radius * theta) * np.cos(theta))
 
+    # Beyond 270 deg, where the string leaves the rod's lowest point, a mass at rest would fall away from the string's line
+    if start >= math.pi or height(start) > -p.rod_radius:
+        raise ValueError("held_period: needs a release between 90 and 180 deg, below the rod; else the string goes slack")
     turn = brentq(lambda theta: float(height(theta) - height(start)), math.pi, min(2 * math.pi, total / p.rod_radius))
     nodes = (np.arange(HELD_PERIOD_NODES) + 0.5) * math.pi / HELD_PERIOD_NODES
     theta = (start + turn) / 2 - (turn - start) / 2 * np.cos(nodes)
