@@ -1,0 +1,309 @@
+"""The fit of a ladder against another solver of the documented least squares, and the limits at which a verdict changes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.stats import t as students_t
+
+from looping_pendulum.compare.convergence.ladder import (
+    Cause,
+    Correction,
+    Finding,
+    Kind,
+    deviation,
+    examine,
+    norm,
+    sizes,
+    split_error,
+)
+
+H = 0.5 ** np.arange(5)
+
+
+def numbers(values):
+    return [np.array([[float(value)]]) for value in values]
+
+
+def distance(a, b):
+    """Root mean square over the samples of the length of their difference."""
+    return math.sqrt(sum(float(np.dot(x - y, x - y)) for x, y in zip(a, b, strict=True)) / len(a))
+
+
+def solved(h, values, noise):
+    """Order, limit, misfit and what is expected of the finest, as the module's first lines say, by Levenberg-Marquardt."""
+    away = [distance(v, values[-1]) for v in values[:-1]]
+    away.append(away[-1] * min(1.0, away[-1] / away[-2]))
+    sigma = [math.hypot(0.1 * d, noise) for d in away]
+    shape = values[0].shape
+    size = values[0].size
+
+    def left(x):
+        order, limit, slope = x[0], x[1 : 1 + size].reshape(shape), x[1 + size :].reshape(shape)
+        return np.concatenate([((limit + slope * b**order - v) / s).ravel() for b, v, s in zip(h, values, sigma, strict=True)])
+
+    start = np.concatenate([[1.3], values[-1].ravel(), (values[0] - values[-1]).ravel()])
+    x = least_squares(left, start, method="lm", xtol=1e-14, ftol=1e-14, gtol=1e-14).x
+    misfit = math.sqrt(np.sum(left(x) ** 2) / len(values[0]) / max(len(h) - 3, 1))
+    return x[0], x[1 : 1 + size].reshape(shape), misfit, sigma[-1]
+
+
+def expected(h, values, noise):
+    """Order, its uncertainty, limit and its uncertainty of four rungs or more: leave one out, and Roache's factor."""
+    count = len(h)
+    order, limit, misfit, finest = solved(h, values, noise)
+    others = [solved(np.delete(h, k), [v for j, v in enumerate(values) if j != k], noise) for k in range(count)]
+    factor = students_t.ppf(0.975, count - 2) * math.sqrt((count - 1) / count)
+    order_error = factor * math.sqrt(sum((o - order) ** 2 for o, *_ in others))
+    limit_error = factor * math.sqrt(sum(distance(a, limit) ** 2 for _, a, *_ in others))
+    covered = (0.25 if order_error < order else 2.0) * distance(values[-1], limit)
+    return order, order_error, limit, math.hypot(covered, limit_error, misfit * finest, noise)
+
+
+OFF = np.array([0.04, -0.03, 0.02, -0.015, 0.0])
+"""Of its distance from the limit, what a rung is off its power law."""
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3, 6e-3])
+@pytest.mark.parametrize("order", [1.0, 2.0])
+@pytest.mark.parametrize("rungs", [4, 5])
+def test_order_and_limit_are_the_least_squares_and_what_leaving_one_out_says(order, noise, rungs):
+    h = H[:rungs]
+    values = numbers(3 + 0.7 * h**order * (1 + OFF[:rungs]))
+    found = examine(h, values, floor=noise)
+    assert (found.kind, found.used) == (Kind.CONVERGES, rungs)
+    wanted = expected(h, values, noise)
+    # The search for the order stops at 1e-5 of its interval, and its error goes into the others.
+    assert found.order == pytest.approx(wanted[0], abs=1e-4)
+    assert found.order_uncertainty == pytest.approx(wanted[1], rel=2e-3, abs=1e-4)
+    np.testing.assert_allclose(found.limit, wanted[2], atol=2e-5)
+    assert found.uncertainty == pytest.approx(wanted[3], rel=2e-3, abs=2e-5)
+
+
+def test_a_path_has_one_order_for_all_its_samples():
+    slope = np.array([[1.0, 0.5], [-0.3, 0.2], [0.4, -0.7]])
+    rough = np.array([[0.2, -1.0], [0.6, 0.1], [-0.5, 0.3]])
+    values = [slope * h**1.5 + 0.5 * off * rough * h**1.5 for h, off in zip(H, OFF, strict=True)]
+    found = examine(H, values)
+    order, order_error, limit, uncertainty = expected(H, values, 0.0)
+    assert found.order == pytest.approx(order, abs=1e-4)
+    assert found.order_uncertainty == pytest.approx(order_error, rel=5e-3)
+    np.testing.assert_allclose(found.limit, limit, atol=1e-5)
+    assert found.limit.shape == (3, 2)
+    assert found.uncertainty == pytest.approx(uncertainty, rel=5e-3)
+
+
+def test_an_order_that_is_worse_known_than_itself_costs_the_cautious_factor():
+    # Bound below: the cautious factor alone is twice the distance of the finest rung from the limit.
+    values = numbers(3 + 0.7 * H[:4] * (1 + np.array([0.12, -0.1, 0.1, 0.0])))
+    found = examine(H[:4], values, floor=0.05)
+    wanted = expected(H[:4], values, 0.05)
+    assert wanted[1] > wanted[0], "the example is of such an order"
+    assert found.uncertainty == pytest.approx(wanted[3], rel=5e-3)
+    assert found.uncertainty >= 2 * abs(float((found.limit - values[-1])[0, 0]))
+
+
+@pytest.mark.parametrize(("scale", "fits"), [(0.97, True), (1.03, False)])
+def test_a_fit_that_leaves_more_than_thrice_what_is_expected_is_none(scale, fits):
+    """Oracle: the misfit of the other solver, which four rungs leave; fewer of four are not taken."""
+    h, off = H[:4], np.array([0.0, 1.0, -0.5, 0.0])
+    noise = 5e-4
+
+    def rough(size):
+        return numbers(3 + 0.7 * h + size * off)
+
+    low, high = 1e-5, 0.1
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if solved(h, rough(middle), noise)[2] < 3.0 else (low, middle)
+    found = examine(h, rough(scale * low), floor=noise)
+    assert (found.kind is Kind.CONVERGES) is fits
+
+
+@pytest.mark.parametrize(("order", "known"), [(0.1, True), (7.95, True), (0.02, False), (12.0, False)])
+def test_orders_at_the_ends_of_what_is_tried_are_none(order, known):
+    h = np.array([1.0, 0.8, 0.64, 0.512, 0.4096])
+    found = examine(h, numbers(3 + 0.7 * h**order))
+    if known:
+        assert found.order == pytest.approx(order, abs=1e-3)
+    else:
+        assert (found.kind, found.order) == (Kind.SCATTERS, None)
+        assert found.why == "its changes follow no power of the setting"
+
+
+@pytest.mark.parametrize(("good", "used"), [(6, 6), (5, 5), (4, None)])
+def test_of_ten_rungs_at_least_the_finest_five_must_follow_one_law(good, used):
+    h = 0.7 ** np.arange(10)
+    values = 3 + 0.7 * h
+    values[: 10 - good] = 9.0 - 2.0 * (-1.0) ** np.arange(10 - good)
+    found = examine(h, numbers(values))
+    assert (found.used if found.kind is Kind.CONVERGES else None) == used
+
+
+def test_three_of_four_are_not_enough():
+    values = 3 + 0.7 * H**2
+    values[0] = 2.0
+    assert examine(H[:4], numbers(values[:4])).kind is Kind.SCATTERS
+    assert examine(H[1:4], numbers(values[1:4])).kind is Kind.CONVERGES
+
+
+def test_a_last_rung_of_size_zero_is_the_limit_itself():
+    h = np.array([1.0, 0.5, 0.25, 0.125, 0.0])
+    found = examine(h, numbers(3 + 0.7 * h))
+    assert found.kind is Kind.CONVERGES
+    assert found.order == pytest.approx(1.0, abs=1e-3)
+    assert float(found.limit[0, 0]) == pytest.approx(3.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("share", "kind"), [(0.98, Kind.WITHIN_SPREAD), (1.02, Kind.CONVERGES)])
+def test_a_power_law_must_change_more_than_two_runs_of_a_spread_do(share, kind):
+    # Two runs differ by the root of two times the spread; twice that counts as seen.
+    values = 3 + 0.7 * H
+    seen = (values[0] - values[-1]) / (2 * math.sqrt(2))
+    assert examine(H, numbers(values), spread=seen / share).kind is kind
+
+
+ROUGH = (9.0, 1.0, -1.0, 1.0, -1.0)
+
+
+@pytest.mark.parametrize(
+    ("spread", "floor", "kind"),
+    [
+        (0.59, 0.0, Kind.WITHIN_SPREAD),
+        (0.56, 0.0, Kind.SCATTERS),
+        (0.1, 0.59, Kind.WITHIN_SPREAD),
+        (0.1, 0.56, Kind.SCATTERS),
+        (None, 0.59, Kind.SCATTERS),
+    ],
+)
+def test_scatter_up_to_twice_the_spread_or_what_can_be_read_is_within_it(spread, floor, kind):
+    """Oracle: the finest four, 1 and -1 twice, have a standard deviation of 2 / sqrt 3 = 1.155."""
+    found = examine(H, numbers(ROUGH), spread=spread, floor=floor)
+    assert found.kind is kind
+    assert found.scatter == pytest.approx(2 / math.sqrt(3))
+    assert found.used == 4
+    assert float(found.limit[0, 0]) == pytest.approx(0.0)
+    # t of 3 degrees of freedom at 97.5 % is 3.182; four rungs.
+    assert found.uncertainty == pytest.approx(math.hypot(3.18245 * 2 / math.sqrt(3) / 2, floor), rel=1e-5)
+    small = "finer rungs change it no more than small changes of the start do"
+    assert found.why == (small if kind is Kind.WITHIN_SPREAD else "the last two refinements change it in opposite directions")
+
+
+def test_a_trend_below_the_scatter_widens_the_limit():
+    values = (1.0, 3.0, 5.0)
+    found = examine(H[:3], numbers(values))
+    assert found.why == "the last refinement changes it more than the one before", "as much as before is no less"
+    assert (found.scatter, found.used) == (pytest.approx(2.0), 3)
+    # Mean 3, of the finest two 4: they differ by 1. t of 2 degrees of freedom is 4.303.
+    assert found.uncertainty == pytest.approx(math.hypot(4.30265 * 2 / math.sqrt(3), 1.0), rel=1e-5)
+
+
+@pytest.mark.parametrize(("count", "kind"), [(2, Kind.SCATTERS), (3, Kind.SETTLED), (4, Kind.SETTLED)])
+def test_three_rungs_that_agree_have_settled(count, kind):
+    values = [4.0, 7.0, 0.0][: 5 - count] + [0.5] * count
+    found = examine(H, numbers(values), floor=1e-3)
+    assert found.kind is kind
+    if kind is Kind.SETTLED:
+        assert (found.used, found.uncertainty) == (count, 1e-3)
+    assert examine(H, numbers([0.5] * 5), floor=1e-3).used == 5
+
+
+def test_settled_is_up_to_the_floor_and_no_further():
+    at, beyond = (examine(H, numbers([5.0, 9.0, 2 + off, 2.0, 2.0]), floor=0.25) for off in (0.25, 0.251))
+    assert (at.kind, at.used) == (Kind.SETTLED, 3)
+    assert beyond.kind is not Kind.SETTLED
+
+
+@pytest.mark.parametrize(("count", "why"), [(0, "0 of the 3 rungs that it needs"), (2, "2 of the 3 rungs that it needs")])
+def test_too_few_rungs_say_how_many(count, why):
+    found = examine(H[:count], numbers(H[:count]))
+    assert (found.kind, found.why) == (Kind.UNKNOWN, why)
+
+
+def test_a_finding_points_to_what_is_within_its_uncertainty():
+    found = Finding(kind=Kind.CONVERGES, limit=np.array([[2.0]]), uncertainty=0.5)
+    assert [found.points_to(np.array([[x]])) for x in (2.0, 2.5, 1.5, 2.6, 1.4)] == [True, True, True, False, False]
+    assert not Finding(kind=Kind.CONVERGES, limit=np.array([[2.0]])).points_to(np.array([[2.0]]))
+    assert not Finding(kind=Kind.UNKNOWN, uncertainty=0.5).points_to(np.array([[0.0]]))
+
+
+def test_the_deviation_is_that_of_a_sample_and_needs_three():
+    assert deviation(numbers((1, 2))) is None
+    assert deviation(numbers((1, 2, 6))) == pytest.approx(math.sqrt(7))
+    path = [np.array([[3.0, 4.0], [0.0, 0.0]]) * k for k in (-1, 0, 1)]
+    assert deviation(path) == pytest.approx(math.sqrt(12.5)), "5 m at one of two samples: the root of 25 / 2"
+    assert norm(path[2]) == pytest.approx(math.sqrt(12.5))
+
+
+@pytest.mark.parametrize("bad", [(0.0, 1.0, 2.0), (-1.0, 1.0), (1.0, 1.0), (3.0, 2.0, 2.0), (1.0, 2.0, 2.0)])
+def test_what_neither_rises_nor_falls_is_no_ladder(bad):
+    with pytest.raises(ValueError, match="neither rise nor fall"):
+        sizes(bad)
+    assert list(sizes((2.0, 1.0, 0.0))) == [2.0, 1.0, 0.0]
+
+
+# ---- what an error is made of
+
+
+def split(own=0.5, corrections=((-0.3, 0.01, True),), choices=(), spread=0.03, floor=0.0):
+    made = [
+        Correction(ladder=f"step{k}", change=np.array([[change]]), uncertainty=u, converges=converges)
+        for k, (change, u, converges) in enumerate(corrections)
+    ]
+    others = {what: np.array([[value]]) for what, value in choices}
+    return split_error(
+        np.array([[own]]), np.array([[0.1]]), corrections=made, choices=others, spread=spread, floor=floor
+    )  # fmt: skip
+
+
+def test_the_parts_of_an_error_are_distances_between_own_limit_and_truth():
+    # Own 0.5, truth 0.1; limit 0.5 - 0.3 - 0.06 = 0.14.
+    parts = split(corrections=((-0.3, 0.01, True), (-0.06, 0.02, True)), choices=(("a", 0.52), ("b", 0.45)), floor=0.05)
+    assert parts.error == pytest.approx(0.4)
+    assert parts.numerics == pytest.approx(0.36)
+    assert parts.model == pytest.approx(0.04)
+    half_width = math.sqrt(0.06**2 + 0.05**2 + 0.01**2 + 0.02**2)
+    assert parts.numerics_uncertainty == parts.model_uncertainty == pytest.approx(half_width)
+    assert (parts.choice, parts.choice_of) == (pytest.approx(0.05), "b")
+    assert parts.spread == 0.03
+    assert parts.causes == (Cause.NOT_CONVERGED,)
+
+
+def test_without_a_spread_the_floor_is_all_that_hides():
+    parts = split(corrections=((-0.3, 0.0, True),), spread=None, floor=0.11)
+    assert parts.numerics_uncertainty == pytest.approx(0.11)
+    assert parts.causes == (Cause.NOT_CONVERGED,), "0.1 of another model is below 0.11"
+    assert split(corrections=((-0.3, 0.0, True),), spread=None, floor=0.09).causes == (Cause.NOT_CONVERGED, Cause.MODEL)
+
+
+def test_without_a_ladder_there_are_no_parts():
+    parts = split(corrections=(), choices=(("a", 0.7),))
+    assert (parts.numerics, parts.model, parts.numerics_uncertainty, parts.model_uncertainty) == (None,) * 4
+    assert parts.choice == pytest.approx(0.2)
+    assert parts.causes == (Cause.UNKNOWN,)
+    assert (split().choice, split().choice_of) == (None, "")
+
+
+@pytest.mark.parametrize(("choice", "cause"), [(0.285, Cause.MODEL), (0.295, Cause.CHOICE)])
+def test_a_choice_explains_a_model_that_is_no_larger_within_its_uncertainty(choice, cause):
+    # Own 0.5, limit 0.45, truth 0.1: the model is 0.35 off, give or take 0.06.
+    parts = split(corrections=((-0.05, 0.0, True),), choices=(("a", 0.5 + choice),))
+    assert parts.causes == (cause,)
+
+
+@pytest.mark.parametrize(
+    ("changes", "causes"),
+    [
+        (((-0.1, 0.0, True),), (Cause.MODEL, Cause.NOT_CONVERGED)),
+        (((-0.3, 0.0, True),), (Cause.NOT_CONVERGED, Cause.MODEL)),
+        (((-0.39, 0.0, True), (0.0, 0.0, False)), (Cause.NOT_CONVERGED,)),
+        (((0.01, 0.0, True),), (Cause.MODEL,)),
+        (((0.01, 0.0, False),), (Cause.MODEL, Cause.NOT_CONVERGED)),
+        (((0.01, 0.0, True), (0.01, 0.0, False)), (Cause.MODEL, Cause.NOT_CONVERGED)),
+    ],
+)
+def test_the_larger_cause_comes_first_and_a_ladder_without_convergence_is_one(changes, causes):
+    assert split(corrections=changes).causes == causes
