@@ -177,7 +177,10 @@ def rates(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effects: 
         sideways_rate = (b.slant.force - b.slant.along_rod * light_tension) / p.light_mass
     elif b.springs is not None:
         u_rate = (b.pull - _tensions(mode, b, heavy_rate)[0]) / b.along_mass
-    passing = 0.0 if b.springs is None or mode.slack else b.springs.passing
+    light_stretching = heavy_stretching = 0.0
+    if b.springs is not None:
+        passing = y.heavy_speed if mode.slack else b.springs.passing  # all of it, so that the heavy side stays as it is
+        light_stretching, heavy_stretching = b.string_speed - passing, passing - y.heavy_speed
     tilt_rate = swing_rate = 0.0
     if "heavy_tilt" in own and mode not in (Mode.CLAMPED, Mode.CLAMPED_SLACK):
         tilt_rate, swing_rate = swing_rates(xp, b.k, p)
@@ -193,8 +196,8 @@ def rates(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effects: 
         sideways=y.sideways_speed,
         sideways_speed=sideways_rate,
         rod_speed=_rod_rate(mode, signs, b, p, heavy_rate) if "rod_speed" in own else 0.0,
-        light_stretch=b.string_speed - (y.heavy_speed if mode.slack else passing),
-        heavy_stretch=0.0 if mode.slack else passing - y.heavy_speed,
+        light_stretch=light_stretching,
+        heavy_stretch=heavy_stretching,
     )
 
 
