@@ -1,0 +1,404 @@
+"""The detector of sliding and resting on a dozen samples each, where every place and time can be worked out by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from looping_pendulum.compare.landmarks import (
+    SampledTruth,
+    extrema,
+    finite_length,
+    first_samples,
+    run_landmarks,
+    truth_landmarks,
+    truth_moments,
+)
+from looping_pendulum.compare.slides import (
+    RESOLUTION,
+    RESOLUTIONS,
+    Rest,
+    final_rest,
+    halting_time,
+    resting,
+    rests,
+    slid,
+    slip_onset,
+    stop_time,
+    turns,
+)
+from looping_pendulum.engines.trajectory import RunStatus, TrajectoryEvent
+from looping_pendulum.reference_ode.parameters import Release
+from tests.compare.conftest import HALT, drop
+
+DT = 1e-3
+
+
+def array(*values):
+    return np.array(values, dtype=float)
+
+
+# ---- turns
+
+
+@pytest.mark.parametrize(
+    ("values", "found"),
+    [
+        ((0, 2, 0.5), [1]),
+        ((0, -2, -0.5), [1]),
+        ((0, 2, 1, 3, 0), [3]),
+        ((0, -2, -1, -3, 0), [3]),
+        ((0, 2, 0, 2, 0), [1, 2, 3]),
+        ((0, 1, -0.5, 0.25), []),
+        ((0, 0.5, -0.5, 3, 1), [3]),
+        ((5, 7, 5), [1]),
+        ((0, 2, 2, 0), [1]),
+        ((0, 2, 3, 4), []),
+    ],
+)
+def test_a_turn_is_a_way_back_of_more_than_the_band(values, found):
+    """Band 1: a rise or a way back of just 1 is none."""
+    assert turns(array(*values), 1.0) == found
+
+
+# ---- resting
+
+
+@pytest.mark.parametrize(("samples", "rest"), [(10, 0), (11, 11), (12, 12), (30, 30)])
+def test_a_rest_takes_ten_milliseconds(samples, rest):
+    assert resting(np.zeros(samples), 0.25).sum() == rest
+
+
+def test_a_rest_is_where_the_string_moves_by_at_most_the_resolution():
+    place = np.concatenate([np.arange(-8.0, 0.0), np.zeros(12), np.arange(1.0, 9.0)])
+    assert list(np.flatnonzero(resting(place, 0.25))) == list(range(8, 20))
+    place[13] = 0.25
+    assert list(np.flatnonzero(resting(place, 0.25))) == list(range(8, 20)), "just the resolution is no motion"
+    place[13] = 0.26
+    assert resting(place, 0.25).sum() == 0
+
+
+@pytest.mark.parametrize(
+    ("place", "first"),
+    [((5, 1, 1.25, 1), 1), ((5, 1, 1.5, 1.25), 2), ((1, 1, 1), 0), ((0, 1, 2, 3), 3), ((1, 1.25, 1.5), 1), ((3, 2), 1)],
+)
+def test_the_final_rest_begins_where_no_more_than_the_resolution_is_left(place, first):
+    assert final_rest(array(*place), 0.25) == first
+
+
+# ---- stops
+
+
+def times(count):
+    return np.arange(count) * 1.0
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_the_stop_is_the_apex_of_the_parabola_before_it(way):
+    """Speeds 8, 6, 4, 2 in the intervals 0.5, 1.5, 2.5, 3.5 fall by 2 a second: zero at 4.5."""
+    place = way * array(0, 8, 14, 18, 20, 20, 20, 20)
+    for first in (3, 4, 5):
+        assert stop_time(times(8), place, first) == pytest.approx(4.5)
+
+
+def test_a_stop_is_not_before_the_last_sample_of_the_sliding():
+    """It brakes hard from 10 to 3 between 1.5 and 2.5 s, as if to stop at 2.93 s, yet slides on by 2 and by 1."""
+    place = array(0, 10, 20, 23, 25, 26, 26, 26, 26)
+    # At sample 4 there is more than the resolution of 1 left... at 3 there are 3; at 4 just 1.
+    assert stop_time(times(9), place, 4) == pytest.approx(5.5), "speeds 3, 2 and 1: zero at 5.5"
+
+
+def test_a_string_that_stands_still_at_once_stops_where_it_stands():
+    assert stop_time(times(7), array(0, 5, 10, 10, 10, 10, 10), 2) == 2.0
+    assert stop_time(times(7), array(0, 5, 10, 5, 0, -5, -10), 3) == 2.0, "and one that turns at once, where it turns"
+
+
+def test_a_string_that_never_brakes_stops_at_the_sample_that_is_asked_of():
+    place = array(0, 1, 3, 6, 10, 15)
+    assert stop_time(times(6), place, 4) == 4.0
+    assert stop_time(times(6), place, 9) == 5.0, "at the last one, if it is beyond"
+
+
+def test_a_brake_whose_apex_is_far_off_is_none():
+    # Speeds 10, 9, 8: zero only at 10.5; then it stands.
+    place = array(0, 10, 19, 27, 27, 27)
+    assert stop_time(times(6), place, 3) == 3.0
+
+
+def test_a_turn_has_no_stop_before_it_has_only_the_resolution_left():
+    """Regression: `near // 1` for `near + 1` took the parabola of a hard braking for the stop, with 0.2 mm left to slide."""
+    steps = array(*[1.0] * 12, 0.3, 0.15, 0.05, -0.05, *[-0.3] * 12) * 1e-3
+    place = np.concatenate([[0.0], np.cumsum(steps)])
+    t = np.arange(len(place)) * DT
+    (found,) = rests(t, place)
+    turn = int(np.argmax(place))
+    assert (found.first, found.last) == (turn, turn)
+    # Speeds 0.3 and 0.15 m/s in the intervals up to 0.5 ms and 1.5 ms before the turn: zero at half a millisecond before it.
+    assert found.stop == pytest.approx(t[turn] - 0.5e-3, abs=1e-9)
+
+
+def test_stops_are_told_in_the_order_of_time():
+    """A turn at 0.1 s, a rest from 0.2 s to 0.3 s, a turn after it: turns are looked for after rests."""
+    t = np.arange(500) * DT
+    falling = 0.4 * np.minimum(t, 0.1) - 0.3 * np.clip(t - 0.1, 0, 0.1)
+    place = falling + 0.5 * np.clip(t - 0.3, 0, 0.05) - 0.5 * np.clip(t - 0.35, 0, 1)
+    found = rests(t, place)
+    assert [rest.stop for rest in found] == pytest.approx([0.1, 0.2, 0.35], abs=DT)
+    assert [rest.last > rest.first for rest in found] == [False, True, False]
+    assert (found[1].first, found[1].last) == (200, 300)
+
+
+# ---- the onset of slip
+
+
+def slipping(speed=1e-3, rest=0.0, count=60):
+    """Place of a string that rests for 20 samples and then slides ``speed`` per sample."""
+    return np.concatenate([np.full(20, rest), rest + speed * np.arange(1, count - 19)])
+
+
+def test_an_onset_is_where_the_line_through_one_and_eight_resolutions_meets_the_rest():
+    # Power 1: the line itself. It is at 0.15 mm and 0.3 mm ... at 0.9 mm; it leaves the rest at sample 19.
+    place = slipping(speed=1.5e-4)
+    assert slip_onset(np.arange(60) * DT, place, Rest(stop=0.0, first=0, last=19), 1) == pytest.approx(19 * DT, abs=1e-9)
+    back = slip_onset(np.arange(60) * DT, -place, Rest(stop=0.0, first=0, last=19), 1)
+    assert back == pytest.approx(19 * DT, abs=1e-9)
+
+
+def test_the_rest_is_at_the_median_of_its_samples():
+    """Thirteen samples, seven of them 0.06 mm further: the line through the slip meets those, 0.4 ms after the last one."""
+    t = np.arange(60) * DT
+    place = np.concatenate([np.zeros(6), np.full(7, 6e-5), 6e-5 + 1.5e-4 * (np.arange(1, 48) - 0.4)])
+    assert slip_onset(t, place, Rest(stop=0.0, first=0, last=12), 1) == pytest.approx(12.4e-3, abs=1e-9)
+
+
+@pytest.mark.parametrize(("stop", "found"), [(0.009, 0.019), (0.0085, 0.019), (0.0095, None), (0.03, None)])
+def test_an_onset_sooner_than_a_rest_after_the_stop_is_none(stop, found):
+    rest = Rest(stop=stop, first=0, last=19)
+    onset = slip_onset(np.arange(60) * DT, slipping(speed=1.5e-4) + 0.0, rest, 1)
+    assert onset == (None if found is None else pytest.approx(found, abs=1e-9))
+
+
+def test_a_string_that_does_not_slide_far_has_no_onset():
+    t, rest = np.arange(60) * DT, Rest(stop=0.0, first=0, last=19)
+    far = np.minimum(slipping(speed=1.5e-4), 8.5 * RESOLUTION)
+    assert slip_onset(t, far, rest, 1) == pytest.approx(0.019, abs=DT)
+    assert slip_onset(t, np.minimum(far, 7.5 * RESOLUTION), rest, 1) is None
+    assert slip_onset(t, far, Rest(stop=0.0, first=19, last=19), 1) is None, "a turn"
+
+
+def test_a_slip_that_jumps_begins_with_the_jump():
+    place = np.concatenate([np.zeros(20), np.full(40, 2e-3)])
+    assert slip_onset(np.arange(60) * DT, place, Rest(stop=0.0, first=0, last=19), 3) == pytest.approx(0.020)
+
+
+# ---- halting
+
+
+@pytest.mark.parametrize(
+    ("samples", "ended", "found"), [(72, False, True), (71, False, False), (31, True, True), (30, True, False)]
+)
+def test_a_halt_is_watched_for_50_ms_or_for_10_ms_up_to_the_rod(samples, ended, found):
+    """The string stands still from sample 19 on, for 52, 51, 11 and 10 intervals of 1 / 1024 s."""
+    t = np.arange(samples) / 1024
+    place = 1e-2 * np.minimum(np.arange(samples), 19)
+    assert halting_time(t, place, RESOLUTION, ended=ended) == (t[19] if found else None)
+
+
+def test_a_halt_needs_three_samples():
+    assert halting_time(array(0, 1), array(0, 0), RESOLUTION, ended=True) is None
+    assert halting_time(array(0, 1, 2), array(0, 0, 0), RESOLUTION, ended=True) == 0.0
+
+
+# ---- landmarks of runs that are made of one function of time
+
+
+@pytest.fixture
+def sliding(make_run):
+    """Run whose heavy mass falls as a function of time says; ``fields`` of the run as given."""
+
+    def make(fall, until=1.05, **fields):
+        run = make_run(until=until, **fields)
+        place = np.column_stack([run.heavy_position[:, 0], -1.0 - fall(run.t)])
+        return dataclasses.replace(run, heavy_position=place)
+
+    return make
+
+
+def coming_back(t):
+    """Braked to rest at 0.4 s, and back by 0.09 mm between 0.42 s and 0.43 s: less than the resolution, more than 0.8 of it."""
+    top, brake, halt = 1.5, 20.0, 0.4
+    since = np.clip(t - (halt - top / brake), 0, top / brake)
+    there = top * np.minimum(t, halt - top / brake) + top * since - 0.5 * brake * since**2
+    return there - 9e-5 * np.clip((t - 0.42) / 0.01, 0, 1)
+
+
+def test_the_blur_is_what_a_quarter_of_the_resolution_moves_the_halt(sliding, closed_form):
+    found = run_landmarks(sliding(coming_back), closed_form.parameters)
+    assert found.halting_time == pytest.approx(0.4, abs=1e-6)
+    assert found.halting_time_blur == pytest.approx(0.03, abs=1e-6)
+    assert [each.time for each in found.halting_times] == pytest.approx([0.43, 0.43, 0.4, 0.4, 0.4], abs=1e-6)
+    assert [each.resolution for each in found.halting_times] == list(RESOLUTIONS)
+
+
+def test_a_halt_that_a_finer_resolution_loses_has_no_blur(sliding, closed_form):
+    cut = run_landmarks(sliding(coming_back, until=0.475), closed_form.parameters)
+    assert cut.halting_time == pytest.approx(0.4, abs=1e-6)
+    assert cut.halting_time_blur is None
+    assert run_landmarks(sliding(coming_back, until=0.485), closed_form.parameters).halting_time_blur is not None
+
+
+def test_a_rebound_has_the_speed_of_either_direction(sliding, closed_form):
+    def bouncing(t):
+        back = 2e-4 * np.clip(t - 0.5, 0, 0.002) / 0.002
+        return np.where(t < 0.3, t, 0.3) - back
+
+    found = run_landmarks(sliding(bouncing), closed_form.parameters).rebound
+    assert found.travel == pytest.approx(2e-4, abs=1e-9)
+    assert found.speed == pytest.approx(0.1, rel=1e-6)
+
+
+@pytest.mark.parametrize(("static", "power"), [(0.34, 3), (0.5, 2)])
+def test_a_string_that_sticks_since_the_release_slips_but_has_not_stopped(sliding, closed_form, static, power):
+    """Where static and sliding friction are one, the force that accelerates it begins from nothing: a cube of the time."""
+    parameters = closed_form.parameters.replace(kinetic_friction=0.34, static_friction=static)
+    found = run_landmarks(sliding(lambda t: 5 * np.maximum(t - 0.2, 0) ** power), parameters)
+    assert found.stops == ()
+    assert found.break_aways == (pytest.approx(0.2, abs=1e-6),)
+    assert found.halting_time is None
+    assert found.rebound is None
+
+
+def test_stops_have_the_height_at_their_time(sliding, closed_form):
+    def swinging(t):
+        return 0.2 * np.sin(5 * t)  # it turns at pi / 10 and 3 pi / 10
+
+    found = run_landmarks(sliding(swinging), closed_form.parameters)
+    assert [stop.time for stop in found.stops] == pytest.approx([math.pi / 10, 3 * math.pi / 10], abs=1e-4)
+    assert [stop.height_change for stop in found.stops] == pytest.approx([-0.2, 0.2], abs=1e-5)
+
+
+@pytest.mark.parametrize("release", [Release.HELD, Release.DROP])
+def test_a_mass_that_cannot_stop_has_no_stops(make_run, closed_form, release):
+    found = run_landmarks(make_run(status=RunStatus.LIGHT_REACHED_ROD), closed_form.parameters.replace(release=release))
+    assert (found.stops, found.halting_time, found.halting_times) == ((), None, ())
+    assert found.light_reaches_rod == pytest.approx(1.05)
+    assert len(found.x1_extrema) > 0
+
+
+def test_the_engines_own_slip_is_read_where_it_has_one(make_run):
+    run = make_run()
+    own = np.linspace(0, 1, len(run.t))
+    np.testing.assert_array_equal(slid(dataclasses.replace(run, string_slip=own), 7), own[:7])
+    np.testing.assert_array_equal(slid(run, 7), run.heavy_drop[:7])
+    gone = own.copy()
+    gone[7:] = np.nan
+    np.testing.assert_array_equal(slid(dataclasses.replace(run, string_slip=gone), 7), own[:7])
+    np.testing.assert_array_equal(slid(dataclasses.replace(run, string_slip=gone), 8), run.heavy_drop[:8])
+
+
+@pytest.mark.parametrize("column", ["light_position", "heavy_position", "heavy_velocity"])
+def test_samples_count_up_to_the_first_that_is_no_number(make_run, column):
+    run = make_run()
+    getattr(run, column)[[300, 500], 1] = (np.inf, np.nan)
+    assert finite_length(run) == 300
+    short = first_samples(run, 300)
+    assert {len(short.t), len(short.free_length), len(short.mode), len(short.light_position)} == {300}
+    assert finite_length(short) == 300
+    assert first_samples(run, len(run.t)) is run
+
+
+# ---- extrema
+
+
+def test_an_extremum_is_the_apex_of_a_parabola_also_between_uneven_samples():
+    t = array(0.0, 0.1, 0.15, 0.3, 0.4, 0.6)
+    (found,) = extrema(t, 2.0 - 10 * (t - 0.22) ** 2)
+    assert (found.time, found.value) == (pytest.approx(0.22), pytest.approx(2.0))
+
+
+def test_a_flat_top_is_an_extremum_at_its_first_sample():
+    t = array(0, 1, 2, 3, 4, 5)
+    (found,) = extrema(t, array(0, 1, 1, 1, 1, 0))
+    assert 1.0 <= found.time <= 2.0
+    assert found.value == pytest.approx(1.0, abs=0.13)
+
+
+@pytest.mark.parametrize(("height", "count"), [(0.9e-3, 0), (1.1e-3, 1)])
+def test_an_extremum_turns_back_by_more_than_a_millimetre(height, count):
+    t = np.arange(201) * DT
+    assert len(extrema(t, t + 0.0 + height * np.cos(0 * t) - 2 * np.maximum(t - 0.2 + height, 0))) == count
+
+
+# ---- the reference
+
+
+def events(*pairs):
+    return tuple(TrajectoryEvent(name=name, time=time) for name, time in pairs)
+
+
+def test_the_references_moments_are_its_events():
+    found = truth_moments(
+        events(
+            ("stick", 0.0), ("stop", 0.2), ("stop", 0.4), ("stick", 0.4), ("break_away", 0.5), ("break", 0.7), ("slack", 0.8),
+            ("stick", 0.9), ("halt", 0.9), ("light_reaches_rod", 1.3), ("light_reaches_rod", 1.4),
+        )
+    )  # fmt: skip
+    assert found.stops == (0.2, 0.4, 0.9)
+    assert found.break_aways == (0.5, 0.7)
+    assert (found.halting_time, found.light_reaches_rod) == (0.9, 1.3)
+    nothing = truth_moments(())
+    assert (nothing.stops, nothing.break_aways, nothing.halting_time, nothing.light_reaches_rod) == ((), (), None, None)
+
+
+def test_each_stop_of_the_reference_has_its_own_height(truth, times):
+    def also(t):
+        return dataclasses.replace(truth(t), events=events(("stop", 0.1), ("stop", 0.2), ("halt", HALT)))
+
+    found = truth_landmarks(also, times)
+    wanted = drop(array(0.1, 0.2, HALT))[0]
+    assert [stop.time for stop in found.stops] == [0.1, 0.2, HALT]
+    assert [-stop.height_change for stop in found.stops] == pytest.approx(list(wanted), rel=1e-9)
+    assert found.drop_at_halt == pytest.approx(wanted[2], rel=1e-9)
+    assert found.halting_confirmed
+
+    def never(t):
+        return dataclasses.replace(truth(t), events=events(("stop", 0.1)))
+
+    found = truth_landmarks(never, times)
+    assert [-stop.height_change for stop in found.stops] == pytest.approx([wanted[0]], rel=1e-9)
+    assert (found.halting_time, found.drop_at_halt, found.wrap_angle_at_halt, found.free_length_at_halt) == (None,) * 4
+    assert not found.halting_confirmed
+    assert truth_landmarks(lambda t: dataclasses.replace(truth(t), events=()), times).stops == ()
+
+
+def test_beside_a_run_that_reached_the_rod_the_reference_ends_with_as_much_string(truth, closed_form, make_run):
+    reference = SampledTruth(truth, closed_form.parameters)
+    assert reference.run.status is RunStatus.LIGHT_REACHED_ROD
+    assert reference.beside().light_reaches_rod == pytest.approx(1.1)
+    reached = make_run(until=1.0, status=RunStatus.LIGHT_REACHED_ROD)
+    assert reference.beside(reached).light_reaches_rod == pytest.approx(1.0, abs=1e-9)
+    assert reference.beside(make_run(until=1.0)).light_reaches_rod == pytest.approx(1.1), "one that was cut is seen no further"
+    longer = dataclasses.replace(reached, free_length=reached.free_length - 1.0)
+    assert reference.beside(longer).light_reaches_rod == pytest.approx(1.1), "the reference never has so little"
+
+
+def test_the_reference_can_be_cut_at_any_time(truth, closed_form):
+    reference = SampledTruth(truth, closed_form.parameters)
+    assert reference.until(HALT + 0.052).halting_time == pytest.approx(HALT, abs=1e-6)
+    assert reference.until(HALT + 0.048).halting_time is None
+    assert reference.until(1.05).light_reaches_rod is None, "where it was cut it has not reached the rod"
+    assert reference.until(0.002).halting_times != ()
+    assert reference.until(0.001).halting_times == ()
+
+
+def test_a_reference_that_does_not_reach_the_rod_runs_to_its_end(truth, closed_form):
+    def never(t):
+        return dataclasses.replace(truth(t), events=events(("halt", HALT)))
+
+    reference = SampledTruth(never, closed_form.parameters)
+    assert reference.run.status is RunStatus.FINISHED
+    assert reference.beside().light_reaches_rod is None
+    assert reference.beside().halting_time == pytest.approx(HALT, abs=1e-6)
