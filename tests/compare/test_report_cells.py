@@ -1,0 +1,445 @@
+"""Every cell of the report from a number of its own: verdict, detail, tolerances, halts, moments, provenance, wall times."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from looping_pendulum.compare import compare, report
+from looping_pendulum.compare.export import trajectory_csv, trajectory_files
+from looping_pendulum.compare.halts import render as render_halts
+from looping_pendulum.compare.paper_table import moments
+from looping_pendulum.compare.paper_table import render as render_paper
+from looping_pendulum.compare.result import (
+    Departure,
+    Extremum,
+    HaltingTimeAt,
+    InferredEntry,
+    Landmarks,
+    MeasuredRow,
+    Outcome,
+    Rebound,
+    Stop,
+    ToleranceResult,
+    WallTime,
+)
+from looping_pendulum.compare.slides import RESOLUTIONS
+from looping_pendulum.compare.tables import table as markdown
+from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.reference_ode.parameters import Release
+
+OWN = Landmarks(
+    halting_time=0.41234567,
+    halting_times=tuple(HaltingTimeAt(resolution=r, time=0.4 + k / 100) for k, r in enumerate(RESOLUTIONS)),
+    halting_time_blur=2.5e-3,
+    rebound=Rebound(travel=3.5e-3, speed=0.0456),
+    drop_at_halt=0.31234567,
+    wrap_angle_at_halt=5.1234567,
+    free_length_at_halt=0.21234567,
+)
+TRUE = dataclasses.replace(OWN, halting_time=0.51234567, drop_at_halt=0.61234567, rebound=None, halting_time_blur=None)
+METRICS = {
+    "rms_0.35s": 1.1e-3, "rms_0.7s": 2.2e-3, "rms_1.0s": 3.3e-3, "rms_halt": 4.4e-3, "halting_time_error": -5.5e-3,
+    "rebound": 6.6e-3, "drop_error": 7.7e-3, "wrap_angle_error": -8.8e-3, "free_length_error": 9.9e-3, "string_stretch": 1.2e-3,
+    "acceleration_error": None, "tube_fraction": 0.97, "simulated_time": 1.05,
+}  # fmt: skip
+
+
+def gone(threshold, time):
+    return Departure(threshold=threshold, time=time, mode="", after="release", after_time=0.0, along=0.0, across=0.0, heavy=0.0)
+
+
+@pytest.fixture
+def result(scenario, truth, make_run):
+    """A result whose only engine has the numbers above."""
+    made = compare(scenario, truth, [make_run()])
+    (engine,) = made.engines
+    engine = dataclasses.replace(
+        engine,
+        landmarks=OWN,
+        metrics=METRICS,
+        tube=dataclasses.replace(engine.tube, fraction=0.97, first_exit=0.1234567),
+        departures=(gone(1e-3, 0.2345678), gone(1e-2, 0.3456789)),
+        growth_rate=12.34,
+    )
+    return with_engine(dataclasses.replace(made, truth=dataclasses.replace(made.truth, sampled=TRUE)), engine)
+
+
+def with_engine(result, engine=None, **fields):
+    return dataclasses.replace(result, engines=(dataclasses.replace(engine or result.engines[0], **fields),))
+
+
+def cells(text, first, after=""):
+    """Rows of the tables of ``text``, behind ``after``, whose first cell is ``first``."""
+    part = text[text.index(after) :] if after else text
+    rows = [line.strip("|").split("|") for line in part.splitlines() if line.startswith(f"| {first} |")]
+    return [[cell.strip() for cell in row] for row in rows]
+
+
+ME = "pymunk:chain, quick"
+
+
+def test_the_verdicts_table_has_every_number_in_its_unit(result):
+    head, (true, own) = report.verdict_rows(result)
+    assert len(head) == len(true) == len(own) == 9
+    assert true == ["truth", "–", "–", "–", "–", "0.5123", "–", "–", "–"]
+    assert own == [ME, "no limits declared", "1.1", "2.2", "3.3", "0.4123", "-5.5", "+7.7", "2"]
+    assert head[-1] == "wall time [s per s]"
+
+
+def test_a_vertical_release_has_a_column_for_its_acceleration(result):
+    vertical = with_engine(result, metrics=METRICS | {"acceleration_error": -0.0123})
+    head, (true, own) = report.verdict_rows(vertical)
+    assert len(head) == len(true) == len(own) == 10
+    assert head[-2:] == ["acceleration error [%]", "wall time [s per s]"]
+    assert own[-3:] == ["+7.7", "-1.23", "2"]
+    assert true[5:] == ["0.5123", "–", "–", "–", "–"]
+
+
+def test_a_halt_that_is_not_comparable_has_no_error(result):
+    _, (_, own) = report.verdict_rows(with_engine(result, not_comparable="too short"))
+    assert own[5:8] == ["0.4123", "not comparable", "+7.7"]
+
+
+def limit(outcome, metric="rms_0.7s", value=2.2e-3, explanation="", **fields):
+    made = {"engine": "pymunk:chain", "profile": "quick", "limit": 1e-3, "reason": "by design", "expected_failure": ""}
+    return ToleranceResult(metric=metric, value=value, outcome=outcome, explanation=explanation, **(made | fields))
+
+
+GOOD, BAD, FEARED, NOT_RUN = Outcome.PASSED, Outcome.FAILED, Outcome.EXPECTED_FAILURE, Outcome.NOT_RUN
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "said"),
+    [
+        ((), "no limits declared"),
+        ((GOOD, GOOD), "yes"),
+        ((GOOD, FEARED), "yes; 1 expected failure"),
+        ((GOOD, FEARED, FEARED), "yes; 2 expected failures"),
+        ((FEARED,), "as expected, no; 1 expected failure"),
+        ((FEARED, FEARED), "as expected, no; 2 expected failures"),
+        ((BAD, GOOD), "no (1 of 2 limits)"),
+        ((BAD, Outcome.UNEXPECTED_PASS, FEARED), "no (2 of 3 limits); 1 expected failure"),
+    ],
+)
+def test_whether_it_is_within_tolerance(result, outcomes, said):
+    judged = dataclasses.replace(result, tolerances=tuple(limit(outcome) for outcome in outcomes))
+    assert report.verdict_rows(judged)[1][1][1] == said
+    text = report.render(judged)
+    shown = f"**no**{said[2:]}" if said.startswith("no (") else said
+    assert cells(text, ME)[0][1] == shown
+    assert ("**Outside tolerance:**" in text) is (BAD in outcomes)
+    assert ("**Within tolerance.**" in text) is (bool(outcomes) and BAD not in outcomes)
+    assert ("**No limits are declared**" in text) is (not outcomes)
+
+
+def test_a_run_that_broke_off_is_no_and_says_why(result):
+    broken = with_engine(result, ok=False, status="CRASHED", status_sentence="it died")
+    assert report.verdict_rows(broken)[1][1][1] == "no: it died"
+    assert "| **no**: it died |" in report.render(broken)
+    assert "**Outside tolerance:** pymunk:chain (it died)." in report.render(broken)
+    feared = dataclasses.replace(broken, tolerances=(limit(FEARED, expected_failure="dies"),))
+    assert report.verdict_rows(feared)[1][1][1] == "as expected, no; 1 expected failure"
+    assert report.verdict_rows(dataclasses.replace(broken, tolerances=(limit(FEARED),)))[1][1][1].startswith(
+        "no: it died; 1 exp"
+    )
+
+
+def test_what_is_outside_is_listed_and_what_was_not_run_too(result):
+    judged = dataclasses.replace(result, tolerances=(limit(BAD), limit(Outcome.UNEXPECTED_PASS, "drop_error"), limit(GOOD)))
+    said = "**Outside tolerance:** pymunk:chain (rms_0.7s: fail); pymunk:chain (drop_error: unexpected pass).\n"
+    assert said in report.render(judged)
+    missing = with_engine(result, available=False, status_sentence="it is not there")
+    assert " Not run: pymunk:chain.\n" in report.render(missing)
+    assert report.verdict_rows(missing)[1][1][1] == "not run: it is not there"
+
+
+def test_the_detail_has_every_number_in_its_unit(result):
+    text = report.render(result)
+    (true, own) = cells(text, "truth", "## Detail")[0], cells(text, ME, "## Detail")[0]
+    assert own == [
+        ME, "97", "0.123", "0.235", "0.346", "12", "4.4", "0.3123", "5.1235", "-8.8", "0.2123", "+9.9", "1.2",
+    ]  # fmt: skip
+    assert true == ["truth", *["–"] * 6, "0.6123", "5.1235", "–", "0.2123", "–", "–"]
+    assert "The tube is 5 ms and 5 mm wide to either side." in text
+    one = with_engine(result, departures=(gone(1e-2, 0.5),))
+    assert cells(report.render(one), ME, "## Detail")[0][3:5] == ["–", "0.500"]
+    nobody = dataclasses.replace(result, engines=(), clock=dataclasses.replace(result.clock, wall_times=()))
+    assert "No engine was asked for." in report.render(nobody)
+
+
+def test_every_limit_is_told_with_its_value_and_why(result):
+    rows = (limit(GOOD), limit(BAD, "tube_fraction", None, "no value: too short"), limit(GOOD, "no_metric_of_ours", 5.0))
+    text = report.render(dataclasses.replace(result, tolerances=rows))
+    found = cells(text, ME, "## Tolerances")[:3]
+    assert found[0] == [ME, "rms_0.7s", "pass", "2.2 mm", "at most 1 mm", "by design", ""]
+    assert found[1] == [ME, "tube_fraction", "**fail**", "–", "at least 0.1 %", "by design", "no value: too short"]
+    assert found[2][3:5] == ["5 SI", "at most 0.001 SI"]
+    assert "The scenario declares none for these engines and this profile." in report.render(result)
+
+
+def test_the_stories_begin_with_the_truth(result):
+    told = report.render(result)
+    assert "- **truth** (reference:closed form): released at 0 s, halt at 0.3375 s, light reaches rod at 1.1000 s.\n" in told
+    never = dataclasses.replace(result.truth, landmarks=Landmarks(), events=(("release", 0.0),))
+    told = report.render(dataclasses.replace(result, truth=never))
+    assert "- **truth** (reference:closed form): released at 0 s, never halts.\n" in told
+
+
+def test_what_an_engine_said_is_its_last_line_and_no_markup(result):
+    said = with_engine(result, story="S.", message="first\nlast `word` " + "x" * 300 + "\n")
+    line = next(line for line in report.render(said).splitlines() if line.startswith(f"- **{ME}**"))
+    assert line == f"- **{ME}**: S. `last 'word' {'x' * 188}`", "two hundred characters"
+    assert report.render(with_engine(result, story="S.", message="")).count(f"- **{ME}**: S.\n") == 1
+    assert f"- **{ME}**: S. \n" in report.render(with_engine(result, story="S.", message=" \n"))
+
+
+def test_a_scenario_outside_the_measured_range_is_a_warning(result):
+    warned = with_engine(result, story="S.", outside_range=("a thick rod", "much drag"))
+    sentence = "**Its accuracy was never measured on such a scenario:** a thick rod; much drag."
+    assert f"- **{ME}**: S. {sentence}\n" in report.render(warned)
+    assert "never measured" not in report.render(result)
+
+
+def test_who_supplies_the_physics(result):
+    text = report.render(with_engine(result, additions=("a spring, 3 mm", "a brake")))
+    section = text[text.index("## Who supplies") : text.index("## Tolerances")]
+    assert cells(section, ME)[0][1:] == ["**engine**: by closed form"] * 4
+    assert cells(section, "truth")[0][1:] == ["**engine**: by closed form"] * 4
+    assert f"worth:\n\n- **{ME}**: a spring, 3 mm\n- **{ME}**: a brake\n" in section
+    assert "worth:" not in report.render(result)
+    (engine,) = result.engines
+    less = dataclasses.replace(engine.provenance, supplies=engine.provenance.supplies[1:])
+    assert cells(report.render(with_engine(result, provenance=less)), ME, "## Who supplies")[0][1] == "–"
+
+
+def test_the_provenance_names_settings_seed_and_what_was_inferred(result):
+    (engine,) = result.engines
+    made = dataclasses.replace(engine.provenance, settings={"dt": 1 / 3, "n": 7}, seed=0, versions={"a": "1", "b": "2"})
+    inferred = (
+        InferredEntry(parameters=("mu", "k"), how="Fitted.", script="fit.py"),
+        InferredEntry(parameters=("m",), how="Weighed.", script=""),
+    )
+    text = report.render(dataclasses.replace(with_engine(result, provenance=made), inferred=inferred))
+    section = text[text.index("## Provenance") : text.index("## Wall times")]
+    assert cells(section, ME) == [[ME, "a 1, b 2", "dt 0.333333, n 7", "0"]]
+    assert cells(section, "truth, reference:closed form")[0][-1] == "–"
+    assert "- Inferred, not printed by the source: mu, k. Fitted. (`fit.py`)\n- Inferred" in section
+    assert "source: m. Weighed.\n" in section
+    assert "Scenario `made_up`, watched for 1.05 s. SI and radians: " in section
+    assert "kinetic_friction 0.34" in section
+    assert "coefficients" not in section
+    bare = with_engine(result, provenance=dataclasses.replace(made, settings={}, versions={}, seed=12))
+    assert cells(report.render(bare), ME, "## Provenance")[0] == [ME, "–", "–", "12"]
+
+
+def test_wall_times_are_in_seconds_and_per_simulated_second(result):
+    times = (WallTime(engine="pymunk:chain", profile="quick", seconds=1.234, per_simulated_second=5.678),)
+    timed = dataclasses.replace(result, clock=dataclasses.replace(result.clock, wall_times=times))
+    assert cells(report.render(timed), ME, "## Wall times")[0] == [ME, "1.23", "5.68"]
+    assert report.verdict_rows(timed)[1][1][-1] == "5.7"
+
+
+def test_a_run_without_a_profile_is_told_by_its_label(result):
+    (engine,) = result.engines
+    assert report.name(engine) == ME
+    assert report.name(dataclasses.replace(engine, profile="")) == "pymunk:chain"
+
+
+def test_figures_are_embedded_with_their_captions(result):
+    text = report.render(result, {"figures/a.png": "First.", "figures/b.png": "Second."})
+    assert "![First.](figures/a.png)\n\n*First.*\n\n![Second.](figures/b.png)\n\n*Second.*\n" in text
+    assert "None: this report was made without the trajectories." in report.render(result)
+
+
+# ---- halts
+
+
+def test_the_table_of_halts_has_every_resolution(result):
+    (section,) = render_halts(result)
+    (own,), (true,) = cells(section, ME), cells(section, "truth")
+    assert own == [ME, "0.4000", "0.4100", "0.4200", "0.4300", "0.4400", "2.5", "3.5", "46"]
+    assert true == ["truth", "0.4000", "0.4100", "0.4200", "0.4300", "0.4400", "–", "–", "–"]
+    assert "| run | halts, to 0.01 mm [s] | halts, to 0.03 mm [s] | halts, to 0.1 mm [s] | halts, to 0.3 mm [s] |" in section
+    assert "again until the light mass" in section
+    assert "by how much a quarter more or less than 0.1 mm moves it" in section
+    assert "once it stays within 1 mm" in section
+    assert "not comparable" not in section
+    gap = render_halts(with_engine(result, not_comparable="it is short"))[0]
+    assert f"- {ME}: not comparable: it is short.\n\n| run |" in gap
+
+
+def test_without_any_halt_there_is_no_section_on_it(result):
+    never = dataclasses.replace(OWN, halting_times=tuple(HaltingTimeAt(resolution=r, time=None) for r in RESOLUTIONS))
+    nobody = dataclasses.replace(result, truth=dataclasses.replace(result.truth, sampled=never))
+    assert render_halts(with_engine(nobody, landmarks=never)) == []
+    assert len(render_halts(nobody)) == len(render_halts(with_engine(result, landmarks=never))) == 1
+    assert cells(render_halts(with_engine(result, landmarks=never))[0], ME)[0][1:6] == ["–"] * 5
+    (alone,) = render_halts(with_engine(result, landmarks=Landmarks()))
+    assert cells(alone, ME) == [], "a run without samples has no row"
+
+
+@pytest.mark.parametrize(
+    ("exact", "seen", "said"),
+    [
+        (None, None, "By its own events the truth does not halt either."),
+        (0.5, 0.5003, "By its own events the truth halts at 0.500000 s, so this way of reading is off by 0.3 ms."),
+        (0.5003, 0.5, "By its own events the truth halts at 0.500300 s, so this way of reading is off by 0.3 ms."),
+        (0.5, 0.4, "By its own events the truth halts at 0.5000 s: what it still slides until then is finer"),
+        (0.5, 0.4994, "By its own events the truth halts at 0.5000 s: what"),
+        (0.5, None, "By its own events the truth halts at 0.5000 s: what"),
+        (None, 0.4, "By its own events the truth does not halt: what it still slides"),
+    ],
+)
+def test_what_samples_say_is_held_against_the_references_events(result, exact, seen, said):
+    true = dataclasses.replace(
+        result.truth,
+        landmarks=dataclasses.replace(result.truth.landmarks, halting_time=exact),
+        sampled=dataclasses.replace(TRUE, halting_time=seen),
+    )
+    assert said in render_halts(dataclasses.replace(result, truth=true))[0]
+
+
+# ---- moments
+
+
+def told(result, truth, own, end=1.0, engine=None):
+    true = dataclasses.replace(result.truth, sampled=truth)
+    return moments(with_engine(dataclasses.replace(result, truth=true), landmarks=own, end_time=end, **(engine or {})))
+
+
+def at(*times):
+    return tuple(Stop(time=time, height_change=-0.2) for time in times)
+
+
+def test_moments_are_numbered_where_there_are_several(result):
+    text = told(result, Landmarks(stops=at(0.2, 0.4)), Landmarks(stops=at(0.203, 0.398, 0.6)))
+    assert cells(text, "stop 1") == [["stop 1", "0.2000", "+3"]]
+    assert cells(text, "stop 2") == [["stop 2", "0.4000", "-2"]]
+    assert cells(text, "stop 3") == [["stop 3", "–", "at 0.6000 s"]]
+    alone = told(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.203)))
+    assert cells(alone, "stop") == [["stop", "0.2000", "+3"]]
+    assert "| moment | truth [s] | pymunk:chain [ms later] |" in alone
+
+
+def test_every_kind_of_moment_has_its_rows(result):
+    def marks(off):
+        return Landmarks(
+            stops=at(0.1 + off), break_aways=(0.2 + off,), light_reaches_rod=0.9 + off,
+            x1_extrema=(Extremum(time=0.3 + off, value=0.0),), y1_extrema=(Extremum(time=0.4 + off, value=0.0),),
+        )  # fmt: skip
+
+    text = told(result, marks(0.0), marks(0.005))
+    names = [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("|")][2:]
+    assert names == ["stop", "slips again", "x1 extremum", "y1 extremum", "light mass reaches rod"]
+    assert [cells(text, name)[0][1:] for name in names] == [[f"{t:.4f}", "+5"] for t in (0.1, 0.2, 0.3, 0.4, 0.9)]
+    without = told(result, dataclasses.replace(marks(0.0), light_reaches_rod=None), marks(0.005))
+    assert "reaches rod" not in without, "the truth's end is not told of an engine alone"
+    assert cells(
+        told(result, marks(0.0), dataclasses.replace(marks(0.0), light_reaches_rod=None)), "light mass reaches rod"
+    ) == [["light mass reaches rod", "0.9000", "–"]]
+    assert told(result, Landmarks(), Landmarks()) == ""
+
+
+@pytest.mark.parametrize(("end", "said"), [(0.39, "after its end"), (0.4, "–"), (0.5, "–"), (None, "after its end")])
+def test_a_moment_after_the_end_of_a_run_is_told_as_such(result, end, said):
+    assert cells(told(result, Landmarks(stops=at(0.4)), Landmarks(), end), "stop") == [["stop", "0.4000", said]]
+
+
+def measured(**fields):
+    made = {"quantity": "halting_time", "index": 1, "unit": "s", "measured": 0.4, "paper_numerical": 0.41, "truth": 0.42}
+    return MeasuredRow(**(made | {"engines": (0.43,)} | fields))
+
+
+def test_the_paper_table_compares_with_the_measured_value_or_else_with_the_papers(result):
+    rows = (
+        measured(),
+        measured(quantity="wrap_angle_at_halt", unit="rad", measured=None, paper_numerical=3.98765, truth=4.0, engines=(None,)),
+        measured(quantity="drop_at_halt", unit="m", measured=None, paper_numerical=None, truth=0.25),
+        measured(quantity="x1_extremum", index=2, measured=0.3, paper_numerical=None, truth=None, engines=(0.29,)),
+    )
+    text = render_paper(dataclasses.replace(result, measured=rows, measured_source="a paper"))
+    assert text.startswith("Source: a paper.\n\nIn brackets: ")
+    assert cells(text, "halting time") == [["halting time", "s", "0.40", "0.41 (+10)", "0.4200 (+20)", "0.4300 (+30)"]]
+    assert cells(text, "wrap angle at halt") == [["wrap angle at halt", "rad", "–", "3.988", "4.000 (+12)", "–"]]
+    assert cells(text, "drop at halt") == [["drop at halt", "m", "–", "–", "0.2500", "0.4300"]]
+    assert cells(text, "x1 extremum 2") == [["x1 extremum 2", "s", "0.30", "–", "–", "0.2900 (-10)"]]
+    # Roots of the mean squares of (10), (20) and (30, -10) ms.
+    rms = f"{math.sqrt((30**2 + 10**2) / 2):.1f}"
+    wanted = ["RMS difference of the times", "ms", "–", "10.0 (1 of 2)", "20.0 (1 of 2)", f"{rms} (2 of 2)"]
+    assert cells(text, "RMS difference of the times") == [wanted]
+    assert not render_paper(dataclasses.replace(result, measured=rows, measured_source="")).startswith("Source")
+
+
+# ---- what the result is made of
+
+
+def test_a_wall_time_per_second_needs_two_samples(scenario, truth, make_run):
+    runs = [make_run(), make_run(until=0.0), make_run(until=1e-3), make_run(wall_time=math.nan)]
+    times = compare(scenario, truth, runs).clock.wall_times
+    assert [w.seconds for w in times] == [2.1, 2.1, 2.1, None]
+    assert [w.per_simulated_second for w in times] == [pytest.approx(2.0), None, pytest.approx(2100.0), None]
+
+
+def test_a_result_says_when_each_side_ends(scenario, truth, make_run, missing):
+    result = compare(scenario, truth, [make_run(until=0.5), missing])
+    assert [e.end_time for e in result.engines] == [pytest.approx(0.5), None]
+    assert [e.samples for e in result.engines] == [501, 0]
+    assert result.truth.end_time == pytest.approx(1.05)
+    early = compare(scenario, lambda t: truth(t, end=0.8), [make_run()])
+    assert early.truth.end_time == pytest.approx(0.8)
+    assert [e.available for e in result.engines] == [True, False]
+
+
+def test_a_vertical_release_has_an_acceleration_error(scenario, truth, make_run):
+    vertical = dataclasses.replace(scenario, parameters=scenario.parameters.replace(release=Release.VERTICAL))
+    (engine,) = compare(vertical, truth, [make_run()]).engines
+    assert engine.metrics["acceleration_error"] is not None
+    assert compare(scenario, truth, [make_run()]).engines[0].metrics["acceleration_error"] is None
+
+
+def test_names_of_trajectories_are_in_the_order_of_the_engines(scenario, truth, make_run):
+    result = compare(scenario, truth, [make_run(engine=name) for name in ("b", "a", "truth")])
+    assert trajectory_files(result) == ["b-chain-quick.csv", "a-chain-quick.csv", "truth-chain-quick.csv"]
+
+
+def test_what_is_not_known_is_an_empty_cell(make_run):
+    run = make_run(until=2e-3)
+    run.string_stretch[1] = np.nan
+    head, *rows = [line.split(",") for line in trajectory_csv(run).splitlines()]
+    at_stretch = head.index("string_stretch [m]")
+    assert [row[at_stretch] for row in rows] == ["0", "", "0"]
+    assert {(row[-1], row[-2], row[-3], row[-4]) for row in rows} == {("", "", "", "")}
+    assert rows[1][0] == "0.001"
+
+
+@pytest.mark.parametrize(
+    ("left", "rule"), [(1, "| --- | ---: | ---: |"), (2, "| --- | --- | ---: |"), (0, "| ---: | ---: | ---: |")]
+)
+def test_a_tables_numbers_are_to_the_right(left, rule):
+    text = markdown(["a", "b", "c"], [["x  y\nz", "p|q", "1"]], left=left)
+    assert text == f"| a | b | c |\n{rule}\n| x y z | p\\|q | 1 |\n"
+
+
+def test_columns_of_words_are_to_the_left_and_numbers_to_the_right(result):
+    text = report.render(dataclasses.replace(result, tolerances=(limit(GOOD),), measured=(measured(),)))
+    lines = text.splitlines()
+    rules = [line for line in lines if line.startswith("| ---")]
+    # Verdict, paper, halts, detail, who supplies what, tolerances, provenance, wall times.
+    assert [rule.split("|").count(" --- ") for rule in rules] == [2, 2, 1, 1, 5, 7, 4, 1]
+
+
+def test_a_status_that_is_not_run_is_no_failure(scenario, truth, make_run):
+    for status in RunStatus:
+        run = make_run(until=0.5, status=status)
+        available = compare(scenario, truth, [run]).engines[0].available
+        assert available is (status not in (RunStatus.MISSING, RunStatus.UNSUPPORTED, RunStatus.INTERRUPTED))
+
+
+def test_the_paragraph_that_says_how_to_give_the_measurements(result):
+    text = render_paper(dataclasses.replace(result, measured=(), measured_source="a trial"))
+    assert text.startswith("This trial was measured (a trial), but its table")
+    assert "`--data DIR`" in text
