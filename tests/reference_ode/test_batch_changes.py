@@ -1,0 +1,248 @@
+"""What follows release and events in a batch, run by run as the single run's driver does it; and how a batch is driven."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+pytest.importorskip("heyoka", reason="without heyoka a batch is a loop over single runs")
+
+from looping_pendulum.errors import HandedOverWarning  # noqa: E402
+from looping_pendulum.reference_ode import batch, heyoka_backend  # noqa: E402
+from looping_pendulum.reference_ode.batch import compiled, roots, schedule, sharing, solve_batch, steps  # noqa: E402
+from looping_pendulum.reference_ode.batch.block import NOTES, Block  # noqa: E402
+from looping_pendulum.reference_ode.batch.changes import Changes  # noqa: E402
+from looping_pendulum.reference_ode.batch.compiled import LEADING, SIGNS, STATE, model_of  # noqa: E402
+from looping_pendulum.reference_ode.batch.numbers import numbers_of  # noqa: E402
+from looping_pendulum.reference_ode.batch.steps import LAST_TERM, stepper  # noqa: E402
+from looping_pendulum.reference_ode.driver import START, TINY, Driver  # noqa: E402
+from looping_pendulum.reference_ode.parameters import Parameters, Release  # noqa: E402
+from looping_pendulum.reference_ode.solve import TOLERANCE, solve, solve_at  # noqa: E402
+from looping_pendulum.reference_ode.state import State  # noqa: E402
+from looping_pendulum.reference_ode.transitions import TABLE, Event, Mode  # noqa: E402
+from tests.apparatus import TEN_TO_ONE  # noqa: E402
+from tests.reference_ode.test_batch import BASE  # noqa: E402
+
+SLIDES = (Mode.SLIDING_DOWN, Mode.SLIDING_UP)
+ROUNDING = 1e-14
+"""Of numbers about 1 that heyoka's compiled sums add in another order than Python does."""
+
+
+def apparatus(release: Release) -> list[Parameters]:
+    """Every way to let go: pushed along either way, across either way, from below and above the rod, heavy and light."""
+    given = [
+        {"release_angle": math.radians(angle), "heavy_mass": heavy, "push_along": along, "push_across": across}
+        for angle in (35.0, 112.0, 200.0)
+        for heavy in (0.1, 0.012, 0.002)
+        for along in (0.0, 0.4, -0.4)
+        for across in (0.0, 0.5, -0.5, 3.0)
+    ]
+    base = BASE.replace(release=release, kinetic_friction=0.3, light_drag=1e-3, heavy_drag=2e-3, string_drag=3e-3)
+    return [base.replace(**changes) for changes in given]
+
+
+def block_of(all_parameters: list[Parameters]) -> tuple[Block, Changes]:
+    """Runs side by side, as `Schedule._release` puts them there."""
+    numbers = [numbers_of(p, {}) for p in all_parameters]
+    model = model_of(all_parameters[0].effects, numbers[0])
+    block = Block(np.zeros((len(NOTES) + len(LEADING) + len(model.names), len(numbers))))
+    for row, name in enumerate(model.names, start=len(LEADING)):
+        block.numbers[row] = [n[name] for n in numbers]
+    for entry, name in (("free_length", "free_length"), ("wrap_angle", "release_angle")):
+        block[entry] = [n[name] for n in numbers]
+    return block, Changes(model, all_parameters[0].release)
+
+
+def pushes(all_parameters: list[Parameters]) -> tuple[np.ndarray, ...]:
+    return tuple(np.array([p.coefficients[name] for p in all_parameters]) for name in ("push_along", "push_across"))
+
+
+def assert_same(block: Block, drivers: list[Driver], bound: float = ROUNDING) -> None:
+    """Each column is its driver: mode and signs exactly, the state to rounding, and what stands for zero with its sign."""
+    assert [Mode(int(mode)) for mode in block["mode"]] == [driver.mode for driver in drivers]
+    for name in STATE:
+        expected = np.array([float(getattr(driver.y, name)) for driver in drivers])
+        np.testing.assert_allclose(block[name], expected, rtol=0, atol=bound, err_msg=name)
+        np.testing.assert_array_equal(np.sign(block[name]), np.sign(expected), err_msg=name)
+        tiny = np.abs(expected) <= TINY
+        np.testing.assert_array_equal(block[name][tiny], expected[tiny], err_msg=name)
+    read = {"across": lambda mode: True, "slide": lambda mode: mode.sliding, "heavy": lambda mode: mode.slack}
+    read["phase"] = lambda mode: mode.sliding or (mode.slack and mode is not Mode.FALLING)
+    for name in SIGNS:
+        for column, driver in enumerate(drivers):
+            if read[name](driver.mode):
+                assert block[name][column] == getattr(driver.signs, name), (name, driver.mode)
+
+
+@pytest.mark.parametrize("release", list(Release))
+def test_a_release_is_the_single_runs(release):
+    every = apparatus(release)
+    if release is Release.VERTICAL:
+        every = [p for p in every if p.coefficients["push_across"] in (0.0, 0.5)]
+    block, changes = block_of(every)
+    changes.release(block, *pushes(every))
+    drivers = [Driver(p, 1.0, TOLERANCE, "scipy") for p in every]
+    for driver in drivers:
+        driver._begin()
+    assert_same(block, drivers)
+    np.testing.assert_array_equal(block["time"], [driver.t for driver in drivers])
+    # What the first instant adds is small beside what it is added to; so its second order is compared by itself.
+    at_rest = [i for i, driver in enumerate(drivers) if driver.t == START]
+    assert at_rest or release is Release.HELD
+    for name in ("free_length", "wrap_angle"):
+        moved = np.array([getattr(d.y, name) - getattr(d.parameters, name.replace("wrap", "release")) for d in drivers])
+        found = block[name] - [getattr(p, name.replace("wrap", "release")) for p in every]
+        np.testing.assert_allclose(found[at_rest], moved[at_rest], rtol=0, atol=5e-16, err_msg=name)  # rounding of about 1
+
+
+EVENTS = [*TABLE, *((mode, Event.ACROSS_REVERSES) for mode in (*SLIDES, Mode.STICKING, Mode.SLACK))]
+EVENTS += [(Mode.SLACK, Event.HEAVY_REVERSES), (Mode.SLACK, Event.CLOSES), (Mode.SLIDING_UP, Event.SLOWS)]
+EVENTS += [(Mode.SLIDING_DOWN, Event.TIME_UP), (Mode.STICKING, Event.LIGHT_REACHES_ROD)]
+
+
+@pytest.mark.parametrize(
+    ("mode", "event"), [(m, e) for m, e in EVENTS if m is not Mode.ROLLING and not e.value.startswith("rod_")]
+)
+def test_what_follows_an_event_is_what_follows_it_in_a_single_run(mode, event):
+    """From random states of ``mode``, each with the signs that such a run has."""
+    rng = np.random.default_rng(11)
+    held = mode in (Mode.CLAMPED, Mode.CLAMPED_SLACK)
+    base = TEN_TO_ONE.replace(release="held" if held else "looping")
+    drivers = []
+    for _ in range(24):
+        driver = Driver(base.replace(heavy_mass=10 ** rng.uniform(-2.5, -1)), 1.0, TOLERANCE, "scipy")
+        u = 0.0 if mode in (Mode.STICKING, Mode.CLAMPED) or event is Event.STOP else rng.normal(0, 1)
+        heavy = u if mode in SLIDES else rng.normal(0, 1) if mode is Mode.SLACK else 0.0
+        if event is Event.TAUT and u < heavy:  # the path grows faster than the string is fed
+            u, heavy = (heavy, u) if mode is Mode.SLACK else (-u, heavy)
+        slack = rng.uniform(0, 0.1) if mode.slack else 0.0
+        w = rng.normal(0, 1)
+        driver.y = State(rng.uniform(0.2, 0.5), rng.uniform(1.0, 9.0), u, w, heavy, slack)
+        slide = 1.0 if mode is Mode.SLIDING_UP else -1.0
+        driver.signs = driver.signs._replace(
+            slide=slide,
+            across=math.copysign(1.0, w),
+            heavy=math.copysign(1.0, heavy),
+            phase=0.0 if event is Event.SLOWS else 1.0,
+        )
+        driver.mode = mode
+        drivers.append(driver)
+    block, changes = block_of([driver.parameters for driver in drivers])
+    block["mode"] = float(mode)
+    for name in STATE:
+        block[name] = [getattr(driver.y, name) for driver in drivers]
+    for name in SIGNS:
+        block[name] = [getattr(driver.signs, name) for driver in drivers]
+    changes.follow(block, mode, event)
+    ended = [driver._follow(event) for driver in drivers]
+    if any(ended):
+        assert all(ended)
+        assert np.all(block["mode"] == Mode.ENDED)
+        return
+    assert_same(block, drivers, bound=1e-13)  # an impact divides by sums of masses
+    if event is Event.TAUT and mode is Mode.SLACK:
+        assert {driver.mode for driver in drivers} >= {Mode.SLIDING_UP, Mode.SLIDING_DOWN}
+
+
+@pytest.mark.parametrize(
+    ("release", "mode", "heavy_speed", "drag"),
+    [("held", Mode.CLAMPED_SLACK, 0.0, 0.0), ("looping", Mode.SLACK, -3.0, 1.0)],
+)
+def test_a_string_that_becomes_taut_under_a_push_is_slack_again(release, mode, heavy_speed, drag):
+    """Above the rod a slow light mass weighs on a clamped string; a heavy mass that air slows at 58 m/s^2 does so, too."""
+    p = TEN_TO_ONE.replace(release=release, release_angle=math.radians(30), heavy_drag=drag)
+    driver = Driver(p, 1.0, TOLERANCE, "scipy")
+    driver.y = State(0.4, math.radians(30), 0.5, 0.1, heavy_speed, 0.0)
+    driver.mode, driver.signs = mode, driver.signs._replace(phase=1.0, across=1.0)
+    block, changes = block_of([p])
+    block["mode"] = float(mode)
+    for name in STATE:
+        block[name] = getattr(driver.y, name)
+    for name in SIGNS:
+        block[name] = getattr(driver.signs, name)
+    driver._follow(Event.TAUT)
+    assert driver.mode is mode
+    assert driver.signs.phase == 0
+    changes.follow(block, mode, Event.TAUT)
+    assert_same(block, [driver], bound=1e-13)
+
+
+def test_a_step_is_as_long_as_its_last_terms_allow():
+    """Oracle: Jorba and Zou's rule, on the series itself: the last two terms of all that moves or is watched."""
+    every = [BASE.replace(heavy_mass=heavy, kinetic_friction=0.3, light_drag=1e-3) for heavy in np.linspace(0.02, 0.2, 16)]
+    block, _ = block_of(every)
+    rng = np.random.default_rng(3)
+    block["free_length"], block["wrap_angle"] = rng.uniform(0.05, 0.5, 16), rng.uniform(1, 9, 16)
+    block["across_speed"], block["across"], block["slide"], block["heavy"] = rng.uniform(0.5, 9, 16), 1.0, -1.0, -1.0
+    block["retreat_speed"] = -rng.uniform(0.1, 1, 16)
+    block["heavy_speed"] = block["retreat_speed"]
+    block["mode"], block["duration"], block["phase"] = float(Mode.SLIDING_DOWN), 5.0, 1.0
+    model = model_of(every[0].effects, numbers_of(every[0], {}))
+    step = stepper(model, Mode.SLIDING_DOWN, TOLERANCE)
+    terms = step._expand(block.numbers).reshape(-1, step.order + 1, 16)
+    moving, watched = terms[: len(step.rows) - 1], terms[len(step.rows) :]
+    scale = np.maximum(np.abs(moving[:, 0]).max(axis=0), 1.0)
+    last = [np.abs(moving[:, n]) / scale for n in (-2, -1)] + [
+        np.abs(watched[:, n]) / np.maximum(np.abs(watched[:, 0]), 1.0) for n in (-2, -1)
+    ]
+    largest = np.max([part.max(axis=0) for part in last], axis=0)
+    np.testing.assert_allclose(largest, LAST_TERM * TOLERANCE, rtol=1e-6)
+
+
+# How a batch is driven
+
+
+def test_nothing_but_one_process_works_unasked(monkeypatch):
+    monkeypatch.setattr(batch, "work_together", lambda *_: pytest.fail("a second process"))
+    assert (
+        solve_batch(BASE, {"heavy_mass": np.array([0.1, 0.11]), "heavy_swing": np.full(2, 0.1)}, duration=0.01).end_time[0] > 0
+    )
+
+
+def test_only_events_count_as_events(monkeypatch):
+    """A run with more than `MAX_EVENTS` is left to the single integrator; one with as many is not."""
+    columns = {"heavy_mass": np.array([0.02, 0.1]), "kinetic_friction": np.array([0.3, 0.3])}
+    runs = [solve(BASE.replace(**{name: values[i] for name, values in columns.items()})) for i in range(2)]
+    counts = [len(run.events) - 1 for run in runs]  # the release is none
+    assert counts[0] > counts[1]
+    singly = []
+    monkeypatch.setattr(sharing, "solve_quietly", lambda *a, **k: singly.append(solve(*a, **k)) or singly[-1])
+    for most, left in ((max(counts), 0), (max(counts) - 1, 1), (min(counts) - 1, 2)):
+        singly.clear()
+        monkeypatch.setattr(schedule, "MAX_EVENTS", most)
+        found = solve_batch(BASE, columns)
+        assert len(singly) == left
+        np.testing.assert_allclose(found.end_time, [run.end_time for run in runs], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("call", [
+    lambda p: solve(p, duration=0.02),
+    lambda p: solve_at(p, np.array([0.01]), duration=0.02),
+    lambda p: solve_batch(p, {"heavy_mass": np.array([0.1])}, duration=0.02),
+])  # fmt: skip
+def test_a_warning_of_a_hand_over_points_at_who_asked(monkeypatch, call):
+    monkeypatch.setattr(heyoka_backend, "MAX_STEPS", 1)
+    monkeypatch.setattr(schedule, "MAX_STEPS", 1)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        call(TEN_TO_ONE)
+    (found,) = [w for w in caught if w.category is HandedOverWarning]
+    assert found.filename == __file__
+
+
+def test_what_is_compiled_is_compiled_once():
+    model = model_of(BASE.effects, numbers_of(BASE, {}))
+    for make in (
+        lambda: compiled.drop(model),
+        lambda: compiled.light_tension(model, Mode.SLIDING_DOWN),
+        lambda: compiled.rates(model, Mode.SLIDING_DOWN),
+        lambda: compiled.holding_margins(model),
+        lambda: compiled.impact(model, 1.0),
+        lambda: steps.stepper(model, Mode.SLIDING_DOWN, TOLERANCE),
+        lambda: roots._look(4),
+        lambda: roots._halves(4),
+    ):
+        assert make() is make()
