@@ -22,8 +22,8 @@ from looping_pendulum.reference_ode.batch.result import ENDS, HASH_START, BatchR
 from looping_pendulum.reference_ode.batch.steps import NONE, UNSURE, stepper
 from looping_pendulum.reference_ode.driver import MAX_EVENTS
 from looping_pendulum.reference_ode.parameters import Release
-from looping_pendulum.reference_ode.state import Effects, Signs, meaning
-from looping_pendulum.reference_ode.transitions import END_EVENTS, PHASE_EVENTS, Event, Mode
+from looping_pendulum.reference_ode.state import Effects
+from looping_pendulum.reference_ode.transitions import END_EVENTS, PHASE_EVENTS, PHASE_ZERO, Event, Mode
 
 AT_ONCE = 8192
 """Runs under way."""
@@ -184,9 +184,8 @@ class Schedule:
             if kind == _LOST:
                 self._fail(part)
             elif kind >= 0:
-                before = Mode(kind // (2 * len(step.events)))
-                phase = Signs(0.0, 0.0, 0.0, phase=float(kind % 2))
-                self._apply(part, before, meaning(step.events[kind // 2 % len(step.events)], phase))
+                before, watched = Mode(kind // (2 * len(step.events))), step.events[kind // 2 % len(step.events)]
+                self._apply(part, before, watched if kind % 2 else PHASE_ZERO.get(watched, watched))  # as `state.meaning`
         self._go_on(block)
 
     # Results

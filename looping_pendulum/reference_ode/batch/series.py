@@ -127,9 +127,9 @@ class Book:
         return self._hy.sum([self._expression(term) for term in terms])
 
     def square(self, a: Series, n: int, first: int) -> Any:
-        """Sum of a[j] a[n - j] over ``first`` <= j <= n - first."""
+        """Sum of a[j] a[n - j] over ``first`` <= j <= n - first, with ``first`` <= n / 2 or n odd."""
         half = self.product(a, a, range(first, (n + 1) // 2), n)
-        middle = a[n // 2] * a[n // 2] if n % 2 == 0 and n // 2 >= first else 0.0
+        middle = a[n // 2] * a[n // 2] if n % 2 == 0 else 0.0
         return 2.0 * half + middle
 
     def _expression(self, x: Any) -> Any:

@@ -1,0 +1,326 @@
+"""The small parts that every run is made of: what a state implies, how steps are stored, what may be asked for."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from looping_pendulum.reference_ode import parameters as parameter_module
+from looping_pendulum.reference_ode import scipy_backend, solution, state
+from looping_pendulum.reference_ode.closed_forms import HELD_PERIOD_NODES
+from looping_pendulum.reference_ode.driver import MAX_EVENTS, Driver
+from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
+from looping_pendulum.reference_ode.effects.properties import REST_SPEED
+from looping_pendulum.reference_ode.equations import event_functions
+from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.scipy_backend import CHECKS, DEGREE, ScipyIntegrator
+from looping_pendulum.reference_ode.solution import Part, Run, RunEvent, Segment, join
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, solve, solve_at
+from looping_pendulum.reference_ode.state import Signs, State, complete, follow, kinematics, meaning, own_variables, variables
+from looping_pendulum.reference_ode.transitions import END_EVENTS, PHASE_EVENTS, Event, Mode, next_mode
+from tests.apparatus import TEN_TO_ONE, TWO_TO_ONE
+
+BASE = TEN_TO_ONE.effects
+UP = Signs(slide=1.0, across=-1.0, heavy=-1.0, phase=1.0)
+TURNING = TEN_TO_ONE.replace(rod_mobility=1.0)
+SWINGING = TEN_TO_ONE.replace(heavy_swing=0.1)
+STRETCHING = TEN_TO_ONE.replace(string_compliance=1e-3)
+SIDEWAYS = TEN_TO_ONE.replace(push_sideways=0.1)
+
+# What a state implies
+
+
+def seen(p: Parameters, mode: Mode, y: State, signs: Signs = UP):
+    return kinematics(math, mode, 0.2, y, signs, p.values(), p.effects)
+
+
+def test_sizes_of_speeds_in_every_mode():
+    # Oracle: Pythagoras. What rests has no speed, whatever its entry of the state says.
+    y = State(0.5, 2.0, 3.0, -4.0, 3.0, 0.0)
+    up = seen(TEN_TO_ONE, Mode.SLIDING_UP, y)
+    assert (up.light_speed, up.across_speed_size, up.heavy_speed_size, up.slip) == (5.0, 4.0, 3.0, 3.0)
+    down = seen(TEN_TO_ONE, Mode.SLIDING_DOWN, y._replace(heavy_speed=-3.0), UP._replace(slide=-1.0))
+    assert (down.heavy_speed_size, down.slip) == (3.0, 3.0)
+    slack = seen(TEN_TO_ONE, Mode.SLACK, y._replace(heavy_speed=-2.0))
+    assert (slack.light_speed, slack.heavy_speed_size) == (5.0, 2.0)
+    held = seen(TEN_TO_ONE, Mode.STICKING, State(0.5, 2.0, 0.0, -4.0, 0.0, 0.0))
+    assert (held.light_speed, held.heavy_speed_size) == (4.0, 0.0)
+    rolling = seen(TURNING, Mode.ROLLING, y._replace(rod_speed=3.0), UP._replace(rod=1.0))
+    assert rolling.heavy_speed_size == 3.0
+    assert rolling.slip == 0.0
+    backwards = seen(TURNING, Mode.ROLLING, y._replace(heavy_speed=-3.0, rod_speed=-3.0), UP._replace(rod=-1.0))
+    assert backwards.heavy_speed_size == 3.0
+
+
+def test_what_only_some_effects_move_is_seen():
+    y = State(0.5, 2.0, 3.0, -4.0, 3.0, 0.01, 0.2, 1.5, 0.3, 12.0, 1.0, 1e-3, 2e-3)
+    sideways = seen(SIDEWAYS, Mode.SLIDING_UP, y)
+    assert sideways.light_speed == 13.0
+    assert sideways.sideways_speed == 12.0
+    path = math.hypot(0.5 + 2.0 * TEN_TO_ONE.rod_radius, 0.3)
+    assert sideways.hanging_length == pytest.approx(TEN_TO_ONE.string_length - path - 0.01, rel=1e-12)
+    swinging = seen(SWINGING, Mode.SLIDING_UP, y)
+    assert swinging.heavy_speed_size == pytest.approx(math.hypot(3.0, 1.5, REST_SPEED), rel=1e-12)
+    assert (swinging.heavy_tilt, swinging.heavy_across_speed, swinging.contact_angle) == (0.2, 1.5, 1.8)
+    turning = seen(TURNING, Mode.SLIDING_UP, y)
+    assert turning.slip == 2.0  # relative to the rod's surface
+    assert turning.heavy_speed_size == pytest.approx(math.hypot(3.0, REST_SPEED), rel=1e-12)
+    assert seen(STRETCHING, Mode.STICKING, y).heavy_speed_size == pytest.approx(math.hypot(3.0, REST_SPEED), rel=1e-12)
+    assert seen(STRETCHING, Mode.STICKING, y).light_speed == 5.0  # its string gives way though the rod holds it
+    assert seen(TEN_TO_ONE, Mode.STICKING, y).hanging_length is None
+
+
+def test_what_moves_in_a_mode():
+    resting, moving = (
+        {"free_length", "wrap_angle", "across_speed"},
+        {"free_length", "wrap_angle", "retreat_speed", "across_speed"},
+    )
+    whole = moving | {"heavy_speed", "slack"}
+    for mode in Mode:
+        expected = whole if mode.slack else moving if mode.string_moves else resting
+        assert set(variables(mode, BASE)) == expected
+        assert set(variables(mode, SIDEWAYS.effects)) >= expected | {"retreat_speed", "sideways", "sideways_speed"}
+        assert ("heavy_speed" in variables(mode, SIDEWAYS.effects)) is (mode.string_moves or mode.slack)
+        assert set(variables(mode, STRETCHING.effects)) == whole | {"light_stretch", "heavy_stretch"}
+        assert variables(mode, BASE) == tuple(name for name in State._fields if name in expected)  # in the state's order
+    assert own_variables(SWINGING.effects) == {"heavy_tilt", "heavy_across_speed"}
+
+
+def test_a_taut_strings_heavy_mass_moves_as_its_light_one_retreats():
+    given = {"free_length": 0.5, "wrap_angle": 2.0, "across_speed": 1.0}
+    assert complete(Mode.STICKING, **given) == State(0.5, 2.0, 0.0, 1.0, 0.0, 0.0)
+    assert complete(Mode.SLIDING_UP, retreat_speed=0.3, **given) == State(0.5, 2.0, 0.3, 1.0, 0.3, 0.0)
+    assert complete(Mode.ROLLING, retreat_speed=0.3, **given).heavy_speed == 0.3
+    assert complete(Mode.SLACK, retreat_speed=0.3, heavy_speed=-1.0, slack=0.1, **given) == State(0.5, 2.0, 0.3, 1.0, -1.0, 0.1)
+    assert complete(Mode.STICKING, retreat_speed=0.3, **given).heavy_speed == 0.0
+    for mode, names, follows in (
+        (Mode.SLIDING_UP, variables(Mode.SLIDING_UP, BASE), True),
+        (Mode.STICKING, variables(Mode.STICKING, BASE), False),
+        (Mode.SLIDING_UP, variables(Mode.SLIDING_UP, SIDEWAYS.effects), False),
+    ):
+        full = np.arange(2.0 * len(State._fields)).reshape(len(State._fields), 2)
+        before = full.copy()
+        follow(mode, names, full)
+        heavy, retreat = State._fields.index("heavy_speed"), State._fields.index("retreat_speed")
+        assert np.array_equal(full[heavy], before[retreat] if follows else before[heavy])
+        full[heavy] = before[heavy]
+        assert np.array_equal(full, before)
+
+
+def test_an_event_means_what_its_phase_says():
+    still = UP._replace(phase=0.0)
+    assert [meaning(e, still) for e in (Event.STOP, Event.TAUT, Event.UNWRAPPED)] == [
+        Event.SLOWS,
+        Event.CLOSES,
+        Event.UNWRAPPED,
+    ]
+    assert [meaning(e, UP) for e in (Event.STOP, Event.TAUT)] == [Event.STOP, Event.TAUT]
+    for event in (Event.ROD_CHANGES, Event.ROD_STOPS):
+        assert meaning(event, UP._replace(rod=-1.0)) is Event.ROD_SLOWS
+        assert meaning(event, UP._replace(rod=-1.0, rod_phase=1.0)) is event
+        assert meaning(event, UP) is event  # of a rod that does not turn
+
+
+def test_every_event_ends_a_mode_changes_it_or_leaves_it():
+    for event in END_EVENTS:
+        assert {next_mode(mode, event) for mode in Mode} == {Mode.ENDED}
+    for event in PHASE_EVENTS:
+        assert [next_mode(mode, event) for mode in Mode] == list(Mode)
+    assert not END_EVENTS & PHASE_EVENTS
+
+
+@pytest.mark.parametrize(("values", "watches"), [
+    ({}, False), ({"string_on_string": 0.1}, True), ({"string_thickness": 1e-4}, True), ({"friction_per_wrap": 0.1}, False),
+])  # fmt: skip
+def test_what_changes_its_law_at_a_full_turn_looks_for_it(values, watches):
+    p = TEN_TO_ONE.replace(**values)
+    y = State(0.5, 6.0, -0.1, 1.0, -0.1, 0.0)
+    found = event_functions(math, Mode.SLIDING_DOWN, 0.0, y, UP._replace(slide=-1.0), p.values(), p.effects)
+    assert (Event.FIRST_TURN in found) is watches
+
+
+def test_at_the_first_turn_a_string_steps_out_and_the_light_mass_stays():
+    """Oracle: continuity of the place of the light mass, of the string's length and of the direction of the string."""
+    p = TEN_TO_ONE.replace(string_thickness=2e-3)
+    driver = Driver(p, 1.0, 1e-10, "scipy")
+    driver.y = State(0.3, 2 * math.pi, -0.2, 1.5, -0.2, 0.0)
+    places, paths = [], []
+    for overlap in (0.0, 1.0, 0.0):
+        assert driver.signs.overlap == overlap
+        places.append(solution.light_place(math, driver.y, overlap, p))
+        paths.append(state.string_path(math, driver.y, overlap, driver.values, p.effects))
+        driver._follow(Event.FIRST_TURN)
+    np.testing.assert_allclose(places, np.broadcast_to(places[0], (3, 2)), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(paths, paths[0], rtol=1e-14)
+
+
+# Steps and samples
+
+
+def test_a_step_is_looked_at_where_its_polynomial_is_well_known():
+    # Oracle: NumPy's Chebyshev nodes, moved from (-1, 1) to (0, 1); and a polynomial that must come back.
+    np.testing.assert_allclose(scipy_backend._NODES, 0.5 + 0.5 * np.polynomial.chebyshev.chebpts1(DEGREE + 1), atol=1e-15)
+    assert CHECKS[0] == 0
+    assert CHECKS[-1] == 1
+    assert np.all(np.diff(CHECKS) > 0)
+    integrator = ScipyIntegrator(TEN_TO_ONE.values(), BASE, 1e-10)
+    names = variables(Mode.SLIDING_UP, BASE)
+    powers = np.random.default_rng(5).normal(size=(len(names), DEGREE + 1))
+
+    def dense(t):
+        return powers @ np.vander((t - 0.3) / 0.2, DEGREE + 1, increasing=True).T
+
+    found = integrator._polynomial(Mode.SLIDING_UP, names, dense, 0.3, 0.5)
+    rows = [State._fields.index(name) for name in names]
+    np.testing.assert_allclose(found[rows], powers, rtol=0, atol=1e-10)  # the nodes' Vandermonde matrix magnifies by 1e5
+    np.testing.assert_allclose(found[State._fields.index("heavy_speed")], found[State._fields.index("retreat_speed")])
+
+
+def test_the_first_of_two_events_in_a_step_is_found():
+    # w = 1 - 4 x falls through zero at a quarter of the step, l at three quarters of it, on its way down
+    integrator = ScipyIntegrator(TEN_TO_ONE.values(), BASE, 1e-10)
+    polynomial = np.zeros((len(State._fields), DEGREE + 1))
+    for name, start, slope in (("free_length", TEN_TO_ONE.end_length + 0.3, -0.4), ("across_speed", 1.0, -4.0)):
+        polynomial[State._fields.index(name), :2] = start, slope
+    polynomial[State._fields.index("wrap_angle"), 0] = 0.5
+    signs = Signs(-1.0, 1.0, -1.0, 1.0)
+    assert integrator._first_event(Mode.FALLING, (0.0, 1.0), polynomial, signs) == (Event.ACROSS_REVERSES, pytest.approx(0.25))
+    assert integrator._first_event(Mode.FALLING, (0.0, 1.0), polynomial, signs._replace(across=-1.0)) == (
+        Event.LIGHT_REACHES_ROD,
+        pytest.approx(0.75),
+    )
+
+
+def test_a_segment_is_sampled_at_its_edges_and_between():
+    # Two steps of different lengths, of t^2 each: powers of the fraction of a step
+    edges = np.array([1.0, 1.5, 3.5])
+    full = np.zeros((2, len(State._fields), 3))
+    for step, (start, length) in enumerate(zip(edges, np.diff(edges), strict=False)):
+        full[step, 0] = start**2, 2 * start * length, length**2
+    segment = Segment(mode=Mode.STICKING, signs=UP, times=edges, coefficients=full)
+    t = np.array([1.0, 1.2, 1.5, 2.0, 3.5])
+    np.testing.assert_allclose(segment.sample(t).values[0], t**2, rtol=1e-14)
+    assert segment.sample(t).values.shape == (len(State._fields), 5)
+
+
+def test_parts_are_joined_in_order():
+    parts = [
+        Part(mode=mode, signs=UP._replace(phase=phase), t=np.array(t), values=np.full((len(State._fields), len(t)), phase))
+        for mode, phase, t in ((Mode.SLIDING_DOWN, 0.0, [0.0, 0.1]), (Mode.STICKING, 1.0, [0.2]), (Mode.SLACK, 2.0, []))
+    ]
+    samples = join(SimpleNamespace(), parts)
+    assert samples.t.tolist() == [0.0, 0.1, 0.2]
+    assert samples.mode.tolist() == [Mode.SLIDING_DOWN, Mode.SLIDING_DOWN, Mode.STICKING]
+    assert samples.signs.phase.tolist() == [0.0, 0.0, 1.0]
+    assert samples.state.free_length.tolist() == [0.0, 0.0, 1.0]
+
+
+def run_of(*events: tuple[Event | None, Mode, Mode, float]) -> Run:
+    """Runs whose k-th event is at k s; the last number is the rod's speed after it."""
+    y = State(0.5, 2.0, 0.0, 1.0, 0.0, 0.0)
+    made = [
+        RunEvent(event=e, time=float(k), mode_before=before, mode_after=after, state=y._replace(rod_speed=rod))
+        for k, (e, before, after, rod) in enumerate(events)
+    ]
+    return Run(parameters=TEN_TO_ONE, integrator="", tolerance=0.0, events=tuple(made))
+
+
+def test_the_halt_is_the_last_stop_of_a_run_that_ends_at_rest_at_the_rod():
+    down, stick, up = Mode.SLIDING_DOWN, Mode.STICKING, Mode.SLIDING_UP
+    begun = (None, down, down, 0.0)
+    stop, reverses = (Event.STOP, down, stick, 0.0), (Event.ACROSS_REVERSES, stick, stick, 0.0)
+    run = run_of(begun, stop, reverses, (Event.LIGHT_REACHES_ROD, stick, Mode.ENDED, 0.0))
+    assert run.halting_time == 1.0
+    assert run.halt is run.events[1]
+    assert run.stops == (1.0,)
+    assert run.modes == (down, stick, Mode.ENDED)
+    assert (run.end.event, run.end_time) == (Event.LIGHT_REACHES_ROD, 3.0)
+    for last in ((Event.TIME_UP, stick, Mode.ENDED, 0.0), (Event.LIGHT_REACHES_ROD, up, Mode.ENDED, 0.0)):
+        assert run_of(begun, stop, last).halt is None
+        assert run_of(begun, stop, last).halting_time is None
+    turning = run_of(begun, (Event.STOP, down, Mode.ROLLING, -0.5), (Event.ROD_STOPS, Mode.ROLLING, stick, 0.0))
+    assert turning.stops == (2.0,)  # a string that stops on a rod that turns goes on with it
+
+
+def test_a_swinging_heavy_mass_is_where_its_string_ends():
+    """Oracle: the tangent from the rod at the tilt, as long as what hangs; at release, h at the angle phi."""
+    p = TEN_TO_ONE.replace(heavy_swing=0.3, hanging_length=0.2)
+    samples = solve_at(p, np.array([0.0, 0.1]), duration=0.11, integrator="scipy", tolerance=1e-9)
+    s = samples.state
+    fed = p.free_length + p.rod_radius * p.release_angle - s.free_length - p.rod_radius * s.wrap_angle
+    length = 0.2 + p.rod_radius * (s.heavy_tilt - 0.3) + fed
+    foot = p.rod_radius * np.stack([np.cos(s.heavy_tilt), np.sin(s.heavy_tilt)], axis=1)
+    down = np.stack([np.sin(s.heavy_tilt), -np.cos(s.heavy_tilt)], axis=1)
+    np.testing.assert_allclose(samples.heavy_position, foot + length[:, None] * down, rtol=0, atol=1e-14)
+    assert s.heavy_tilt[0] == 0.3
+
+
+def test_times_are_sampled_from_release_to_end_and_no_others():
+    run = solve(TEN_TO_ONE, duration=0.1, integrator="scipy", tolerance=1e-8)
+    for t in ([-1e-9], [0.1 + 1e-9]):
+        with pytest.raises(ValueError, match="the run covers 0 to 0.1 s"):
+            run.sample(np.array(t))
+    assert run.sample(np.array([0.0, 0.1])).t.tolist() == [0.0, 0.1]
+    assert run.sample(np.zeros(0)).light_position.shape == (0, 2)
+    beyond = solve_at(TEN_TO_ONE, np.array([0.0, 5e-7, 0.05, 0.1, 0.2]), duration=0.1, integrator="scipy", tolerance=1e-8)
+    assert beyond.t.tolist() == [0.0, 5e-7, 0.05, 0.1]
+    np.testing.assert_allclose(beyond.light_position, run.sample(beyond.t).light_position, rtol=0, atol=1e-14)
+
+
+def test_an_unknown_integrator_is_refused():
+    with pytest.raises(ValueError, match="integrator: found 'euler', needed 'heyoka', 'scipy' or 'auto'"):
+        solve(TEN_TO_ONE, integrator="euler")
+
+
+def test_a_tolerance_below_what_dop853_can_keep_is_taken_as_that():
+    t = np.linspace(0, 0.1, 3)
+    fine, finest = (solve_at(TEN_TO_ONE, t, duration=0.1, integrator="scipy", tolerance=x) for x in (1e-13, 1e-16))
+    assert np.array_equal(fine.light_position, finest.light_position)
+
+
+def test_what_is_known_of_effects_is_found_once():
+    for find in (
+        lambda: own_variables(SWINGING.effects),
+        lambda: variables(Mode.SLACK, SWINGING.effects),
+        lambda: parameter_module._acting(frozenset({"heavy_swing"}), SWINGING.release),
+    ):
+        assert find() is find()
+
+
+def test_defaults_are_those_of_the_documentation():
+    assert (TOLERANCE, DURATION) == (1e-12, 5.0)
+    assert MAX_EVENTS >= 1000  # 2:1 runs have some dozens
+    assert HELD_PERIOD_NODES >= 50
+    assert solve(TWO_TO_ONE, duration=0.01, integrator="scipy").tolerance == TOLERANCE
+
+
+# What may be asked for
+
+BOUNDS = {
+    "gravity": (0, 100), "kinetic_friction": (0, 5), "static_friction": (0, 10), "light_drag": (0, 1), "heavy_drag": (0, 1),
+    "string_drag": (0, 1), "light_linear_drag": (0, 1), "heavy_linear_drag": (0, 10), "attitude_drag": (-1, 100),
+    "wind_speed": (-20, 20), "side_force": (-10, 10), "side_stiffness": (-10, 10), "friction_per_speed": (-0.1, 10),
+    "friction_per_wrap": (-0.05, 1), "string_on_string": (0, 5), "push_across": (-20, 20), "push_along": (-20, 20),
+    "string_density": (0, 0.1), "string_thickness": (0, 0.01), "heavy_swing": (-1.2, 1.2), "push_sideways": (-5, 5),
+    "rod_mobility": (0, 1e4), "bearing_friction": (0, 100), "string_compliance": (0, 0.1), "string_loss_time": (0, 0.1),
+}  # fmt: skip
+"""What scenario files may hold, since 2026: a file that was valid must stay so, and a slip of a unit must be refused."""
+
+
+def test_bounds_are_those_that_scenario_files_rely_on():
+    found = {name: c.bounds for name, c in COEFFICIENTS.items() if not name.startswith("closure_")}
+    assert found == BOUNDS
+    for name in set(COEFFICIENTS) - set(BOUNDS):
+        assert COEFFICIENTS[name].bounds == (-1e6, 1e6)
+    assert {name: c.default for name, c in COEFFICIENTS.items() if c.default} == {"gravity": 9.81}
+    assert {c.null for c in COEFFICIENTS.values()} == {0.0}
+
+
+def test_effects_that_need_a_string_are_those_of_string_and_rod():
+    without = {e.name for e in TEN_TO_ONE.replace(release="drop").effects}
+    assert without == {"gravity", "capstan", "light_drag", "heavy_drag"}
+    needing = {e.name for e in EFFECTS.values() if e.needs_string}
+    assert needing == {"string_drag"} | {e.name for e in EFFECTS.values() if e.kind.name == "PROPERTY"}
