@@ -1,0 +1,262 @@
+"""Tube, acceleration and metrics where geometry or a few numbers say what they must be."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from looping_pendulum.compare import compare
+from looping_pendulum.compare.align import Aligned, align, sample_truth
+from looping_pendulum.compare.landmarks import run_landmarks
+from looping_pendulum.compare.metrics import (
+    TUBE,
+    acceleration,
+    acceleration_error,
+    departures,
+    drag_acts,
+    growth_rate,
+    metrics,
+    rms_until,
+    tube,
+)
+from looping_pendulum.compare.result import Departure, Landmarks, Rebound
+from looping_pendulum.compare.tolerances import _keeps, judge
+from looping_pendulum.engines.trajectory import TrajectoryEvent
+from looping_pendulum.reference_ode.parameters import Release
+from tests.compare.conftest import PARAMETERS
+
+
+@pytest.fixture
+def straight(truth):
+    """A truth whose light mass moves along x at 1 m/s."""
+
+    def sample(t, end=1.1):
+        run = truth(t, end)
+        return dataclasses.replace(run, light_position=np.column_stack([run.t, np.zeros_like(run.t)]))
+
+    return sample
+
+
+def beside(make_run, ahead, aside, until=0.1):
+    """A run that is so far ahead of that truth, and to its side [m]."""
+    run = make_run(until=until)
+    place = np.column_stack([run.t + ahead, np.full_like(run.t, aside)])
+    return dataclasses.replace(run, light_position=place)
+
+
+@pytest.mark.parametrize(
+    ("ahead", "aside", "inside"),
+    [
+        (0.0, 4.9e-3, True), (0.0, -5.1e-3, False), (4.9e-3, 4.9e-3, True), (-4.9e-3, -4.9e-3, True), (4.9e-3, 5.1e-3, False),
+        (9.9e-3, 0.0, True), (10.1e-3, 0.0, False), (-9.9e-3, 0.0, True), (-10.1e-3, 0.0, False),
+        (8.5e-3, 3.5e-3, True), (8.6e-3, 3.6e-3, False), (-8.5e-3, 3.5e-3, True), (-8.6e-3, 3.6e-3, False),
+    ],
+)  # fmt: skip
+def test_the_tube_is_a_stadium_of_5_ms_of_path_and_5_mm_around_it(make_run, straight, ahead, aside, inside):
+    """Oracle: at 1 m/s the path within 5 ms is 5 mm long to either side; around its ends lie half-discs of 5 mm."""
+    run = beside(make_run, ahead, aside)
+    found = tube(align(run, straight), straight)
+    away = run.t >= 5e-3  # the path begins at the release: before 5 ms there is less of it behind
+    count = int(away.sum())
+    assert found.compared == 101
+    assert (found.half_time, found.half_width) == TUBE == (5e-3, 5e-3)
+    if inside:
+        assert found.fraction >= count / 101
+    else:
+        assert found.fraction <= 1 - count / 101
+
+
+def test_the_tube_between_its_points_is_a_chord(make_run, straight):
+    # Across by just less than the half-width: only the chord comes so near between two of its points, 0.5 mm apart.
+    for ahead in (0.0, 1e-4, 2.5e-4, 4e-4):
+        near = beside(make_run, ahead, 4.9999e-3)
+        assert tube(align(near, straight), straight).fraction == 1.0
+    wide = beside(make_run, 0.0, 0.0199)
+    assert tube(align(wide, straight), straight, half_width=0.02).fraction == 1.0
+    assert tube(align(beside(make_run, 0.029, 0.0), straight), straight, half_time=0.025).first_exit is None
+
+
+def test_the_first_exit_is_the_first_sample_outside(make_run, straight):
+    run = beside(make_run, 0.0, 0.0)
+    run.light_position[40:60, 1] = 6e-3
+    found = tube(align(run, straight), straight)
+    assert found.first_exit == pytest.approx(0.040)
+    assert found.fraction == pytest.approx(81 / 101)
+
+
+def test_at_the_ends_of_the_truth_its_path_is_a_point(make_run, straight):
+    def short(t):
+        return straight(t, end=0.05)
+
+    found = tube(align(beside(make_run, 4.9e-3, 0.0), short), short)
+    assert (found.compared, found.fraction) == (51, 1.0)
+    behind = tube(align(beside(make_run, 5.5e-3, 0.0), short), short)
+    # Ahead by 5.5 mm: only the last sample of the truth has no more path ahead than itself.
+    assert behind.fraction == pytest.approx(50 / 51)
+    assert behind.first_exit == pytest.approx(0.050)
+
+
+@pytest.mark.parametrize(
+    ("t", "fallen", "found"),
+    [((0, 1, 2), (0, 1, 4), 2.0), ((0, 1, 2), (0, 1, 5), 42 / 17), ((0, 1, 2), (3, 1, 4), 2.0), ((0,), (0,), None),
+     ((0, 1), (0, math.nan), None), ((), (), None)],
+)  # fmt: skip
+def test_the_acceleration_is_of_least_squares_through_rest(t, fallen, found):
+    """Oracle: the sum of d t^2 over half of that of t^4."""
+    assert acceleration(np.array(t, dtype=float), np.array(fallen, dtype=float)) == (
+        None if found is None else pytest.approx(found)
+    )
+
+
+@pytest.mark.parametrize(("samples", "known"), [(2, False), (3, True)])
+def test_an_acceleration_needs_three_samples_beside_the_truth(make_run, truth, closed_form, samples, known):
+    vertical = closed_form.parameters.replace(release=Release.VERTICAL)
+    aligned = align(make_run(until=1e-3 * (samples - 1)), truth)
+    assert (acceleration_error(aligned, vertical) is not None) is known
+    gone = make_run()
+    gone.heavy_position[samples:] = np.nan
+    assert (acceleration_error(align(gone, truth), vertical) is not None) is known
+
+
+def test_drag_is_what_makes_no_acceleration_constant(closed_form):
+    assert not drag_acts(closed_form.parameters)
+    assert drag_acts(closed_form.parameters.replace(light_drag=1e-4))
+    assert not drag_acts(closed_form.parameters.replace(kinetic_friction=0.5)), "friction is no force of the air"
+
+
+def test_with_drag_an_engine_that_falls_faster_than_the_truth_has_a_positive_error(closed_form, truth, make_run):
+    parameters = closed_form.parameters.replace(release=Release.VERTICAL, heavy_drag=1e-3)
+    run = make_run()
+    height = run.heavy_position[:, 1]
+    faster = np.column_stack([run.heavy_position[:, 0], height[0] + 1.02 * (height - height[0])])
+    aligned = align(dataclasses.replace(run, heavy_position=faster), truth)
+    assert acceleration_error(aligned, parameters) == pytest.approx(0.02, abs=1e-9)
+
+
+@pytest.mark.parametrize(("until", "known"), [(0.35 - 0.9e-6, True), (0.35 - 1.1e-6, False)])
+def test_a_run_that_ends_within_a_microsecond_of_a_mark_has_reached_it(make_run, truth, times, until, known):
+    run = make_run(until=0.35)
+    moved = dataclasses.replace(run, t=np.append(run.t[:-1], until))
+    aligned = Aligned(run=moved, truth=sample_truth(truth, run.t))
+    assert (rms_until(aligned, 0.35) is not None) is known
+
+
+def test_the_rms_takes_every_sample_up_to_the_mark_and_none_beyond(make_run, truth):
+    run = make_run()
+    run.light_position[351:] += 1.0
+    assert rms_until(align(run, truth), 0.35) == pytest.approx(0.0, abs=1e-12)
+    run.light_position[350] += (3.0, 4.0)
+    assert rms_until(align(run, truth), 0.35) == pytest.approx(5 / math.sqrt(351), rel=1e-9)
+
+
+def test_without_a_string_a_departure_is_neither_along_nor_across(make_run, truth):
+    run = make_run(shift=(2e-3, 0.0))
+    bare = dataclasses.replace(run, free_length=np.full_like(run.t, np.nan), wrap_angle=np.full_like(run.t, np.nan))
+    bare = dataclasses.replace(bare, string_stretch=np.full_like(run.t, np.nan))
+    (found,) = departures(align(bare, truth), ())
+    assert (found.along, found.across, found.stretch, found.time) == (0.0, 0.0, None, 0.0)
+
+
+def test_a_departure_is_after_the_last_event_up_to_it(make_run, truth):
+    run = make_run()
+    run.light_position[400:] += (2e-3, 0.0)
+    names = [("slack", 0.1), ("taut", 0.4), ("unwrapped", 0.401), ("stop", 0.2)]
+    (found,) = departures(align(run, truth), tuple(TrajectoryEvent(name=name, time=time) for name, time in names))
+    assert (found.after, found.after_time, found.time) == ("taut", 0.4, pytest.approx(0.4))
+    run.string_stretch[400] = -3e-3
+    run.string_stretch[401] = 9e-3
+    (found,) = departures(align(run, truth), ())
+    assert found.stretch == 3e-3, "what it stretches later is no cause"
+
+
+def gone(threshold, time):
+    return Departure(threshold=threshold, time=time, mode="", after="release", after_time=0.0, along=0.0, across=0.0, heavy=0.0)
+
+
+def test_growth_needs_two_departures_at_two_times():
+    assert growth_rate((gone(1e-3, 0.5), gone(1e-2, 0.7))) == pytest.approx(math.log(10) / 0.2)
+    assert growth_rate((gone(1e-3, 0.5),)) is None
+    assert growth_rate((gone(1e-3, 0.5), gone(1e-2, 0.5))) is None
+    assert growth_rate(()) is None
+
+
+def said(make_run, truth, own, true, comparable=True):
+    aligned = align(make_run(), truth)
+    return metrics(aligned, PARAMETERS, own, true, tube(aligned, truth), comparable=comparable)
+
+
+AT = Landmarks(halting_time=0.4, drop_at_halt=0.3, wrap_angle_at_halt=5.0, free_length_at_halt=0.2)
+
+
+def test_errors_at_the_halt_are_own_less_true(make_run, truth):
+    rebound = Rebound(travel=2e-3, speed=1.0)
+    own = Landmarks(
+        halting_time=0.41, drop_at_halt=0.32, wrap_angle_at_halt=5.3, free_length_at_halt=0.24, rebound=rebound
+    )  # fmt: skip
+    found = said(make_run, truth, own, AT)
+    names = ("halting_time_error", "drop_error", "wrap_angle_error", "free_length_error")
+    assert [found[name] for name in names] == pytest.approx([0.01, 0.02, 0.3, 0.04])
+    assert found["rebound"] == 2e-3
+    assert said(make_run, truth, AT, AT)["rebound"] is None
+    for pair in ((own, Landmarks()), (Landmarks(), AT)):
+        assert [said(make_run, truth, *pair)[name] for name in names] == [None] * 4
+    assert [said(make_run, truth, own, AT, comparable=False)[name] for name in names] == [None] * 4
+    nowhere = dataclasses.replace(own, wrap_angle_at_halt=math.nan, drop_at_halt=None)
+    found = said(make_run, truth, nowhere, AT)
+    assert (found["wrap_angle_error"], found["drop_error"]) == (None, None)
+    assert found["halting_time_error"] == pytest.approx(0.01)
+
+
+def test_a_run_that_ends_in_nonsense_is_judged_up_to_there(scenario, truth, make_run, closed_form):
+    run = make_run()
+    run.string_stretch[:] = 1e-4
+    run.light_position[500:] = np.nan
+    run.string_stretch[600] = 5.0
+    (engine,) = compare(scenario, truth, [run]).engines
+    assert engine.metrics["simulated_time"] == pytest.approx(0.499)
+    assert engine.metrics["string_stretch"] == 1e-4
+    assert engine.samples == 1051
+    assert run_landmarks(run, closed_form.parameters).halting_time == pytest.approx(closed_form.halt, abs=1e-6)
+    none = make_run()
+    none.light_position[:] = np.nan
+    (engine,) = compare(scenario, truth, [none]).engines
+    assert (engine.metrics["simulated_time"], engine.metrics["string_stretch"], engine.end_time) == (None, None, None)
+
+
+# ---- tolerances
+
+
+@pytest.mark.parametrize(
+    ("metric", "value", "kept"),
+    [("drop_error", 1.0, True), ("drop_error", -1.0, True), ("drop_error", 1.01, False), ("tube_fraction", 1.0, True),
+     ("tube_fraction", 0.99, False), ("simulated_time", 1.01, True)],
+)  # fmt: skip
+def test_just_the_limit_is_kept(limit, metric, value, kept):
+    assert _keeps(limit(metric, 1.0), value) is kept
+
+
+def test_a_limit_is_for_one_engine_in_one_profile(scenario, truth, make_run, limit):
+    (engine,) = compare(scenario, truth, [make_run()]).engines
+    others = [
+        limit("drop_error", 1.0, engine="pymunk:other"),
+        dataclasses.replace(limit("drop_error", 1.0), profile="accurate"),
+    ]
+    assert judge(others, [engine]) == ()
+    (judged,) = judge([*others, limit("drop_error", 2.0)], [engine])
+    assert judged.limit == 2.0
+
+
+def test_a_missing_value_says_why(scenario, truth, make_run, limit):
+    (engine,) = compare(scenario, truth, [make_run()]).engines
+    blank = dataclasses.replace(engine, metrics=dict.fromkeys(engine.metrics))
+    one = limit("drop_error", 1.0)
+    why = [
+        judge([one], [dataclasses.replace(blank, **fields)])[0].explanation
+        for fields in ({"ok": False, "not_comparable": "short"}, {"not_comparable": "short"}, {}, {"available": False})
+    ]
+    assert why[:2] == [f"no value: {engine.status_sentence}", "no value: short"]
+    assert why[2] == "no value: the run or the truth does not reach what it measures"
+    assert why[3] == engine.status_sentence
