@@ -3,7 +3,10 @@ import math
 import numpy as np
 import pytest
 
+from looping_pendulum.errors import MissingPackageError
+from looping_pendulum.reference_ode import extended
 from looping_pendulum.reference_ode.extended import TOLERANCES, solve_extended
+from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios.loader import load
@@ -38,6 +41,18 @@ def test_a_frictionless_drop_is_a_fall():
     fall = run.parameters.free_length - run.parameters.end_length  # the light mass rises to the rod
     acceleration = 9.81 * (0.2 - 0.02) / (0.2 + 0.02)
     assert float(run.end_time) == pytest.approx(math.sqrt(2 * fall / acceleration), rel=1e-12)
+
+
+def test_a_precision_is_that_of_its_numbers(monkeypatch):
+    # Oracle: what the names say. 64 bits of fraction in 80 (x86's), 113 in 128 (IEEE's quadruple).
+    hy = load_heyoka()
+    if "real128" in dir(hy):
+        assert extended._kind("128-bit") is hy.real128
+        monkeypatch.delattr(hy, "real128")
+    if np.finfo(np.longdouble).nmant >= 63:
+        assert extended._kind("80-bit") is np.longdouble
+    with pytest.raises(MissingPackageError, match="128-bit numbers are not available"):
+        extended._kind("128-bit")
 
 
 def test_an_unknown_precision_is_refused():

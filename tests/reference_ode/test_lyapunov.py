@@ -1,10 +1,11 @@
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from looping_pendulum.errors import ParameterError
-from looping_pendulum.reference_ode.lyapunov import SEEN, solve_stretching
+from looping_pendulum.reference_ode.lyapunov import SEEN, Stretching, solve_stretching
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
 from looping_pendulum.reference_ode.solve import solve, solve_at
@@ -94,6 +95,18 @@ def test_growth_does_not_depend_on_the_masses_when_the_ratio_stays_and_there_is_
     t = np.linspace(0.1, 0.9, 5)
     heavier = p.replace(light_mass=7 * p.light_mass, heavy_mass=7 * p.heavy_mass)
     np.testing.assert_allclose(solve_stretching(p, t).growth, solve_stretching(heavier, t).growth, rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize(("gravity", "speed"), [(9.81, 2.385), (1.6, 0.9633), (0.0, 2.385)])
+def test_differences_are_measured_in_lengths_and_speeds_of_the_apparatus(gravity, speed):
+    # Oracle: l0 and sqrt(g l0) by hand; weightless, speeds still need a scale, and the usual g gives it
+    p = apparatus(coefficients={"gravity": gravity})
+    run = SimpleNamespace(run=SimpleNamespace(parameters=p))
+    empty = np.zeros((0, 0))
+    scales = Stretching(samples=run, names=(), start=empty, state=empty).scales
+    by_name = dict(zip(SEEN, scales, strict=True))
+    assert {by_name[n] for n in ("x1", "y1", "y2")} == {LENGTH}
+    assert [by_name[n] for n in ("vx1", "vy1", "vy2")] == pytest.approx([speed] * 3, rel=1e-3)
 
 
 def test_an_effect_with_a_state_of_its_own_is_refused():

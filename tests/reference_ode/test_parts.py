@@ -258,6 +258,20 @@ def test_a_swinging_heavy_mass_is_where_its_string_ends():
     assert s.heavy_tilt[0] == 0.3
 
 
+@pytest.mark.parametrize("values", [{}, {"heavy_swing": 0.3}, {"string_thickness": 2e-3, "string_on_string": 0.1}])
+def test_sampled_velocities_are_the_derivatives_of_sampled_places(values):
+    # Bound: differences over 2e-4 s err by h^2 / 6 of the third derivative, about 1e4 m/s^3 late in a run
+    p = TEN_TO_ONE.replace(**values)
+    run = solve(p, duration=0.6, integrator="scipy", tolerance=1e-10)
+    t = np.linspace(0.05, 0.59, 40)
+    t, h = t[np.abs(t[:, None] - [e.time for e in run.events]).min(axis=1) > 1e-3], 1e-4
+    before, now, after = (run.sample(t + k * h) for k in (-1, 0, 1))
+    for place, velocity in (("light_position", "light_velocity"), ("heavy_position", "heavy_velocity")):
+        slope = (getattr(after, place) - getattr(before, place)) / (2 * h)
+        np.testing.assert_allclose(slope, getattr(now, velocity), rtol=0, atol=1e-4)
+    assert run.sample(np.zeros(1)).state.wrap_angle[0] < 2 * math.pi < run.end.state.wrap_angle
+
+
 def test_times_are_sampled_from_release_to_end_and_no_others():
     run = solve(TEN_TO_ONE, duration=0.1, integrator="scipy", tolerance=1e-8)
     for t in ([-1e-9], [0.1 + 1e-9]):
