@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
+from looping_pendulum.errors import IntegrationError
 from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.driver import NO_TENSION, ROUNDING, START, TINY, Driver
-from looping_pendulum.reference_ode.solve import solve
+from looping_pendulum.reference_ode.solve import solve, solve_at
 from looping_pendulum.reference_ode.state import Signs, State, own_variables
 from looping_pendulum.reference_ode.transitions import Event, Mode
 from tests.apparatus import TEN_TO_ONE, TWO_TO_ONE
@@ -291,3 +292,98 @@ def test_a_rod_that_turns_rolls_slides_and_rests():
         assert a.time == pytest.approx(b.time, abs=1e-5)
         if a.event is Event.ROD_STOPS:
             assert max(map(abs, (a.state.heavy_speed, a.state.retreat_speed, a.state.rod_speed))) <= TINY
+
+
+# What follows an event on a rod that turns
+
+ROD = {"rod_mobility": 1.0, "bearing_friction": 0.2}
+
+
+def turning(mode: Mode, event: Event, rod_speed: float, slide: float = -1.0, heavy: float = -0.7, **changes) -> Driver:
+    """A driver just after ``event`` in ``mode``."""
+    driver = released(**ROD | changes)
+    heavy = rod_speed if mode is Mode.ROLLING or event is Event.STOP else heavy
+    retreat = heavy if mode.string_moves else 0.0
+    driver.y = driver.y._replace(retreat_speed=retreat, heavy_speed=heavy, rod_speed=rod_speed, across_speed=1.0)
+    sign = math.copysign(1.0, rod_speed) if rod_speed else 0.0
+    driver.signs = driver.signs._replace(slide=slide, across=1.0, phase=1.0, rod=sign, rod_phase=1.0 if rod_speed else 0.0)
+    driver.mode = mode
+    assert driver._follow(event) is False
+    return driver
+
+
+@pytest.mark.parametrize("slide", [1.0, -1.0])
+def test_a_rod_begins_to_turn_the_way_the_string_slides(slide):
+    mode = Mode.SLIDING_UP if slide > 0 else Mode.SLIDING_DOWN
+    driver = turning(mode, Event.ROD_CHANGES, 0.0, slide, heavy=0.7 * slide)
+    assert (driver.mode, driver.signs.rod, driver.signs.rod_phase) == (mode, slide, 0.0)
+    assert driver.y.rod_speed == slide * TINY
+    assert driver.y.heavy_speed == 0.7 * slide
+
+
+@pytest.mark.parametrize(("bearing", "rod"), [(0.02, -1.0), (5.0, 0.0)])
+def test_a_rod_that_stops_under_a_sliding_string_turns_its_way_or_rests(bearing, rod):
+    # It turned up, and the string slides down: its friction, (exp(mu theta) - 1) T1 of about 0.05 N, takes it along, or not
+    driver = turning(Mode.SLIDING_DOWN, Event.ROD_CHANGES, 0.3, bearing_friction=bearing)
+    assert driver.mode is Mode.SLIDING_DOWN
+    assert (driver.signs.rod, driver.y.rod_speed) == (rod, rod * TINY)
+
+
+@pytest.mark.parametrize(("event", "sign"), [(Event.ROD_YIELDS_UP, 1.0), (Event.ROD_YIELDS_DOWN, -1.0)])
+def test_a_bearing_that_yields_lets_the_string_roll(event, sign):
+    driver = turning(Mode.STICKING, event, 0.0, heavy=0.0)
+    assert (driver.mode, driver.signs.rod, driver.y.rod_speed) == (Mode.ROLLING, sign, sign * TINY)
+
+
+def test_a_rod_that_slows_is_watched_for_its_stop():
+    driver = turning(Mode.ROLLING, Event.ROD_SLOWS, -0.3)
+    assert (driver.mode, driver.signs.rod, driver.signs.rod_phase, driver.y.rod_speed) == (Mode.ROLLING, -1.0, 1.0, -0.3)
+
+
+@pytest.mark.parametrize(
+    ("static", "mode"),
+    [(5.0, Mode.ROLLING), (0.34, Mode.SLIDING_DOWN)],
+)
+def test_a_string_that_stops_on_a_turning_rod_has_its_speed(static, mode):
+    # T1 is 0.05 N and T2 0.98 N: held by friction of 5 it goes on with the rod, by that of 0.34 it slides on
+    driver = turning(Mode.SLIDING_DOWN, Event.STOP, -0.3, static_friction=static)
+    assert driver.mode is mode
+    assert driver.y.heavy_speed == driver.y.retreat_speed == driver.y.rod_speed == -0.3
+    assert driver.signs.rod_phase == 1.0
+
+
+def test_what_rolls_stops_altogether():
+    driver = turning(Mode.ROLLING, Event.ROD_STOPS, -0.3, static_friction=5.0, bearing_friction=50.0)
+    assert driver.mode is Mode.STICKING
+    assert driver.y.heavy_speed == driver.y.retreat_speed == driver.y.rod_speed == driver.signs.rod == 0
+
+
+def test_a_string_breaks_away_from_a_rolling_rod_with_its_speed():
+    for event, mode, slide in ((Event.BREAKS_DOWN, Mode.SLIDING_DOWN, -1.0), (Event.BREAKS_UP, Mode.SLIDING_UP, 1.0)):
+        driver = turning(Mode.ROLLING, event, -0.3)
+        assert (driver.mode, driver.signs.slide, driver.signs.phase) == (mode, slide, 0.0)  # relative to the rod it rests
+        assert driver.y.heavy_speed == driver.y.rod_speed == -0.3
+
+
+@pytest.mark.parametrize("solver", [solve, lambda p, **o: solve_at(p, np.array([0.0, 0.1]), **o)])
+def test_a_run_whose_events_do_not_end_says_where(monkeypatch, solver):
+    monkeypatch.setattr("looping_pendulum.reference_ode.driver.MAX_EVENTS", 2)
+    with pytest.raises(IntegrationError, match=r"more than 2 events at t = 0\.\d+ s, in mode \w+"):
+        solver(TWO_TO_ONE, integrator="scipy", tolerance=1e-8)
+    monkeypatch.setattr("looping_pendulum.reference_ode.scipy_backend.MAX_STEPS", 3)
+    with pytest.raises(IntegrationError, match="sliding_down: no event within 3 steps"):
+        solver(TWO_TO_ONE, integrator="scipy", tolerance=1e-8)
+
+
+def test_a_stretching_string_that_tightens_pulls_evenly_again():
+    driver = released(string_compliance=2e-3, hanging_length=0.2)
+    driver.y = State(0.4, 2.0, 0.3, 1.0, -0.3, 0.01, light_stretch=2e-3, heavy_stretch=-1e-3)
+    driver.mode, driver.signs = Mode.SLACK, driver.signs._replace(phase=1.0)
+    whole = driver.y.light_stretch + driver.y.heavy_stretch
+    driver._follow(Event.TAUT)
+    assert not driver.mode.slack
+    assert driver.y.light_stretch + driver.y.heavy_stretch == pytest.approx(whole, rel=1e-12)
+    light = 0.4 + 2 * 0.00625 - 2e-3  # unstretched
+    ratio = light / (driver.parameters.string_length - light)
+    assert driver.y.light_stretch / driver.y.heavy_stretch == pytest.approx(ratio, rel=1e-12)
+    assert (driver.y.retreat_speed, driver.y.heavy_speed) == (0.3, -0.3)  # springs: nothing jumps
