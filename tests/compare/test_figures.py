@@ -239,6 +239,8 @@ def test_measured_drops_need_a_time_and_a_height(compared):
         row(-0.3, quantity="height_change_at_halt", unit="m"), row(0.8, quantity="halting_time"),
     )  # fmt: skip
     assert plots.measured_drops(compared(measured=rows)) == [(0.3, 0.2), (0.8, 0.3)]
+    second = (row(0.5, quantity="t_B"), row(-0.1, quantity="height_change_at_B", unit="m"))
+    assert plots.measured_drops(compared(measured=second)) == [(0.5, 0.1)]
     assert plots.measured_drops(compared(measured=())) == []
     others = tuple(dataclasses.replace(r, index=2) for r in rows)
     assert plots.measured_drops(compared(measured=others)) == []

@@ -180,6 +180,11 @@ def test_progress_tells_of_runs_that_go_on_what_share_is_done(tmp_path, tasks, m
     runner._report(tasks)
     # 4 s are done; of two that are expected to take the usual 2 s each, a half and a quarter.
     assert told.pop() == (pytest.approx((4 + 1 + 0.5) / 8), "1 of 3 runs; run 1, run 2")
+    runner.done["other"] = Done(run=make_run(wall_time=6.0), seconds=6.0)
+    both = [dataclasses.replace(tasks[0], key="other"), *tasks]
+    runner._report(both)
+    # 4 and 6 s are done; the usual is 4 s, the mean of 2 and 6.
+    assert told.pop() == (pytest.approx((4 + 6 + 2 + 1) / 18), "2 of 4 runs; run 1, run 2")
     dear = dataclasses.replace(tasks[1], coarser=((tasks[0].key, 1.0),), size=0.5)
     runner._report([tasks[0], dear])
     # Twice as fine is expected to take 4 s, beyond the budget of 3 s, but it is running already.

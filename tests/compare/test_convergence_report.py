@@ -1,0 +1,286 @@
+"""The report of a study of convergence, whole: two variants whose every number is another."""
+
+from __future__ import annotations
+
+import dataclasses
+from types import SimpleNamespace
+
+import pytest
+
+from looping_pendulum.compare.convergence import study
+from looping_pendulum.compare.convergence.ladder import Cause, Kind
+from looping_pendulum.compare.convergence.measure import target
+from looping_pendulum.compare.convergence.report import halting_table, opening, render, splits_table
+from looping_pendulum.compare.convergence.result import (
+    DROP,
+    HALT,
+    MARKS,
+    QUANTITIES,
+    ConvergenceResult,
+    ErrorSplit,
+    LadderStudy,
+    Rung,
+    RunSummary,
+    RunTime,
+    StartChange,
+    StudyClock,
+    VariantStudy,
+    VariationStudy,
+    Verdict,
+)
+from looping_pendulum.compare.result import RunProvenance, SupplyEntry
+from looping_pendulum.compare.run_cache import Done
+from tests.compare.delayed import DelayedEngine
+
+EARLY, LATE = MARKS
+
+
+def run(key, i, **fields):
+    """A run with an error of ``i`` in each quantity's thousandth, times 1.234567, twice, three times and four times."""
+    x = 1.234567e-3 * i
+    made = {"status": "FINISHED", "ok": True, "why": "ran", "rms": {EARLY: x, LATE: 2 * x}, "halting_time": 0.4 + x}
+    others = {"halting_time_error": -3 * x, "drop_at_halt": 0.3, "drop_error": 4 * x, "string_stretch": 0.0}
+    return RunSummary(key=key, **(made | others | fields))
+
+
+FAILED = {"status": "CRASHED", "ok": False, "why": "it died"}
+SKIPPED = {"status": "SKIPPED", "ok": False, "why": "left out"}
+
+
+def verdict(quantity, kind=Kind.CONVERGES, said=None):
+    return Verdict(
+        quantity=quantity, unit=QUANTITIES[quantity], kind=kind, why="", rungs=3, used=3, order=1.0, order_uncertainty=None,
+        limit=None, uncertainty=1e-4, scatter=None, limit_error=1e-4, sentence=said or f"{quantity} is well",
+    )  # fmt: skip
+
+
+def rung(value, i, key, **fields):
+    x = 1.234567e-3 * i
+    return Rung(
+        value=value, run=run(key, i, **fields), to_finest={EARLY: 5 * x, LATE: 6 * x}, to_limit={EARLY: 7 * x, LATE: 8 * x}
+    )
+
+
+def split(quantity, i, **fields):
+    x = 1.23456e-3 * i
+    made = {
+        "error": x, "numerics": 2 * x, "numerics_uncertainty": 3 * x, "model": 4 * x, "model_uncertainty": 3 * x,
+        "choice": 5 * x, "choice_of": "", "spread": 6 * x, "causes": (Cause.MODEL,), "without_limit": (),
+    }  # fmt: skip
+    return ErrorSplit(quantity=quantity, unit=QUANTITIES[quantity], **(made | fields))
+
+
+def variation(what, key, **fields):
+    change = {EARLY: 1.2345e-3, LATE: 2.3456e-3, HALT: -3.4567e-3, DROP: None}
+    return VariationStudy(what=what, ours="o", other="i", effect="e", run=run(key, 9, **fields), change=change)
+
+
+def variant(name="a", **fields):
+    ladder = LadderStudy(
+        setting="dt", unit="s", follows="with sweeps", own=4e-4,
+        rungs=(rung(8e-4, 3, "r8"), rung(4e-4, 2, f"own {name}"), rung(2e-4, 1, "r2", **SKIPPED)),
+        verdicts=tuple(verdict(quantity) for quantity in QUANTITIES),
+    )  # fmt: skip
+    provenance = RunProvenance(
+        versions={"p": "1", "q": "2"},
+        settings={"dt": 1 / 3, "n": 7},
+        supplies=(SupplyEntry(what="winding", by="engine", how="h"), SupplyEntry(what="drag", by="nobody", how="h")),
+    )
+    made = {
+        "engine": "toy", "variant": name, "profile": "quick", "summary": "A toy.", "own": run(f"own {name}", 2),
+        "ladders": (ladder,), "starts": (StartChange(what="angle +", run=run("s", 4)),),
+        "spread": dict.fromkeys(QUANTITIES, 1.2345e-3), "choices": (variation("c", "c"),), "defaults": (variation("d", "d"),),
+        "splits": (split(EARLY, 1), split(LATE, 2), split(HALT, 3)), "provenance": provenance,
+    }  # fmt: skip
+    return VariantStudy(**(made | fields))
+
+
+def result(*variants, **fields):
+    made = {
+        "scenario": "made_up", "title": "Made up", "parameters": {}, "until": 0.7, "budget": None, "truth": "reference:exact",
+        "truth_values": {HALT: 0.4123456, DROP: 0.3}, "floors": {}, "interrupted": False,
+        "clock": StudyClock(written="then", run_times=(RunTime(key="x", seconds=1.4), RunTime(key="y", seconds=None),
+                                                       RunTime(key="z", seconds=2.3))),
+    }  # fmt: skip
+    return ConvergenceResult(variants=variants or (variant(),), **(made | fields))
+
+
+def cells(text, first, after=""):
+    part = text[text.index(after) :] if after else text
+    rows = [line.strip("|").split("|") for line in part.splitlines() if line.startswith(f"| {first} |")]
+    return [[cell.strip() for cell in row] for row in rows]
+
+
+def test_the_sections_come_in_their_order():
+    text = render(result(variant("a"), variant("b")))
+    heads = [line for line in text.splitlines() if line.startswith("#")]
+    assert heads == [
+        "# Made up: what the engines' errors are made of",
+        "## Verdict", "### Path to 0.35 s", "### Path to 0.7 s", "### Halting time",
+        "## Does the halting time converge?", "## How to read this",
+        "## toy:a, quick", "### Refining dt (with sweeps); the variant's own is 0.4 ms",
+        "## toy:b, quick", "### Refining dt (with sweeps); the variant's own is 0.4 ms",
+        "## Hidden defaults", "## The adapter's choices, each decided otherwise", "## Provenance", "## Wall times",
+    ]  # fmt: skip
+    assert "A toy. At its own settings: ran.\n" in text
+    assert text.rstrip().endswith("Written then. 3 runs, 4 s together; they shared the machine, so this is no benchmark.")
+
+
+def test_the_opening_says_what_was_run_and_what_was_not():
+    assert opening(result()) == (
+        "Scenario `made_up`, watched for 0.7 s, against reference:exact. The truth halts at 0.41235 s.\n"
+    )
+    # Of two variants the same left-out rung is one run.
+    text = opening(result(variant("a"), variant("b"), budget=12.5, truth_values={HALT: None, DROP: None}))
+    assert text == (
+        "Scenario `made_up`, watched for 0.7 s, against reference:exact. Runs that were expected to take more than 12.5 s were "
+        "left out: 1.\n"
+    )
+    others = variant(own=run("o", 1, **SKIPPED), choices=(variation("c", "c", **SKIPPED),), defaults=(), starts=(
+        StartChange(what="angle +", run=run("s", 4, **SKIPPED)),
+    ))  # fmt: skip
+    assert "left out: 4.\n" in opening(result(others, budget=1))
+    assert opening(result(interrupted=True)).endswith(
+        " **Interrupted**: what had ended by then is here; run the same command again to go on.\n"
+    )
+
+
+def test_the_parts_of_an_error_are_told_to_two_digits():
+    found = cells(splits_table(result()), "toy:a")
+    assert found[0] == ["toy:a", "different model", "1.2", "2.5", "4.9", "3.7", "6.2", "7.4"]
+    assert found[2] == ["toy:a", "different model", "3.7", "7.4", "15", "11", "19", "22"]
+    unknown = variant(splits=(split(EARLY, 1, causes=(Cause.UNKNOWN,), without_limit=("dt",)),))
+    assert cells(splits_table(result(unknown), [EARLY]), "toy:a")[0][1] == Cause.UNKNOWN.value
+    nothing = result(variant(splits=()))
+    assert "error [mm]" in splits_table(nothing, [EARLY])
+    assert "error [ms]" in splits_table(nothing, [HALT])
+    assert "error [mm]" in splits_table(nothing, [DROP])
+
+
+def test_a_ladder_is_told_rung_by_rung():
+    text = render(result())
+    (coarse,), (own,), (left_out,) = (cells(text, value, "### Refining") for value in ("0.8 ms", "0.4 ms", "0.2 ms"))
+    assert coarse == ["0.8 ms", "3.7", "7.41", "22.2", "29.6", "0.40370", "-11.1", ""]
+    assert own == ["0.4 ms", "2.47", "4.94", "14.8", "19.8", "0.40247", "-7.41", ""]
+    assert left_out[-1] == "left out"
+    said = text[text.index("### Refining") : text.index("Small changes")]
+    assert said.endswith(
+        "- path to 0.35 s: path_0.35s is well\n- path to 0.7 s: path_0.7s is well\n- halting time: halting_time is well\n"
+        "- drop at the halt: drop_at_halt is well\n\n"
+    )
+    plain = dataclasses.replace(variant().ladders[0], follows="", own=None, unit="")
+    assert "### Refining dt\n" in render(result(variant(ladders=(plain,))))
+    assert "It offers no ladder (studies(), in docs/write-an-engine.md).\n" in render(result(variant(ladders=())))
+
+
+def test_small_changes_of_the_start_are_told_with_their_errors():
+    broken = StartChange(what="angle -", run=run("t", 4, **FAILED))
+    text = render(result(variant(starts=(*variant().starts, broken))))
+    assert cells(text, "angle +") == [["angle +", "4.94", "9.88", "-14.8", "+19.8", ""]]
+    assert cells(text, "angle -")[0][-1] == "it died"
+    assert "Small changes of the start" not in render(result(variant(starts=())))
+
+
+def test_the_halting_table_tells_of_the_halting_time_alone():
+    (row,) = cells(halting_table(result()), "toy:a")
+    assert row == ["toy:a", "yes, to within ± 11 ms", "-7.41", "1.2", "dt: halting_time is well"]
+    broken = result(variant(own=run("o", 1, halting_time=None, halting_time_error=None, **FAILED)))
+    assert cells(halting_table(broken), "toy:a")[0][1:3] == ["not known: its own run does not end properly", "–"]
+    two = (variant().ladders[0], dataclasses.replace(variant().ladders[0], setting="n"))
+    assert cells(halting_table(result(variant(ladders=two))), "toy:a")[0][-1] == (
+        "dt: halting_time is well; n: halting_time is well"
+    )
+
+
+def test_defaults_and_choices_are_told_in_milliseconds_and_millimetres():
+    text = render(result())
+    assert cells(text, "toy:a", "## Hidden") == [
+        ["toy:a", "d", "i", "o", "e", "-3.46", "2.47", "11.1", ""],
+        ["toy:a", "c", "o", "i", "1.23", "2.35", "-3.46", ""],
+        ["toy:a", "p 1, q 2", "dt 0.333333, n 7", "winding: engine, drag: nobody"],
+    ]
+    none = render(result(variant(choices=(), defaults=())))
+    assert none.count("None of these variants declares any.\n") == 2
+    bare = variant(provenance=RunProvenance(versions={}, settings={}, supplies=()))
+    assert cells(render(result(bare)), "toy:a", "## Provenance") == [["toy:a", "–", "", ""]]
+
+
+def test_words_are_to_the_left_and_numbers_to_the_right():
+    lines = render(result()).splitlines()
+    rules = [line.split("|").count(" --- ") for line in lines if line.startswith(("| ---", "| ---:"))]
+    # Three splits, halting, ladder, starts, defaults, choices, provenance.
+    assert rules == [2, 2, 2, 2, 0, 1, 5, 4, 4]
+
+
+def test_each_figure_stands_with_its_variant():
+    figures = {"f/a.png": ("toy:b", "Of b."), "f/b.png": ("toy:a", "Of a."), "f/c.png": ("toy:b", "Also b.")}
+    text = render(result(variant("a"), variant("b")), figures)
+    first, second = text[text.index("## toy:a") : text.index("## toy:b")], text[text.index("## toy:b") :]
+    assert [caption in first for caption in ("Of a.", "Of b.", "Also b.")] == [True, False, False]
+    assert [second.count(caption) for caption in ("Of a.", "Of b.", "Also b.")] == [0, 2, 2]
+    assert "![Of a.](f/b.png)\n\n*Of a.*\n" in first
+    assert "![" not in render(result())
+
+
+def test_a_result_comes_back_from_its_file_and_the_report_is_beside_it(tmp_path, monkeypatch):
+    drawn = {"x.png": ("toy:a", "A figure.", b"png")}
+    monkeypatch.setattr("looping_pendulum.compare.convergence.plots.draw", lambda _: drawn)
+    whole = result()
+    report = study.write(whole, tmp_path)
+    assert report == tmp_path / "convergence.md"
+    assert "![A figure.](figures/x.png)" in report.read_text(encoding="utf-8")
+    assert (tmp_path / "figures" / "x.png").read_bytes() == b"png"
+    text = (tmp_path / "convergence.json").read_text(encoding="utf-8")
+    assert ConvergenceResult.from_json(text) == whole
+    assert '"id": "looping-pendulum/convergence",\n    "version": 2' in text
+
+
+@pytest.mark.parametrize(("halt", "duration"), [(None, 0.7), (0.5, 0.7), (0.65, 0.75), (0.8123456, 0.912), (2.0, 1.05)])
+def test_a_study_is_watched_to_a_tenth_of_a_second_after_the_halt(scenario, monkeypatch, halt, duration):
+    """And to the last of the marks, 0.7 s, at least; but no longer than the scenario lasts."""
+    monkeypatch.setattr(study, "Truth", lambda scenario: None)
+    monkeypatch.setattr(study, "target", lambda *_: SimpleNamespace(numbers={HALT: halt}))
+    assert study.watched(scenario, None).duration == pytest.approx(duration)
+
+
+class Exact:
+    """A truth that says which engine it is of."""
+
+    def __init__(self, truth):
+        self._truth, self.engine = truth, DelayedEngine()
+
+    def __call__(self, t):
+        return self._truth(t)
+
+
+def test_a_study_makes_every_run_of_every_engine_once(tmp_path, scenario, truth, make_run, monkeypatch):
+    """Oracle: the plan itself. Time limits are cut to twice a budget: what takes longer would be left out anyway."""
+    asked = []
+
+    class Recorder:
+        def __init__(self, kept, **limits):
+            asked.append((kept.folder, limits))
+            self.cancelled = SimpleNamespace(is_set=lambda: False)
+
+        def run(self, tasks):
+            asked.append([task.key for task in tasks])
+            return {task.key: Done(run=make_run(), seconds=float(k)) for k, task in enumerate(tasks)}
+
+    monkeypatch.setattr(study, "Runner", Recorder)
+    monkeypatch.setattr(study, "Truth", lambda _: None)
+    monkeypatch.setattr(study, "target", lambda where, _: dataclasses.replace(target(where, truth), truth=Exact(truth)))
+    engines = [DelayedEngine(), DelayedEngine(order=2.0)]
+    found = study.study_convergence(scenario, engines, tmp_path, until=1.05, budget=3.0, jobs=1, time_limit=10.0)
+    (folder, limits), keys = asked
+    assert folder == tmp_path / "runs"
+    assert (limits["time_limit"], limits["budget"], limits["jobs"]) == (6.0, 3.0, 1)
+    assert [v.label for v in found.variants] == ["delayed:exact"] * 2
+    assert [one.key for one in found.clock.run_times] == sorted(set(keys))
+    assert (found.until, found.budget, found.truth, found.interrupted) == (1.05, 3.0, "delayed:exact", False)
+    assert found.truth_values[HALT] == pytest.approx(0.3375, abs=1e-6)
+    asked.clear()
+    study.study_convergence(scenario, engines[:1], tmp_path, until=1.05, budget=8.0, jobs=1, time_limit=10.0)
+    assert asked[0][1]["time_limit"] == 10.0
+    asked.clear()
+    study.study_convergence(scenario, engines[:1], tmp_path, until=1.05, jobs=1, time_limit=10.0)
+    assert asked[0][1]["time_limit"] == 10.0
