@@ -99,6 +99,28 @@ def test_at_the_ends_of_the_truth_its_path_is_a_point(make_run, straight):
     assert behind.first_exit == pytest.approx(0.050)
 
 
+def test_the_tubes_chords_begin_at_every_tenth_of_its_half_time(make_run, straight):
+    asked = []
+
+    def listening(t):
+        asked.extend(t)
+        return straight(t)
+
+    run = beside(make_run, 0.0, 0.0)
+    tube(align(run, straight), listening)
+    ticks = np.array(asked) / 5e-4
+    np.testing.assert_allclose(ticks, np.round(ticks), atol=1e-6)
+    assert set(np.round(ticks)) == set(range(211)), "from the release to 5 ms after the last sample"
+
+
+@pytest.mark.parametrize(("times", "known"), [((0.1, 2.0), [True, False]), ((2.0, 3.0), [False, False]), ((-1.0,), [False])])
+def test_times_of_which_the_truth_has_one_or_none(truth, times, known):
+    got = sample_truth(truth, np.array(times))
+    assert list(np.isfinite(got.heavy_height)) == known
+    assert list(np.isfinite(got.light_position).all(axis=1)) == known
+    assert got.heavy_speed.shape == got.mode.shape == (len(times),)
+
+
 @pytest.mark.parametrize(
     ("t", "fallen", "found"),
     [((0, 1, 2), (0, 1, 4), 2.0), ((0, 1, 2), (0, 1, 5), 42 / 17), ((0, 1, 2), (3, 1, 4), 2.0), ((0,), (0,), None),
