@@ -46,8 +46,6 @@ def extrema(t: Array, values: Array) -> tuple[Extremum, ...]:
 
 
 def _apex(t: Array, values: Array, i: int) -> Extremum:
-    if not 0 < i < len(t) - 1:
-        return Extremum(time=float(t[i]), value=float(values[i]))
     before, after = t[i] - t[i - 1], t[i + 1] - t[i]
     d1, d2 = (values[i] - values[i - 1]) / before, (values[i + 1] - values[i]) / after
     curvature = (d2 - d1) / (before + after)

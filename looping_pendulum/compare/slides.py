@@ -97,10 +97,10 @@ def stop_time(t: Array, place: Array, first: int) -> float:
     """When the sliding ends that has at most the resolution left to go at sample ``first``, and more at the one before it [s].
 
     The apex of the parabola through the last three samples before the stop: friction flips or sets in there, so that samples
-    beyond it would bias it. They are the first three whose apex comes before the next sample. Sample ``first`` may already lie
-    beyond the stop, the one before it may not.
+    beyond it would bias it. They are the first three whose apex comes before the next sample. Sample ``first``, from 1, may
+    already lie beyond the stop, the one before it may not.
     """
-    sliding = max(first - 1, 0)
+    sliding = first - 1
     for k in range(max(first - 2, 2), len(t) - 1):
         way = 1.0 if place[k - 1] >= place[k - 2] else -1.0
         before = way * (place[k - 1] - place[k - 2]) / (t[k - 1] - t[k - 2])
@@ -111,7 +111,7 @@ def stop_time(t: Array, place: Array, first: int) -> float:
             apex = 0.5 * (t[k] + t[k - 1]) + speed * 0.5 * (t[k] - t[k - 2]) / (before - speed)
             if t[sliding] <= apex <= t[k + 1]:
                 return float(apex)
-    return float(t[min(first, len(t) - 1)])
+    return float(t[first])
 
 
 def slip_onset(t: Array, place: Array, rest: Rest, power: int) -> float | None:
