@@ -13,6 +13,7 @@ from looping_pendulum.reference_ode import scipy_backend, solution, state
 from looping_pendulum.reference_ode.closed_forms import HELD_PERIOD_NODES
 from looping_pendulum.reference_ode.driver import MAX_EVENTS, Driver
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
+from looping_pendulum.reference_ode.effects.closure import BUMPS, COORDINATES, FACTORS, SIDES, weight
 from looping_pendulum.reference_ode.effects.properties import REST_SPEED
 from looping_pendulum.reference_ode.equations import event_functions
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -338,3 +339,27 @@ def test_effects_that_need_a_string_are_those_of_string_and_rod():
     assert without == {"gravity", "capstan", "light_drag", "heavy_drag"}
     needing = {e.name for e in EFFECTS.values() if e.needs_string}
     assert needing == {"string_drag"} | {e.name for e in EFFECTS.values() if e.kind.name == "PROPERTY"}
+
+
+@pytest.mark.parametrize("coordinate", COORDINATES)
+@pytest.mark.parametrize("factor", FACTORS)
+def test_an_unknown_force_is_a_sum_of_bumps_along_its_coordinate(coordinate, factor):
+    """Oracle: Gaussians a width apart, by NumPy: c_i exp(-(s / h - s_0 / h - i)^2 / 2), times 1 or minus a speed."""
+    rng = np.random.default_rng(8)
+    weights = {side: rng.normal(size=BUMPS) for side in SIDES}
+    named = {weight(side, i): value for side in SIDES for i, value in enumerate(weights[side])}
+    chosen = {f"closure_of_{coordinate}": 1.0, f"closure_by_{factor}": 1.0, "closure_scale": 2.5, "closure_start": -1.5}
+    p = TEN_TO_ONE.replace(**named, **chosen)
+    y = State(0.45, 2.1, 0.7, -1.3, 0.7, 0.0)
+    k = kinematics(math, Mode.SLIDING_UP, 0.8, y, UP, p.values(), p.effects)
+    s = {"time": 0.8, "free_length": 0.45, "wrap_angle": 2.1, "retreat_speed": 0.7, "across_speed": -1.3}[coordinate]
+    times = {"constant": 1.0, "retreat_speed": -0.7, "across_speed": 1.3}[factor]
+    bumps = times * np.exp(-0.5 * (2.5 * s + 1.5 - np.arange(12)) ** 2)
+    found = (*EFFECTS["closure"].light_force(math, k, p.values()), EFFECTS["closure"].heavy_force(math, k, p.values()))
+    np.testing.assert_allclose(found, [bumps @ weights[side] for side in SIDES], rtol=1e-12)
+
+
+def test_an_unknown_force_may_have_twelve_bumps_on_each_side():
+    names = {c.name for c in EFFECTS["closure"].coefficients}
+    assert len(names) == 3 * 12 + len(COORDINATES) + len(FACTORS) + 2
+    assert {n for n in names if n.startswith("closure_along_")} == {f"closure_along_{i}" for i in range(12)}
