@@ -7,6 +7,8 @@ BIN = $(VENV)/bin
 DATA ?= ../shared/data
 # Our matrices are small: a second thread of BLAS only waits for a core.
 export OPENBLAS_NUM_THREADS ?= 1
+# Hundreds of processes start in a test run: where compiled modules may not be written, each compiles ours again.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: compare demo test accurate mutation fuzz lint docs benchmark infer clean
 

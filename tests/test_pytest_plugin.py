@@ -90,8 +90,13 @@ def project(pytester):
     return make
 
 
+OTHER_PLUGINS = ("hypothesispytest", "zarr", "playwright", "base_url", "anyio")
+"""Plugins of the packages around us, blocked but where a test is about them: their imports take longer than a test."""
+
+
 def run(pytester, *arguments):
-    return pytester.runpytest_subprocess("-W", "error", "--strict-markers", *arguments)
+    blocked = [option for name in OTHER_PLUGINS for option in ("-p", f"no:{name}")]
+    return pytester.runpytest_subprocess("-W", "error", "--strict-markers", *blocked, *arguments)
 
 
 def test_who_does_not_use_it_pays_nothing():
@@ -119,7 +124,8 @@ def test_a_project_without_scenarios_stays_light(pytester):
     (pytester.path / "values.yaml").write_text("light: on\n")
     (pytester.path / "mine.yaml").write_text(drop(TOLERANCES))
     # Neither file is named so, or on the command line. (zarr brings a plugin of its own, which imports numpy.)
-    run(pytester, "-p", "no:zarr").assert_outcomes(passed=1)
+    done = pytester.runpytest_subprocess("-W", "error", "--strict-markers", "-p", "no:zarr")
+    done.assert_outcomes(passed=1)
 
 
 def test_limits_are_items_and_a_failure_shows_the_judgement(project):

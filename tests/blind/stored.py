@@ -67,7 +67,6 @@ def main() -> None:
 TRACKS = (
     *(("clean", seed) for seed in (0, 1, 2, 3, 5)),
     ("clean_varied", 5),
-    ("string_thickness", 1),
     ("linear_drag", 1),
     ("tilt", 2),
     ("frame_rate", 0),

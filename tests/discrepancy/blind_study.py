@@ -11,6 +11,9 @@ import yaml
 
 from tests.blind.cases import Case, write_case
 
+TWO_RATIOS = ("ten_a", "six", "eight")
+"""Two training trials of different mass ratio, and the one that is held out: half the work of all four."""
+
 
 def write_study(
     folder: Path, case: Case, seed: int, *, trials: Sequence[str] | None = None, undeclared: Sequence[str] = (),

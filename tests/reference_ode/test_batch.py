@@ -119,6 +119,7 @@ def test_a_batch_has_the_sequences_of_scipys_runs():
     np.testing.assert_array_equal(solve_batch(BASE, columns).sequence, expected.sequence)
 
 
+@pytest.mark.accurate  # compiles for 12 s what no other daily test needs; the single run's is in test_solve.py
 def test_a_held_string_at_a_right_angle_is_taut_in_a_batch_too():
     columns = {"release_angle": math.pi / 2 + np.array([-1e-9, 0.0, 1e-9])}
     base = BASE.replace(release="held")
