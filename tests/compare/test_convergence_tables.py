@@ -138,6 +138,9 @@ def test_ladders_are_told_from_the_first_to_the_last_rung_that_ran():
         f"{LATE} converges",
         f"{HALT} converges",
     ]
+    head, rule = ladders_table(SimpleNamespace(variants=[a_variant()])).splitlines()[:2]
+    assert rule.split("|")[1:-1] == [" --- "] * 8, "words and amounts with their units: all to the left"
+    assert len(head.split("|")) == len(rule.split("|"))
     variant = a_variant()
     for rung in variant.ladders[0].rungs:
         rung.run.status = "NOT_RUN"
