@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import scipy.integrate
 
 from looping_pendulum.reference_ode import parameters as parameter_module
 from looping_pendulum.reference_ode import scipy_backend, solution, state
@@ -193,6 +194,28 @@ def test_the_first_of_two_events_in_a_step_is_found():
         Event.LIGHT_REACHES_ROD,
         pytest.approx(0.75),
     )
+
+
+def test_a_dip_in_the_middle_of_a_step_is_seen():
+    # w = (x - 1/2)^2 - 0.03^2 is above zero at both ends of the step, and at all but its middle
+    integrator = ScipyIntegrator(TEN_TO_ONE.values(), BASE, 1e-10)
+    polynomial = np.zeros((len(State._fields), DEGREE + 1))
+    polynomial[State._fields.index("free_length"), 0] = 0.5
+    polynomial[State._fields.index("across_speed"), :3] = 0.25 - 0.03**2, -1.0, 1.0
+    found = integrator._first_event(Mode.FALLING, (0.0, 1.0), polynomial, Signs(-1.0, 1.0, -1.0, 1.0))
+    assert found == (Event.ACROSS_REVERSES, pytest.approx(0.47, abs=1e-12))
+
+
+def test_dop853_is_asked_for_the_tolerance_and_begins_with_a_short_step(monkeypatch):
+    """Values near 0 count as a tenth of a metre, radian or metre per second; a first step of 1 us fits any release."""
+    asked = []
+    monkeypatch.setattr(
+        scipy.integrate, "DOP853", lambda *a, **options: asked.append(options) or scipy.integrate._ivp.rk.DOP853(*a, **options)
+    )
+    run = solve(TEN_TO_ONE.replace(push_across=0.5), duration=0.05, integrator="scipy", tolerance=1e-9)
+    assert {o["rtol"] for o in asked} == {1e-9}
+    assert [o["atol"] for o in asked] == pytest.approx([1e-10] * len(asked), rel=1e-9)
+    assert np.diff(run.segments[0].times)[0] == pytest.approx(1e-6, rel=1e-9)
 
 
 def test_a_segment_is_sampled_at_its_edges_and_between():
