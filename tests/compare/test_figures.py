@@ -194,6 +194,14 @@ def test_the_page_has_no_figures_without_the_trajectories(compared):
     assert [figure.id for figure in page.figures(compared())] == ["path", "drop", "divergence"]
 
 
+def test_the_path_on_the_page_is_that_of_the_run(compared, make_run):
+    run = make_run(until=0.3, shift=(2e-3, 0.0))
+    first, second = on_page(compared(run), "path").traces[:2]
+    assert (first["name"], second["name"]) == ("truth", "pymunk:chain")
+    np.testing.assert_allclose(np.column_stack([second["x"], second["y"]]), run.light_position, atol=1e-6)
+    assert first["x"][0] == pytest.approx(run.light_position[0, 0] - 2e-3, abs=1e-6)
+
+
 # ---- Matplotlib's axes
 
 

@@ -46,7 +46,7 @@ def solved(h, values, noise):
         return np.concatenate([((limit + slope * b**order - v) / s).ravel() for b, v, s in zip(h, values, sigma, strict=True)])
 
     start = np.concatenate([[1.3], values[-1].ravel(), (values[0] - values[-1]).ravel()])
-    x = least_squares(left, start, method="lm", xtol=1e-14, ftol=1e-14, gtol=1e-14).x
+    x = least_squares(left, start, method="lm", xtol=1e-12, ftol=1e-12, gtol=1e-12).x
     misfit = math.sqrt(np.sum(left(x) ** 2) / len(values[0]) / max(len(h) - 3, 1))
     return x[0], x[1 : 1 + size].reshape(shape), misfit, sigma[-1]
 
@@ -115,8 +115,8 @@ def test_a_fit_that_leaves_more_than_thrice_what_is_expected_is_none(scale, fits
     def rough(size):
         return numbers(3 + 0.7 * h + size * off)
 
-    low, high = 1e-5, 0.1
-    for _ in range(40):
+    low, high = 1e-2, 0.1
+    for _ in range(12):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if solved(h, rough(middle), noise)[2] < 3.0 else (low, middle)
     found = examine(h, rough(scale * low), floor=noise)
@@ -156,6 +156,13 @@ def test_a_last_rung_of_size_zero_is_the_limit_itself():
     assert found.kind is Kind.CONVERGES
     assert found.order == pytest.approx(1.0, abs=1e-3)
     assert float(found.limit[0, 0]) == pytest.approx(3.0, abs=1e-6)
+
+
+def test_rungs_far_apart_are_one_power_law_to_the_last():
+    h = 8.0 ** -np.arange(7)
+    found = examine(h, numbers(3 + 0.7 * h**0.5))
+    assert (found.kind, found.used) == (Kind.CONVERGES, 7)
+    assert found.order == pytest.approx(0.5, abs=1e-3)
 
 
 @pytest.mark.parametrize(("share", "kind"), [(0.98, Kind.WITHIN_SPREAD), (1.02, Kind.CONVERGES)])
@@ -292,6 +299,14 @@ def test_a_choice_explains_a_model_that_is_no_larger_within_its_uncertainty(choi
     # Own 0.5, limit 0.45, truth 0.1: the model is 0.35 off, give or take 0.06.
     parts = split(corrections=((-0.05, 0.0, True),), choices=(("a", 0.5 + choice),))
     assert parts.causes == (cause,)
+
+
+def test_at_the_very_limits_a_change_is_not_seen_and_a_choice_explains():
+    # Binary fractions: numerics of 0.25 are just the floor, and the choice of 0.5 is just the model's 0.75 less that.
+    step = Correction(ladder="step", change=np.array([[-0.25]]), uncertainty=0.0, converges=True)
+    choices = {"a": np.array([[1.5]])}
+    parts = split_error(np.array([[1.0]]), np.array([[0.0]]), corrections=[step], choices=choices, spread=None, floor=0.25)
+    assert parts.causes == (Cause.CHOICE,)
 
 
 @pytest.mark.parametrize(

@@ -252,12 +252,14 @@ def test_a_halt_that_a_finer_resolution_loses_has_no_blur(sliding, closed_form):
 
 def test_a_rebound_has_the_speed_of_either_direction(sliding, closed_form):
     def bouncing(t):
-        back = 2e-4 * np.clip(t - 0.5, 0, 0.002) / 0.002
+        back = 2.1e-4 * np.clip(t - 0.5, 0, 0.01) / 0.01
         return np.where(t < 0.3, t, 0.3) - back
 
-    found = run_landmarks(sliding(bouncing), closed_form.parameters).rebound
-    assert found.travel == pytest.approx(2e-4, abs=1e-9)
-    assert found.speed == pytest.approx(0.1, rel=1e-6)
+    found = run_landmarks(sliding(bouncing), closed_form.parameters)
+    assert found.rebound.travel == pytest.approx(2.1e-4, abs=1e-9)
+    assert found.rebound.speed == pytest.approx(0.021, rel=1e-6)
+    assert [each.time for each in found.halting_times] == pytest.approx([0.51, 0.51, 0.51, 0.3, 0.3], abs=1e-6)
+    assert found.halting_time == pytest.approx(0.51, abs=1e-6), "0.21 mm is more than the resolution"
 
 
 @pytest.mark.parametrize(("static", "power"), [(0.34, 3), (0.5, 2)])
