@@ -212,6 +212,35 @@ def test_words_are_to_the_left_and_numbers_to_the_right():
     assert rules == [2, 2, 2, 2, 0, 1, 5, 4, 4]
 
 
+@pytest.mark.parametrize(
+    ("two", "three", "shown"), [(1.2495e-3, 1.2345e-3, ("1.2", "1.23")), (1.2505e-3, 1.2355e-3, ("1.3", "1.24"))]
+)
+def test_the_last_digit_tells_a_factor_that_is_a_thousandth_off(two, three, shown):
+    parts = dict.fromkeys(("error", "numerics", "numerics_uncertainty", "model", "choice", "spread"), two)
+    errors = {"rms": {EARLY: three, LATE: three}, "halting_time_error": three, "drop_error": three}
+    change = {EARLY: three, LATE: three, HALT: three, DROP: None}
+    one = dataclasses.replace(variation("c", "c"), change=change, run=run("c", 1, **errors))
+    rung_ = dataclasses.replace(rung(8e-4, 1, "r", **errors), to_finest={LATE: three}, to_limit={LATE: three})
+    ladder = dataclasses.replace(variant().ladders[0], rungs=(rung_,))
+    made = variant(
+        own=run("own", 1, **errors), splits=tuple(split(name, 1, **parts) for name in (EARLY, LATE, HALT)), choices=(one,),
+        defaults=(one,), spread=dict.fromkeys(QUANTITIES, two), ladders=(ladder,),
+        starts=(StartChange(what="angle +", run=one.run),),
+    )  # fmt: skip
+    text = render(result(made))
+    small, large = shown
+    assert [row[2:] for row in cells(text, "toy:a")[:3]] == [[small] * 6] * 3
+    assert cells(text, "toy:a", "## Does")[0][1:4] == [f"yes, to within ± {small} ms", f"+{large}", small]
+    (row,) = cells(text, "0.8 ms", "### Refining")
+    assert row[1:5] + row[6:7] == [large] * 4 + [f"+{large}"]
+    assert cells(text, "angle +")[0][1:5] == [large, large, f"+{large}", f"+{large}"]
+    assert cells(text, "toy:a", "## Hidden")[0][5:8] == [f"+{large}", large, large]
+    assert cells(text, "toy:a", "## The adapter")[0][4:7] == [large, large, f"+{large}"]
+    scattering = dataclasses.replace(verdict(HALT, Kind.SCATTERS), scatter=two)
+    scattered = variant(ladders=(dataclasses.replace(ladder, verdicts=(scattering,)),))
+    assert cells(halting_table(result(scattered)), "toy:a")[0][1] == f"no; it scatters by ± {small} ms"
+
+
 def test_each_figure_stands_with_its_variant():
     figures = {"f/a.png": ("toy:b", "Of b."), "f/b.png": ("toy:a", "Of a."), "f/c.png": ("toy:b", "Also b.")}
     text = render(result(variant("a"), variant("b")), figures)

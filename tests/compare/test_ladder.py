@@ -218,6 +218,13 @@ def test_three_rungs_that_agree_have_settled(count, kind):
     assert examine(H, numbers([0.5] * 5), floor=1e-3).used == 5
 
 
+def test_of_rungs_that_have_settled_the_finest_is_the_limit():
+    found = examine(H, numbers(3 + np.array([1.6e-3, 1e-4, 6.25e-6, 5e-7, 0.0])), floor=1e-6)
+    assert (found.kind, float(found.limit[0, 0]), found.uncertainty) == (Kind.CONVERGES, 3.0, 1e-6)
+    alone = examine(H, numbers(3 + np.array([1e-2, 3e-7, -4e-7, 5e-7, 0.0])), floor=1e-6)
+    assert (alone.kind, float(alone.limit[0, 0]), alone.used) == (Kind.SETTLED, 3.0, 4)
+
+
 def test_settled_is_up_to_the_floor_and_no_further():
     at, beyond = (examine(H, numbers([5.0, 9.0, 2 + off, 2.0, 2.0]), floor=0.25) for off in (0.25, 0.251))
     assert (at.kind, at.used) == (Kind.SETTLED, 3)

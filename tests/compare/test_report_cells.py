@@ -303,6 +303,46 @@ def test_what_samples_say_is_held_against_the_references_events(result, exact, s
     assert said in render_halts(dataclasses.replace(result, truth=true))[0]
 
 
+# ---- factors of units: a thousandth more or less turns the last digit of one of these over
+
+
+THREE = [(1.2345e-3, "1.23"), (1.2355e-3, "1.24")]
+TWO = [(1.2495e-3, "1.2"), (1.2505e-3, "1.3")]
+
+
+@pytest.mark.parametrize(("size", "shown"), THREE)
+def test_three_digits_of_a_thousandth(result, size, shown):
+    all_alike = with_engine(result, metrics=dict.fromkeys(METRICS, size) | {"acceleration_error": 10 * size})
+    _, (_, own) = report.verdict_rows(all_alike)
+    assert own[2:5] + own[6:9] == [shown] * 3 + [f"+{shown}"] * 3
+    detail = cells(report.render(all_alike), ME, "## Detail")[0]
+    assert [detail[6], detail[9], detail[11], detail[12]] == [shown, f"+{shown}", f"+{shown}", shown]
+    for metric, (_, factor) in report.UNITS.items():
+        told_ = report.limit_and_value(limit(GOOD, metric, 1e3 * size / factor, **{"limit": 1e3 * size / factor}))
+        assert [one.split()[-2] for one in told_] == [shown, shown], metric
+    text = told(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.2 + size)))
+    assert cells(text, "stop")[0][2] == f"+{shown}"
+
+
+@pytest.mark.parametrize(("size", "shown"), TWO)
+def test_two_digits_of_a_thousandth(result, size, shown):
+    own = dataclasses.replace(OWN, halting_time_blur=size, rebound=Rebound(travel=size, speed=size))
+    (row,) = cells(render_halts(with_engine(result, landmarks=own))[0], ME)
+    assert row[-3:] == [shown] * 3
+    assert cells(report.render(with_engine(result, growth_rate=1e3 * size)), ME, "## Detail")[0][5] == shown
+
+
+def test_hundreds_of_thousandths(result):
+    rows = (measured(measured=0.1, paper_numerical=0.7, truth=0.7, engines=(0.7,)),)
+    text = render_paper(dataclasses.replace(result, measured=rows))
+    assert cells(text, "halting time")[0][3:] == ["0.70 (+600)", "0.7000 (+600)", "0.7000 (+600)"]
+    assert cells(text, "RMS difference of the times")[0][3:] == ["600.0 (1 of 1)"] * 3
+    wide = dataclasses.replace(result.engines[0].tube, half_time=0.123456, half_width=0.654321, fraction=0.97654)
+    section = report.render(with_engine(result, tube=wide))
+    assert "The tube is 123.456 ms and 654.321 mm wide" in section
+    assert cells(section, ME, "## Detail")[0][1] == "97.7"
+
+
 # ---- moments
 
 

@@ -111,6 +111,12 @@ def test_a_stop_is_not_before_the_last_sample_of_the_sliding():
     assert stop_time(times(9), place, 4) == pytest.approx(5.5), "speeds 3, 2 and 1: zero at 5.5"
 
 
+def test_a_stop_within_the_first_samples_knows_of_none_before_them():
+    # Speeds 3 and 1 at 0.5 s and 1.5 s: zero at 2.
+    assert stop_time(times(6), array(0, 3, 4, 4, 4, 4), 1) == pytest.approx(2.0)
+    assert stop_time(times(6), array(0, 3, 4, 4, 4, 4), 2) == pytest.approx(2.0)
+
+
 def test_a_string_that_stands_still_at_once_stops_where_it_stands():
     assert stop_time(times(7), array(0, 5, 10, 10, 10, 10, 10), 2) == 2.0
     assert stop_time(times(7), array(0, 5, 10, 5, 0, -5, -10), 3) == 2.0, "and one that turns at once, where it turns"
@@ -227,12 +233,21 @@ def sliding(make_run):
     return make
 
 
-def coming_back(t):
-    """Braked to rest at 0.4 s, and back by 0.09 mm between 0.42 s and 0.43 s: less than the resolution, more than 0.8 of it."""
+def coming_back(t, travel=9e-5):
+    """Braked to rest at 0.4 s, and back between 0.42 s and 0.43 s, as it is by less than the resolution and more than 0.8 of it."""
     top, brake, halt = 1.5, 20.0, 0.4
     since = np.clip(t - (halt - top / brake), 0, top / brake)
     there = top * np.minimum(t, halt - top / brake) + top * since - 0.5 * brake * since**2
-    return there - 9e-5 * np.clip((t - 0.42) / 0.01, 0, 1)
+    return there - travel * np.clip((t - 0.42) / 0.01, 0, 1) ** 2  # ever faster, until it stands still at once
+
+
+@pytest.mark.parametrize(
+    ("travel", "halt", "blur"),
+    [(7.5e-5, 0.4, 0.0), (9e-5, 0.4, 0.03), (1.1e-4, 0.43, 0.03), (1.3e-4, 0.43, 0.0), (2.1e-4, 0.43, 0.0)],
+)
+def test_a_halt_is_blurred_by_a_way_between_0_8_and_1_25_of_the_resolution(sliding, closed_form, travel, halt, blur):
+    found = run_landmarks(sliding(lambda t: coming_back(t, travel)), closed_form.parameters)
+    assert (found.halting_time, found.halting_time_blur) == (pytest.approx(halt, abs=1e-6), pytest.approx(blur, abs=1e-6))
 
 
 def test_the_blur_is_what_a_quarter_of_the_resolution_moves_the_halt(sliding, closed_form):

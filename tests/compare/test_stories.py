@@ -73,6 +73,14 @@ def test_it_leaves_a_band_so_long_after_an_event(parameters, after, when, words)
     assert told(parameters, found[:1]).startswith(f"Leaves the 1 mm band at 0.200 s, while the string slides{words}. There ")
 
 
+def test_times_and_bands_are_in_thousandths(parameters):
+    found = (departure(0.6, 0.9, after="halt", after_time=0.3), departure(0.7, 1.0))
+    said = told(parameters, found)
+    assert said.startswith(
+        "Leaves the 600 mm band at 0.900 s, while the string slides, 600 ms after the halt; passes 700 mm at"
+    )
+
+
 @pytest.mark.parametrize(("sign", "words"), [(1, ("out", "ahead", "higher")), (-1, ("in", "behind", "lower"))])
 def test_to_which_side_it_departs(parameters, sign, words):
     out, ahead, up = words
