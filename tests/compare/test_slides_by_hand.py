@@ -234,7 +234,7 @@ def sliding(make_run):
 
 
 def coming_back(t, travel=9e-5):
-    """Braked to rest at 0.4 s, and back between 0.42 s and 0.43 s, as it is by less than the resolution and more than 0.8 of it."""
+    """Braked to rest at 0.4 s, and back between 0.42 s and 0.43 s: by less than the resolution, and more than 0.8 of it."""
     top, brake, halt = 1.5, 20.0, 0.4
     since = np.clip(t - (halt - top / brake), 0, top / brake)
     there = top * np.minimum(t, halt - top / brake) + top * since - 0.5 * brake * since**2
