@@ -10,20 +10,23 @@ from looping_pendulum.engines.registry import label, missing_packages, select
 from looping_pendulum.scenarios import loader
 
 LONG = {
-    *((name, "pybullet:chain") for name in ("ten_to_one", "drop", "frictionless", "held", "fat_rod", "static_friction")),
+    *(
+        (name, "pybullet:chain")
+        for name in ("ten_to_one", "drop", "atwood", "frictionless", "held", "fat_rod", "static_friction")
+    ),
     *((name, "pybullet:chain") for name in ("two_to_one", "two_and_a_half_to_one")),
     *((name, "pymunk:chain") for name in ("held", "frictionless", "two_to_one", "two_and_a_half_to_one")),
-    *((name, "mujoco:beads") for name in ("held", "two_and_a_half_to_one")),
+    *((name, "mujoco:beads") for name in ("held", "frictionless", "static_friction", "two_and_a_half_to_one")),
     *(("fat_rod", f"pymunk:{variant}") for variant in ("beads", "segments", "defaults")),
     *(("ten_to_one", f"pybullet:{variant}") for variant in ("remade", "point_to_point", "defaults")),
-    ("ten_to_one", "pymunk:segments"),
+    *(("ten_to_one", f"pymunk:{variant}") for variant in ("beads", "segments")),
 }
 """Quick by name, and up to a minute and a half each: with the accurate ones.
 
 What they hold is held daily by the same variant in a shorter run, or by another chain in the same scenario: free fall, a swing
-from a hand and the sliding part of ten_to_one in tests/engines (`test_pybullet.py`, `test_pymunk_full.py`, ...), a loop without
-friction in `test_conformance.py` there and by `mujoco:beads` here, 2:1 by `mujoco:beads`, the fat rod by `pymunk:chain` and
-`mujoco:beads`; 2.5:1 by the tendons alone.
+from a hand, Atwood's machine and the sliding part of ten_to_one in tests/engines (`test_pybullet.py`, `test_pymunk_full.py`),
+a loop without friction in `test_conformance.py` there, static friction by `pymunk:chain` and 2:1 by `mujoco:beads` here, the
+fat rod by both; 2.5:1 by the tendons alone.
 """
 
 

@@ -60,6 +60,7 @@ def test_what_was_hidden_is_named_with_its_value(tmp_path, case):
     assert_named_with_its_value(found_in(tmp_path, case, 1), case)
 
 
+@pytest.mark.accurate  # daily, the listed drag that has its formula is named in the test below
 def test_a_declared_term_left_out_is_found(tmp_path):
     result = found_in(tmp_path, "clean", 3, undeclared=["light_drag"], trials=TWO_RATIOS)
     assert result.names == ("light_drag",)

@@ -91,7 +91,8 @@ def ten_to_one():
 
 @needs_drake
 @pytest.mark.parametrize(
-    ("rod_radius", "friction"), [(6.25e-3, 0.34), (0.03, 0.34), pytest.param(6.25e-3, 0.0, marks=pytest.mark.accurate)]
+    ("rod_radius", "friction"),
+    [(6.25e-3, 0.34), *(pytest.param(*case, marks=pytest.mark.accurate) for case in ((0.03, 0.34), (6.25e-3, 0.0)))],
 )
 def test_vertical_release_is_an_atwood_machine_with_the_capstan_ratio(rod_radius, friction):
     # Oracle: closed form. Bound: 0.3 %, as for the other chains; a friction wrong by 1 % would show as 0.7 %. The conformance
@@ -101,7 +102,7 @@ def test_vertical_release_is_an_atwood_machine_with_the_capstan_ratio(rod_radius
 
 
 @needs_drake
-@pytest.mark.parametrize("degrees", [90, 180, 270])
+@pytest.mark.parametrize("degrees", [*(pytest.param(d, marks=pytest.mark.accurate) for d in (90, 180)), 270])
 def test_tension_ratio_obeys_the_capstan_law(degrees):
     # Oracle: exp(mu theta), measured through the protocol alone. Bound: 1 %, of which 0.1 % is the measurement's own.
     assert abs(measured_exponent(DrakeChain(), wrap_angle=math.radians(degrees)).error) < 0.01
@@ -118,6 +119,7 @@ def test_static_capstan(share, holds):
 
 
 @needs_drake
+@pytest.mark.accurate
 def test_ten_to_one_follows_the_reference_to_the_halt(ten_to_one):
     # Oracle: the reference. Bounds: 0.6 mm and 1 mm are those of the other chains; the halt's is two samples.
     until = ten_to_one.t <= 0.35 + 1e-9

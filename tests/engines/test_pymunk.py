@@ -206,6 +206,7 @@ def test_held_pendulum_follows_the_reference():
     assert distance.max() < p.rod_radius * QUICK.bend**2 / 8 + 1e-5  # 1e-5: the contact slop
 
 
+@pytest.mark.accurate  # daily by the beads of MuJoCo
 def test_winding_many_turns_ends_at_the_rod():
     # Oracle: the reference's end, after two turns. Bound: a sample, and the time in which the light mass winds up two links at
     # the end; beads are no longer added when the straight string is shorter than that.
