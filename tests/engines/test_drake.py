@@ -119,7 +119,6 @@ def test_static_capstan(share, holds):
 
 
 @needs_drake
-@pytest.mark.accurate
 def test_ten_to_one_follows_the_reference_to_the_halt(ten_to_one):
     # Oracle: the reference. Bounds: 0.6 mm and 1 mm are those of the other chains; the halt's is two samples.
     until = ten_to_one.t <= 0.35 + 1e-9
