@@ -101,37 +101,37 @@ def test_the_stop_is_the_apex_of_the_parabola_before_it(way):
     """Speeds 8, 6, 4, 2 in the intervals 0.5, 1.5, 2.5, 3.5 fall by 2 a second: zero at 4.5."""
     place = way * array(0, 8, 14, 18, 20, 20, 20, 20)
     for first in (3, 4, 5):
-        assert stop_time(times(8), place, first) == pytest.approx(4.5)
+        assert stop_time(times(8), place, first, 2.0) == pytest.approx(4.5)
 
 
 def test_a_stop_is_not_before_the_last_sample_of_the_sliding():
     """It brakes hard from 10 to 3 between 1.5 and 2.5 s, as if to stop at 2.93 s, yet slides on by 2 and by 1."""
     place = array(0, 10, 20, 23, 25, 26, 26, 26, 26)
     # At sample 4 there is more than the resolution of 1 left... at 3 there are 3; at 4 just 1.
-    assert stop_time(times(9), place, 4) == pytest.approx(5.5), "speeds 3, 2 and 1: zero at 5.5"
+    assert stop_time(times(9), place, 4, 1.0) == pytest.approx(5.5), "speeds 3, 2 and 1: zero at 5.5"
 
 
 def test_a_stop_within_the_first_samples_knows_of_none_before_them():
     # Speeds 3 and 1 at 0.5 s and 1.5 s: zero at 2.
-    assert stop_time(times(6), array(0, 3, 4, 4, 4, 4), 1) == pytest.approx(2.0)
-    assert stop_time(times(6), array(0, 3, 4, 4, 4, 4), 2) == pytest.approx(2.0)
+    assert stop_time(times(6), array(0, 3, 4, 4, 4, 4), 1, 1.0) == pytest.approx(2.0)
+    assert stop_time(times(6), array(0, 3, 4, 4, 4, 4), 2, 1.0) == pytest.approx(2.0)
 
 
 def test_a_string_that_stands_still_at_once_stops_where_it_stands():
-    assert stop_time(times(7), array(0, 5, 10, 10, 10, 10, 10), 2) == 2.0
-    assert stop_time(times(7), array(0, 5, 10, 5, 0, -5, -10), 3) == 2.0, "and one that turns at once, where it turns"
+    assert stop_time(times(7), array(0, 5, 10, 10, 10, 10, 10), 2, 1.0) == 2.0
+    assert stop_time(times(7), array(0, 5, 10, 5, 0, -5, -10), 3, 1.0) == 2.0, "and one that turns at once, where it turns"
 
 
 def test_a_string_that_never_brakes_stops_at_the_sample_that_is_asked_of():
     place = array(0, 1, 3, 6, 10, 15)
-    assert stop_time(times(6), place, 4) == 4.0
-    assert stop_time(times(6), place, 5) == 5.0
+    assert stop_time(times(6), place, 4, 1.0) == 4.0
+    assert stop_time(times(6), place, 5, 1.0) == 5.0
 
 
 def test_a_brake_whose_apex_is_far_off_is_none():
     # Speeds 10, 9, 8: zero only at 10.5; then it stands.
     place = array(0, 10, 19, 27, 27, 27)
-    assert stop_time(times(6), place, 3) == 3.0
+    assert stop_time(times(6), place, 3, 1.0) == 3.0
 
 
 def test_a_turn_has_no_stop_before_it_has_only_the_resolution_left():
@@ -419,3 +419,13 @@ def test_a_reference_that_does_not_reach_the_rod_runs_to_its_end(truth, closed_f
     assert reference.run.status is RunStatus.FINISHED
     assert reference.beside().light_reaches_rod is None
     assert reference.beside().halting_time == pytest.approx(HALT, abs=1e-6)
+
+
+@pytest.mark.parametrize("constant", [2e-3, 5e-3, 20e-3])
+def test_a_string_that_creeps_to_rest_halts_once_the_resolution_is_left(constant):
+    """Exponential: never at an apex, and its last digits only tremble. What is left of 0.3 m is 0.1 mm after ln(3000) constants."""
+    t = 1e-3 * np.arange(700)
+    place = 0.3 * (1 - np.exp(-t / constant))
+    for resolution in RESOLUTIONS:
+        left = constant * math.log(0.3 / resolution)
+        assert halting_time(t, place, resolution, ended=False) == pytest.approx(left, abs=1.5e-3)  # a sample and a half
