@@ -148,7 +148,9 @@ def rests(t: Array, place: Array, resolution: float = RESOLUTION) -> list[Rest]:
     still = resting(place, resolution)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
     found = [
-        Rest(stop=float(t[0]) if first == 0 else stop_time(t, place, int(first), resolution), first=int(first), last=int(end) - 1)
+        Rest(
+            stop=float(t[0]) if first == 0 else stop_time(t, place, int(first), resolution), first=int(first), last=int(end) - 1
+        )
         for first, end in zip(edges[::2], edges[1::2], strict=True)
     ]
     for turn in turns(place, resolution):

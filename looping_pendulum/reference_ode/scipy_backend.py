@@ -21,7 +21,14 @@ DEGREE = 7
 """Degree of DOP853's dense output."""
 CHECKS = np.linspace(0.0, 1.0, 9)
 """Fractions of a step at which events are looked for, so that two crossings within one step are seen."""
+BETWEEN = np.linspace(0.0, 1.0, 65)
+"""Fractions of a step at which a dip between `CHECKS` is looked for, in the polynomial through the values there."""
+DIP = 0.01
+"""Share of a function's largest value in a step below which a dip between `CHECKS` is followed to its bottom."""
+ROUNDING = 1e-6
+"""Share of the same that a bottom must lie below zero: a function that rises from zero trembles there by less."""
 
+_BETWEEN_FROM_CHECKS = np.vander(BETWEEN, len(CHECKS)) @ np.linalg.inv(np.vander(CHECKS, len(CHECKS)))
 _NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
 _TO_POWERS = np.linalg.inv(np.vander(_NODES, DEGREE + 1, increasing=True))
 
@@ -62,7 +69,7 @@ class ScipyIntegrator:
             if solver.status == "failed":
                 raise IntegrationError(f"{mode.name.lower()}: {message}")
             polynomial = self._polynomial(mode, names, solver.dense_output(), solver.t_old, solver.t)
-            event, fraction = self._first_event(mode, (solver.t_old, solver.t), polynomial, signs)
+            event, fraction = self._first_event(mode, (solver.t_old, solver.t), polynomial, signs, dips=bool(steps))
             if fraction < 1:
                 polynomial = polynomial * fraction ** np.arange(DEGREE + 1)
             steps.append(polynomial)
@@ -99,10 +106,13 @@ class ScipyIntegrator:
         return full
 
     def _first_event(
-        self, mode: Mode, ends: tuple[float, float], polynomial: Array, signs: Signs
+        self, mode: Mode, ends: tuple[float, float], polynomial: Array, signs: Signs, *, dips: bool
     ) -> tuple[Event | None, float]:
-        """Earliest fall through zero within a step and the fraction of the step at which it is; (None, 1) without one."""
-        from scipy.optimize import brentq
+        """Earliest fall through zero within a step and the fraction of the step at which it is; (None, 1) without one.
+
+        Without ``dips``, only between `CHECKS`: in a mode's first step a function that starts from zero is all rounding.
+        """
+        from scipy.optimize import brentq, minimize_scalar
 
         def watched(x: Array) -> dict[Event, Array]:
             y = State(*(polynomial @ np.vander(x, DEGREE + 1, increasing=True).T))
@@ -112,10 +122,23 @@ class ScipyIntegrator:
 
         first: tuple[Event | None, float] = None, 1.0
         for event, values in watched(CHECKS).items():
+
+            def value(x: float, event: Event = event) -> float:
+                return float(watched(np.array([x]))[event][0])
+
             falls = np.flatnonzero((values[:-1] > 0) & (values[1:] <= 0))
-            if falls.size:
-                low, high = CHECKS[falls[0]], CHECKS[falls[0] + 1]
-                root = brentq(lambda x, e=event: float(watched(np.array([x]))[e][0]), low, high, xtol=1e-15, rtol=1e-15)
+            before, after = (CHECKS[falls[0]], CHECKS[falls[0] + 1]) if falls.size else (1.0, 1.0)
+            between = _BETWEEN_FROM_CHECKS @ values
+            lowest = int(np.argmin(between[BETWEEN <= before]))
+            # A function that only just falls through zero may be back above it at the next of the checks.
+            largest = float(np.max(np.abs(values)))
+            if dips and values[0] > 0 and between[lowest] < DIP * largest and 0 < lowest < len(BETWEEN) - 1:
+                bounds = BETWEEN[lowest - 1], min(BETWEEN[lowest + 1], before)
+                bottom = float(minimize_scalar(value, bounds=bounds, method="bounded", options={"xatol": 1e-9}).x)
+                if value(bottom) <= -ROUNDING * largest:
+                    before, after = float(np.max(CHECKS[CHECKS < bottom])), bottom
+            if after > before:
+                root = brentq(value, before, after, xtol=1e-15, rtol=1e-15)
                 if first[0] is None or root < first[1]:
                     first = event, float(root)
         return (None if first[0] is None else meaning(first[0], signs)), first[1]
