@@ -189,21 +189,20 @@ def test_the_first_of_two_events_in_a_step_is_found():
         polynomial[State._fields.index(name), :2] = start, slope
     polynomial[State._fields.index("wrap_angle"), 0] = 0.5
     signs = Signs(-1.0, 1.0, -1.0, 1.0)
-    assert integrator._first_event(Mode.FALLING, (0.0, 1.0), polynomial, signs) == (Event.ACROSS_REVERSES, pytest.approx(0.25))
-    assert integrator._first_event(Mode.FALLING, (0.0, 1.0), polynomial, signs._replace(across=-1.0)) == (
-        Event.LIGHT_REACHES_ROD,
-        pytest.approx(0.75),
-    )
+    for across, expected in ((1.0, (Event.ACROSS_REVERSES, 0.25)), (-1.0, (Event.LIGHT_REACHES_ROD, 0.75))):
+        found = integrator._first_event(Mode.FALLING, (0.0, 1.0), polynomial, signs._replace(across=across), dips=True)
+        assert found == (expected[0], pytest.approx(expected[1]))
 
 
-def test_a_dip_in_the_middle_of_a_step_is_seen():
-    # w = (x - 1/2)^2 - 0.03^2 is above zero at both ends of the step, and at all but its middle
+@pytest.mark.parametrize(("middle", "half"), [(0.5, 0.03), (0.55, 0.001), (0.03, 0.01), (0.99, 0.005)])
+def test_a_dip_within_a_step_is_seen(middle, half):
+    # w = (x - middle)^2 - half^2 is above zero at both ends of the step, and but for the first case at all that are checked
     integrator = ScipyIntegrator(TEN_TO_ONE.values(), BASE, 1e-10)
     polynomial = np.zeros((len(State._fields), DEGREE + 1))
     polynomial[State._fields.index("free_length"), 0] = 0.5
-    polynomial[State._fields.index("across_speed"), :3] = 0.25 - 0.03**2, -1.0, 1.0
-    found = integrator._first_event(Mode.FALLING, (0.0, 1.0), polynomial, Signs(-1.0, 1.0, -1.0, 1.0))
-    assert found == (Event.ACROSS_REVERSES, pytest.approx(0.47, abs=1e-12))
+    polynomial[State._fields.index("across_speed"), :3] = middle**2 - half**2, -2 * middle, 1.0
+    found = integrator._first_event(Mode.FALLING, (0.0, 1.0), polynomial, Signs(-1.0, 1.0, -1.0, 1.0), dips=True)
+    assert found == (Event.ACROSS_REVERSES, pytest.approx(middle - half, abs=1e-12))
 
 
 def test_dop853_is_asked_for_the_tolerance_and_begins_with_a_short_step(monkeypatch):
