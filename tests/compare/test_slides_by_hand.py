@@ -423,7 +423,7 @@ def test_a_reference_that_does_not_reach_the_rod_runs_to_its_end(truth, closed_f
 
 @pytest.mark.parametrize("constant", [2e-3, 5e-3, 20e-3])
 def test_a_string_that_creeps_to_rest_halts_once_the_resolution_is_left(constant):
-    """Exponential: never at an apex, and its last digits only tremble. What is left of 0.3 m is 0.1 mm after ln(3000) constants."""
+    """Exponential: never at an apex, and its last digits only tremble. Of 0.3 m, 0.1 mm is left after ln(3000) constants."""
     t = 1e-3 * np.arange(700)
     place = 0.3 * (1 - np.exp(-t / constant))
     for resolution in RESOLUTIONS:
