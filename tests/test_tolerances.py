@@ -16,7 +16,7 @@ LONG = {
     ),
     *((name, "pybullet:chain") for name in ("two_to_one", "two_and_a_half_to_one")),
     *((name, "pymunk:chain") for name in ("held", "frictionless", "two_to_one", "two_and_a_half_to_one")),
-    *((name, "mujoco:beads") for name in ("held", "frictionless", "static_friction", "two_and_a_half_to_one")),
+    *((name, "mujoco:beads") for name in ("ten_to_one", "held", "frictionless", "static_friction", "two_and_a_half_to_one")),
     *(("fat_rod", f"pymunk:{variant}") for variant in ("beads", "segments", "defaults")),
     *(("ten_to_one", f"pybullet:{variant}") for variant in ("remade", "point_to_point", "defaults")),
     *(("ten_to_one", f"pymunk:{variant}") for variant in ("beads", "segments")),
@@ -24,9 +24,9 @@ LONG = {
 """Quick by name, and up to a minute and a half each: with the accurate ones.
 
 What they hold is held daily by the same variant in a shorter run, or by another chain in the same scenario: free fall, a swing
-from a hand, Atwood's machine and the sliding part of ten_to_one in tests/engines (`test_pybullet.py`, `test_pymunk_full.py`),
-a loop without friction in `test_conformance.py` there, static friction by `pymunk:chain` and 2:1 by `mujoco:beads` here, the
-fat rod by both; 2.5:1 by the tendons alone.
+from a hand, Atwood's machine, the sliding part of ten_to_one and the beads' way to its halt in tests/engines
+(`test_pybullet.py`, `test_mujoco_beads.py`, ...), a loop without friction in `test_conformance.py` there, 10:1 and static friction by `pymunk:chain`
+and 2:1 by `mujoco:beads` here, the fat rod by both; 2.5:1 by the tendons alone.
 """
 
 

@@ -204,6 +204,7 @@ def test_the_papers_ten_to_one_trial_is_explained_by_its_model(tmp_path):
     assert result.errors[0].events_before["s"] < 0.01  # the last printed digit
 
 
+@pytest.mark.accurate  # daily, the test above fits the same trial
 def test_what_ten_to_one_teaches_does_not_explain_two_to_one(tmp_path):
     """Nor does any effect: nothing in the 10:1 trial asks for one, so whatever 2:1 lacks cannot be learned there."""
     result = paper_study(tmp_path, train=["ten"], held_out=["two"])

@@ -56,7 +56,7 @@ def assert_named_with_its_value(result, case):
 @pytest.mark.accurate
 @pytest.mark.parametrize("case", ["string_thickness", "linear_drag", "side_force", "scale"])
 def test_what_was_hidden_is_named_with_its_value(tmp_path, case):
-    """Daily with linear drag in three trials by `test_one_process_finds_the_same_bytes_as_two`, with tilt in one below."""
+    """Daily with linear drag in three trials, and with tilt in one, in the tests below."""
     assert_named_with_its_value(found_in(tmp_path, case, 1), case)
 
 
@@ -101,10 +101,14 @@ def test_files_are_as_promised_and_the_same_again(tmp_path, ambiguous):
     assert scenario.parameters.coefficients["kinetic_friction"] == pytest.approx(0.34, rel=0.02)
 
 
+def test_what_was_hidden_is_named_from_two_trials(tmp_path):
+    assert_named_with_its_value(found_in(tmp_path, "linear_drag", 1, trials=TWO_RATIOS), "linear_drag")
+
+
+@pytest.mark.accurate  # daily, test_workers.py shares work between processes
 def test_one_process_finds_the_same_bytes_as_two(tmp_path):
     study = load(write_study(tmp_path, CASES["linear_drag"], 1, trials=TWO_RATIOS))
     alone, shared = (identify(study, workers=count) for count in (1, 2))
-    assert_named_with_its_value(alone, "linear_drag")
     assert verdict.dump(alone) == verdict.dump(shared)
     assert alone.scenario == shared.scenario
 

@@ -183,6 +183,7 @@ def test_drop_with_drag_follows_the_reference():
     assert np.all(np.linalg.norm(fallen.light_position - exact.light_position, axis=1) <= bound)
 
 
+@pytest.mark.accurate  # daily it follows the reference, which keeps it
 def test_held_pendulum_keeps_its_energy():
     # Oracle: the clamped string does no work. Bound: a symplectic Euler energy is off by dt v . g / 2, and every bead that
     # lands on the rod loses what it had, its speed the light mass's times its share of the free length, FAR_LINKS at most.
