@@ -25,8 +25,8 @@ LONG = {
 
 What they hold is held daily by the same variant in a shorter run, or by another chain in the same scenario: free fall, a swing
 from a hand, Atwood's machine, the sliding part of ten_to_one and the beads' way to its halt in tests/engines
-(`test_pybullet.py`, `test_mujoco_beads.py`, ...), a loop without friction in `test_conformance.py` there, 10:1 and static friction by `pymunk:chain`
-and 2:1 by `mujoco:beads` here, the fat rod by both; 2.5:1 by the tendons alone.
+(`test_pybullet.py`, `test_mujoco_beads.py`, ...), a loop without friction in `test_conformance.py` there, 10:1 and static
+friction by `pymunk:chain` and 2:1 by `mujoco:beads` here, the fat rod by both; 2.5:1 by the tendons alone.
 """
 
 
