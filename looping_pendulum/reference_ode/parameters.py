@@ -16,6 +16,8 @@ from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Effect
 from looping_pendulum.reference_ode.effects.properties import LEAST_LOSS_TIME
 
+LARGEST = 1e9
+"""Largest length [m] or mass [kg] that is taken for one: far above any apparatus, and its squares stay finite."""
 POINT_MASS_END = 1 / 3
 """Free length, in rod radii, at which a light mass without a radius counts as having reached the rod.
 
@@ -97,8 +99,8 @@ class Parameters:
     def _refuse_impossible(self) -> None:
         for name in ("light_mass", "heavy_mass", "rod_radius", "free_length", "hanging_length"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ParameterError(f"{name}: found {value:g}, needed a finite number above 0")
+            if not 0 < value <= LARGEST:
+                raise ParameterError(f"{name}: found {value:g}, needed a finite number above 0 and at most {LARGEST:g}")
         if not (math.isfinite(self.light_radius) and self.light_radius >= 0):
             raise ParameterError(f"light_radius: found {self.light_radius:g}, needed 0 or more")
         if not 0 < self.release_angle < 2 * math.pi:

@@ -22,7 +22,7 @@ LENGTHS_AND_MASSES = ("light_mass", "heavy_mass", "rod_radius", "free_length", "
 
 
 @pytest.mark.parametrize("name", LENGTHS_AND_MASSES)
-@pytest.mark.parametrize("value", [0.0, -1e-9, -1.0, math.inf, math.nan])
+@pytest.mark.parametrize("value", [0.0, -1e-9, -1.0, 1.01e9, 5e300, math.inf, math.nan])
 def test_masses_and_lengths_are_finite_and_above_zero(name, value):
     with pytest.raises(ParameterError, match=f"{name}: found {re.escape(f'{value:g}')}, needed a finite number above 0"):
         TEN_TO_ONE.replace(**{name: value})

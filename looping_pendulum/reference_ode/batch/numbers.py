@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode.effects import COEFFICIENTS
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import POINT_MASS_END, Parameters, Release, string_length, touching_length
+from looping_pendulum.reference_ode.parameters import (
+    LARGEST,
+    POINT_MASS_END,
+    Parameters,
+    Release,
+    string_length,
+    touching_length,
+)
 
 Columns = Mapping[str, Array]
 """Name of `COLUMNS` -> one value per run."""
@@ -46,7 +53,7 @@ _STRING = ("free_length", "rod_radius", "release_angle", "hanging_length")
 
 def possible(numbers: Mapping[str, Any], n: int) -> NDArray[np.bool_]:
     """Which runs have values that `Parameters` does not refuse."""
-    checks = [np.isfinite(numbers[name]) & np.greater(numbers[name], 0) for name in _LENGTHS_AND_MASSES]
+    checks = [np.greater(numbers[name], 0) & np.less_equal(numbers[name], LARGEST) for name in _LENGTHS_AND_MASSES]
     checks += [np.isfinite(numbers["light_radius"]) & np.greater_equal(numbers["light_radius"], 0)]
     checks += [np.greater(numbers["release_angle"], 0) & np.less(numbers["release_angle"], 2 * np.pi)]
     for name, coefficient in COEFFICIENTS.items():
