@@ -173,6 +173,7 @@ def test_expected_failures_are_strict(project):
     done.stdout.fnmatch_lines(
         ["*rms_0.35s is *", "*kept although it was declared out of reach*", "XFAIL *tube_fraction - measured 1"]
     )
+    run(pytester, "--runxfail").assert_outcomes(passed=1, failed=2)
 
 
 def test_engines_that_are_not_here_are_skips_with_the_way_to_get_them_and_crashes_fail_one_item(project):

@@ -97,12 +97,14 @@ def stop_time(t: Array, place: Array, first: int, resolution: float) -> float:
     """When the sliding ends that has at most the resolution left to go at sample ``first``, and more at the one before it [s].
 
     The apex of the parabola through the last three samples before the stop: friction flips or sets in there, so that samples
-    beyond it would bias it. They are the first three whose apex comes before the next sample. Sample ``first``, from 1, may
-    already lie beyond the stop, the one before it may not.
+    beyond it would bias it. They are the first three whose apex comes before the next sample. Sample ``first`` may already lie
+    beyond the stop, the one before it may not; without one before it, the string rests since the release.
 
     A string that friction stops needs twice the time that it would take at the speed it has. One that is not there after three
     times that time creeps to rest ever more slowly: it has no end, and counts as stopped from sample ``first`` on.
     """
+    if first == 0:
+        return float(t[0])
     sliding = first - 1
     speed_left = abs(place[first] - place[sliding]) / (t[first] - t[sliding])
     for k in range(max(first - 2, 2), len(t) - 1):
@@ -148,9 +150,7 @@ def rests(t: Array, place: Array, resolution: float = RESOLUTION) -> list[Rest]:
     still = resting(place, resolution)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
     found = [
-        Rest(
-            stop=float(t[0]) if first == 0 else stop_time(t, place, int(first), resolution), first=int(first), last=int(end) - 1
-        )
+        Rest(stop=stop_time(t, place, int(first), resolution), first=int(first), last=int(end) - 1)
         for first, end in zip(edges[::2], edges[1::2], strict=True)
     ]
     for turn in turns(place, resolution):
@@ -171,5 +171,5 @@ def halting_time(t: Array, place: Array, resolution: float, *, ended: bool) -> f
     if len(t) < 3:
         return None
     first = final_rest(place, resolution)
-    time = float(t[0]) if first == 0 else stop_time(t, place, first, resolution)
+    time = stop_time(t, place, first, resolution)
     return time if t[-1] - time >= (REST_TIME if ended else MIN_REST) else None

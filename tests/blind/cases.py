@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 import zlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -18,7 +19,7 @@ from tests.blind import Apparatus, Effects
 from tests.blind.camera import Camera, film, tracker_csv
 from tests.blind.rigid import RigidMotion, simulate_rigid
 from tests.blind.simulator import DEFAULT, Motion, Numerics, simulate
-from tests.blind.stored import stored_or_written
+from tests.blind.stored import archive_name, stored_or_written
 
 Array = NDArray[np.float64]
 Numbers = tuple[tuple[str, float], ...]
@@ -220,12 +221,19 @@ def with_signature(case: Case, target: float, *, tolerance: float = 0.05) -> Cas
 
 def write_case(folder: Path, case: Case, seed: int) -> Known:
     """Write a Tracker export per trial, and return what the experimenter knows (also written, as ``known.json``)."""
-    if case == CASES.get(case.name):
-        stored_or_written(f"tracks-{case.name}-{seed}", folder, lambda to: simulate_case(to, case, seed))
-    else:
-        simulate_case(folder, case, seed)
+    write_files("tracks", folder, case, seed, (), lambda to: simulate_case(to, case, seed))
     known: Known = json.loads((folder / "known.json").read_text(encoding="utf-8"))
     return known
+
+
+def write_files(
+    kind: str, folder: Path, case: Case, seed: int, trials: Sequence[str], simulate: Callable[[Path], None]
+) -> None:
+    """Fill ``folder`` from what is stored of the ``kind``; a case that only bears a stored one's name is simulated."""
+    if case == CASES.get(case.name):
+        stored_or_written(archive_name(kind, case.name, seed, trials), folder, simulate)
+    else:
+        simulate(folder)
 
 
 def simulate_case(folder: Path, case: Case, seed: int) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
@@ -22,8 +22,14 @@ MADE = (1980, 1, 1, 0, 0, 0)
 
 @cache
 def digest() -> str:
-    """Of everything that what is written can depend on."""
-    return hashlib.sha256(b"\0".join(path.read_bytes() for path in SOURCES if path.name != Path(__file__).name)).hexdigest()
+    """Of everything that what is written can depend on: no test, and not this file, as neither makes a number."""
+    makers = [path for path in SOURCES if path != Path(__file__) and not path.name.startswith("test_")]
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in makers)).hexdigest()
+
+
+def archive_name(kind: str, case: str, seed: int, trials: Iterable[str] = ()) -> str:
+    """Name under which the ``kind`` of files ("tracks" or "tables") of a case is stored."""
+    return "-".join([kind, case, str(seed), *trials])
 
 
 def stored_or_written(name: str, folder: Path, write: Callable[[Path], None]) -> None:
@@ -57,11 +63,11 @@ def main() -> None:
     for name, seed in TRACKS:
         with tempfile.TemporaryDirectory() as folder:
             simulate_case(Path(folder), CASES[name], seed)
-            store(f"tracks-{name}-{seed}", Path(folder))
+            store(archive_name("tracks", name, seed), Path(folder))
     for name, seed, trials in TABLES:
         with tempfile.TemporaryDirectory() as folder:
             simulate_tables(Path(folder), CASES[name], seed, trials)
-            store(f"tables-{name}-{seed}-{'-'.join(trials)}", Path(folder))
+            store(archive_name("tables", name, seed, trials), Path(folder))
 
 
 TRACKS = (

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.blind.cases import CASES, simulate_case
-from tests.blind.stored import DATA, DIGEST, TABLES, TRACKS, digest, stored_or_written
+from tests.blind.stored import DATA, DIGEST, TABLES, TRACKS, archive_name, digest, stored_or_written
 from tests.discrepancy.event_study import simulate_tables
 
 HOW = "; run `python -m tests.blind.stored`"
@@ -17,9 +17,7 @@ NUMBER = re.compile(r"-?\d+\.?\d*(?:e[+-]?\d+)?")
 
 
 def names():
-    return {f"tracks-{name}-{seed}" for name, seed in TRACKS} | {
-        f"tables-{name}-{seed}-{'-'.join(trials)}" for name, seed, trials in TABLES
-    }
+    return {archive_name("tracks", *film) for film in TRACKS} | {archive_name("tables", *table) for table in TABLES}
 
 
 def test_all_is_stored_by_the_present_sources():
@@ -59,11 +57,11 @@ def assert_stored_is_what_is_made(name, tmp_path, simulate):
 )
 def test_stored_tables_are_what_the_simulator_makes(tmp_path, name, seed, trials):
     assert_stored_is_what_is_made(
-        f"tables-{name}-{seed}-{'-'.join(trials)}", tmp_path, lambda to: simulate_tables(to, CASES[name], seed, trials)
+        archive_name("tables", name, seed, trials), tmp_path, lambda to: simulate_tables(to, CASES[name], seed, trials)
     )
 
 
 @pytest.mark.accurate
 @pytest.mark.parametrize(("name", "seed"), TRACKS)
 def test_stored_films_are_what_the_simulator_makes(tmp_path, name, seed):
-    assert_stored_is_what_is_made(f"tracks-{name}-{seed}", tmp_path, lambda to: simulate_case(to, CASES[name], seed))
+    assert_stored_is_what_is_made(archive_name("tracks", name, seed), tmp_path, lambda to: simulate_case(to, CASES[name], seed))

@@ -16,7 +16,6 @@ from looping_pendulum.scenarios.measured import find_data
 from tests.blind import Apparatus, Effects, cases
 from tests.blind.cases import Case
 from tests.blind.simulator import Motion, simulate
-from tests.blind.stored import stored_or_written
 from tests.discrepancy.blind_study import write_study
 
 Array = NDArray[np.float64]
@@ -74,8 +73,7 @@ def write_blind_study(folder: Path, case: Case, seed: int, *, tracks_of: Sequenc
     path = write_study(folder, case, seed, **options)
     study = yaml.safe_load(path.read_text(encoding="utf-8"))
     names = tuple(trial["name"] for trial in study["trials"])
-    name = f"tables-{case.name}-{seed}-{'-'.join(names)}"
-    stored_or_written(name, folder, lambda to: simulate_tables(to, case, seed, names))
+    cases.write_files("tables", folder, case, seed, names, lambda to: simulate_tables(to, case, seed, names))
     for trial in study["trials"]:
         table = f"{trial['name']}_events.csv"
         if trial["name"] in tracks_of:
