@@ -11,7 +11,10 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
 
-DEFINITIONS = """
+DEGREE = "0.01745329251994329576923690768488612713443"
+"""One degree [rad], to 40 digits."""
+
+DEFINITIONS = f"""
 nano- = 1e-9 = n-
 micro- = 1e-6 = µ- = u-
 milli- = 1e-3 = m-
@@ -25,7 +28,7 @@ second = [time] = s = sec
 gram = [mass] = g
 kelvin = [temperature] = K
 radian = [angle] = rad
-degree = 0.01745329251994329576923690768488612713443 * radian = deg = °
+degree = {DEGREE} * radian = deg = °
 turn = 6.283185307179586476925286766559005768394 * radian = _ = revolution
 percent = 0.01 = %
 minute = 60 * second = min
@@ -83,6 +86,21 @@ EXAMPLES = {
     "byte": "2 GiB",
 }
 """SI unit -> a quantity in it as one would write it."""
+
+COMMON = {
+    ("%", ""): Decimal("0.01"),
+    ("mm", "m"): Decimal("0.001"),
+    ("cm", "m"): Decimal("0.01"),
+    ("g", "kg"): Decimal("0.001"),
+    ("ms", "s"): Decimal("0.001"),
+    ("deg", "rad"): Decimal(DEGREE),
+    ("MiB", "byte"): Decimal(1024**2),
+    ("GiB", "byte"): Decimal(1024**3),
+} | {(written, unit): Decimal(1) for unit in WORDS for written in (unit, unit.replace("**", "^"))}
+"""What is written, and the SI unit wanted -> how many of those it is, for what nearly all files write.
+
+pint says the same, but its import takes longer than a whole command does without it.
+"""
 
 _DIGITS = decimal.Context(prec=60, Emin=-9999, Emax=9999)
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
@@ -195,6 +213,8 @@ def factor(written: str, unit: str) -> Decimal:
     UnitError
         If ``written`` is no unit, or one of another dimension.
     """
+    if (written, unit) in COMMON:
+        return COMMON[written, unit]
     registry = _registry()
     import pint
 

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from looping_pendulum.scenarios.units import EXAMPLES, WORDS, Kind, RangeError, UnitError, show, to_si
+from looping_pendulum.scenarios import units
+from looping_pendulum.scenarios.units import COMMON, EXAMPLES, WORDS, Kind, RangeError, UnitError, show, to_si
 
 UNITS = ["", "m", "kg", "s", "rad", "kg/m", "kg/m**2", "m/s**2", "N/m"]
 
@@ -120,6 +121,12 @@ def test_each_kind_has_an_example_that_it_reads(unit):
     kind = Kind(unit=unit)
     assert kind.parse(kind.way_out) > 0
     assert set(EXAMPLES) <= set(WORDS)
+
+
+@pytest.mark.parametrize(("written", "unit"), COMMON)
+def test_what_is_known_without_pint_is_what_pint_says(written, unit, monkeypatch):
+    monkeypatch.setattr(units, "COMMON", {})
+    assert units.factor.__wrapped__(written, unit) == COMMON[written, unit]
 
 
 def test_bounds_are_kept_and_told():
