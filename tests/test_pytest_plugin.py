@@ -13,7 +13,12 @@ from pathlib import Path
 
 import pytest
 
+from looping_pendulum.compare import harness, page, plots  # noqa: F401, for `_all_is_imported`
+from looping_pendulum.engines import registry
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import loader
+from looping_pendulum.scenarios.units import to_si
 from tests.engines.faulty import offer
 
 pytest_plugins = "pytester"
@@ -32,10 +37,10 @@ tolerances:
 """
 EXPECTED = """
 tolerances:
-  reference:scipy:
+  faulty:none:
     quick:
       tube_fraction: {limit: 1.5, reason: no share is above 1, expected_failure: measured 1}
-      rms_0.35s: {limit: 1 mm, reason: exact, expected_failure: wrongly declared}
+      string_stretch: {limit: 1 mm, reason: there is none, expected_failure: wrongly declared}
 """
 OTHERS = """
 tolerances:
@@ -78,8 +83,29 @@ def drop(tolerances):
     return text[: text.index("tolerances:")] + tolerances.lstrip()
 
 
+@pytest.fixture(scope="module")
+def _all_is_imported():
+    """Import what sessions do: each forgets at its end what it was first to import, and NumPy and its like come only once."""
+    registry.all_engines(Profile.QUICK)
+    solve(loader.load("drop").parameters)
+    to_si("1 in", "m")  # pint, whose import replaces finders of packages
+
+
 @pytest.fixture
-def project(pytester):
+def offered(pytester):
+    """Engines of somebody else's package, written as Python."""
+
+    def install(*engines):
+        offer(pytester.path, *engines)
+        pytester.syspathinsert()
+        registry.offers.cache_clear()
+
+    yield install
+    registry.offers.cache_clear()
+
+
+@pytest.fixture
+def project(pytester, _all_is_imported):
     """A project of somebody else; the arguments are file names and their tolerances."""
 
     def make(**files):
@@ -93,10 +119,13 @@ def project(pytester):
 OTHER_PLUGINS = ("hypothesispytest", "zarr", "playwright", "base_url", "anyio")
 """Plugins of the packages around us, blocked but where a test is about them: their imports take longer than a test."""
 
+BLOCKED = [option for name in OTHER_PLUGINS for option in ("-p", f"no:{name}")]
 
-def run(pytester, *arguments):
-    blocked = [option for name in OTHER_PLUGINS for option in ("-p", f"no:{name}")]
-    return pytester.runpytest_subprocess("-W", "error", "--strict-markers", *blocked, *arguments)
+
+def run(pytester, *arguments, process=False):
+    """Run a session: in this process, unless that is what the test is about."""
+    method = pytester.runpytest_subprocess if process else pytester.runpytest_inprocess
+    return method("-W", "error", "--strict-markers", *BLOCKED, *arguments)
 
 
 def test_who_does_not_use_it_pays_nothing():
@@ -166,20 +195,20 @@ def test_any_scenario_named_on_the_command_line_is_collected_and_other_yaml_is_n
     assert run(pytester, "other.yaml").ret == pytest.ExitCode.USAGE_ERROR
 
 
-def test_expected_failures_are_strict(project):
+def test_expected_failures_are_strict(project, offered):
     pytester = project(mine=EXPECTED)
+    offered("FaultyEngine('none', releases=Release)")
     done = run(pytester, "-rx")
     done.assert_outcomes(passed=1, xfailed=1, failed=1)
     done.stdout.fnmatch_lines(
-        ["*rms_0.35s is *", "*kept although it was declared out of reach*", "XFAIL *tube_fraction - measured 1"]
+        ["*string_stretch is *", "*kept although it was declared out of reach*", "XFAIL *tube_fraction - measured 1"]
     )
     run(pytester, "--runxfail").assert_outcomes(passed=1, failed=2)
 
 
-def test_engines_that_are_not_here_are_skips_with_the_way_to_get_them_and_crashes_fail_one_item(project):
+def test_engines_that_are_not_here_are_skips_with_the_way_to_get_them_and_crashes_fail_one_item(project, offered):
     pytester = project(mine=OTHERS)
-    offer(
-        pytester.path,
+    offered(
         "FaultyEngine('missing', packages=('no_such_package',), releases=Release)",
         "FaultyEngine('segfault', releases=Release)",
     )
@@ -196,9 +225,9 @@ def test_engines_that_are_not_here_are_skips_with_the_way_to_get_them_and_crashe
     assert done.ret == pytest.ExitCode.TESTS_FAILED
 
 
-def test_a_session_that_judges_nothing_is_no_success(project):
+def test_a_session_that_judges_nothing_is_no_success(project, offered):
     pytester = project(gap=MISSING, bare="tolerances: {}", mine=TOLERANCES)
-    offer(pytester.path, "FaultyEngine('missing', packages=('no_such_package',), releases=Release)")
+    offered("FaultyEngine('missing', packages=('no_such_package',), releases=Release)")
     done = run(pytester, "gap.scenario.yaml", "-rs")
     done.assert_outcomes(skipped=2, errors=1)  # the gap stays visible
     assert done.ret == 2
@@ -241,10 +270,9 @@ def test_an_unknown_engine_in_a_tolerance_is_an_error(project, name, said):
     assert "Traceback" not in done.stdout.str()
 
 
-def test_an_engines_name_means_its_main_variants(project):
+def test_an_engines_name_means_its_main_variants(project, offered):
     pytester = project(mine=BY_NAME)
-    offer(
-        pytester.path,
+    offered(
         "FaultyEngine('one', releases=Release)",
         "FaultyEngine('other', releases=Release)",
         "FaultyEngine('study', releases=Release, main=False)",
@@ -272,7 +300,7 @@ def test_faults_of_files_and_options_are_one_line_each(project):
 def test_workers_share_one_run_of_an_engine(project):
     pytest.importorskip("xdist")
     pytester = project(mine=TOLERANCES)
-    done = run(pytester, "-n", "2", "--lp-report", "out", "--basetemp", "base")
+    done = run(pytester, "-n", "2", "--lp-report", "out", "--basetemp", "base", process=True)
     done.assert_outcomes(passed=2, failed=1)
     assert len(list((pytester.path / "base").rglob("result.pickle"))) == 1
     assert (pytester.path / "out/mine/reference-scipy-quick/report.md").exists()
@@ -294,7 +322,7 @@ def test_an_interrupt_ends_the_session_and_is_no_failed_limit(project, tmp_path)
     scratch.mkdir()
     path = os.pathsep.join([str(pytester.path), str(ROOT)])
     process = subprocess.Popen(
-        [sys.executable, "-m", "pytest", "-k", "hang", "--basetemp", str(tmp_path / "base")],
+        [sys.executable, "-m", "pytest", *BLOCKED, "-k", "hang", "--basetemp", str(tmp_path / "base")],
         cwd=pytester.path,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
