@@ -5,6 +5,7 @@ from __future__ import annotations
 import abc
 import copy
 import dataclasses
+import functools
 import importlib.metadata
 import math
 import time
@@ -275,7 +276,13 @@ class TunedEngine(SteppedEngine):
 
     def versions(self) -> dict[str, str]:
         """Version of the engine's package."""
-        return {self.distribution: importlib.metadata.version(self.distribution)}
+        return {self.distribution: installed_version(self.distribution)}
+
+
+@functools.cache
+def installed_version(distribution: str) -> str:
+    """Version of an installed package, read once: looking it up takes longer than a short run."""
+    return importlib.metadata.version(distribution)
 
 
 def steps_per_sample(time_step: float) -> int:

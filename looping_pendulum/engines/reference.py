@@ -5,11 +5,18 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import asdict, dataclass, replace
-from importlib.metadata import version
 
 import numpy as np
 
-from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Engine, MemoryRecorder, Profile, Recorder
+from looping_pendulum.engines.protocol import (
+    SAMPLE_INTERVAL,
+    Abilities,
+    Engine,
+    MemoryRecorder,
+    Profile,
+    Recorder,
+    installed_version,
+)
 from looping_pendulum.engines.studies import Ladder, Studies
 from looping_pendulum.engines.trajectory import (
     Provenance,
@@ -98,7 +105,9 @@ class ReferenceEngine:
         """Versions, settings and suppliers of this engine's runs."""
         packages = {"numpy", "scipy", *self.abilities.packages}
         return Provenance(
-            versions={name: version(name) for name in sorted(packages)}, settings=asdict(self.settings), supplies=SUPPLIES
+            versions={name: installed_version(name) for name in sorted(packages)},
+            settings=asdict(self.settings),
+            supplies=SUPPLIES,
         )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from looping_pendulum.engines.mujoco.effective_mass_rig import HEAVY, EffectiveMassRig
+from looping_pendulum.engines.mujoco.effective_mass_rig import EffectiveMassRig
 from looping_pendulum.engines.mujoco.tendon_model import EffectiveMassSettings
 from looping_pendulum.engines.mujoco.winding import TAUT
 from looping_pendulum.reference_ode.effects import Kinematics
@@ -75,14 +75,17 @@ class DrumRig(EffectiveMassRig):
 
     def _light(self, ahead: float = 0.0) -> tuple[float, float, float, float]:
         length, angle = self._string(ahead)
-        turning, growing = (self._qvel[:HEAVY] + ahead * self._qacc[:HEAVY]).tolist()
+        turning, growing, *_ = self._qvel.tolist()
+        turning_faster, growing_faster, *_ = self._qacc.tolist()
+        turning, growing = turning + ahead * turning_faster, growing + ahead * growing_faster
         x, y = light_position(math, max(length, 0.0), angle, self._radius)  # below 0 the step ended inside the rod
         cosine, sine = math.cos(angle), math.sin(angle)
         return x, y, -turning * y - growing * sine, turning * x + growing * cosine
 
     def _string(self, ahead: float = 0.0) -> tuple[float, float]:
-        angle, length = (self._qpos[:HEAVY] + ahead * self._qvel[:HEAVY]).tolist()
-        return length, angle
+        angle, length, *_ = self._qpos.tolist()
+        turning, growing, *_ = self._qvel.tolist()
+        return length + ahead * growing, angle + ahead * turning
 
     def _generalized(self, fx: float, fy: float) -> tuple[float, float]:
         length, angle = self._string()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 from enum import StrEnum
 
 from looping_pendulum.engines.additions import measured_additions
@@ -11,7 +10,14 @@ from looping_pendulum.engines.mujoco.effective_mass_rig import EffectiveMassRig
 from looping_pendulum.engines.mujoco.studies import TENDON_STEPS, choice, softness_ladder, step_ladder, string_defaults
 from looping_pendulum.engines.mujoco.tendon_mass_rig import TendonMassRig
 from looping_pendulum.engines.mujoco.tendon_model import EffectiveMassSettings
-from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities, Profile, SteppedEngine
+from looping_pendulum.engines.protocol import (
+    APPLIED_DRAG,
+    FORCES_AND_RELEASE,
+    Abilities,
+    Profile,
+    SteppedEngine,
+    installed_version,
+)
 from looping_pendulum.engines.studies import HiddenDefault, Studies
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.engines.validated import shipped_range
@@ -144,4 +150,4 @@ class MujocoEffectiveMass(SteppedEngine):
 
     def versions(self) -> dict[str, str]:
         """Version of MuJoCo."""
-        return {"mujoco": importlib.metadata.version("mujoco")}
+        return {"mujoco": installed_version("mujoco")}

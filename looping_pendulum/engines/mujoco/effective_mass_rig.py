@@ -66,6 +66,7 @@ class EffectiveMassRig(abc.ABC):
         self._model: Any = mujoco.MjModel.from_xml_string(xml)
         self._data: Any = mujoco.MjData(self._model)
         self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
+        self._qfrc = self._data.qfrc_passive
         warnings = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
         self._breakdowns = tuple(self._data.warning[kind] for kind in warnings)
         self._dt, self._steps = settings.time_step, steps_per_sample(settings.time_step)
@@ -224,9 +225,12 @@ class EffectiveMassRig(abc.ABC):
             return
         x, y, vx, vy = self._light()
         fx, fy, heavy = self._force(data.time, x, y, vx, vy, self._heavy_speed())
-        data.qfrc_passive[:HEAVY] += self._generalized(fx, fy)
+        first, second = self._generalized(fx, fy)
+        passive = self._qfrc  # element by element: NumPy's ways with slices take longer than the sums
+        passive[0] += first
+        passive[1] += second
         if not self._held:
-            data.qfrc_passive[HEAVY] += heavy * self._factor
+            passive[HEAVY] += heavy * self._factor
 
     def _spare(self) -> float:
         """By how much the string is slack [m]; negative where it is stretched."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import math
 from collections.abc import Mapping
 from enum import StrEnum
@@ -27,6 +26,7 @@ from looping_pendulum.engines.protocol import (
     Abilities,
     Profile,
     SteppedEngine,
+    installed_version,
 )
 from looping_pendulum.engines.studies import Choice, Studies
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
@@ -263,4 +263,4 @@ class MujocoTendon(SteppedEngine):
 
     def versions(self) -> dict[str, str]:
         """Version of MuJoCo."""
-        return {"mujoco": importlib.metadata.version("mujoco")}
+        return {"mujoco": installed_version("mujoco")}

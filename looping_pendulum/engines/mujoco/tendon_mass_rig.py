@@ -25,9 +25,9 @@ class TendonMassRig(EffectiveMassRig):
         self._start()
 
     def _light(self, ahead: float = 0.0) -> tuple[float, float, float, float]:
-        x, y = self._qpos[:HEAVY].tolist()
-        vx, vy = self._qvel[:HEAVY].tolist()
-        ax, ay = self._qacc[:HEAVY].tolist()
+        x, y, *_ = self._qpos.tolist()
+        vx, vy, *_ = self._qvel.tolist()
+        ax, ay, *_ = self._qacc.tolist()
         return x + ahead * vx, y + ahead * vy, vx + ahead * ax, vy + ahead * ay
 
     def _string(self, ahead: float = 0.0) -> tuple[float, float]:

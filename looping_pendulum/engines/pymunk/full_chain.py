@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import math
 from typing import Any
 
 import numpy as np
 
 from looping_pendulum.engines.chain import MASS_COMPENSATION, SlipGauge, point_on_string
-from looping_pendulum.engines.protocol import Profile, SteppedEngine
+from looping_pendulum.engines.protocol import Profile, SteppedEngine, installed_version
 from looping_pendulum.engines.pymunk.abilities import full_abilities
 from looping_pendulum.engines.pymunk.calls import MOST_ALLOWED, PublicCalls
 from looping_pendulum.engines.pymunk.full_settings import (
@@ -240,4 +239,4 @@ class PymunkFullChain(SteppedEngine):
 
     def versions(self) -> dict[str, str]:
         """Version of pymunk."""
-        return {"pymunk": importlib.metadata.version("pymunk")}
+        return {"pymunk": installed_version("pymunk")}
