@@ -124,6 +124,13 @@ class Remembering:
         return self.engine.simulate(scenario)
 
 
+def undisturbed_run(engine: Engine, parameters: Parameters, duration: float) -> Trajectory:
+    """Run of ``parameters`` for ``duration`` [s] or longer: of `SMOOTH` an engine that remembers its runs has a longer one."""
+    if isinstance(engine, Remembering) and parameters == SMOOTH and duration <= SMOOTH_DURATION:
+        return smooth_run(engine)
+    return engine.simulate(scenario(parameters, duration))
+
+
 def fresh_run(engine: Engine, scenario: Scenario) -> Trajectory:
     """Run ``scenario``, also if ``engine`` remembers having run it."""
     return engine.again(scenario) if isinstance(engine, Remembering) else engine.simulate(scenario)

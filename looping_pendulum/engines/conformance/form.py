@@ -79,7 +79,7 @@ def free_length_and_wrap_angle_are_those_of_the_position(engine: Engine) -> None
 @needs(SMOOTH)
 def is_deterministic(engine: Engine) -> None:
     """The same input gives the same bytes."""
-    first, second = (fresh_run(engine, scenario(SMOOTH, 0.03)) for _ in range(2))
+    first, second = (fresh_run(engine, scenario(SMOOTH, 0.02)) for _ in range(2))
     for name in ("light_position", "heavy_position", "light_velocity", "heavy_velocity"):
         assert getattr(first, name).tobytes() == getattr(second, name).tobytes(), f"{name.replace('_', ' ')} differs"
 
