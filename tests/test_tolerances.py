@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import functools
+
 import pytest
 
+from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.harness import compare_engines
+from looping_pendulum.engines.limits import with_variants
 from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.reference import Truth
 from looping_pendulum.engines.registry import label, missing_packages, select
 from looping_pendulum.scenarios import loader
 
@@ -41,26 +46,52 @@ def cases(profile: Profile):
     return found
 
 
-def keeps_its_tolerances(name: str, engine: str, profile: Profile):
-    (chosen,) = select([engine], profile)
+def installed(name: str, profile: Profile):
+    """The variant ``name``; the test is skipped where its package is not there."""
+    (chosen,) = select([name], profile)
     missing = missing_packages(chosen)
     if missing:
         pytest.skip(f"{missing[0]} is not installed")
-    result = compare_engines(loader.load(name), engines=[label(chosen)], profile=profile, time_limit=1800)
+    return chosen
+
+
+def keeps_its_tolerances(result):
     judged = [f"{t.metric}: {t.value} (limit {t.limit}): {t.outcome.value}. {t.explanation}" for t in result.tolerances]
     assert judged, "no tolerance was judged"
     assert result.within_tolerance, "\n".join([result.engines[0].status_sentence, *judged])
 
 
+@functools.cache
+def quick_scenario(name: str):
+    """A shipped scenario and its reference, which all engines are held against."""
+    scenario = with_variants(loader.load(name), Profile.QUICK)
+    return scenario, Truth(scenario)
+
+
+def judged_in_this_process(name: str, engine):
+    """What `compare_engines` gives, without a process for the run: what those take care of has tests of its own."""
+    scenario, truth = quick_scenario(name)
+    return compare(scenario, truth, [engine.simulate(scenario)])
+
+
 @pytest.mark.parametrize(("name", "engine"), cases(Profile.QUICK))
 def test_quick_profile(name, engine):
-    keeps_its_tolerances(name, engine, Profile.QUICK)
+    keeps_its_tolerances(judged_in_this_process(name, installed(engine, Profile.QUICK)))
+
+
+def test_a_run_in_this_process_is_judged_as_compare_engines_does():
+    engine = installed("mujoco:capstan", Profile.QUICK)
+    there = compare_engines(loader.load("ten_to_one"), engines=["mujoco:capstan"], profile=Profile.QUICK)
+    here = judged_in_this_process("ten_to_one", engine)
+    assert here.tolerances == there.tolerances
+    assert len(there.tolerances) > 3
 
 
 @pytest.mark.accurate
 @pytest.mark.parametrize(("name", "engine"), cases(Profile.ACCURATE))
 def test_accurate_profile(name, engine):
-    keeps_its_tolerances(name, engine, Profile.ACCURATE)
+    chosen = installed(engine, Profile.ACCURATE)
+    keeps_its_tolerances(compare_engines(loader.load(name), engines=[label(chosen)], profile=Profile.ACCURATE, time_limit=1800))
 
 
 def test_every_engine_has_a_quick_tolerance_in_every_scenario_that_it_can_run():
