@@ -86,7 +86,7 @@ def test_studies_vary_one_thing_at_a_time():
 @pytest.fixture(scope="module")
 def ten_to_one():
     """One run past the halt at 0.385 s, shared by the tests that look at it."""
-    return run(TEN_TO_ONE, 0.5)
+    return run(TEN_TO_ONE, 0.45)
 
 
 @needs_drake
@@ -102,7 +102,7 @@ def test_vertical_release_is_an_atwood_machine_with_the_capstan_ratio(rod_radius
 
 
 @needs_drake
-@pytest.mark.parametrize("degrees", [*(pytest.param(d, marks=pytest.mark.accurate) for d in (90, 180)), 270])
+@pytest.mark.parametrize("degrees", [90, *(pytest.param(d, marks=pytest.mark.accurate) for d in (180, 270))])
 def test_tension_ratio_obeys_the_capstan_law(degrees):
     # Oracle: exp(mu theta), measured through the protocol alone. Bound: 1 %, of which 0.1 % is the measurement's own.
     assert abs(measured_exponent(DrakeChain(), wrap_angle=math.radians(degrees)).error) < 0.01
@@ -181,7 +181,7 @@ def test_a_slack_string_does_not_push():
     # Oracle: free fall, as the light mass falls towards the rod from above it; a link that pushed would turn it round the rod.
     # Bound: pushed for a sample at most, it is late by g dt t + g dt^2.
     p = TEN_TO_ONE.replace(release="held", release_angle=math.radians(45), free_length=0.2, **NO_DRAG)
-    held = run(p, 0.2)
+    held = run(p, 0.12)
     fallen = held.light_position[0, 1] - held.light_position[:, 1]
     assert np.all(np.abs(fallen - 0.5 * 9.81 * held.t**2) <= 9.81e-3 * (held.t + 1e-3))
     assert held.string_stretch[-1] < -1e-3

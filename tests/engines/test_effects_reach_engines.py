@@ -47,13 +47,13 @@ def places(run, i=-1):
 
 @pytest.fixture(scope="module")
 def undisturbed():
-    """Engine -> its run without any effect, each run once."""
+    """Engine -> its run without any effect for half of `DURATION`, each run once."""
     runs = {}
 
     def run(engine, parameters):
         key = (label(engine), parameters.coefficients["light_drag"])
         if key not in runs:
-            runs[key] = engine.simulate(scenario(parameters)).raise_if_failed()
+            runs[key] = engine.simulate(dataclasses.replace(scenario(parameters), duration=DURATION / 2)).raise_if_failed()
         return runs[key]
 
     return run

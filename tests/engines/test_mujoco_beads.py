@@ -35,7 +35,7 @@ def fitted_acceleration(trajectory):
 @pytest.fixture(scope="module")
 def ten_to_one():
     """One run past the halt at 0.385 s, shared by the tests that look at it."""
-    return run(TEN_TO_ONE, 0.5)
+    return run(TEN_TO_ONE, 0.45)
 
 
 @pytest.mark.parametrize(("rod_radius", "friction"), [(6.25e-3, 0.34), (0.03, 0.34), (6.25e-3, 0.0)])
@@ -116,10 +116,12 @@ def test_sparse_and_dense_algebra_agree():
     assert np.linalg.norm(sparse.light_position - dense.light_position, axis=1).max() < 0.6e-6
 
 
-def test_groups_of_steps_change_nothing_that_shows():
+def test_groups_of_steps_change_nothing_that_shows(ten_to_one):
     # Oracle: the same engine with drag and beads seen to at every step. Bound: a tenth of the bound against the reference.
-    grouped, every = (run(TEN_TO_ONE, 0.15, steps_per_group=n) for n in (QUICK.steps_per_group, 1))
-    assert np.linalg.norm(grouped.light_position - every.light_position, axis=1).max() < 0.06e-3
+    assert QUICK.steps_per_group > 1
+    every = run(TEN_TO_ONE, 0.15, steps_per_group=1)
+    grouped = ten_to_one.light_position[: len(every.t)]
+    assert np.linalg.norm(grouped - every.light_position, axis=1).max() < 0.06e-3
 
 
 def test_winding_many_turns_ends_at_the_rod():
@@ -137,9 +139,10 @@ def test_a_step_that_does_not_divide_the_sample_interval_is_refused(time_step):
         BeadSettings(time_step=time_step, bend=0.3, bead_mass_ratio=1e-4)
 
 
-@pytest.mark.parametrize("steps_per_group", [QUICK.steps_per_group, 1])
+@pytest.mark.parametrize("steps_per_group", [QUICK.steps_per_group, pytest.param(1, marks=pytest.mark.accurate)])
 def test_a_pyramidal_cone_never_halts(steps_per_group):
-    # MuJoCo's default cone: before the halt at 0.385 s the string has stretched by millimetres, and the mass falls on.
+    # MuJoCo's default cone: before the halt at 0.385 s the string has stretched by millimetres, and the mass falls on. That
+    # seeing to the beads at every step does not help is for the accurate tests.
     scenario = Scenario(name="test", title="", description="", parameters=TEN_TO_ONE, duration=0.4)
     falling = MujocoBeads().with_settings(cone="pyramidal", steps_per_group=steps_per_group).simulate(scenario)
     assert np.abs(falling.string_stretch).max() > 5e-3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -37,6 +38,13 @@ FINE = {"link_length": 3e-3, "time_step": 1e-5}
 def run(variant, parameters, duration, **changes):
     scenario = Scenario(name="test", title="", description="", parameters=parameters, duration=duration)
     return PymunkFullChain(variant=variant).with_settings(**changes).simulate(scenario)
+
+
+@functools.cache
+def fat_rod(variant):
+    """The first 0.35 s of a looping release over a rod of 3 cm, and its parameters."""
+    p = TEN_TO_ONE.replace(rod_radius=0.03)
+    return run(variant, p, 0.35).raise_if_failed(), p
 
 
 @pytest.mark.parametrize("time_step", [3e-6, 1e-3, 1.5e-5])
@@ -91,8 +99,7 @@ def test_static_capstan_without_the_correction_is_that_of_the_links(variant):
 @pytest.mark.parametrize("variant", CAREFUL)
 def test_fat_rod_follows_the_reference(variant):
     # Oracle: the reference. Bound: 2 mm; without friction it would be 60 mm.
-    p = TEN_TO_ONE.replace(rod_radius=0.03)
-    found = run(variant, p, 0.35).raise_if_failed()
+    found, p = fat_rod(variant)
     exact = solve_at(p, found.t, duration=0.6)
     distance = np.linalg.norm(found.light_position - exact.light_position, axis=1)
     assert math.sqrt(np.mean(distance**2)) < 2e-3
@@ -100,12 +107,12 @@ def test_fat_rod_follows_the_reference(variant):
 
 def test_what_the_string_says_of_its_stretch_is_so():
     # Oracle: l + R theta + h = L, from the masses' positions alone. Bound: half a link's sagitta on the rod, R b^2 / 8.
-    p = TEN_TO_ONE.replace(rod_radius=0.03)
     for variant in CAREFUL:
-        found = run(variant, p, 0.2)
+        found, p = fat_rod(variant)
         path = found.free_length + p.rod_radius * found.wrap_angle - found.heavy_position[:, 1] - p.string_length
         bend = full_settings(variant, Profile.QUICK).bend(p.rod_radius)
-        assert np.abs(path - found.string_stretch).max() < p.rod_radius * bend**2 / 8 + 5e-4
+        start = found.t <= 0.2 + 1e-9
+        assert np.abs(path - found.string_stretch)[start].max() < p.rod_radius * bend**2 / 8 + 5e-4
 
 
 @pytest.mark.accurate  # daily by the tolerances of ten_to_one
@@ -178,8 +185,10 @@ def test_held_and_dropped_masses():
 
 def test_groups_of_steps_change_nothing_that_shows():
     # Oracle: the same engine with the drag given every step. Bound: 0.06 mm, the chain's.
-    grouped, every = (run(Variant.BEADS, TEN_TO_ONE.replace(rod_radius=0.03), 0.1, force_interval=n) for n in (10, 1))
-    assert np.linalg.norm(grouped.light_position - every.light_position, axis=1).max() < 0.06e-3
+    grouped, p = fat_rod(Variant.BEADS)
+    assert full_settings(Variant.BEADS, Profile.QUICK).force_interval == 10
+    every = run(Variant.BEADS, p, 0.1, force_interval=1)
+    assert np.linalg.norm(grouped.light_position[: len(every.t)] - every.light_position, axis=1).max() < 0.06e-3
 
 
 @pytest.mark.parametrize("variant", list(Variant))
