@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,22 +12,39 @@ import time
 
 import pytest
 import typer
-from typer.testing import CliRunner
 
 from looping_pendulum.cli import app
 from looping_pendulum.compare.result import ComparisonResult
+from looping_pendulum.engines import registry
+from looping_pendulum.scenarios import loader
+from tests.command_line import here
 from tests.engines.faulty import offer
 
 
-def command(*arguments, cwd=None, timeout=120, also=""):
+def command(*arguments):
+    """Run a command in a process of its own; most tests take `here`, which imports nothing again."""
     return subprocess.run(
         [sys.executable, "-m", "looping_pendulum", *arguments],
         capture_output=True,
         text=True,
-        cwd=cwd,
-        timeout=timeout,
-        env=os.environ | {"COLUMNS": "200", "PYTHONPATH": os.pathsep.join([os.getcwd(), str(also)])},
+        timeout=120,
+        env=os.environ | {"COLUMNS": "200"},
     )
+
+
+@pytest.fixture
+def offered(tmp_path, monkeypatch):
+    """Engines of somebody else's package, written as Python."""
+
+    def install(*engines):
+        offer(tmp_path, *engines)
+        monkeypatch.syspath_prepend(str(tmp_path))
+        monkeypatch.delitem(sys.modules, "faulty_engines", raising=False)
+        registry.offers.cache_clear()
+
+    yield install
+    registry.offers.cache_clear()
+    sys.modules.pop("faulty_engines", None)
 
 
 def one_line_error(done):
@@ -37,30 +55,43 @@ def one_line_error(done):
     return lines[0]
 
 
+HELPED = """
+import contextlib, io, json, sys
+from looping_pendulum.cli import app
+heavy = {"numpy", "scipy", "rich", "pint", "matplotlib"}
+imported = sorted((heavy | {"pydantic"}) & set(sys.modules))  # pydantic: typer's own, for a command's options
+said = {}
+for name in sys.argv[1:]:
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        app([name, "--help"], standalone_mode=False)
+    said[name] = out.getvalue()
+json.dump([said, imported + sorted(heavy & set(sys.modules))], sys.stdout)
+"""
+
+
 def test_help_teaches_and_imports_nothing_heavy():
     done = command("--help")
     assert done.returncode == 0
     assert "looping-pendulum compare ten_to_one" in done.stdout
-    heavy = "{'numpy', 'scipy', 'rich', 'pydantic', 'pint', 'matplotlib'} & set(sys.modules)"
-    program = f"import sys, looping_pendulum.cli; print({heavy})"
-    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout.strip() == "set()"
-
-
-@pytest.mark.parametrize("name", sorted(typer.main.get_command(app).commands))
-def test_every_command_has_help(name):
-    done = command(name, "--help")
-    assert done.returncode == 0
-    assert len(done.stdout) > 200
+    names = sorted(typer.main.get_command(app).commands)
+    assert len(names) > 10
+    done = subprocess.run([sys.executable, "-c", HELPED, *names], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    said, heavy = json.loads(done.stdout)
+    assert heavy == []
+    assert list(said) == names
+    for name in names:
+        assert len(said[name]) > 200, name
 
 
 def test_scenarios_lists_prints_and_describes():
-    assert "ten_to_one" in command("scenarios").stdout
-    assert "6" in command("scenarios", "ten_to_one").stdout
-    assert json.loads(command("scenarios", "--schema").stdout)["type"] == "object"
+    assert "ten_to_one" in here("scenarios").stdout
+    assert "6" in here("scenarios", "ten_to_one").stdout
+    assert json.loads(here("scenarios", "--schema").stdout)["type"] == "object"
 
 
 def test_engines_says_who_supplies_what_and_what_is_missing():
-    done = command("engines")
+    done = here("engines")
     assert done.returncode == 0
     for name in ("mujoco:documented", "mujoco:capstan", "pymunk:chain", "pybullet:chain", "reference:scipy"):
         assert name in done.stdout
@@ -68,7 +99,7 @@ def test_engines_says_who_supplies_what_and_what_is_missing():
 
 
 def test_run_without_an_engine_runs_the_reference_and_writes_csv(tmp_path):
-    done = command("run", "two_to_one", "--out", str(tmp_path))
+    done = here("run", "two_to_one", "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr
     assert "halt" in done.stdout
     (path,) = tmp_path.glob("*.csv")
@@ -77,45 +108,46 @@ def test_run_without_an_engine_runs_the_reference_and_writes_csv(tmp_path):
 
 def test_unknown_scenario_and_engine_are_one_line_each_with_a_way_out():
     assert "ten_to_one" in one_line_error(command("run", "ten_to_on"))
-    assert "did you mean 'pymunk'" in one_line_error(command("compare", "ten_to_one", "-e", "pymnk"))
+    assert "did you mean 'pymunk'" in one_line_error(here("compare", "ten_to_one", "-e", "pymnk"))
 
 
 def test_an_output_folder_that_is_a_file_is_one_line(tmp_path):
     taken = tmp_path / "report"
     taken.write_text("mine")
-    line = one_line_error(command("compare", "drop", "-e", "reference:scipy", "--out", str(taken)))
+    line = one_line_error(here("compare", "drop", "-e", "reference:scipy", "--out", str(taken)))
     assert str(taken) in line
     assert taken.read_text() == "mine"
 
 
-def test_compare_writes_the_whole_report(tmp_path):
-    done = command("compare", "drop", "-e", "reference:scipy", "--out", str(tmp_path))
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """What `compare` leaves of the drop."""
+    folder = tmp_path_factory.mktemp("compared")
+    done = here("compare", "drop", "-e", "reference:scipy", "--out", str(folder))
     assert done.returncode == 0, done.stderr
-    assert {p.name for p in tmp_path.iterdir()} >= {"report.md", "result.json", "figures", "trajectories"}
-    result = ComparisonResult.from_json((tmp_path / "result.json").read_text())
+    return folder
+
+
+def test_compare_writes_the_whole_report(compared):
+    assert {p.name for p in compared.iterdir()} >= {"report.md", "result.json", "figures", "trajectories"}
+    result = ComparisonResult.from_json((compared / "result.json").read_text())
     assert result.scenario == "drop"
-    report = (tmp_path / "report.md").read_text()
-    for figure in (tmp_path / "figures").iterdir():
+    report = (compared / "report.md").read_text()
+    for figure in (compared / "figures").iterdir():
         assert f"figures/{figure.name}" in report
 
 
-def here(*arguments):
-    """The same in this process: nothing is imported again."""
-    return CliRunner().invoke(app, arguments)
-
-
-def test_a_baseline_lists_what_changed_and_leaves_the_exit_status(tmp_path, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "200")
+def test_a_baseline_lists_what_changed_and_leaves_the_exit_status(compared, tmp_path):
     old, new = tmp_path / "old", tmp_path / "new"
-    assert here("compare", "drop", "-e", "reference:scipy", "--out", str(old)).exit_code == 0
+    shutil.copytree(compared, old)
     done = here("compare", "drop", "-e", "reference:scipy", "--out", str(new), "--baseline", str(old))
-    assert done.exit_code == 0, done.output
+    assert done.returncode == 0, done.stderr
     assert f"Nothing changed since {old}" in done.stdout
     tree = json.loads((old / "result.json").read_text())
     tree["engines"][0]["metrics"]["tube_fraction"] = 0.5
     (old / "result.json").write_text(json.dumps(tree))
     done = here("compare", "drop", "-e", "reference:scipy", "--out", str(new), "--baseline", str(old / "result.json"))
-    assert done.exit_code == 0, done.output
+    assert done.returncode == 0, done.stderr
     assert f"1 change since {old}/result.json" in done.stdout
     assert "metric: tube_fraction" in done.stdout
     assert "+100 %" in done.stdout
@@ -126,36 +158,36 @@ def test_a_baseline_lists_what_changed_and_leaves_the_exit_status(tmp_path, monk
         "compare", "drop", "-e", "reference:scipy", "--out", str(new), "--baseline", str(old), "--baseline-threshold", "2"
     )
     assert "metric:" not in done.stdout
-    line = one_line_error(command("compare", "held", "--baseline", str(old)))
+    line = one_line_error(here("compare", "held", "--baseline", str(old)))
     assert "found a result of 'drop', needed one of 'held'" in line
-    assert "No such file" in one_line_error(command("compare", "drop", "--baseline", str(tmp_path / "nowhere.json")))
+    assert "No such file" in one_line_error(here("compare", "drop", "--baseline", str(tmp_path / "nowhere.json")))
 
 
-def test_a_memory_limit_has_a_unit_and_stops_a_run(tmp_path):
-    line = one_line_error(command("run", "drop", "--memory-limit", "2"))
+def test_a_memory_limit_has_a_unit_and_stops_a_run(offered):
+    line = one_line_error(here("run", "drop", "--memory-limit", "2"))
     assert "write for example '2 GiB'" in line
-    offer(tmp_path, "FaultyEngine('memory')")
-    done = command("run", "two_to_one", "-e", "faulty", "--memory-limit", "300 MiB", also=tmp_path)
+    offered("FaultyEngine('memory')")
+    done = here("run", "two_to_one", "-e", "faulty", "--memory-limit", "300 MiB")
     assert done.returncode == 1, done.stderr
     assert "stopped by its memory limit; raise --memory-limit" in " ".join(done.stdout.split())
 
 
 def test_outside_tolerance_is_exit_status_one(tmp_path):
-    text = command("scenarios", "drop").stdout
+    text = loader.source_text("drop")
     start = text.index("tolerances:") if "tolerances:" in text else len(text)
     strict = text[:start] + (
         "tolerances:\n  reference:scipy:\n    quick:\n      tube_fraction: {limit: 1.5, reason: cannot be kept}\n"
     )
     path = tmp_path / "strict.yaml"
     path.write_text(strict)
-    done = command("check", str(path), "-e", "reference")
+    done = here("check", str(path), "-e", "reference")
     assert done.returncode == 1, done.stdout + done.stderr
     assert "fail" in done.stdout
 
 
 def limited(folder, tolerances):
     """Path of the shipped drop with other tolerances."""
-    text = command("scenarios", "drop").stdout
+    text = loader.source_text("drop")
     path = folder / "mine.yaml"
     path.write_text(text[: text.index("tolerances:")] + tolerances)
     return str(path)
@@ -164,32 +196,30 @@ def limited(folder, tolerances):
 LIMIT = "tolerances: {%s: {quick: {tube_fraction: {limit: 0.5, reason: easily kept}}}}\n"
 
 
-def test_a_check_that_judges_nothing_is_exit_status_two(tmp_path):
-    offer(tmp_path, "FaultyEngine('missing', packages=('no_such_package',), releases=Release)")
+def test_a_check_that_judges_nothing_is_exit_status_two(tmp_path, offered):
+    offered("FaultyEngine('missing', packages=('no_such_package',), releases=Release)")
     path = limited(tmp_path, LIMIT % "'faulty:missing'")
-    done = command("check", path, also=tmp_path)
+    done = here("check", path)
     assert done.returncode == 2
     assert "not run" in done.stdout  # the gap stays visible
     assert "nothing was judged of mine: faulty:missing: the engine is not installed" in done.stderr
     assert "nothing was judged of mine: no tolerances for profile accurate: it has them for profile quick" in one_line_error(
-        command("check", path, "-p", "accurate", also=tmp_path)
+        here("check", path, "-p", "accurate")
     )
-    assert "nothing was judged: no scenario has tolerances" in one_line_error(
-        command("check", path, "-e", "pymunk", also=tmp_path)
-    )
-    assert "add some under `tolerances:`" in one_line_error(command("check", limited(tmp_path, ""), also=tmp_path))
+    assert "nothing was judged: no scenario has tolerances" in one_line_error(here("check", path, "-e", "pymunk"))
+    assert "add some under `tolerances:`" in one_line_error(here("check", limited(tmp_path, "")))
 
 
 def test_an_unknown_engine_in_a_tolerance_or_option_is_an_error(tmp_path):
     path = limited(tmp_path, LIMIT % "'pymunk:chian'")
     said = "mine: tolerances: no engine is called 'pymunk:chian'; did you mean 'pymunk:chain'?"
-    assert said in one_line_error(command("check", path))
-    assert said in one_line_error(command("compare", path, "-e", "reference", "--out", str(tmp_path / "report")))
-    assert "--engine: no engine is called 'pymnk'" in one_line_error(command("check", "drop", "-e", "pymnk"))
+    assert said in one_line_error(here("check", path))
+    assert said in one_line_error(here("compare", path, "-e", "reference", "--out", str(tmp_path / "report")))
+    assert "--engine: no engine is called 'pymnk'" in one_line_error(here("check", "drop", "-e", "pymnk"))
 
 
 def test_a_tolerance_under_an_engines_name_is_judged_of_its_main_variants(tmp_path):
-    done = command("check", limited(tmp_path, LIMIT % "reference"))
+    done = here("check", limited(tmp_path, LIMIT % "reference"))
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("pass") == 2, done.stdout
 
