@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property, lru_cache
 from types import MappingProxyType, SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import effects as effect_library
@@ -90,13 +90,14 @@ class Parameters:
         object.__setattr__(self, "release", Release(self.release))
         if self.release is Release.VERTICAL:
             object.__setattr__(self, "release_angle", math.pi)
-        self._refuse_impossible()
+        self._refuse_impossible(self.coefficients)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle by value: a read-only mapping does not pickle by itself."""
         return _rebuild, (self.as_dict(),)
 
-    def _refuse_impossible(self) -> None:
+    def _refuse_impossible(self, coefficients: Iterable[str]) -> None:
+        """Refuse what cannot be; of the coefficients, these may have changed since they were found possible."""
         for name in ("light_mass", "heavy_mass", "rod_radius", "free_length", "hanging_length"):
             value = getattr(self, name)
             if not 0 < value <= LARGEST:
@@ -106,8 +107,8 @@ class Parameters:
         if not 0 < self.release_angle < 2 * math.pi:
             degrees = math.degrees(self.release_angle)
             raise ParameterError(f"release_angle: found {degrees:g} deg, needed between 0 and 360 deg")
-        for name, value in self.coefficients.items():
-            low, high = _BOUNDS[name]
+        for name in coefficients:
+            value, (low, high) = self.coefficients[name], _BOUNDS[name]
             if not (low <= value <= high and math.isfinite(value)):
                 raise ParameterError(f"{name}: found {value:g}, needed between {low:g} and {high:g}")
         kinetic, static = self.coefficients["kinetic_friction"], self.coefficients["static_friction"]
@@ -148,8 +149,12 @@ class Parameters:
 
     def effects_with(self, names: Collection[str]) -> tuple[Effect, ...]:
         """`effects`, with those of the coefficients ``names`` even at their null value."""
-        off = {name for name, value in self.coefficients.items() if value != _NULLS[name]}
-        return _acting(frozenset(off.union(names)), self.release)
+        return _acting(self._off_null.union(names), self.release)
+
+    @cached_property
+    def _off_null(self) -> frozenset[str]:
+        """Coefficients that are not at their null value."""
+        return frozenset(name for name, value in self.coefficients.items() if value != _NULLS[name])
 
     def values(self) -> SimpleNamespace:
         """Every number as an attribute, coefficients included: what the equations read. One object, not to be changed."""
@@ -159,18 +164,41 @@ class Parameters:
     def _values(self) -> SimpleNamespace:
         fields = {name: getattr(self, name) for name in _FIELDS}
         derived = {"end_length": self.end_length, "string_length": self.string_length}
-        values = SimpleNamespace(**fields, **derived, **self.coefficients)
+        values = SimpleNamespace(**fields, **derived, **self._copied_coefficients())
         values.string_loss_time = max(values.string_loss_time, LEAST_LOSS_TIME)
         return values
 
     def replace(self, **changes: object) -> Parameters:
         """Return a copy with fields or coefficients changed (``replace(light_mass=0.02, kinetic_friction=0.3)``)."""
-        coefficients = dict(self.coefficients)
+        if type(self) is Parameters and changes.keys() <= _NUMBERS:
+            return self._with_numbers(changes)
+        coefficients = self._copied_coefficients()
         if self.static_follows:
             del coefficients["static_friction"]
         for name in [n for n in changes if n in effect_library.COEFFICIENTS]:
             coefficients[name] = float(changes.pop(name))  # type: ignore[arg-type]
         return dataclasses.replace(self, coefficients=coefficients, **changes)  # type: ignore[arg-type]
+
+    def _with_numbers(self, changes: Mapping[str, Any]) -> Parameters:
+        """As `replace`; what does not change is not looked at again, as a fit asks for thousands of copies."""
+        coefficients = self._copied_coefficients()
+        moved = {name: float(value) for name, value in changes.items() if name in coefficients}
+        if "kinetic_friction" in moved and self.static_follows:
+            moved.setdefault("static_friction", moved["kinetic_friction"])
+        copy = object.__new__(Parameters)
+        fields = vars(copy)
+        for name in _FIELDS:
+            fields[name] = changes.get(name, getattr(self, name))
+        if self.release is Release.VERTICAL:
+            fields["release_angle"] = math.pi
+        fields["coefficients"] = MappingProxyType(coefficients | moved)
+        copy._refuse_impossible(moved)
+        off = frozenset(name for name, value in moved.items() if value != _NULLS[name])
+        fields["_off_null"] = self._off_null.difference(moved) | off
+        return copy
+
+    def _copied_coefficients(self) -> dict[str, float]:
+        return cast("MappingProxyType[str, float]", self.coefficients).copy()
 
     def as_dict(self) -> dict[str, object]:
         """Plain data, for JSON and for another process."""
@@ -179,6 +207,8 @@ class Parameters:
 
 
 _FIELDS = tuple(f.name for f in dataclasses.fields(Parameters) if f.name != "coefficients")
+_NUMBERS = frozenset({*_FIELDS, *effect_library.COEFFICIENTS} - {"release"})
+"""What `Parameters.replace` may change one by one."""
 _DEFAULTS = {name: c.default for name, c in effect_library.COEFFICIENTS.items()}
 _NULLS = {name: c.null for name, c in effect_library.COEFFICIENTS.items()}
 _BOUNDS = {name: c.bounds for name, c in effect_library.COEFFICIENTS.items()}

@@ -105,28 +105,32 @@ class Samples:
     @cached_property
     def light_position(self) -> Array:
         """[m], shape (n, 2)."""
-        return np.stack(light_place(np, self.state, _overlap(self.state), self.run.parameters), axis=1)
+        return _pairs(*light_place(np, self.state, self._overlap, self.run.parameters))
 
     @cached_property
     def light_velocity(self) -> Array:
         """[m/s], shape (n, 2)."""
         s = self.state
-        return np.stack(light_velocity(np, s.wrap_angle, s.retreat_speed, s.across_speed), axis=1)
+        return _pairs(*light_velocity(np, s.wrap_angle, s.retreat_speed, s.across_speed))
 
     @cached_property
     def heavy_position(self) -> Array:
         """[m], shape (n, 2)."""
-        x, y = heavy_place(np, self.state, _overlap(self.state), self.run.parameters)
-        return np.stack([np.broadcast_to(x, y.shape), y], axis=1)
+        return _pairs(*heavy_place(np, self.state, self._overlap, self.run.parameters))
 
     @cached_property
     def heavy_velocity(self) -> Array:
         """[m/s], shape (n, 2)."""
         speed = self.state.heavy_speed
         if not self._swings:
-            return np.stack([np.zeros_like(speed), speed], axis=1)
+            return _pairs(0.0, speed)
         across, cosine, sine = self.state.heavy_across_speed, np.cos(self.state.heavy_tilt), np.sin(self.state.heavy_tilt)
-        return np.stack([across * cosine - speed * sine, across * sine + speed * cosine], axis=1)
+        return _pairs(across * cosine - speed * sine, across * sine + speed * cosine)
+
+    @cached_property
+    def _overlap(self) -> Any:
+        """1 where the string lies on itself, else 0; only asked for where the string has a thickness."""
+        return _overlap(self.state) if winds(self.run.parameters.effects) else 0.0
 
     @cached_property
     def _swings(self) -> bool:
@@ -142,6 +146,13 @@ class Samples:
             state, signs = State(*(v[here] for v in self.state)), Signs(*(v[here] for v in self.signs))
             light[here], heavy[here] = equations.tensions(np, mode, self.t[here], state, signs, p, effects)
         return light, heavy
+
+
+def _pairs(x: Any, y: Array) -> Array:
+    """Coordinates as rows, shape (n, 2); several times faster than `numpy.stack`."""
+    pairs = np.empty((len(y), 2))
+    pairs[:, 0], pairs[:, 1] = x, y
+    return pairs
 
 
 def light_place(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple[Any, Any]:

@@ -126,8 +126,9 @@ def _turns(t: Array, place: Array, speed: Array) -> tuple[Extremum, ...]:
     """Extrema of one coordinate, by the zeros of its speed; which count is said by `slides.turns`."""
     # A sample may fall on the very turn: of what rests then, the way it came from counts.
     sign = np.sign(speed)
-    moving = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
-    before = np.flatnonzero(sign[moving][:-1] * sign[moving][1:] < 0)
+    if not sign[1:].all():
+        sign = sign[np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))]
+    before = np.flatnonzero(sign[:-1] * sign[1:] < 0)
     share, value = _hermite_zero(t[before + 1] - t[before], place[before], place[before + 1], speed[before], speed[before + 1])
     times = t[before] + share * (t[before + 1] - t[before])
     chosen = turns(np.concatenate([place[:1], value, place[-1:]]), EXTREMUM_BAND)

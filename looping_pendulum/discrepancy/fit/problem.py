@@ -45,6 +45,9 @@ class How(StrEnum):
     CAMERA = "is, of the camera,"
 
 
+_TIMES, _CAMERA = How.TIMES, How.CAMERA
+
+
 @dataclass(frozen=True, kw_only=True)
 class Number:
     """One number that a fit moves."""
@@ -171,7 +174,7 @@ class Problem:
         self._own = {u.name for u in study.unknowns(study.trials)}
         self._camera = [{n: e.value for n, e in d.trial.camera.items()} for d in self.data]
         self._last: list[tuple[Parameters, Array, Samples] | None] = [None] * len(self.data)
-        self._last_events: list[tuple[Parameters, Samples] | None] = [None] * len(self.data)
+        self._last_events: list[_EventRun | None] = [None] * len(self.data)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without what runs are remembered."""
@@ -207,12 +210,14 @@ class Problem:
         camera: dict[str, float] = dict(self._camera[k])
         factors = []
         base = self._base[k]
+        plain = x.tolist()  # arithmetic of plain numbers is faster than NumPy's, and the same
         for i in self._acting[k]:
             n = self.numbers[i]
-            value = float(min(max(n.start + n.scale * x[i], n.bounds[0]), n.bounds[1]))
-            if n.how is How.CAMERA:
+            low, high = n.bounds
+            value = min(max(n.start + n.scale * plain[i], low), high)
+            if n.how is _CAMERA:
                 camera[n.parameter] = value
-            elif n.how is How.TIMES:
+            elif n.how is _TIMES:
                 factors.append((n.parameter, value))
             else:
                 changes[n.parameter] = value
@@ -230,22 +235,24 @@ class Problem:
     def run(self, x: Array, k: int) -> Samples:
         """Run of trial ``k`` at the true times of its marks; every millisecond if it has only events."""
         if not self.data[k].channels:
-            return self._run_for_events(self.setting(x, k)[0], k)
+            return self._run_for_events(self.setting(x, k)[0], k).samples
         self.predict(x, k)
         last = self._last[k]
         assert last is not None
         return last[2]
 
-    def _run_for_events(self, parameters: Parameters, k: int) -> Samples:
+    def _run_for_events(self, parameters: Parameters, k: int) -> _EventRun:
         last = self._last_events[k]
-        if last is None or last[0] != parameters:
-            self._last_events[k] = last = parameters, run_for_events(parameters)
-        return last[1]
+        if last is None or last.parameters != parameters:
+            self._last_events[k] = last = _EventRun(parameters, run_for_events(parameters))
+        return last
 
     def predict_events(self, x: Array, k: int) -> Array:
         """What the table of trial ``k`` would say of its events, shape (events,); NaN where one does not happen."""
-        parameters, camera = self.setting(x, k)
-        return predict_events(self._run_for_events(parameters, k), camera, self.data[k].events)
+        return self._predict_events(*self.setting(x, k), k)
+
+    def _predict_events(self, parameters: Parameters, camera: Camera, k: int) -> Array:
+        return self._run_for_events(parameters, k).predicted(camera, self.data[k].events)
 
     def predict(self, x: Array, k: int) -> Array:
         """What would have been measured in trial ``k``, shape (n,); after a run's end everything rests.
@@ -265,9 +272,11 @@ class Problem:
         parts = []
         if d.channels:
             values = predict(sample, camera, d.channels, dropped=d.trial.dropped).values
-            parts = [_resting(values[c.name]) for c in d.channels]
+            parts = [values[c.name] for c in d.channels]
+            if not np.isfinite(np.concatenate(parts)).all():
+                parts = [_resting(part) for part in parts]
         if d.events:
-            parts.append(counted(self.predict_events(x, k), d.events))
+            parts.append(counted(self._predict_events(parameters, camera, k), d.events))
         return np.concatenate(parts or [np.zeros(0)])
 
     def happening(self, x: Array) -> NDArray[np.bool_]:
@@ -341,6 +350,20 @@ class Problem:
         moved = x.copy()
         moved[i] += by
         return self.predict(moved, k)
+
+
+class _EventRun:
+    """A run to its end, and what its last camera saw of its events."""
+
+    def __init__(self, parameters: Parameters, samples: Samples) -> None:
+        self.parameters, self.samples = parameters, samples
+        self._seen: tuple[Camera, Array] | None = None
+
+    def predicted(self, camera: Camera, rows: Sequence[EventRow]) -> Array:
+        """As `predict_events`, of always the same ``rows``: a screening asks for them twice."""
+        if self._seen is None or self._seen[0] != camera:
+            self._seen = camera, predict_events(self.samples, camera, rows)
+        return self._seen[1]
 
 
 def _resting(values: Array) -> Array:

@@ -25,19 +25,25 @@ def weight(side: str, i: int) -> str:
     return f"closure_{side}_{i}"
 
 
+_OF = tuple((f"closure_of_{name}", name) for name in COORDINATES)
+_BY = tuple((f"closure_by_{name}", name) for name in FACTORS[1:])
+_WEIGHTS = {side: tuple(weight(side, i) for i in range(BUMPS)) for side in SIDES}
+"""Names of the coefficients, written once: a run asks for them at each of its events."""
+
+
 def _number(name: str, meaning: str, unit: str = "", bound: float = 1e6) -> Coefficient:
     return Coefficient(name=name, unit=unit, default=0.0, null=0.0, bounds=(-bound, bound), meaning=meaning)
 
 
 def _bumps(xp: Any, k: Kinematics, p: Any) -> list[Any]:
-    s = sum(getattr(p, f"closure_of_{name}") * getattr(k, name) for name in COORDINATES)
+    s = sum(getattr(p, of) * getattr(k, name) for of, name in _OF)
     x = s * p.closure_scale - p.closure_start
-    factor = p.closure_by_constant - sum(getattr(p, f"closure_by_{name}") * getattr(k, name) for name in FACTORS[1:])
+    factor = p.closure_by_constant - sum(getattr(p, by) * getattr(k, name) for by, name in _BY)
     return [factor * xp.exp(-0.5 * (x - i) * (x - i)) for i in range(BUMPS)]
 
 
 def _side(bumps: list[Any], p: Any, side: str) -> Any:
-    return sum(getattr(p, weight(side, i)) * bump for i, bump in enumerate(bumps))
+    return sum(getattr(p, name) * bump for name, bump in zip(_WEIGHTS[side], bumps, strict=True))
 
 
 def _light(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
