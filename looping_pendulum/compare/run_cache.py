@@ -23,7 +23,8 @@ import numpy as np
 from looping_pendulum import __version__
 from looping_pendulum.compare.export import file_stem, unknown_as_nan, write_whole
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.engines.isolation import POLL_INTERVAL, identity, run_isolated
+from looping_pendulum.engines.isolation import POLL_INTERVAL, run_isolated
+from looping_pendulum.engines.job import identity
 from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.registry import label

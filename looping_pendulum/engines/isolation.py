@@ -15,15 +15,15 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from looping_pendulum.engines import memory
+from looping_pendulum.engines.job import RESULT, ROW_BYTES, SAMPLES, Job, identity, read_rows
 from looping_pendulum.engines.memory import MEMORY_LIMIT, held_memory, show_memory
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, declared
 from looping_pendulum.engines.registry import how_to_get, missing_packages
-from looping_pendulum.engines.trajectory import COLUMNS, Provenance, RunStatus, Trajectory, from_samples, whole_row
+from looping_pendulum.engines.trajectory import COLUMNS, RunStatus, Trajectory, from_samples
 from looping_pendulum.process_start import OUTPUT
 from looping_pendulum.processes import Supervised
 from looping_pendulum.scenarios.scenario import Scenario
@@ -36,10 +36,6 @@ OUTPUT_LIMIT = 2**24
 """An engine that has printed more than this is not kept: the file starts anew [bytes]."""
 OUTPUT_KEPT = 2**16
 """How much of the end of what an engine printed comes back [bytes]."""
-ROW_BYTES = 8 * len(COLUMNS)
-
-SAMPLES, RESULT = "samples.bin", "trajectory.pickle"
-"""Files in a worker's folder: samples as they are made, and what the engine returned."""
 ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
@@ -50,41 +46,6 @@ ENVIRONMENT = {
 
 Progress = Callable[[Engine, float], None]
 """Called with an engine and the share of its run that is done, 0 to 1."""
-
-
-class FileRecorder:
-    """Appends samples to a file, each with its own write, so that a crash of this process loses none."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._file = path.open("ab", buffering=0)
-
-    def add(self, row: Sequence[float]) -> None:
-        """Keep one row of `COLUMNS`; one of another length would make all later rows be read wrongly, and is refused."""
-        self._file.write(np.array(whole_row(row), dtype=float).tobytes())
-
-    def rows(self) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-        """All rows kept so far, shape (n, len(COLUMNS))."""
-        return read_rows(self._path)
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-
-def read_rows(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """Whole rows of a recorder's file; a half-written last one is left out."""
-    data = path.read_bytes() if path.exists() else b""
-    whole = len(data) // ROW_BYTES
-    return np.frombuffer(data[: whole * ROW_BYTES], dtype=float).reshape(whole, len(COLUMNS)).copy()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Job:
-    """What a worker is asked to do; it travels to it as a pickle."""
-
-    engine: Engine
-    scenario: Scenario
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,19 +205,6 @@ def _tail(path: Path) -> str:
             return file.read().decode(errors="replace")
     except OSError:
         return ""
-
-
-def identity(engine: Engine, scenario: Scenario) -> dict[str, Any]:
-    """Fields that name a run, for a trajectory that its engine could not make itself."""
-    provenance = Provenance(versions={}, settings=vars(engine.settings), supplies=engine.abilities.supplies)
-    return {
-        "engine": engine.name,
-        "variant": engine.variant,
-        "profile": engine.profile.value,
-        "scenario": scenario.name,
-        "provenance": provenance,
-        **declared(engine, scenario.parameters),
-    }
 
 
 def _without_run(engine: Engine, scenario: Scenario, status: RunStatus, message: str) -> Trajectory:

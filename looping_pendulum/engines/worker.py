@@ -7,7 +7,7 @@ import traceback
 from dataclasses import replace
 from pathlib import Path
 
-from looping_pendulum.engines.isolation import RESULT, SAMPLES, FileRecorder, Job, identity
+from looping_pendulum.engines.job import RESULT, SAMPLES, FileRecorder, Job, identity
 from looping_pendulum.engines.returned import checked
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory, from_samples
 from looping_pendulum.process_start import JOB

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare, write
-from looping_pendulum.engines.isolation import FileRecorder, run_all
+from looping_pendulum.engines.isolation import run_all
+from looping_pendulum.engines.job import FileRecorder
 from looping_pendulum.engines.reference import Truth
 from looping_pendulum.engines.returned import checked
 from looping_pendulum.engines.trajectory import Provenance, RunStatus, TrajectoryEvent
