@@ -1,10 +1,14 @@
-"""The runs of one chunk: the function that travels to another process or machine, and what it is given."""
+"""The runs of one chunk: the function that travels to another process or machine, and what it is given.
+
+Each worker process imports this module first, so it imports neither the reader of map files nor Zarr.
+"""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Protocol
 
@@ -23,8 +27,7 @@ from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Event
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.sweep.fields import FIELDS, IMPOSSIBLE, UNKNOWN_COUNT, Values, end_code
-from looping_pendulum.sweep.plan import REFERENCE
+from looping_pendulum.sweep.fields import FIELDS, IMPOSSIBLE, REFERENCE, UNKNOWN_COUNT, Values, end_code
 
 PACKAGES = ("numpy", "scipy", "heyoka")
 """What the reference's numbers depend on, beside this package."""
@@ -115,7 +118,9 @@ def engine_called(name: str, profile: Profile) -> Engine:
     return select([name], profile)[0]
 
 
+@cache
 def _version(package: str) -> str:
+    """Version of an installed package; read once, since every chunk asks and reading takes milliseconds."""
     try:
         return version(package)
     except PackageNotFoundError:

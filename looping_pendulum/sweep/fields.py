@@ -11,6 +11,8 @@ from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.batch.result import ENDS
 from looping_pendulum.reference_ode.transitions import Event
 
+REFERENCE = "reference"
+"""Engine that is run in batches, in the chunk's own process."""
 IMPOSSIBLE = "impossible"
 """End of a run whose parameters contradict each other: it was not made."""
 ENDINGS: tuple[str, ...] = tuple(

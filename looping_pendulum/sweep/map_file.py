@@ -23,7 +23,8 @@ from looping_pendulum.scenarios.scenario import FILE_KEYS, Scenario
 from looping_pendulum.scenarios.schema import LONGEST_DURATION, Group, Quantity, Text, fault, suggest
 from looping_pendulum.scenarios.units import Kind, factor, unit_of
 from looping_pendulum.sweep.cells import engine_called
-from looping_pendulum.sweep.plan import REFERENCE, Axis, Grid, MapPlan, Sample
+from looping_pendulum.sweep.fields import REFERENCE
+from looping_pendulum.sweep.plan import Axis, Grid, MapPlan, Sample
 from looping_pendulum.sweep.quantities import MAY_MEET, Variable, variables
 
 MOST_AXES = 3

@@ -17,10 +17,9 @@ from looping_pendulum.errors import HarnessError, ParameterError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.sweep.fields import REFERENCE
 from looping_pendulum.sweep.quantities import columns
 
-REFERENCE = "reference"
-"""Engine that is run in batches, in the chunk's own process."""
 SMALLEST_CHUNK, LARGEST_CHUNK, CHUNKS = 256, 65536, 16
 """Runs per chunk where the map file does not say: a 16th of the map within these bounds. A batch costs 0.04 s and 25 us per
 run, and writing a chunk 0.03 s."""

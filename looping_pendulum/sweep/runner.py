@@ -18,7 +18,8 @@ from looping_pendulum.files import write_whole
 from looping_pendulum.scenarios.document import one_line
 from looping_pendulum.sweep import cells, executors, report
 from looping_pendulum.sweep.executors import Solve
-from looping_pendulum.sweep.plan import REFERENCE, MapPlan
+from looping_pendulum.sweep.fields import REFERENCE
+from looping_pendulum.sweep.plan import MapPlan
 from looping_pendulum.sweep.store import STORE, MapStore, disk_faults, locked, open_store
 from looping_pendulum.sweep.summary import EngineSummary
 

@@ -27,8 +27,8 @@ from zarr.codecs import ZstdCodec
 from looping_pendulum.scenarios import dump
 from looping_pendulum.scenarios.document import one_line, shorten
 from looping_pendulum.sweep.cells import engine_called, versions
-from looping_pendulum.sweep.fields import ENDINGS, FIELDS, WORDS, Values
-from looping_pendulum.sweep.plan import REFERENCE, Grid, MapError, MapPlan, Sample, Unit
+from looping_pendulum.sweep.fields import ENDINGS, FIELDS, REFERENCE, WORDS, Values
+from looping_pendulum.sweep.plan import Grid, MapError, MapPlan, Sample, Unit
 
 STORE = "map.zarr"
 """Name of the store in the output folder."""
@@ -204,12 +204,12 @@ def _refuse_damaged(plan: MapPlan, path: Path) -> None:
     """Refuse a store whose description of its arrays is not what this map's is: its numbers would be read wrongly."""
     whole = zarr.storage.MemoryStore()
     _create(plan, whole)
-    names = [name for name, _ in zarr.open_group(whole, mode="r").arrays()]
+    arrays: dict[str, Any] = dict(zarr.open_group(whole, mode="r").arrays())
+    names = list(arrays)
     seen = {file: _description(path / file) for file in (METADATA, *(f"{name}/{METADATA}" for name in names))}
     together = (seen[METADATA].get("consolidated_metadata") or {}).get("metadata") or {}
     for name in names:
-        wanted = zarr.open_group(whole, mode="r")[name].metadata.to_dict()
-        wanted = json.loads(json.dumps(wanted, default=str))
+        wanted = json.loads(json.dumps(arrays[name].metadata.to_dict(), default=str))
         for file, found in ((f"{name}/{METADATA}", seen[f"{name}/{METADATA}"]), (METADATA, together.get(name) or {})):
             for key in _described(plan, name):
                 if found.get(key) != wanted[key]:

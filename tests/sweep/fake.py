@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from looping_pendulum.sweep import cells, map_file, runner
+from looping_pendulum.sweep import cells
 from looping_pendulum.sweep.fields import FIELDS, end_code
 
 
@@ -32,23 +32,34 @@ def solve(task):
 
 def die_at_last(task):
     """Kill the own process at a late chunk."""
-    if task.index == 14:
+    if task.index == 5:
         os.kill(os.getpid(), signal.SIGKILL)
     return solve(task)
 
 
 def main():
-    """Map with the fake solver; print the largest memory held [KiB]."""
+    """Map with the fake solver; print how many runs are done, and the largest memory held [KiB].
+
+    Of several pairs of a map and a folder, each is mapped by a copy of this process, one after another: what such a copy
+    does, or that it is killed, leaves the next as it was, and none has to import anything. First its process id is printed.
+    """
+    from looping_pendulum.sweep import map_file, runner  # not above: a worker needs neither
+
     parser = argparse.ArgumentParser()
-    parser.add_argument("map")
-    parser.add_argument("out")
+    parser.add_argument("paths", nargs="+", help="map and folder, once or several times")
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--cluster")
     given = parser.parse_args()
-    outcome = runner.run_map(
-        map_file.load(given.map), given.out, jobs=given.jobs, cluster=given.cluster, figures=False, solve=solve
-    )
-    print(outcome.done, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    pairs = list(zip(given.paths[::2], given.paths[1::2], strict=True))
+    for plan, out in [(map_file.load(name), out) for name, out in pairs]:
+        copy = os.fork() if len(pairs) > 1 else 0
+        if copy:
+            print(copy, flush=True)
+            os.waitpid(copy, 0)
+            continue
+        outcome = runner.run_map(plan, out, jobs=given.jobs, figures=False, solve=solve)
+        print(outcome.done, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, flush=True)
+        if len(pairs) > 1:
+            os._exit(0)
 
 
 if __name__ == "__main__":

@@ -18,11 +18,14 @@ GRID = """
 title: A grid
 scenario: ten_to_one
 parameters:
-  release_angle: {from: 60 deg, to: 130 deg, count: 15}
+  release_angle: {from: 60 deg, to: 130 deg, count: 6}
   mass_ratio: {from: 1, to: 12, count: 12}
 tolerance: 1e-6
 chunk: 12
 """
+"""72 runs in 6 chunks."""
+LONG = GRID.replace("count: 6", "count: 15")
+"""180 runs in 15 chunks: for what happens in the middle of a map."""
 SAMPLE = """
 title: A sample
 scenario: ten_to_one
@@ -55,3 +58,8 @@ def contents(folder):
 def chunk_files(folder):
     """Files of the last field of each chunk so far."""
     return [path for path in Path(folder).glob("map.zarr/sequence/c/**/*") if path.is_file() and path.suffix != ".partial"]
+
+
+def field_files(folder):
+    """Files of the fields of each chunk so far."""
+    return [path for path in Path(folder).glob("map.zarr/*/c/*/*") if path.suffix != ".partial"]

@@ -14,7 +14,7 @@ import pytest
 from looping_pendulum.errors import EngineError
 from looping_pendulum.sweep import map_file
 from looping_pendulum.sweep.executors import CONNECT_TIME
-from tests.sweep.maps import GRID, chunk_files, contents, program
+from tests.sweep.maps import GRID, LONG, contents, program
 from tests.sweep.test_runner import quiet
 
 pytest.importorskip("distributed")
@@ -46,25 +46,19 @@ def cluster(tmp_path):
 
 def test_a_worker_killed_in_the_middle_loses_nothing(cluster, tmp_path):
     address, workers = cluster
-    (tmp_path / "map.yaml").write_text(GRID)
-    folder = tmp_path / "out"
-    process = subprocess.Popen(
-        **program("tests.sweep.fake", tmp_path / "map.yaml", folder, "--cluster", address),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    while process.poll() is None and len(chunk_files(folder)) < 4:
-        time.sleep(0.01)
-    workers[0].send_signal(signal.SIGKILL)
-    left = 15 - len(chunk_files(folder))
-    said, wrong = process.communicate(timeout=120)
-    assert said.startswith("180 "), wrong
-    assert left > 3  # it had work to do when it was killed
+    plan, left = map_file.load_text(LONG), []
+
+    def kill(done, runs):
+        if done >= 4 * 12 and not left:
+            workers[0].send_signal(signal.SIGKILL)
+            left.append(runs - done)
+
+    assert quiet(plan, tmp_path / "out", cluster=address, progress=kill).complete
+    assert left[0] > 3 * 12  # it had work to do when it was killed
     assert workers[0].wait() == -signal.SIGKILL
     assert workers[1].poll() is None
-    quiet(map_file.load_text(GRID), tmp_path / "here")
-    assert contents(folder) == {**contents(tmp_path / "here"), "map.yaml": GRID.encode()}
+    quiet(plan, tmp_path / "here")
+    assert contents(tmp_path / "out") == contents(tmp_path / "here")
 
 
 def test_an_unreachable_cluster_is_one_line_soon(tmp_path):

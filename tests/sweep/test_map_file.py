@@ -15,7 +15,7 @@ from looping_pendulum.sweep import map_file
 from looping_pendulum.sweep.plan import Sample
 from looping_pendulum.sweep.quantities import RATIOS, columns, variables
 from looping_pendulum.sweep.store import map_id
-from tests.sweep.maps import GRID, SAMPLE
+from tests.sweep.maps import LONG, SAMPLE
 
 ANGLE = "release_angle: {from: 60 deg, to: 130 deg, count: 8}"
 
@@ -57,7 +57,7 @@ def test_every_number_of_an_apparatus_may_be_varied():
 
 
 def test_a_grid_has_every_combination_once_whatever_the_chunks():
-    plan = map_file.load_text(GRID.replace("chunk: 12", "chunk: 7"))
+    plan = map_file.load_text(LONG.replace("chunk: 12", "chunk: 7"))
     parts = [plan.design.given(plan.unit(i).region) for i in range(plan.units)]
     pairs = [np.column_stack([np.degrees(part["release_angle"]), part["mass_ratio"]]) for part in parts]
     seen = {tuple(pair) for pair in np.concatenate(pairs).round(9)}
