@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,10 @@ from looping_pendulum.scenarios.measured import find_data
 TEN, TWO = loader.load("ten_to_one"), loader.load("two_to_one")
 
 
-def measured_rows(scenario):
+@functools.cache
+def measured_rows(name):
+    """Measured quantities of a scenario with what the reference says of each."""
+    scenario = loader.load(name)
     if find_data(scenario.measured.file) is None:
         pytest.skip(f"the paper's table {scenario.measured.file} is not here: set $LOOPING_PENDULUM_DATA")
     return compare_engines(scenario, engines=["reference:scipy"]).measured
@@ -25,13 +30,13 @@ def test_rod_radii_are_within_the_papers_range():
 
 
 def test_ten_to_one_reproduces_all_fourteen_extrema_within_eight_milliseconds():
-    rows = [r for r in measured_rows(TEN) if r.quantity in ("x1_extremum", "y1_extremum")]
+    rows = [r for r in measured_rows("ten_to_one") if r.quantity in ("x1_extremum", "y1_extremum")]
     assert len(rows) == 14
     assert max(abs(r.truth - r.paper_numerical) for r in rows) < 0.008
 
 
 def test_ten_to_one_halts_where_and_when_the_paper_says():
-    rows = {r.quantity: r for r in measured_rows(TEN) if "extremum" not in r.quantity}
+    rows = {r.quantity: r for r in measured_rows("ten_to_one") if "extremum" not in r.quantity}
     for quantity, bound in (
         ("halting_time", 0.005),
         ("drop_at_halt", 0.005),
@@ -42,7 +47,7 @@ def test_ten_to_one_halts_where_and_when_the_paper_says():
 
 
 def test_two_to_one_reproduces_all_seven_rows_to_their_printed_precision():
-    rows = measured_rows(TWO)
+    rows = measured_rows("two_to_one")
     assert len(rows) == 7
     for row in rows:
         assert abs(row.truth - row.paper_numerical) <= 0.005, f"{row.quantity}: {row.truth}"

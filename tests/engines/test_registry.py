@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
 import warnings
 
@@ -13,6 +11,7 @@ from looping_pendulum.engines import registry
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import AdapterWarning, all_engines, challengers, label, loaded, missing_packages, select
 from looping_pendulum.errors import EngineError
+from tests.command_line import here
 from tests.engines.faulty import FaultyEngine
 
 GOOD = """
@@ -107,22 +106,16 @@ def test_a_module_that_is_not_there_is_a_broken_adapter(offer):
 
 
 def test_on_the_command_line_a_broken_adapter_is_a_warning_and_a_gap_in_the_list(offer, tmp_path):
-    folder = offer(raises=BROKEN["raises"][0])
-    environment = os.environ | {"COLUMNS": "200", "PYTHONPATH": os.pathsep.join([str(folder), os.getcwd()])}
-
-    def command(*arguments):
-        arguments = [sys.executable, "-m", "looping_pendulum", *arguments]
-        return subprocess.run(arguments, capture_output=True, text=True, env=environment, timeout=120)
-
+    offer(raises=BROKEN["raises"][0])
     line = "engine 'raises' is left out: adapter adapter_raises of the package elsewhere: ValueError: no licence"
-    done = command("engines")
+    done = here("engines")
     assert done.returncode == 0
     assert "broken" in done.stdout
     assert line in done.stdout
-    done = command("engines", "--support")
+    done = here("engines", "--support")
     assert done.returncode == 0
     assert [text for text in done.stderr.splitlines() if text] == [f"warning: {line}; mend or uninstall that package"]
-    done = command("compare", "drop", "-e", "raises", "--out", str(tmp_path / "out"))
+    done = here("compare", "drop", "-e", "raises", "--out", str(tmp_path / "out"))
     assert done.returncode == 2
     assert [text for text in done.stderr.splitlines() if text] == [f"error: --engine: {line}; mend or uninstall that package"]
 

@@ -12,12 +12,14 @@ from types import SimpleNamespace
 import pytest
 
 from looping_pendulum.compare.convergence.report import halting_verdict
+from looping_pendulum.engines import registry
 from looping_pendulum.engines.conformance import CHECKS, Remembering, left_out, scenario
 from looping_pendulum.engines.conformance.against_reference import errs_no_more_than_refining_it_changes
 from looping_pendulum.engines.conformance.apparatus import SMOOTH
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.errors import EngineError
+from tests.command_line import here
 from tests.engines.page_example import blocks, module
 
 BUILD = "from setuptools.build_meta import build_wheel; build_wheel('dist')"
@@ -48,6 +50,17 @@ def engine(spring):
     return Remembering(made)
 
 
+@pytest.fixture
+def installed(package, monkeypatch):
+    """The package's engine, offered in this process as in a new one."""
+    monkeypatch.syspath_prepend(str(package))
+    monkeypatch.delitem(sys.modules, "looping_spring", raising=False)
+    registry.offers.cache_clear()
+    yield
+    registry.offers.cache_clear()
+    sys.modules.pop("looping_spring", None)
+
+
 def command(package, *arguments):
     path = os.pathsep.join([str(package), os.getcwd()])
     return subprocess.run(
@@ -76,15 +89,17 @@ def test_the_command_examines_it(package):
     assert "  fail" not in done.stdout
 
 
-def test_the_list_says_where_it_is_from(package):
-    done = command(package, "engines")
+@pytest.mark.usefixtures("installed")
+def test_the_list_says_where_it_is_from():
+    done = here("engines")
     assert "spring:euler" in done.stdout
     assert "of the package looping-spring" in re.sub(r"\s+", " ", done.stdout)
     assert done.stderr == ""
 
 
-def test_compare_runs_it_beside_the_others(package, tmp_path):
-    done = command(package, "compare", "ten_to_one", "-e", "spring", "-e", "reference:scipy", "--out", str(tmp_path))
+@pytest.mark.usefixtures("installed")
+def test_compare_runs_it_beside_the_others(tmp_path):
+    done = here("compare", "ten_to_one", "-e", "spring", "-e", "reference:scipy", "--out", str(tmp_path))
     assert done.returncode == 0, done.stdout + done.stderr
     assert "spring:euler" in (tmp_path / "report.md").read_text()
     assert "looping-spring 0.1" in (tmp_path / "report.md").read_text()
@@ -138,8 +153,9 @@ def test_an_engine_without_a_ladder_is_told_which_page_has_one(spring):
 def test_the_pages_test_snippet_runs(package, tmp_path):
     (tmp_path / "test_spring.py").write_text(blocks("python")[1])
     path = os.pathsep.join([str(package), os.getcwd()])
+    without = [option for name in ("hypothesispytest", "zarr", "cacheprovider") for option in ("-p", f"no:{name}")]
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", "heavy or rest or supplies", str(tmp_path)],
+        [sys.executable, "-m", "pytest", "-q", *without, "-k", "heavy or rest or supplies", str(tmp_path)],
         capture_output=True,
         text=True,
         cwd=tmp_path,
