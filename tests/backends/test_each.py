@@ -30,7 +30,8 @@ pytestmark = pytest.mark.skipif(current() != DEFAULT, reason="this run itself is
 
 def run_checks(name, *options):
     """Run `CHECKED` in one process: what a backend is can only be set before a process starts."""
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *options, *CHECKED]
+    without = [option for name in ("hypothesispytest", "zarr", "cacheprovider") for option in ("-p", f"no:{name}")]
+    command = [sys.executable, "-m", "pytest", "-q", *without, *options, *CHECKED]
     inherited = {variable: value for variable, value in environment(name).items() if not variable.startswith("PYTEST_")}
     done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, timeout=1800, env=inherited)
     assert done.returncode == 0, done.stdout + done.stderr
