@@ -108,12 +108,7 @@ def test_the_package_says_what_the_stored_runs_say():
     assert PACKAGE_DATA.read_text(encoding="utf-8") == summary_text(stored()), f"write it again: {COMMAND} --summary"
 
 
-NOT_MEASURED = pytest.mark.xfail(
-    strict=True, raises=ValueError, reason="PyBullet takes half an hour of a quiet core; not run yet"
-)
-
-
-@pytest.mark.parametrize("name", [pytest.param(n, marks=NOT_MEASURED if n == "pybullet:chain" else ()) for n in MAIN])
+@pytest.mark.parametrize("name", MAIN)
 def test_every_main_variant_states_its_range(name):
     (stated,) = [each for each in shipped_range(name) if each.profile == "quick"]
     (engine,) = select([name], Profile.QUICK)
