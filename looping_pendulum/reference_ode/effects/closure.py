@@ -6,6 +6,7 @@ found by `discrepancy.unlisted.discovery`, never typed.
 
 from __future__ import annotations
 
+from operator import attrgetter, mul
 from typing import Any
 
 from looping_pendulum.reference_ode.effects.types import Coefficient, Effect, EffectKind, Kinematics
@@ -25,10 +26,11 @@ def weight(side: str, i: int) -> str:
     return f"closure_{side}_{i}"
 
 
-_OF = tuple((f"closure_of_{name}", name) for name in COORDINATES)
-_BY = tuple((f"closure_by_{name}", name) for name in FACTORS[1:])
-_WEIGHTS = {side: tuple(weight(side, i) for i in range(BUMPS)) for side in SIDES}
-"""Names of the coefficients, written once: a run asks for them at each of its events."""
+_OF = attrgetter(*(f"closure_of_{name}" for name in COORDINATES))
+_BY = attrgetter(*(f"closure_by_{name}" for name in FACTORS[1:]))
+_COORDINATES, _SPEEDS = attrgetter(*COORDINATES), attrgetter(*FACTORS[1:])
+_WEIGHTS = {side: attrgetter(*(weight(side, i) for i in range(BUMPS))) for side in SIDES}
+"""What reads many coefficients at once: a run asks for them at each of its events."""
 
 
 def _number(name: str, meaning: str, unit: str = "", bound: float = 1e6) -> Coefficient:
@@ -36,14 +38,14 @@ def _number(name: str, meaning: str, unit: str = "", bound: float = 1e6) -> Coef
 
 
 def _bumps(xp: Any, k: Kinematics, p: Any) -> list[Any]:
-    s = sum(getattr(p, of) * getattr(k, name) for of, name in _OF)
+    s = sum(map(mul, _OF(p), _COORDINATES(k)))
     x = s * p.closure_scale - p.closure_start
-    factor = p.closure_by_constant - sum(getattr(p, by) * getattr(k, name) for by, name in _BY)
+    factor = p.closure_by_constant - sum(map(mul, _BY(p), _SPEEDS(k)))
     return [factor * xp.exp(-0.5 * (x - i) * (x - i)) for i in range(BUMPS)]
 
 
 def _side(bumps: list[Any], p: Any, side: str) -> Any:
-    return sum(getattr(p, name) * bump for name, bump in zip(_WEIGHTS[side], bumps, strict=True))
+    return sum(map(mul, _WEIGHTS[side](p), bumps))
 
 
 def _light(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
