@@ -16,9 +16,13 @@ import typer
 from looping_pendulum.cli import app
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines import registry
+from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.scenarios import loader
 from tests.command_line import here
 from tests.engines.faulty import offer
+
+REFERENCE = f"reference:{available_integrators()[0]}"
+"""An engine whose process starts quickly, where heyoka is installed."""
 
 
 def command(*arguments):
@@ -114,7 +118,7 @@ def test_unknown_scenario_and_engine_are_one_line_each_with_a_way_out():
 def test_an_output_folder_that_is_a_file_is_one_line(tmp_path):
     taken = tmp_path / "report"
     taken.write_text("mine")
-    line = one_line_error(here("compare", "drop", "-e", "reference:scipy", "--out", str(taken)))
+    line = one_line_error(here("compare", "drop", "-e", REFERENCE, "--out", str(taken)))
     assert str(taken) in line
     assert taken.read_text() == "mine"
 
@@ -123,7 +127,7 @@ def test_an_output_folder_that_is_a_file_is_one_line(tmp_path):
 def compared(tmp_path_factory):
     """What `compare` leaves of the drop."""
     folder = tmp_path_factory.mktemp("compared")
-    done = here("compare", "drop", "-e", "reference:scipy", "--out", str(folder))
+    done = here("compare", "drop", "-e", REFERENCE, "--out", str(folder))
     assert done.returncode == 0, done.stderr
     return folder
 
@@ -140,13 +144,13 @@ def test_compare_writes_the_whole_report(compared):
 def test_a_baseline_lists_what_changed_and_leaves_the_exit_status(compared, tmp_path):
     old, new = tmp_path / "old", tmp_path / "new"
     shutil.copytree(compared, old)
-    done = here("compare", "drop", "-e", "reference:scipy", "--out", str(new), "--baseline", str(old))
+    done = here("compare", "drop", "-e", REFERENCE, "--out", str(new), "--baseline", str(old))
     assert done.returncode == 0, done.stderr
     assert f"Nothing changed since {old}" in done.stdout
     tree = json.loads((old / "result.json").read_text())
     tree["engines"][0]["metrics"]["tube_fraction"] = 0.5
     (old / "result.json").write_text(json.dumps(tree))
-    done = here("compare", "drop", "-e", "reference:scipy", "--out", str(new), "--baseline", str(old / "result.json"))
+    done = here("compare", "drop", "-e", REFERENCE, "--out", str(new), "--baseline", str(old / "result.json"))
     assert done.returncode == 0, done.stderr
     assert f"1 change since {old}/result.json" in done.stdout
     assert "metric: tube_fraction" in done.stdout
@@ -154,9 +158,7 @@ def test_a_baseline_lists_what_changed_and_leaves_the_exit_status(compared, tmp_
     (change,) = json.loads((new / "changes.json").read_text())["changes"]
     assert (change["what"], change["before"], change["after"]) == ("tube_fraction", 0.5, 1.0)
     assert "## Since the baseline" in (new / "report.md").read_text()
-    done = here(
-        "compare", "drop", "-e", "reference:scipy", "--out", str(new), "--baseline", str(old), "--baseline-threshold", "2"
-    )
+    done = here("compare", "drop", "-e", REFERENCE, "--out", str(new), "--baseline", str(old), "--baseline-threshold", "2")
     assert "metric:" not in done.stdout
     line = one_line_error(here("compare", "held", "--baseline", str(old)))
     assert "found a result of 'drop', needed one of 'held'" in line
