@@ -10,7 +10,6 @@ import numpy as np
 from looping_pendulum.compare import report
 from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.baseline import Changes
-from looping_pendulum.compare.glossary import GLOSSARY
 from looping_pendulum.compare.metrics import THRESHOLDS
 from looping_pendulum.compare.paper_table import quantity_words
 from looping_pendulum.compare.plots import FLOOR, PRINTED_HALF_DIGIT, measured_drops
@@ -31,6 +30,7 @@ from looping_pendulum.pages.figures import (
     run_colour,
     vertical,
 )
+from looping_pendulum.pages.glossary import glossary
 from looping_pendulum.pages.palette import Style, styles
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -48,7 +48,7 @@ def render(result: ComparisonResult, changes: Changes | None = None) -> str:
         report.before_figures(result, changes),
         figures(result),
         report.after_figures(result),
-        GLOSSARY,
+        glossary("comparison"),
         f"Lines join at most {POINTS} samples of a run; every number on this page comes from all of them.",
     )
 

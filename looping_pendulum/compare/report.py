@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from looping_pendulum.compare import baseline, halts, paper_table
-from looping_pendulum.compare.glossary import GLOSSARY
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, Outcome, RunProvenance, ToleranceResult
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 from looping_pendulum.compare.tolerances import AT_LEAST
 from looping_pendulum.compare.words import told_events
+from looping_pendulum.pages.glossary import glossary
 
 UNITS: dict[str, tuple[str, float]] = {
     "rms_0.35s": ("mm", 1e3),
@@ -45,7 +45,7 @@ def render(result: ComparisonResult, figures: Mapping[str, str] | None = None, c
         What changed since a baseline, if there is one.
     """
     figures_section = "## Figures\n\n" + _figures(figures or {})
-    words = "## Words\n\n" + "".join(f"- **{word}**: {meaning}\n" for word, meaning in GLOSSARY.items())
+    words = "## Words\n\n" + "".join(f"- **{word}**: {meaning}\n" for word, meaning in glossary("comparison").items())
     return "\n".join([*before_figures(result, changes), figures_section, *after_figures(result), words])
 
 

@@ -8,9 +8,9 @@ import webbrowser
 from pathlib import Path
 
 from looping_pendulum.compare.export import write_whole
-from looping_pendulum.compare.glossary import GLOSSARY
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines.tension import WINDOW
+from looping_pendulum.pages.glossary import glossary
 from looping_pendulum.pages.shell import asset, page
 from looping_pendulum.teaching.demo_data import EVENT_KINDS, page_data
 
@@ -41,7 +41,7 @@ def render(result: ComparisonResult) -> str:
         tension_window=round(1e3 * WINDOW),
         string=data["string"],
         kinds=EVENT_KINDS,
-        glossary=GLOSSARY,
+        glossary=glossary("comparison"),
     )
 
 

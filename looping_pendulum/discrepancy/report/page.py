@@ -7,13 +7,13 @@ from typing import Any
 from looping_pendulum.compare.paper_table import quantity_words
 from looping_pendulum.discrepancy.report import markdown
 from looping_pendulum.discrepancy.report.event_report import FARTHEST, off_by
-from looping_pendulum.discrepancy.report.glossary import GLOSSARY
 from looping_pendulum.discrepancy.report.plots import SHOWN
 from looping_pendulum.discrepancy.report.unlisted_report import SIDES, force_unit
 from looping_pendulum.discrepancy.search import GAIN
 from looping_pendulum.discrepancy.verdict import EventResidual, Identification, Picture, Unlisted
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.figures import DOTTED, INK, LINE, SOFT, Figure, band, escaped, horizontal, plain, points
+from looping_pendulum.pages.glossary import glossary
 from looping_pendulum.pages.palette import COLOURS
 
 BEFORE, AFTER = "var(--run-1)", "var(--run-0)"
@@ -27,7 +27,7 @@ def render(result: Identification) -> str:
         markdown.before_figures(result),
         figures(result),
         markdown.after_figures(result),
-        GLOSSARY,
+        glossary("identification"),
         "Residual: measured less predicted. Grey bands: two standard errors, within which 95 % of mere noise lies.",
     )
 

@@ -1,0 +1,55 @@
+"""One glossary: the documentation shows it whole, the reports show their part, and its names are those of the code."""
+
+from __future__ import annotations
+
+import io
+import re
+import tokenize
+from pathlib import Path
+
+import pytest
+
+from looping_pendulum.pages.glossary import COLUMNS, PAGES, glossary, rows
+
+ROOT = Path(__file__).parents[2]
+
+
+def names_in_code() -> set[str]:
+    """All identifiers of the package."""
+    found = set()
+    for path in (ROOT / "looping_pendulum").rglob("*.py"):
+        tokens = tokenize.generate_tokens(io.StringIO(path.read_text(encoding="utf-8")).readline)
+        found |= {token.string for token in tokens if token.type == tokenize.NAME}
+    return found
+
+
+def test_the_documentations_page_is_the_packages_file():
+    page, source = ROOT / "docs" / "glossary.md", ROOT / "looping_pendulum" / "pages" / "glossary.md"
+    assert page.read_text(encoding="utf-8") == source.read_text(encoding="utf-8")
+
+
+def test_rows_are_whole_and_terms_stand_once():
+    assert tuple(rows()[0]) == COLUMNS
+    assert all(row["Term"] and row["Meaning"].endswith(".") for row in rows())
+    terms = [row["Term"] for row in rows()]
+    assert len(set(terms)) == len(terms)
+    assert {page for row in rows() for page in row["Pages"].split(", ") if page} == set(PAGES)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_report_shows_its_terms(page):
+    assert glossary(page)
+    assert all(row["Meaning"] == glossary(page)[row["Term"]] for row in rows() if page in row["Pages"])
+
+
+def test_an_unknown_page_is_refused():
+    with pytest.raises(ValueError, match="page: found 'maps', needed one of comparison, identification"):
+        glossary("maps")
+
+
+def test_names_in_code_are_in_the_code():
+    known = names_in_code()
+    named = [name for row in rows() for name in re.findall(r"`([\w.]+)`", row["Name in code"])]
+    assert named
+    missing = [name for name in named if not set(name.split(".")) <= known]
+    assert not missing
