@@ -32,6 +32,10 @@ MISSED = 100.0
 """Standard errors by which a measured event counts as missed that does not happen in the model's run. More than any event that
 does happen is off by after the first iterations, so that a fit never gains by losing one; how far it would have to move to
 happen is not known, so the number says "qualitatively wrong" and no more."""
+EXTREMA = ("x1_extremum", "y1_extremum")
+"""Quantities that are read from samples."""
+BEYOND = 1.25
+"""Share of the time of a table's last row up to which a run is sampled first."""
 _GRID: Array = np.arange(round(DURATION / SAMPLE_STEP) + 1, dtype=np.float64) * SAMPLE_STEP
 
 
@@ -59,9 +63,38 @@ def check_events(observations: Observations) -> None:
         seen.add((row.quantity, row.index))
 
 
-def run_for_events(parameters: Parameters) -> Samples:
-    """Run to its end, as halts need, at the times that extrema need."""
-    return solve_at(parameters, _GRID, duration=DURATION, integrator=available_integrators()[0])
+def run_for_events(parameters: Parameters, until: float = DURATION) -> Samples:
+    """Run to its end, as halts need, at the times up to ``until`` [s] that extrema need."""
+    times = _GRID[: np.searchsorted(_GRID, until, side="right")]
+    return solve_at(parameters, times, duration=DURATION, integrator=available_integrators()[0])
+
+
+class EventRun:
+    """A run, sampled as far as its table's rows ask for, and what its last camera saw of them."""
+
+    def __init__(self, parameters: Parameters, rows: Sequence[EventRow]) -> None:
+        self.parameters = parameters
+        self._rows = rows
+        self._until = min(BEYOND * moments_of(rows, 0.0).max(initial=0.0), DURATION)
+        self._samples = run_for_events(parameters, self._until)
+        self._seen: tuple[Camera, Array] | None = None
+
+    @property
+    def samples(self) -> Samples:
+        """To the run's end."""
+        if self._until < min(self._samples.run.end_time, DURATION):
+            self._until, self._samples = DURATION, run_for_events(self.parameters)
+        return self._samples
+
+    def predicted(self, camera: Camera) -> Array:
+        """As `predict_events`."""
+        if self._seen is None or self._seen[0] != camera:
+            found = predict_events(self._samples, camera, self._rows)
+            # a turn that is found stays, whatever comes after it; one that is not may come later
+            if any(row.quantity in EXTREMA for row, value in zip(self._rows, found, strict=True) if math.isnan(value)):
+                found = predict_events(self.samples, camera, self._rows)
+            self._seen = camera, found
+        return self._seen[1]
 
 
 def landmarks(samples: Samples, camera: Camera) -> Landmarks:

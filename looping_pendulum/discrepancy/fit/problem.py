@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from looping_pendulum.discrepancy.data.measurement import DIFFERENTIABLE, Camera, differential, predict
 from looping_pendulum.discrepancy.data.observations import Channel, DataError, EventRow
 from looping_pendulum.discrepancy.data.study import Study, Trial
-from looping_pendulum.discrepancy.fit.event_prediction import counted, moments_of, predict_events, run_for_events
+from looping_pendulum.discrepancy.fit.event_prediction import EventRun, counted, moments_of
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -174,7 +174,7 @@ class Problem:
         self._own = {u.name for u in study.unknowns(study.trials)}
         self._camera = [{n: e.value for n, e in d.trial.camera.items()} for d in self.data]
         self._last: list[tuple[Parameters, Array, Samples] | None] = [None] * len(self.data)
-        self._last_events: list[_EventRun | None] = [None] * len(self.data)
+        self._last_events: list[EventRun | None] = [None] * len(self.data)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without what runs are remembered."""
@@ -241,10 +241,10 @@ class Problem:
         assert last is not None
         return last[2]
 
-    def _run_for_events(self, parameters: Parameters, k: int) -> _EventRun:
+    def _run_for_events(self, parameters: Parameters, k: int) -> EventRun:
         last = self._last_events[k]
         if last is None or last.parameters != parameters:
-            self._last_events[k] = last = _EventRun(parameters, run_for_events(parameters))
+            self._last_events[k] = last = EventRun(parameters, self.data[k].events)
         return last
 
     def predict_events(self, x: Array, k: int) -> Array:
@@ -252,7 +252,7 @@ class Problem:
         return self._predict_events(*self.setting(x, k), k)
 
     def _predict_events(self, parameters: Parameters, camera: Camera, k: int) -> Array:
-        return self._run_for_events(parameters, k).predicted(camera, self.data[k].events)
+        return self._run_for_events(parameters, k).predicted(camera)
 
     def predict(self, x: Array, k: int) -> Array:
         """What would have been measured in trial ``k``, shape (n,); after a run's end everything rests.
@@ -350,20 +350,6 @@ class Problem:
         moved = x.copy()
         moved[i] += by
         return self.predict(moved, k)
-
-
-class _EventRun:
-    """A run to its end, and what its last camera saw of its events."""
-
-    def __init__(self, parameters: Parameters, samples: Samples) -> None:
-        self.parameters, self.samples = parameters, samples
-        self._seen: tuple[Camera, Array] | None = None
-
-    def predicted(self, camera: Camera, rows: Sequence[EventRow]) -> Array:
-        """As `predict_events`, of always the same ``rows``: a screening asks for them twice."""
-        if self._seen is None or self._seen[0] != camera:
-            self._seen = camera, predict_events(self.samples, camera, rows)
-        return self._seen[1]
 
 
 def _resting(values: Array) -> Array:
