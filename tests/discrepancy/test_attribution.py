@@ -12,7 +12,7 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.listed.attribution import BLOCKS, SCORE_LIMIT, judge, refit
 from looping_pendulum.discrepancy.listed.screening import screen
 from tests.blind.cases import CASES
-from tests.discrepancy.blind_study import write_study
+from tests.discrepancy.blind_study import TWO_RATIOS, write_study
 
 CHOSEN = ("scale", "tilt", "clock_offset", "wrong_free_length", "wrong_light_mass", "static_friction", "light_linear_drag")
 
@@ -36,7 +36,7 @@ def test_nothing_scores_on_clean_data_and_the_held_out_trial_is_explained(tmp_pa
 
 def test_static_friction_is_seen_by_finite_templates(tmp_path):
     """Its derivative at the null value is zero: only a finite excess moves the break-away."""
-    inputs, fit = inputs_and_fit(tmp_path, "static_excess", 0)
+    inputs, fit = inputs_and_fit(tmp_path, "static_excess", 0, trials=TWO_RATIOS)
     first = screened(inputs, fit)[0]
     assert first.candidate.name == "static_friction"
     assert first.score > 20
@@ -46,7 +46,7 @@ def test_static_friction_is_seen_by_finite_templates(tmp_path):
 
 
 def test_a_scale_error_is_worth_its_gain(tmp_path):
-    inputs, fit = inputs_and_fit(tmp_path, "scale", 1)
+    inputs, fit = inputs_and_fit(tmp_path, "scale", 1, trials=TWO_RATIOS)
     assert not judge(fit, inputs.held).explained
     first = screened(inputs, fit)[0]
     found = refit(fit, first)

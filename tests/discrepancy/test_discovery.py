@@ -88,7 +88,7 @@ def test_a_pulse_of_thrust_is_found_as_a_force_of_time(tmp_path):
 
 def test_no_formula_gains_on_clean_data(tmp_path):
     """Oracle: data in which nothing is hidden. The best closure of all is no force, and no formula of it gains."""
-    inputs = read_inputs(load(write_study(tmp_path, CLEAN, 5)))
+    inputs = read_inputs(load(write_study(tmp_path, CLEAN, 5, trials=TWO_RATIOS)))
     base = calibrated(calibrate(Problem(inputs.study, inputs.training, inputs.numbers)))
     samples = [base.problem.run(base.x, k) for k in range(len(base.problem.data))]
     best = max(screen(base, samples), key=lambda s: s.gain)

@@ -27,6 +27,7 @@ from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.measured import find_data
 from tests.blind.cases import CASES, CLEAN
+from tests.discrepancy.blind_study import TWO_RATIOS
 from tests.discrepancy.event_study import PAPER, write_blind_study, write_paper_study
 from tests.discrepancy.expected import EXPECTED
 
@@ -120,7 +121,7 @@ def test_an_event_that_does_not_happen_counts_as_missed_by_a_fixed_number_of_err
     ],
 )
 def test_a_faulty_table_is_refused_in_one_line(tmp_path, line, message):
-    path = write_blind_study(tmp_path, CLEAN, 5, trials=["ten_a"])
+    path = write_blind_study(tmp_path, CLEAN, 3, trials=["ten_a", "eight"])
     (tmp_path / "ten_a_events.csv").write_text(f"quantity,index,value,sigma,unit\n{line}\n", encoding="utf-8")
     with pytest.raises(DataError, match=message) as error:
         read_inputs(load(path))
@@ -129,7 +130,7 @@ def test_a_faulty_table_is_refused_in_one_line(tmp_path, line, message):
 
 
 def test_clean_event_tables_add_nothing(tmp_path):
-    result = identify(load(write_blind_study(tmp_path, CLEAN, 1)))
+    result = identify(load(write_blind_study(tmp_path, CLEAN, 1, trials=TWO_RATIOS)))
     assert result.verdict is Verdict.NO_MISSING_EFFECT
     assert not result.effects
 

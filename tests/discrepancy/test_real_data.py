@@ -106,8 +106,9 @@ def drag_coefficient(result, ball):
     return 2 * result.effects[0].value / (AIR * area * FALL_SPEED[ball])
 
 
-@pytest.mark.parametrize("ball", ["bowling_ball", "baseball"])
+@pytest.mark.parametrize("ball", ["bowling_ball", pytest.param("baseball", marks=pytest.mark.accurate)])
 def test_no_drag_is_claimed_of_a_ball_that_the_air_hardly_brakes(tmp_path, ball):
+    """Daily the bowling ball, and the green basketball in the next test."""
     result = falling(tmp_path, ball)
     assert not result.effects
     assert result.verdict is Verdict.UNEXPLAINED  # the marks are not white, and no effect is needed for what they say
