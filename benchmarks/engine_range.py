@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.cli_converge import StudyBar
+from looping_pendulum.cli.converge import StudyBar
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.export import write_whole

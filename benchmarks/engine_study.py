@@ -16,7 +16,7 @@ from typing import Any
 
 from benchmarks import pareto
 from benchmarks.pareto import PROTOTYPES, Point, figure, front, points
-from looping_pendulum.cli_converge import StudyBar
+from looping_pendulum.cli.converge import StudyBar
 from looping_pendulum.compare.convergence import report
 from looping_pendulum.compare.convergence.result import SCHEMA_ID as CONVERGENCE_ID
 from looping_pendulum.compare.convergence.result import SCHEMA_VERSION, ConvergenceResult

@@ -9,6 +9,6 @@ if not sys.flags.safe_path and sys.path and os.path.realpath(sys.path[0]) == _HE
     if os.path.realpath(os.path.dirname(os.path.dirname(__file__))) == _HERE:
         sys.path.append(_HERE)  # this package itself is there, not installed: last, so that it shadows nothing
 
-from looping_pendulum.cli import main  # noqa: E402
+from looping_pendulum.cli.main import main  # noqa: E402
 
 main()

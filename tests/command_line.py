@@ -10,7 +10,7 @@ import warnings
 from dataclasses import dataclass
 from unittest import mock
 
-from looping_pendulum.cli import main
+from looping_pendulum.cli.main import main
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ import time
 import pytest
 import typer
 
-from looping_pendulum.cli import app
+from looping_pendulum.cli.main import app
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines import registry
 from looping_pendulum.reference_ode.solve import available_integrators
@@ -61,7 +61,7 @@ def one_line_error(done):
 
 HELPED = """
 import contextlib, io, json, sys
-from looping_pendulum.cli import app
+from looping_pendulum.cli.main import app
 heavy = {"numpy", "scipy", "rich", "pint", "matplotlib"}
 imported = sorted((heavy | {"pydantic"}) & set(sys.modules))  # pydantic: typer's own, for a command's options
 said = {}

@@ -10,7 +10,7 @@ import typer
 import yaml
 from typer.testing import CliRunner
 
-from looping_pendulum.cli import app
+from looping_pendulum.cli.main import app
 from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.teaching.example_folder import place
 from scripts.docs_math import on_page_markdown

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from looping_pendulum import cli_terminal
-from looping_pendulum.cli_converge import StudyBar
-from looping_pendulum.cli_progress import StageBar
-from looping_pendulum.cli_terminal import new_table, say, say_file, show_table
+from looping_pendulum.cli import terminal as cli_terminal
+from looping_pendulum.cli.converge import StudyBar
+from looping_pendulum.cli.progress import StageBar
+from looping_pendulum.cli.terminal import new_table, say, say_file, show_table
 
 HOSTILE = "[/x][red]\x1b[2J\u202e\u2066\x07\x9b1A\ud800"
 """rich's markup, an escape sequence, bidirectional controls, a bell, an 8-bit control sequence, half a character."""
@@ -54,7 +54,7 @@ def test_bars_show_what_goes_on_as_plain_text(capsys, monkeypatch, bar):
 
 def test_no_command_prints_past_this_place():
     package = Path(cli_terminal.__file__).parent
-    others = [path for path in package.glob("cli*.py") if path.name != "cli_terminal.py"]
+    others = [path for path in package.glob("*.py") if path.name != "terminal.py"]
     assert len(others) > 5
     for path in others:
         text = path.read_text()

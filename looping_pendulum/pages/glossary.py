@@ -1,4 +1,4 @@
-"""The glossary: one list of terms, `glossary.md` beside this file, which the documentation shows whole and each report in part."""
+"""Read the glossary, `glossary.md` beside this file: the documentation shows it whole, each report the terms that it uses."""
 
 from __future__ import annotations
 

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import math
 from collections.abc import Callable
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
+from looping_pendulum.compare import plots
+from looping_pendulum.discrepancy.report import plots as identify_plots
 from looping_pendulum.engines.trajectory import (
     COLUMNS,
     OPTIONAL_COLUMNS,
@@ -174,3 +179,22 @@ def limit() -> Callable[..., Tolerance]:
 @pytest.fixture
 def no_friction() -> Supplies:
     return NO_FRICTION
+
+
+def texts_alone(figure: Figure) -> bytes:
+    """Picture of nothing but a figure's texts, on top of each other."""
+    for axes in figure.axes:
+        axes.get_xticklabels(), axes.get_yticklabels()  # so that they are made
+    page = Figure(figsize=(1, 1), dpi=20)
+    for text in sorted({text.get_text() for text in figure.findobj(Text)}):
+        page.text(0, 0, text)
+    out = io.BytesIO()
+    page.savefig(out, format="png")
+    return out.getvalue()
+
+
+@pytest.fixture
+def quick_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every figure is made, but only its texts are drawn: curves and layout take ten times as long."""
+    monkeypatch.setattr(plots, "png", texts_alone)
+    monkeypatch.setattr(identify_plots, "_png", texts_alone)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from looping_pendulum.cli import app
+from looping_pendulum.cli.main import app
 from looping_pendulum.compare import run_cache
 from looping_pendulum.compare.convergence.ladder import Cause, Kind
 from looping_pendulum.compare.convergence.measure import floors, target

@@ -10,8 +10,11 @@ import stat
 import pytest
 from typer.testing import CliRunner
 
-from looping_pendulum import cli, cli_common, cli_terminal
+from looping_pendulum.cli import common as cli_common
+from looping_pendulum.cli import main as cli
+from looping_pendulum.cli import terminal as cli_terminal
 from looping_pendulum.compare import compare, plots, write
+from looping_pendulum.compare.plots import LONGEST_LABEL
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.discrepancy.report import plots as identify_plots
 from looping_pendulum.discrepancy.report import writing
@@ -23,14 +26,11 @@ HOSTILE = ("[/x]", "[bold", "$\\frac{", "$a$", "a" * 260, "_hidden", "half a pai
 """Names that ended a command after its work: markup of rich, formulas of matplotlib, too long, no characters at all."""
 
 
+@pytest.mark.usefixtures("quick_figures")
 @pytest.mark.parametrize("name", HOSTILE)
 def test_no_name_of_a_trial_costs_the_report_of_identify(tmp_path, name, capsys):
     """A trial called "[/x]" ended `identify` with MarkupError and nothing written."""
-    result = made_up.identification(name)
-    writing.write(result, tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir() if path.is_file()) == sorted(writing.FILES)
-    assert json.loads((tmp_path / "verdict.json").read_text())["study"] == utf8(name).decode()
-    assert len(list((tmp_path / "figures").iterdir())) == 5
+    check_identify(made_up.identification(name), tmp_path)
     table = cli_terminal.new_table("trial [mm]", name)
     table.add_row(name, "[red]")
     cli_terminal.show_table(table)
@@ -40,20 +40,54 @@ def test_no_name_of_a_trial_costs_the_report_of_identify(tmp_path, name, capsys)
     assert name.encode(errors="backslashreplace").decode()[:5].strip() in shown
 
 
+def check_identify(result, folder):
+    writing.write(result, folder)
+    assert sorted(path.name for path in folder.iterdir() if path.is_file()) == sorted(writing.FILES)
+    assert json.loads((folder / "verdict.json").read_text())["study"] == utf8(result.study).decode()
+    assert len(list((folder / "figures").iterdir())) == 5
+
+
+def test_all_these_names_in_one_report_of_identify(tmp_path):
+    """With the figures as they are: names beside the bars, below the axes, and in several lines."""
+    each = [made_up.identification(name) for name in HOSTILE]
+    first = dataclasses.replace(each[0].rounds[0], ranking=tuple(one.rounds[0].ranking[0] for one in each))
+    errors, events = (sum((getattr(one, what) for one in each), ()) for what in ("errors", "events"))
+    name = " ".join(HOSTILE)
+    whole = dataclasses.replace(each[0], study=name, title=name, rounds=(first,), errors=errors, events=events)
+    check_identify(whole, tmp_path)
+
+
+def hostile_run(make_run, name):
+    return make_run(engine="toy", variant=name, settings={"how": name}, message=name, status=RunStatus.FAILED)
+
+
+@pytest.mark.usefixtures("quick_figures")
 @pytest.mark.parametrize("name", HOSTILE)
 def test_no_name_or_message_of_an_engine_costs_the_report_of_compare(tmp_path, scenario, truth, make_run, name):
-    run = make_run(engine="toy", variant=name, settings={"how": name}, message=name, status=RunStatus.FAILED)
+    check_compare(scenario, truth, name, [hostile_run(make_run, name)], tmp_path)
+
+
+def check_compare(scenario, truth, name, runs, folder):
     named = dataclasses.replace(scenario, name=name, title=name, description=name)
-    result = compare(named, truth, [run])
-    write(result, tmp_path)
-    back = ComparisonResult.from_json((tmp_path / "result.json").read_text())
-    assert (back == result) == (name.isascii())
-    assert (back.title, back.engines[0].message) == (utf8(name).decode(),) * 2
-    assert len(list((tmp_path / "figures").iterdir())) == 3
-    assert len(list((tmp_path / "trajectories").iterdir())) == 2
-    assert (tmp_path / "report.html").exists()
+    result = compare(named, truth, runs)
+    write(result, folder)
+    back = ComparisonResult.from_json((folder / "result.json").read_text())
+    assert (back == result) == name.isascii()
+    assert back.title == utf8(name).decode()
+    assert [one.message for one in back.engines] == [utf8(run.message).decode() for run in runs]
+    assert len(list((folder / "figures").iterdir())) == 3
+    assert len(list((folder / "trajectories").iterdir())) == 1 + len(runs)
+    assert (folder / "report.html").exists()
 
 
+def test_all_these_names_in_one_report_of_compare(tmp_path, scenario, truth, make_run):
+    """With the figures as they are: names in titles and legends, each of several lines."""
+    short = [name for name in HOSTILE if len(name) < LONGEST_LABEL]
+    assert len(" ".join(short)) > LONGEST_LABEL - 5  # a title shows all of them, or nearly
+    check_compare(scenario, truth, " ".join(short), [hostile_run(make_run, name) for name in HOSTILE], tmp_path)
+
+
+@pytest.mark.usefixtures("quick_figures")
 def test_names_that_look_alike_have_files_of_their_own(tmp_path, scenario, truth, make_run):
     """`a/b` beside `a-b`: the second figure, and the second trajectory, was written over the first."""
     runs = [make_run(engine="toy", variant=name, shift=(1e-3 * i, 0.0)) for i, name in enumerate(("a/b", "a-b", "A-b"))]
@@ -73,6 +107,7 @@ def test_file_names_are_short_distinct_and_as_they_were():
     assert stems == file_stems([("a/b",), ("a-b",), ("A-b",), ("b",), ("x" * 300,), ("x" * 301,), ("\ud800",), ("",)])
 
 
+@pytest.mark.usefixtures("quick_figures")
 def test_a_figure_that_cannot_be_made_is_a_warning_and_the_rest_is_there(tmp_path, monkeypatch, scenario, truth, make_run):
     def fail(*_):
         raise ValueError("no such font")
@@ -152,12 +187,12 @@ def test_commands_notice_before_the_work_that_they_cannot_write(tmp_path, monkey
         raise AssertionError("the work was begun")
 
     for place in (
-        "looping_pendulum.cli.run_and_compare",
-        "looping_pendulum.cli_teaching.run_and_compare",
+        "looping_pendulum.cli.main.run_and_compare",
+        "looping_pendulum.cli.teaching.run_and_compare",
         "looping_pendulum.engines.isolation.run_all",
         "looping_pendulum.compare.convergence.study.study_convergence",
         "looping_pendulum.discrepancy.identify.identify",
-        "looping_pendulum.teaching.demonstrations.show",
+        "looping_pendulum.teaching.demonstrations.demonstration.show",
         "looping_pendulum.teaching.tracker.find_motion",
     ):
         monkeypatch.setattr(place, work)
@@ -172,6 +207,7 @@ def test_commands_notice_before_the_work_that_they_cannot_write(tmp_path, monkey
     assert isinstance(done.exception, OutputError), done.output
 
 
+@pytest.mark.usefixtures("quick_figures")
 def test_an_interrupted_comparison_goes_beside_a_complete_one(tmp_path, monkeypatch, scenario, truth, make_run):
     """Ctrl-C while `compare` ran again left the interrupted report in place of the complete one."""
     whole = compare(scenario, truth, [make_run()])

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from looping_pendulum.cli_terminal import new_table, show_table
+from looping_pendulum.cli.terminal import new_table, show_table
 from tests.fuzz.judging import WALL_LIMIT, Outcome
 from tests.fuzz.kinds import KINDS
 from tests.fuzz.session import Tally, fuzz

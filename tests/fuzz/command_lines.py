@@ -18,7 +18,7 @@ from unittest import mock
 
 import typer
 
-from looping_pendulum import cli
+from looping_pendulum.cli import main as cli
 from looping_pendulum.errors import HarnessError
 from tests.fuzz import mutation
 
@@ -33,7 +33,7 @@ WORK = (
     "looping_pendulum.engines.conformance.examine",
     "looping_pendulum.sweep.runner.run_map",
     "looping_pendulum.discrepancy.identify.identify",
-    "looping_pendulum.teaching.demonstrations.show",
+    "looping_pendulum.teaching.demonstrations.demonstration.show",
     "looping_pendulum.teaching.tracker.run_isolated",
     "looping_pendulum.teaching.tracker.solve",
     "looping_pendulum.teaching.new_file.solve",
@@ -83,7 +83,7 @@ def encoded(arguments: Sequence[str]) -> bytes:
 
 def seeds() -> list[bytes]:
     """Real command lines, and the files that they name, in a folder from which each run starts afresh."""
-    for module in (*(work.rpartition(".")[0] for work in WORK), "looping_pendulum.teaching.demonstrations_page"):
+    for module in (*(work.rpartition(".")[0] for work in WORK), "looping_pendulum.teaching.demonstrations.page"):
         import_module(module)  # takes longer than any command line may
     shutil.rmtree("pristine", ignore_errors=True)
     here = Path("pristine")

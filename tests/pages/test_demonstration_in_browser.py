@@ -6,8 +6,8 @@ import dataclasses
 
 import pytest
 
-from looping_pendulum.teaching.demonstrations import show
-from looping_pendulum.teaching.demonstrations_page import DEMONSTRATIONS, figure, html
+from looping_pendulum.teaching.demonstrations.demonstration import show
+from looping_pendulum.teaching.demonstrations.page import DEMONSTRATIONS, figure, html
 from tests.pages.conftest import PHONE
 
 

@@ -18,7 +18,7 @@ import xarray as xr
 import zarr.storage
 from typer.testing import CliRunner
 
-from looping_pendulum.cli import app
+from looping_pendulum.cli.main import app
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.batch import solve_batch
 from looping_pendulum.sweep import map_file, open_map, run_map, runner

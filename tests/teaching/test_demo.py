@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from looping_pendulum import cli, cli_teaching
+from looping_pendulum.cli import main as cli
+from looping_pendulum.cli import teaching as cli_teaching
 from looping_pendulum.compare import compare, write
 from looping_pendulum.compare.stored import stored_result
 from looping_pendulum.engines.reference import Truth

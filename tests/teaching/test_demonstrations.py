@@ -11,11 +11,11 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from looping_pendulum.cli import app
+from looping_pendulum.cli.main import app
 from looping_pendulum.scenarios import loader
-from looping_pendulum.teaching import demonstrations_page
-from looping_pendulum.teaching.demonstrations import Claim, DemonstrationError, Sentence, show
-from looping_pendulum.teaching.demonstrations_page import (
+from looping_pendulum.teaching.demonstrations import page as demonstrations_page
+from looping_pendulum.teaching.demonstrations.demonstration import Claim, DemonstrationError, Sentence, show
+from looping_pendulum.teaching.demonstrations.page import (
     DEMONSTRATIONS,
     MADE_WITH,
     NOT_BORNE_OUT,

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from looping_pendulum.cli import app
+from looping_pendulum.cli.main import app
 from looping_pendulum.discrepancy.data import study_io
 from looping_pendulum.discrepancy.data.readers import read
 from looping_pendulum.discrepancy.identify import identify

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from looping_pendulum.cli_common import (
+from looping_pendulum.cli.common import (
     INTERRUPTED,
     Jobs,
     MemoryLimit,
@@ -18,7 +18,7 @@ from looping_pendulum.cli_common import (
     beside_complete,
     load_scenario,
 )
-from looping_pendulum.cli_terminal import new_table, say, show_table
+from looping_pendulum.cli.terminal import new_table, say, show_table
 from looping_pendulum.errors import printable
 
 

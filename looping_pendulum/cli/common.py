@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from looping_pendulum.cli_progress import EngineBars
-from looping_pendulum.cli_terminal import say
+from looping_pendulum.cli.progress import EngineBars
+from looping_pendulum.cli.terminal import say
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.result import ComparisonResult

@@ -14,8 +14,16 @@ from looping_pendulum.engines.mujoco.studies import DEFAULT_TIME_CONSTANT
 from looping_pendulum.engines.mujoco.tendon import OUT_OF_THE_BOX, MujocoTendon
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.teaching.demonstrations import Case, Claim, Curve, Demonstration, Picture, Quantity, simulated
-from looping_pendulum.teaching.demonstrations_measures import (
+from looping_pendulum.teaching.demonstrations.demonstration import (
+    Case,
+    Claim,
+    Curve,
+    Demonstration,
+    Picture,
+    Quantity,
+    simulated,
+)
+from looping_pendulum.teaching.demonstrations.measures import (
     Runs,
     distance,
     drops,

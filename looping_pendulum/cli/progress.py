@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
-from looping_pendulum.cli_terminal import say
+from looping_pendulum.cli.terminal import say
 from looping_pendulum.errors import printable
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from looping_pendulum.cli_common import INTERRUPTED, Jobs, MemoryLimit, TimeLimit
-from looping_pendulum.cli_terminal import new_table, say, say_file, show_table
+from looping_pendulum.cli.common import INTERRUPTED, Jobs, MemoryLimit, TimeLimit
+from looping_pendulum.cli.terminal import new_table, say, say_file, show_table
 
 if TYPE_CHECKING:
     from looping_pendulum.sweep.plan import MapPlan

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from looping_pendulum.cli_common import (
+from looping_pendulum.cli.common import (
     COMPARE_FILES,
     COMPARE_FOLDERS,
     OUTSIDE,
@@ -25,8 +25,8 @@ from looping_pendulum.cli_common import (
     run_and_compare,
     show_output_of_failed,
 )
-from looping_pendulum.cli_progress import StageBar
-from looping_pendulum.cli_terminal import say
+from looping_pendulum.cli.progress import StageBar
+from looping_pendulum.cli.terminal import say
 from looping_pendulum.errors import printable
 
 EXAMPLE_FOLDER = Path("looping-pendulum-example")
@@ -232,8 +232,8 @@ def demonstrations(
     looping-pendulum demonstrations polygon --out demonstrations
     """
     from looping_pendulum.files import ready_folder, write_whole
-    from looping_pendulum.teaching.demonstrations import show
-    from looping_pendulum.teaching.demonstrations_page import NOT_BORNE_OUT, find, index, write, write_index
+    from looping_pendulum.teaching.demonstrations.demonstration import show
+    from looping_pendulum.teaching.demonstrations.page import NOT_BORNE_OUT, find, index, write, write_index
 
     chosen = find(name or ())
     if listed:

@@ -14,7 +14,7 @@ from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.teaching.demonstrations import Case, Curve, Quantity, simulated
+from looping_pendulum.teaching.demonstrations.demonstration import Case, Curve, Quantity, simulated
 
 Runs = Mapping[str, Any]
 

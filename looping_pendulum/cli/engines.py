@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from looping_pendulum.cli_common import OUTSIDE, ProfileChoice, ProfileName, TimeLimit
-from looping_pendulum.cli_terminal import new_table, say, show_table
+from looping_pendulum.cli.common import OUTSIDE, ProfileChoice, ProfileName, TimeLimit
+from looping_pendulum.cli.terminal import new_table, say, show_table
 from looping_pendulum.errors import EngineError
 
 if TYPE_CHECKING:

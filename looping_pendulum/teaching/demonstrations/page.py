@@ -16,10 +16,10 @@ from looping_pendulum.compare.export import write_whole
 from looping_pendulum.compare.tables import table
 from looping_pendulum.pages.palette import COLOURS, DASHES, MARKERS
 from looping_pendulum.pages.shell import page
-from looping_pendulum.teaching.demonstrations import Demonstration, DemonstrationError, Shown
-from looping_pendulum.teaching.demonstrations_chains import POLYGON, STRETCHY
-from looping_pendulum.teaching.demonstrations_friction import CONSTANT, CREEP, TENDON, TURNS
-from looping_pendulum.teaching.demonstrations_truth import BREAK_AWAY, DRAG, ITSELF
+from looping_pendulum.teaching.demonstrations.chains import POLYGON, STRETCHY
+from looping_pendulum.teaching.demonstrations.demonstration import Demonstration, DemonstrationError, Shown
+from looping_pendulum.teaching.demonstrations.friction import CONSTANT, CREEP, TENDON, TURNS
+from looping_pendulum.teaching.demonstrations.reference_model import BREAK_AWAY, DRAG, ITSELF
 
 DEMONSTRATIONS: Mapping[str, Demonstration] = {
     d.name: d for d in (TENDON, CONSTANT, TURNS, POLYGON, STRETCHY, CREEP, DRAG, BREAK_AWAY, ITSELF)

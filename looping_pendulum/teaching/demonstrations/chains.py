@@ -17,8 +17,17 @@ from looping_pendulum.engines.static_capstan import CapstanPoint, chain_exponent
 from looping_pendulum.errors import MissingPackageError
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.teaching.demonstrations import Case, Claim, Curve, Demonstration, Numbers, Picture, Quantity, simulated
-from looping_pendulum.teaching.demonstrations_measures import Runs, distance, truth
+from looping_pendulum.teaching.demonstrations.demonstration import (
+    Case,
+    Claim,
+    Curve,
+    Demonstration,
+    Numbers,
+    Picture,
+    Quantity,
+    simulated,
+)
+from looping_pendulum.teaching.demonstrations.measures import Runs, distance, truth
 
 FRICTION = 0.34
 BENDS = (0.2, 0.4, 0.8, 1.2)

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from looping_pendulum import __version__
-from looping_pendulum.cli_check import check
-from looping_pendulum.cli_common import (
+from looping_pendulum.cli.check import check
+from looping_pendulum.cli.common import (
     BAD_INPUT,
     COMPARE_FILES,
     COMPARE_FOLDERS,
@@ -35,12 +35,12 @@ from looping_pendulum.cli_common import (
     run_and_compare,
     show_output_of_failed,
 )
-from looping_pendulum.cli_converge import converge
-from looping_pendulum.cli_engines import conformance, engines
-from looping_pendulum.cli_maps import map_, maps
-from looping_pendulum.cli_progress import EngineBars, StageBar
-from looping_pendulum.cli_teaching import demo, demonstrations, init, new, tracker
-from looping_pendulum.cli_terminal import new_table, say, say_file, show_table
+from looping_pendulum.cli.converge import converge
+from looping_pendulum.cli.engines import conformance, engines
+from looping_pendulum.cli.maps import map_, maps
+from looping_pendulum.cli.progress import EngineBars, StageBar
+from looping_pendulum.cli.teaching import demo, demonstrations, init, new, tracker
+from looping_pendulum.cli.terminal import new_table, say, say_file, show_table
 from looping_pendulum.errors import HarnessError, one_line, shorten
 
 if TYPE_CHECKING:
@@ -339,7 +339,3 @@ def main() -> None:
         if debug:
             raise
         _fail(f"unexpected {type(error).__name__}: {error}; --debug shows where")
-
-
-if __name__ == "__main__":
-    main()

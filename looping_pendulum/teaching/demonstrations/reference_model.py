@@ -12,8 +12,8 @@ from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.reference_ode.closed_forms import halted_free_length, spiral
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.teaching.demonstrations import Claim, Curve, Demonstration, Numbers, Picture, Quantity
-from looping_pendulum.teaching.demonstrations_measures import Runs, distance, drops, halt_of, halting_time, lowest, truth
+from looping_pendulum.teaching.demonstrations.demonstration import Claim, Curve, Demonstration, Numbers, Picture, Quantity
+from looping_pendulum.teaching.demonstrations.measures import Runs, distance, drops, halt_of, halting_time, lowest, truth
 
 TEN_TO_ONE: Scenario = load("ten_to_one")
 P = TEN_TO_ONE.parameters

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from looping_pendulum.cli_common import (
+from looping_pendulum.cli.common import (
     INTERRUPTED,
     OUTSIDE,
     EngineNames,
@@ -18,7 +18,7 @@ from looping_pendulum.cli_common import (
     load_scenario,
     run_and_compare,
 )
-from looping_pendulum.cli_terminal import new_table, say, show_table
+from looping_pendulum.cli.terminal import new_table, say, show_table
 from looping_pendulum.errors import ScenarioError
 
 if TYPE_CHECKING:
