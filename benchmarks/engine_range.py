@@ -26,7 +26,7 @@ from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.export import write_whole
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.metrics import MARK_SLACK
-from looping_pendulum.compare.run_cache import RunCache, Runner, Task, run_key
+from looping_pendulum.compare.run_cache import RunCache, Runner, RunTask, run_key
 from looping_pendulum.engines.protocol import STATIC_FRICTION, Engine, Profile
 from looping_pendulum.engines.reference import Truth
 from looping_pendulum.engines.registry import label, select
@@ -126,7 +126,7 @@ def _rms(distance: Any, chosen: Any) -> float | None:
 def measure(chosen: Sequence[Engine], sample: Sequence[Scenario], work: Path, jobs: int, time_limit: float) -> dict[str, Any]:
     """Run all that is not kept in ``work``; rows of each variant's profile."""
     tasks = [
-        Task(key=run_key(engine, scenario), engine=engine, scenario=scenario, what=f"{label(engine)} {scenario.name}")
+        RunTask(key=run_key(engine, scenario), engine=engine, scenario=scenario, what=f"{label(engine)} {scenario.name}")
         for engine in chosen
         for scenario in sample
         if not engine.abilities.unsupported(scenario.parameters)

@@ -87,9 +87,11 @@ def _show(result: ComparisonResult) -> None:
 
 def nothing_judged(result: ComparisonResult) -> str:
     """Return why no tolerance of ``result`` was judged; empty: at least one was, or a run broke off, which says enough."""
-    from looping_pendulum.compare.result import Outcome
+    from looping_pendulum.compare.result import ToleranceOutcome
 
-    if any(t.outcome is not Outcome.NOT_RUN for t in result.tolerances) or any(result.broke_off(e) for e in result.engines):
+    if any(t.outcome is not ToleranceOutcome.NOT_RUN for t in result.tolerances) or any(
+        result.broke_off(e) for e in result.engines
+    ):
         return ""
     gaps = [f"{e.label}: {e.status_sentence}" + (f" ({e.message})" if e.message else "") for e in result.engines]
     return "; ".join(gaps)

@@ -44,7 +44,7 @@ from looping_pendulum.cli.terminal import new_table, say, say_file, show_table
 from looping_pendulum.errors import HarnessError, one_line, shorten
 
 if TYPE_CHECKING:
-    from looping_pendulum.compare.baseline import Changes
+    from looping_pendulum.compare.baseline import ResultChanges
 
 USAGE_ERROR: Any = typer.BadParameter.__base__
 """Base of the errors of a mistyped command line; it is click's, and typer has a copy of its own from 0.26 on."""
@@ -239,7 +239,7 @@ def identify(
     from looping_pendulum.discrepancy.data import study_io
     from looping_pendulum.discrepancy.identify import identify as find
     from looping_pendulum.discrepancy.report import writing
-    from looping_pendulum.discrepancy.verdict import Verdict
+    from looping_pendulum.discrepancy.result import Verdict
     from looping_pendulum.files import ready_folder
 
     loaded = study_io.load(study)
@@ -275,7 +275,7 @@ app.command()(tracker)
 app.command()(demonstrations)
 
 
-def _show_changes(changes: Changes) -> None:
+def _show_changes(changes: ResultChanges) -> None:
     """Show what changed since a baseline."""
     from looping_pendulum.compare.baseline import HEADER, SAID_ON_CONSOLE, heading, rows
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from looping_pendulum.compare.baseline import Changes
+from looping_pendulum.compare.baseline import ResultChanges
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.export import trajectory_csv, trajectory_files
 from looping_pendulum.compare.result import ComparisonResult
@@ -17,7 +17,7 @@ from looping_pendulum.files import decoration, write_whole
 __all__ = ["ComparisonResult", "compare", "write"]
 
 
-def write(result: ComparisonResult, folder: Path | str, changes: Changes | None = None) -> Path:
+def write(result: ComparisonResult, folder: Path | str, changes: ResultChanges | None = None) -> Path:
     """Write ``result`` below ``folder`` and return the report's path; each file is whole or absent.
 
     A result read back from JSON has no samples: then the report has no figures and there are no CSV files. With ``changes``

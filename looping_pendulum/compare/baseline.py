@@ -1,6 +1,6 @@
 """What changed since another run of the same scenario: two results, held against each other.
 
-`changes.json` is `Changes` as JSON: one object per dataclass, one key per field, SI and radians, and first the key ``schema``
+`changes.json` is `ResultChanges` as JSON: one object per dataclass, one key per field, SI and radians, and first the key ``schema``
 with `SCHEMA_ID` and `SCHEMA_VERSION`. It stands beside `result.json`, which stays the same bytes whatever it is held against.
 """
 
@@ -53,7 +53,7 @@ SAID_ON_CONSOLE = 40
 """Changes that a terminal gets; the report has all."""
 
 
-class Kind(StrEnum):
+class ChangeKind(StrEnum):
     """What sort of thing changed."""
 
     SCENARIO = "scenario"
@@ -68,10 +68,10 @@ class Kind(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class ResultChange:
     """One thing that is not as it was."""
 
-    kind: Kind
+    kind: ChangeKind
     run: str
     """"truth", "pymunk:chain, quick", or empty for the scenario."""
     what: str
@@ -84,7 +84,7 @@ class Change:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Changes:
+class ResultChanges:
     """Everything that is not as it was."""
 
     scenario: str
@@ -96,7 +96,7 @@ class Changes:
     """The `RELATIVE` that was used."""
     floors: dict[str, float]
     landmark_floors: dict[str, float]
-    changes: tuple[Change, ...]
+    changes: tuple[ResultChange, ...]
 
     def to_json(self) -> str:
         """Text of ``changes.json``."""
@@ -133,7 +133,7 @@ def read_baseline(path: Path, scenario: str) -> ComparisonResult:
 
 def changes_since(
     before: ComparisonResult, after: ComparisonResult, *, source: str = "", relative: float = RELATIVE
-) -> Changes:
+) -> ResultChanges:
     """List what changed from ``before`` to ``after``; times of day and wall times are left out.
 
     Parameters
@@ -144,7 +144,7 @@ def changes_since(
         Smallest change of a metric that counts, as a fraction of what it was.
     """
     found = [*_scenario(before, after), *_truth(before, after), *_runs(before, after, relative)]
-    return Changes(
+    return ResultChanges(
         scenario=after.scenario,
         baseline=source,
         baseline_written=before.clock.written,
@@ -155,20 +155,20 @@ def changes_since(
     )
 
 
-def _scenario(before: ComparisonResult, after: ComparisonResult) -> Iterator[Change]:
+def _scenario(before: ComparisonResult, after: ComparisonResult) -> Iterator[ResultChange]:
     old, new = _flat(before.parameters), _flat(after.parameters)
-    yield from _different(Kind.SCENARIO, "", old | {"duration": before.duration}, new | {"duration": after.duration})
+    yield from _different(ChangeKind.SCENARIO, "", old | {"duration": before.duration}, new | {"duration": after.duration})
 
 
-def _truth(before: ComparisonResult, after: ComparisonResult) -> Iterator[Change]:
+def _truth(before: ComparisonResult, after: ComparisonResult) -> Iterator[ResultChange]:
     old, new = before.truth, after.truth
     names = [f"{t.engine}:{t.variant}" for t in (old, new)]
-    yield from _different(Kind.RUN, TRUTH, {"integrator": names[0]}, {"integrator": names[1]})
+    yield from _different(ChangeKind.RUN, TRUTH, {"integrator": names[0]}, {"integrator": names[1]})
     yield from _landmarks(TRUTH, old.landmarks, new.landmarks, FLOORS)
     yield from _provenance(TRUTH, old.provenance, new.provenance)
 
 
-def _runs(before: ComparisonResult, after: ComparisonResult, relative: float) -> Iterator[Change]:
+def _runs(before: ComparisonResult, after: ComparisonResult, relative: float) -> Iterator[ResultChange]:
     old, new = ({(e.label, e.profile): e for e in result.engines} for result in (before, after))
     for key in [*new, *(key for key in old if key not in new)]:
         run = ", ".join(part for part in key if part)
@@ -177,34 +177,36 @@ def _runs(before: ComparisonResult, after: ComparisonResult, relative: float) ->
             yield from _tolerances(run, before, after, old[key])
         else:
             statuses = [known[key].status if key in known else NO_RUN for known in (old, new)]
-            yield Change(kind=Kind.RUN, run=run, what="run", unit="", before=statuses[0], after=statuses[1])
+            yield ResultChange(kind=ChangeKind.RUN, run=run, what="run", unit="", before=statuses[0], after=statuses[1])
 
 
-def _run(run: str, old: EngineResult, new: EngineResult, relative: float) -> Iterator[Change]:
-    yield from _different(Kind.STATUS, run, {"status": old.status}, {"status": new.status})
+def _run(run: str, old: EngineResult, new: EngineResult, relative: float) -> Iterator[ResultChange]:
+    yield from _different(ChangeKind.STATUS, run, {"status": old.status}, {"status": new.status})
     for name in (name for name in new.metrics if name in old.metrics):  # one that only one version knows says nothing
         unit = METRICS.get(name, "")
         was, now = old.metrics[name], new.metrics[name]
         if _moved(was, now, max(FLOORS[unit], relative * abs(was or 0.0))):
-            yield Change(kind=Kind.METRIC, run=run, what=name, unit=unit, before=was, after=now)
+            yield ResultChange(kind=ChangeKind.METRIC, run=run, what=name, unit=unit, before=was, after=now)
     yield from _landmarks(run, old.landmarks, new.landmarks, LANDMARK_FLOORS)
     yield from _provenance(run, old.provenance, new.provenance)
 
 
-def _tolerances(run: str, before: ComparisonResult, after: ComparisonResult, engine: EngineResult) -> Iterator[Change]:
+def _tolerances(run: str, before: ComparisonResult, after: ComparisonResult, engine: EngineResult) -> Iterator[ResultChange]:
     judged = [{t.metric: t for t in result.judged(engine)} for result in (before, after)]
     old, new = ({metric: t.outcome.value for metric, t in known.items()} for known in judged)
-    yield from _different(Kind.TOLERANCE, run, old, new)
+    yield from _different(ChangeKind.TOLERANCE, run, old, new)
     for metric in (metric for metric in judged[1] if metric in judged[0]):
         limits = [known[metric].limit for known in judged]
         if limits[0] != limits[1]:  # exact: limits are read, not computed
             unit = METRICS.get(metric, "")
-            yield Change(kind=Kind.TOLERANCE, run=run, what=f"limit of {metric}", unit=unit, before=limits[0], after=limits[1])
+            yield ResultChange(
+                kind=ChangeKind.TOLERANCE, run=run, what=f"limit of {metric}", unit=unit, before=limits[0], after=limits[1]
+            )
 
 
-def _landmarks(run: str, before: Landmarks, after: Landmarks, floors: Mapping[str, float]) -> Iterator[Change]:
-    def change(what: str, unit: str, old: Any, new: Any) -> Change:
-        return Change(kind=Kind.LANDMARK, run=run, what=what, unit=unit, before=old, after=new)
+def _landmarks(run: str, before: Landmarks, after: Landmarks, floors: Mapping[str, float]) -> Iterator[ResultChange]:
+    def change(what: str, unit: str, old: Any, new: Any) -> ResultChange:
+        return ResultChange(kind=ChangeKind.LANDMARK, run=run, what=what, unit=unit, before=old, after=new)
 
     for f in dataclasses.fields(Landmarks):
         old, new = getattr(before, f.name), getattr(after, f.name)
@@ -227,22 +229,22 @@ def _quantities(moment: Any) -> dict[str, float]:
     return vars(moment) if dataclasses.is_dataclass(moment) else {"time": moment}
 
 
-def _provenance(run: str, before: RunProvenance, after: RunProvenance) -> Iterator[Change]:
-    yield from _different(Kind.VERSION, run, before.versions, after.versions)
+def _provenance(run: str, before: RunProvenance, after: RunProvenance) -> Iterator[ResultChange]:
+    yield from _different(ChangeKind.VERSION, run, before.versions, after.versions)
     old, new = (_flat(p.settings) | ({} if p.seed is None else {"seed": p.seed}) for p in (before, after))
-    yield from _different(Kind.SETTING, run, old, new)
+    yield from _different(ChangeKind.SETTING, run, old, new)
     by, now_by = ({s.what: s.by for s in p.supplies} for p in (before, after))
-    yield from _different(Kind.SUPPLY, run, by, now_by)
+    yield from _different(ChangeKind.SUPPLY, run, by, now_by)
 
 
-def _different(kind: Kind, run: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Change]:
+def _different(kind: ChangeKind, run: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[ResultChange]:
     """Everything that is not equal, of numbers to `SAME_SETTING`."""
     for key in [*new, *(key for key in old if key not in new)]:
         was, now = old.get(key), new.get(key)
         if isinstance(was, float) and isinstance(now, float) and math.isclose(was, now, rel_tol=SAME_SETTING):
             continue
         if was != now:
-            yield Change(kind=kind, run=run, what=key, unit="", before=was, after=now)
+            yield ResultChange(kind=kind, run=run, what=key, unit="", before=was, after=now)
 
 
 def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -258,14 +260,14 @@ def _moved(was: float | None, now: float | None, floor: float) -> bool:
     return abs(now - was) > floor
 
 
-def heading(changes: Changes) -> str:
+def heading(changes: ResultChanges) -> str:
     """One sentence: how many changes since what, and what counts as one."""
     count = len(changes.changes)
     what = "Nothing changed" if count == 0 else f"{count} change{'s' if count > 1 else ''}"
     return f"{what} since {changes.baseline or 'the baseline'} (written {changes.baseline_written})."
 
 
-def thresholds(changes: Changes) -> str:
+def thresholds(changes: ResultChanges) -> str:
     """What counts as a change."""
     floors = (changes.floors, changes.landmark_floors)
     metric, landmark = ({unit: _cell(value, unit) for unit, value in known.items()} for known in floors)
@@ -276,7 +278,7 @@ def thresholds(changes: Changes) -> str:
     )
 
 
-def rows(changes: Changes) -> list[list[str]]:
+def rows(changes: ResultChanges) -> list[list[str]]:
     """Rows of (run, what, before, after, change), for Markdown and for a terminal."""
     return [
         [c.run or "scenario", f"{c.kind.value}: {c.what}", _cell(c.before, c.unit), _cell(c.after, c.unit), _percent(c)]
@@ -287,7 +289,7 @@ def rows(changes: Changes) -> list[list[str]]:
 HEADER = ["run", "what", "before", "now", "change"]
 
 
-def render(changes: Changes) -> str:
+def render(changes: ResultChanges) -> str:
     """Return the report's section."""
     text = f"{heading(changes)} {thresholds(changes)}\n"
     return f"{text}\n{table(HEADER, rows(changes), left=4)}" if changes.changes else text
@@ -302,7 +304,7 @@ def _cell(value: Any, unit: str) -> str:
     return f"{number(value, scale, digits=6)} {shown}".rstrip()
 
 
-def _percent(c: Change) -> str:
+def _percent(c: ResultChange) -> str:
     numeric = all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in (c.before, c.after))
     if not numeric or not c.before or not math.isfinite(share := 100 * (c.after - c.before) / abs(c.before)):
         return ""

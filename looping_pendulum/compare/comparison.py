@@ -21,8 +21,8 @@ from looping_pendulum.compare.result import (
     InferredEntry,
     Landmarks,
     MeasuredRow,
+    ResultSamples,
     RunProvenance,
-    Samples,
     SupplyEntry,
     TruthResult,
     WallTime,
@@ -36,7 +36,7 @@ from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.scenario import Scenario
 
 
-class EventRow(Protocol):
+class ComparedEventRow(Protocol):
     """One row of a measured event table, as `scenarios.measured` reads it."""
 
     @property
@@ -60,16 +60,16 @@ class EventRow(Protocol):
         """SI unit."""
 
 
-class EventTable(Protocol):
+class ComparedEventTable(Protocol):
     """A measured event table."""
 
     @property
-    def rows(self) -> Sequence[EventRow]:
+    def rows(self) -> Sequence[ComparedEventRow]:
         """In the order of the source."""
 
 
 def compare(
-    scenario: Scenario, truth: Truth, trajectories: Sequence[Trajectory], measured: EventTable | None = None
+    scenario: Scenario, truth: Truth, trajectories: Sequence[Trajectory], measured: ComparedEventTable | None = None
 ) -> ComparisonResult:
     """Compare engines with the truth, and both with a measured event table if there is one.
 
@@ -110,7 +110,7 @@ def compare(
             written=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
             wall_times=tuple(_wall_time(run) for run in trajectories),
         ),
-        samples=Samples(truth=true_run, aligned=aligned),
+        samples=ResultSamples(truth=true_run, aligned=aligned),
     )
 
 
@@ -167,7 +167,7 @@ def _wall_time(run: Trajectory) -> WallTime:
     )
 
 
-def _measured(table: EventTable, true: Landmarks, engines: tuple[EngineResult, ...]) -> tuple[MeasuredRow, ...]:
+def _measured(table: ComparedEventTable, true: Landmarks, engines: tuple[EngineResult, ...]) -> tuple[MeasuredRow, ...]:
     return tuple(
         MeasuredRow(
             quantity=row.quantity,

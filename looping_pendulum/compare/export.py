@@ -39,10 +39,10 @@ def trajectory_csv(run: Trajectory) -> str:
     columns = np.stack([values(run) for _, values in CSV_COLUMNS], axis=1)
     out = io.StringIO()
     out.write(",".join([*(name for name, _ in CSV_COLUMNS), "mode"]) + "\n")
-    for row, mode in zip(columns, run.mode, strict=True):
-        cells = ["" if np.isnan(value) else f"{value:.9g}" for value in row]
-        cells.append("" if mode == UNKNOWN_MODE else Mode(mode).name.lower())
-        out.write(",".join(cells) + "\n")
+    modes = {int(mode): mode.name.lower() for mode in Mode} | {UNKNOWN_MODE: ""}
+    for row, mode in zip(columns.tolist(), run.mode.tolist(), strict=True):
+        cells = ["" if value != value else f"{value:.9g}" for value in row]  # only NaN differs from itself
+        out.write(",".join([*cells, modes[mode]]) + "\n")
     return out.getvalue()
 
 

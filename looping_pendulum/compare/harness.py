@@ -16,7 +16,7 @@ from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Truth
 from looping_pendulum.engines.registry import challengers, select
 from looping_pendulum.engines.trajectory import Trajectory
-from looping_pendulum.scenarios.measured import EventTable, find_data, read_event_table
+from looping_pendulum.scenarios.measured import MeasuredEventTable, find_data, read_event_table
 from looping_pendulum.scenarios.scenario import Scenario
 
 
@@ -87,7 +87,7 @@ def compare_engines(
     return dataclasses.replace(result, run_keys=tuple(run_key(engine, scenario) for engine in chosen))
 
 
-def measured_table(scenario: Scenario, data_folder: Path | None = None) -> EventTable | None:
+def measured_table(scenario: Scenario, data_folder: Path | None = None) -> MeasuredEventTable | None:
     """Return the measured event table of ``scenario``, None if it has none or its file is not at hand."""
     if scenario.measured is None:
         return None

@@ -115,7 +115,7 @@ def _rebound(t: Array, place: Array, first_rest: float) -> Rebound:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Moments:
+class EventTimes:
     """When what happened in a run of the reference [s]."""
 
     stops: tuple[float, ...]
@@ -125,14 +125,14 @@ class Moments:
     light_reaches_rod: float | None
 
 
-def truth_moments(events: Iterable[TrajectoryEvent]) -> Moments:
+def truth_moments(events: Iterable[TrajectoryEvent]) -> EventTimes:
     """Moments of the truth by its own named events."""
     named: dict[str, list[float]] = {}
     for event in events:
         named.setdefault(event.name, []).append(event.time)
     at_rest = named.get("stop", []) + named.get("stick", []) + named.get("halt", [])
     stops = _merged([time for time in at_rest if time > 0])  # a string that sticks from the release on has not stopped
-    return Moments(
+    return EventTimes(
         stops=tuple(stops),
         break_aways=tuple(_merged([time for name, times in named.items() if name.startswith("break") for time in times])),
         halting_time=named["halt"][0] if "halt" in named else None,

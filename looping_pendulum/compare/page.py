@@ -9,11 +9,11 @@ import numpy as np
 
 from looping_pendulum.compare import report
 from looping_pendulum.compare.align import Aligned
-from looping_pendulum.compare.baseline import Changes
+from looping_pendulum.compare.baseline import ResultChanges
 from looping_pendulum.compare.metrics import THRESHOLDS
 from looping_pendulum.compare.paper_table import quantity_words
 from looping_pendulum.compare.plots import FLOOR, PRINTED_HALF_DIGIT, measured_drops
-from looping_pendulum.compare.result import ComparisonResult, EngineResult, Samples
+from looping_pendulum.compare.result import ComparisonResult, EngineResult, ResultSamples
 from looping_pendulum.compare.words import told_events
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.figures import (
@@ -41,7 +41,7 @@ EVENTS_SHOWN = 50.0
 """Differences of event times that the figure shows at first [ms]; one that is further off would squeeze the others."""
 
 
-def render(result: ComparisonResult, changes: Changes | None = None) -> str:
+def render(result: ComparisonResult, changes: ResultChanges | None = None) -> str:
     """Return the page; ``changes`` since a baseline, if there is one."""
     return pages.render(
         f"{result.title}: engines against the truth",
@@ -68,7 +68,7 @@ def figures(result: ComparisonResult) -> list[Figure]:
 Shown = list[tuple[EngineResult, Aligned, Style]]
 
 
-def path_figure(result: ComparisonResult, samples: Samples, shown: Shown) -> Figure:
+def path_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) -> Figure:
     """Path of the light mass, equal axes."""
     traces = [_path("truth", samples.truth.light_position, None)]
     traces += [_path(_name(result, e), a.run.light_position, style) for e, a, style in shown]
@@ -94,7 +94,7 @@ def path_figure(result: ComparisonResult, samples: Samples, shown: Shown) -> Fig
     )
 
 
-def drop_figure(result: ComparisonResult, samples: Samples, shown: Shown) -> Figure:
+def drop_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) -> Figure:
     """Drop of the heavy mass against time, size of the engines' deviation below."""
     truth = samples.truth
     traces = [line("truth", _line(truth.t), _line(truth.heavy_drop), None)]
@@ -121,7 +121,7 @@ def drop_figure(result: ComparisonResult, samples: Samples, shown: Shown) -> Fig
     )
 
 
-def divergence_figure(result: ComparisonResult, samples: Samples, shown: Shown) -> Figure:
+def divergence_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) -> Figure:
     """Distance from the truth's light mass on a log axis, with the truth's events."""
     traces = []
     for e, a, style in shown:

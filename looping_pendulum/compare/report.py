@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from looping_pendulum.compare import baseline, halts, paper_table
-from looping_pendulum.compare.result import ComparisonResult, EngineResult, Outcome, RunProvenance, ToleranceResult
+from looping_pendulum.compare.result import ComparisonResult, EngineResult, RunProvenance, ToleranceOutcome, ToleranceResult
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 from looping_pendulum.compare.tolerances import AT_LEAST
 from looping_pendulum.compare.words import told_events
@@ -34,7 +34,9 @@ REFUSED = ("no:", "no (")
 """How a verdict begins that leaves the comparison outside tolerance."""
 
 
-def render(result: ComparisonResult, figures: Mapping[str, str] | None = None, changes: baseline.Changes | None = None) -> str:
+def render(
+    result: ComparisonResult, figures: Mapping[str, str] | None = None, changes: baseline.ResultChanges | None = None
+) -> str:
     """Return the report.
 
     Parameters
@@ -49,7 +51,7 @@ def render(result: ComparisonResult, figures: Mapping[str, str] | None = None, c
     return "\n".join([*before_figures(result, changes), figures_section, *after_figures(result), words])
 
 
-def before_figures(result: ComparisonResult, changes: baseline.Changes | None = None) -> list[str]:
+def before_figures(result: ComparisonResult, changes: baseline.ResultChanges | None = None) -> list[str]:
     """Sections that stand above the figures, the title first."""
     return [
         f"# {result.title}\n\n{result.description.strip()}\n",
@@ -124,7 +126,7 @@ def _within(result: ComparisonResult, engine: EngineResult) -> str:
     if not engine.available:
         return f"not run: {engine.status_sentence}"
     bad = sum(not t.outcome.good for t in judged)
-    expected = sum(t.outcome is Outcome.EXPECTED_FAILURE for t in judged)
+    expected = sum(t.outcome is ToleranceOutcome.EXPECTED_FAILURE for t in judged)
     note = f"; {expected} expected failure{'s' if expected > 1 else ''}" if expected else ""
     if result.broke_off(engine):
         return f"no: {engine.status_sentence}{note}"

@@ -225,7 +225,7 @@ class EngineResult:
         return f"{self.engine}:{self.variant}"
 
 
-class Outcome(StrEnum):
+class ToleranceOutcome(StrEnum):
     """What became of one tolerance."""
 
     PASSED = "pass"
@@ -237,7 +237,7 @@ class Outcome(StrEnum):
     @property
     def good(self) -> bool:
         """Whether it leaves the comparison within tolerance. An unexpected pass does not: its reason is out of date."""
-        return self not in (Outcome.FAILED, Outcome.UNEXPECTED_PASS)
+        return self not in (ToleranceOutcome.FAILED, ToleranceOutcome.UNEXPECTED_PASS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -251,7 +251,7 @@ class ToleranceResult:
     limit: float
     """SI."""
     value: float | None
-    outcome: Outcome
+    outcome: ToleranceOutcome
     explanation: str
     """Why this outcome, where the numbers do not say it."""
     reason: str
@@ -304,7 +304,7 @@ class Clock:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Samples:
+class ResultSamples:
     """The trajectories behind a result, for figures and CSV; never in the JSON."""
 
     truth: Trajectory
@@ -333,7 +333,7 @@ class ComparisonResult:
     run_keys: tuple[str, ...] = ()
     """Name of each engine's run, equal for equal settings, scenario, versions and adapter; empty if unknown."""
     clock: Clock
-    samples: Samples | None = field(default=None, compare=False, repr=False)
+    samples: ResultSamples | None = field(default=None, compare=False, repr=False)
     """None if read from JSON."""
 
     @property

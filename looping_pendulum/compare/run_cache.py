@@ -48,7 +48,7 @@ Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task:
+class RunTask:
     """One run to be made."""
 
     key: str
@@ -65,7 +65,7 @@ class Task:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Done:
+class EndedRun:
     """What became of a task."""
 
     run: Trajectory | None
@@ -119,7 +119,7 @@ class RunCache:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def get(self, task: Task, time_limit: float) -> Done | None:
+    def get(self, task: RunTask, time_limit: float) -> EndedRun | None:
         """Return the kept run of ``task``; None if there is none, or one that a shorter time limit has cut.
 
         A file that is damaged in whatever way is as none: the run is made again and takes its place.
@@ -134,7 +134,7 @@ class RunCache:
             return None
 
     @staticmethod
-    def _read(path: Path, task: Task, time_limit: float) -> Done | None:
+    def _read(path: Path, task: RunTask, time_limit: float) -> EndedRun | None:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:  # of a damaged one np.load closes nothing
             rows, said = np.asarray(file["rows"], dtype=float), json.loads(str(file["said"]))
         if not (rows.ndim == 2 and rows.shape[1] == len(COLUMNS) and (np.diff(rows[:, 0]) > 0).all()):
@@ -153,9 +153,9 @@ class RunCache:
         versions = {str(package): str(found) for package, found in said["versions"].items()}
         provenance = replace(run.provenance, versions=versions)
         seconds = None if said["seconds"] is None else float(said["seconds"])
-        return Done(run=replace(run, provenance=provenance), seconds=seconds)
+        return EndedRun(run=replace(run, provenance=provenance), seconds=seconds)
 
-    def put(self, task: Task, done: Done, time_limit: float) -> None:
+    def put(self, task: RunTask, done: EndedRun, time_limit: float) -> None:
         """Keep a run, unless its end says to try again."""
         run = done.run
         if run is None or run.status in NOT_KEPT:
@@ -191,12 +191,12 @@ class Runner:
     ) -> None:
         self.kept, self.jobs, self.budget, self.progress = kept, jobs or os.cpu_count() or 1, budget, progress
         self.time_limit, self.memory_limit = time_limit, memory_limit
-        self.done: dict[str, Done] = {}
+        self.done: dict[str, EndedRun] = {}
         self.cancelled = threading.Event()
         self._running: dict[str, float] = {}
         self._lock = threading.Lock()
 
-    def run(self, tasks: Sequence[Task]) -> dict[str, Done]:
+    def run(self, tasks: Sequence[RunTask]) -> dict[str, EndedRun]:
         """Make all runs in the order of ``tasks``; after an interrupt (Ctrl-C), return those that ended before it."""
         tasks = list({task.key: task for task in tasks}.values())
         for task in tasks:
@@ -226,10 +226,10 @@ class Runner:
                 future.result()
         return self.done
 
-    def _one(self, task: Task) -> None:
+    def _one(self, task: RunTask) -> None:
         expected = self.expected(task)
         if self.budget is not None and expected is not None and expected > self.budget:
-            self.done[task.key] = Done(run=None, seconds=None, expected=expected)
+            self.done[task.key] = EndedRun(run=None, seconds=None, expected=expected)
             return
         with self._lock:
             self._running[task.key] = 0.0
@@ -242,14 +242,14 @@ class Runner:
             progress=lambda _, share: self._running.__setitem__(task.key, share),
             cancelled=self.cancelled,
         )
-        done = Done(run=run, seconds=time.perf_counter() - started)
+        done = EndedRun(run=run, seconds=time.perf_counter() - started)
         self.kept.put(task, done, self.time_limit)
         with self._lock:
             del self._running[task.key]
         if run.status is not RunStatus.INTERRUPTED:
             self.done[task.key] = done
 
-    def expected(self, task: Task) -> float | None:
+    def expected(self, task: RunTask) -> float | None:
         """Wall time [s] that ``task`` is expected to take, from coarser rungs or from the variant's own run; None: no idea."""
         known = [(size, cost) for key, size in task.coarser if (cost := self._cost(key)) is not None]
         if not known:
@@ -269,7 +269,7 @@ class Runner:
             return None if done is None else done.expected
         return done.run.wall_time if math.isfinite(done.run.wall_time) else done.seconds
 
-    def _report(self, tasks: Sequence[Task]) -> None:
+    def _report(self, tasks: Sequence[RunTask]) -> None:
         if self.progress is None:
             return
         costs = [self._cost(task.key) for task in tasks]

@@ -12,7 +12,7 @@ import numpy as np
 from looping_pendulum.compare.align import SAME_TIME, align
 from looping_pendulum.compare.export import CSV_COLUMNS, trajectory_files
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.compare.result import ComparisonResult, ResultError, RunProvenance, Samples
+from looping_pendulum.compare.result import ComparisonResult, ResultError, ResultSamples, RunProvenance
 from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.trajectory import (
@@ -52,7 +52,7 @@ def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine]) -
         return None
 
 
-def _samples(result: ComparisonResult, folder: Path) -> Samples:
+def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
     """Read the trajectories of ``result`` from their CSV files."""
     true = result.truth
     truth = _trajectory(
@@ -82,7 +82,7 @@ def _samples(result: ComparisonResult, folder: Path) -> Samples:
         )
         for e, file in zip(result.engines, trajectory_files(result), strict=True)
     ]
-    return Samples(truth=truth, aligned=tuple(align(run, at) for run in runs))
+    return ResultSamples(truth=truth, aligned=tuple(align(run, at) for run in runs))
 
 
 def _trajectory(path: Path | None, **fields: Any) -> Trajectory:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from looping_pendulum.compare.result import EngineResult, Outcome, ToleranceResult
+from looping_pendulum.compare.result import EngineResult, ToleranceOutcome, ToleranceResult
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.scenarios.scenario import Tolerance
 
@@ -41,17 +41,17 @@ def judge_one(tolerance: Tolerance, run: EngineResult) -> ToleranceResult:
     )
 
 
-def _outcome(tolerance: Tolerance, run: EngineResult, value: float | None) -> tuple[Outcome, str]:
+def _outcome(tolerance: Tolerance, run: EngineResult, value: float | None) -> tuple[ToleranceOutcome, str]:
     if value is None and not run.available:
-        return Outcome.NOT_RUN, run.status_sentence
+        return ToleranceOutcome.NOT_RUN, run.status_sentence
     kept = value is not None and _keeps(tolerance, value)
     if tolerance.expected_failure:
         if kept:
-            return Outcome.UNEXPECTED_PASS, "kept although it was declared out of reach: correct the scenario"
-        return Outcome.EXPECTED_FAILURE, tolerance.expected_failure
+            return ToleranceOutcome.UNEXPECTED_PASS, "kept although it was declared out of reach: correct the scenario"
+        return ToleranceOutcome.EXPECTED_FAILURE, tolerance.expected_failure
     if kept:
-        return Outcome.PASSED, ""
-    return Outcome.FAILED, "" if value is not None else _no_value(run)
+        return ToleranceOutcome.PASSED, ""
+    return ToleranceOutcome.FAILED, "" if value is not None else _no_value(run)
 
 
 def _keeps(tolerance: Tolerance, value: float) -> bool:

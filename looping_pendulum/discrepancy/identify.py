@@ -13,9 +13,9 @@ from looping_pendulum.discrepancy import outcome
 from looping_pendulum.discrepancy.data.study import Study
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.next_experiment import best_experiments
+from looping_pendulum.discrepancy.result import Experiment, Identification, Verdict
 from looping_pendulum.discrepancy.search import Progress, Search
 from looping_pendulum.discrepancy.unlisted.description import unlisted
-from looping_pendulum.discrepancy.verdict import Experiment, Identification, Verdict
 from looping_pendulum.discrepancy.workers import Workers, available
 from looping_pendulum.errors import HarnessError
 

@@ -8,7 +8,7 @@ from looping_pendulum.discrepancy.data.observations import DataError, Observatio
 from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
 from looping_pendulum.discrepancy.fit.event_prediction import check_events
 from looping_pendulum.discrepancy.fit.other_units import refuse_other_units
-from looping_pendulum.discrepancy.fit.problem import Data, Number, Problem, numbers_of
+from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem, TrialData, numbers_of
 from looping_pendulum.discrepancy.fit.residual import data_of
 from looping_pendulum.discrepancy.listed.candidates import Candidate, candidates
 
@@ -19,9 +19,9 @@ class Inputs:
 
     study: Study
     observed: tuple[tuple[Trial, Observations], ...]
-    training: tuple[Data, ...]
-    numbers: tuple[Number, ...]
-    held: tuple[tuple[Data, tuple[Number, ...]], ...]
+    training: tuple[TrialData, ...]
+    numbers: tuple[FreeParameter, ...]
+    held: tuple[tuple[TrialData, tuple[FreeParameter, ...]], ...]
     library: tuple[Candidate, ...]
 
 

@@ -12,8 +12,8 @@ import numpy as np
 from looping_pendulum.discrepancy.data.observations import Channel, DataError, Observations
 from looping_pendulum.discrepancy.data.study import Estimate, Study, Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.problem import Data, Number, Problem, numbers_of
-from looping_pendulum.discrepancy.verdict import Experiment
+from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem, TrialData, numbers_of
+from looping_pendulum.discrepancy.result import Experiment
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
@@ -91,7 +91,7 @@ def _distance(study: Study, trial: Trial, one: Fit, other: Fit) -> float:
     t = np.arange(1, int(DURATION * FRAME_RATE)) / FRAME_RATE
     channels = tuple(Channel(name=n, t=t, value=np.zeros(len(t))) for n in ("light_x", "light_y", "heavy_x", "heavy_y"))
     observations = Observations(name=NAME, file=NAME, channels=channels)
-    data = Data(trial=trial, channels=channels, sigma=np.full(4 * len(t), NOISE))
+    data = TrialData(trial=trial, channels=channels, sigma=np.full(4 * len(t), NOISE))
     own = numbers_of(wider, [(trial, observations)])
     problem, x, covariance = _placed(wider, data, own, one)
     predicted = problem.predict(x, 0)
@@ -107,7 +107,7 @@ def _distance(study: Study, trial: Trial, one: Fit, other: Fit) -> float:
     return math.sqrt(max(square, 0.0))
 
 
-def _placed(study: Study, data: Data, own: Sequence[Number], fit: Fit) -> tuple[Problem, Array, Array]:
+def _placed(study: Study, data: TrialData, own: Sequence[FreeParameter], fit: Fit) -> tuple[Problem, Array, Array]:
     """Problem of the imagined trial under one explanation, with what its fit says of each number and how surely."""
     known = {n.name: i for i, n in enumerate(fit.problem.numbers)}
     library = {n.name for n in own}

@@ -21,14 +21,14 @@ from looping_pendulum.discrepancy.fit.residual import (
     with_noise_of_residuals,
 )
 from looping_pendulum.discrepancy.inputs import Inputs
-from looping_pendulum.discrepancy.listed.attribution import SCORE_LIMIT, Refit, Unseen, judge, refit, refits
+from looping_pendulum.discrepancy.listed.attribution import SCORE_LIMIT, HeldOutTest, Refit, judge, refit, refits
 from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.listed.remainder import REMOVED, Scaled, scaled
-from looping_pendulum.discrepancy.listed.screening import Screened, compile_for, costly_first, screen
-from looping_pendulum.discrepancy.unlisted.discovery import Found, discover
-from looping_pendulum.discrepancy.unlisted.formula import Written
+from looping_pendulum.discrepancy.listed.remainder import REMOVED, ScaledErrors, scaled
+from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate, compile_for, costly_first, screen
+from looping_pendulum.discrepancy.result import RankedCandidate, Round, Verdict
+from looping_pendulum.discrepancy.unlisted.discovery import RecoveredForce, discover
+from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
 from looping_pendulum.discrepancy.unlisted.formula import refit as write_formulas
-from looping_pendulum.discrepancy.verdict import Ranked, Round, Verdict
 from looping_pendulum.discrepancy.workers import ALONE, Workers
 
 GAIN = 10.0
@@ -51,14 +51,14 @@ Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Model:
+class CandidateModel:
     """A fitted model, and everything that may speak against it."""
 
     fit: Fit
     added: tuple[Candidate, ...]
     tests: ResidualTests
-    unseen: Unseen
-    screening: Callable[[], tuple[Screened, ...]]
+    unseen: HeldOutTest
+    screening: Callable[[], tuple[ScreenedCandidate, ...]]
     starts: tuple[float, ...] = ()
     objections: tuple[str, ...] = ()
     """What else speaks against it."""
@@ -66,7 +66,7 @@ class Model:
     """Candidates that were refitted to see whether they raise an alarm."""
 
     @cached_property
-    def left(self) -> tuple[Screened, ...]:
+    def left(self) -> tuple[ScreenedCandidate, ...]:
         """What could still be added, best first; found when it is first asked for."""
         return self.screening()
 
@@ -82,7 +82,7 @@ class Model:
             found += [f"{s.candidate.name}: score {s.score:.1f}" for s in itertools.islice(confirmed, 1)]
         return tuple(found)
 
-    def _gains(self, screened: Screened) -> bool:
+    def _gains(self, screened: ScreenedCandidate) -> bool:
         """Whether a refit takes away a part of what the score promises; one of what is fitted already does not."""
         found = self.refitted[screened.candidate.name] = refit(self.fit, screened)
         return found is not None and self.fit.cost - found.fit.cost > KEPT_PROMISE * SCORE_LIMIT**2
@@ -102,16 +102,16 @@ class Search:
         self.rng = np.random.default_rng(seed)
         self.progress = progress
         self.rounds: list[Round] = []
-        self.base: Model | None = None
-        self.winners: tuple[Model, ...] = ()
+        self.base: CandidateModel | None = None
+        self.winners: tuple[CandidateModel, ...] = ()
         """Explanations that pass, the best first; those within the margin are tied."""
-        self.forces: tuple[Found, ...] = ()
+        self.forces: tuple[RecoveredForce, ...] = ()
         """Unlisted forces that explain what no fit saw, the best first."""
-        self.formulas: tuple[Written, ...] = ()
+        self.formulas: tuple[FittedFormula, ...] = ()
         """Formulas of them, refitted by trajectory, the best first."""
-        self.tried: list[tuple[str, Fit, Unseen]] = []
+        self.tried: list[tuple[str, Fit, HeldOutTest]] = []
         """Every explanation that was judged on the marks' scatter."""
-        self.scaled: Scaled | None = None
+        self.scaled: ScaledErrors | None = None
         """Set if all that passes is judged by errors that contain a remainder."""
 
     def run(self) -> None:
@@ -159,12 +159,12 @@ class Search:
         if self.winners:
             self.base = base
 
-    def scaled_model(self, fit: Fit, added: tuple[Candidate, ...], base: Model | None = None) -> Model:
+    def scaled_model(self, fit: Fit, added: tuple[Candidate, ...], base: CandidateModel | None = None) -> CandidateModel:
         """Ask everything that may speak against a fit whose errors contain a remainder."""
         assert self.scaled is not None
         unseen = self.scaled.judge(fit)
         removed = 1 - unseen.worst / base.unseen.worst if base else 1.0
-        return Model(
+        return CandidateModel(
             fit=fit,
             added=added,
             tests=self.scaled.tests(fit),
@@ -173,7 +173,7 @@ class Search:
             objections=() if removed >= REMOVED else (f"removes {removed:.0%} of the misfit of data that no fit saw",),
         )
 
-    def contest(self, scaled_base: Model | None = None) -> None:
+    def contest(self, scaled_base: CandidateModel | None = None) -> None:
         """Look for rivals of every effect that was added before the last, with the later ones in the model."""
         best = self.winners[0]
         for dropped in best.added[:-1]:
@@ -183,7 +183,7 @@ class Search:
             numbers = [best.fit.problem.numbers[i] for i in kept]
             fit = minimise(Problem(self.inputs.study, best.fit.problem.data, numbers), best.fit.x[kept])
             left = tuple(s for s in self.screened(fit, others) if s.candidate is not dropped)
-            current = Model(fit=fit, added=others, tests=best.tests, unseen=best.unseen, screening=_known(left))
+            current = CandidateModel(fit=fit, added=others, tests=best.tests, unseen=best.unseen, screening=_known(left))
             least = fit.cost - best.fit.cost - math.log(fit.problem.count) - MARGIN
             refits = self.refits(current, 0.7)
             rivals = [r for r in refits if r.gain >= max(least, GAIN) and r.inside]
@@ -191,11 +191,11 @@ class Search:
             self.rounds.append(_round(current, refits, judged))
             self.winners += tuple(judged.values())
 
-    def model(self, fit: Fit, added: tuple[Candidate, ...], starts: tuple[float, ...] = ()) -> Model:
+    def model(self, fit: Fit, added: tuple[Candidate, ...], starts: tuple[float, ...] = ()) -> CandidateModel:
         """Ask everything that may speak against a fit."""
         unseen = judge(fit, self.inputs.held)
         self.tried.append((" and ".join(c.name for c in added) or "the declared model", fit, unseen))
-        return Model(
+        return CandidateModel(
             fit=fit,
             added=added,
             tests=check_residuals(fit),
@@ -204,7 +204,7 @@ class Search:
             starts=starts,
         )
 
-    def screened(self, fit: Fit, added: tuple[Candidate, ...]) -> tuple[Screened, ...]:
+    def screened(self, fit: Fit, added: tuple[Candidate, ...]) -> tuple[ScreenedCandidate, ...]:
         """Score all that could still be added."""
         names = {c.name for c in added}
         costly = {k for c in added if c.compiled for k in (c.name, *(k.name for k in c.companions))}
@@ -216,7 +216,7 @@ class Search:
         both = [*exact, *(s for s in rough if s.candidate.name not in known)]
         return tuple(sorted(both, key=lambda s: -abs(s.score)))
 
-    def round(self, current: Model, share: float, scaled_base: Model | None = None) -> Model | None:
+    def round(self, current: CandidateModel, share: float, scaled_base: CandidateModel | None = None) -> CandidateModel | None:
         """Try to add one effect; return the best model, to go on from, or None if nothing gains enough."""
         refits = self.refits(current, share)
         least = max(GAIN, refits[0].gain - MARGIN) if refits else GAIN
@@ -230,7 +230,7 @@ class Search:
         self.winners = (*passing, *alarmed) if passing else ()
         return next(iter(judged.values()), None)
 
-    def refits(self, current: Model, share: float) -> list[Refit]:
+    def refits(self, current: CandidateModel, share: float) -> list[Refit]:
         """Fit the model with each of the best candidates, best first."""
         least = max(LEAST_SCORE, abs(current.left[0].score) / 6) if current.left else 0.0
         chosen = [s for s in current.left if s.amplitude and abs(s.score) >= least][:REFITS]
@@ -242,8 +242,8 @@ class Search:
         return refits(current.fit, chosen, current.refitted, self.workers, told)
 
     def judged(
-        self, current: Model, refits: Sequence[Refit], share: float, scaled_base: Model | None = None
-    ) -> dict[str, Model]:
+        self, current: CandidateModel, refits: Sequence[Refit], share: float, scaled_base: CandidateModel | None = None
+    ) -> dict[str, CandidateModel]:
         """Ask of each refit everything that may speak against it."""
         found = {}
         for r in refits:
@@ -255,7 +255,7 @@ class Search:
                 found[r.candidate.name] = self.model(with_noise_of_residuals(r.fit), added)
         return found
 
-    def unlisted_forces(self) -> tuple[Found, ...]:
+    def unlisted_forces(self) -> tuple[RecoveredForce, ...]:
         """Search for a force that no library lists; keep those that gain and explain unseen data."""
         assert self.base is not None
         if not any(d.channels for d in self.inputs.training):  # events alone do not carry a force as a function
@@ -268,7 +268,7 @@ class Search:
             self.formulas = tuple(written)
         return tuple(passing + [f for f in found if f not in passing]) if passing else ()
 
-    def conclusion(self, interrupted: bool) -> tuple[Verdict, Model, tuple[Model, ...]]:
+    def conclusion(self, interrupted: bool) -> tuple[Verdict, CandidateModel, tuple[CandidateModel, ...]]:
         """Verdict, the model to go on with, and what is tied."""
         assert self.base is not None
         if interrupted:
@@ -281,7 +281,7 @@ class Search:
                 if formula.stands and formula.unseen:
                     fit, unseen = formula.fit, formula.unseen
             tests = check_residuals(fit)
-            return Verdict.UNLISTED, Model(fit=fit, added=(), tests=tests, unseen=unseen, screening=tuple), ()
+            return Verdict.UNLISTED, CandidateModel(fit=fit, added=(), tests=tests, unseen=unseen, screening=tuple), ()
         if not self.winners:
             return Verdict.UNEXPLAINED, self.base, ()
         if len(self.winners) > 1:
@@ -289,15 +289,15 @@ class Search:
         return Verdict.IDENTIFIED, self.winners[0], ()
 
 
-def _known(left: tuple[Screened, ...]) -> Callable[[], tuple[Screened, ...]]:
+def _known(left: tuple[ScreenedCandidate, ...]) -> Callable[[], tuple[ScreenedCandidate, ...]]:
     return lambda: left
 
 
-def _passes(r: Refit, model: Model | None) -> bool:
+def _passes(r: Refit, model: CandidateModel | None) -> bool:
     return model is not None and r.inside and r.gain >= GAIN and not model.alarms
 
 
-def _reason(r: Refit, model: Model | None, best: Refit) -> str:
+def _reason(r: Refit, model: CandidateModel | None, best: Refit) -> str:
     if r.gain < GAIN:
         return f"gains less than {GAIN:g}"
     if model is None:
@@ -307,12 +307,12 @@ def _reason(r: Refit, model: Model | None, best: Refit) -> str:
     return "; ".join(model.alarms)
 
 
-def _round(current: Model, refits: Sequence[Refit], judged: dict[str, Model]) -> Round:
+def _round(current: CandidateModel, refits: Sequence[Refit], judged: dict[str, CandidateModel]) -> Round:
     ranking = []
     for r in refits:
         c, model = r.candidate, judged.get(r.candidate.name)
         ranking.append(
-            Ranked(
+            RankedCandidate(
                 name=c.name, kind=c.kind, score=r.screened.score, gain=r.gain, value=r.value, error=r.error,
                 held_out=model.unseen.worst if model else None, passes=_passes(r, model), reason=_reason(r, model, refits[0]),
             )
@@ -321,7 +321,7 @@ def _round(current: Model, refits: Sequence[Refit], judged: dict[str, Model]) ->
     for s in current.left:
         if s.candidate.name not in refitted:
             ranking.append(
-                Ranked(name=s.candidate.name, kind=s.candidate.kind, score=s.score, gain=None, value=None, error=None,
+                RankedCandidate(name=s.candidate.name, kind=s.candidate.kind, score=s.score, gain=None, value=None, error=None,
                        held_out=None, passes=False, reason="not among the best of the screening")
             )  # fmt: skip
     return Round(

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from looping_pendulum.engines import memory
-from looping_pendulum.engines.job import RESULT, ROW_BYTES, SAMPLES, Job, identity, read_rows
+from looping_pendulum.engines.job import RESULT, ROW_BYTES, SAMPLES, EngineJob, identity, read_rows
 from looping_pendulum.engines.memory import MEMORY_LIMIT, held_memory, show_memory
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, declared
 from looping_pendulum.engines.registry import how_to_get, missing_packages
@@ -49,7 +49,7 @@ Progress = Callable[[Engine, float], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class RunLimits:
     """What one run may take."""
 
     time: float = TIME_LIMIT
@@ -78,11 +78,11 @@ def run_isolated(
     if unsupported:
         return _without_run(engine, scenario, RunStatus.UNSUPPORTED, unsupported)
     try:
-        job = pickle.dumps(Job(engine=engine, scenario=scenario))
+        job = pickle.dumps(EngineJob(engine=engine, scenario=scenario))
     except Exception as error:
         why = f"it cannot travel to its process: {type(error).__name__}: {error}"
         return _without_run(engine, scenario, RunStatus.FAILED, why)
-    limits = Limits(time=time_limit, memory=memory_limit)
+    limits = RunLimits(time=time_limit, memory=memory_limit)
     process = Supervised("looping_pendulum.engines.worker:main", job, ENVIRONMENT)
     try:
         status, message = _watch(process, engine, scenario, limits, progress, cancelled)
@@ -153,7 +153,7 @@ def _watch(
     process: Supervised,
     engine: Engine,
     scenario: Scenario,
-    limits: Limits,
+    limits: RunLimits,
     progress: Progress | None,
     cancelled: threading.Event | None,
 ) -> tuple[RunStatus | None, str]:

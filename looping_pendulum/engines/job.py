@@ -50,7 +50,7 @@ def read_rows(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
+class EngineJob:
     """What a worker is asked to do; it travels to it as a pickle."""
 
     engine: Engine

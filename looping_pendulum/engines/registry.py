@@ -43,7 +43,7 @@ HOW_TO_GET = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Offer:
+class AdapterModule:
     """An adapter: a module with ``engines(profile) -> list[Engine]``."""
 
     name: str
@@ -68,12 +68,12 @@ def how_to_get(package: str) -> str:
 
 
 @cache
-def offers() -> tuple[Offer, ...]:
+def offers() -> tuple[AdapterModule, ...]:
     """Our own adapters, and those of other packages by name."""
     points = entry_points(group=ENTRY_POINTS)
     others = {(point.name, point.value, point.dist.name if point.dist else "") for point in points}
-    own = (Offer(name=name, module=module) for name, module in ADAPTERS.items())
-    return (*own, *(Offer(name=name, module=module, package=package) for name, module, package in sorted(others)))
+    own = (AdapterModule(name=name, module=module) for name, module in ADAPTERS.items())
+    return (*own, *(AdapterModule(name=name, module=module, package=package) for name, module, package in sorted(others)))
 
 
 def all_engines(profile: Profile) -> list[Engine]:
@@ -116,7 +116,7 @@ def loaded(profile: Profile) -> tuple[list[Engine], dict[str, str]]:
     return engines, faults
 
 
-def _from_elsewhere(offer: Offer, profile: Profile, taken: Collection[str]) -> list[Engine]:
+def _from_elsewhere(offer: AdapterModule, profile: Profile, taken: Collection[str]) -> list[Engine]:
     """Engines of another package's adapter, checked for what the others' results depend on."""
     if offer.name in taken:
         raise EngineError(f"the name {offer.name!r} is taken; needed another entry point name")

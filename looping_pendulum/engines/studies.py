@@ -55,7 +55,7 @@ class HiddenDefault:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Choice:
+class AdapterChoice:
     """Something that the adapter decides and that could be decided otherwise with as good a reason."""
 
     what: str
@@ -71,7 +71,7 @@ class Studies:
 
     ladders: tuple[Ladder, ...] = ()
     defaults: tuple[HiddenDefault, ...] = ()
-    choices: tuple[Choice, ...] = ()
+    choices: tuple[AdapterChoice, ...] = ()
 
 
 def ladder(adjusted: Adjusted, setting: str, unit: str, rungs: Iterable[dict[str, Any]], follows: str = "") -> Ladder:

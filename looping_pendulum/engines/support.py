@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.trajectory import supplies_as_rows
-from looping_pendulum.engines.validated import QUANTITIES, Quantity, Spread
+from looping_pendulum.engines.validated import QUANTITIES, Spread, ValidatedQuantity
 from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -106,7 +106,7 @@ def _spread(spread: Spread | None) -> str:
     return " / ".join(amount(value, 1e3) for value in (spread.median, spread.ninety, spread.worst))
 
 
-def _reach(quantity: Quantity, bounds: tuple[float, float] | None) -> str:
+def _reach(quantity: ValidatedQuantity, bounds: tuple[float, float] | None) -> str:
     return "-" if bounds is None else " to ".join(amount(value, quantity.per_unit, 3) for value in bounds)
 
 

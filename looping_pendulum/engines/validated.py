@@ -24,7 +24,7 @@ SLACK = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Quantity:
+class ValidatedQuantity:
     """A number of a scenario that decides how hard it is for an engine."""
 
     name: str
@@ -46,22 +46,22 @@ def _static_over_kinetic(p: Parameters) -> float | None:
     return static / kinetic if kinetic > 0 else None
 
 
-QUANTITIES: tuple[Quantity, ...] = (
-    Quantity(name="mass ratio M2/M1", unit="", per_unit=1.0, of=lambda p: p.heavy_mass / p.light_mass),
-    Quantity(name="light mass", unit="g", per_unit=1e3, of=lambda p: p.light_mass),
-    Quantity(
+QUANTITIES: tuple[ValidatedQuantity, ...] = (
+    ValidatedQuantity(name="mass ratio M2/M1", unit="", per_unit=1.0, of=lambda p: p.heavy_mass / p.light_mass),
+    ValidatedQuantity(name="light mass", unit="g", per_unit=1e3, of=lambda p: p.light_mass),
+    ValidatedQuantity(
         name="release angle",
         unit="deg",
         per_unit=180 / math.pi,
         of=lambda p: None if p.release is Release.VERTICAL else p.release_angle,
     ),
-    Quantity(name="rod radius", unit="mm", per_unit=1e3, of=lambda p: p.rod_radius),
-    Quantity(name="free length", unit="cm", per_unit=1e2, of=lambda p: p.free_length),
-    Quantity(name="kinetic friction", unit="", per_unit=1.0, of=lambda p: p.coefficients["kinetic_friction"]),
-    Quantity(name="static over kinetic friction", unit="", per_unit=1.0, of=_static_over_kinetic),
-    Quantity(name="light mass's drag l/M1", unit="", per_unit=1.0, of=_drag("light_drag", lambda p: p.light_mass, 1)),
-    Quantity(name="heavy mass's drag l/M2", unit="", per_unit=1.0, of=_drag("heavy_drag", lambda p: p.heavy_mass, 1)),
-    Quantity(name="string's drag l^2/M1", unit="", per_unit=1.0, of=_drag("string_drag", lambda p: p.light_mass, 2)),
+    ValidatedQuantity(name="rod radius", unit="mm", per_unit=1e3, of=lambda p: p.rod_radius),
+    ValidatedQuantity(name="free length", unit="cm", per_unit=1e2, of=lambda p: p.free_length),
+    ValidatedQuantity(name="kinetic friction", unit="", per_unit=1.0, of=lambda p: p.coefficients["kinetic_friction"]),
+    ValidatedQuantity(name="static over kinetic friction", unit="", per_unit=1.0, of=_static_over_kinetic),
+    ValidatedQuantity(name="light mass's drag l/M1", unit="", per_unit=1.0, of=_drag("light_drag", lambda p: p.light_mass, 1)),
+    ValidatedQuantity(name="heavy mass's drag l/M2", unit="", per_unit=1.0, of=_drag("heavy_drag", lambda p: p.heavy_mass, 1)),
+    ValidatedQuantity(name="string's drag l^2/M1", unit="", per_unit=1.0, of=_drag("string_drag", lambda p: p.light_mass, 2)),
 )
 
 
@@ -88,7 +88,7 @@ class ValidatedRange:
     """Runs among them that did not come to their proper end; they are in no `errors`."""
     releases: frozenset[Release]
     bounds: Mapping[str, tuple[float, float]]
-    """Name of a `Quantity` -> least and largest value measured, SI."""
+    """Name of a `ValidatedQuantity` -> least and largest value measured, SI."""
     errors: Mapping[str, Spread]
     """What -> how far off: "rms_0.35s" and "rms_0.7s" [m], each to the end of the run if that is earlier."""
 

@@ -7,7 +7,7 @@ import traceback
 from dataclasses import replace
 from pathlib import Path
 
-from looping_pendulum.engines.job import RESULT, SAMPLES, FileRecorder, Job, identity
+from looping_pendulum.engines.job import RESULT, SAMPLES, EngineJob, FileRecorder, identity
 from looping_pendulum.engines.returned import checked
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory, from_samples
 from looping_pendulum.process_start import JOB
@@ -16,7 +16,7 @@ from looping_pendulum.process_start import JOB
 def main(place: str) -> None:
     """Run the job that lies in the folder ``place`` and leave the trajectory beside it."""
     folder = Path(place)
-    job: Job = pickle.loads((folder / JOB).read_bytes())
+    job: EngineJob = pickle.loads((folder / JOB).read_bytes())
     recorder = FileRecorder(folder / SAMPLES)
     try:
         trajectory = checked(job.engine.simulate(job.scenario, recorder), job.engine, job.scenario)
@@ -29,7 +29,7 @@ def main(place: str) -> None:
     finished.rename(folder / RESULT)
 
 
-def _failed(job: Job, recorder: FileRecorder, error: Exception) -> Trajectory:
+def _failed(job: EngineJob, recorder: FileRecorder, error: Exception) -> Trajectory:
     return from_samples(
         recorder.rows(),
         parameters=job.scenario.parameters,

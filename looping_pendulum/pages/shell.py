@@ -6,12 +6,12 @@ import base64
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any
 
-from jinja2 import DictLoader, Environment, StrictUndefined
+from jinja2 import DictLoader, Environment, StrictUndefined, Template
 from markupsafe import Markup
 
 from looping_pendulum.pages.palette import colour_rules
@@ -58,10 +58,8 @@ def page(
         What the template asks for; text is escaped.
     """
     theme = asset(KIT, "theme.js")
-    sources = {"base.html": asset(KIT, "base.html"), template: asset(package, template)}
-    environment = Environment(loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     sheets = [asset(KIT, "base.css"), colour_rules(), *(asset(*sheet) for sheet in styles)]
-    return environment.get_template(template).render(
+    return _compiled(package, template).render(
         title=title,
         policy=Markup(_policy([theme, *scripts])),
         sheet=Markup("\n".join(sheets)),
@@ -72,10 +70,18 @@ def page(
     )
 
 
+@cache
+def _compiled(package: str, template: str) -> Template:
+    sources = {"base.html": asset(KIT, "base.html"), template: asset(package, template)}
+    environment = Environment(loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    return environment.get_template(template)
+
+
 def _assets(package: str) -> Traversable:
     return files(package) / "assets"
 
 
+@lru_cache(maxsize=8)  # plotly.js, which stands in every report, has megabytes
 def _closed_to_markup(source: str) -> str:
     """Return ``source``, which must not end its own element."""
     if "</script" in source.lower() or "<!--" in source:
@@ -85,6 +91,10 @@ def _closed_to_markup(source: str) -> str:
 
 def _policy(scripts: Sequence[str]) -> str:
     """Content security policy: no request at all, and only ``scripts`` run."""
-    hashes = (base64.b64encode(hashlib.sha256(source.encode()).digest()).decode() for source in scripts)
-    run = " ".join(f"'sha256-{digest}'" for digest in hashes)
+    run = " ".join(f"'sha256-{_digest(source)}'" for source in scripts)
     return f"default-src 'none'; style-src 'unsafe-inline'; img-src data: blob:; script-src {run}"
+
+
+@lru_cache(maxsize=8)
+def _digest(source: str) -> str:
+    return base64.b64encode(hashlib.sha256(source.encode()).digest()).decode()

@@ -15,7 +15,7 @@ from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.scipy_backend import ScipyIntegrator
 from looping_pendulum.reference_ode.solution import Part, RunEvent, Segment
 from looping_pendulum.reference_ode.state import Effects, Signs, State, own_variables, winding
-from looping_pendulum.reference_ode.transitions import Choice, Event, Mode, next_mode
+from looping_pendulum.reference_ode.transitions import Event, Mode, TransitionChoice, next_mode
 
 MAX_EVENTS = 4000
 START = 1e-6
@@ -264,7 +264,7 @@ class Driver:
         self._record(event, before)
         return False
 
-    def _change(self, event: Event, following: Mode | Choice) -> None:
+    def _change(self, event: Event, following: Mode | TransitionChoice) -> None:
         """Change the mode, and the speeds that the event sets."""
         if self.stretches:
             if event is Event.TAUT and self.mode is Mode.SLACK:
@@ -278,9 +278,9 @@ class Driver:
             self._turn_rod(1.0 if event is Event.ROD_YIELDS_UP else -1.0)
         elif event is Event.TAUT and self.mode is Mode.CLAMPED_SLACK:
             self._take(self._impact(0.0).state)
-        if following is Choice.BY_HOLDING:
+        if following is TransitionChoice.BY_HOLDING:
             following = self._held_or_sliding()
-        elif following is Choice.BY_IMPULSE:
+        elif following is TransitionChoice.BY_IMPULSE:
             following = self._held_or_sliding() if self.stretches else self._after_impulse()
         assert isinstance(following, Mode)
         self._enter(following)

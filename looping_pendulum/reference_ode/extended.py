@@ -110,7 +110,7 @@ class _ExtendedIntegrator(HeyokaIntegrator):
         return event, taylor.time, state, nothing
 
 
-class _Compiled:
+class _ExtendedIntegratorOfMode:
     """A Taylor integrator of one mode in extended precision."""
 
     def __init__(self, mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...], kind: Any) -> None:
@@ -131,5 +131,5 @@ class _Compiled:
 
 
 @lru_cache(maxsize=32)
-def _compiled(mode: Mode, effects: Effects, tolerance: float, names: tuple[str, ...], kind: Any) -> _Compiled:
-    return _Compiled(mode, effects, tolerance, names, kind)
+def _compiled(mode: Mode, effects: Effects, tolerance: float, names: tuple[str, ...], kind: Any) -> _ExtendedIntegratorOfMode:
+    return _ExtendedIntegratorOfMode(mode, effects, tolerance, names, kind)

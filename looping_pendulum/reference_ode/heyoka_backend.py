@@ -42,7 +42,7 @@ class ModeEquations:
         self.rows = np.array([State._fields.index(name) for name in names])
 
 
-class _Compiled:
+class _IntegratorOfMode:
     """A Taylor integrator of one mode, with what it needs to translate states, parameters and events."""
 
     def __init__(self, mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...]) -> None:
@@ -63,8 +63,8 @@ class _Compiled:
 
 
 @lru_cache(maxsize=64)
-def _compiled(mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...]) -> _Compiled:
-    return _Compiled(mode, effects, tolerance, parameter_names)
+def _compiled(mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...]) -> _IntegratorOfMode:
+    return _IntegratorOfMode(mode, effects, tolerance, parameter_names)
 
 
 @lru_cache(maxsize=64)
@@ -129,7 +129,7 @@ class HeyokaIntegrator:
         values = _full(run, rows[1:].T)
         return event, taylor.time, self._final(run), Part(mode=mode, signs=signs, t=times[: values.shape[1]], values=values)
 
-    def _start(self, mode: Mode, t: float, y: State, signs: Signs) -> _Compiled:
+    def _start(self, mode: Mode, t: float, y: State, signs: Signs) -> _IntegratorOfMode:
         run = _compiled(mode, self._effects, self._tolerance, self._names)
         taylor = run.integrator
         taylor.time = t
@@ -139,10 +139,10 @@ class HeyokaIntegrator:
         return run
 
     @staticmethod
-    def _final(run: _Compiled) -> State:
+    def _final(run: _IntegratorOfMode) -> State:
         return complete(run.mode, **dict(zip(run.names, run.integrator.state.tolist(), strict=True)))
 
-    def _event(self, run: _Compiled, outcome: Any, signs: Signs) -> Event:
+    def _event(self, run: _IntegratorOfMode, outcome: Any, signs: Signs) -> Event:
         number = -int(getattr(outcome, "value", outcome)) - 1
         if not 0 <= number < len(run.events):
             state = ", ".join(f"{value:g}" for value in run.integrator.state)
@@ -150,14 +150,14 @@ class HeyokaIntegrator:
         return meaning(run.events[number], signs)
 
 
-def _segment(run: _Compiled, signs: Signs, series: list[Any], times: list[float]) -> Segment:
+def _segment(run: _IntegratorOfMode, signs: Signs, series: list[Any], times: list[float]) -> Segment:
     """Turn Taylor series in time into polynomials in the fraction of each step."""
     edges = np.array(times)
     scale = np.diff(edges)[:, None] ** run.powers
     return Segment(mode=run.mode, signs=signs, times=edges, coefficients=_full(run, np.array(series) * scale[:, None, :]))
 
 
-def _full(run: _Compiled, variables: Array) -> Array:
+def _full(run: _IntegratorOfMode, variables: Array) -> Array:
     """Fill in the entries of the state that the mode implies, along the last axis but one."""
     full = np.zeros((*variables.shape[:-2], len(State._fields), variables.shape[-1]))
     full[..., run.rows, :] = variables

@@ -97,16 +97,16 @@ PHASE_ZERO = {Event.STOP: Event.SLOWS, Event.TAUT: Event.CLOSES}
 """What a return to zero stands for in phase 0, when only the precondition of that return is watched."""
 
 
-class Choice(Enum):
+class TransitionChoice(Enum):
     """Where the next mode depends on the forces, not on the event alone."""
 
     BY_HOLDING = "sticks if the rod can hold the difference of the tensions, else slides the way it is pulled"
     BY_IMPULSE = "slides the way the inelastic pull leaves it, or sticks inside the friction cone"
 
 
-TABLE: dict[tuple[Mode, Event], Mode | Choice] = {
-    (Mode.SLIDING_DOWN, Event.STOP): Choice.BY_HOLDING,
-    (Mode.SLIDING_UP, Event.STOP): Choice.BY_HOLDING,
+TABLE: dict[tuple[Mode, Event], Mode | TransitionChoice] = {
+    (Mode.SLIDING_DOWN, Event.STOP): TransitionChoice.BY_HOLDING,
+    (Mode.SLIDING_UP, Event.STOP): TransitionChoice.BY_HOLDING,
     (Mode.SLIDING_DOWN, Event.LOSES_TENSION): Mode.SLACK,
     (Mode.SLIDING_UP, Event.LOSES_TENSION): Mode.SLACK,
     (Mode.STICKING, Event.BREAKS_DOWN): Mode.SLIDING_DOWN,
@@ -115,15 +115,15 @@ TABLE: dict[tuple[Mode, Event], Mode | Choice] = {
     (Mode.STICKING, Event.ROD_YIELDS_DOWN): Mode.ROLLING,
     (Mode.ROLLING, Event.BREAKS_DOWN): Mode.SLIDING_DOWN,
     (Mode.ROLLING, Event.BREAKS_UP): Mode.SLIDING_UP,
-    (Mode.ROLLING, Event.ROD_STOPS): Choice.BY_HOLDING,
-    (Mode.SLACK, Event.TAUT): Choice.BY_IMPULSE,
+    (Mode.ROLLING, Event.ROD_STOPS): TransitionChoice.BY_HOLDING,
+    (Mode.SLACK, Event.TAUT): TransitionChoice.BY_IMPULSE,
     (Mode.CLAMPED, Event.LOSES_TENSION): Mode.CLAMPED_SLACK,
     (Mode.CLAMPED_SLACK, Event.TAUT): Mode.CLAMPED,
 }
 """The whole transition table; `END_EVENTS` end any mode and `PHASE_EVENTS` leave it as it is."""
 
 
-def next_mode(mode: Mode, event: Event) -> Mode | Choice:
+def next_mode(mode: Mode, event: Event) -> Mode | TransitionChoice:
     """Look up what follows ``event`` in ``mode``."""
     if event in END_EVENTS:
         return Mode.ENDED

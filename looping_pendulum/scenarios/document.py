@@ -28,11 +28,11 @@ _TAGS = {
 Path = tuple[str | int, ...]
 
 
-class Nothing:
+class EmptyDocument:
     """What stands behind a key that has no value."""
 
 
-NOTHING = Nothing()
+NOTHING = EmptyDocument()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,7 @@ def key_text(path: Path) -> str:
 
 def quote(found: object) -> str:
     """What the file has, as an error names it."""
-    if isinstance(found, Nothing):
+    if isinstance(found, EmptyDocument):
         return "nothing"
     if isinstance(found, dict):
         return "a group of keys"

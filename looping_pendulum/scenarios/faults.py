@@ -70,7 +70,7 @@ def _needed(model: type[BaseModel], path: Path) -> str:
     """What a missing key takes, with an example."""
     field = _group_at(model, path[:-1]).model_fields[str(path[-1])]
     for mark in field.metadata:
-        if isinstance(mark, schema.Quantity):
+        if isinstance(mark, schema.QuantityField):
             return f"{mark.kind.wanted}; write for example '{path[-1]}: {mark.kind.way_out}'"
     below = keys_below(model, path)
     if below:

@@ -24,7 +24,7 @@ _SI_UNITS = ("s", "m", "rad", "kg", "m/s", "m/s**2", "")
 
 
 @dataclass(frozen=True, kw_only=True)
-class EventRow:
+class MeasuredEventRow:
     """One number that was measured, or that the paper computed."""
 
     quantity: str
@@ -40,11 +40,11 @@ class EventRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EventTable:
+class MeasuredEventTable:
     """The measured events of one trial."""
 
     file: str
-    rows: tuple[EventRow, ...]
+    rows: tuple[MeasuredEventRow, ...]
     """In the order of the source."""
 
 
@@ -72,7 +72,7 @@ def find_data(file: str, folders: Path | Sequence[Path] | None = None) -> Path |
     return None
 
 
-def read_event_table(path: Path, sha256: str | None = None) -> EventTable:
+def read_event_table(path: Path, sha256: str | None = None) -> MeasuredEventTable:
     """Read an event table: CSV with the `COLUMNS`; lines that begin with # are comments.
 
     Parameters
@@ -87,7 +87,7 @@ def read_event_table(path: Path, sha256: str | None = None) -> EventTable:
     """
     file = str(path)
     text = _read(path, sha256)
-    rows: list[EventRow] = []
+    rows: list[MeasuredEventRow] = []
     seen: dict[tuple[str, int], int] = {}
     head: tuple[str, ...] = ()
     for number, line in text_table.lines(text):
@@ -108,7 +108,7 @@ def read_event_table(path: Path, sha256: str | None = None) -> EventTable:
         rows.append(row)
     if not rows:
         raise ScenarioError(one_line(f"{file}: found no rows, needed a line '{','.join(COLUMNS)}' and rows below it"))
-    return EventTable(file=file, rows=tuple(rows))
+    return MeasuredEventTable(file=file, rows=tuple(rows))
 
 
 def _read(path: Path, sha256: str | None) -> str:
@@ -130,7 +130,7 @@ def _read(path: Path, sha256: str | None) -> str:
         raise _error(str(path), line, "", f"found the byte 0x{raw[error.start]:02x}, needed UTF-8 text") from None
 
 
-def _row(file: str, line: int, cells: tuple[str, ...]) -> EventRow:
+def _row(file: str, line: int, cells: tuple[str, ...]) -> MeasuredEventRow:
     if len(cells) != len(COLUMNS):
         raise _error(file, line, "", f"found {len(cells)} columns, needed {len(COLUMNS)}: {','.join(COLUMNS)}")
     quantity, index, measured, numerical, unit = cells
@@ -139,7 +139,7 @@ def _row(file: str, line: int, cells: tuple[str, ...]) -> EventRow:
     if not (index.isascii() and index.isdigit() and 0 < int(index[:9]) and len(index) < 10):
         raise _error(file, line, "index", f"found {quote(index)}, needed a whole number from 1")
     si = _si_unit(file, line, unit)
-    return EventRow(
+    return MeasuredEventRow(
         quantity=quantity,
         index=int(index),
         measured=_number(file, line, "measured", measured, unit, si),

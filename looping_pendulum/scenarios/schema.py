@@ -34,7 +34,7 @@ from looping_pendulum.reference_ode import parameters
 from looping_pendulum.reference_ode.effects import Coefficient
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import FILE_KEYS, METRICS, file_key
-from looping_pendulum.scenarios.units import Kind, RangeError, UnitError
+from looping_pendulum.scenarios.units import QuantityKind, RangeError, UnitError
 
 NUMBER_PATTERN = r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"
 _WORDS = "x-words"
@@ -48,10 +48,10 @@ def fault(message: str, key: str = "") -> PydanticCustomError:
     return PydanticCustomError("scenario", "{message}", {"message": one_line(message), "key": key})
 
 
-class Quantity:
-    """Pydantic's view of a `Kind`: text with a unit in the file, a number [SI] in the program."""
+class QuantityField:
+    """Pydantic's view of a `QuantityKind`: text with a unit in the file, a number [SI] in the program."""
 
-    def __init__(self, kind: Kind) -> None:
+    def __init__(self, kind: QuantityKind) -> None:
         self.kind = kind
 
     def read(self, found: object) -> float:
@@ -83,13 +83,13 @@ class Quantity:
         }
 
 
-def coefficient(name: str) -> Quantity:
+def coefficient(name: str) -> QuantityField:
     """Quantity of an effect's coefficient, with the bounds that the effect declares."""
     return _quantity_of(effect_library.COEFFICIENTS[name])
 
 
-def _quantity_of(c: Coefficient) -> Quantity:
-    return Quantity(Kind(unit=c.unit, low=c.bounds[0], high=c.bounds[1]))
+def _quantity_of(c: Coefficient) -> QuantityField:
+    return QuantityField(QuantityKind(unit=c.unit, low=c.bounds[0], high=c.bounds[1]))
 
 
 def _text(found: object) -> str:
@@ -133,8 +133,8 @@ def suggest(found: str, known: Iterable[str]) -> str:
     return f"; did you mean '{near[0]}'?" if near else ""
 
 
-LENGTH = Quantity(Kind(unit="m", low=0.0, above_low=True))
-MASS = Quantity(Kind(unit="kg", low=0.0, above_low=True))
+LENGTH = QuantityField(QuantityKind(unit="m", low=0.0, above_low=True))
+MASS = QuantityField(QuantityKind(unit="kg", low=0.0, above_low=True))
 Text = Annotated[str, BeforeValidator(_text)]
 
 
@@ -147,11 +147,11 @@ class Group(BaseModel):
 class DragShape(Group):
     """Quadratic drag by shape, gamma = C rho A / 2."""
 
-    shape_factor: Annotated[float, Quantity(Kind(unit="", low=0.0, high=10.0, example="1.0"))]
+    shape_factor: Annotated[float, QuantityField(QuantityKind(unit="", low=0.0, high=10.0, example="1.0"))]
     """Drag coefficient C: about 0.5 for a ball, 1 for a cylinder."""
-    area: Annotated[float, Quantity(Kind(unit="m**2", low=0.0, high=1.0, above_low=True))]
+    area: Annotated[float, QuantityField(QuantityKind(unit="m**2", low=0.0, high=1.0, above_low=True))]
     """Area across the motion: pi r^2 for a ball, height times diameter for a cylinder."""
-    air_density: Annotated[float, Quantity(Kind(unit="kg/m**3", low=0.0, high=2000.0))] | None = None
+    air_density: Annotated[float, QuantityField(QuantityKind(unit="kg/m**3", low=0.0, high=2000.0))] | None = None
     """Density of the air; 1.2 kg/m^3 if not given."""
 
 
@@ -174,7 +174,7 @@ class LightGroup(Group):
 
     mass: Annotated[float, MASS]
     """Its mass M1."""
-    radius: Annotated[float, Quantity(Kind(unit="m", low=0.0, example="5 mm"))] | None = None
+    radius: Annotated[float, QuantityField(QuantityKind(unit="m", low=0.0, example="5 mm"))] | None = None
     """Its radius: the run ends when its surface touches the rod. Not given: a point."""
     drag: LightDrag | None = None
     """Quadratic drag coefficient gamma1, or the shape from which it follows."""
@@ -183,7 +183,7 @@ class LightGroup(Group):
 class HeavyGroup(Group):
     """The heavy mass, which falls and is caught."""
 
-    mass: Annotated[float, Quantity(Kind(unit="kg", low=0.0, above_low=True, example="100 g"))]
+    mass: Annotated[float, QuantityField(QuantityKind(unit="kg", low=0.0, above_low=True, example="100 g"))]
     """Its mass M2."""
     drag: HeavyDrag | None = None
     """Quadratic drag coefficient gamma2, or the shape from which it follows."""
@@ -216,11 +216,13 @@ class ReleaseGroup(Group):
         WithJsonSchema({"type": "string", "enum": [str(r.value) for r in parameters.Release]}),
     ] = parameters.Release.LOOPING.value
     """looping: as in the demonstration; vertical: both hang; held: the heavy mass is clamped; drop: no string."""
-    angle: Annotated[float, Quantity(Kind(unit="rad", low=0.0, high=2 * math.pi, above_low=True))] | None = None
+    angle: Annotated[float, QuantityField(QuantityKind(unit="rad", low=0.0, high=2 * math.pi, above_low=True))] | None = None
     """Angle of the string to the light mass: 0 deg is straight up, 90 deg is level, 180 deg is straight down."""
-    free_length: Annotated[float, Quantity(Kind(unit="m", low=0.0, above_low=True, example="58 cm"))]
+    free_length: Annotated[float, QuantityField(QuantityKind(unit="m", low=0.0, above_low=True, example="58 cm"))]
     """String from the rod to the light mass."""
-    hanging_length: Annotated[float, Quantity(Kind(unit="m", low=0.0, above_low=True, example="3 cm"))] | None = None
+    hanging_length: Annotated[float, QuantityField(QuantityKind(unit="m", low=0.0, above_low=True, example="3 cm"))] | None = (
+        None
+    )
     """String from the rod to the heavy mass; 3 cm if not given."""
 
     @model_validator(mode="after")
@@ -268,7 +270,7 @@ class Limit(Group):
 
 def _limit_of(unit: str) -> type[Limit]:
     example = {"m": "0.6 mm", "s": "8 ms", "rad": "0.01 rad", "": "0.003"}.get(unit, "")
-    quantity = Quantity(Kind(unit=unit, low=0.0, example=example))
+    quantity = QuantityField(QuantityKind(unit=unit, low=0.0, example=example))
     return create_model(f"Limit of {unit or 'a number'}", __base__=Limit, limit=(Annotated[float, quantity], ...))
 
 
@@ -302,7 +304,9 @@ class ScenarioFile(Group):
     gravity: Annotated[float, coefficient("gravity")] | None = None
     """Acceleration of free fall; 9.81 m/s^2 if not given."""
     release: ReleaseGroup
-    duration: Annotated[float, Quantity(Kind(unit="s", low=0.0, high=LONGEST_DURATION, above_low=True, example="1.05 s"))]
+    duration: Annotated[
+        float, QuantityField(QuantityKind(unit="s", low=0.0, high=LONGEST_DURATION, above_low=True, example="1.05 s"))
+    ]
     """How long to watch; a run ends sooner if the light mass reaches the rod."""
     inferred: list[InferredEntry] = []
     """What the source does not print, and how it was inferred."""

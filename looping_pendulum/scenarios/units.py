@@ -120,7 +120,7 @@ class RangeError(UnitError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Kind:
+class QuantityKind:
     """What sort of quantity a key takes."""
 
     unit: str

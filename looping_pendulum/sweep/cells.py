@@ -36,7 +36,7 @@ _ONE_AT_A_TIME = threading.Lock()
 """The compiled integrators are kept per process and are not for several threads at once (a Dask worker may have some)."""
 
 
-class Moments(Protocol):
+class RunLandmarks(Protocol):
     """What is read from an engine's run (`compare.result.Landmarks` has it)."""
 
     @property
@@ -64,12 +64,12 @@ class Moments(Protocol):
         """[m]"""
 
 
-ReadMoments = Callable[[Trajectory, Parameters], Moments]
+ReadMoments = Callable[[Trajectory, Parameters], RunLandmarks]
 """Finds the moments in an engine's run, from its samples."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task:
+class CellTask:
     """What to run; it travels as a pickle."""
 
     index: int
@@ -91,7 +91,7 @@ class Task:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
+class CellResult:
     """What came of it."""
 
     index: int
@@ -100,11 +100,11 @@ class Result:
     """Of what made the numbers."""
 
 
-def solve(task: Task) -> Result:
+def solve(task: CellTask) -> CellResult:
     """Run a chunk."""
     with _ONE_AT_A_TIME:
         values = _reference(task) if task.engine == REFERENCE else _engine(task)
-    return Result(index=task.index, values=values, versions=versions(task.engine, task.profile))
+    return CellResult(index=task.index, values=values, versions=versions(task.engine, task.profile))
 
 
 def versions(engine: str, profile: Profile) -> dict[str, str]:
@@ -127,7 +127,7 @@ def _version(package: str) -> str:
         return "none"
 
 
-def _reference(task: Task) -> Values:
+def _reference(task: CellTask) -> Values:
     base = task.scenario.parameters
     batch = solve_batch(base, task.columns, duration=task.duration, tolerance=task.tolerance)
     values: Values = {field.name: np.array(getattr(batch, field.name)) for field in FIELDS}
@@ -137,7 +137,7 @@ def _reference(task: Task) -> Values:
     return values
 
 
-def _member(task: Task, i: int) -> Parameters | None:
+def _member(task: CellTask, i: int) -> Parameters | None:
     """Parameters of run ``i``, None if they are impossible."""
     try:
         return task.scenario.parameters.replace(**{name: float(column[i]) for name, column in task.columns.items()})
@@ -145,7 +145,7 @@ def _member(task: Task, i: int) -> Parameters | None:
         return None
 
 
-def _engine(task: Task) -> Values:
+def _engine(task: CellTask) -> Values:
     assert task.read_moments is not None
     engine = engine_called(task.engine, task.profile)
     n = len(next(iter(task.columns.values())))
@@ -162,7 +162,7 @@ def _engine(task: Task) -> Values:
     return values
 
 
-def _summary(run: Trajectory, moments: Moments) -> dict[str, float]:
+def _summary(run: Trajectory, moments: RunLandmarks) -> dict[str, float]:
     """What a map says of an engine's run."""
     known = {RunStatus.LIGHT_REACHED_ROD: str(Event.LIGHT_REACHES_ROD), RunStatus.FINISHED: str(Event.TIME_UP)}
     summary: dict[str, float] = {"end": end_code(known.get(run.status) or run.status.name.lower())}

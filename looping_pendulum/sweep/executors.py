@@ -17,9 +17,9 @@ from urllib.parse import urlsplit
 from looping_pendulum.errors import EngineError, HarnessError, MissingPackageError
 from looping_pendulum.processes import end_with_parent, safe_spawning
 from looping_pendulum.scenarios.document import one_line, quote
-from looping_pendulum.sweep.cells import Result, Task
+from looping_pendulum.sweep.cells import CellResult, CellTask
 
-Solve = Callable[[Task], Result]
+Solve = Callable[[CellTask], CellResult]
 
 SCHEMES = ("tcp", "tls", "ws", "wss")
 """How Dask may speak to a scheduler."""
@@ -33,13 +33,13 @@ WINDOW_CHECK = 32
 """Results between two looks at how many workers there are."""
 
 
-def in_process(tasks: Iterator[Task], solve: Solve) -> Iterator[Result]:
+def in_process(tasks: Iterator[CellTask], solve: Solve) -> Iterator[CellResult]:
     """Run tasks here, one after another."""
     for task in tasks:
         yield solve(task)
 
 
-def in_processes(tasks: Iterator[Task], solve: Solve, jobs: int) -> Iterator[Result]:
+def in_processes(tasks: Iterator[CellTask], solve: Solve, jobs: int) -> Iterator[CellResult]:
     """Run tasks in ``jobs`` processes of this machine.
 
     Raises
@@ -51,11 +51,11 @@ def in_processes(tasks: Iterator[Task], solve: Solve, jobs: int) -> Iterator[Res
         yield from _in_pool(tasks, solve, jobs)
 
 
-def _in_pool(tasks: Iterator[Task], solve: Solve, jobs: int) -> Iterator[Result]:
+def _in_pool(tasks: Iterator[CellTask], solve: Solve, jobs: int) -> Iterator[CellResult]:
     before = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=end_with_parent)
     try:
-        running: set[Future[Result]] = {pool.submit(solve, task) for task in itertools.islice(tasks, 2 * jobs)}
+        running: set[Future[CellResult]] = {pool.submit(solve, task) for task in itertools.islice(tasks, 2 * jobs)}
         while running:
             done, running = wait(running, return_when=FIRST_COMPLETED)
             running |= {pool.submit(solve, task) for task in itertools.islice(tasks, len(done))}
@@ -88,7 +88,7 @@ def check_address(address: str) -> None:
         raise EngineError(one_line(f"{message} --cluster tcp://127.0.0.1:8786"))
 
 
-def on_cluster(tasks: Iterator[Task], solve: Solve, address: str) -> Iterator[Result]:
+def on_cluster(tasks: Iterator[CellTask], solve: Solve, address: str) -> Iterator[CellResult]:
     """Run tasks on the workers of a Dask scheduler; a worker that dies only costs the chunks that it had.
 
     Raises
@@ -141,23 +141,23 @@ class _Cluster:
         """What takes tasks under way and gives them back as they end."""
         return self._distributed.as_completed(loop=self._client.loop)
 
-    def begin(self, tasks: Iterator[Task], solve: Solve, running: Any) -> None:
+    def begin(self, tasks: Iterator[CellTask], solve: Solve, running: Any) -> None:
         """Send the first tasks."""
         self._look()
         self._submit(tasks, solve, running)
 
-    def more(self, tasks: Iterator[Task], solve: Solve, running: Any) -> None:
+    def more(self, tasks: Iterator[CellTask], solve: Solve, running: Any) -> None:
         """Send tasks in place of those that have ended."""
         if self._seen % WINDOW_CHECK == 0:
             self._look()
         self._submit(tasks, solve, running)
 
-    def result(self, future: Any) -> Result:
+    def result(self, future: Any) -> CellResult:
         """Result of a task that has ended."""
         self._under_way -= 1
         self._seen += 1
         try:
-            result: Result = future.result()
+            result: CellResult = future.result()
         except HarnessError:
             raise
         except Exception as error:
@@ -167,7 +167,7 @@ class _Cluster:
         future.release()
         return result
 
-    def _submit(self, tasks: Iterator[Task], solve: Solve, running: Any) -> None:
+    def _submit(self, tasks: Iterator[CellTask], solve: Solve, running: Any) -> None:
         for task in itertools.islice(tasks, max(0, self._window - self._under_way)):
             running.add(self._client.submit(solve, task, pure=False, retries=RETRIES))
             self._under_way += 1

@@ -36,7 +36,7 @@ Sequence = tuple[tuple[Mode, ...], Event | None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class ParameterLine:
     """Runs that differ in one number."""
 
     base: Parameters
@@ -51,7 +51,7 @@ class Line:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class SequenceChange:
     """One place on a line where the sequence of modes changes."""
 
     low: float
@@ -84,14 +84,14 @@ def sequence(run: Solution) -> Sequence:
     return run.modes, run.end.event
 
 
-def find_changes(line: Line, values: Array, *, width: float) -> list[Change]:
+def find_changes(line: ParameterLine, values: Array, *, width: float) -> list[SequenceChange]:
     """Find the changes between neighbouring ``values`` [SI], ascending, each to within ``width`` [SI].
 
     Two changes between neighbours that cancel each other stay unseen; a finer scan shows whether there are any.
     """
     codes = _codes(line, values)
     differs = [i for i in range(len(values) - 1) if codes[i] != codes[i + 1]]
-    found: list[Change] = []
+    found: list[SequenceChange] = []
     for i in differs:
         low, high = float(values[i]), float(values[i + 1])
         for bracket in _brackets(line, low, high, sequence(line.run(low)), sequence(line.run(high)), width):
@@ -99,7 +99,7 @@ def find_changes(line: Line, values: Array, *, width: float) -> list[Change]:
     return found
 
 
-def _codes(line: Line, values: Array) -> list[object]:
+def _codes(line: ParameterLine, values: Array) -> list[object]:
     """Something for each run that tells their sequences apart."""
     if len(values) <= FEW:
         return [sequence(line.run(float(value))) for value in values]
@@ -108,7 +108,7 @@ def _codes(line: Line, values: Array) -> list[object]:
 
 
 def _brackets(
-    line: Line, low: float, high: float, below: Sequence, above: Sequence, width: float
+    line: ParameterLine, low: float, high: float, below: Sequence, above: Sequence, width: float
 ) -> Iterator[tuple[float, float]]:
     """Halve until every change between ``low`` and ``high`` stands alone in a bracket of at most ``width``."""
     middle = 0.5 * (low + high)
@@ -122,7 +122,7 @@ def _brackets(
         yield from _brackets(line, middle, high, between, above, width)
 
 
-def explain(line: Line, low: float, high: float) -> Change:
+def explain(line: ParameterLine, low: float, high: float) -> SequenceChange:
     """Say which event makes the two runs differ, and evaluate what passes zero."""
     runs = line.run(low), line.run(high)
     lists = [_ending_modes(run) for run in runs]
@@ -143,7 +143,7 @@ def explain(line: Line, low: float, high: float) -> Change:
         start = lists[missing][k - 1].time
         quantity, time, share = least_value(runs[missing], event, start, _until(event, here[1 - missing].time, here[missing]))
         kind = "race" if share > 1 - INSIDE else "graze"
-    return Change(
+    return SequenceChange(
         low=low,
         high=high,
         sequences=(sequence(runs[0]), sequence(runs[1])),
@@ -168,13 +168,13 @@ def _until(event: Event, time: float, ending: RunEvent) -> float:
     return 0.5 * (time + ending.time) if ending.event is event else ending.time
 
 
-def approach(line: Line, change: Change, distances: Array) -> Array:
+def approach(line: ParameterLine, change: SequenceChange, distances: Array) -> Array:
     """What passes zero at ``change``, at these ``distances`` [SI] from it on the side where the event is missing."""
     values = change.low - distances if change.missing_below else change.high + distances
     return np.array([_quantity_at(line, change, float(value)) for value in values])
 
 
-def _quantity_at(line: Line, change: Change, value: float) -> float:
+def _quantity_at(line: ParameterLine, change: SequenceChange, value: float) -> float:
     run = line.run(value)
     events, k = _ending_modes(run), change.position
     common = change.sequences[0][0][:k]

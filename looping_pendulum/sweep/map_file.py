@@ -20,8 +20,8 @@ from looping_pendulum.scenarios import document, loader
 from looping_pendulum.scenarios.document import Document, one_line, quote, shorten
 from looping_pendulum.scenarios.faults import first_fault
 from looping_pendulum.scenarios.scenario import FILE_KEYS, Scenario
-from looping_pendulum.scenarios.schema import LONGEST_DURATION, Group, Quantity, Text, fault, suggest
-from looping_pendulum.scenarios.units import Kind, factor, unit_of
+from looping_pendulum.scenarios.schema import LONGEST_DURATION, Group, QuantityField, Text, fault, suggest
+from looping_pendulum.scenarios.units import QuantityKind, factor, unit_of
 from looping_pendulum.sweep.cells import engine_called
 from looping_pendulum.sweep.fields import REFERENCE
 from looping_pendulum.sweep.plan import Axis, Grid, MapPlan, Sample
@@ -91,10 +91,11 @@ class MapFile(Group):
     parameters: Any
     """One to three quantities and their values."""
     sample: SampleGroup | None = None
-    tolerance: Annotated[float, Quantity(Kind(unit="", low=1e-15, high=1e-3, example="1e-12"))] = TOLERANCE
+    tolerance: Annotated[float, QuantityField(QuantityKind(unit="", low=1e-15, high=1e-3, example="1e-12"))] = TOLERANCE
     """Relative tolerance of a step of the reference."""
     duration: (
-        Annotated[float, Quantity(Kind(unit="s", low=0.0, high=LONGEST_DURATION, above_low=True, example="5 s"))] | None
+        Annotated[float, QuantityField(QuantityKind(unit="s", low=0.0, high=LONGEST_DURATION, above_low=True, example="5 s"))]
+        | None
     ) = None
     """Limit on the simulated time of a run; 5 s or the scenario's, whichever is longer."""
     chunk: Count | None = None
@@ -275,7 +276,7 @@ def _refuse_meeting(doc: Document, names: list[str], keys: list[str]) -> None:
 
 def _axis(variable: Variable, content: object, *, sampled: bool) -> Axis:
     """Check one quantity's values."""
-    quantity = Quantity(variable.kind)
+    quantity = QuantityField(variable.kind)
     way_out = variable.kind.way_out
     group = {"values": content} if isinstance(content, list) else content
     example = f"{{from: {way_out}, to: ..., count: 50}}" if not sampled else f"{{from: {way_out}, to: ...}}"
@@ -310,7 +311,7 @@ def _spacing(found: object) -> bool:
     return found == "log"
 
 
-def _listed(quantity: Quantity, group: dict[str, Any]) -> tuple[Array, str]:
+def _listed(quantity: QuantityField, group: dict[str, Any]) -> tuple[Array, str]:
     """Values [SI] of a list, and the first as the file has it."""
     if len(group) > 1:
         other = next(key for key in group if key != "values")
@@ -329,7 +330,9 @@ def _listed(quantity: Quantity, group: dict[str, Any]) -> tuple[Array, str]:
     return values, str(listed[0])
 
 
-def _range(quantity: Quantity, group: dict[str, Any], logarithmic: bool, *, sampled: bool, example: str) -> tuple[Array, str]:
+def _range(
+    quantity: QuantityField, group: dict[str, Any], logarithmic: bool, *, sampled: bool, example: str
+) -> tuple[Array, str]:
     """Values [SI] of a range (of a sample: its ends), and its start as the file has it."""
     ends = []
     for key in ("from", "to"):

@@ -122,7 +122,7 @@ class Sample:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Unit:
+class WorkUnit:
     """The least that is computed, written and resumed: one engine on one chunk."""
 
     index: int
@@ -201,16 +201,16 @@ class MapPlan:
         """Number of units."""
         return math.prod(self.blocks) * len(self.engines)
 
-    def unit(self, index: int) -> Unit:
+    def unit(self, index: int) -> WorkUnit:
         """Return one unit; the engine is the slowest index."""
         engine, *block = np.unravel_index(index, (len(self.engines), *self.blocks))
         region = tuple(
             slice(int(b) * size, min((int(b) + 1) * size, n))
             for b, size, n in zip(block, self.chunk_shape, self.design.shape, strict=True)
         )
-        return Unit(index=index, engine=int(engine), region=region)
+        return WorkUnit(index=index, engine=int(engine), region=region)
 
-    def columns(self, unit: Unit) -> dict[str, Array]:
+    def columns(self, unit: WorkUnit) -> dict[str, Array]:
         """Fields and coefficients of the runs of a unit, for `solve_batch`, shape (n,) each."""
         return columns(self.scenario.parameters, self.design.given(unit.region))
 

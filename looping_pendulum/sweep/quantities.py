@@ -16,8 +16,8 @@ from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios.scenario import FILE_KEYS
-from looping_pendulum.scenarios.schema import Quantity, ScenarioFile, coefficient
-from looping_pendulum.scenarios.units import Kind
+from looping_pendulum.scenarios.schema import QuantityField, ScenarioFile, coefficient
+from looping_pendulum.scenarios.units import QuantityKind
 
 NOT_VARIED = ("release",)
 """Entries of a scenario that are no number."""
@@ -28,7 +28,7 @@ class Variable:
     """One quantity that a map may vary."""
 
     name: str
-    kind: Kind
+    kind: QuantityKind
     meaning: str
     sets: tuple[str, ...]
     """Fields and coefficients that it decides."""
@@ -92,12 +92,12 @@ def variables() -> MappingProxyType[str, Variable]:
     for name, c in effect_library.COEFFICIENTS.items():
         found[name] = Variable(name=name, kind=coefficient(name).kind, meaning=c.meaning, sets=(name,))
     for name, r in RATIOS.items():
-        kind = Kind(unit="", low=r.low, above_low=r.above_low, example=r.example)
+        kind = QuantityKind(unit="", low=r.low, above_low=r.above_low, example=r.example)
         found[name] = Variable(name=name, kind=kind, meaning=r.meaning, sets=r.sets)
     return MappingProxyType(found)
 
 
-def _of_scenario(key: str) -> tuple[Kind, str]:
+def _of_scenario(key: str) -> tuple[QuantityKind, str]:
     """What a scenario file takes under ``key``, "release.angle", and what that is."""
     group, _, name = key.partition(".")
     field = ScenarioFile.model_fields[group]
@@ -108,10 +108,10 @@ def _of_scenario(key: str) -> tuple[Kind, str]:
     return _quantity_in(field).kind, meaning
 
 
-def _quantity_in(field: Any) -> Quantity:
+def _quantity_in(field: Any) -> QuantityField:
     """Return the quantity somewhere in ``Annotated[float, Quantity] | None``."""
     inside = field.metadata if isinstance(field, FieldInfo) else ()
-    found = [mark for mark in (*inside, *getattr(field, "__metadata__", ())) if isinstance(mark, Quantity)]
+    found = [mark for mark in (*inside, *getattr(field, "__metadata__", ())) if isinstance(mark, QuantityField)]
     if found:
         return found[0]
     parts = get_args(field.annotation if isinstance(field, FieldInfo) else field)

@@ -118,10 +118,10 @@ def _cores() -> int:
 
 def _tasks(
     plan: MapPlan, missing: list[int], read_moments: cells.ReadMoments | None, time_limit: float, memory_limit: int
-) -> Iterator[cells.Task]:
+) -> Iterator[cells.CellTask]:
     for index in missing:
         unit = plan.unit(index)
-        yield cells.Task(
+        yield cells.CellTask(
             index=index,
             engine=plan.engines[unit.engine],
             profile=plan.profile,
@@ -136,8 +136,8 @@ def _tasks(
 
 
 def _results(
-    tasks: Iterator[cells.Task], solve: Solve, jobs: int | None, cluster: str | None, units: int
-) -> Iterator[cells.Result]:
+    tasks: Iterator[cells.CellTask], solve: Solve, jobs: int | None, cluster: str | None, units: int
+) -> Iterator[cells.CellResult]:
     if cluster is not None:
         return executors.on_cluster(tasks, solve, cluster)
     processes = min(jobs or _cores(), units)
@@ -149,7 +149,7 @@ def _fill(
     store: MapStore,
     folder: Path,
     missing: list[int],
-    results: Iterator[cells.Result],
+    results: Iterator[cells.CellResult],
     progress: Progress | None,
 ) -> MapOutcome:
     """Write results as they come."""

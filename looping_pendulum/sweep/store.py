@@ -28,7 +28,7 @@ from looping_pendulum.scenarios import dump
 from looping_pendulum.scenarios.document import one_line, shorten
 from looping_pendulum.sweep.cells import engine_called, versions
 from looping_pendulum.sweep.fields import ENDINGS, FIELDS, REFERENCE, WORDS, Values
-from looping_pendulum.sweep.plan import Grid, MapError, MapPlan, Sample, Unit
+from looping_pendulum.sweep.plan import Grid, MapError, MapPlan, Sample, WorkUnit
 
 STORE = "map.zarr"
 """Name of the store in the output folder."""
@@ -90,20 +90,20 @@ class MapStore:
             leftover.unlink(missing_ok=True)
         return [i for i in range(self.plan.units) if not self._whole(self.plan.unit(i))]
 
-    def write(self, unit: Unit, values: Values) -> None:
+    def write(self, unit: WorkUnit, values: Values) -> None:
         """Put the results of a unit, shape (n,) each, where they belong."""
         given = self.plan.design.given(unit.region) if self._given and unit.engine == 0 else {}
         for name, content in (*given.items(), *((name, values[name]) for name in self._names)):
             self._arrays[name][self._index(name, unit)] = np.asarray(content).reshape(self._shape(name, unit))
 
-    def _index(self, name: str, unit: Unit) -> tuple[slice, ...]:
+    def _index(self, name: str, unit: WorkUnit) -> tuple[slice, ...]:
         by_engine = self.plan.several and name not in self._given
         return (slice(unit.engine, unit.engine + 1), *unit.region) if by_engine else unit.region
 
-    def _shape(self, name: str, unit: Unit) -> tuple[int, ...]:
+    def _shape(self, name: str, unit: WorkUnit) -> tuple[int, ...]:
         return tuple(where.stop - where.start for where in self._index(name, unit))
 
-    def _whole(self, unit: Unit) -> bool:
+    def _whole(self, unit: WorkUnit) -> bool:
         for name in (*(self._given if unit.engine == 0 else ()), *self._names):
             array, index = self._arrays[name], self._index(name, unit)
             key = "/".join(str(where.start // size) for where, size in zip(index, array.chunks, strict=True))

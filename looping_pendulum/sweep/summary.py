@@ -27,7 +27,7 @@ RANGES = (
 
 
 @dataclass
-class Range:
+class ValueRange:
     """Smallest, mean and largest of the finite values seen so far."""
 
     low: float = float("inf")
@@ -57,8 +57,8 @@ class EngineSummary:
     halted: int = 0
     ends: dict[str, int] = field(default_factory=dict)
     """Ending -> runs that do not halt."""
-    ranges: dict[str, Range] = field(default_factory=lambda: {name: Range() for name in RANGES})
-    where_halting: dict[str, Range] = field(default_factory=dict)
+    ranges: dict[str, ValueRange] = field(default_factory=lambda: {name: ValueRange() for name in RANGES})
+    where_halting: dict[str, ValueRange] = field(default_factory=dict)
     """Varied quantity -> its values in runs that halt."""
 
 
@@ -68,7 +68,7 @@ def summarize(plan: MapPlan, store: Path) -> list[EngineSummary]:
     summaries = [EngineSummary(engine=engine) for engine in plan.engines]
     arrays: dict[str, Any] = {name: group[name] for name in (*RANGES, "end")}
     for summary in summaries:
-        summary.where_halting = {axis.name: Range() for axis in plan.design.axes}
+        summary.where_halting = {axis.name: ValueRange() for axis in plan.design.axes}
     for index in range(plan.units):
         unit = plan.unit(index)
         where = (unit.engine, *unit.region) if plan.several else unit.region

@@ -30,7 +30,7 @@ Outcome = Callable[[Array], NDArray[Any]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Exponent:
+class UncertaintyExponent:
     """Slope of log f against log eps."""
 
     value: float
@@ -93,7 +93,7 @@ def _each(outcome: Outcome, starts: Array, eps: float) -> NDArray[np.bool_]:
     return uncertain(outcome, starts.reshape(-1, starts.shape[2]), eps).reshape(starts.shape[:2])
 
 
-def uncertainty_exponent(eps: Array, fractions: Array, *, resamples: int = 2000, seed: int = 0) -> Exponent:
+def uncertainty_exponent(eps: Array, fractions: Array, *, resamples: int = 2000, seed: int = 0) -> UncertaintyExponent:
     """Least-squares slope of log f against log eps, f averaged over independent replicates.
 
     Parameters
@@ -113,4 +113,4 @@ def uncertainty_exponent(eps: Array, fractions: Array, *, resamples: int = 2000,
     rng = np.random.default_rng(seed)
     n = len(fractions)
     scatter = [slope(fractions[rng.integers(0, n, n)]) for _ in range(resamples)]
-    return Exponent(value=slope(fractions), standard_error=float(np.std(scatter, ddof=1)))
+    return UncertaintyExponent(value=slope(fractions), standard_error=float(np.std(scatter, ddof=1)))

@@ -9,7 +9,7 @@ import numpy as np
 from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.landmarks import STRINGLESS
 from looping_pendulum.compare.report import name
-from looping_pendulum.compare.result import ComparisonResult, EngineResult, Landmarks, Samples, SupplyEntry
+from looping_pendulum.compare.result import ComparisonResult, EngineResult, Landmarks, ResultSamples, SupplyEntry
 from looping_pendulum.compare.words import EVENT_WORDS, PHYSICS_WORDS, mode_words, told_events
 from looping_pendulum.engines.protocol import needed_physics
 from looping_pendulum.engines.tension import tension_from_motion
@@ -72,7 +72,7 @@ def page_data(result: ComparisonResult) -> dict[str, Any]:
     }
 
 
-def _truth(result: ComparisonResult, samples: Samples, p: Parameters, rate: int) -> dict[str, Any]:
+def _truth(result: ComparisonResult, samples: ResultSamples, p: Parameters, rate: int) -> dict[str, Any]:
     end = result.truth.end_time
     events = [
         {"kind": KIND_OF_EVENT.get(event, "other"), "t": time, "words": EVENT_WORDS[event]}

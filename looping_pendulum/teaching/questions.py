@@ -11,13 +11,13 @@ from types import MappingProxyType
 
 from pydantic_core import PydanticCustomError
 
-from looping_pendulum.discrepancy.data.study_file import Measured
+from looping_pendulum.discrepancy.data.study_file import MeasuredField
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import FILE_KEYS
-from looping_pendulum.scenarios.schema import Quantity
-from looping_pendulum.scenarios.units import Kind, show
+from looping_pendulum.scenarios.schema import QuantityField
+from looping_pendulum.scenarios.units import QuantityKind, show
 
 
 class AnswerError(HarnessError, ValueError):
@@ -54,7 +54,7 @@ class Question:
         AnswerError
             If it is no quantity of this kind.
         """
-        return self._judged(read(Quantity(self._kind), answer))
+        return self._judged(read(QuantityField(self._kind), answer))
 
     def check_measured(self, answer: str) -> str:
         """Read an answer such as "12 g +/- 1 %"; return a warning if it is unusual, or has no error.
@@ -65,15 +65,15 @@ class Question:
             If it is no such quantity.
         """
         try:
-            estimate = Measured(self._kind, start=None).estimate(answer)
+            estimate = MeasuredField(self._kind, start=None).estimate(answer)
         except PydanticCustomError as error:
             raise AnswerError(str(error)) from None
         exact = "" if estimate.uncertain else "taken as exact, as no error was given; write for example '+/- 1 %' behind it"
         return "; ".join(filter(None, (self._judged(estimate.value), exact)))
 
     @property
-    def _kind(self) -> Kind:
-        return Kind(unit=self.unit, low=0.0, high=self.highest, above_low=self.above)
+    def _kind(self) -> QuantityKind:
+        return QuantityKind(unit=self.unit, low=0.0, high=self.highest, above_low=self.above)
 
     def _judged(self, value: float) -> str:
         low, high = self.usual
@@ -82,7 +82,7 @@ class Question:
         return f"unusual: most are between {show(low, self.unit)} and {show(high, self.unit)}; is the unit right?"
 
 
-def read(quantity: Quantity, answer: str) -> float:
+def read(quantity: QuantityField, answer: str) -> float:
     """Value [SI] of an answer.
 
     Raises

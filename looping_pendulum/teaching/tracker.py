@@ -53,7 +53,7 @@ class TrackerError(HarnessError, ValueError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motion:
+class TrackedMotion:
     """A motion that can be looked up at any time."""
 
     name: str
@@ -85,7 +85,7 @@ class Overlay:
         return "\n".join([",".join(HEADER), *(",".join(map(repr, row)) for row in rows)]) + "\n"
 
 
-def overlay(motion: Motion, *, frame_rate: float = FRAME_RATE, start: float = 0.0) -> Overlay:
+def overlay(motion: TrackedMotion, *, frame_rate: float = FRAME_RATE, start: float = 0.0) -> Overlay:
     """Look ``motion`` up at the frames of a video.
 
     Parameters
@@ -119,7 +119,7 @@ def overlay(motion: Motion, *, frame_rate: float = FRAME_RATE, start: float = 0.
     return Overlay(name=motion.name, first_frame=first, frame_rate=frame_rate, t=t, heavy=heavy, light=light)
 
 
-def find_motion(source: str, engine: str | None = None, profile: Profile = Profile.QUICK) -> Motion:
+def find_motion(source: str, engine: str | None = None, profile: Profile = Profile.QUICK) -> TrackedMotion:
     """Return the motion that a user means.
 
     Parameters
@@ -154,7 +154,7 @@ def find_motion(source: str, engine: str | None = None, profile: Profile = Profi
     return of_trajectory(run_isolated(chosen[0], scenario).raise_if_failed())
 
 
-def of_reference(scenario: Scenario) -> Motion:
+def of_reference(scenario: Scenario) -> TrackedMotion:
     """Motion of the exact reference, which is known at any time."""
     solution = solve(scenario.parameters, duration=max(DURATION, scenario.duration))
 
@@ -163,22 +163,22 @@ def of_reference(scenario: Scenario) -> Motion:
         return samples.heavy_position, samples.light_position
 
     end = min(solution.end_time, scenario.duration)
-    return Motion(name=f"{scenario.name}, exact reference", end=end, places=places)
+    return TrackedMotion(name=f"{scenario.name}, exact reference", end=end, places=places)
 
 
-def of_trajectory(run: Trajectory) -> Motion:
+def of_trajectory(run: Trajectory) -> TrackedMotion:
     """Motion of an engine's run: cubic between its samples, from their places and velocities."""
     masses = ((run.heavy_position, run.heavy_velocity), (run.light_position, run.light_velocity))
     return _sampled(f"{run.scenario}, {run.label}", run.t, *masses)
 
 
-def _sampled(name: str, t: Array, heavy: tuple[Array, Array], light: tuple[Array, Array]) -> Motion:
+def _sampled(name: str, t: Array, heavy: tuple[Array, Array], light: tuple[Array, Array]) -> TrackedMotion:
     from scipy.interpolate import CubicHermiteSpline
 
     if len(t) < 2:
         raise TrackerError(f"{name}: found {len(t)} samples, needed two or more")
     splines = [CubicHermiteSpline(t, *mass) for mass in (heavy, light)]
-    return Motion(name=name, end=float(t[-1]), places=lambda at: (splines[0](at), splines[1](at)))
+    return TrackedMotion(name=name, end=float(t[-1]), places=lambda at: (splines[0](at), splines[1](at)))
 
 
 def _file_in(folder: Path, engine: str | None) -> Path:
@@ -198,7 +198,7 @@ def _file_in(folder: Path, engine: str | None) -> Path:
     return stems[found[0]]
 
 
-def _motion_of_file(path: Path) -> Motion:
+def _motion_of_file(path: Path) -> TrackedMotion:
     """Motion in a CSV file of `compare.export.trajectory_csv`."""
     names = ("t", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "light_x", "light_y", "light_vx", "light_vy")
     rows = [text_table.cells(line, ",") for _, line in text_table.lines(_text(path))]

@@ -12,7 +12,7 @@ from looping_pendulum.reference_ode.batch import solve_batch
 from looping_pendulum.reference_ode.lyapunov import solve_stretching
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve
-from looping_pendulum.sweep.grazing import Change, Line, approach, find_changes, gap
+from looping_pendulum.sweep.grazing import ParameterLine, SequenceChange, approach, find_changes, gap
 from looping_pendulum.sweep.uncertainty import uncertain_fractions, uncertainty_exponent
 
 from .common import CASES, DURATION, PAPER_ANGLES, at_angle, case, letters, rounded
@@ -36,7 +36,7 @@ def near_75() -> dict[str, Any]:
     """Changes between 74 and 77 degrees, scanned in steps of 1e-4 deg, and in two zooms at 75.1 deg."""
     found: dict[str, Any] = {}
     for name in CASES:
-        line = Line(base=case(name), name="release_angle", duration=DURATION)
+        line = ParameterLine(base=case(name), name="release_angle", duration=DURATION)
         values = np.radians(np.linspace(74.0, 77.0, 30001))
         scan = solve_batch(line.base, {line.name: values}, duration=DURATION)
         found[name] = {
@@ -55,7 +55,7 @@ def _largest_step(times: np.ndarray) -> float | None:
     return float(np.nanmax(steps)) if np.isfinite(steps).any() else None
 
 
-def _zoom(line: Line, half: float) -> dict[str, Any]:
+def _zoom(line: ParameterLine, half: float) -> dict[str, Any]:
     """2001 releases within ``half`` [deg] of 75.1 deg: how many sequences, and how straight the halting time is."""
     degrees = np.linspace(-half, half, 2001)
     scan = solve_batch(line.base, {line.name: np.radians(75.1 + degrees)}, duration=DURATION)
@@ -73,7 +73,7 @@ def along_the_angle() -> dict[str, Any]:
     values = np.radians(np.arange(*ANGLES, 0.02))
     out: dict[str, Any] = {"static_excess": STATIC_EXCESS}
     for name, parameters in (("equal", base), ("static_above", more)):
-        line = Line(base=parameters, name="release_angle", duration=DURATION)
+        line = ParameterLine(base=parameters, name="release_angle", duration=DURATION)
         out[name] = [_told(line, c) for c in find_changes(line, values, width=WIDTH)]
     scan = solve_batch(base, {"release_angle": values}, duration=DURATION)
     out["angle"], out["halting_time"] = rounded(np.degrees(values)[::5], 6), rounded(scan.halting_time[::5], 6)
@@ -81,7 +81,7 @@ def along_the_angle() -> dict[str, Any]:
     return out
 
 
-def _told(line: Line, c: Change) -> dict[str, Any]:
+def _told(line: ParameterLine, c: SequenceChange) -> dict[str, Any]:
     distances = np.radians([1e-3, 1e-4, 1e-5])
     widths = (1e-4, 1e-6)
     middle = 0.5 * (c.low + c.high)

@@ -11,7 +11,7 @@ from looping_pendulum.reference_ode.batch import ENDS, BatchResult, solve_batch
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.sweep import map_file
-from looping_pendulum.sweep.grazing import Line, explain
+from looping_pendulum.sweep.grazing import ParameterLine, explain
 from looping_pendulum.sweep.plan import MapPlan
 from looping_pendulum.sweep.quantities import columns
 
@@ -152,8 +152,8 @@ def _edge(base: Parameters, degrees: float, ratio: float, step: float = RATIO_ST
     return high
 
 
-def _line(base: Parameters, degrees: float) -> Line:
-    return Line(base=base.replace(release_angle=math.radians(degrees)), name="heavy_mass", duration=LONGEST)
+def _line(base: Parameters, degrees: float) -> ParameterLine:
+    return ParameterLine(base=base.replace(release_angle=math.radians(degrees)), name="heavy_mass", duration=LONGEST)
 
 
 def _why(base: Parameters, degrees: float, ratio: float) -> dict[str, Any]:

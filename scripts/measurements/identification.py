@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from looping_pendulum.discrepancy.verdict import Identification
+from looping_pendulum.discrepancy.result import Identification
 from tests.discrepancy import test_real_data as real_data
 
 

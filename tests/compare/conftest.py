@@ -10,8 +10,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.category import StrCategoryFormatter
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from matplotlib.ticker import FixedFormatter
 
 from looping_pendulum.compare import plots
 from looping_pendulum.discrepancy.report import plots as identify_plots
@@ -182,11 +184,13 @@ def no_friction() -> Supplies:
 
 
 def texts_alone(figure: Figure) -> bytes:
-    """Picture of nothing but a figure's texts, on top of each other."""
-    for axes in figure.axes:
-        axes.get_xticklabels(), axes.get_yticklabels()  # so that they are made
+    """Picture of nothing but a figure's texts, on top of each other; of the ticks' labels only those that are words."""
+    texts = {text.get_text() for text in figure.findobj(Text)}
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        if isinstance(axis.get_major_formatter(), (FixedFormatter, StrCategoryFormatter)):
+            texts |= {label.get_text() for label in axis.get_ticklabels()}
     page = Figure(figsize=(1, 1), dpi=20)
-    for text in sorted({text.get_text() for text in figure.findobj(Text)}):
+    for text in sorted(texts):
         page.text(0, 0, text)
     out = io.BytesIO()
     page.savefig(out, format="png")

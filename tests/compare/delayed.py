@@ -9,7 +9,7 @@ import numpy as np
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Profile
 from looping_pendulum.engines.reference import SUPPLIES
-from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder, Studies
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
 from looping_pendulum.engines.trajectory import Provenance, RunStatus, from_samples
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve_at
@@ -80,5 +80,5 @@ class DelayedEngine:
             defaults=(HiddenDefault(setting="step", default="0.8 ms", ours="0.4 ms", effect="lateness", engine=coarse),),
             choices=()
             if other is None
-            else (Choice(what="when it starts", ours="now", instead="then", engine=self.changed(offset=other)),),
+            else (AdapterChoice(what="when it starts", ours="now", instead="then", engine=self.changed(offset=other)),),
         )

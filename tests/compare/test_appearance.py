@@ -17,7 +17,7 @@ import pytest
 
 from looping_pendulum.compare import compare, page, plots
 from looping_pendulum.compare.convergence import plots as convergence_plots
-from looping_pendulum.compare.convergence.ladder import Kind
+from looping_pendulum.compare.convergence.ladder import SequenceKind
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.pages.palette import styles
 from tests.compare import fingerprint
@@ -75,9 +75,14 @@ def ladder():
         for v in steps
     ]
     verdicts = [
-        SimpleNamespace(quantity=marks[0], kind=Kind.CONVERGES, order=1.02, limit_error=None, uncertainty=None),
-        *(SimpleNamespace(quantity=m, kind=Kind.SCATTERS, order=None, limit_error=None, uncertainty=None) for m in marks[1:]),
-        SimpleNamespace(quantity=convergence_plots.HALT, kind=Kind.SETTLED, order=None, limit_error=1e-4, uncertainty=2e-4),
+        SimpleNamespace(quantity=marks[0], kind=SequenceKind.CONVERGES, order=1.02, limit_error=None, uncertainty=None),
+        *(
+            SimpleNamespace(quantity=m, kind=SequenceKind.SCATTERS, order=None, limit_error=None, uncertainty=None)
+            for m in marks[1:]
+        ),
+        SimpleNamespace(
+            quantity=convergence_plots.HALT, kind=SequenceKind.SETTLED, order=None, limit_error=1e-4, uncertainty=2e-4
+        ),
     ]
     to_limit = {m: [0.9 * v for v in steps] for m in marks}
     ladder = SimpleNamespace(rungs=rungs, verdicts=verdicts, to_limit=to_limit, setting="time_step", unit="s", own=4e-4)

@@ -8,7 +8,7 @@ import json
 import pytest
 
 from looping_pendulum.compare import compare, write
-from looping_pendulum.compare.baseline import FLOORS, Kind, changes_since, heading, read_baseline, render, rows
+from looping_pendulum.compare.baseline import FLOORS, ChangeKind, changes_since, heading, read_baseline, render, rows
 from looping_pendulum.compare.report import render as render_report
 from looping_pendulum.compare.result import ComparisonResult, ResultError
 from looping_pendulum.engines.trajectory import Provenance, RunStatus
@@ -55,19 +55,19 @@ def test_every_kind_of_change_is_listed(scenario, truth, make_run, missing, limi
     changes = found(changes_since(ComparisonResult.from_json(before.to_json()), after))
     mass = scenario.parameters.light_mass
     expected = {
-        (Kind.SCENARIO, "", "light_mass"): (mass, 2 * mass),
-        (Kind.RUN, "pybullet:chain, quick", "run"): ("MISSING", "not run"),
-        (Kind.RUN, "mujoco:chain, quick", "run"): ("not run", "FINISHED"),
-        (Kind.STATUS, RUN, "status"): ("FINISHED", "CRASHED"),
-        (Kind.TOLERANCE, RUN, "rms_0.7s"): ("pass", "fail"),
-        (Kind.TOLERANCE, RUN, "limit of rms_1.0s"): (9e-3, 8e-3),
-        (Kind.VERSION, RUN, "pymunk"): ("7.3", "7.4"),
-        (Kind.SETTING, RUN, "dt"): (1e-3, 1e-4),
-        (Kind.SETTING, RUN, "solver.sweeps"): (10, 20),
-        (Kind.SUPPLY, RUN, "friction law"): ("engine", "nobody"),
+        (ChangeKind.SCENARIO, "", "light_mass"): (mass, 2 * mass),
+        (ChangeKind.RUN, "pybullet:chain, quick", "run"): ("MISSING", "not run"),
+        (ChangeKind.RUN, "mujoco:chain, quick", "run"): ("not run", "FINISHED"),
+        (ChangeKind.STATUS, RUN, "status"): ("FINISHED", "CRASHED"),
+        (ChangeKind.TOLERANCE, RUN, "rms_0.7s"): ("pass", "fail"),
+        (ChangeKind.TOLERANCE, RUN, "limit of rms_1.0s"): (9e-3, 8e-3),
+        (ChangeKind.VERSION, RUN, "pymunk"): ("7.3", "7.4"),
+        (ChangeKind.SETTING, RUN, "dt"): (1e-3, 1e-4),
+        (ChangeKind.SETTING, RUN, "solver.sweeps"): (10, 20),
+        (ChangeKind.SUPPLY, RUN, "friction law"): ("engine", "nobody"),
     }
     assert expected.items() <= changes.items()
-    was, now = changes[Kind.METRIC, RUN, "rms_0.7s"]
+    was, now = changes[ChangeKind.METRIC, RUN, "rms_0.7s"]
     assert (was, now) == (pytest.approx(3e-3, rel=1e-6), pytest.approx(6e-3, rel=1e-6))
 
 
@@ -75,7 +75,7 @@ def test_every_kind_of_change_is_listed(scenario, truth, make_run, missing, limi
 def test_the_last_bits_of_a_computed_setting_are_no_change(scenario, truth, make_run, factor, seen):
     # A contact's friction is solved for, and comes out one unit of the last place apart on another processor.
     before, after = (compare(scenario, truth, [make_run(settings={"rod": {"friction": 0.34217 * f}})]) for f in (1.0, factor))
-    assert ((Kind.SETTING, RUN, "rod.friction") in found(changes_since(before, after))) is seen
+    assert ((ChangeKind.SETTING, RUN, "rod.friction") in found(changes_since(before, after))) is seen
 
 
 def test_landmarks_have_bands_of_their_own(scenario, truth, make_run):
@@ -91,12 +91,12 @@ def test_landmarks_have_bands_of_their_own(scenario, truth, make_run):
             truth=dataclasses.replace(true, landmarks=known),
         )
 
-    halt, count = (Kind.LANDMARK, RUN, "halting time"), (Kind.LANDMARK, RUN, "number of stops")
+    halt, count = (ChangeKind.LANDMARK, RUN, "halting time"), (ChangeKind.LANDMARK, RUN, "number of stops")
     assert halt not in found(changes_since(result, later(9e-5, 0.0)))
     changes = found(changes_since(result, later(2e-4, 5e-6)))
     assert changes[halt][1] - changes[halt][0] == pytest.approx(2e-4)
     assert changes[count] == (len(result.engines[0].landmarks.stops), 0)
-    assert (Kind.LANDMARK, "truth", "halting time") in changes
+    assert (ChangeKind.LANDMARK, "truth", "halting time") in changes
 
 
 def test_the_report_has_a_section_and_the_folder_a_file(tmp_path, scenario, truth, make_run):

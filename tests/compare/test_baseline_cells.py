@@ -13,7 +13,16 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import baseline, compare
-from looping_pendulum.compare.baseline import Change, Kind, changes_since, heading, read_baseline, render, rows, thresholds
+from looping_pendulum.compare.baseline import (
+    ChangeKind,
+    ResultChange,
+    changes_since,
+    heading,
+    read_baseline,
+    render,
+    rows,
+    thresholds,
+)
 from looping_pendulum.compare.json_text import DEEPEST, LONGEST_INTEGER, dump, load, plain
 from looping_pendulum.compare.result import Extremum, Landmarks, ResultError, Stop
 
@@ -38,11 +47,11 @@ def listed(before, after, **more):
 def made(*changes, **fields):
     known = {"scenario": "s", "baseline": "old", "baseline_written": "then", "relative": 0.01}
     floors = {"floors": dict(baseline.FLOORS), "landmark_floors": dict(baseline.LANDMARK_FLOORS)}
-    return baseline.Changes(changes=tuple(changes), **(known | floors | fields))
+    return baseline.ResultChanges(changes=tuple(changes), **(known | floors | fields))
 
 
-def change(before, after, unit="m", kind=Kind.METRIC, run=ME, what="x"):
-    return Change(kind=kind, run=run, what=what, unit=unit, before=before, after=after)
+def change(before, after, unit="m", kind=ChangeKind.METRIC, run=ME, what="x"):
+    return ResultChange(kind=kind, run=run, what=what, unit=unit, before=before, after=after)
 
 
 @pytest.mark.parametrize(
@@ -59,9 +68,9 @@ def change(before, after, unit="m", kind=Kind.METRIC, run=ME, what="x"):
         (change(True, False, ""), [ME, "metric: x", "True", "False", ""]),
         (change(True, 2, ""), [ME, "metric: x", "True", "2", ""]),
         (change(2, True, ""), [ME, "metric: x", "2", "True", ""]),
-        (change("a", 2.0, "", Kind.SETTING), [ME, "setting: x", "a", "2", ""]),
-        (change(2.0, "a", "", Kind.SETTING), [ME, "setting: x", "2", "a", ""]),
-        (change(1, 3, "", Kind.SCENARIO, run=""), ["scenario", "scenario: x", "1", "3", "+200 %"]),
+        (change("a", 2.0, "", ChangeKind.SETTING), [ME, "setting: x", "a", "2", ""]),
+        (change(2.0, "a", "", ChangeKind.SETTING), [ME, "setting: x", "2", "a", ""]),
+        (change(1, 3, "", ChangeKind.SCENARIO, run=""), ["scenario", "scenario: x", "1", "3", "+200 %"]),
         (change(1e-300, 1e300, ""), [ME, "metric: x", "1e-300", "1e300", ""]),
     ],
 )
@@ -97,7 +106,7 @@ def test_a_metric_moves_by_one_percent_of_what_it_was_and_by_its_floor(result, w
     known = result.engines[0].metrics
     before, after = (edited(result, metrics=known | {"tube_fraction": value}) for value in (was, now))
     found = listed(before, after)
-    assert found == ([(Kind.METRIC, ME, "tube_fraction", "", was, now)] if seen else [])
+    assert found == ([(ChangeKind.METRIC, ME, "tube_fraction", "", was, now)] if seen else [])
 
 
 def test_a_metric_that_only_one_version_knows_says_nothing(result):
@@ -105,7 +114,7 @@ def test_a_metric_that_only_one_version_knows_says_nothing(result):
     assert listed(result, edited(result, metrics=known | {"new": 1.0})) == []
     assert listed(edited(result, metrics=known | {"old": 1.0}), result) == []
     assert listed(edited(result, metrics=known | {"odd": 1.0}), edited(result, metrics=known | {"odd": 2.0})) == [
-        (Kind.METRIC, ME, "odd", "", 1.0, 2.0)
+        (ChangeKind.METRIC, ME, "odd", "", 1.0, 2.0)
     ]
 
 
@@ -141,14 +150,14 @@ MARKS = Landmarks(
 )
 def test_every_landmark_has_its_name_unit_and_floor(result, moved, what, unit, pair):
     before, after = (edited(result, landmarks=marks) for marks in (MARKS, dataclasses.replace(MARKS, **moved)))
-    assert listed(before, after) == ([] if what is None else [(Kind.LANDMARK, ME, what, unit, *pair)])
+    assert listed(before, after) == ([] if what is None else [(ChangeKind.LANDMARK, ME, what, unit, *pair)])
 
 
 def test_the_truths_landmarks_have_finer_floors_and_its_integrator_a_row(result):
     later = dataclasses.replace(result.truth.landmarks, halting_time=result.truth.landmarks.halting_time + 2e-6)
     found = listed(result, edited(result, truth={"landmarks": later, "variant": "other"}))
     assert [(kind, run, what) for kind, run, what, *_ in found] == [
-        (Kind.RUN, "truth", "integrator"), (Kind.LANDMARK, "truth", "halting time"),
+        (ChangeKind.RUN, "truth", "integrator"), (ChangeKind.LANDMARK, "truth", "halting time"),
     ]  # fmt: skip
     assert found[0][4:] == ("reference:closed form", "reference:other")
 
@@ -161,26 +170,26 @@ def test_settings_and_seeds_that_come_and_go_are_changes(result):
         return edited(result, provenance=provenance)
 
     assert listed(having({"a": 1, "b": {"c": 2}}), having({"b": {"c": 3, "d": 4}}, seed=7)) == [
-        (Kind.SETTING, ME, "b.c", "", 2, 3), (Kind.SETTING, ME, "b.d", "", None, 4), (Kind.SETTING, ME, "seed", "", None, 7),
-        (Kind.SETTING, ME, "a", "", 1, None),
+        (ChangeKind.SETTING, ME, "b.c", "", 2, 3), (ChangeKind.SETTING, ME, "b.d", "", None, 4), (ChangeKind.SETTING, ME, "seed", "", None, 7),
+        (ChangeKind.SETTING, ME, "a", "", 1, None),
     ]  # fmt: skip
     assert listed(having({}, versions={"a": "1", "b": "2"}), having({}, versions={"a": "1", "c": "2"})) == [
-        (Kind.VERSION, ME, "c", "", None, "2"), (Kind.VERSION, ME, "b", "", "2", None),
+        (ChangeKind.VERSION, ME, "c", "", None, "2"), (ChangeKind.VERSION, ME, "b", "", "2", None),
     ]  # fmt: skip
     assert listed(having({}, seed=0), having({}, seed=0)) == []
-    assert listed(having({"x": 1.0}), having({"x": 1.0 + 2e-9})) == [(Kind.SETTING, ME, "x", "", 1.0, 1.0 + 2e-9)]
+    assert listed(having({"x": 1.0}), having({"x": 1.0 + 2e-9})) == [(ChangeKind.SETTING, ME, "x", "", 1.0, 1.0 + 2e-9)]
     assert listed(having({"x": 1.0}), having({"x": 1.0 + 0.5e-9})) == []
     assert listed(having({"x": 1.0}), having({"x": 1})) == []
 
 
 def test_the_scenario_changes_with_its_duration(result):
-    assert listed(result, dataclasses.replace(result, duration=2.0)) == [(Kind.SCENARIO, "", "duration", "", 1.05, 2.0)]
+    assert listed(result, dataclasses.replace(result, duration=2.0)) == [(ChangeKind.SCENARIO, "", "duration", "", 1.05, 2.0)]
 
 
 def test_engines_come_first_as_they_are_now_and_then_those_that_are_gone(scenario, truth, make_run):
     old, new = ([make_run(engine=name) for name in names] for names in ("abc", "dcb"))
     before, after = compare(scenario, truth, old), compare(scenario, truth, new)
-    found = [(run, before, after) for kind, run, _, _, before, after in listed(before, after) if kind is Kind.RUN]
+    found = [(run, before, after) for kind, run, _, _, before, after in listed(before, after) if kind is ChangeKind.RUN]
     assert found == [("d:chain, quick", "not run", "FINISHED"), ("a:chain, quick", "FINISHED", "not run")]
     bare = compare(scenario, truth, [make_run(profile="")])
     assert listed(bare, compare(scenario, truth, []))[0][1] == "pymunk:chain"
@@ -189,10 +198,10 @@ def test_engines_come_first_as_they_are_now_and_then_those_that_are_gone(scenari
 def test_a_limit_that_is_new_or_gone_is_told_by_its_outcome(scenario, truth, make_run, limit):
     one = dataclasses.replace(scenario, tolerances=(limit("rms_0.7s", 4e-3),))
     before, after = compare(one, truth, [make_run()]), compare(scenario, truth, [make_run()])
-    assert listed(before, after) == [(Kind.TOLERANCE, ME, "rms_0.7s", "", "pass", None)]
-    assert listed(after, before) == [(Kind.TOLERANCE, ME, "rms_0.7s", "", None, "pass")]
+    assert listed(before, after) == [(ChangeKind.TOLERANCE, ME, "rms_0.7s", "", "pass", None)]
+    assert listed(after, before) == [(ChangeKind.TOLERANCE, ME, "rms_0.7s", "", None, "pass")]
     wider = compare(dataclasses.replace(scenario, tolerances=(limit("rms_0.7s", 5e-3),)), truth, [make_run()])
-    assert listed(before, wider) == [(Kind.TOLERANCE, ME, "limit of rms_0.7s", "m", 4e-3, 5e-3)]
+    assert listed(before, wider) == [(ChangeKind.TOLERANCE, ME, "limit of rms_0.7s", "m", 4e-3, 5e-3)]
 
 
 # ---- files

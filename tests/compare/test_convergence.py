@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.convergence.ladder import Cause, Correction, Kind, examine, norm, sizes, split_error
+from looping_pendulum.compare.convergence.ladder import Correction, ErrorCause, SequenceKind, examine, norm, sizes, split_error
 
 H = 0.5 ** np.arange(5)
 
@@ -21,7 +21,7 @@ def numbers(values) -> list[np.ndarray]:
 @pytest.mark.parametrize("order", [0.5, 1.0, 2.0, 4.0])
 def test_a_pure_power_law_gives_its_order_and_limit(order):
     found = examine(H, numbers(3 + 0.7 * H**order))
-    assert found.kind is Kind.CONVERGES
+    assert found.kind is SequenceKind.CONVERGES
     assert found.used == 5
     assert found.order == pytest.approx(order, abs=1e-4)  # the search for the order stops at 1e-5 of its interval
     assert abs(found.limit - 3).max() <= found.uncertainty
@@ -30,7 +30,7 @@ def test_a_pure_power_law_gives_its_order_and_limit(order):
 @pytest.mark.parametrize("order", [1, 2])
 def test_higher_terms_stay_within_the_stated_uncertainty(order):
     found = examine(H, numbers(3 + 0.7 * H**order + 0.3 * H ** (order + 1)))
-    assert found.kind is Kind.CONVERGES
+    assert found.kind is SequenceKind.CONVERGES
     assert abs(found.order - order) <= found.order_uncertainty
     assert abs(found.limit - 3).max() <= found.uncertainty
 
@@ -70,14 +70,14 @@ def test_scatter_is_not_called_convergence():
     rng = np.random.default_rng(1)
     kinds = [examine(H, numbers(rng.normal(size=5)), spread=0.1).kind for _ in range(100)]
     # five numbers without rule fall one way, ever less, and by a power of h in a few of a hundred cases
-    assert sum(kind is Kind.SCATTERS for kind in kinds) >= 95
+    assert sum(kind is SequenceKind.SCATTERS for kind in kinds) >= 95
 
 
 def test_scatter_no_larger_than_that_of_the_start_is_told_apart():
     rng = np.random.default_rng(2)
     values = rng.normal(size=5)
     found = examine(H, numbers(values), spread=1.0)
-    assert found.kind is Kind.WITHIN_SPREAD
+    assert found.kind is SequenceKind.WITHIN_SPREAD
     assert found.scatter == pytest.approx(np.std(values[-4:], ddof=1))
     assert found.limit == pytest.approx(np.mean(values[-4:]))
 
@@ -92,7 +92,7 @@ def test_scatter_no_larger_than_that_of_the_start_is_told_apart():
 )
 def test_what_is_no_convergence_says_why(values, why):
     found = examine(H, numbers(values))
-    assert found.kind is Kind.SCATTERS
+    assert found.kind is SequenceKind.SCATTERS
     assert why in found.why
     assert found.order is None
 
@@ -108,20 +108,20 @@ def test_a_coarse_rung_outside_the_power_law_is_left_out():
 
 def test_rungs_that_agree_to_the_floor_have_settled():
     found = examine(H, numbers(3 + np.array([1e-2, 1e-9, 2e-9, 0, 1e-9])), floor=1e-6)
-    assert (found.kind, found.used, found.uncertainty) == (Kind.SETTLED, 4, 1e-6)
+    assert (found.kind, found.used, found.uncertainty) == (SequenceKind.SETTLED, 4, 1e-6)
     before = examine(H, numbers(3 + np.array([1.6e-3, 1e-4, 6.25e-6, 0, 0])), floor=1e-6)
-    assert before.kind is Kind.CONVERGES
+    assert before.kind is SequenceKind.CONVERGES
     assert before.order == pytest.approx(4.0, abs=0.1)
     assert before.limit == number(3)
 
 
 def test_two_rungs_that_agree_by_chance_have_not_settled():
     found = examine(H, numbers((1.0, 0.4, 0.9, 0.7, 0.7)), floor=1e-6)
-    assert found.kind is Kind.SCATTERS
+    assert found.kind is SequenceKind.SCATTERS
 
 
 def test_two_rungs_tell_nothing():
-    assert examine(H[:2], numbers((1, 2))).kind is Kind.UNKNOWN
+    assert examine(H[:2], numbers((1, 2))).kind is SequenceKind.UNKNOWN
 
 
 def correction(change: float, uncertainty: float = 0.01, *, converges: bool = True) -> Correction:
@@ -131,15 +131,15 @@ def correction(change: float, uncertainty: float = 0.01, *, converges: bool = Tr
 @pytest.mark.parametrize(
     ("own", "corrections", "choices", "causes"),
     [
-        (0.5, [correction(-0.5)], {}, (Cause.NOT_CONVERGED,)),
-        (0.5, [correction(0.001)], {}, (Cause.MODEL,)),
-        (0.5, [correction(-0.3)], {}, (Cause.NOT_CONVERGED, Cause.MODEL)),
-        (0.5, [correction(0.001)], {"start": 0.1}, (Cause.MODEL,)),
-        (0.5, [correction(0.001)], {"start": -0.6}, (Cause.CHOICE,)),
-        (0.5, [correction(-0.3), correction(-0.2)], {}, (Cause.NOT_CONVERGED,)),
-        (0.01, [correction(-0.01)], {"start": 0.3}, (Cause.NOTHING,)),
-        (0.01, [correction(-0.005, 0.3, converges=False)], {}, (Cause.NOT_CONVERGED,)),
-        (0.5, [], {}, (Cause.UNKNOWN,)),
+        (0.5, [correction(-0.5)], {}, (ErrorCause.NOT_CONVERGED,)),
+        (0.5, [correction(0.001)], {}, (ErrorCause.MODEL,)),
+        (0.5, [correction(-0.3)], {}, (ErrorCause.NOT_CONVERGED, ErrorCause.MODEL)),
+        (0.5, [correction(0.001)], {"start": 0.1}, (ErrorCause.MODEL,)),
+        (0.5, [correction(0.001)], {"start": -0.6}, (ErrorCause.CHOICE,)),
+        (0.5, [correction(-0.3), correction(-0.2)], {}, (ErrorCause.NOT_CONVERGED,)),
+        (0.01, [correction(-0.01)], {"start": 0.3}, (ErrorCause.NOTHING,)),
+        (0.01, [correction(-0.005, 0.3, converges=False)], {}, (ErrorCause.NOT_CONVERGED,)),
+        (0.5, [], {}, (ErrorCause.UNKNOWN,)),
     ],
 )
 def test_an_error_is_split(own, corrections, choices, causes):
@@ -151,5 +151,5 @@ def test_an_error_is_split(own, corrections, choices, causes):
 
 def test_a_spread_as_large_as_the_difference_hides_a_model():
     seen = split_error(number(0.5), number(0), corrections=[correction(0.0)], choices={}, spread=0.3)
-    assert seen.causes == (Cause.NOTHING,)
+    assert seen.causes == (ErrorCause.NOTHING,)
     assert seen.model_uncertainty == pytest.approx(0.6, rel=1e-2)

@@ -9,13 +9,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.convergence.ladder import Cause, Finding, Kind
+from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceFinding, SequenceKind
 from looping_pendulum.compare.convergence.measure import (
     NUMBER_FLOOR,
     PATH_FLOOR,
-    Climbed,
-    Measured,
-    Target,
+    LadderResult,
+    MeasuredRun,
+    ReferenceTarget,
     change,
     contained,
     correction,
@@ -29,8 +29,8 @@ from looping_pendulum.compare.convergence.measure import (
 )
 from looping_pendulum.compare.convergence.result import DROP, HALT, MARKS, QUANTITIES
 from looping_pendulum.compare.convergence.study import changed_starts, climb, judge, plan, watched
-from looping_pendulum.compare.run_cache import Done
-from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder, Studies
+from looping_pendulum.compare.run_cache import EndedRun
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from tests.compare.delayed import STEPS, DelayedEngine
@@ -41,7 +41,7 @@ EARLY, LATE = MARKS
 @pytest.fixture
 def goal(scenario, truth, closed_form):
     """The closed form as a target that knows its own halt."""
-    return Target(scenario=scenario, truth=truth, numbers={HALT: closed_form.halt, DROP: closed_form.drop})
+    return ReferenceTarget(scenario=scenario, truth=truth, numbers={HALT: closed_form.halt, DROP: closed_form.drop})
 
 
 def shifted(goal, halt=0.0, drop=0.0):
@@ -95,7 +95,7 @@ def test_what_fell_before_the_first_sample_belongs_to_the_drop(goal):
         place = np.column_stack([run.heavy_position[:, 0], -1.0 - fallen])
         return dataclasses.replace(run, heavy_position=place)
 
-    known = Target(scenario=goal.scenario, truth=fast, numbers={HALT: 0.325, DROP: 0.3125})
+    known = ReferenceTarget(scenario=goal.scenario, truth=fast, numbers={HALT: 0.325, DROP: 0.3125})
     found = floors(known)
     assert found[DROP] <= 6e-6
     assert found[HALT] <= 1e-6
@@ -114,8 +114,8 @@ def test_a_target_has_the_halt_that_its_samples_give(goal, closed_form):
     ("done", "status", "why"),
     [
         (None, "NOT_RUN", "not run"),
-        (Done(run=None, seconds=None), "NOT_RUN", "not run"),
-        (Done(run=None, seconds=None, expected=123.4), "SKIPPED", "left out: expected 120 s"),
+        (EndedRun(run=None, seconds=None), "NOT_RUN", "not run"),
+        (EndedRun(run=None, seconds=None, expected=123.4), "SKIPPED", "left out: expected 120 s"),
     ],
 )
 def test_a_run_that_was_not_made_has_no_errors_and_says_why(goal, done, status, why):
@@ -130,7 +130,7 @@ def test_the_errors_of_a_late_run_are_later_minus_the_truth(goal, make_run, clos
     run = make_run(delay=3e-3, shift=(3e-3, 4e-3))
     run.string_stretch[7] = -2e-3
     run.string_stretch[8] = np.nan
-    found = measure("key", Done(run=run, seconds=1.0), goal)
+    found = measure("key", EndedRun(run=run, seconds=1.0), goal)
     s = found.summary
     assert s.halting_time_error == pytest.approx(3e-3, abs=1e-6)
     assert s.halting_time == pytest.approx(closed_form.halt + 3e-3, abs=1e-6)
@@ -141,25 +141,25 @@ def test_the_errors_of_a_late_run_are_later_minus_the_truth(goal, make_run, clos
     assert float(found.errors[HALT][0, 0]) == s.halting_time_error
     assert {name: len(found.errors[name]) for name in MARKS} == {EARLY: 351, LATE: 701}
     assert found.ended
-    still = measure("key", Done(run=make_run(shift=(3e-3, 4e-3)), seconds=1.0), goal)
+    still = measure("key", EndedRun(run=make_run(shift=(3e-3, 4e-3)), seconds=1.0), goal)
     assert still.summary.rms == {name: pytest.approx(5e-3, rel=1e-9) for name in MARKS}
     np.testing.assert_allclose(still.errors[LATE], np.tile([3e-3, 4e-3], (701, 1)))
 
 
 def test_a_run_that_broke_off_has_no_halt_and_its_last_words(goal, make_run):
     crashed = make_run(until=0.5, status=RunStatus.CRASHED, message="first\nlast words\n")
-    found = measure("key", Done(run=crashed, seconds=1.0), goal)
+    found = measure("key", EndedRun(run=crashed, seconds=1.0), goal)
     assert found.summary.why == f"{RunStatus.CRASHED.value}: last words"
     assert (found.ended, found.summary.ok, found.summary.status) == (False, False, "CRASHED")
     assert (found.errors[HALT], found.errors[DROP], found.summary.halting_time) == (None, None, None)
     assert found.errors[LATE] is None
     assert len(found.errors[EARLY]) == 351
     crashed.string_stretch[:] = np.nan
-    assert measure("key", Done(run=crashed, seconds=1.0), goal).summary.string_stretch is None
+    assert measure("key", EndedRun(run=crashed, seconds=1.0), goal).summary.string_stretch is None
 
 
 def test_where_the_truth_does_not_halt_a_halt_has_no_error(goal, make_run):
-    found = measure("key", Done(run=make_run(), seconds=1.0), shifted(goal, halt=None, drop=None))
+    found = measure("key", EndedRun(run=make_run(), seconds=1.0), shifted(goal, halt=None, drop=None))
     assert found.summary.halting_time is not None
     assert (found.summary.halting_time_error, found.summary.drop_error, found.errors[HALT]) == (None, None, None)
 
@@ -172,7 +172,7 @@ def errors(early=None, late=None, halt=None, drop=None):
 
 
 def measured(key="x", ended=True, **values):
-    return Measured(key=key, errors=errors(**values), ended=ended, summary=SimpleNamespace(key=key))
+    return MeasuredRun(key=key, errors=errors(**values), ended=ended, summary=SimpleNamespace(key=key))
 
 
 def test_a_path_moves_by_a_distance_and_a_number_with_its_sign():
@@ -187,24 +187,24 @@ def test_a_path_moves_by_a_distance_and_a_number_with_its_sign():
 # ---- what to say of a ladder
 
 
-FOUND = Finding(kind=Kind.CONVERGES, used=4, order=1.0, limit=np.array([[1e-3]]), uncertainty=1e-4)
+FOUND = SequenceFinding(kind=SequenceKind.CONVERGES, used=4, order=1.0, limit=np.array([[1e-3]]), uncertainty=1e-4)
 
 
 @pytest.mark.parametrize(
     ("halts", "kind", "why"),
     [
-        ((1, 2, 3), Kind.CONVERGES, ""),
-        ((1, None, 3), Kind.SCATTERS, "no halt at 1 of 3 rungs"),
-        ((None, None, 3), Kind.SCATTERS, "no halt at 2 of 3 rungs"),
-        ((None, None, None), Kind.NEVER, "no halt at any of 3 rungs"),
-        ((), Kind.CONVERGES, ""),
+        ((1, 2, 3), SequenceKind.CONVERGES, ""),
+        ((1, None, 3), SequenceKind.SCATTERS, "no halt at 1 of 3 rungs"),
+        ((None, None, 3), SequenceKind.SCATTERS, "no halt at 2 of 3 rungs"),
+        ((None, None, None), SequenceKind.NEVER, "no halt at any of 3 rungs"),
+        ((), SequenceKind.CONVERGES, ""),
     ],
 )
 def test_a_halt_that_rungs_lack_is_no_convergence(halts, kind, why):
     rungs = [measured(halt=halt) for halt in halts]
     found = finding_of(HALT, rungs, FOUND)
     assert (found.kind, found.why) == (kind, why)
-    assert (found.limit is None) is (kind is not Kind.CONVERGES)
+    assert (found.limit is None) is (kind is not SequenceKind.CONVERGES)
     assert finding_of(LATE, rungs, FOUND) is FOUND, "of a path that is no matter"
     broken = [*rungs, measured(ended=False)]
     assert finding_of(HALT, broken, FOUND).why == why, "one that broke off does not count"
@@ -218,13 +218,13 @@ def test_a_halt_that_rungs_lack_is_no_convergence(halts, kind, why):
         ({"order": 1.2345}, -2.46e-3,
          "converges, order 1.23, 2.5 ± 0.1 ms from the truth, so not to it with the other settings as they are"),
         ({"order": 1.0}, 1e-4, "converges, order 1, 0.1 ± 0.1 ms from the truth"),
-        ({"kind": Kind.SETTLED}, 0.0, "no longer changes over the last 4 rungs, 0 ± 0.1 ms from the truth"),
-        ({"kind": Kind.SCATTERS, "why": "it jumps", "scatter": 1.234e-3}, 0.0,
+        ({"kind": SequenceKind.SETTLED}, 0.0, "no longer changes over the last 4 rungs, 0 ± 0.1 ms from the truth"),
+        ({"kind": SequenceKind.SCATTERS, "why": "it jumps", "scatter": 1.234e-3}, 0.0,
          "does not converge: it jumps; rungs scatter by ± 1.2 ms about a mean 0 ± 0.1 ms from the truth"),
-        ({"kind": Kind.WITHIN_SPREAD, "why": "small", "scatter": 1e-3}, 0.0,
+        ({"kind": SequenceKind.WITHIN_SPREAD, "why": "small", "scatter": 1e-3}, 0.0,
          "converges no further than its spread: small; rungs scatter by ± 1 ms about a mean 0 ± 0.1 ms from the truth"),
-        ({"kind": Kind.UNKNOWN, "why": "two rungs"}, None, "not known: two rungs"),
-        ({"kind": Kind.UNKNOWN, "why": "two rungs", "uncertainty": None}, 1.0, "not known: two rungs"),
+        ({"kind": SequenceKind.UNKNOWN, "why": "two rungs"}, None, "not known: two rungs"),
+        ({"kind": SequenceKind.UNKNOWN, "why": "two rungs", "uncertainty": None}, 1.0, "not known: two rungs"),
     ],
 )  # fmt: skip
 def test_the_sentence_of_a_verdict(found, distance, said):
@@ -255,7 +255,7 @@ def ladder(setting, values, **taken):
     """A ladder of ``setting``; ``taken``: other settings that it takes along, their values rung by rung."""
     engines = [settings(**{setting: v, **{name: x[k] for name, x in taken.items()}}) for k, v in enumerate(values)]
     made = Ladder(setting=setting, unit="", values=tuple(values), engines=tuple(engines))
-    return Climbed(ladder=made, rungs=(), findings={}, own=None)
+    return LadderResult(ladder=made, rungs=(), findings={}, own=None)
 
 
 def test_the_finest_value_of_a_setting_is_where_its_ladder_takes_it():
@@ -291,11 +291,11 @@ def test_of_two_that_take_each_other_along_the_first_counts():
     assert [contained(c, [other, one]) for c in (one, other)] == [True, False]
 
 
-def climbed(values, halts, limit, own=None, keys=None, kind=Kind.CONVERGES, uncertainty=1e-5, setting="a"):
+def climbed(values, halts, limit, own=None, keys=None, kind=SequenceKind.CONVERGES, uncertainty=1e-5, setting="a"):
     rungs = tuple(measured(key=key, halt=halt) for key, halt in zip(keys or "pqrs", halts, strict=False))
-    found = Finding(kind=kind, limit=None if limit is None else np.array([[limit]]), uncertainty=uncertainty)
+    found = SequenceFinding(kind=kind, limit=None if limit is None else np.array([[limit]]), uncertainty=uncertainty)
     made = Ladder(setting=setting, unit="", values=values, engines=tuple(settings(**{setting: v}) for v in values))
-    return Climbed(ladder=made, rungs=rungs, findings=dict.fromkeys(QUANTITIES, found), own=own)
+    return LadderResult(ladder=made, rungs=rungs, findings=dict.fromkeys(QUANTITIES, found), own=own)
 
 
 def test_a_correction_leads_from_the_variants_own_value_to_the_limit():
@@ -319,8 +319,8 @@ def test_without_a_limit_or_a_start_there_is_no_correction():
     assert correction(HALT, climbed(*steps, 1e-3, uncertainty=None), own) is None
     assert correction(HALT, climbed(*steps, 1e-3), measured(key="own")) is None
     assert correction(HALT, climbed(*steps, 1e-3, own=2.0), own) is None, "the rung at its own value does not halt"
-    kinds = {kind: correction(HALT, climbed(*steps, 1e-3, kind=kind), own).converges for kind in Kind}
-    assert {kind for kind, converges in kinds.items() if converges} == {Kind.CONVERGES, Kind.SETTLED}
+    kinds = {kind: correction(HALT, climbed(*steps, 1e-3, kind=kind), own).converges for kind in SequenceKind}
+    assert {kind for kind, converges in kinds.items() if converges} == {SequenceKind.CONVERGES, SequenceKind.SETTLED}
 
 
 def test_an_error_is_split_by_every_ladder_that_is_not_contained():
@@ -335,7 +335,7 @@ def test_an_error_is_split_by_every_ladder_that_is_not_contained():
     assert found.model == pytest.approx(2e-3)
     assert found.numerics_uncertainty == pytest.approx(math.sqrt(2e-5**2 + 2e-5**2 + 2 * 1e-5**2))
     assert (found.choice, found.choice_of) == (pytest.approx(1e-3), "x: y")
-    assert found.causes == (Cause.NOT_CONVERGED, Cause.MODEL)
+    assert found.causes == (ErrorCause.NOT_CONVERGED, ErrorCause.MODEL)
     assert error_split(DROP, own, ladders, choices, 1e-5, 2e-5) is None
 
 
@@ -413,7 +413,7 @@ def study(goal, scenario, make_run):
     made = plan(engine, scenario, starts)
 
     def late(seconds):
-        return Done(run=make_run(delay=seconds), seconds=1.0)
+        return EndedRun(run=make_run(delay=seconds), seconds=1.0)
 
     done = {task.key: late(LATENESS[task.engine.settings.time_step]) for _, rungs in made.ladders for task in rungs}
     done |= {task.key: late(4e-3 + sign * 1e-3) for (_, task), sign in zip(made.starts, (1, -1), strict=True)}
@@ -457,7 +457,7 @@ def test_a_study_that_was_interrupted_has_what_there_is(goal, scenario):
     assert found.own.status == "NOT_RUN"
     assert found.splits == ()
     assert found.provenance.versions == {}
-    assert {one.kind for one in found.ladders[0].verdicts} == {Kind.UNKNOWN}
+    assert {one.kind for one in found.ladders[0].verdicts} == {SequenceKind.UNKNOWN}
     assert {rung.to_finest[HALT] for rung in found.ladders[0].rungs} == {None}
     assert found.spread == dict.fromkeys(QUANTITIES)
 
@@ -470,10 +470,10 @@ def test_a_rung_without_the_quantity_is_left_out_of_its_ladder():
         measured(key=str(k), halt=None if k == 1 else 10 * step, ended=k != 1) for k, step in enumerate(STEPS)
     )  # fmt: skip
     found = climb(steps, rungs, engine, dict.fromkeys(QUANTITIES), dict.fromkeys(QUANTITIES, 1e-9))
-    assert found.findings[HALT].kind is Kind.CONVERGES
+    assert found.findings[HALT].kind is SequenceKind.CONVERGES
     assert found.findings[HALT].order == pytest.approx(1.0, abs=1e-3)
     assert found.own == 4e-4
-    assert found.findings[DROP].kind is Kind.NEVER
+    assert found.findings[DROP].kind is SequenceKind.NEVER
     named = dataclasses.replace(steps, setting="no_such")
     assert climb(named, rungs, engine, dict.fromkeys(QUANTITIES), dict.fromkeys(QUANTITIES, 1e-9)).own is None
 
@@ -482,7 +482,7 @@ def test_what_a_variant_offers_is_run_as_it_says(scenario):
     engine = DelayedEngine()
     other = engine.changed(offset=5e-3)
     engine.studies = lambda: Studies(
-        choices=(Choice(what="c", ours="o", instead="i", engine=other),),
+        choices=(AdapterChoice(what="c", ours="o", instead="i", engine=other),),
         defaults=(HiddenDefault(setting="d", default="0", ours="1", effect="e", engine=other),),
     )
     made = plan(engine, scenario, [])

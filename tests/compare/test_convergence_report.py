@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from looping_pendulum.compare.convergence import study
-from looping_pendulum.compare.convergence.ladder import Cause, Kind
+from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
 from looping_pendulum.compare.convergence.measure import target
 from looping_pendulum.compare.convergence.report import halting_table, opening, render, splits_table
 from looping_pendulum.compare.convergence.result import (
@@ -17,6 +17,7 @@ from looping_pendulum.compare.convergence.result import (
     MARKS,
     QUANTITIES,
     ConvergenceResult,
+    ConvergenceVerdict,
     ErrorSplit,
     LadderStudy,
     Rung,
@@ -26,10 +27,9 @@ from looping_pendulum.compare.convergence.result import (
     StudyClock,
     VariantStudy,
     VariationStudy,
-    Verdict,
 )
 from looping_pendulum.compare.result import RunProvenance, SupplyEntry
-from looping_pendulum.compare.run_cache import Done
+from looping_pendulum.compare.run_cache import EndedRun
 from tests.compare.delayed import DelayedEngine
 
 EARLY, LATE = MARKS
@@ -47,8 +47,8 @@ FAILED = {"status": "CRASHED", "ok": False, "why": "it died"}
 SKIPPED = {"status": "SKIPPED", "ok": False, "why": "left out"}
 
 
-def verdict(quantity, kind=Kind.CONVERGES, said=None):
-    return Verdict(
+def verdict(quantity, kind=SequenceKind.CONVERGES, said=None):
+    return ConvergenceVerdict(
         quantity=quantity, unit=QUANTITIES[quantity], kind=kind, why="", rungs=3, used=3, order=1.0, order_uncertainty=None,
         limit=None, uncertainty=1e-4, scatter=None, limit_error=1e-4, sentence=said or f"{quantity} is well",
     )  # fmt: skip
@@ -65,7 +65,7 @@ def split(quantity, i, **fields):
     x = 1.23456e-3 * i
     made = {
         "error": x, "numerics": 2 * x, "numerics_uncertainty": 3 * x, "model": 4 * x, "model_uncertainty": 3 * x,
-        "choice": 5 * x, "choice_of": "", "spread": 6 * x, "causes": (Cause.MODEL,), "without_limit": (),
+        "choice": 5 * x, "choice_of": "", "spread": 6 * x, "causes": (ErrorCause.MODEL,), "without_limit": (),
     }  # fmt: skip
     return ErrorSplit(quantity=quantity, unit=QUANTITIES[quantity], **(made | fields))
 
@@ -149,8 +149,8 @@ def test_the_parts_of_an_error_are_told_to_two_digits():
     found = cells(splits_table(result()), "toy:a")
     assert found[0] == ["toy:a", "different model", "1.2", "2.5", "4.9", "3.7", "6.2", "7.4"]
     assert found[2] == ["toy:a", "different model", "3.7", "7.4", "15", "11", "19", "22"]
-    unknown = variant(splits=(split(EARLY, 1, causes=(Cause.UNKNOWN,), without_limit=("dt",)),))
-    assert cells(splits_table(result(unknown), [EARLY]), "toy:a")[0][1] == Cause.UNKNOWN.value
+    unknown = variant(splits=(split(EARLY, 1, causes=(ErrorCause.UNKNOWN,), without_limit=("dt",)),))
+    assert cells(splits_table(result(unknown), [EARLY]), "toy:a")[0][1] == ErrorCause.UNKNOWN.value
     nothing = result(variant(splits=()))
     assert "error [mm]" in splits_table(nothing, [EARLY])
     assert "error [ms]" in splits_table(nothing, [HALT])
@@ -236,7 +236,7 @@ def test_the_last_digit_tells_a_factor_that_is_a_thousandth_off(two, three, show
     assert cells(text, "angle +")[0][1:5] == [large, large, f"+{large}", f"+{large}"]
     assert cells(text, "toy:a", "## Hidden")[0][5:8] == [f"+{large}", large, large]
     assert cells(text, "toy:a", "## The adapter")[0][4:7] == [large, large, f"+{large}"]
-    scattering = dataclasses.replace(verdict(HALT, Kind.SCATTERS), scatter=two)
+    scattering = dataclasses.replace(verdict(HALT, SequenceKind.SCATTERS), scatter=two)
     scattered = variant(ladders=(dataclasses.replace(ladder, verdicts=(scattering,)),))
     assert cells(halting_table(result(scattered)), "toy:a")[0][1] == f"no; it scatters by ± {small} ms"
 
@@ -293,7 +293,7 @@ def test_a_study_makes_every_run_of_every_engine_once(tmp_path, scenario, truth,
 
         def run(self, tasks):
             asked.append([task.key for task in tasks])
-            return {task.key: Done(run=make_run(), seconds=float(k)) for k, task in enumerate(tasks)}
+            return {task.key: EndedRun(run=make_run(), seconds=float(k)) for k, task in enumerate(tasks)}
 
     monkeypatch.setattr(study, "Runner", Recorder)
     monkeypatch.setattr(study, "Truth", lambda _: None)

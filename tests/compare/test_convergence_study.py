@@ -14,13 +14,13 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
 from looping_pendulum.compare import run_cache
-from looping_pendulum.compare.convergence.ladder import Cause, Kind
+from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
 from looping_pendulum.compare.convergence.measure import floors, target
 from looping_pendulum.compare.convergence.plots import draw
 from looping_pendulum.compare.convergence.report import halting_verdict, render
 from looping_pendulum.compare.convergence.result import HALT, ConvergenceResult
 from looping_pendulum.compare.convergence.study import changed_starts, judge, plan, study_convergence, watched, write
-from looping_pendulum.compare.run_cache import DamagedRunWarning, Done, RunCache, Runner, Task, run_key
+from looping_pendulum.compare.run_cache import DamagedRunWarning, EndedRun, RunCache, Runner, RunTask, run_key
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Truth
 from looping_pendulum.engines.registry import select
@@ -46,7 +46,7 @@ def studied(engine, scenario, targets):
     """Study of one variant, its runs made in this process."""
     truth, moved, starts = targets
     made = plan(engine, scenario, starts)
-    done = {task.key: Done(run=task.engine.simulate(task.scenario), seconds=1.0) for task in made.tasks()}
+    done = {task.key: EndedRun(run=task.engine.simulate(task.scenario), seconds=1.0) for task in made.tasks()}
     return judge(made, done, truth, moved, floors(truth))
 
 
@@ -65,20 +65,20 @@ def test_runs_are_watched_to_after_the_halt(scenario):
 def test_a_first_order_delay_is_not_converged(scenario, targets):
     study = studied(DelayedEngine(order=1.0, slope=0.5), scenario, targets)
     verdict, split = halting(study)
-    assert verdict.kind is Kind.CONVERGES
+    assert verdict.kind is SequenceKind.CONVERGES
     assert verdict.order == pytest.approx(1.0, abs=0.05)
     assert verdict.limit == pytest.approx(targets[0].numbers[HALT], abs=verdict.uncertainty)
-    assert split.causes == (Cause.NOT_CONVERGED,)
+    assert split.causes == (ErrorCause.NOT_CONVERGED,)
     assert split.error == pytest.approx(0.5 * 4e-4, abs=2e-6)
     assert split.numerics == pytest.approx(split.error, abs=split.numerics_uncertainty)
     path = study.splits[1]
-    assert path.causes == (Cause.NOT_CONVERGED,)
+    assert path.causes == (ErrorCause.NOT_CONVERGED,)
     assert halting_verdict(study).startswith("yes, to within")
 
 
 def test_an_offset_at_the_limit_is_a_different_model(scenario, targets):
     _, split = halting(studied(DelayedEngine(order=2.0, slope=100.0, offset=2e-4), scenario, targets))
-    assert split.causes == (Cause.MODEL, Cause.NOT_CONVERGED)
+    assert split.causes == (ErrorCause.MODEL, ErrorCause.NOT_CONVERGED)
     assert split.model == pytest.approx(2e-4, abs=split.model_uncertainty)
     assert split.numerics == pytest.approx(100 * 4e-4**2, abs=split.numerics_uncertainty)
 
@@ -86,7 +86,7 @@ def test_an_offset_at_the_limit_is_a_different_model(scenario, targets):
 def test_an_offset_that_another_choice_takes_away_is_the_adapters(scenario, targets):
     study = studied(DelayedEngine(slope=0.01, offset=2e-4, other_offset=0.0), scenario, targets)
     _, split = halting(study)
-    assert split.causes[0] is Cause.CHOICE
+    assert split.causes[0] is ErrorCause.CHOICE
     assert split.choice == pytest.approx(2e-4, abs=3e-6)
     assert split.choice_of == "when it starts: then"
     assert study.defaults[0].change[HALT] == pytest.approx(0.01 * 4e-4, abs=2e-6)  # read off to a microsecond each
@@ -95,7 +95,7 @@ def test_an_offset_that_another_choice_takes_away_is_the_adapters(scenario, targ
 def test_a_jittering_halt_does_not_converge_beyond_its_spread(scenario, targets):
     study = studied(DelayedEngine(slope=0.0, offset=4e-4, jitter=3e-4), scenario, targets)
     verdict, _ = halting(study)
-    assert verdict.kind in (Kind.WITHIN_SPREAD, Kind.SCATTERS)
+    assert verdict.kind in (SequenceKind.WITHIN_SPREAD, SequenceKind.SCATTERS)
     assert verdict.order is None
     assert study.spread[HALT] == pytest.approx(3e-4 / 3**0.5, rel=0.6)  # of a uniform one, from seven runs
 
@@ -110,7 +110,7 @@ def test_the_ladder_of_mujocos_capstan_is_of_second_order(scenario, targets):
     engine.studies = lambda: Studies(ladders=(Ladder(setting="time_step", unit="s", values=values, engines=engines),))
     study = studied(engine, short, (targets[0], {}, []))
     verdict = study.ladders[0].verdicts[0]
-    assert (verdict.quantity, verdict.kind) == ("path_0.35s", Kind.CONVERGES)
+    assert (verdict.quantity, verdict.kind) == ("path_0.35s", SequenceKind.CONVERGES)
     assert abs(verdict.order - 2) <= max(verdict.order_uncertainty, 0.1)
     assert abs(verdict.limit_error) <= verdict.uncertainty  # up to here the law that the adapter feeds in is the truth's
 
@@ -169,7 +169,7 @@ def test_the_command_writes_all_and_says_how_it_went(tmp_path, in_this_process):
     assert result.until == 0.45
     assert result.variants[0].own.rms["path_0.7s"] is None, "the run ended before"
     split = next(s for s in result.variants[0].splits if s.quantity == HALT)
-    assert split.causes == (Cause.NOTHING,), "the truth by another integrator"
+    assert split.causes == (ErrorCause.NOTHING,), "the truth by another integrator"
 
 
 def test_a_budget_leaves_out_what_would_cost_too_much(tmp_path, scenario, counted):
@@ -182,7 +182,7 @@ def test_a_budget_leaves_out_what_would_cost_too_much(tmp_path, scenario, counte
 
 def test_an_interrupted_run_is_made_again(tmp_path, scenario, monkeypatch):
     engine = DelayedEngine()
-    task = Task(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
+    task = RunTask(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
 
     def interrupted(engine, scenario, *, cancelled, **_):
         cancelled.set()
@@ -198,9 +198,9 @@ def test_an_interrupted_run_is_made_again(tmp_path, scenario, monkeypatch):
 
 def test_a_run_cut_by_its_time_limit_is_kept_for_that_limit(tmp_path, scenario):
     engine = DelayedEngine()
-    task = Task(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
+    task = RunTask(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
     cut = dataclasses.replace(engine.simulate(scenario), status=RunStatus.TIME_LIMIT)
-    RunCache(tmp_path).put(task, Done(run=cut, seconds=10.0), time_limit=10.0)
+    RunCache(tmp_path).put(task, EndedRun(run=cut, seconds=10.0), time_limit=10.0)
     assert RunCache(tmp_path).get(task, 10.0).run.status is RunStatus.TIME_LIMIT
     assert RunCache(tmp_path).get(task, 11.0) is None
 
@@ -249,7 +249,7 @@ DAMAGED = {
 @pytest.mark.parametrize("damage", DAMAGED)
 def test_a_damaged_file_of_a_run_is_a_run_to_be_made_again(tmp_path, scenario, in_this_process, damage):
     engine = DelayedEngine()
-    task = Task(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
+    task = RunTask(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
     path = tmp_path / f"{task.key}.npz"
     path.write_bytes(DAMAGED[damage])
     with pytest.warns(DamagedRunWarning, match=f"{re.escape(task.key)}.npz is damaged"):
@@ -261,9 +261,9 @@ def test_a_damaged_file_of_a_run_is_a_run_to_be_made_again(tmp_path, scenario, i
 
 def test_a_kept_run_cut_anywhere_or_with_a_flipped_bit_is_never_a_traceback(tmp_path, scenario):
     engine = DelayedEngine()
-    task = Task(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
+    task = RunTask(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
     kept = RunCache(tmp_path)
-    kept.put(task, Done(run=engine.simulate(scenario), seconds=1.0), time_limit=10.0)
+    kept.put(task, EndedRun(run=engine.simulate(scenario), seconds=1.0), time_limit=10.0)
     path = tmp_path / f"{task.key}.npz"
     whole, good = path.read_bytes(), kept.get(task, 10.0)
     rng = np.random.default_rng(1)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from looping_pendulum.compare.convergence.ladder import Cause, Kind
+from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
 from looping_pendulum.compare.convergence.report import (
     choices_table,
     defaults_table,
@@ -35,15 +35,15 @@ def a_run(i, *, ok=True, halting_time=0.4, why="", status="FINISHED"):
 def a_split(name, unit, i):
     return SimpleNamespace(
         quantity=name, unit=unit, error=1e-3 * i, numerics=2e-3 * i, model=3e-3 * i, numerics_uncertainty=4e-3 * i,
-        choice=5e-3 * i, spread=6e-3 * i, causes=(Cause.MODEL, Cause.NOT_CONVERGED), without_limit=("dt",),
+        choice=5e-3 * i, spread=6e-3 * i, causes=(ErrorCause.MODEL, ErrorCause.NOT_CONVERGED), without_limit=("dt",),
     )  # fmt: skip
 
 
-def a_verdict(name, kind=Kind.CONVERGES, scatter=None):
+def a_verdict(name, kind=SequenceKind.CONVERGES, scatter=None):
     return SimpleNamespace(quantity=name, kind=kind, scatter=scatter, sentence=f"{name} {kind.value}")
 
 
-def a_variant(kinds=(Kind.CONVERGES,), own=None, splits=None):
+def a_variant(kinds=(SequenceKind.CONVERGES,), own=None, splits=None):
     ladders = [
         SimpleNamespace(
             setting=f"dt{k}", unit="s", own=None, follows="",
@@ -67,7 +67,7 @@ def rows(text, first="toy:chain"):
 def test_every_quantitys_split_stands_in_its_own_table():
     result = SimpleNamespace(variants=[a_variant()])
     found = rows(splits_table(result))
-    cause = f"{Cause.MODEL.value}, then {Cause.NOT_CONVERGED.value} (no limit along dt)"
+    cause = f"{ErrorCause.MODEL.value}, then {ErrorCause.NOT_CONVERGED.value} (no limit along dt)"
     assert found == [["toy:chain", cause, *(str(k * i) for k in range(1, 7))] for i in (1, 2, 3)]
     assert splits_table(result).count("[mm]") == 2
     assert splits_table(result).count("[ms]") == 1
@@ -88,19 +88,19 @@ def test_why_there_is_no_split(own, said):
     ("kinds", "own", "said"),
     [
         ((), a_run(1), "not known: it has no ladder"),
-        ((Kind.NEVER, Kind.NEVER), a_run(1), "never halts"),
-        ((Kind.CONVERGES,), a_run(1, ok=False), "not known: its own run does not end properly"),
-        ((Kind.CONVERGES, Kind.NEVER), a_run(1, halting_time=None), "no; it halts at some settings only"),
-        ((Kind.SCATTERS, Kind.CONVERGES, Kind.SCATTERS), a_run(1), "no; it scatters by ± 6 ms"),
-        ((Kind.CONVERGES, Kind.NEVER), a_run(1), "no; it scatters by ± 0 ms"),
-        ((Kind.CONVERGES, Kind.UNKNOWN), a_run(1), "not known along every ladder"),
-        ((Kind.CONVERGES, Kind.WITHIN_SPREAD), a_run(1), "only to within ± 12 ms, its spread"),
-        ((Kind.CONVERGES, Kind.SETTLED), a_run(1), "yes, to within ± 12 ms"),
+        ((SequenceKind.NEVER, SequenceKind.NEVER), a_run(1), "never halts"),
+        ((SequenceKind.CONVERGES,), a_run(1, ok=False), "not known: its own run does not end properly"),
+        ((SequenceKind.CONVERGES, SequenceKind.NEVER), a_run(1, halting_time=None), "no; it halts at some settings only"),
+        ((SequenceKind.SCATTERS, SequenceKind.CONVERGES, SequenceKind.SCATTERS), a_run(1), "no; it scatters by ± 6 ms"),
+        ((SequenceKind.CONVERGES, SequenceKind.NEVER), a_run(1), "no; it scatters by ± 0 ms"),
+        ((SequenceKind.CONVERGES, SequenceKind.UNKNOWN), a_run(1), "not known along every ladder"),
+        ((SequenceKind.CONVERGES, SequenceKind.WITHIN_SPREAD), a_run(1), "only to within ± 12 ms, its spread"),
+        ((SequenceKind.CONVERGES, SequenceKind.SETTLED), a_run(1), "yes, to within ± 12 ms"),
     ],
 )
 def test_whether_the_halting_time_converges(kinds, own, said):
     assert halting_verdict(a_variant(kinds, own)).startswith(said)
-    if kinds == (Kind.CONVERGES, Kind.SETTLED):
+    if kinds == (SequenceKind.CONVERGES, SequenceKind.SETTLED):
         assert halting_verdict(a_variant(kinds, own, splits=[])) == "not known along every ladder"
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from looping_pendulum.compare import compare, page, plots
 from looping_pendulum.compare.convergence import plots as convergence_plots
-from looping_pendulum.compare.convergence.ladder import Kind
+from looping_pendulum.compare.convergence.ladder import SequenceKind
 from looping_pendulum.compare.convergence.result import HALT, MARKS
 from looping_pendulum.compare.result import MeasuredRow
 from looping_pendulum.engines.trajectory import RunStatus
@@ -284,7 +284,7 @@ def test_a_figure_without_words_has_no_legend():
 # ---- ladders
 
 
-def ladder(values, halts=True, own=4e-4, rms=lambda v: 10 * v, kind=Kind.CONVERGES, spread=2e-5, unit="s"):
+def ladder(values, halts=True, own=4e-4, rms=lambda v: 10 * v, kind=SequenceKind.CONVERGES, spread=2e-5, unit="s"):
     rungs = [
         SimpleNamespace(
             value=v,
@@ -353,7 +353,9 @@ def test_an_error_of_nothing_has_no_place_on_a_log_axis():
     assert drawn["from the truth, to 0.35 s"].shape == (2, 0)
 
 
-@pytest.mark.parametrize(("kind", "shown"), [(Kind.SETTLED, True), (Kind.SCATTERS, False), (Kind.WITHIN_SPREAD, False)])
+@pytest.mark.parametrize(
+    ("kind", "shown"), [(SequenceKind.SETTLED, True), (SequenceKind.SCATTERS, False), (SequenceKind.WITHIN_SPREAD, False)]
+)
 def test_the_distance_from_a_limit_is_drawn_where_there_is_one(kind, shown):
     drawn = lines(convergence_plots.ladder_figure(*ladder(STEPS, kind=kind)).axes[0])
     assert ("from its own limit, to 0.35 s" in drawn) is shown

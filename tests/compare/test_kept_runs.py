@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare, write
-from looping_pendulum.compare.run_cache import Done, RunCache, Runner, Task, run_key
+from looping_pendulum.compare.run_cache import EndedRun, RunCache, Runner, RunTask, run_key
 from looping_pendulum.compare.stored import stored_result
 from looping_pendulum.engines.trajectory import COLUMNS, RunStatus
 from looping_pendulum.reference_ode.transitions import Mode
@@ -25,11 +25,11 @@ def knows(runner, make_run, **costs):
     """Tell the runner what runs cost [s]; None: it was left out, and expected to take 7 s."""
     for key, cost in costs.items():
         run = None if cost is None else make_run(wall_time=cost)
-        runner.done[key] = Done(run=run, seconds=1e3, expected=7.0 if cost is None else None)
+        runner.done[key] = EndedRun(run=run, seconds=1e3, expected=7.0 if cost is None else None)
 
 
 def rung(size, coarser, like=""):
-    return Task(key="x", engine=None, scenario=None, what="x", like=like, size=size, coarser=coarser)
+    return RunTask(key="x", engine=None, scenario=None, what="x", like=like, size=size, coarser=coarser)
 
 
 LADDER = (("a", 8e-4), ("b", 4e-4), ("c", 2e-4))
@@ -62,16 +62,16 @@ def test_a_rung_that_was_left_out_counts_as_expected(runner, make_run):
 
 
 def test_a_run_without_a_wall_time_costs_what_its_process_took(runner, make_run):
-    runner.done["a"] = Done(run=make_run(wall_time=math.nan), seconds=4.0)
+    runner.done["a"] = EndedRun(run=make_run(wall_time=math.nan), seconds=4.0)
     assert runner.expected(rung(8e-4, LADDER[:1])) == pytest.approx(4.0)
 
 
 def test_progress_is_the_share_of_the_time_and_not_of_the_runs(tmp_path, make_run):
     told = []
-    tasks = [Task(key=k, engine=None, scenario=None, what=f"run {k}", like="a") for k in "abcd"]
+    tasks = [RunTask(key=k, engine=None, scenario=None, what=f"run {k}", like="a") for k in "abcd"]
     runner = Runner(RunCache(tmp_path), jobs=1, time_limit=10.0, budget=5.0, progress=lambda *what: told.append(what))
-    runner.done["a"] = Done(run=make_run(wall_time=2.0), seconds=2.0)
-    runner.done["b"] = Done(run=make_run(wall_time=6.0), seconds=6.0)
+    runner.done["a"] = EndedRun(run=make_run(wall_time=2.0), seconds=2.0)
+    runner.done["b"] = EndedRun(run=make_run(wall_time=6.0), seconds=6.0)
     runner._running["c"] = 0.5
     runner._report(tasks)
     # 8 s are done, half of c's 2 s; d is expected to take 2 s.
@@ -80,9 +80,9 @@ def test_progress_is_the_share_of_the_time_and_not_of_the_runs(tmp_path, make_ru
 
 def test_what_is_beyond_the_budget_does_not_hold_the_progress_back(tmp_path, make_run):
     told = []
-    tasks = [Task(key="a", engine=None, scenario=None, what="a"), rung(1e-4, (("a", 8e-4),))]
+    tasks = [RunTask(key="a", engine=None, scenario=None, what="a"), rung(1e-4, (("a", 8e-4),))]
     runner = Runner(RunCache(tmp_path), jobs=1, time_limit=10.0, budget=5.0, progress=lambda *what: told.append(what))
-    runner.done["a"] = Done(run=make_run(wall_time=2.0), seconds=2.0)
+    runner.done["a"] = EndedRun(run=make_run(wall_time=2.0), seconds=2.0)
     runner._report(tasks)
     assert told == [(1.0, "1 of 2 runs; ")], "16 s is more than 5 s: it will be left out"
 
@@ -95,14 +95,14 @@ def test_without_a_progress_nobody_is_told(runner):
 def kept(tmp_path, scenario, make_run):
     """A task, what was kept of its run, and the run."""
     engine = DelayedEngine()
-    task = Task(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
+    task = RunTask(key=run_key(engine, scenario), engine=engine, scenario=scenario, what="run")
     run = make_run(message="as said", wall_time=2.5, status=RunStatus.LIGHT_REACHED_ROD)
     return RunCache(tmp_path), task, run
 
 
 def test_a_kept_run_comes_back_whole(kept):
     cache, task, run = kept
-    cache.put(task, Done(run=run, seconds=3.5), 10.0)
+    cache.put(task, EndedRun(run=run, seconds=3.5), 10.0)
     again = cache.get(task, 10.0)
     assert again.seconds == 3.5
     assert (again.run.status, again.run.message, again.run.wall_time) == (run.status, "as said", 2.5)
@@ -114,21 +114,21 @@ def test_a_kept_run_comes_back_whole(kept):
 @pytest.mark.parametrize("status", [RunStatus.INTERRUPTED, RunStatus.MISSING, RunStatus.MEMORY_LIMIT])
 def test_runs_that_are_worth_another_try_are_not_kept(kept, status):
     cache, task, run = kept
-    cache.put(task, Done(run=dataclasses.replace(run, status=status), seconds=1.0), 10.0)
-    cache.put(task, Done(run=None, seconds=None, expected=9.0), 10.0)
+    cache.put(task, EndedRun(run=dataclasses.replace(run, status=status), seconds=1.0), 10.0)
+    cache.put(task, EndedRun(run=None, seconds=None, expected=9.0), 10.0)
     assert cache.get(task, 10.0) is None
 
 
 def test_a_wall_time_that_is_not_known_stays_so(kept):
     cache, task, run = kept
-    cache.put(task, Done(run=dataclasses.replace(run, wall_time=math.nan), seconds=1.0), 10.0)
+    cache.put(task, EndedRun(run=dataclasses.replace(run, wall_time=math.nan), seconds=1.0), 10.0)
     assert math.isnan(cache.get(task, 10.0).run.wall_time)
 
 
 def test_a_run_without_samples_is_kept_too(kept, make_run):
     cache, task, _ = kept
     empty = make_run(samples=np.empty((0, len(COLUMNS))), status=RunStatus.CRASHED)
-    cache.put(task, Done(run=empty, seconds=1.0), 10.0)
+    cache.put(task, EndedRun(run=empty, seconds=1.0), 10.0)
     assert len(cache.get(task, 10.0).run.t) == 0
 
 

@@ -10,10 +10,10 @@ from scipy.optimize import least_squares
 from scipy.stats import t as students_t
 
 from looping_pendulum.compare.convergence.ladder import (
-    Cause,
     Correction,
-    Finding,
-    Kind,
+    ErrorCause,
+    SequenceFinding,
+    SequenceKind,
     deviation,
     examine,
     norm,
@@ -74,7 +74,7 @@ def test_order_and_limit_are_the_least_squares_and_what_leaving_one_out_says(ord
     h = H[:rungs]
     values = numbers(3 + 0.7 * h**order * (1 + OFF[:rungs]))
     found = examine(h, values, floor=noise)
-    assert (found.kind, found.used) == (Kind.CONVERGES, rungs)
+    assert (found.kind, found.used) == (SequenceKind.CONVERGES, rungs)
     wanted = expected(h, values, noise)
     # The search for the order stops at 1e-5 of its interval, and its error goes into the others.
     assert found.order == pytest.approx(wanted[0], abs=1e-4)
@@ -120,7 +120,7 @@ def test_a_fit_that_leaves_more_than_thrice_what_is_expected_is_none(scale, fits
         middle = 0.5 * (low + high)
         low, high = (middle, high) if solved(h, rough(middle), noise)[2] < 3.0 else (low, middle)
     found = examine(h, rough(scale * low), floor=noise)
-    assert (found.kind is Kind.CONVERGES) is fits
+    assert (found.kind is SequenceKind.CONVERGES) is fits
 
 
 @pytest.mark.parametrize(("order", "known"), [(0.1, True), (7.95, True), (0.02, False), (12.0, False)])
@@ -130,7 +130,7 @@ def test_orders_at_the_ends_of_what_is_tried_are_none(order, known):
     if known:
         assert found.order == pytest.approx(order, abs=1e-3)
     else:
-        assert (found.kind, found.order) == (Kind.SCATTERS, None)
+        assert (found.kind, found.order) == (SequenceKind.SCATTERS, None)
         assert found.why == "its changes follow no power of the setting"
 
 
@@ -140,20 +140,20 @@ def test_of_ten_rungs_at_least_the_finest_five_must_follow_one_law(good, used):
     values = 3 + 0.7 * h
     values[: 10 - good] = 9.0 - 2.0 * (-1.0) ** np.arange(10 - good)
     found = examine(h, numbers(values))
-    assert (found.used if found.kind is Kind.CONVERGES else None) == used
+    assert (found.used if found.kind is SequenceKind.CONVERGES else None) == used
 
 
 def test_three_of_four_are_not_enough():
     values = 3 + 0.7 * H**2
     values[0] = 2.0
-    assert examine(H[:4], numbers(values[:4])).kind is Kind.SCATTERS
-    assert examine(H[1:4], numbers(values[1:4])).kind is Kind.CONVERGES
+    assert examine(H[:4], numbers(values[:4])).kind is SequenceKind.SCATTERS
+    assert examine(H[1:4], numbers(values[1:4])).kind is SequenceKind.CONVERGES
 
 
 def test_a_last_rung_of_size_zero_is_the_limit_itself():
     h = np.array([1.0, 0.5, 0.25, 0.125, 0.0])
     found = examine(h, numbers(3 + 0.7 * h))
-    assert found.kind is Kind.CONVERGES
+    assert found.kind is SequenceKind.CONVERGES
     assert found.order == pytest.approx(1.0, abs=1e-3)
     assert float(found.limit[0, 0]) == pytest.approx(3.0, abs=1e-6)
 
@@ -161,11 +161,11 @@ def test_a_last_rung_of_size_zero_is_the_limit_itself():
 def test_rungs_far_apart_are_one_power_law_to_the_last():
     h = 8.0 ** -np.arange(7)
     found = examine(h, numbers(3 + 0.7 * h**0.5))
-    assert (found.kind, found.used) == (Kind.CONVERGES, 7)
+    assert (found.kind, found.used) == (SequenceKind.CONVERGES, 7)
     assert found.order == pytest.approx(0.5, abs=1e-3)
 
 
-@pytest.mark.parametrize(("share", "kind"), [(0.98, Kind.WITHIN_SPREAD), (1.02, Kind.CONVERGES)])
+@pytest.mark.parametrize(("share", "kind"), [(0.98, SequenceKind.WITHIN_SPREAD), (1.02, SequenceKind.CONVERGES)])
 def test_a_power_law_must_change_more_than_two_runs_of_a_spread_do(share, kind):
     # Two runs differ by the root of two times the spread; twice that counts as seen.
     values = 3 + 0.7 * H
@@ -179,11 +179,11 @@ ROUGH = (9.0, 1.0, -1.0, 1.0, -1.0)
 @pytest.mark.parametrize(
     ("spread", "floor", "kind"),
     [
-        (0.59, 0.0, Kind.WITHIN_SPREAD),
-        (0.56, 0.0, Kind.SCATTERS),
-        (0.1, 0.59, Kind.WITHIN_SPREAD),
-        (0.1, 0.56, Kind.SCATTERS),
-        (None, 0.59, Kind.SCATTERS),
+        (0.59, 0.0, SequenceKind.WITHIN_SPREAD),
+        (0.56, 0.0, SequenceKind.SCATTERS),
+        (0.1, 0.59, SequenceKind.WITHIN_SPREAD),
+        (0.1, 0.56, SequenceKind.SCATTERS),
+        (None, 0.59, SequenceKind.SCATTERS),
     ],
 )
 def test_scatter_up_to_twice_the_spread_or_what_can_be_read_is_within_it(spread, floor, kind):
@@ -196,7 +196,9 @@ def test_scatter_up_to_twice_the_spread_or_what_can_be_read_is_within_it(spread,
     # t of 3 degrees of freedom at 97.5 % is 3.182; four rungs.
     assert found.uncertainty == pytest.approx(math.hypot(3.18245 * 2 / math.sqrt(3) / 2, floor), rel=1e-5)
     small = "finer rungs change it no more than small changes of the start do"
-    assert found.why == (small if kind is Kind.WITHIN_SPREAD else "the last two refinements change it in opposite directions")
+    assert found.why == (
+        small if kind is SequenceKind.WITHIN_SPREAD else "the last two refinements change it in opposite directions"
+    )
 
 
 def test_a_trend_below_the_scatter_widens_the_limit():
@@ -208,40 +210,40 @@ def test_a_trend_below_the_scatter_widens_the_limit():
     assert found.uncertainty == pytest.approx(math.hypot(4.30265 * 2 / math.sqrt(3), 1.0), rel=1e-5)
 
 
-@pytest.mark.parametrize(("count", "kind"), [(2, Kind.SCATTERS), (3, Kind.SETTLED), (4, Kind.SETTLED)])
+@pytest.mark.parametrize(("count", "kind"), [(2, SequenceKind.SCATTERS), (3, SequenceKind.SETTLED), (4, SequenceKind.SETTLED)])
 def test_three_rungs_that_agree_have_settled(count, kind):
     values = [4.0, 7.0, 0.0][: 5 - count] + [0.5] * count
     found = examine(H, numbers(values), floor=1e-3)
     assert found.kind is kind
-    if kind is Kind.SETTLED:
+    if kind is SequenceKind.SETTLED:
         assert (found.used, found.uncertainty) == (count, 1e-3)
     assert examine(H, numbers([0.5] * 5), floor=1e-3).used == 5
 
 
 def test_of_rungs_that_have_settled_the_finest_is_the_limit():
     found = examine(H, numbers(3 + np.array([1.6e-3, 1e-4, 6.25e-6, 5e-7, 0.0])), floor=1e-6)
-    assert (found.kind, float(found.limit[0, 0]), found.uncertainty) == (Kind.CONVERGES, 3.0, 1e-6)
+    assert (found.kind, float(found.limit[0, 0]), found.uncertainty) == (SequenceKind.CONVERGES, 3.0, 1e-6)
     alone = examine(H, numbers(3 + np.array([1e-2, 3e-7, -4e-7, 5e-7, 0.0])), floor=1e-6)
-    assert (alone.kind, float(alone.limit[0, 0]), alone.used) == (Kind.SETTLED, 3.0, 4)
+    assert (alone.kind, float(alone.limit[0, 0]), alone.used) == (SequenceKind.SETTLED, 3.0, 4)
 
 
 def test_settled_is_up_to_the_floor_and_no_further():
     at, beyond = (examine(H, numbers([5.0, 9.0, 2 + off, 2.0, 2.0]), floor=0.25) for off in (0.25, 0.251))
-    assert (at.kind, at.used) == (Kind.SETTLED, 3)
-    assert beyond.kind is not Kind.SETTLED
+    assert (at.kind, at.used) == (SequenceKind.SETTLED, 3)
+    assert beyond.kind is not SequenceKind.SETTLED
 
 
 @pytest.mark.parametrize(("count", "why"), [(0, "0 of the 3 rungs that it needs"), (2, "2 of the 3 rungs that it needs")])
 def test_too_few_rungs_say_how_many(count, why):
     found = examine(H[:count], numbers(H[:count]))
-    assert (found.kind, found.why) == (Kind.UNKNOWN, why)
+    assert (found.kind, found.why) == (SequenceKind.UNKNOWN, why)
 
 
 def test_a_finding_points_to_what_is_within_its_uncertainty():
-    found = Finding(kind=Kind.CONVERGES, limit=np.array([[2.0]]), uncertainty=0.5)
+    found = SequenceFinding(kind=SequenceKind.CONVERGES, limit=np.array([[2.0]]), uncertainty=0.5)
     assert [found.points_to(np.array([[x]])) for x in (2.0, 2.5, 1.5, 2.6, 1.4)] == [True, True, True, False, False]
-    assert not Finding(kind=Kind.CONVERGES, limit=np.array([[2.0]])).points_to(np.array([[2.0]]))
-    assert not Finding(kind=Kind.UNKNOWN, uncertainty=0.5).points_to(np.array([[0.0]]))
+    assert not SequenceFinding(kind=SequenceKind.CONVERGES, limit=np.array([[2.0]])).points_to(np.array([[2.0]]))
+    assert not SequenceFinding(kind=SequenceKind.UNKNOWN, uncertainty=0.5).points_to(np.array([[0.0]]))
 
 
 def test_the_deviation_is_that_of_a_sample_and_needs_three():
@@ -283,25 +285,28 @@ def test_the_parts_of_an_error_are_distances_between_own_limit_and_truth():
     assert parts.numerics_uncertainty == parts.model_uncertainty == pytest.approx(half_width)
     assert (parts.choice, parts.choice_of) == (pytest.approx(0.05), "b")
     assert parts.spread == 0.03
-    assert parts.causes == (Cause.NOT_CONVERGED,)
+    assert parts.causes == (ErrorCause.NOT_CONVERGED,)
 
 
 def test_without_a_spread_the_floor_is_all_that_hides():
     parts = split(corrections=((-0.3, 0.0, True),), spread=None, floor=0.11)
     assert parts.numerics_uncertainty == pytest.approx(0.11)
-    assert parts.causes == (Cause.NOT_CONVERGED,), "0.1 of another model is below 0.11"
-    assert split(corrections=((-0.3, 0.0, True),), spread=None, floor=0.09).causes == (Cause.NOT_CONVERGED, Cause.MODEL)
+    assert parts.causes == (ErrorCause.NOT_CONVERGED,), "0.1 of another model is below 0.11"
+    assert split(corrections=((-0.3, 0.0, True),), spread=None, floor=0.09).causes == (
+        ErrorCause.NOT_CONVERGED,
+        ErrorCause.MODEL,
+    )
 
 
 def test_without_a_ladder_there_are_no_parts():
     parts = split(corrections=(), choices=(("a", 0.7),))
     assert (parts.numerics, parts.model, parts.numerics_uncertainty, parts.model_uncertainty) == (None,) * 4
     assert parts.choice == pytest.approx(0.2)
-    assert parts.causes == (Cause.UNKNOWN,)
+    assert parts.causes == (ErrorCause.UNKNOWN,)
     assert (split().choice, split().choice_of) == (None, "")
 
 
-@pytest.mark.parametrize(("choice", "cause"), [(0.285, Cause.MODEL), (0.295, Cause.CHOICE)])
+@pytest.mark.parametrize(("choice", "cause"), [(0.285, ErrorCause.MODEL), (0.295, ErrorCause.CHOICE)])
 def test_a_choice_explains_a_model_that_is_no_larger_within_its_uncertainty(choice, cause):
     # Own 0.5, limit 0.45, truth 0.1: the model is 0.35 off, give or take 0.06.
     parts = split(corrections=((-0.05, 0.0, True),), choices=(("a", 0.5 + choice),))
@@ -313,18 +318,18 @@ def test_at_the_very_limits_a_change_is_not_seen_and_a_choice_explains():
     step = Correction(ladder="step", change=np.array([[-0.25]]), uncertainty=0.0, converges=True)
     choices = {"a": np.array([[1.5]])}
     parts = split_error(np.array([[1.0]]), np.array([[0.0]]), corrections=[step], choices=choices, spread=None, floor=0.25)
-    assert parts.causes == (Cause.CHOICE,)
+    assert parts.causes == (ErrorCause.CHOICE,)
 
 
 @pytest.mark.parametrize(
     ("changes", "causes"),
     [
-        (((-0.1, 0.0, True),), (Cause.MODEL, Cause.NOT_CONVERGED)),
-        (((-0.3, 0.0, True),), (Cause.NOT_CONVERGED, Cause.MODEL)),
-        (((-0.39, 0.0, True), (0.0, 0.0, False)), (Cause.NOT_CONVERGED,)),
-        (((0.01, 0.0, True),), (Cause.MODEL,)),
-        (((0.01, 0.0, False),), (Cause.MODEL, Cause.NOT_CONVERGED)),
-        (((0.01, 0.0, True), (0.01, 0.0, False)), (Cause.MODEL, Cause.NOT_CONVERGED)),
+        (((-0.1, 0.0, True),), (ErrorCause.MODEL, ErrorCause.NOT_CONVERGED)),
+        (((-0.3, 0.0, True),), (ErrorCause.NOT_CONVERGED, ErrorCause.MODEL)),
+        (((-0.39, 0.0, True), (0.0, 0.0, False)), (ErrorCause.NOT_CONVERGED,)),
+        (((0.01, 0.0, True),), (ErrorCause.MODEL,)),
+        (((0.01, 0.0, False),), (ErrorCause.MODEL, ErrorCause.NOT_CONVERGED)),
+        (((0.01, 0.0, True), (0.01, 0.0, False)), (ErrorCause.MODEL, ErrorCause.NOT_CONVERGED)),
     ],
 )
 def test_the_larger_cause_comes_first_and_a_ladder_without_convergence_is_one(changes, causes):

@@ -20,9 +20,9 @@ from looping_pendulum.compare.result import (
     InferredEntry,
     Landmarks,
     MeasuredRow,
-    Outcome,
     Rebound,
     Stop,
+    ToleranceOutcome,
     ToleranceResult,
     WallTime,
 )
@@ -109,7 +109,12 @@ def limit(outcome, metric="rms_0.7s", value=2.2e-3, explanation="", **fields):
     return ToleranceResult(metric=metric, value=value, outcome=outcome, explanation=explanation, **(made | fields))
 
 
-GOOD, BAD, FEARED, NOT_RUN = Outcome.PASSED, Outcome.FAILED, Outcome.EXPECTED_FAILURE, Outcome.NOT_RUN
+GOOD, BAD, FEARED, NOT_RUN = (
+    ToleranceOutcome.PASSED,
+    ToleranceOutcome.FAILED,
+    ToleranceOutcome.EXPECTED_FAILURE,
+    ToleranceOutcome.NOT_RUN,
+)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +127,7 @@ GOOD, BAD, FEARED, NOT_RUN = Outcome.PASSED, Outcome.FAILED, Outcome.EXPECTED_FA
         ((FEARED,), "as expected, no; 1 expected failure"),
         ((FEARED, FEARED), "as expected, no; 2 expected failures"),
         ((BAD, GOOD), "no (1 of 2 limits)"),
-        ((BAD, Outcome.UNEXPECTED_PASS, FEARED), "no (2 of 3 limits); 1 expected failure"),
+        ((BAD, ToleranceOutcome.UNEXPECTED_PASS, FEARED), "no (2 of 3 limits); 1 expected failure"),
     ],
 )
 def test_whether_it_is_within_tolerance(result, outcomes, said):
@@ -149,7 +154,9 @@ def test_a_run_that_broke_off_is_no_and_says_why(result):
 
 
 def test_what_is_outside_is_listed_and_what_was_not_run_too(result):
-    judged = dataclasses.replace(result, tolerances=(limit(BAD), limit(Outcome.UNEXPECTED_PASS, "drop_error"), limit(GOOD)))
+    judged = dataclasses.replace(
+        result, tolerances=(limit(BAD), limit(ToleranceOutcome.UNEXPECTED_PASS, "drop_error"), limit(GOOD))
+    )
     said = "**Outside tolerance:** pymunk:chain (rms_0.7s: fail); pymunk:chain (drop_error: unexpected pass).\n"
     assert said in report.render(judged)
     missing = with_engine(result, available=False, status_sentence="it is not there")

@@ -13,7 +13,7 @@ import pytest
 from looping_pendulum.compare import compare, write
 from looping_pendulum.compare.export import CSV_COLUMNS, write_whole
 from looping_pendulum.compare.report import render
-from looping_pendulum.compare.result import ComparisonResult, Outcome, ResultError
+from looping_pendulum.compare.result import ComparisonResult, ResultError, ToleranceOutcome
 from looping_pendulum.compare.tables import number, signed
 from looping_pendulum.compare.tables import table as markdown
 from looping_pendulum.engines.trajectory import RunStatus
@@ -73,19 +73,19 @@ def test_what_is_no_result_is_refused(text, needed):
 @pytest.mark.parametrize(
     ("metric", "value", "expected_failure", "outcome"),
     [
-        ("rms_0.35s", 3.1e-3, "", Outcome.PASSED),
-        ("rms_0.35s", 2.9e-3, "", Outcome.FAILED),
-        ("rms_0.35s", 2.9e-3, "too coarse", Outcome.EXPECTED_FAILURE),
-        ("rms_0.35s", 3.1e-3, "too coarse", Outcome.UNEXPECTED_PASS),
-        ("tube_fraction", 0.99, "", Outcome.PASSED),
-        ("acceleration_error", 1.0, "", Outcome.FAILED),  # a looping release has none: a limit on nothing is not kept
+        ("rms_0.35s", 3.1e-3, "", ToleranceOutcome.PASSED),
+        ("rms_0.35s", 2.9e-3, "", ToleranceOutcome.FAILED),
+        ("rms_0.35s", 2.9e-3, "too coarse", ToleranceOutcome.EXPECTED_FAILURE),
+        ("rms_0.35s", 3.1e-3, "too coarse", ToleranceOutcome.UNEXPECTED_PASS),
+        ("tube_fraction", 0.99, "", ToleranceOutcome.PASSED),
+        ("acceleration_error", 1.0, "", ToleranceOutcome.FAILED),  # a looping release has none: a limit on nothing is not kept
     ],
 )
 def test_tolerances(scenario, truth, make_run, limit, metric, value, expected_failure, outcome):
     scenario = dataclasses.replace(scenario, tolerances=(limit(metric, value, expected_failure),))
     result = compare(scenario, truth, [make_run(shift=(3e-3, 0.0))])
     assert [t.outcome for t in result.tolerances] == [outcome]
-    assert result.within_tolerance is (outcome in (Outcome.PASSED, Outcome.EXPECTED_FAILURE))
+    assert result.within_tolerance is (outcome in (ToleranceOutcome.PASSED, ToleranceOutcome.EXPECTED_FAILURE))
 
 
 def test_a_missing_engine_is_a_gap_that_does_not_fail(scenario, truth, make_run, missing, limit):
@@ -95,7 +95,9 @@ def test_a_missing_engine_is_a_gap_that_does_not_fail(scenario, truth, make_run,
         limit("rms_0.7s", 0.0, engine="x:y"),
     )
     result = compare(dataclasses.replace(scenario, tolerances=tolerances), truth, [make_run(), missing])
-    assert [t.outcome for t in result.tolerances] == [Outcome.NOT_RUN, Outcome.PASSED], "an engine not asked for is left out"
+    assert [t.outcome for t in result.tolerances] == [ToleranceOutcome.NOT_RUN, ToleranceOutcome.PASSED], (
+        "an engine not asked for is left out"
+    )
     assert result.within_tolerance
     report = render(result)
     assert report.count("not run: the engine is not installed") == 1
@@ -106,7 +108,7 @@ def test_a_crash_fails_unless_it_is_expected(scenario, truth, make_run, limit):
     crashed = make_run(until=0.5, status=RunStatus.CRASHED, message="segmentation\nfault | `core`")
     kept = dataclasses.replace(scenario, tolerances=(limit("rms_0.35s", 1e-3),))
     result = compare(kept, truth, [crashed])
-    assert result.tolerances[0].outcome is Outcome.PASSED
+    assert result.tolerances[0].outcome is ToleranceOutcome.PASSED
     assert not result.within_tolerance
     report = render(result)
     assert "**no**: the engine's process died" in report

@@ -12,7 +12,7 @@ import pytest
 import scipy
 
 from looping_pendulum.compare import run_cache
-from looping_pendulum.compare.run_cache import Done, RunCache, Runner, Task, run_key
+from looping_pendulum.compare.run_cache import EndedRun, RunCache, Runner, RunTask, run_key
 from looping_pendulum.engines.trajectory import RunStatus
 from tests.compare.delayed import DelayedEngine
 
@@ -21,7 +21,7 @@ from tests.compare.delayed import DelayedEngine
 def tasks(scenario):
     """Three tasks of three engines."""
     engines = [DelayedEngine(offset=1e-3 * k) for k in range(3)]
-    return [Task(key=run_key(e, scenario), engine=e, scenario=scenario, what=f"run {k}") for k, e in enumerate(engines)]
+    return [RunTask(key=run_key(e, scenario), engine=e, scenario=scenario, what=f"run {k}") for k, e in enumerate(engines)]
 
 
 @pytest.fixture
@@ -90,19 +90,19 @@ def test_a_version_is_found_under_the_name_of_the_import_too(monkeypatch):
 @pytest.mark.parametrize(("limit", "asked", "taken"), [(10.0, 10.0, True), (10.0, 5.0, True), (10.0, 20.0, False)])
 def test_a_run_that_a_shorter_time_limit_has_cut_is_made_again(tmp_path, tasks, make_run, limit, asked, taken):
     cache = RunCache(tmp_path)
-    cache.put(tasks[0], Done(run=make_run(until=0.2, status=RunStatus.TIME_LIMIT), seconds=9.0), limit)
+    cache.put(tasks[0], EndedRun(run=make_run(until=0.2, status=RunStatus.TIME_LIMIT), seconds=9.0), limit)
     assert (cache.get(tasks[0], asked) is not None) is taken
-    cache.put(tasks[0], Done(run=make_run(), seconds=9.0), limit)
+    cache.put(tasks[0], EndedRun(run=make_run(), seconds=9.0), limit)
     assert cache.get(tasks[0], 2 * asked) is not None, "one that came to its end did not need the limit"
 
 
 def test_the_slip_and_an_unknown_cost_come_back_too(tmp_path, tasks, make_run):
     slip = np.linspace(0, 1, 1051)
-    RunCache(tmp_path).put(tasks[0], Done(run=dataclasses.replace(make_run(), string_slip=slip), seconds=None), 1.0)
+    RunCache(tmp_path).put(tasks[0], EndedRun(run=dataclasses.replace(make_run(), string_slip=slip), seconds=None), 1.0)
     again = RunCache(tmp_path).get(tasks[0], 1.0)
     np.testing.assert_array_equal(again.run.string_slip, slip)
     assert again.seconds is None
-    RunCache(tmp_path).put(tasks[1], Done(run=make_run(), seconds=1.0), 1.0)
+    RunCache(tmp_path).put(tasks[1], EndedRun(run=make_run(), seconds=1.0), 1.0)
     assert RunCache(tmp_path).get(tasks[1], 1.0).run.string_slip is None
     assert again.run.label == "delayed:exact", "who made it is known from the task"
 
@@ -175,12 +175,12 @@ def test_progress_tells_of_runs_that_go_on_what_share_is_done(tmp_path, tasks, m
     assert told.pop() == (1.0, "0 of 0 runs; ")
     runner._report(tasks)
     assert told.pop() == (0.0, "0 of 3 runs; ")
-    runner.done[tasks[0].key] = Done(run=make_run(wall_time=2.0), seconds=4.0)
+    runner.done[tasks[0].key] = EndedRun(run=make_run(wall_time=2.0), seconds=4.0)
     runner._running |= {tasks[1].key: 0.5, tasks[2].key: 0.25}
     runner._report(tasks)
     # 4 s are done; of two that are expected to take the usual 2 s each, a half and a quarter.
     assert told.pop() == (pytest.approx((4 + 1 + 0.5) / 8), "1 of 3 runs; run 1, run 2")
-    runner.done["other"] = Done(run=make_run(wall_time=6.0), seconds=6.0)
+    runner.done["other"] = EndedRun(run=make_run(wall_time=6.0), seconds=6.0)
     both = [dataclasses.replace(tasks[0], key="other"), *tasks]
     runner._report(both)
     # 4 and 6 s are done; the usual is 4 s, the mean of 2 and 6.

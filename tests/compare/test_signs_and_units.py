@@ -15,7 +15,7 @@ from looping_pendulum.compare.export import trajectory_csv
 from looping_pendulum.compare.landmarks import run_landmarks
 from looping_pendulum.compare.metrics import THRESHOLDS, departures, growth_rate
 from looping_pendulum.compare.report import limit_and_value, render, verdict_rows
-from looping_pendulum.compare.result import Outcome
+from looping_pendulum.compare.result import ToleranceOutcome
 from looping_pendulum.compare.tolerances import AT_LEAST, judge_one
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.transitions import Mode
@@ -83,7 +83,7 @@ def test_a_limit_holds_for_either_sign(scenario, truth, make_run, limit, metric,
     judged = judge_one(limit(metric, 0.01), dataclasses.replace(engine, metrics=engine.metrics | {metric: 0.01 * factor}))
     if metric in AT_LEAST:  # more is better, and a share or a time is not negative
         kept = factor >= 1
-    assert judged.outcome is (Outcome.PASSED if kept else Outcome.FAILED)
+    assert judged.outcome is (ToleranceOutcome.PASSED if kept else ToleranceOutcome.FAILED)
 
 
 def test_only_what_is_good_when_large_has_a_least_value():
@@ -219,10 +219,10 @@ def test_the_stretch_is_the_largest_of_either_sign(scenario, truth, make_run):
 def test_why_a_tolerance_has_no_value(scenario, truth, make_run, limit):
     short = dataclasses.replace(scenario, tolerances=(limit("rms_1.0s", 1e-3),))
     crashed = compare(short, truth, [make_run(until=0.5, status=RunStatus.CRASHED)]).tolerances[0]
-    assert (crashed.outcome, crashed.value) == (Outcome.FAILED, None)
+    assert (crashed.outcome, crashed.value) == (ToleranceOutcome.FAILED, None)
     assert crashed.explanation == f"no value: {RunStatus.CRASHED.value}"
     cut = compare(short, truth, [make_run(until=0.5)]).tolerances[0]
-    assert cut.outcome is Outcome.FAILED
+    assert cut.outcome is ToleranceOutcome.FAILED
     assert cut.explanation.startswith("no value: the run or the truth does not reach")
     kept = dataclasses.replace(scenario, tolerances=(limit("rms_0.35s", 1e-3),))
     assert compare(kept, truth, [make_run()]).tolerances[0].explanation == ""

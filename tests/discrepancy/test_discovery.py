@@ -15,11 +15,11 @@ from looping_pendulum.discrepancy.fit.residual import calibrated
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.markdown import render
+from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.discrepancy.unlisted import formula
 from looping_pendulum.discrepancy.unlisted.discovery import _evidence, _refit, screen
 from looping_pendulum.discrepancy.unlisted.formula import PREFIX
-from looping_pendulum.discrepancy.unlisted.simplify import Range, forms
-from looping_pendulum.discrepancy.verdict import Verdict
+from looping_pendulum.discrepancy.unlisted.simplify import CoordinateRange, forms
 from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.effects.closure import BUMPS, weight
 from looping_pendulum.reference_ode.solve import solve_at
@@ -102,7 +102,7 @@ def test_no_formula_gains_on_clean_data(tmp_path):
 @pytest.mark.parametrize("target", ["heavy mass", "light mass"])
 def test_a_formula_is_laid_into_bumps_to_a_thousandth(target):
     """Oracle: the formula itself. A step is as sharp as the bumps allow, so to a hundredth."""
-    where = Range(low=0.2, high=1.2, step=0.1)
+    where = CoordinateRange(low=0.2, high=1.2, step=0.1)
     s = np.linspace(where.low, where.high, 500)
     for form in forms(target):
         q = np.array([{"place": 0.6, "width": 0.08}.get(t.name, 0.5 + 0.1 * i) for i, t in enumerate(form.terms)])

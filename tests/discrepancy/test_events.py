@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
 from looping_pendulum.compare.landmarks import truth_landmarks
 from looping_pendulum.discrepancy.data.measurement import Camera
-from looping_pendulum.discrepancy.data.observations import DataError, EventRow
+from looping_pendulum.discrepancy.data.observations import DataError, EventObservation
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit import event_prediction as prediction
 from looping_pendulum.discrepancy.fit.calibration import calibrate
@@ -21,7 +21,7 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.writing import write
-from looping_pendulum.discrepancy.verdict import Verdict
+from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.engines.reference import Truth
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import loader
@@ -40,7 +40,7 @@ def scenario(request):
 
 
 def row(quantity, index=1, value=0.0, sigma=0.01):
-    return EventRow(quantity=quantity, index=index, value=value, sigma=sigma, unit=EVENT_QUANTITIES[quantity].unit)
+    return EventObservation(quantity=quantity, index=index, value=value, sigma=sigma, unit=EVENT_QUANTITIES[quantity].unit)
 
 
 def test_extrema_are_zeros_of_the_exact_speed(scenario):

@@ -9,8 +9,8 @@ import math
 import pytest
 from typer.testing import CliRunner
 
-from looping_pendulum import cli
-from looping_pendulum.discrepancy import verdict
+from looping_pendulum.cli import main as cli
+from looping_pendulum.discrepancy import result as verdict
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.likelihood import rise
@@ -21,7 +21,7 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.listed.attribution import refit
 from looping_pendulum.discrepancy.listed.screening import screen
 from looping_pendulum.discrepancy.report.writing import write
-from looping_pendulum.discrepancy.verdict import Verdict
+from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.scenarios import loader
 from tests.blind.cases import CASES, CLEAN, CLEAN_VARIED, with_signature
 from tests.discrepancy.blind_study import TWO_RATIOS, write_study

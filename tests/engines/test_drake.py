@@ -12,7 +12,7 @@ import pytest
 
 from looping_pendulum.engines.drake import engines
 from looping_pendulum.engines.drake.chain import DrakeChain
-from looping_pendulum.engines.drake.chain_model import SETTINGS, ChainSettings
+from looping_pendulum.engines.drake.chain_model import SETTINGS, DrakeChainSettings
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import ADAPTERS, ENTRY_POINTS, how_to_get
@@ -72,7 +72,7 @@ def test_without_drake_a_run_is_a_gap_that_says_how_to_get_it():
 
 def test_a_group_that_does_not_divide_a_sample_is_refused():
     with pytest.raises(EngineError, match="time_step: found 2e-05 s in groups of 7, needed a whole number of groups"):
-        ChainSettings(time_step=2e-5, bend=0.4, bead_mass_ratio=5e-4, contact_stiffness=2e4, steps_per_group=7)
+        DrakeChainSettings(time_step=2e-5, bend=0.4, bead_mass_ratio=5e-4, contact_stiffness=2e4, steps_per_group=7)
 
 
 def test_studies_vary_one_thing_at_a_time():

@@ -13,7 +13,7 @@ from looping_pendulum.engines.chain import polygon_radius
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.pybullet import engines
 from looping_pendulum.engines.pybullet.chain import SETTINGS, PybulletChain
-from looping_pendulum.engines.pybullet.chain_model import COARSEST, ChainSettings, lay_chain
+from looping_pendulum.engines.pybullet.chain_model import COARSEST, PybulletChainSettings, lay_chain
 from looping_pendulum.engines.pybullet.links import contact_friction, typical_wrap_angle
 from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS
 from looping_pendulum.engines.pybullet.settings import DEFAULT_NEIGHBOUR_MARGIN
@@ -43,7 +43,7 @@ def scenario(duration: float, **changes: object) -> Scenario:
     return Scenario(name="test", title="", description="", parameters=parameters, duration=duration)
 
 
-def polygon_ripple(settings: ChainSettings, rod_radius: float) -> float:
+def polygon_ripple(settings: PybulletChainSettings, rod_radius: float) -> float:
     """Twice the largest lever-arm error of a chain on a rod [m]: c - R and R - c cos(b/2) are about h^2 / 8R."""
     return 2 * settings.link_length**2 / (8 * rod_radius)
 
@@ -161,7 +161,7 @@ def test_links_too_long_for_the_rod_are_refused() -> None:
 
 def test_time_step_that_does_not_divide_the_sample_interval_is_refused() -> None:
     pytest.importorskip("pybullet")
-    settings = ChainSettings(time_step=3e-5, link_length=5e-3, outer_link_length=8e-3, solver_iterations=20)
+    settings = PybulletChainSettings(time_step=3e-5, link_length=5e-3, outer_link_length=8e-3, solver_iterations=20)
     with pytest.raises(EngineError, match="does not divide"):
         PybulletChain(settings=settings).simulate(scenario(0.01))
 

@@ -12,10 +12,10 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pybullet import engines
 from looping_pendulum.engines.pybullet.chain import PybulletChain
 from looping_pendulum.engines.pybullet.defaults import PybulletDefaults
-from looping_pendulum.engines.pybullet.links import Laid
+from looping_pendulum.engines.pybullet.links import LinkPositions
 from looping_pendulum.engines.pybullet.point_to_point import PybulletPointToPoint
 from looping_pendulum.engines.pybullet.remade import SETTINGS, PybulletRemade
-from looping_pendulum.engines.pybullet.remade_model import Watch, lay
+from looping_pendulum.engines.pybullet.remade_model import NodeChanges, lay
 from looping_pendulum.engines.pybullet.remade_rig import RemadeRig
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
@@ -49,7 +49,7 @@ def test_pinned_bodies_follow_the_reference_as_near_as_their_string_keeps_its_le
     assert farthest(fine, case) < 2 * stretches[1] + 2 * fine.settings.link_length**2 / (8 * 0.03)
 
 
-def pushed_chain() -> tuple[Parameters, Laid]:
+def pushed_chain() -> tuple[Parameters, LinkPositions]:
     """A chain whose masses, nodes and links all move as one taut string."""
     p = scenario(0.1, free_length=0.4, push_along=0.4, push_across=0.7).parameters
     return p, lay(p, QUICK, release_velocity(p))
@@ -70,11 +70,11 @@ def test_remade_pushed_chain_turns_about_its_tangent_point_and_slides_as_the_ref
 
 def test_a_node_comes_before_the_string_touches_the_rod_and_goes_after_it_has_left() -> None:
     p, s = scenario(0.1, free_length=0.4).parameters, QUICK
-    watch, circle = Watch(p, s), s.node_circle(p)
+    watch, circle = NodeChanges(p, s), s.node_circle(p)
     bend = s.length_on_rod(p) / p.rod_radius
     lift = s.length_on_rod(p) ** 2 / p.rod_radius
 
-    def chain(turn: float, nodes: int = 5) -> Laid:
+    def chain(turn: float, nodes: int = 5) -> LinkPositions:
         """Nodes on the rod, and straight string that leaves the last one ``turn`` [rad] outside the chord to the next place."""
         angles = bend * np.arange(nodes)
         on_rod = circle * np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -82,7 +82,7 @@ def test_a_node_comes_before_the_string_touches_the_rod_and_goes_after_it_has_le
         light = on_rod[-1] + 0.4 * np.array([math.cos(direction), math.sin(direction)])
         heavy = on_rod[0] + 0.2 * np.array([math.sin(-0.5 * bend + turn), -math.cos(-0.5 * bend + turn)])
         places = np.vstack([heavy, on_rod, light])
-        return Laid(places=places, velocities=np.zeros_like(places))
+        return LinkPositions(places=places, velocities=np.zeros_like(places))
 
     about = bend * p.rod_radius / circle  # turn by which a place a link away rises by `lift`
     near, far = chain(0.5 * s.comes * lift / s.length_on_rod(p)), chain(2 * s.comes * about)
@@ -104,10 +104,10 @@ def test_nodes_that_go_keep_the_strings_length_and_momentum() -> None:
     s = QUICK
     places, velocities = chain.places.copy(), chain.velocities.copy()
     extra = places[0] + np.array([2e-5, 0.6 * p.hanging_length])  # a node that swings on the straight part below the rod
-    swinging = Laid(
+    swinging = LinkPositions(
         places=np.insert(places, 1, extra, axis=0), velocities=np.insert(velocities, 1, velocities[0] + [0.8, 0.0], axis=0)
     )
-    after = Watch(p, s).seen_to(swinging)
+    after = NodeChanges(p, s).seen_to(swinging)
     assert len(after.places) == len(chain.places)
     assert after.lengths.sum() == pytest.approx(swinging.lengths.sum(), abs=1e-9)
     along = (places[-1] - places[-2]) / math.dist(places[-1], places[-2])

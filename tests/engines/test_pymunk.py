@@ -13,7 +13,7 @@ from looping_pendulum.engines.chain import polygon_radius
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pymunk import chain as adapter
 from looping_pendulum.engines.pymunk import engines
-from looping_pendulum.engines.pymunk.calls import SETTINGS, ChainSettings
+from looping_pendulum.engines.pymunk.calls import SETTINGS, PymunkChainSettings
 from looping_pendulum.engines.pymunk.chain import PymunkChain
 from looping_pendulum.engines.static_capstan import chain_exponent, measured_exponent
 from looping_pendulum.engines.trajectory import RunStatus
@@ -71,7 +71,7 @@ def test_profiles_have_their_own_settings():
 @pytest.mark.parametrize("time_step", [3e-6, 1e-3, 1.5e-5])
 def test_a_step_that_does_not_divide_the_sample_interval_is_refused(time_step):
     with pytest.raises(EngineError, match="time_step: found"):
-        ChainSettings(time_step=time_step, bend=0.3, bead_mass_ratio=1e-4)
+        PymunkChainSettings(time_step=time_step, bend=0.3, bead_mass_ratio=1e-4)
 
 
 def test_polygon_winds_up_as_much_string_as_the_circle():

@@ -13,7 +13,7 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pymunk.full_chain import FullChainRig, PymunkFullChain
 from looping_pendulum.engines.pymunk.full_settings import (
     FullChainSettings,
-    Variant,
+    FullChainVariant,
     contact_friction,
     full_settings,
     touching_radius,
@@ -30,7 +30,7 @@ from tests.apparatus import TEN_TO_ONE
 
 pymunk = pytest.importorskip("pymunk")
 
-CAREFUL = (Variant.BEADS, Variant.SEGMENTS)
+CAREFUL = (FullChainVariant.BEADS, FullChainVariant.SEGMENTS)
 FINE = {"link_length": 3e-3, "time_step": 1e-5}
 """Links of 0.48 rad on the thin rod."""
 
@@ -57,7 +57,7 @@ def test_segments_wind_up_as_much_string_as_the_circle():
     # Oracle: a closed polygon of n segments that touch the circle in their middles has the circumference of the rod.
     for n in (8, 20, 40):
         bend = 2 * math.pi / n
-        side = 2 * touching_radius(Variant.SEGMENTS, 0.01, bend) * math.tan(bend / 2)
+        side = 2 * touching_radius(FullChainVariant.SEGMENTS, 0.01, bend) * math.tan(bend / 2)
         assert n * side == pytest.approx(2 * math.pi * 0.01, rel=1e-12)
 
 
@@ -72,7 +72,7 @@ def test_a_segment_with_the_corrected_friction_is_in_equilibrium(bend):
     inwards = math.sin(psi + half) - ratio * math.sin(psi - half)
     turning = (ratio - 1) * math.cos(psi) / math.cos(half)  # about the rod's centre, in units of the circle's radius
     assert turning == pytest.approx(along, rel=1e-12), "friction acts at the circle: its moment is its own size"
-    assert along / inwards == pytest.approx(contact_friction(Variant.SEGMENTS, mu, bend), rel=1e-12)
+    assert along / inwards == pytest.approx(contact_friction(FullChainVariant.SEGMENTS, mu, bend), rel=1e-12)
 
 
 @pytest.mark.parametrize("variant", CAREFUL)
@@ -90,8 +90,8 @@ def test_static_capstan_without_the_correction_is_that_of_the_links(variant):
     engine = PymunkFullChain(variant=variant).with_settings(**FINE, polygon_friction=False)
     bend = engine.settings.bend(6.25e-3)
     expected = {
-        Variant.BEADS: chain_exponent(0.34, math.pi, bend),
-        Variant.SEGMENTS: math.pi / bend * math.asinh(0.34 * math.sin(bend)),
+        FullChainVariant.BEADS: chain_exponent(0.34, math.pi, bend),
+        FullChainVariant.SEGMENTS: math.pi / bend * math.asinh(0.34 * math.sin(bend)),
     }
     assert measured_exponent(engine).exponent == pytest.approx(expected[variant], rel=5e-3)
 
@@ -118,14 +118,14 @@ def test_what_the_string_says_of_its_stretch_is_so():
 @pytest.mark.accurate  # daily by the tolerances of ten_to_one
 def test_the_defaults_stretch_the_string_until_the_run_is_ended():
     # Measured: 5 % of stretch, 33 mm, after 0.07 s; not ended, 0.37 m after 0.23 s.
-    found = run(Variant.DEFAULTS, TEN_TO_ONE, 0.5)
+    found = run(FullChainVariant.DEFAULTS, TEN_TO_ONE, 0.5)
     assert found.status is RunStatus.STRING_DRIFT
     assert 0.05 < found.t[-1] < 0.1
     assert found.string_stretch[-1] > 0.03
 
 
 def test_the_defaults_are_chipmunks():
-    space, settings = pymunk.Space(), full_settings(Variant.DEFAULTS, Profile.ACCURATE)
+    space, settings = pymunk.Space(), full_settings(FullChainVariant.DEFAULTS, Profile.ACCURATE)
     joint = pymunk.PinJoint(pymunk.Body(1, 1), pymunk.Body(1, 1))
     assert space.iterations == settings.iterations
     assert space.collision_slop == pytest.approx(settings.collision_slop, rel=1e-6)  # Chipmunk computes these with a float 0.1
@@ -175,23 +175,23 @@ def test_halfway_along_the_free_string_moves_half_as_fast_across():
 
 def test_held_and_dropped_masses():
     # Oracle: the clamped mass stays; without a string the settings of the chain do not matter.
-    held = run(Variant.BEADS, TEN_TO_ONE.replace(release=Release.HELD), 0.05)
+    held = run(FullChainVariant.BEADS, TEN_TO_ONE.replace(release=Release.HELD), 0.05)
     assert np.ptp(held.heavy_position, axis=0).max() == 0.0
     dropped = TEN_TO_ONE.replace(release=Release.DROP)
-    coarse, fine = (run(Variant.BEADS, dropped, 0.05, link_length=h) for h in (6e-3, 3e-3))
+    coarse, fine = (run(FullChainVariant.BEADS, dropped, 0.05, link_length=h) for h in (6e-3, 3e-3))
     assert coarse.light_position.tobytes() == fine.light_position.tobytes()
     assert np.isnan(coarse.string_stretch).all()
 
 
 def test_groups_of_steps_change_nothing_that_shows():
     # Oracle: the same engine with the drag given every step. Bound: 0.06 mm, the chain's.
-    grouped, p = fat_rod(Variant.BEADS)
-    assert full_settings(Variant.BEADS, Profile.QUICK).force_interval == 10
-    every = run(Variant.BEADS, p, 0.1, force_interval=1)
+    grouped, p = fat_rod(FullChainVariant.BEADS)
+    assert full_settings(FullChainVariant.BEADS, Profile.QUICK).force_interval == 10
+    every = run(FullChainVariant.BEADS, p, 0.1, force_interval=1)
     assert np.linalg.norm(grouped.light_position[: len(every.t)] - every.light_position, axis=1).max() < 0.06e-3
 
 
-@pytest.mark.parametrize("variant", list(Variant))
+@pytest.mark.parametrize("variant", list(FullChainVariant))
 def test_studies_change_one_thing_at_a_time(variant):
     engine = PymunkFullChain(variant=variant)
     studies = engine.studies()

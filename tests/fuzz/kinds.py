@@ -20,7 +20,7 @@ from looping_pendulum.compare.export import trajectory_csv
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.stored import stored_result
 from looping_pendulum.discrepancy.data import readers, study_io
-from looping_pendulum.discrepancy.data.study_file import Measured
+from looping_pendulum.discrepancy.data.study_file import MeasuredField
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.engines.memory import parse_memory
 from looping_pendulum.engines.protocol import Profile
@@ -31,8 +31,8 @@ from looping_pendulum.files import file_stem
 from looping_pendulum.scenarios import dump, load, load_text
 from looping_pendulum.scenarios.measured import read_event_table
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.scenarios.schema import Quantity
-from looping_pendulum.scenarios.units import WORDS, Kind, show, to_si
+from looping_pendulum.scenarios.schema import QuantityField
+from looping_pendulum.scenarios.units import WORDS, QuantityKind, show, to_si
 from looping_pendulum.sweep import map_file
 from looping_pendulum.teaching import tracker
 from looping_pendulum.teaching.questions import QUESTIONS
@@ -64,7 +64,7 @@ class RefusedText(HarnessError):
 
 
 def _unit_seeds() -> list[bytes]:
-    examples = [Kind(unit=unit).way_out for unit in WORDS]
+    examples = [QuantityKind(unit=unit).way_out for unit in WORDS]
     measured = ["(65 +/- 1) cm", "10 g +/- 0.5 %", "free from 3 g"]
     spelled = ["9.81 m s^-2", "4 cm^2", "5 1/s", "112.5°", "−5 °", "512 MiB"]
     return [text.encode() for text in (*examples, *measured, *spelled)]
@@ -76,15 +76,15 @@ def run_quantity(data: bytes) -> None:
     refused: list[Exception] = []
     for unit in WORDS:
         try:
-            value = Quantity(Kind(unit=unit)).read(text)
+            value = QuantityField(QuantityKind(unit=unit)).read(text)
         except PydanticCustomError as error:
             refused.append(error)
         else:
             assert math.isfinite(value)
             assert to_si(show(value, unit), unit) == value
     attempts: list[Callable[[], object]] = [
-        lambda: Measured(Kind(unit="kg"), start=1.0).estimate(text),
-        lambda: Measured(Kind(unit="m")).estimate(text),
+        lambda: MeasuredField(QuantityKind(unit="kg"), start=1.0).estimate(text),
+        lambda: MeasuredField(QuantityKind(unit="m")).estimate(text),
         lambda: QUESTIONS["light.mass"].check_measured(text),
         lambda: QUESTIONS["release.angle"].check(text),
         lambda: parse_memory(text),

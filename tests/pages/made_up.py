@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from looping_pendulum.discrepancy.verdict import (
-    Effect,
+from looping_pendulum.discrepancy.result import (
     EventResidual,
     FitReport,
-    FittedNumber,
+    FittedParameter,
     ForceProfile,
     Identification,
-    Picture,
-    Ranked,
+    IdentifiedEffect,
+    RankedCandidate,
     Round,
     TrialError,
+    TrialFigure,
     Unlisted,
     Verdict,
 )
@@ -25,7 +25,7 @@ def identification(name: str) -> Identification:
     t = np.linspace(0.0, 1.0, 50)
     wave = np.sin(9 * t)
     fit = FitReport(
-        numbers=(FittedNumber(name=name, value=1.0, error=0.1, measured=1.1, measured_error=0.1, at_bound=False),),
+        numbers=(FittedParameter(name=name, value=1.0, error=0.1, measured=1.1, measured_error=0.1, at_bound=False),),
         correlations=(),
         condition=10.0,
         chi2_per_dof=2.0,
@@ -34,12 +34,12 @@ def identification(name: str) -> Identification:
         alarms=(name,),
         starts=(),
     )
-    effect = Effect(
+    effect = IdentifiedEffect(
         name=name, kind="force", acts_on="light mass", depends_on=("speed",), formula="F = -k v", source="", parameter="k",
         meaning="is", value=0.01, error=0.001, interval=None, null=0.0, unit="N s/m", companions=(),
     )  # fmt: skip
     ranking = tuple(
-        Ranked(name=f"{name}{i}", kind="force", score=9.0 - i, gain=90.0 - 40 * i, value=0.01, error=0.001, held_out=1.0,
+        RankedCandidate(name=f"{name}{i}", kind="force", score=9.0 - i, gain=90.0 - 40 * i, value=0.01, error=0.001, held_out=1.0,
                passes=i == 0, reason="" if i == 0 else name)
         for i in range(3)
     )  # fmt: skip
@@ -51,7 +51,7 @@ def identification(name: str) -> Identification:
         acts_on="light mass", depends_on="free_length", multiplied_by="constant", unit="m", profiles=(profile,), formula=None,
         formulas=(), phase="while sliding", gain=100.0, held_out_before=3.0, held_out_after=1.0, others=(),
     )  # fmt: skip
-    picture = Picture(
+    picture = TrialFigure(
         trial=name,
         held_out=False,
         channels=("light_x", "light_y"),

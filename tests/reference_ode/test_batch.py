@@ -179,7 +179,7 @@ def test_processes_share_the_work_and_report_it():
 def test_a_helping_process_takes_what_nobody_has_taken(monkeypatch, swing):
     """As such a process would, but here, where it does not matter which one is faster. With a swing runs go one by one."""
     columns = {"release_angle": np.radians(np.linspace(70.0, 110.0, 7))} | ({"heavy_swing": np.full(7, swing)} if swing else {})
-    job = sharing.Job.of(BASE, columns, 7, DURATION, TOLERANCE, processes=2)
+    job = sharing.SharedBatch.of(BASE, columns, 7, DURATION, TOLERANCE, processes=2)
     job.taken.value = 3
     monkeypatch.setattr(sharing, "_job", job, raising=False)
     sharing._help()
@@ -201,7 +201,7 @@ def test_the_runs_of_a_helping_process_that_dies_are_run_again():
     """As if it had taken four of six: one is impossible, so it stays failed."""
     columns = {"release_angle": np.radians([70.0, 80.0, 90.0, 100.0, 400.0, 110.0]), "heavy_swing": np.full(6, 0.1)}
     deadly = Deadly(**{field.name: getattr(BASE, field.name) for field in dataclasses.fields(Parameters)})
-    job = sharing.Job.of(deadly, columns, 6, DURATION, TOLERANCE, processes=2)
+    job = sharing.SharedBatch.of(deadly, columns, 6, DURATION, TOLERANCE, processes=2)
     job.taken.value = 4
     sharing.work_together(job, None)
     found = job.result()
@@ -211,8 +211,8 @@ def test_the_runs_of_a_helping_process_that_dies_are_run_again():
 
 @pytest.mark.parametrize("processes", [1, 2, 5])
 def test_of_the_last_runs_a_process_takes_only_its_share(processes):
-    job = sharing.Job.of(BASE, {"heavy_mass": np.ones(1000)}, 1000, DURATION, TOLERANCE, processes)
-    runs, taken = sharing.Runs(job), []
+    job = sharing.SharedBatch.of(BASE, {"heavy_mass": np.ones(1000)}, 1000, DURATION, TOLERANCE, processes)
+    runs, taken = sharing.BatchRuns(job), []
     while len(some := runs.take(300)):
         taken.append(len(some))
     assert sum(taken) == 1000

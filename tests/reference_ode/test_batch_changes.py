@@ -15,7 +15,7 @@ from looping_pendulum.errors import HandedOverWarning, ParameterError  # noqa: E
 from looping_pendulum.reference_ode import batch, heyoka_backend  # noqa: E402
 from looping_pendulum.reference_ode.batch import compiled, roots, schedule, sharing, solve_batch, steps  # noqa: E402
 from looping_pendulum.reference_ode.batch.block import NOTES, Block  # noqa: E402
-from looping_pendulum.reference_ode.batch.changes import Changes  # noqa: E402
+from looping_pendulum.reference_ode.batch.changes import BatchTransitions  # noqa: E402
 from looping_pendulum.reference_ode.batch.compiled import LEADING, SIGNS, STATE, model_of  # noqa: E402
 from looping_pendulum.reference_ode.batch.numbers import member, numbers_of, possible  # noqa: E402
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult  # noqa: E402
@@ -47,7 +47,7 @@ def apparatus(release: Release) -> list[Parameters]:
     return [base.replace(**changes) for changes in given]
 
 
-def block_of(all_parameters: list[Parameters]) -> tuple[Block, Changes]:
+def block_of(all_parameters: list[Parameters]) -> tuple[Block, BatchTransitions]:
     """Runs side by side, as `Schedule._release` puts them there."""
     numbers = [numbers_of(p, {}) for p in all_parameters]
     model = model_of(all_parameters[0].effects, numbers[0])
@@ -56,7 +56,7 @@ def block_of(all_parameters: list[Parameters]) -> tuple[Block, Changes]:
         block.numbers[row] = [n[name] for n in numbers]
     for entry, name in (("free_length", "free_length"), ("wrap_angle", "release_angle")):
         block[entry] = [n[name] for n in numbers]
-    return block, Changes(model, all_parameters[0].release)
+    return block, BatchTransitions(model, all_parameters[0].release)
 
 
 def pushes(all_parameters: list[Parameters]) -> tuple[np.ndarray, ...]:

@@ -7,14 +7,14 @@ import pytest
 
 hy = pytest.importorskip("heyoka")
 
-from looping_pendulum.reference_ode.batch.compiled import Compiled  # noqa: E402
+from looping_pendulum.reference_ode.batch.compiled import CompiledFunction  # noqa: E402
 from looping_pendulum.reference_ode.batch.roots import first_falls  # noqa: E402
-from looping_pendulum.reference_ode.batch.series import Book  # noqa: E402
+from looping_pendulum.reference_ode.batch.series import SeriesAlgebra  # noqa: E402
 
 
 def test_series_of_the_elementary_functions():
     """Oracle: known series of functions of 0.5 + s, s the variable."""
-    book = Book()
+    book = SeriesAlgebra()
     x = book.variable(hy.expression("x"), lambda: book.series(1.0))
     cases = {
         "exp": (book.exp(x), [math.exp(0.5) / math.factorial(n) for n in range(6)]),
@@ -37,7 +37,7 @@ def _binomial(a, n):
 
 def test_a_compiled_function_gives_each_column_the_same_wherever_it_stands():
     x, y = hy.make_vars("x", "y")
-    function = Compiled([hy.exp(x) * hy.sin(y) + 1.0 / y, hy.log(x) - y], [x, y])
+    function = CompiledFunction([hy.exp(x) * hy.sin(y) + 1.0 / y, hy.log(x) - y], [x, y])
     data = np.random.default_rng(0).uniform(0.1, 3.0, (2, 19))
     whole = function(data)
     np.testing.assert_allclose(whole, [np.exp(data[0]) * np.sin(data[1]) + 1 / data[1], np.log(data[0]) - data[1]], rtol=1e-14)
@@ -46,7 +46,7 @@ def test_a_compiled_function_gives_each_column_the_same_wherever_it_stands():
 
 
 def test_equal_operations_are_made_once():
-    book = Book()
+    book = SeriesAlgebra()
     x = book.variable(hy.expression("x"), lambda: book.series(1.0))
     y = book.variable(hy.expression("y"), lambda: book.series(1.0))
     assert x * y is y * x

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from looping_pendulum.scenarios import units
-from looping_pendulum.scenarios.units import COMMON, EXAMPLES, WORDS, Kind, RangeError, UnitError, show, to_si
+from looping_pendulum.scenarios.units import COMMON, EXAMPLES, WORDS, QuantityKind, RangeError, UnitError, show, to_si
 
 UNITS = ["", "m", "kg", "s", "rad", "kg/m", "kg/m**2", "m/s**2", "N/m"]
 
@@ -118,7 +118,7 @@ def test_shows_what_a_person_would_write(value, unit, text):
 
 @pytest.mark.parametrize("unit", sorted(WORDS))
 def test_each_kind_has_an_example_that_it_reads(unit):
-    kind = Kind(unit=unit)
+    kind = QuantityKind(unit=unit)
     assert kind.parse(kind.way_out) > 0
     assert set(EXAMPLES) <= set(WORDS)
 
@@ -130,7 +130,7 @@ def test_what_is_known_without_pint_is_what_pint_says(written, unit, monkeypatch
 
 
 def test_bounds_are_kept_and_told():
-    kind = Kind(unit="m", low=0.0, high=1.0, above_low=True)
+    kind = QuantityKind(unit="m", low=0.0, high=1.0, above_low=True)
     assert kind.wanted == "a length above 0 up to 1 m"
     assert kind.parse("100 cm") == 1.0
     for text in ("0 m", "1.01 m"):

@@ -27,7 +27,7 @@ def solve(task):
     without = values["stops"] % 5 == 0
     values["halting_time"][without] = np.nan
     values["end"] = np.where(without, end_code("unwrapped"), end_code("light_reaches_rod")).astype(np.int8)
-    return cells.Result(index=task.index, values=values, versions=cells.versions(task.engine, task.profile))
+    return cells.CellResult(index=task.index, values=values, versions=cells.versions(task.engine, task.profile))
 
 
 def die_at_last(task):

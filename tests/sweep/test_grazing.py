@@ -5,13 +5,13 @@ import pytest
 
 from looping_pendulum.reference_ode.transitions import Event
 from looping_pendulum.scenarios.loader import load
-from looping_pendulum.sweep.grazing import Line, approach, find_changes, gap
+from looping_pendulum.sweep.grazing import ParameterLine, approach, find_changes, gap
 
 CLOSE = 1e-8
 
 
 def line(**changes):
-    return Line(base=load("two_and_a_half_to_one").parameters.replace(**changes), name="release_angle", duration=8.0)
+    return ParameterLine(base=load("two_and_a_half_to_one").parameters.replace(**changes), name="release_angle", duration=8.0)
 
 
 def only_change(of, low, high):

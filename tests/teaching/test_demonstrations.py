@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from looping_pendulum.cli.main import app
 from looping_pendulum.scenarios import loader
 from looping_pendulum.teaching.demonstrations import page as demonstrations_page
-from looping_pendulum.teaching.demonstrations.demonstration import Claim, DemonstrationError, Sentence, show
+from looping_pendulum.teaching.demonstrations.demonstration import Claim, DemonstrationError, JudgedClaim, show
 from looping_pendulum.teaching.demonstrations.page import (
     DEMONSTRATIONS,
     MADE_WITH,
@@ -101,7 +101,7 @@ def test_a_claim_about_a_number_that_is_not_there_does_not_break_the_page():
     nothing = dataclasses.replace(away, measure=lambda runs, key: None)
     quantities = tuple(nothing if q is away else q for q in d.quantities)
     shown = show(dataclasses.replace(never, quantities=quantities, claims=never.claims[:1]))
-    assert shown.answer == (Sentence(text="It reaches {away[r1.0]:.3f} s.", holds=False),)
+    assert shown.answer == (JudgedClaim(text="It reaches {away[r1.0]:.3f} s.", holds=False),)
     assert all(row[3] == "–" for row in shown.rows)
 
 

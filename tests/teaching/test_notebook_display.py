@@ -7,7 +7,7 @@ import dataclasses
 import pytest
 
 from looping_pendulum.compare.comparison import compare
-from looping_pendulum.discrepancy.verdict import FitReport, Identification, TrialError, Verdict
+from looping_pendulum.discrepancy.result import FitReport, Identification, TrialError, Verdict
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Truth
 from looping_pendulum.engines.registry import select

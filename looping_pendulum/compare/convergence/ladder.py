@@ -39,7 +39,7 @@ FINEST = 4
 """Rungs whose scatter is taken, where they follow no power law."""
 
 
-class Kind(StrEnum):
+class SequenceKind(StrEnum):
     """What a sequence does."""
 
     CONVERGES = "converges"
@@ -51,10 +51,10 @@ class Kind(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class SequenceFinding:
     """What a sequence does, and its limit."""
 
-    kind: Kind
+    kind: SequenceKind
     why: str = ""
     """Why it is no better, in a few words."""
     used: int = 0
@@ -96,7 +96,7 @@ def sizes(values: Sequence[float]) -> Array:
     raise ValueError(f"values from coarse to fine neither rise nor fall: {', '.join(f'{v:g}' for v in values)}")
 
 
-def examine(h: Array, values: Sequence[Array], *, floor: float = 0.0, spread: float | None = None) -> Finding:
+def examine(h: Array, values: Sequence[Array], *, floor: float = 0.0, spread: float | None = None) -> SequenceFinding:
     """Say what a sequence does as ``h`` falls.
 
     Parameters
@@ -111,7 +111,7 @@ def examine(h: Array, values: Sequence[Array], *, floor: float = 0.0, spread: fl
         Standard deviation that small changes of the start give; changes within it are no convergence.
     """
     if len(values) < FEWEST:
-        return Finding(kind=Kind.UNKNOWN, why=f"{len(values)} of the {FEWEST} rungs that it needs")
+        return SequenceFinding(kind=SequenceKind.UNKNOWN, why=f"{len(values)} of the {FEWEST} rungs that it needs")
     settled = _settled(values, floor)
     moving = len(values) - settled + 1
     if settled > 1:
@@ -119,7 +119,7 @@ def examine(h: Array, values: Sequence[Array], *, floor: float = 0.0, spread: fl
         if before is not None and before.points_to(values[-1]):
             return replace(before, limit=values[-1], uncertainty=floor)
     if settled >= FEWEST:  # two alone may be so by chance
-        return Finding(kind=Kind.SETTLED, used=settled, limit=values[-1], uncertainty=floor)
+        return SequenceFinding(kind=SequenceKind.SETTLED, used=settled, limit=values[-1], uncertainty=floor)
     power_law = _power_law(h, values, floor, spread, settled=False)
     if power_law is not None:
         change = norm(values[-power_law.used] - values[-1])
@@ -132,8 +132,8 @@ def examine(h: Array, values: Sequence[Array], *, floor: float = 0.0, spread: fl
     mean = np.mean(tail, axis=0)
     half_width = float(students_t.ppf(CONFIDENCE, len(tail) - 1)) * scatter / math.sqrt(len(tail))
     drift = norm(np.mean(tail[-2:], axis=0) - mean)  # a trend below the scatter still moves the mean
-    return Finding(
-        kind=Kind.WITHIN_SPREAD if within else Kind.SCATTERS,
+    return SequenceFinding(
+        kind=SequenceKind.WITHIN_SPREAD if within else SequenceKind.SCATTERS,
         why=why,
         used=len(tail),
         limit=mean,
@@ -150,7 +150,7 @@ def _settled(values: Sequence[Array], floor: float) -> int:
     return count
 
 
-def _power_law(h: Array, values: Sequence[Array], floor: float, spread: float | None, settled: bool) -> Finding | None:
+def _power_law(h: Array, values: Sequence[Array], floor: float, spread: float | None, settled: bool) -> SequenceFinding | None:
     """Order and limit of most of the finest rungs that follow one power law; None if they are less than half, or three of more.
 
     With settled rungs behind them three will do: those show the limit themselves. The spread is the noise of a rung, unless
@@ -225,7 +225,7 @@ def _fit(h: Array, values: Sequence[Array], noise: float) -> _Fit | None:
     )
 
 
-def _converging(h: Array, values: Sequence[Array], fit: _Fit, noise: float) -> Finding:
+def _converging(h: Array, values: Sequence[Array], fit: _Fit, noise: float) -> SequenceFinding:
     """Order and limit of rungs that follow a power law, with what leaving out one rung at a time says of them."""
     count = len(values)
     others = []
@@ -242,8 +242,8 @@ def _converging(h: Array, values: Sequence[Array], fit: _Fit, noise: float) -> F
     agreed = order_error is not None and order_error < fit.order
     to_limit = norm(values[-1] - fit.limit)
     covered = ((SAFETY if agreed else CAUTIOUS_SAFETY) - 1) * to_limit
-    return Finding(
-        kind=Kind.CONVERGES,
+    return SequenceFinding(
+        kind=SequenceKind.CONVERGES,
         used=count,
         order=fit.order,
         order_uncertainty=order_error,
@@ -274,7 +274,7 @@ def _not_monotone(values: Sequence[Array]) -> str:
     return "its changes follow no power of the setting"
 
 
-class Cause(StrEnum):
+class ErrorCause(StrEnum):
     """What the larger part of an error is."""
 
     NOT_CONVERGED = "not converged"
@@ -296,7 +296,7 @@ class Correction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Split:
+class ErrorParts:
     """An error in parts, in the quantity's unit; each with its 95 % uncertainty where it has one."""
 
     error: float
@@ -307,7 +307,7 @@ class Split:
     choice: float | None
     choice_of: str
     spread: float | None
-    causes: tuple[Cause, ...]
+    causes: tuple[ErrorCause, ...]
     """Those seen above their uncertainty, the largest first."""
 
 
@@ -319,7 +319,7 @@ def split_error(
     choices: Mapping[str, Array],
     spread: float | None,
     floor: float = 0.0,
-) -> Split:
+) -> ErrorParts:
     """Split the distance of ``own`` from ``truth`` into numerics, model and choice.
 
     What is left at the limit is the model's if no other choice changes the answer by as much; else it is the adapter's choice.
@@ -342,17 +342,19 @@ def split_error(
     choice_of = max(moved, key=lambda what: moved[what], default="")
     choice = moved.get(choice_of)
     numerics = model = half_width = None
-    found: list[tuple[float, Cause]] = []
+    found: list[tuple[float, ErrorCause]] = []
     if corrections:
         total = np.sum([c.change for c in corrections], axis=0)
         numerics, model = norm(total), norm(own + total - truth)
         half_width = math.hypot(noise, *(c.uncertainty for c in corrections))
         if numerics > half_width or not all(c.converges for c in corrections):
-            found.append((numerics, Cause.NOT_CONVERGED))
+            found.append((numerics, ErrorCause.NOT_CONVERGED))
         if model > half_width:
-            found.append((model, Cause.CHOICE if choice is not None and choice >= model - half_width else Cause.MODEL))
+            found.append(
+                (model, ErrorCause.CHOICE if choice is not None and choice >= model - half_width else ErrorCause.MODEL)
+            )
     causes = tuple(cause for _, cause in sorted(found, key=lambda pair: -pair[0]))
-    return Split(
+    return ErrorParts(
         error=norm(own - truth),
         numerics=numerics,
         numerics_uncertainty=half_width,
@@ -361,5 +363,5 @@ def split_error(
         choice=choice,
         choice_of=choice_of,
         spread=spread,
-        causes=causes or ((Cause.NOTHING,) if corrections else (Cause.UNKNOWN,)),
+        causes=causes or ((ErrorCause.NOTHING,) if corrections else (ErrorCause.UNKNOWN,)),
     )

@@ -11,11 +11,19 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.compare.align import align
-from looping_pendulum.compare.convergence.ladder import Correction, Finding, Kind, norm, sizes, split_error
-from looping_pendulum.compare.convergence.result import DROP, HALT, MARKS, QUANTITIES, ErrorSplit, RunSummary, Verdict
+from looping_pendulum.compare.convergence.ladder import Correction, SequenceFinding, SequenceKind, norm, sizes, split_error
+from looping_pendulum.compare.convergence.result import (
+    DROP,
+    HALT,
+    MARKS,
+    QUANTITIES,
+    ConvergenceVerdict,
+    ErrorSplit,
+    RunSummary,
+)
 from looping_pendulum.compare.landmarks import SampledTruth, run_landmarks
 from looping_pendulum.compare.metrics import MARK_SLACK, rms_until
-from looping_pendulum.compare.run_cache import Done
+from looping_pendulum.compare.run_cache import EndedRun
 from looping_pendulum.compare.tables import number
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.engines.reference import Truth
@@ -37,7 +45,7 @@ Errors = Mapping[str, Array | None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Target:
+class ReferenceTarget:
     """The truth of one scenario, and its numbers."""
 
     scenario: Scenario
@@ -47,7 +55,7 @@ class Target:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measured:
+class MeasuredRun:
     """A run's errors and its summary."""
 
     key: str
@@ -57,13 +65,13 @@ class Measured:
     summary: RunSummary
 
 
-def target(scenario: Scenario, truth: Truth) -> Target:
+def target(scenario: Scenario, truth: Truth) -> ReferenceTarget:
     """Return the truth of ``scenario`` with its numbers."""
     marks = SampledTruth(truth, scenario.parameters).beside()
-    return Target(scenario=scenario, truth=truth, numbers={HALT: marks.halting_time, DROP: marks.drop_at_halt})
+    return ReferenceTarget(scenario=scenario, truth=truth, numbers={HALT: marks.halting_time, DROP: marks.drop_at_halt})
 
 
-def floors(t: Target) -> dict[str, float]:
+def floors(t: ReferenceTarget) -> dict[str, float]:
     """Quantity -> how well it can be read off: numbers of the halt by reading the truth's own from its samples, shifted."""
     grid, worst = _grid(t.scenario), {HALT: NUMBER_FLOOR, DROP: NUMBER_FLOOR}
     for shift in np.arange(READINGS) / READINGS * SAMPLE_INTERVAL:
@@ -82,7 +90,7 @@ def _grid(scenario: Scenario) -> Array:
     return np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL
 
 
-def measure(key: str, done: Done | None, t: Target) -> Measured:
+def measure(key: str, done: EndedRun | None, t: ReferenceTarget) -> MeasuredRun:
     """Errors of a run, all None where there is no run."""
     run = None if done is None else done.run
     if run is None:
@@ -100,7 +108,7 @@ def measure(key: str, done: Done | None, t: Target) -> Measured:
             drop_error=None,
             string_stretch=None,
         )
-        return Measured(key=key, errors=dict.fromkeys(QUANTITIES), ended=False, summary=summary)
+        return MeasuredRun(key=key, errors=dict.fromkeys(QUANTITIES), ended=False, summary=summary)
     aligned = align(run, t.truth)
     rms = {name: rms_until(aligned, mark) for name, mark in MARKS.items()}
     errors: dict[str, Array | None] = {
@@ -126,7 +134,7 @@ def measure(key: str, done: Done | None, t: Target) -> Measured:
         drop_error=off[DROP],
         string_stretch=float(stretch.max()) if len(stretch) else None,
     )
-    return Measured(key=key, errors=errors, ended=run.status.ok, summary=summary)
+    return MeasuredRun(key=key, errors=errors, ended=run.status.ok, summary=summary)
 
 
 def change(quantity: str, of: Errors, to: Errors) -> float | None:
@@ -137,29 +145,29 @@ def change(quantity: str, of: Errors, to: Errors) -> float | None:
     return norm(b - a) if quantity in MARKS else float((b - a)[0, 0])
 
 
-def finding_of(quantity: str, rungs: Sequence[Measured], found: Finding) -> Finding:
+def finding_of(quantity: str, rungs: Sequence[MeasuredRun], found: SequenceFinding) -> SequenceFinding:
     """``found``, or what to say of a halt that some or all rungs lack."""
     if quantity in MARKS:
         return found
     ended = [rung for rung in rungs if rung.ended]
     lacking = sum(rung.errors[quantity] is None for rung in ended)
     if ended and lacking == len(ended):
-        return Finding(kind=Kind.NEVER, why=f"no halt at any of {len(ended)} rungs")
+        return SequenceFinding(kind=SequenceKind.NEVER, why=f"no halt at any of {len(ended)} rungs")
     if lacking:
         return dataclasses.replace(
-            found, kind=Kind.SCATTERS, why=f"no halt at {lacking} of {len(ended)} rungs", limit=None, order=None
+            found, kind=SequenceKind.SCATTERS, why=f"no halt at {lacking} of {len(ended)} rungs", limit=None, order=None
         )
     return found
 
 
-def verdict(quantity: str, found: Finding, rungs: int, t: Target) -> Verdict:
+def verdict(quantity: str, found: SequenceFinding, rungs: int, t: ReferenceTarget) -> ConvergenceVerdict:
     """Put a finding into numbers and words."""
     distance = limit = None
     if found.limit is not None:
         distance = norm(found.limit) if quantity in MARKS else float(found.limit[0, 0])
         true = t.numbers.get(quantity)
         limit = None if true is None else true + distance
-    return Verdict(
+    return ConvergenceVerdict(
         quantity=quantity,
         unit=QUANTITIES[quantity],
         kind=found.kind,
@@ -176,15 +184,15 @@ def verdict(quantity: str, found: Finding, rungs: int, t: Target) -> Verdict:
     )
 
 
-def sentence(unit: str, found: Finding, distance: float | None) -> str:
+def sentence(unit: str, found: SequenceFinding, distance: float | None) -> str:
     """One line: whether it converges, how, and to what."""
     shown, scale = SHOWN[unit]
     if distance is None or found.uncertainty is None:
         return f"{found.kind.value}: {found.why}"
-    if found.kind is Kind.CONVERGES and found.order is not None:
+    if found.kind is SequenceKind.CONVERGES and found.order is not None:
         known = "" if found.order_uncertainty is None else f" ± {number(found.order_uncertainty, digits=2)}"
         how = f"converges, order {number(found.order, digits=3)}{known},"
-    elif found.kind is Kind.SETTLED:
+    elif found.kind is SequenceKind.SETTLED:
         how = f"no longer changes over the last {found.used} rungs,"
     else:
         each = number(found.scatter, scale, digits=2)
@@ -196,12 +204,12 @@ def sentence(unit: str, found: Finding, distance: float | None) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Climbed:
+class LadderResult:
     """A ladder with its runs and what every quantity does along it."""
 
     ladder: Ladder
-    rungs: tuple[Measured, ...]
-    findings: Mapping[str, Finding]
+    rungs: tuple[MeasuredRun, ...]
+    findings: Mapping[str, SequenceFinding]
     own: float | None
     """The setting's value at the variant's own settings."""
 
@@ -211,7 +219,7 @@ class Climbed:
         return float(values[-1]) if values and isinstance(values[-1], (int, float)) and values[0] != values[-1] else None
 
 
-def contained(one: Climbed, others: Sequence[Climbed]) -> bool:
+def contained(one: LadderResult, others: Sequence[LadderResult]) -> bool:
     """Whether another ladder takes the setting of ``one`` along, as far or further, so that it would count twice.
 
     Of two that take each other's along, the later is contained.
@@ -229,7 +237,7 @@ def contained(one: Climbed, others: Sequence[Climbed]) -> bool:
     return False
 
 
-def correction(quantity: str, climbed: Climbed, own: Measured) -> Correction | None:
+def correction(quantity: str, climbed: LadderResult, own: MeasuredRun) -> Correction | None:
     """How far the ladder's limit is from the variant's own setting, along this ladder; None without a limit."""
     found = climbed.findings[quantity]
     if found.limit is None or found.uncertainty is None:
@@ -248,15 +256,15 @@ def correction(quantity: str, climbed: Climbed, own: Measured) -> Correction | N
         ladder=climbed.ladder.setting,
         change=found.limit - start,
         uncertainty=found.uncertainty,
-        converges=found.kind in (Kind.CONVERGES, Kind.SETTLED),
+        converges=found.kind in (SequenceKind.CONVERGES, SequenceKind.SETTLED),
     )
 
 
 def error_split(
     quantity: str,
-    own: Measured,
-    climbed: Sequence[Climbed],
-    choices: Mapping[str, Measured],
+    own: MeasuredRun,
+    climbed: Sequence[LadderResult],
+    choices: Mapping[str, MeasuredRun],
     spread: float | None,
     floor: float,
 ) -> ErrorSplit | None:

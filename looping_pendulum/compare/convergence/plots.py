@@ -9,8 +9,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from looping_pendulum.compare.convergence.ladder import Kind
-from looping_pendulum.compare.convergence.result import HALT, MARKS, ConvergenceResult, LadderStudy, VariantStudy, Verdict
+from looping_pendulum.compare.convergence.ladder import SequenceKind
+from looping_pendulum.compare.convergence.result import (
+    HALT,
+    MARKS,
+    ConvergenceResult,
+    ConvergenceVerdict,
+    LadderStudy,
+    VariantStudy,
+)
 from looping_pendulum.compare.plots import GREY, figure_of, legend_below, literal, png
 from looping_pendulum.files import decoration, file_stem
 from looping_pendulum.pages.palette import COLOURS
@@ -54,12 +61,12 @@ def ladder_figure(v: VariantStudy, ladder: LadderStudy) -> Figure:
     return figure
 
 
-def _errors(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdicts: dict[str, Verdict]) -> None:
+def _errors(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdicts: dict[str, ConvergenceVerdict]) -> None:
     for name, (marker, colour) in LOOK.items():
         words, verdict = f"to {MARKS[name]:g} s", verdicts[name]
         how: dict[str, Any] = {"marker": marker, "color": colour, "ms": 5}
         axes.plot(*_points(ladder, [r.run.rms[name] for r in ladder.rungs]), label=f"from the truth, {words}", **how)
-        if verdict.kind in (Kind.CONVERGES, Kind.SETTLED):
+        if verdict.kind in (SequenceKind.CONVERGES, SequenceKind.SETTLED):
             order = "" if verdict.order is None else f", order {verdict.order:.2g}"
             to_limit = _points(ladder, [r.to_limit[name] for r in ladder.rungs])
             axes.plot(*to_limit, dashes=(4, 2), mfc="white", label=f"from its own limit, {words}{order}", **how)
@@ -72,7 +79,7 @@ def _errors(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdicts: dict[str
     axes.set_ylabel("RMS distance of the light mass [mm]")
 
 
-def _halts(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdict: Verdict) -> None:
+def _halts(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdict: ConvergenceVerdict) -> None:
     known = [
         (r.value, r.run.halting_time_error * 1e3) for r in ladder.rungs if r.value > 0 and r.run.halting_time_error is not None
     ]

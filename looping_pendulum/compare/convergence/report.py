@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from looping_pendulum.compare.convergence.ladder import Cause, Kind
+from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
 from looping_pendulum.compare.convergence.measure import SHOWN
 from looping_pendulum.compare.convergence.result import (
     DROP,
@@ -123,7 +123,7 @@ def _split_row(v: VariantStudy, name: str, scale: float) -> list[str]:
 
 def _causes(split: ErrorSplit) -> str:
     text = ", then ".join(cause.value for cause in split.causes)
-    if split.without_limit and Cause.UNKNOWN not in split.causes:
+    if split.without_limit and ErrorCause.UNKNOWN not in split.causes:
         text += f" (no limit along {', '.join(split.without_limit)})"
     return text
 
@@ -146,20 +146,20 @@ def halting_verdict(v: VariantStudy) -> str:
     kinds = {verdict.kind for verdict in found}
     if not found:
         return f"not known: it has no ladder ({LADDERS})"
-    if kinds == {Kind.NEVER}:
+    if kinds == {SequenceKind.NEVER}:
         return "never halts"
     if not v.own.ok:
         return "not known: its own run does not end properly"
-    if Kind.SCATTERS in kinds or Kind.NEVER in kinds:
+    if SequenceKind.SCATTERS in kinds or SequenceKind.NEVER in kinds:
         if v.own.halting_time is None:
             return "no; it halts at some settings only"
-        worst = max((verdict.scatter or 0.0 for verdict in found if verdict.kind is Kind.SCATTERS), default=0.0)
+        worst = max((verdict.scatter or 0.0 for verdict in found if verdict.kind is SequenceKind.SCATTERS), default=0.0)
         return f"no; it scatters by ± {number(worst, 1e3, 2)} ms"
     split = next((s for s in v.splits if s.quantity == HALT), None)
-    if Kind.UNKNOWN in kinds or split is None:
+    if SequenceKind.UNKNOWN in kinds or split is None:
         return "not known along every ladder"
     within = f"to within ± {number(split.numerics_uncertainty, 1e3, 2)} ms"
-    return f"only {within}, its spread" if Kind.WITHIN_SPREAD in kinds else f"yes, {within}"
+    return f"only {within}, its spread" if SequenceKind.WITHIN_SPREAD in kinds else f"yes, {within}"
 
 
 def _halting_row(v: VariantStudy) -> list[str]:

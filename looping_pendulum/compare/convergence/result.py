@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from looping_pendulum.compare.convergence.ladder import Cause, Kind
+from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
 from looping_pendulum.compare.json_text import dump, load
 from looping_pendulum.compare.result import RunProvenance
 
@@ -66,12 +66,12 @@ class Rung:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verdict:
+class ConvergenceVerdict:
     """What one quantity does along one ladder."""
 
     quantity: str
     unit: str
-    kind: Kind
+    kind: SequenceKind
     why: str
     """Why it is no better."""
     rungs: int
@@ -103,7 +103,7 @@ class LadderStudy:
     """Value at the variant's own settings."""
     rungs: tuple[Rung, ...]
     """From coarse to fine."""
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[ConvergenceVerdict, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +147,7 @@ class ErrorSplit:
     choice_of: str
     spread: float | None
     """Standard deviation of the error under small changes of the start."""
-    causes: tuple[Cause, ...]
+    causes: tuple[ErrorCause, ...]
     """Parts above their uncertainty, the largest first."""
     without_limit: tuple[str, ...]
     """Ladders whose limit is not known: they are missing from the numerics."""

@@ -9,11 +9,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from looping_pendulum.compare.convergence.ladder import Finding, deviation, examine, norm
+from looping_pendulum.compare.convergence.ladder import SequenceFinding, deviation, examine, norm
 from looping_pendulum.compare.convergence.measure import (
-    Climbed,
-    Measured,
-    Target,
+    LadderResult,
+    MeasuredRun,
+    ReferenceTarget,
     change,
     error_split,
     finding_of,
@@ -40,13 +40,13 @@ from looping_pendulum.compare.convergence.result import (
 from looping_pendulum.compare.export import write_whole
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.result import RunProvenance, SupplyEntry
-from looping_pendulum.compare.run_cache import Done, Progress, RunCache, Runner, Task, run_key
+from looping_pendulum.compare.run_cache import EndedRun, Progress, RunCache, Runner, RunTask, run_key
 from looping_pendulum.engines.isolation import TIME_LIMIT
 from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.reference import Truth
 from looping_pendulum.engines.registry import label
-from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder, Studies
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
 from looping_pendulum.engines.trajectory import supplies_as_rows
 from looping_pendulum.errors import EngineError
 from looping_pendulum.scenarios.scenario import Scenario
@@ -62,18 +62,18 @@ AFTER_HALT = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class StudyPlan:
     """What is run of one variant."""
 
     engine: Engine
     studies: Studies
-    own: Task
-    starts: tuple[tuple[str, Task], ...]
-    ladders: tuple[tuple[Ladder, tuple[Task, ...]], ...]
-    choices: tuple[tuple[Choice, Task], ...]
-    defaults: tuple[tuple[HiddenDefault, Task], ...]
+    own: RunTask
+    starts: tuple[tuple[str, RunTask], ...]
+    ladders: tuple[tuple[Ladder, tuple[RunTask, ...]], ...]
+    choices: tuple[tuple[AdapterChoice, RunTask], ...]
+    defaults: tuple[tuple[HiddenDefault, RunTask], ...]
 
-    def tasks(self) -> list[Task]:
+    def tasks(self) -> list[RunTask]:
         """All runs, those first that tell what others will cost."""
         rungs = [task for _, tasks in self.ladders for task in tasks]
         rungs.sort(key=lambda task: len(task.coarser))
@@ -101,17 +101,17 @@ def changed_starts(scenario: Scenario) -> list[tuple[str, Scenario]]:
     return found
 
 
-def plan(engine: Engine, scenario: Scenario, starts: Sequence[tuple[str, Scenario]]) -> Plan:
+def plan(engine: Engine, scenario: Scenario, starts: Sequence[tuple[str, Scenario]]) -> StudyPlan:
     """List the runs of one variant."""
     name, own_key = label(engine), run_key(engine, scenario)
 
-    def task(one: Engine, what: str, where: Scenario = scenario) -> Task:
-        return Task(key=run_key(one, where), engine=one, scenario=where, what=f"{name} {what}", like=own_key)
+    def task(one: Engine, what: str, where: Scenario = scenario) -> RunTask:
+        return RunTask(key=run_key(one, where), engine=one, scenario=where, what=f"{name} {what}", like=own_key)
 
     studies = engine.studies()
     ladders = []
     for ladder in studies.ladders:
-        rungs: list[Task] = []
+        rungs: list[RunTask] = []
         try:
             falling = size_of(ladder)
         except ValueError as error:
@@ -123,7 +123,7 @@ def plan(engine: Engine, scenario: Scenario, starts: Sequence[tuple[str, Scenari
             made = task(one, f"{ladder.setting} {value:g}")
             rungs.append(dataclasses.replace(made, size=float(size), coarser=above))
         ladders.append((ladder, tuple(rungs)))
-    return Plan(
+    return StudyPlan(
         engine=engine,
         studies=studies,
         own=task(engine, "at its own settings"),
@@ -199,10 +199,12 @@ def study_convergence(
     )
 
 
-def judge(one: Plan, done: dict[str, Done], t: Target, moved: dict[str, Target], seen: dict[str, float]) -> VariantStudy:
+def judge(
+    one: StudyPlan, done: dict[str, EndedRun], t: ReferenceTarget, moved: dict[str, ReferenceTarget], seen: dict[str, float]
+) -> VariantStudy:
     """Verdicts and parts of the error of one variant, from its runs."""
 
-    def measured(task: Task, against: Target = t) -> Measured:
+    def measured(task: RunTask, against: ReferenceTarget = t) -> MeasuredRun:
         return measure(task.key, done.get(task.key), against)
 
     own = measured(one.own)
@@ -242,21 +244,21 @@ def judge(one: Plan, done: dict[str, Done], t: Target, moved: dict[str, Target],
 
 
 def climb(
-    ladder: Ladder, rungs: tuple[Measured, ...], engine: Engine, spread: dict[str, float | None], seen: dict[str, float]
-) -> Climbed:
+    ladder: Ladder, rungs: tuple[MeasuredRun, ...], engine: Engine, spread: dict[str, float | None], seen: dict[str, float]
+) -> LadderResult:
     """Say what every quantity does along one ladder."""
     h = size_of(ladder)
-    findings: dict[str, Finding] = {}
+    findings: dict[str, SequenceFinding] = {}
     for name in QUANTITIES:
         known = [value is not None for value in (rung.errors[name] for rung in rungs)]
         values = [value for rung in rungs if (value := rung.errors[name]) is not None]
         findings[name] = finding_of(name, rungs, examine(h[known], values, floor=seen[name], spread=spread[name]))
     value = getattr(engine.settings, ladder.setting, None)
     own = float(value) if isinstance(value, (int, float)) else None
-    return Climbed(ladder=ladder, rungs=rungs, findings=findings, own=own)
+    return LadderResult(ladder=ladder, rungs=rungs, findings=findings, own=own)
 
 
-def _ladder_study(c: Climbed, t: Target) -> LadderStudy:
+def _ladder_study(c: LadderResult, t: ReferenceTarget) -> LadderStudy:
     rungs = []
     for value, rung in zip(c.ladder.values, c.rungs, strict=True):
         to_finest, to_limit = {}, {}
@@ -277,12 +279,12 @@ def _ladder_study(c: Climbed, t: Target) -> LadderStudy:
     )
 
 
-def _variation(what: str, ours: str, other: str, effect: str, own: Measured, run: Measured) -> VariationStudy:
+def _variation(what: str, ours: str, other: str, effect: str, own: MeasuredRun, run: MeasuredRun) -> VariationStudy:
     moved = {name: change(name, own.errors, run.errors) for name in QUANTITIES}
     return VariationStudy(what=what, ours=ours, other=other, effect=effect, run=run.summary, change=moved)
 
 
-def _spread(quantity: str, runs: Sequence[Measured]) -> float | None:
+def _spread(quantity: str, runs: Sequence[MeasuredRun]) -> float | None:
     """Return the standard deviation of the errors of runs whose starts differ a little; None of fewer than three."""
     return deviation([value for run in runs if (value := run.errors[quantity]) is not None])
 

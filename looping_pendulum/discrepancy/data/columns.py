@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from looping_pendulum.discrepancy.data.delimited import Row, Table
+from looping_pendulum.discrepancy.data.delimited import DelimitedTable, TableLine
 from looping_pendulum.scenarios.document import quote
 
 _ROLES = {
@@ -36,14 +36,14 @@ class Column:
 
 
 @dataclass(kw_only=True)
-class Notes:
+class ReadingNotes:
     """What is left out and taken for granted while a file is read."""
 
     dropped: Counter[str] = field(default_factory=Counter)
     assumptions: list[str] = field(default_factory=list)
 
 
-def read_columns(table: Table, kind: str, tracks: Mapping[str, str] | None, notes: Notes) -> list[Column]:
+def read_columns(table: DelimitedTable, kind: str, tracks: Mapping[str, str] | None, notes: ReadingNotes) -> list[Column]:
     """What the columns hold, by the header or by their number."""
     names = next((row for row in reversed(table.head) if _role(row.cells[0])[0] in ("t", "frame", "drop")), None)
     above = [row for row in table.head if row is not names]
@@ -68,7 +68,7 @@ def read_columns(table: Table, kind: str, tracks: Mapping[str, str] | None, note
     return _known_roles(table, names, columns)
 
 
-def _known_roles(table: Table, names: Row, columns: list[Column]) -> list[Column]:
+def _known_roles(table: DelimitedTable, names: TableLine, columns: list[Column]) -> list[Column]:
     """Refuse a header from which nothing could be used."""
     if any(c.role in ("x", "y", "height", "angle") for c in columns):
         return columns
@@ -107,7 +107,7 @@ def _without_unit(text: str) -> tuple[str, str]:
 
 
 def _columns_without_names(
-    table: Table, kind: str, tracks: Mapping[str, str] | None, above: Sequence[Row], notes: Notes
+    table: DelimitedTable, kind: str, tracks: Mapping[str, str] | None, above: Sequence[TableLine], notes: ReadingNotes
 ) -> list[Column]:
     """Columns of a file that does not name them: t,x,y for each track, or t,angle[,rate]."""
     width = max(len([c for c in row.cells if c]) for row in table.rows)

@@ -30,7 +30,7 @@ _FOREIGN = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class TableLine:
     """One line of the file."""
 
     line: int
@@ -38,16 +38,16 @@ class Row:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
+class DelimitedTable:
     """A text table."""
 
     file: str
     delimiter: str
     """Tab, semicolon, comma, or ' ' for any white space."""
     decimal_comma: bool
-    head: tuple[Row, ...]
+    head: tuple[TableLine, ...]
     """Rows above the first row of numbers."""
-    rows: tuple[Row, ...]
+    rows: tuple[TableLine, ...]
     multi: bool
     """Whether the file begins with Tracker's line for several tracks."""
 
@@ -55,7 +55,7 @@ class Table:
         """Return an error about a place in the file."""
         return data_error(self.file, line, column, message)
 
-    def number(self, row: Row, index: int, column: str) -> float | None:
+    def number(self, row: TableLine, index: int, column: str) -> float | None:
         """Value of a cell; None where there is none.
 
         Raises
@@ -82,7 +82,7 @@ def data_error(file: str, line: int | None, column: str, message: str) -> DataEr
     return DataError(one_line(f"{where}: {'column ' + column + ': ' if column else ''}{message}"))
 
 
-def read_table(path: str | Path, worded: str = "") -> Table:
+def read_table(path: str | Path, worded: str = "") -> DelimitedTable:
     """Read a text table.
 
     Parameters
@@ -107,7 +107,7 @@ def read_table(path: str | Path, worded: str = "") -> Table:
             message = f"found a line of {len(line)} characters, needed rows of at most {text_table.LONGEST_LINE}"
             raise data_error(file, number, "", f"{message}; export the data again")
     delimiter, decimal_comma = _dialect([line for _, line in lines])
-    rows = [Row(line=n, cells=text_table.cells(line, delimiter)) for n, line in lines]
+    rows = [TableLine(line=n, cells=text_table.cells(line, delimiter)) for n, line in lines]
     named = next((i + 1 for i, row in enumerate(rows) if worded and row.cells[0].lower() == worded), None)
     first = named or next((i for i, row in enumerate(rows) if _is_data(row.cells, decimal_comma)), len(rows))
     if first == len(rows):
@@ -115,7 +115,7 @@ def read_table(path: str | Path, worded: str = "") -> Table:
             file, rows[-1].line, "", f"found no row of numbers (last row {quote(lines[-1][1].strip())}), needed rows such as "
             "'0.0042,0.51,-0.22'; export the data again, as numbers without units",
         )  # fmt: skip
-    table = Table(
+    table = DelimitedTable(
         file=file,
         delimiter=delimiter,
         decimal_comma=decimal_comma,
@@ -181,7 +181,7 @@ def _is_data(cells: tuple[str, ...], decimal_comma: bool) -> bool:
     return bool(cells[0]) and (numbers[0] or 2 * sum(numbers) > len(filled))
 
 
-def _refuse_mixed_decimals(table: Table) -> None:
+def _refuse_mixed_decimals(table: DelimitedTable) -> None:
     for row in table.rows:
         for index, cell in enumerate(row.cells):
             if "." in cell and (_POINT.fullmatch(cell) or "," in cell):

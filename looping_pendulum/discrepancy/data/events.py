@@ -6,8 +6,8 @@ import math
 from decimal import Decimal
 from pathlib import Path
 
-from looping_pendulum.discrepancy.data.delimited import Row, Table, data_error
-from looping_pendulum.discrepancy.data.observations import DataError, Dropped, EventRow, Observations
+from looping_pendulum.discrepancy.data.delimited import DelimitedTable, TableLine, data_error
+from looping_pendulum.discrepancy.data.observations import DataError, EventObservation, Observations, UnusedValues
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.measured import COLUMNS, read_event_table
@@ -18,12 +18,12 @@ TIDY = ("quantity", "index", "value", "sigma", "unit")
 _SI_UNITS = ("s", "m", "rad", "")
 
 
-def is_event_table(table: Table) -> bool:
+def is_event_table(table: DelimitedTable) -> bool:
     """Whether the table has the columns of one."""
     return bool(table.head) and table.head[-1].cells[0].lower() == "quantity"
 
 
-def read_events(path: str | Path, table: Table, name: str) -> Observations:
+def read_events(path: str | Path, table: DelimitedTable, name: str) -> Observations:
     """Read an event table of either form.
 
     Raises
@@ -41,7 +41,7 @@ def read_events(path: str | Path, table: Table, name: str) -> Observations:
     return _printed(path, table, name)
 
 
-def _printed(path: str | Path, table: Table, name: str) -> Observations:
+def _printed(path: str | Path, table: DelimitedTable, name: str) -> Observations:
     """Table without errors: one unit of the last printed digit stands for each."""
     try:
         rows = read_event_table(Path(path)).rows
@@ -57,8 +57,8 @@ def _printed(path: str | Path, table: Table, name: str) -> Observations:
         if not 0 < sigma < math.inf:
             message = f"found {quote(text)}, whose last digit is worth {sigma:g}, needed a number as a measurement prints it"
             raise table.error(printed.line, "measured", f"{message}; write for example '0.351'")
-        events.append(EventRow(quantity=row.quantity, index=row.index, value=row.measured, sigma=sigma, unit=unit))
-    dropped = (Dropped(count=len(missing), reason=f"not measured: {', '.join(missing)}"),) if missing else ()
+        events.append(EventObservation(quantity=row.quantity, index=row.index, value=row.measured, sigma=sigma, unit=unit))
+    dropped = (UnusedValues(count=len(missing), reason=f"not measured: {', '.join(missing)}"),) if missing else ()
     assumption = "event errors taken as one unit of the last printed digit"
     return Observations(name=name, file=table.file, events=tuple(events), dropped=dropped, assumptions=(assumption,))
 
@@ -69,8 +69,8 @@ def _last_digit(text: str) -> float:
     return float(f"1e{exponent}")  # unlike 10.0**exponent, which is an error far below and above
 
 
-def _tidy(table: Table, name: str) -> Observations:
-    events: list[EventRow] = []
+def _tidy(table: DelimitedTable, name: str) -> Observations:
+    events: list[EventObservation] = []
     missing: list[str] = []
     seen: dict[tuple[str, int], int] = {}
     for row in table.rows:
@@ -85,11 +85,11 @@ def _tidy(table: Table, name: str) -> Observations:
             message = f"found {event.quantity} {event.index} again (first on line {first}), needed it once; delete one"
             raise table.error(row.line, "index", message)
         events.append(event)
-    dropped = (Dropped(count=len(missing), reason=f"not measured: {', '.join(missing)}"),) if missing else ()
+    dropped = (UnusedValues(count=len(missing), reason=f"not measured: {', '.join(missing)}"),) if missing else ()
     return Observations(name=name, file=table.file, events=tuple(events), dropped=dropped)
 
 
-def _event(table: Table, row: Row) -> EventRow | None:
+def _event(table: DelimitedTable, row: TableLine) -> EventObservation | None:
     quantity, index, _, _, written = row.cells
     if not quantity:
         raise table.error(row.line, "quantity", "found nothing, needed a name; write for example 'halting_time'")
@@ -105,10 +105,10 @@ def _event(table: Table, row: Row) -> EventRow | None:
     scale = to_si(f"1 {written}", unit)
     if not math.isfinite(value * scale):
         raise data_error(table.file, row.line, "value", f"found {quote(row.cells[2])}, needed a finite number")
-    return EventRow(quantity=quantity, index=int(index), value=value * scale, sigma=sigma * scale, unit=unit)
+    return EventObservation(quantity=quantity, index=int(index), value=value * scale, sigma=sigma * scale, unit=unit)
 
 
-def _si_unit(table: Table, row: Row, written: str) -> str:
+def _si_unit(table: DelimitedTable, row: TableLine, written: str) -> str:
     for si in _SI_UNITS:
         try:
             to_si(f"1 {written}", si)

@@ -36,7 +36,7 @@ class DataError(HarnessError, ValueError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dropped:
+class UnusedValues:
     """Values that were not used."""
 
     count: int
@@ -76,7 +76,7 @@ class Channel:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EventRow:
+class EventObservation:
     """One measured event: a time or a position at it."""
 
     quantity: str
@@ -99,8 +99,8 @@ class Observations:
     file: str
     """Where it was read; several files are joined by ' + '."""
     channels: tuple[Channel, ...] = ()
-    events: tuple[EventRow, ...] = ()
-    dropped: tuple[Dropped, ...] = ()
+    events: tuple[EventObservation, ...] = ()
+    dropped: tuple[UnusedValues, ...] = ()
     """What was left out, and why."""
     assumptions: tuple[str, ...] = ()
     """What the reader took for granted because the file does not say it."""

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.columns import Column, Notes, read_columns
-from looping_pendulum.discrepancy.data.delimited import Row, Table, data_error, read_table
+from looping_pendulum.discrepancy.data.columns import Column, ReadingNotes, read_columns
+from looping_pendulum.discrepancy.data.delimited import DelimitedTable, TableLine, data_error, read_table
 from looping_pendulum.discrepancy.data.events import is_event_table, read_events
-from looping_pendulum.discrepancy.data.observations import UNITS, Channel, DataError, Dropped, Observations
+from looping_pendulum.discrepancy.data.observations import UNITS, Channel, DataError, Observations, UnusedValues
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.units import UnitError, to_si
@@ -83,7 +83,7 @@ def read(
     table = read_table(path, worded="quantity")
     if kind == "events" or (kind == "auto" and is_event_table(table)):
         return read_events(path, table, name)
-    notes = Notes()
+    notes = ReadingNotes()
     columns = read_columns(table, kind, tracks, notes)
     _refuse_ragged(table, columns)
     rows = _rows_of_drop(table, columns, drop)
@@ -99,12 +99,12 @@ def read(
         name=name,
         file=file,
         channels=tuple(channels),
-        dropped=tuple(Dropped(count=count, reason=reason) for reason, count in notes.dropped.items()),
+        dropped=tuple(UnusedValues(count=count, reason=reason) for reason, count in notes.dropped.items()),
         assumptions=tuple(dict.fromkeys(notes.assumptions)),
     )
 
 
-def _rows_of_drop(table: Table, columns: list[Column], drop: int | None) -> list[Row]:
+def _rows_of_drop(table: DelimitedTable, columns: list[Column], drop: int | None) -> list[TableLine]:
     """Rows of the chosen drop; all where the file has no such column."""
     column = next((c for c in columns if c.role == "drop"), None)
     if column is None:
@@ -122,7 +122,7 @@ def _rows_of_drop(table: Table, columns: list[Column], drop: int | None) -> list
     return [row for row, number in zip(table.rows, numbers, strict=True) if number == wanted]
 
 
-def _refuse_ragged(table: Table, columns: list[Column]) -> None:
+def _refuse_ragged(table: DelimitedTable, columns: list[Column]) -> None:
     """Refuse rows of another width than the header's; blank cells at the end are Tracker's trailing delimiter."""
     width = columns[-1].index + 1
     for row in table.rows:
@@ -136,17 +136,17 @@ def _refuse_ragged(table: Table, columns: list[Column]) -> None:
 
 
 def _channels(
-    table: Table,
-    rows: list[Row],
+    table: DelimitedTable,
+    rows: list[TableLine],
     columns: list[Column],
     tracks: Mapping[str, str] | None,
     units: Mapping[str, str],
-    notes: Notes,
-) -> list[tuple[Channel, list[Row]]]:
+    notes: ReadingNotes,
+) -> list[tuple[Channel, list[TableLine]]]:
     """Channels by the file's clock, each with the rows that its points stand in."""
     masses = _masses(table, columns, tracks)
     clocks = [c for c in columns if c.role == "t"] or [c for c in columns if c.role == "frame"]
-    found: dict[str, tuple[Channel, list[Row]]] = {}
+    found: dict[str, tuple[Channel, list[TableLine]]] = {}
     for column in columns:
         role = column.role
         if role in ("t", "frame", "drop"):
@@ -164,7 +164,7 @@ def _channels(
     return list(found.values())
 
 
-def _masses(table: Table, columns: list[Column], tracks: Mapping[str, str] | None) -> dict[str, str]:
+def _masses(table: DelimitedTable, columns: list[Column], tracks: Mapping[str, str] | None) -> dict[str, str]:
     """Track -> mass, as asked for or by the track's own name."""
     have = list(dict.fromkeys(c.track for c in columns if c.role in ("x", "y")))
     shown = ", ".join(f"'{t}'" if t else "one without a name" for t in have)
@@ -190,13 +190,19 @@ def _masses(table: Table, columns: list[Column], tracks: Mapping[str, str] | Non
 
 
 def _channel(
-    table: Table, rows: list[Row], clock: Column, column: Column, channel: str, units: Mapping[str, str], notes: Notes
-) -> tuple[Channel, list[Row]]:
+    table: DelimitedTable,
+    rows: list[TableLine],
+    clock: Column,
+    column: Column,
+    channel: str,
+    units: Mapping[str, str],
+    notes: ReadingNotes,
+) -> tuple[Channel, list[TableLine]]:
     time_factor = 1.0 if clock.role == "frame" else _to_si(table, clock, "s", units)
     value_factor = _to_si(table, column, UNITS[channel], units)
     times: list[float] = []
     values: list[float] = []
-    kept: list[Row] = []
+    kept: list[TableLine] = []
     for row in rows:
         value, time = table.number(row, column.index, column.label), table.number(row, clock.index, clock.label)
         if value is None:
@@ -222,7 +228,7 @@ def _channel(
     return Channel(name=channel, t=t, value=v, column=column.label), kept
 
 
-def _to_si(table: Table, column: Column, si: str, units: Mapping[str, str]) -> float:
+def _to_si(table: DelimitedTable, column: Column, si: str, units: Mapping[str, str]) -> float:
     """Factor from the column's unit to SI."""
     written = column.unit or units.get(_KIND_OF_UNIT.get(column.role, ""), si)
     try:
@@ -235,12 +241,12 @@ def _to_si(table: Table, column: Column, si: str, units: Mapping[str, str]) -> f
 
 
 def _retimed(
-    table: Table,
+    table: DelimitedTable,
     columns: list[Column],
-    seen: list[tuple[Channel, list[Row]]],
+    seen: list[tuple[Channel, list[TableLine]]],
     frame_rate: float | None,
     clip_rate: float | None,
-    notes: Notes,
+    notes: ReadingNotes,
 ) -> list[Channel]:
     """Put the true frame rate in place of the one by which the file's times were made."""
     frames = [c for c in columns if c.role == "frame"]
@@ -260,7 +266,11 @@ def _retimed(
 
 
 def _by_frames(
-    table: Table, frames: list[Column], columns: list[Column], seen: list[tuple[Channel, list[Row]]], frame_rate: float
+    table: DelimitedTable,
+    frames: list[Column],
+    columns: list[Column],
+    seen: list[tuple[Channel, list[TableLine]]],
+    frame_rate: float,
 ) -> list[Channel]:
     """Times from frame numbers; all tracks count from the first frame that any was marked in."""
     tracks = {c.label: c.track for c in columns}
@@ -279,7 +289,7 @@ def _by_frames(
     return [replace(c, t=(n - first) / frame_rate) for (c, _), n in zip(seen, counted, strict=True)]
 
 
-def _checked_rate(channels: list[Channel], notes: Notes) -> list[Channel]:
+def _checked_rate(channels: list[Channel], notes: ReadingNotes) -> list[Channel]:
     """Leave out an angular rate that is not the rate of the angle beside it."""
     named = {c.name: c for c in channels}
     if "angle_rate" not in named or "angle" not in named or len(named["angle"]) < 5:
@@ -296,7 +306,7 @@ def _checked_rate(channels: list[Channel], notes: Notes) -> list[Channel]:
     return [c for c in channels if c is not rate]
 
 
-def _refuse_absurd(table: Table, seen: list[tuple[Channel, list[Row]]], *, check_times: bool) -> None:
+def _refuse_absurd(table: DelimitedTable, seen: list[tuple[Channel, list[TableLine]]], *, check_times: bool) -> None:
     """Refuse numbers that must be in another unit."""
     for channel, rows in seen:
         limit = FARTHEST.get(channel.name.partition("_")[0], FARTHEST[channel.unit])

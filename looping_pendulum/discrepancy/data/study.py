@@ -86,7 +86,7 @@ class Trial:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class ExperimentLimits:
     """What the experimenter could do next; None: anything."""
 
     release_angle: tuple[float, float] | None = None
@@ -97,7 +97,7 @@ class Limits:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Unknown:
+class UncertainParameter:
     """One number that a fit may move."""
 
     name: str
@@ -127,7 +127,7 @@ class Study:
     fit: tuple[str, ...] | None = None
     """Parameters and coefficients that may be fitted; None: all that are free or have a standard error."""
     trials: tuple[Trial, ...]
-    limits: Limits = Limits()
+    limits: ExperimentLimits = ExperimentLimits()
 
     def trial(self, name: str) -> Trial:
         """Return the trial of that name."""
@@ -153,15 +153,15 @@ class Study:
         """What is known of a parameter or coefficient in a trial; None: nothing, and the release does not need it."""
         return trial.own.get(parameter) or self.apparatus.get(parameter) or self.effects.get(parameter)
 
-    def unknowns(self, trials: tuple[Trial, ...] | None = None) -> tuple[Unknown, ...]:
+    def unknowns(self, trials: tuple[Trial, ...] | None = None) -> tuple[UncertainParameter, ...]:
         """Every number that a fit of ``trials`` (the training ones) may move, each once."""
-        found: dict[str, Unknown] = {}
+        found: dict[str, UncertainParameter] = {}
         for trial in self.training if trials is None else trials:
             for parameter, name in self._names[trial.name].items():
                 known = self.estimate(parameter, trial)
                 assert known is not None
                 before = found[name].trials if name in found else ()
-                found[name] = Unknown(
+                found[name] = UncertainParameter(
                     name=name,
                     parameter=parameter,
                     trials=(*before, trial.name),
@@ -199,7 +199,7 @@ class Study:
         Parameters
         ----------
         values
-            Name of an `Unknown`, or of any parameter or coefficient -> value [SI]; the others keep their measured value. A
+            Name of an `UncertainParameter`, or of any parameter or coefficient -> value [SI]; the others keep their measured value. A
             trial's own name ("first.free_length") goes before the shared one.
 
         Raises

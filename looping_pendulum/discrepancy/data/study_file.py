@@ -20,8 +20,8 @@ from looping_pendulum.errors import ScenarioError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.document import Document, Path, quote
-from looping_pendulum.scenarios.schema import Group, Quantity, Text, fault, suggest
-from looping_pendulum.scenarios.units import Kind, UnitError, show, to_si
+from looping_pendulum.scenarios.schema import Group, QuantityField, Text, fault, suggest
+from looping_pendulum.scenarios.units import QuantityKind, UnitError, show, to_si
 
 FREE_STARTS = {"kinetic_friction": 0.3, "static_friction": 0.3, "light_drag": 1e-3, "heavy_drag": 1e-3, "string_drag": 1e-3}
 """Where a "free" coefficient starts [SI] unless the file says: the order of magnitude that the paper prints; others at their
@@ -29,10 +29,10 @@ default."""
 _PLUS_MINUS = re.compile(r"\+/-|\+-|±")
 
 
-class Measured(Quantity):
+class MeasuredField(QuantityField):
     """Pydantic's view of a quantity with its standard error."""
 
-    def __init__(self, kind: Kind, start: float | None = None) -> None:
+    def __init__(self, kind: QuantityKind, start: float | None = None) -> None:
         super().__init__(kind)
         self.start = start
 
@@ -68,7 +68,7 @@ class Measured(Quantity):
             if text.endswith("%"):
                 sigma = abs(value) * to_si(text[:-1], "") / 100
             else:
-                sigma = Kind(unit=self.kind.unit).parse(text)
+                sigma = QuantityKind(unit=self.kind.unit).parse(text)
         except UnitError as error:
             detail = f" ({error})" if str(error) else ""
             message = f"found {quote(text)} after '+/-'{detail}, needed a standard error in the same kind of unit or in %"
@@ -86,17 +86,19 @@ def _split(text: str) -> list[str]:
     return [part.strip() for part in _PLUS_MINUS.split(text)]
 
 
-def _length(example: str) -> Measured:
-    return Measured(Kind(unit="m", low=0.0, above_low=True, example=example))
+def _length(example: str) -> MeasuredField:
+    return MeasuredField(QuantityKind(unit="m", low=0.0, above_low=True, example=example))
 
 
-def _mass(example: str) -> Measured:
-    return Measured(Kind(unit="kg", low=0.0, above_low=True, example=example))
+def _mass(example: str) -> MeasuredField:
+    return MeasuredField(QuantityKind(unit="kg", low=0.0, above_low=True, example=example))
 
 
-def _camera_kind(name: str) -> Measured:
+def _camera_kind(name: str) -> MeasuredField:
     p = CAMERA[name]
-    return Measured(Kind(unit=p.unit, low=p.bounds[0], high=p.bounds[1], example=show(p.null, p.unit)), start=p.null)
+    return MeasuredField(
+        QuantityKind(unit=p.unit, low=p.bounds[0], high=p.bounds[1], example=show(p.null, p.unit)), start=p.null
+    )
 
 
 def _flag(found: object) -> bool:
@@ -137,11 +139,11 @@ def _words(wanted: str, keys: tuple[str, ...]) -> PlainValidator:
     return PlainValidator(read)
 
 
-def _range(kind: Kind, example: str) -> PlainValidator:
+def _range(kind: QuantityKind, example: str) -> PlainValidator:
     def read(found: object) -> tuple[float, float]:
         if not isinstance(found, list) or len(found) != 2:
             raise fault(f"expected a lowest and a highest value, got {quote(found)}; write for example '{example}'")
-        low, high = (Quantity(kind).read(each) for each in found)
+        low, high = (QuantityField(kind).read(each) for each in found)
         if not low <= high:
             raise fault(f"found the lowest value above the highest, needed them in order; write for example '{example}'")
         return low, high
@@ -167,28 +169,28 @@ def _effects(found: object) -> dict[str, Estimate]:
                 near = suggest(name, known)
                 raise fault(f"found an unknown key, needed one of: {', '.join(known)}{near}", key)
             c = known[name]
-            kind = Kind(unit=c.unit, low=c.bounds[0], high=c.bounds[1])
+            kind = QuantityKind(unit=c.unit, low=c.bounds[0], high=c.bounds[1])
             try:
-                values[name] = Measured(kind, start=FREE_STARTS.get(name, c.default)).estimate(each)
+                values[name] = MeasuredField(kind, start=FREE_STARTS.get(name, c.default)).estimate(each)
             except PydanticCustomError as error:
                 raise fault(str(error), key) from None
     return values
 
 
-class LightGroup(Group):
+class StudyLightGroup(Group):
     """The light mass."""
 
     mass: Annotated[Estimate, _mass("10 g")] | None = None
     radius: Annotated[Estimate, _length("5 mm")] | None = None
 
 
-class HeavyGroup(Group):
+class StudyHeavyGroup(Group):
     """The heavy mass."""
 
     mass: Annotated[Estimate, _mass("100 g")] | None = None
 
 
-class RodGroup(Group):
+class StudyRodGroup(Group):
     """The rod."""
 
     radius: Annotated[Estimate, _length("6.25 mm")] | None = None
@@ -197,17 +199,20 @@ class RodGroup(Group):
 class ApparatusGroup(Group):
     """What was weighed and measured, for all trials."""
 
-    light: LightGroup = LightGroup()
-    heavy: HeavyGroup = HeavyGroup()
-    rod: RodGroup = RodGroup()
+    light: StudyLightGroup = StudyLightGroup()
+    heavy: StudyHeavyGroup = StudyHeavyGroup()
+    rod: StudyRodGroup = StudyRodGroup()
 
 
-class ReleaseGroup(Group):
+class StudyReleaseGroup(Group):
     """How the masses were let go."""
 
     kind: Annotated[str, _one_of(*(str(r.value) for r in Release))] = Release.LOOPING.value
     angle: (
-        Annotated[Estimate, Measured(Kind(unit="rad", low=0.0, high=2 * math.pi, above_low=True, example="112 deg"))] | None
+        Annotated[
+            Estimate, MeasuredField(QuantityKind(unit="rad", low=0.0, high=2 * math.pi, above_low=True, example="112 deg"))
+        ]
+        | None
     ) = None
     free_length: Annotated[Estimate, _length("58 cm")] | None = None
     hanging_length: Annotated[Estimate, _length("3 cm")] | None = None
@@ -227,12 +232,12 @@ class CameraGroup(Group):
 class EventErrorsGroup(Group):
     """Standard errors of the events in a table that does not print them."""
 
-    time: Annotated[float, Quantity(Kind(unit="s", low=0.0, above_low=True, example="8 ms"))] | None = None
-    length: Annotated[float, Quantity(Kind(unit="m", low=0.0, above_low=True))] | None = None
-    angle: Annotated[float, Quantity(Kind(unit="rad", low=0.0, above_low=True, example="2 deg"))] | None = None
+    time: Annotated[float, QuantityField(QuantityKind(unit="s", low=0.0, above_low=True, example="8 ms"))] | None = None
+    length: Annotated[float, QuantityField(QuantityKind(unit="m", low=0.0, above_low=True))] | None = None
+    angle: Annotated[float, QuantityField(QuantityKind(unit="rad", low=0.0, above_low=True, example="2 deg"))] | None = None
 
 
-_RATE = Quantity(Kind(unit="Hz", low=0.0, above_low=True, example="240 Hz"))
+_RATE = QuantityField(QuantityKind(unit="Hz", low=0.0, above_low=True, example="240 Hz"))
 
 
 class TrialGroup(Group):
@@ -251,9 +256,9 @@ class TrialGroup(Group):
     dropped: Annotated[str, _one_of("light", "heavy")] = "heavy"
     mirrored: Annotated[bool, BeforeValidator(_flag)] = False
     held_out: Annotated[bool, BeforeValidator(_flag)] = False
-    light: LightGroup = LightGroup()
-    heavy: HeavyGroup = HeavyGroup()
-    release: ReleaseGroup = ReleaseGroup()
+    light: StudyLightGroup = StudyLightGroup()
+    heavy: StudyHeavyGroup = StudyHeavyGroup()
+    release: StudyReleaseGroup = StudyReleaseGroup()
     camera: CameraGroup = CameraGroup()
     event_errors: EventErrorsGroup = EventErrorsGroup()
 
@@ -264,11 +269,11 @@ class LimitsGroup(Group):
     release_angle: (
         Annotated[
             tuple[float, float],
-            _range(Kind(unit="rad", low=0.0, high=2 * math.pi, above_low=True, example="60 deg"), "[60 deg, 130 deg]"),
+            _range(QuantityKind(unit="rad", low=0.0, high=2 * math.pi, above_low=True, example="60 deg"), "[60 deg, 130 deg]"),
         ]
         | None
     ) = None
-    mass_ratio: Annotated[tuple[float, float], _range(Kind(unit="", low=0.0, above_low=True), "[2, 10]")] | None = None
+    mass_ratio: Annotated[tuple[float, float], _range(QuantityKind(unit="", low=0.0, above_low=True), "[2, 10]")] | None = None
     releases: Annotated[list[Annotated[str, _one_of(*(str(r.value) for r in Release))]], Field(min_length=1)] | None = None
 
 

@@ -12,7 +12,7 @@ import yaml
 
 from looping_pendulum.discrepancy.data import study_file
 from looping_pendulum.discrepancy.data.measurement import CAMERA
-from looping_pendulum.discrepancy.data.study import HANGING, NEEDS, PER_TRIAL, SHARED, Estimate, Limits, Study, Trial
+from looping_pendulum.discrepancy.data.study import HANGING, NEEDS, PER_TRIAL, SHARED, Estimate, ExperimentLimits, Study, Trial
 from looping_pendulum.discrepancy.data.study_file import StudyFile, TrialGroup
 from looping_pendulum.errors import HarnessError, ParameterError, ScenarioError
 from looping_pendulum.reference_ode import effects as effect_library
@@ -85,7 +85,7 @@ def _study(content: StudyFile, doc: Document, name: str, folder: Path) -> Study:
         effects=content.effects,
         fit=None if content.fit is None else tuple(content.fit),
         trials=tuple(_trial(group, doc, i) for i, group in enumerate(content.trials)),
-        limits=Limits(
+        limits=ExperimentLimits(
             release_angle=content.limits.release_angle,
             mass_ratio=content.limits.mass_ratio,
             releases=tuple(Release(r) for r in content.limits.releases or Release),

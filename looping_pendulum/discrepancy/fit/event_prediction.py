@@ -18,7 +18,7 @@ from looping_pendulum.compare.landmarks import EXTREMUM_BAND, truth_moments
 from looping_pendulum.compare.result import Extremum, Landmarks, Stop
 from looping_pendulum.compare.slides import turns
 from looping_pendulum.discrepancy.data.measurement import Camera
-from looping_pendulum.discrepancy.data.observations import DataError, EventRow, Observations
+from looping_pendulum.discrepancy.data.observations import DataError, EventObservation, Observations
 from looping_pendulum.engines.reference import event_names
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -72,7 +72,7 @@ def run_for_events(parameters: Parameters, until: float = DURATION) -> Samples:
 class EventRun:
     """A run, sampled as far as its table's rows ask for, and what its last camera saw of them."""
 
-    def __init__(self, parameters: Parameters, rows: Sequence[EventRow]) -> None:
+    def __init__(self, parameters: Parameters, rows: Sequence[EventObservation]) -> None:
         self.parameters = parameters
         self._rows = rows
         self._until = min(BEYOND * moments_of(rows, 0.0).max(initial=0.0), DURATION)
@@ -118,19 +118,19 @@ def landmarks(samples: Samples, camera: Camera) -> Landmarks:
     )
 
 
-def predict_events(samples: Samples, camera: Camera, rows: Sequence[EventRow]) -> Array:
+def predict_events(samples: Samples, camera: Camera, rows: Sequence[EventObservation]) -> Array:
     """Predict what ``camera`` and its operator would have written into ``rows`` [SI], shape (n,); NaN: it does not happen."""
     found = landmarks(samples, camera)
     return np.array([_seen(event_value(found, row.quantity, row.index), row.quantity, camera) for row in rows], dtype=float)
 
 
-def counted(predicted: Array, rows: Sequence[EventRow]) -> Array:
+def counted(predicted: Array, rows: Sequence[EventObservation]) -> Array:
     """Put in place of every event that does not happen a value that is `MISSED` standard errors off."""
     missed = np.array([row.value - MISSED * row.sigma for row in rows], dtype=float)
     return np.where(np.isfinite(predicted), predicted, missed)
 
 
-def moments_of(rows: Sequence[EventRow], otherwise: float) -> Array:
+def moments_of(rows: Sequence[EventObservation], otherwise: float) -> Array:
     """When each row was measured, by the table itself [s], shape (n,); ``otherwise`` where it does not say."""
     times = {(row.quantity, row.index): row.value for row in rows if row.unit == "s"}
     last = max([*times.values(), otherwise])

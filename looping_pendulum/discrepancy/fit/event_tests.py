@@ -16,7 +16,7 @@ import numpy as np
 from scipy import special  # scipy.stats takes a second to import
 
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.problem import Data
+from looping_pendulum.discrepancy.fit.problem import TrialData
 from looping_pendulum.pages.numbers import number
 
 RARE = 0.005
@@ -73,7 +73,7 @@ def check_events_of(fit: Fit) -> EventTest | None:
     )
 
 
-def unseen_limit(data: Sequence[Data]) -> float:
+def unseen_limit(data: Sequence[TrialData]) -> float:
     """Chi2 per value up to which unseen trials of events alone are explained."""
     count = sum(len(d.events) for d in data)
     return float(special.chdtri(count, RARE)) / count

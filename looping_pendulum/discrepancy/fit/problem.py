@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.measurement import DIFFERENTIABLE, Camera, differential, predict
-from looping_pendulum.discrepancy.data.observations import Channel, DataError, EventRow
+from looping_pendulum.discrepancy.data.observations import Channel, DataError, EventObservation
 from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.event_prediction import EventRun, counted, moments_of
 from looping_pendulum.errors import HarnessError
@@ -37,7 +37,7 @@ WEAK = 10.0
 """Standard error of the prior of such a number, in scales: keeps early windows sane and decides nothing."""
 
 
-class How(StrEnum):
+class ParameterRole(StrEnum):
     """How a number enters the parameter that it is named after."""
 
     SET = "is"
@@ -45,16 +45,16 @@ class How(StrEnum):
     CAMERA = "is, of the camera,"
 
 
-_TIMES, _CAMERA = How.TIMES, How.CAMERA
+_TIMES, _CAMERA = ParameterRole.TIMES, ParameterRole.CAMERA
 
 
 @dataclass(frozen=True, kw_only=True)
-class Number:
+class FreeParameter:
     """One number that a fit moves."""
 
     name: str
     parameter: str
-    how: How
+    how: ParameterRole
     trials: tuple[str, ...]
     """Trials in which it acts."""
     start: float
@@ -78,12 +78,12 @@ class Number:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Data:
+class TrialData:
     """One trial's channels, end to end, then its events."""
 
     trial: Trial
     channels: tuple[Channel, ...]
-    events: tuple[EventRow, ...] = ()
+    events: tuple[EventObservation, ...] = ()
     sigma: Array
     """Standard deviation of every value, shape (n,); infinite: left out of the fit."""
 
@@ -109,7 +109,7 @@ class Data:
         """Where the events stand."""
         return slice(len(self.value) - len(self.events), len(self.value))
 
-    def until(self, time: float) -> Data:
+    def until(self, time: float) -> TrialData:
         """Only what was measured up to ``time`` [s]."""
         kept = self.t <= time
         if kept.all():
@@ -122,7 +122,7 @@ class Data:
         return dataclasses.replace(self, channels=channels, events=events, sigma=self.sigma[kept])
 
 
-def numbers_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tuple[Number, ...]:
+def numbers_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tuple[FreeParameter, ...]:
     """Every number of the declared model: apparatus, releases and each camera's origin, and what else of it was declared.
 
     Parameters
@@ -135,7 +135,7 @@ def numbers_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tuple[Numbe
         scale = u.sigma or FREE_SCALE * abs(u.start) or 1e-3
         prior = 1.0 if u.sigma else None
         found.append(
-            Number(name=u.name, parameter=u.parameter, how=How.SET, trials=u.trials, start=u.start, scale=scale, prior=prior,
+            FreeParameter(name=u.name, parameter=u.parameter, how=ParameterRole.SET, trials=u.trials, start=u.start, scale=scale, prior=prior,
                    bounds=u.bounds)
         )  # fmt: skip
     for trial, observations in trials:
@@ -145,10 +145,10 @@ def numbers_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tuple[Numbe
     return tuple(found)
 
 
-def _camera_number(name: str, trial: Trial, value: float, sigma: float | None) -> Number:
+def _camera_number(name: str, trial: Trial, value: float, sigma: float | None) -> FreeParameter:
     scale = sigma or {"origin_x": 0.1, "origin_y": 0.1}.get(name, 0.05)
-    return Number(
-        name=f"{trial.name}.{name}", parameter=name, how=How.CAMERA, trials=(trial.name,), start=value, scale=scale,
+    return FreeParameter(
+        name=f"{trial.name}.{name}", parameter=name, how=ParameterRole.CAMERA, trials=(trial.name,), start=value, scale=scale,
         prior=1.0 if sigma else None, bounds=(-math.inf, math.inf),
     )  # fmt: skip
 
@@ -157,7 +157,11 @@ class Problem:
     """Numbers, data and prior: residuals and their derivatives."""
 
     def __init__(
-        self, study: Study, data: Sequence[Data], numbers: Sequence[Number], prior: tuple[Array, Array] | None = None
+        self,
+        study: Study,
+        data: Sequence[TrialData],
+        numbers: Sequence[FreeParameter],
+        prior: tuple[Array, Array] | None = None,
     ) -> None:
         self.study = study
         self.data = tuple(data)
@@ -168,7 +172,7 @@ class Problem:
         self.prior_weights: Array = prior[1] if prior else weights
         self.low, self.high = np.array([n.limits for n in self.numbers]).reshape(-1, 2).T
         # what a camera moves needs no new run if it comes before all else
-        self.order = sorted(range(len(self.numbers)), key=lambda i: self.numbers[i].how is not How.CAMERA)
+        self.order = sorted(range(len(self.numbers)), key=lambda i: self.numbers[i].how is not ParameterRole.CAMERA)
         self._acting = [[i for i, n in enumerate(self.numbers) if d.trial.name in n.trials] for d in self.data]
         self._base = [study.parameters({}, d.trial) for d in self.data]
         self._own = {u.name for u in study.unknowns(study.trials)}
@@ -186,11 +190,11 @@ class Problem:
         shorter = [d.until(share * longest) for d in self.data]
         return Problem(self.study, shorter, self.numbers, (self.prior_mean, self.prior_weights))
 
-    def with_data(self, data: Sequence[Data]) -> Problem:
+    def with_data(self, data: Sequence[TrialData]) -> Problem:
         """Return the same with other data."""
         return Problem(self.study, data, self.numbers, (self.prior_mean, self.prior_weights))
 
-    def with_numbers(self, *more: Number) -> Problem:
+    def with_numbers(self, *more: FreeParameter) -> Problem:
         """Return the same with more numbers."""
         return Problem(self.study, self.data, (*self.numbers, *more))
 

@@ -19,7 +19,7 @@ from looping_pendulum.discrepancy.data.observations import BODIES, Observations
 from looping_pendulum.discrepancy.data.study import Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.event_tests import EventTest, check_events_of
-from looping_pendulum.discrepancy.fit.problem import Data
+from looping_pendulum.discrepancy.fit.problem import TrialData
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
@@ -44,7 +44,7 @@ WILD = 4.0
 """Differences beyond this many standard deviations count no more."""
 
 
-def data_of(trial: Trial, observations: Observations) -> Data:
+def data_of(trial: Trial, observations: Observations) -> TrialData:
     """Channels of a trial, with the noise that the marks alone tell, and its events with their stated errors."""
     parts = {}
     for channels in observations.bodies().values():
@@ -57,7 +57,7 @@ def data_of(trial: Trial, observations: Observations) -> Data:
         channels = observations.channels
     stated = np.array([e.sigma for e in observations.events], dtype=float)
     sigma = np.concatenate([*(parts[c.name] for c in channels), stated])
-    return Data(trial=trial, channels=channels, events=observations.events, sigma=sigma)
+    return TrialData(trial=trial, channels=channels, events=observations.events, sigma=sigma)
 
 
 def with_noise_of_residuals(fit: Fit) -> Fit:

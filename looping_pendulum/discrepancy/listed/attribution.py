@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
 from looping_pendulum.discrepancy.fit.event_tests import unseen_limit
-from looping_pendulum.discrepancy.fit.problem import Data, Number, Problem
+from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.listed.screening import Screened
+from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate
 from looping_pendulum.discrepancy.workers import ALONE, Told, Workers
 
 SCORE_LIMIT = 4.0
@@ -43,7 +43,7 @@ BLOCKS = 8
 class Refit:
     """A model with one candidate more."""
 
-    screened: Screened
+    screened: ScreenedCandidate
     fit: Fit
     gain: float
     """On the Bayesian information criterion, over the model without it."""
@@ -69,7 +69,7 @@ class Refit:
         return self.candidate.name not in self.fit.at_bounds
 
 
-def refit(base: Fit, screened: Screened, to_beat: float = 0.0) -> Refit | None:
+def refit(base: Fit, screened: ScreenedCandidate, to_beat: float = 0.0) -> Refit | None:
     """Fit the model with a candidate from its own start; None where it cannot run.
 
     Parameters
@@ -106,7 +106,7 @@ def refit(base: Fit, screened: Screened, to_beat: float = 0.0) -> Refit | None:
 
 def refits(
     base: Fit,
-    chosen: Sequence[Screened],
+    chosen: Sequence[ScreenedCandidate],
     known: Mapping[str, Refit | None],
     workers: Workers = ALONE,
     told: Told = lambda name: None,
@@ -131,21 +131,21 @@ def refits(
     return sorted((r for r in found if r), key=lambda r: -r.gain)
 
 
-def _refit_one(base: Fit, wanted: tuple[Screened, float]) -> Refit | None:
+def _refit_one(base: Fit, wanted: tuple[ScreenedCandidate, float]) -> Refit | None:
     return refit(base, *wanted)
 
 
-def _of(base: Fit, screened: Screened, done: Refit) -> Refit:
+def _of(base: Fit, screened: ScreenedCandidate, done: Refit) -> Refit:
     """Return a refit with the study's own objects: what a helper returns has copies."""
     problem = _with_candidate(base, screened)
     return dataclasses.replace(done, screened=screened, fit=dataclasses.replace(done.fit, problem=problem))
 
 
-def _with_candidate(base: Fit, screened: Screened) -> Problem:
+def _with_candidate(base: Fit, screened: ScreenedCandidate) -> Problem:
     return base.problem.with_numbers(screened.candidate.number(screened.scale), *screened.companions)
 
 
-def _afresh(fit: Fit, screened: Screened) -> list[Fit]:
+def _afresh(fit: Fit, screened: ScreenedCandidate) -> list[Fit]:
     """Fit again from other values of what shapes the candidate."""
     found = []
     for i, number in enumerate(screened.companions, start=len(fit.x) - len(screened.companions)):
@@ -158,7 +158,7 @@ def _afresh(fit: Fit, screened: Screened) -> list[Fit]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Unseen:
+class HeldOutTest:
     """How a fit explains data that it did not see."""
 
     names: tuple[str, ...]
@@ -184,7 +184,7 @@ class Unseen:
         return all(c <= limit for c, limit in zip(self.chi2, self.limits, strict=True))
 
 
-def judge(fit: Fit, held: Sequence[tuple[Data, Sequence[Number]]], *, settled: bool = False) -> Unseen:
+def judge(fit: Fit, held: Sequence[tuple[TrialData, Sequence[FreeParameter]]], *, settled: bool = False) -> HeldOutTest:
     """Judge a fit on held-out trials, or on blocks of time of the training ones if there are none.
 
     Parameters
@@ -195,7 +195,7 @@ def judge(fit: Fit, held: Sequence[tuple[Data, Sequence[Number]]], *, settled: b
     if not held:
         return _blocks(fit)
     fits = [_explain(fit, data, numbers, settled) for data, numbers in held]
-    return Unseen(
+    return HeldOutTest(
         names=tuple(d.trial.name for d, _ in held),
         chi2=tuple(f.cost / f.problem.count for f in fits),
         counts=tuple(f.problem.count for f in fits),
@@ -221,12 +221,12 @@ def rms(fit: Fit, k: int) -> float | None:
     return math.sqrt(sum(float(np.mean(residual[p] ** 2)) for p in places(d)))
 
 
-def places(d: Data) -> list[slice]:
+def places(d: TrialData) -> list[slice]:
     """Where a trial's errors are told from: the light mass's place where it was seen, else all channels."""
     return [d.slices[n] for n in ("light_x", "light_y") if n in d.slices] or list(d.slices.values())
 
 
-def _explain(fit: Fit, data: Data, own: Sequence[Number], settled: bool) -> Fit:
+def _explain(fit: Fit, data: TrialData, own: Sequence[FreeParameter], settled: bool) -> Fit:
     """Fit only what is the held-out trial's own; what training knows is a prior as narrow as it left it."""
     p = fit.problem
     known = {n.name: i for i, n in enumerate(p.numbers)}
@@ -246,7 +246,7 @@ def _explain(fit: Fit, data: Data, own: Sequence[Number], settled: bool) -> Fit:
     return explained if settled else with_noise_of_residuals(explained)
 
 
-def _blocks(fit: Fit) -> Unseen:
+def _blocks(fit: Fit) -> HeldOutTest:
     """Leave out two of `BLOCKS` blocks of time after another; judge them by the prediction's own uncertainty."""
     problem = fit.problem
     names, chi2, sizes, counts = [], [], [], []
@@ -271,7 +271,7 @@ def _blocks(fit: Fit) -> Unseen:
         if marks.any():
             sigma = np.concatenate([d.sigma for d in problem.data])[rows]
             sizes.append(math.sqrt(2 * float(np.mean((left * sigma)[marks] ** 2))))
-    return Unseen(
+    return HeldOutTest(
         names=tuple(names),
         chi2=(float(np.average(chi2, weights=counts)),),
         counts=(problem.count,),
@@ -280,7 +280,7 @@ def _blocks(fit: Fit) -> Unseen:
     )
 
 
-def _block(d: Data) -> NDArray[np.int_]:
+def _block(d: TrialData) -> NDArray[np.int_]:
     """Number of the block of time that each value belongs to; of events alone, their moments one after another."""
     if not d.channels:
         return np.asarray(np.unique(d.t, return_inverse=True)[1] % BLOCKS)

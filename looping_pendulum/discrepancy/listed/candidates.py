@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from looping_pendulum.discrepancy.data.measurement import CAMERA
 from looping_pendulum.discrepancy.data.study import Study
-from looping_pendulum.discrepancy.fit.problem import How, Number
+from looping_pendulum.discrepancy.fit.problem import FreeParameter, ParameterRole
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
 from looping_pendulum.reference_ode.parameters import Release
@@ -34,7 +34,7 @@ class Candidate:
 
     name: str
     parameter: str
-    how: How
+    how: ParameterRole
     null: float
     """[SI]"""
     bounds: tuple[float, float]
@@ -63,13 +63,13 @@ class Candidate:
         grids = [[c.bounds[1] * 10 ** (-0.5 * i) for i in range(1, GRID + 1)] for c in self.companions]
         return tuple(itertools.product(*grids))
 
-    def companion_numbers(self, values: Sequence[float]) -> tuple[Number, ...]:
+    def companion_numbers(self, values: Sequence[float]) -> tuple[FreeParameter, ...]:
         """Return the companions as numbers of a fit that start at ``values`` [SI]."""
         return tuple(
-            Number(
+            FreeParameter(
                 name=c.name,
                 parameter=c.name,
-                how=How.SET,
+                how=ParameterRole.SET,
                 trials=self.trials,
                 start=v,
                 scale=0.5 * v,
@@ -79,13 +79,13 @@ class Candidate:
             for c, v in zip(self.companions, values, strict=True)
         )
 
-    def number(self, scale: float, prior: float | None = None) -> Number:
+    def number(self, scale: float, prior: float | None = None) -> FreeParameter:
         """Return it as a number of a fit, starting at its null value."""
-        return Number(name=self.name, parameter=self.parameter, how=self.how, trials=self.trials, start=self.null, scale=scale,
+        return FreeParameter(name=self.name, parameter=self.parameter, how=self.how, trials=self.trials, start=self.null, scale=scale,
                       prior=prior, bounds=self.bounds)  # fmt: skip
 
 
-def candidates(study: Study, fitted: Iterable[Number], camera: Iterable[str]) -> tuple[Candidate, ...]:
+def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[str]) -> tuple[Candidate, ...]:
     """Everything that could be added to a model.
 
     Parameters
@@ -123,9 +123,9 @@ def _of_library(study: Study, effect: Effect, c: Coefficient, trials: tuple[str,
     known = study.effects.get(c.name)
     declared = known is not None or effect.name == "gravity"
     null = known.value if known else (c.default if effect.name == "gravity" else c.null)
-    how, bounds = How.SET, c.bounds
+    how, bounds = ParameterRole.SET, c.bounds
     if c.name == "static_friction" and known is None:  # it cannot be below the kinetic one, so it is told as a ratio
-        how, null, bounds = How.TIMES, 1.0, (1.0, 10.0)
+        how, null, bounds = ParameterRole.TIMES, 1.0, (1.0, 10.0)
     return Candidate(
         name=f"wrong_{c.name}" if declared else c.name,
         parameter=c.name,
@@ -147,7 +147,7 @@ def _of_apparatus(parameter: str, trials: tuple[str, ...]) -> Candidate:
     return Candidate(
         name=f"wrong_{parameter}",
         parameter=parameter,
-        how=How.TIMES,
+        how=ParameterRole.TIMES,
         null=1.0,
         bounds=FACTOR_BOUNDS,
         unit="",
@@ -167,7 +167,7 @@ def _of_camera(name: str, trials: tuple[str, ...]) -> Candidate:
     return Candidate(
         name=name,
         parameter=name,
-        how=How.CAMERA,
+        how=ParameterRole.CAMERA,
         null=p.null,
         bounds=(p.null - width, p.null + width),
         unit=p.unit,

@@ -16,9 +16,9 @@ import numpy as np
 from scipy import special
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
-from looping_pendulum.discrepancy.fit.problem import Data, Number, Problem
+from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import ResidualTests
-from looping_pendulum.discrepancy.listed.attribution import Unseen, judge, places
+from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, judge, places
 
 FARTHEST = 4.0
 """Standard errors that a measured number may be off: a calibration cannot hide an effect in what is known."""
@@ -29,7 +29,7 @@ REMOVED = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Scaled:
+class ScaledErrors:
     """Data with errors that contain the remainder."""
 
     ratio: float
@@ -38,8 +38,8 @@ class Scaled:
     """Marks over which what is left keeps its sign, at least 1."""
     least: str
     """Explanation that leaves least."""
-    training: tuple[Data, ...]
-    held: tuple[tuple[Data, tuple[Number, ...]], ...]
+    training: tuple[TrialData, ...]
+    held: tuple[tuple[TrialData, tuple[FreeParameter, ...]], ...]
 
     @property
     def factor(self) -> float:
@@ -52,7 +52,7 @@ class Scaled:
         problem = Problem(fit.problem.study, self.training, numbers)
         return min((calibrate(problem), minimise(problem, fit.x)), key=lambda f: f.cost)
 
-    def judge(self, fit: Fit) -> Unseen:
+    def judge(self, fit: Fit) -> HeldOutTest:
         """Judge by as many values as there are independent ones."""
         found = judge(fit, self.held, settled=True)
         return dataclasses.replace(
@@ -72,7 +72,7 @@ class Scaled:
         independent = max(count / self.lasting, 2.0)
         return float(special.fdtri(independent, independent, 1 - RARE))
 
-    def beyond(self, fit: Fit, unseen: Unseen, *, enlarged: bool) -> float:
+    def beyond(self, fit: Fit, unseen: HeldOutTest, *, enlarged: bool) -> float:
         """By how much marks are off beyond their scatter [SI], seen and unseen ones together.
 
         Parameters
@@ -94,13 +94,15 @@ class Scaled:
         return math.sqrt(max(square, 0.0) / max(count, 1))
 
 
-def scaled(explanations: Sequence[tuple[str, Fit, Unseen]], held: Sequence[tuple[Data, tuple[Number, ...]]]) -> Scaled:
+def scaled(
+    explanations: Sequence[tuple[str, Fit, HeldOutTest]], held: Sequence[tuple[TrialData, tuple[FreeParameter, ...]]]
+) -> ScaledErrors:
     """Take what the best of ``explanations`` (name, fit, judgement) leaves of seen or unseen data for error of the marks."""
     least, fit, unseen = min(explanations, key=lambda e: _left(e[1], e[2]))
     ratio, lasting = math.sqrt(max(_left(fit, unseen), 1.0)), max(_lasting([fit]), _lasting(unseen.fits or [fit]))
     factor = ratio * math.sqrt(lasting)  # of independent errors that say as much
     known = [f.problem.data[0] for f in unseen.fits]
-    return Scaled(
+    return ScaledErrors(
         ratio=ratio,
         lasting=lasting,
         least=least,
@@ -109,7 +111,7 @@ def scaled(explanations: Sequence[tuple[str, Fit, Unseen]], held: Sequence[tuple
     )
 
 
-def _left(fit: Fit, unseen: Unseen) -> float:
+def _left(fit: Fit, unseen: HeldOutTest) -> float:
     """Chi2 per value of seen or unseen data, the larger one."""
     return max(_square(fit) / max(fit.problem.count - len(fit.x), 1), unseen.worst)
 
@@ -135,11 +137,11 @@ def _lasting(fits: Sequence[Fit]) -> float:
     return total
 
 
-def _enlarged(d: Data, factor: float) -> Data:
+def _enlarged(d: TrialData, factor: float) -> TrialData:
     return dataclasses.replace(d, sigma=factor * d.sigma)
 
 
-def _near(numbers: Sequence[Number]) -> tuple[Number, ...]:
+def _near(numbers: Sequence[FreeParameter]) -> tuple[FreeParameter, ...]:
     """Keep what was measured within `FARTHEST` of its standard errors."""
     found = []
     for n in numbers:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.problem import Number, Problem
+from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.workers import ALONE, Workers
 from looping_pendulum.reference_ode.geometry import Array
@@ -30,7 +30,7 @@ TRIES, FAILURES = 12, 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Screened:
+class ScreenedCandidate:
     """How well a candidate's sensitivity fits what is left."""
 
     candidate: Candidate
@@ -40,11 +40,13 @@ class Screened:
     """Value less null that it promises [SI]."""
     scale: float
     """Change [SI] that moves the prediction by `UNIT`."""
-    companions: tuple[Number, ...] = ()
+    companions: tuple[FreeParameter, ...] = ()
     """What is fitted with it, at the values that promise most."""
 
 
-def screen(fit: Fit, chosen: Sequence[Candidate], without: Sequence[str] = (), workers: Workers = ALONE) -> list[Screened]:
+def screen(
+    fit: Fit, chosen: Sequence[Candidate], without: Sequence[str] = (), workers: Workers = ALONE
+) -> list[ScreenedCandidate]:
     """Score candidates, best first. Those that move nothing here are left out.
 
     Parameters
@@ -97,7 +99,7 @@ class _Screening(NamedTuple):
     """What the fit leaves beyond these, shape (n,)."""
 
 
-def _screen_one(shared: _Screening, candidate: Candidate) -> Screened | None:
+def _screen_one(shared: _Screening, candidate: Candidate) -> ScreenedCandidate | None:
     tried = [_screen_from(shared, candidate, values) for values in candidate.companion_grid()]
     return min((s for s in tried if s), key=lambda s: -abs(s.score), default=None)
 
@@ -112,7 +114,7 @@ def _beyond(basis: Array, v: Array) -> Array:
     return np.asarray(v - basis @ (basis.T @ v))
 
 
-def _screen_from(shared: _Screening, candidate: Candidate, values: Sequence[float]) -> Screened | None:
+def _screen_from(shared: _Screening, candidate: Candidate, values: Sequence[float]) -> ScreenedCandidate | None:
     """Score a candidate whose companions have these ``values`` [SI]."""
     bare, x, basis, left = shared
     companions = candidate.companion_numbers(values)
@@ -165,7 +167,7 @@ def _screen_from(shared: _Screening, candidate: Candidate, values: Sequence[floa
     if not scale:
         return None
     scale *= UNIT / TEMPLATES[-1]
-    return Screened(candidate=candidate, score=best[0], amplitude=best[1], scale=scale, companions=companions)
+    return ScreenedCandidate(candidate=candidate, score=best[0], amplitude=best[1], scale=scale, companions=companions)
 
 
 def _visible(basis: Array, v: Array) -> float:

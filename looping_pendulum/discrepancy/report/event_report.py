@@ -10,7 +10,7 @@ from looping_pendulum.compare.paper_table import quantity_words
 from looping_pendulum.compare.plots import literal
 from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.fit.event_prediction import MISSED
-from looping_pendulum.discrepancy.verdict import EventResidual, Identification
+from looping_pendulum.discrepancy.result import EventResidual, Identification
 
 FARTHEST = 15.0
 """Largest residual that the figure shows in its place [standard errors]; events that do not happen stand there as crosses."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.report import event_report, unlisted_report
-from looping_pendulum.discrepancy.verdict import Effect, FitReport, Identification, Round, Verdict
+from looping_pendulum.discrepancy.result import FitReport, Identification, IdentifiedEffect, Round, Verdict
 from looping_pendulum.pages.numbers import uncertain
 
 HEADLINES = {
@@ -62,7 +62,7 @@ def _effects(result: Identification) -> str:
     return "## What was added\n\n" + _effect_table(result.effects)
 
 
-def _effect_table(effects: tuple[Effect, ...]) -> str:
+def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
     head = ["effect", "kind", "acts on", "depends on", "formula", "value", "standard error", "without it", "unit"]
     rows = [
         [e.name, e.kind, e.acts_on, ", ".join(e.depends_on) or GAP, f"`{e.formula}`", number(e.value, digits=5),

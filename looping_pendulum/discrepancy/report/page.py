@@ -9,8 +9,8 @@ from looping_pendulum.discrepancy.report import markdown
 from looping_pendulum.discrepancy.report.event_report import FARTHEST, off_by
 from looping_pendulum.discrepancy.report.plots import SHOWN
 from looping_pendulum.discrepancy.report.unlisted_report import SIDES, force_unit
+from looping_pendulum.discrepancy.result import EventResidual, Identification, TrialFigure, Unlisted
 from looping_pendulum.discrepancy.search import GAIN
-from looping_pendulum.discrepancy.verdict import EventResidual, Identification, Picture, Unlisted
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.figures import DOTTED, INK, LINE, SOFT, Figure, band, escaped, horizontal, plain, points
 from looping_pendulum.pages.glossary import glossary
@@ -65,7 +65,7 @@ def error_figure(result: Identification) -> Figure:
     )
 
 
-def trial_figure(picture: Picture, index: int) -> Figure:
+def trial_figure(picture: TrialFigure, index: int) -> Figure:
     """Marks and models of one trial over time, and the residuals of each channel below."""
     rows = len(picture.channels)
     tall = 1.0 / (rows + 2.4)

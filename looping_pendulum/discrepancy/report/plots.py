@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from looping_pendulum.compare.plots import GREY, literal
 from looping_pendulum.discrepancy.report import event_report, unlisted_report
-from looping_pendulum.discrepancy.verdict import Identification, Picture
+from looping_pendulum.discrepancy.result import Identification, TrialFigure
 from looping_pendulum.files import decoration, file_stems
 from looping_pendulum.pages.palette import COLOURS
 
@@ -46,7 +46,7 @@ def draw(result: Identification) -> dict[str, tuple[str, bytes]]:
     return figures
 
 
-def trial_figure(picture: Picture) -> Figure:
+def trial_figure(picture: TrialFigure) -> Figure:
     """Marks and models of one trial over time, and the residuals of each channel."""
     count = len(picture.channels)
     figure = Figure(figsize=(9.0, 3.2 + 1.3 * count), layout="constrained")
@@ -66,7 +66,7 @@ def trial_figure(picture: Picture) -> Figure:
     return figure
 
 
-def _residual(axes: Axes, picture: Picture, name: str) -> None:
+def _residual(axes: Axes, picture: TrialFigure, name: str) -> None:
     axes.axhspan(-2, 2, color="0.92")
     axes.plot(picture.t[name], picture.residual_before[name], ".", ms=3, color=BEFORE, label="declared")
     axes.plot(picture.t[name], picture.residual_after[name], ".", ms=3, color=AFTER, label="repaired")

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from looping_pendulum.compare.tables import GAP, number, table
-from looping_pendulum.discrepancy.verdict import ForceProfile, Formula, Identification, Unlisted
+from looping_pendulum.discrepancy.result import ForceProfile, Formula, Identification, Unlisted
 from looping_pendulum.pages.palette import COLOURS
 
 SIDES = {

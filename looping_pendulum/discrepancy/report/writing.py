@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from looping_pendulum.discrepancy import verdict
+from looping_pendulum.discrepancy import result as verdict
 from looping_pendulum.discrepancy.report import markdown, page, plots
-from looping_pendulum.discrepancy.verdict import Identification
+from looping_pendulum.discrepancy.result import Identification
 from looping_pendulum.files import decoration, write_whole
 
 FILES, FOLDERS = ("verdict.json", "repaired.yaml", "report.md", "report.html"), ("figures",)

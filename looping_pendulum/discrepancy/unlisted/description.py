@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from looping_pendulum.discrepancy.unlisted.discovery import SIGNIFICANT, TARGETS, Found
-from looping_pendulum.discrepancy.unlisted.formula import Written
-from looping_pendulum.discrepancy.unlisted.simplify import Term
-from looping_pendulum.discrepancy.verdict import ForceProfile, Formula, FormulaNumber, OtherClosure, Unlisted
+from looping_pendulum.discrepancy.result import ForceProfile, Formula, FormulaParameter, OtherClosure, Unlisted
+from looping_pendulum.discrepancy.unlisted.discovery import SIGNIFICANT, TARGETS, RecoveredForce
+from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
+from looping_pendulum.discrepancy.unlisted.simplify import FormulaTerm
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.reference_ode.effects import Kinematics
 from looping_pendulum.reference_ode.transitions import Mode
@@ -27,7 +27,7 @@ BUMPS_ONLY = "no simple formula; twelve bumps"
 """What stands in a formula's place where none explains the data."""
 
 
-def unlisted(found: Sequence[Found], written: Sequence[Written], before: float) -> Unlisted:
+def unlisted(found: Sequence[RecoveredForce], written: Sequence[FittedFormula], before: float) -> Unlisted:
     """Tell of an unlisted force.
 
     Parameters
@@ -68,7 +68,7 @@ def unlisted(found: Sequence[Found], written: Sequence[Written], before: float) 
     )
 
 
-def _formula(written: Written) -> Formula:
+def _formula(written: FittedFormula) -> Formula:
     closure = written.found.closure
     rows = zip(written.form.terms, written.q, written.errors, strict=True)
     return Formula(
@@ -76,7 +76,9 @@ def _formula(written: Written) -> Formula:
         depends_on=closure.coordinate,
         multiplied_by=closure.factor,
         numbers=tuple(
-            FormulaNumber(name=t.name, value=float(v), error=float(e), unit=_unit(t, closure.factor, UNITS[closure.coordinate]))
+            FormulaParameter(
+                name=t.name, value=float(v), error=float(e), unit=_unit(t, closure.factor, UNITS[closure.coordinate])
+            )
             for t, v, e in rows
         ),
         gain=written.gain,
@@ -87,7 +89,7 @@ def _formula(written: Written) -> Formula:
     )
 
 
-def _unit(term: Term, factor: str, coordinate: str) -> str:
+def _unit(term: FormulaTerm, factor: str, coordinate: str) -> str:
     if term.of_coordinate:
         return coordinate
     force = "N" if factor == "constant" else "N s/m"
@@ -95,7 +97,7 @@ def _unit(term: Term, factor: str, coordinate: str) -> str:
     return force if not term.power else f"{force}/{per}" + (f"^{term.power}" if term.power > 1 else "")
 
 
-def _profile(found: Found, formula: Written | None, index: int) -> ForceProfile:
+def _profile(found: RecoveredForce, formula: FittedFormula | None, index: int) -> ForceProfile:
     s = np.linspace(found.coordinates.min(), found.coordinates.max(), POINTS)
     value, error = found.closure.profile(found.weights[index], s), found.band(index, s)
     sure = s[np.abs(value) > SIGNIFICANT * error]
@@ -115,7 +117,7 @@ def _profile(found: Found, formula: Written | None, index: int) -> ForceProfile:
     )
 
 
-def _text(written: Written, index: int) -> str:
+def _text(written: FittedFormula, index: int) -> str:
     """Formula of one side, its numbers filled in."""
     text = written.form.texts[index]
     values = {t.name: number(v, digits=4) for t, v in zip(written.form.terms, written.q, strict=True)}
@@ -124,7 +126,7 @@ def _text(written: Written, index: int) -> str:
     return f"{factor} ({filled})" if factor and text != "0" else filled
 
 
-def _phase(found: Found) -> str:
+def _phase(found: RecoveredForce) -> str:
     """In which phase most of the force's push comes: "while the string slides", "while it sticks" or "both"."""
     problem = found.fit.problem
     modes = np.concatenate([problem.run(found.fit.x, k).mode for k in range(len(problem.data))])

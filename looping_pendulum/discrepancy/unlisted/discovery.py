@@ -19,9 +19,9 @@ import numpy as np
 
 from looping_pendulum.discrepancy.data.study import Estimate, Study
 from looping_pendulum.discrepancy.fit.calibration import ROUGHLY, Fit, FitError, minimise
-from looping_pendulum.discrepancy.fit.problem import Data, How, Number, Problem
+from looping_pendulum.discrepancy.fit.problem import FreeParameter, ParameterRole, Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import with_noise_of_residuals
-from looping_pendulum.discrepancy.listed.attribution import Unseen, judge
+from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, judge
 from looping_pendulum.discrepancy.workers import ALONE, Workers
 from looping_pendulum.reference_ode.effects.closure import BUMPS, COORDINATES, FACTORS, weight
 from looping_pendulum.reference_ode.geometry import Array
@@ -94,14 +94,14 @@ class Closure:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Found:
+class RecoveredForce:
     """A closure, refitted by trajectory and judged."""
 
     closure: Closure
     fit: Fit
     gain: float
     """On twice the log evidence, over the model without it."""
-    unseen: Unseen
+    unseen: HeldOutTest
     coordinates: Array
     """Where the training trials went along the coordinate, shape (n,)."""
 
@@ -125,7 +125,7 @@ class Found:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Screened:
+class ScreenedClosure:
     """What the sensitivities promise of a closure."""
 
     closure: Closure
@@ -138,10 +138,10 @@ class Screened:
 
 def discover(
     base: Fit,
-    held: Sequence[tuple[Data, Sequence[Number]]],
+    held: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
     tick: Tick = lambda what: None,
     workers: Workers = ALONE,
-) -> list[Found]:
+) -> list[RecoveredForce]:
     """Search all closures; return the best, refitted and judged, those that explain unseen data best first."""
     tick("screening unknown forces")
     samples = [base.problem.run(base.x, k) for k in range(len(base.problem.data))]
@@ -159,7 +159,7 @@ def coordinate(samples: Sequence[Samples], name: str) -> Array:
     return np.concatenate([s.t if name == "time" else getattr(s.state, name) for s in samples])
 
 
-def screen(base: Fit, samples: Sequence[Samples], workers: Workers = ALONE) -> list[Screened]:
+def screen(base: Fit, samples: Sequence[Samples], workers: Workers = ALONE) -> list[ScreenedClosure]:
     """Score every closure by its evidence on what the fit leaves."""
     basis, _ = np.linalg.qr(base.jacobian)
     left = base.residuals - basis @ (basis.T @ base.residuals)
@@ -176,7 +176,7 @@ def screen(base: Fit, samples: Sequence[Samples], workers: Workers = ALONE) -> l
     return [s for screened in found for s in screened]
 
 
-def _screen_form(shared: tuple[Problem, Array, Array, Array], light: Closure) -> list[Screened]:
+def _screen_form(shared: tuple[Problem, Array, Array, Array], light: Closure) -> list[ScreenedClosure]:
     """Score a coordinate and factor on all targets."""
     problem, x, basis, left = shared
     heavy = dataclasses.replace(light, target="heavy mass")
@@ -185,7 +185,7 @@ def _screen_form(shared: tuple[Problem, Array, Array, Array], light: Closure) ->
     for target in TARGETS:
         closure = dataclasses.replace(light, target=target)
         gain, ridge, weights = _evidence(np.stack([sensitivity[n] for n in closure.names], axis=1), left)
-        found.append(Screened(closure=closure, gain=gain, ridge=ridge, weights=weights))
+        found.append(ScreenedClosure(closure=closure, gain=gain, ridge=ridge, weights=weights))
     return found
 
 
@@ -212,7 +212,9 @@ def _problem(problem: Problem, closure: Closure, scale: float, prior: float) -> 
     """Return the problem with a closure's weights as further numbers."""
     trials = tuple(t.name for t in problem.study.trials)
     added = [
-        Number(name=n, parameter=n, how=How.SET, trials=trials, start=0.0, scale=scale, prior=prior, bounds=(-1e6, 1e6))
+        FreeParameter(
+            name=n, parameter=n, how=ParameterRole.SET, trials=trials, start=0.0, scale=scale, prior=prior, bounds=(-1e6, 1e6)
+        )
         for n in closure.names
     ]
     numbers = (*problem.numbers, *added)
@@ -237,7 +239,7 @@ def _evidence(sensitivity: Array, left: Array) -> tuple[float, float, Array]:
     return best
 
 
-def _different(screened: Sequence[Screened]) -> list[Screened]:
+def _different(screened: Sequence[ScreenedClosure]) -> list[ScreenedClosure]:
     """Best first, but one target and coordinate only once: factors are neighbours of each other."""
     seen: set[tuple[str, str]] = set()
     found = []
@@ -249,7 +251,9 @@ def _different(screened: Sequence[Screened]) -> list[Screened]:
     return found
 
 
-def _refit(shared: tuple[Fit, Sequence[tuple[Data, Sequence[Number]]], Sequence[Samples]], screened: Screened) -> Found | None:
+def _refit(
+    shared: tuple[Fit, Sequence[tuple[TrialData, Sequence[FreeParameter]]], Sequence[Samples]], screened: ScreenedClosure
+) -> RecoveredForce | None:
     """Refit by trajectory with the ridge that the evidence chose."""
     base, held, samples = shared
     problem = _problem(base.problem, screened.closure, screened.ridge, 1.0)
@@ -258,7 +262,7 @@ def _refit(shared: tuple[Fit, Sequence[tuple[Data, Sequence[Number]]], Sequence[
         fit = with_noise_of_residuals(minimise(problem, start, close=ROUGHLY, most=12))
     except FitError:
         return None
-    return Found(
+    return RecoveredForce(
         closure=screened.closure,
         fit=fit,
         gain=screened.gain,

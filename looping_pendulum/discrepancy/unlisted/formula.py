@@ -16,11 +16,18 @@ import numpy as np
 
 from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise
-from looping_pendulum.discrepancy.fit.problem import Data, How, Number, Problem
+from looping_pendulum.discrepancy.fit.problem import FreeParameter, ParameterRole, Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import with_noise_of_residuals
-from looping_pendulum.discrepancy.listed.attribution import Unseen, judge
-from looping_pendulum.discrepancy.unlisted.discovery import TARGETS, WEAK_PRIOR, Found, Tick
-from looping_pendulum.discrepancy.unlisted.simplify import THINNEST, Form, Promise, Range, promises, range_of
+from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, judge
+from looping_pendulum.discrepancy.unlisted.discovery import TARGETS, WEAK_PRIOR, RecoveredForce, Tick
+from looping_pendulum.discrepancy.unlisted.simplify import (
+    THINNEST,
+    CoordinateRange,
+    FormulaFamily,
+    PredictedFormula,
+    promises,
+    range_of,
+)
 from looping_pendulum.reference_ode.effects.closure import weight
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -36,27 +43,27 @@ PREFIX = "force_"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Written:
+class FittedFormula:
     """A formula, refitted by trajectory."""
 
-    promise: Promise
+    promise: PredictedFormula
     fit: Fit
     gain: float
     """On the Bayesian information criterion, over the declared model."""
     gain_of_bumps: float
     """The same of the bumps that it came from."""
-    to_match: Unseen
+    to_match: HeldOutTest
     """How the best bumps of all explain unseen data."""
-    unseen: Unseen | None = None
+    unseen: HeldOutTest | None = None
     """None: not judged, another formula gains more."""
 
     @property
-    def form(self) -> Form:
+    def form(self) -> FormulaFamily:
         """Its kind."""
         return self.promise.form
 
     @property
-    def found(self) -> Found:
+    def found(self) -> RecoveredForce:
         """The bumps that it came from."""
         return self.promise.found
 
@@ -82,7 +89,9 @@ class Written:
         return all(own <= bumps + s for own, bumps, s in pairs)
 
 
-def refit(base: Fit, found: Sequence[Found], held: Sequence[tuple[Data, Sequence[Number]]], tick: Tick) -> list[Written]:
+def refit(
+    base: Fit, found: Sequence[RecoveredForce], held: Sequence[tuple[TrialData, Sequence[FreeParameter]]], tick: Tick
+) -> list[FittedFormula]:
     """Refit the formulas that promise most by trajectory, best first.
 
     Of those within `MARGIN` of the best, the first that explains what no fit saw goes to the front.
@@ -104,18 +113,18 @@ def refit(base: Fit, found: Sequence[Found], held: Sequence[tuple[Data, Sequence
     return written
 
 
-def _promising(base: Fit, found: Sequence[Found]) -> list[Promise]:
+def _promising(base: Fit, found: Sequence[RecoveredForce]) -> list[PredictedFormula]:
     """Forms of all closures that promise about as much as the best, each once: a side may have nothing to add."""
     noise = np.concatenate([d.sigma for d in base.problem.data])
     ranked = sorted((p for one in found for p in promises(one, noise)), key=lambda p: p.score)
-    different: dict[object, Promise] = {}
+    different: dict[object, PredictedFormula] = {}
     for p in ranked:
         closure = p.found.closure
         different.setdefault((closure.coordinate, closure.factor, frozenset(p.form.texts) - {"0"}), p)
     return [p for p in different.values() if p.score <= ranked[0].score + 2 * MARGIN][:REFITS]
 
 
-def _gain_of_bumps(base: Fit, found: Found) -> float:
+def _gain_of_bumps(base: Fit, found: RecoveredForce) -> float:
     """Gain of bumps on the Bayesian information criterion, each counted as far as the data and not the ridge set it."""
     fit = found.fit
     known = len(base.problem.numbers)
@@ -128,7 +137,7 @@ def _gain_of_bumps(base: Fit, found: Found) -> float:
     return base.cost - float(kept @ kept) - free * math.log(base.problem.count)
 
 
-def _refit(base: Fit, promise: Promise, to_match: Unseen) -> Written | None:
+def _refit(base: Fit, promise: PredictedFormula, to_match: HeldOutTest) -> FittedFormula | None:
     problem = _problem(base, promise)
     known = len(base.problem.numbers)
     try:
@@ -137,10 +146,10 @@ def _refit(base: Fit, promise: Promise, to_match: Unseen) -> Written | None:
         return None
     gain = base.cost - fit.cost - len(promise.q) * math.log(base.problem.count)
     bumps = _gain_of_bumps(base, promise.found)
-    return Written(promise=promise, fit=fit, gain=gain, gain_of_bumps=bumps, to_match=to_match)
+    return FittedFormula(promise=promise, fit=fit, gain=gain, gain_of_bumps=bumps, to_match=to_match)
 
 
-def _problem(base: Fit, promise: Promise) -> Problem:
+def _problem(base: Fit, promise: PredictedFormula) -> Problem:
     """Return the declared model with the formula's numbers, which start where they are promised."""
     where = range_of(promise.found)
     p = base.problem
@@ -154,7 +163,7 @@ def _problem(base: Fit, promise: Promise) -> Problem:
     return Problem(study, p.data, (*p.numbers, *added))
 
 
-def _number(promise: Promise, i: int, where: Range, study: Study) -> Number:
+def _number(promise: PredictedFormula, i: int, where: CoordinateRange, study: Study) -> FreeParameter:
     term, value, error = promise.form.terms[i], float(promise.q[i]), float(promise.errors[i])
     bounds = (-1e6, 1e6)
     least = 0.1 * abs(value)
@@ -162,10 +171,10 @@ def _number(promise: Promise, i: int, where: Range, study: Study) -> Number:
         width = float(promise.q[1])
         least = 0.1 * width
         bounds = (where.low - width, where.high + width) if term.name == "place" else (THINNEST * where.step, 1e3 * width)
-    return Number(
+    return FreeParameter(
         name=PREFIX + term.name,
         parameter=PREFIX + term.name,
-        how=How.SET,
+        how=ParameterRole.SET,
         trials=tuple(t.name for t in study.trials),
         start=value,
         scale=max(error, least, 1e-9),
@@ -174,7 +183,7 @@ def _number(promise: Promise, i: int, where: Range, study: Study) -> Number:
     )
 
 
-def _laid(promise: Promise, where: Range, numbers: Sequence[float]) -> dict[str, float]:
+def _laid(promise: PredictedFormula, where: CoordinateRange, numbers: Sequence[float]) -> dict[str, float]:
     """The formula as coefficients of the closure."""
     q, form, closure = np.asarray(numbers), promise.form, promise.found.closure
     row = form.row(q, where)
@@ -196,10 +205,10 @@ class FormulaStudy(Study):
     def parameters(self, values: Mapping[str, float], trial: Trial) -> Parameters:
         """Reference parameters of a trial, to be changed by a formula's numbers as by any other."""
         plain = super().parameters(values, trial)
-        return cast(Parameters, _Rewritten(plain.replace(**self.written(self.starts)), self))
+        return cast(Parameters, _FormulaParameters(plain.replace(**self.written(self.starts)), self))
 
 
-class _Rewritten:
+class _FormulaParameters:
     """Parameters that take a formula's numbers in `replace`."""
 
     def __init__(self, plain: Parameters, study: FormulaStudy) -> None:

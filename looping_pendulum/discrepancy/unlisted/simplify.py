@@ -14,7 +14,7 @@ from functools import cache
 
 import numpy as np
 
-from looping_pendulum.discrepancy.unlisted.discovery import MARGIN, TARGETS, Found
+from looping_pendulum.discrepancy.unlisted.discovery import MARGIN, TARGETS, RecoveredForce
 from looping_pendulum.reference_ode.effects.closure import BUMPS
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -31,7 +31,7 @@ THINNEST = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
-class Range:
+class CoordinateRange:
     """Where the training trials went along the coordinate."""
 
     low: float
@@ -41,7 +41,7 @@ class Range:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class BasisPlacement:
     """Where a row of bumps stands."""
 
     low: float
@@ -53,7 +53,7 @@ class Row:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Term:
+class FormulaTerm:
     """One number of a form."""
 
     name: str
@@ -64,11 +64,11 @@ class Term:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Form:
+class FormulaFamily:
     """One kind of formula of one coordinate, for all sides of a closure."""
 
     name: str
-    terms: tuple[Term, ...]
+    terms: tuple[FormulaTerm, ...]
     profile: Callable[[Array, Array], Array]
     """(numbers, coordinates of shape (n,)) -> force of every side, shape (sides, n)."""
     texts: tuple[str, ...]
@@ -76,15 +76,15 @@ class Form:
     local: bool = False
     """Whether it is nothing but near its place, and can stand on bumps as narrow as itself."""
 
-    def row(self, q: Array, where: Range) -> Row:
+    def row(self, q: Array, where: CoordinateRange) -> BasisPlacement:
         """The row of bumps on which the form stands."""
         if self.local:
             place, step = float(q[0]), NARROW * abs(float(q[1]))
-            return Row(low=place - 0.5 * (BUMPS - 1) * step, step=step, margin=-MARGIN)
+            return BasisPlacement(low=place - 0.5 * (BUMPS - 1) * step, step=step, margin=-MARGIN)
         step = (where.high - where.low) / (BUMPS - 1 - 2 * REACH)
-        return Row(low=where.low - REACH * step, step=step, margin=REACH)
+        return BasisPlacement(low=where.low - REACH * step, step=step, margin=REACH)
 
-    def weights(self, q: Array, row: Row) -> Array:
+    def weights(self, q: Array, row: BasisPlacement) -> Array:
         """The form as bumps, shape (sides, BUMPS) [N]."""
         dense, lay = _laying(row.margin)
         return np.asarray(self.profile(q, row.low + row.step * dense) @ lay.T)
@@ -110,7 +110,7 @@ PULSES: dict[str, tuple[str, ...]] = {"pulse": ("height",), "pass": ("swing",), 
 """Form -> parts: even about its place (a bump), and odd (there and back, as beside an attracting body)."""
 
 
-def polynomial(sides: Sequence[str], chosen: Sequence[str]) -> Form:
+def polynomial(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
     """Return a polynomial of its own on every side; the name "nothing" leaves one out."""
     powers = [POLYNOMIALS.get(name, ()) for name in chosen]
     flat = [(i, n) for i, side in enumerate(powers) for n in side]
@@ -125,15 +125,15 @@ def polynomial(sides: Sequence[str], chosen: Sequence[str]) -> Form:
         parts = [f"{{{sides[i]}_{n}}}" + ("", " s", " s^2")[n] for n in powers[i]]
         return " + ".join(parts) or "0"
 
-    return Form(
+    return FormulaFamily(
         name=_name(sides, chosen),
-        terms=tuple(Term(name=f"{sides[i]}_{n}", power=n) for i, n in flat),
+        terms=tuple(FormulaTerm(name=f"{sides[i]}_{n}", power=n) for i, n in flat),
         profile=profile,
         texts=tuple(text(i) for i in range(len(sides))),
     )
 
 
-def pulse(sides: Sequence[str], chosen: Sequence[str]) -> Form:
+def pulse(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
     """Return pulses at one place and of one width on all sides; "nothing" leaves a side out."""
     parts = [PULSES.get(name, ()) for name in chosen]
     flat = [(i, part) for i, side in enumerate(parts) for part in side]
@@ -151,16 +151,16 @@ def pulse(sides: Sequence[str], chosen: Sequence[str]) -> Form:
         factor = f"({' + '.join(names)})" if len(names) > 1 else "".join(names)
         return f"{factor} exp(-z^2 / 2), z = (s - {{place}}) / {{width}}" if names else "0"
 
-    return Form(
+    return FormulaFamily(
         name=_name(sides, chosen),
-        terms=(*_LOCAL, *(Term(name=f"{sides[i]}_{part}", power=0) for i, part in flat)),
+        terms=(*_LOCAL, *(FormulaTerm(name=f"{sides[i]}_{part}", power=0) for i, part in flat)),
         profile=profile,
         texts=tuple(text(i) for i in range(len(sides))),
         local=True,
     )
 
 
-def step(sides: Sequence[str], chosen: Sequence[str]) -> Form:
+def step(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
     """Return steps at one place and of one width on all sides; "nothing" leaves a side out."""
     on = [i for i, name in enumerate(chosen) if name != "nothing"]
 
@@ -171,22 +171,22 @@ def step(sides: Sequence[str], chosen: Sequence[str]) -> Form:
         return found
 
     text = "{{{}_height}} / (1 + exp(-(s - {{place}}) / {{width}}))"
-    return Form(
+    return FormulaFamily(
         name=_name(sides, chosen),
-        terms=(*_LOCAL, *(Term(name=f"{sides[i]}_height", power=0) for i in on)),
+        terms=(*_LOCAL, *(FormulaTerm(name=f"{sides[i]}_height", power=0) for i in on)),
         profile=profile,
         texts=tuple(text.format(side) if i in on else "0" for i, side in enumerate(sides)),
     )
 
 
-_LOCAL = (Term(name="place", power=0, of_coordinate=True), Term(name="width", power=0, of_coordinate=True))
+_LOCAL = (FormulaTerm(name="place", power=0, of_coordinate=True), FormulaTerm(name="width", power=0, of_coordinate=True))
 
 
 def _name(sides: Sequence[str], chosen: Sequence[str]) -> str:
     return chosen[0] if len(sides) == 1 else ", ".join(f"{name} {side}" for side, name in zip(sides, chosen, strict=True))
 
 
-def forms(target: str) -> list[Form]:
+def forms(target: str) -> list[FormulaFamily]:
     """Every form that a force on a closure's target may have."""
     sides = TARGETS[target]
 
@@ -200,11 +200,11 @@ def forms(target: str) -> list[Form]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Promise:
+class PredictedFormula:
     """A form, and what it promises if the model is linear about the found bumps."""
 
-    found: Found
-    form: Form
+    found: RecoveredForce
+    form: FormulaFamily
     q: Array
     """Its numbers [SI]."""
     errors: Array
@@ -217,7 +217,7 @@ class Promise:
         return self.cost + len(self.q) * math.log(self.found.fit.problem.count)
 
 
-def promises(found: Found, noise: Array) -> list[Promise]:
+def promises(found: RecoveredForce, noise: Array) -> list[PredictedFormula]:
     """Every form with its best numbers about the bumps, lowest criterion first.
 
     Parameters
@@ -228,11 +228,11 @@ def promises(found: Found, noise: Array) -> list[Promise]:
     where = range_of(found)
     closure, problem = found.closure, found.fit.problem
     known = len(problem.numbers) - len(closure.names)
-    row = Row(low=closure.low, step=closure.step, margin=MARGIN)
+    row = BasisPlacement(low=closure.low, step=closure.step, margin=MARGIN)
     root, target, floor = _reduced(found, noise)
     scale = np.array([n.scale for n in problem.numbers[known:]])
 
-    def miss(form: Form, q: Array) -> Array:
+    def miss(form: FormulaFamily, q: Array) -> Array:
         w = form.weights(q, row).ravel() / scale
         return np.asarray(root @ w - target)
 
@@ -240,13 +240,13 @@ def promises(found: Found, noise: Array) -> list[Promise]:
     return sorted((p for p in kept if p), key=lambda p: p.score)
 
 
-def range_of(found: Found) -> Range:
+def range_of(found: RecoveredForce) -> CoordinateRange:
     """Where the trials went along a closure's coordinate."""
     s = found.coordinates
-    return Range(low=float(s.min()), high=float(s.max()), step=found.closure.step)
+    return CoordinateRange(low=float(s.min()), high=float(s.max()), step=found.closure.step)
 
 
-def _reduced(found: Found, noise: Array) -> tuple[Array, Array, float]:
+def _reduced(found: RecoveredForce, noise: Array) -> tuple[Array, Array, float]:
     """Least squares for the weights alone, all else fitted: root, target and what no weight can explain."""
     fit = found.fit
     count = len(noise)
@@ -265,16 +265,24 @@ def _reduced(found: Found, noise: Array) -> tuple[Array, Array, float]:
     return root, np.asarray(explained + root @ fit.x[known:]), float(left @ left - explained @ explained)
 
 
-def _best(found: Found, form: Form, miss: Callable[[Form, Array], Array], floor: float, where: Range) -> Promise | None:
+def _best(
+    found: RecoveredForce,
+    form: FormulaFamily,
+    miss: Callable[[FormulaFamily, Array], Array],
+    floor: float,
+    where: CoordinateRange,
+) -> PredictedFormula | None:
     fits = [min((_linear(form, miss, start) for start in starts), key=lambda f: f[0]) for starts in _starts(form, where)]
     if form.terms[0].of_coordinate:
         fits = [_polished(form, miss, where, q) for _, q, _ in fits]
     cost, q, jacobian = min(fits, key=lambda f: f[0])
     errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)), 0.0))
-    return Promise(found=found, form=form, q=q, errors=errors, cost=cost + floor) if np.all(np.isfinite(q)) else None
+    return PredictedFormula(found=found, form=form, q=q, errors=errors, cost=cost + floor) if np.all(np.isfinite(q)) else None
 
 
-def _polished(form: Form, miss: Callable[[Form, Array], Array], where: Range, q: Array) -> tuple[float, Array, Array]:
+def _polished(
+    form: FormulaFamily, miss: Callable[[FormulaFamily, Array], Array], where: CoordinateRange, q: Array
+) -> tuple[float, Array, Array]:
     """Cost, numbers and derivative where a form's place and width are best."""
     from scipy.optimize import least_squares
 
@@ -285,7 +293,9 @@ def _polished(form: Form, miss: Callable[[Form, Array], Array], where: Range, q:
     return 2 * float(fit.cost), fit.x, fit.jac
 
 
-def _linear(form: Form, miss: Callable[[Form, Array], Array], start: Sequence[float]) -> tuple[float, Array, Array]:
+def _linear(
+    form: FormulaFamily, miss: Callable[[FormulaFamily, Array], Array], start: Sequence[float]
+) -> tuple[float, Array, Array]:
     """Cost, numbers and derivative with the best heights for a place and a width."""
     linear = [i for i, t in enumerate(form.terms) if not t.of_coordinate]
     q = np.concatenate([start, np.zeros(len(linear))])
@@ -295,7 +305,7 @@ def _linear(form: Form, miss: Callable[[Form, Array], Array], start: Sequence[fl
     return float(np.sum((nothing + columns @ q[linear]) ** 2)), q, columns
 
 
-def _starts(form: Form, where: Range) -> list[list[tuple[float, ...]]]:
+def _starts(form: FormulaFamily, where: CoordinateRange) -> list[list[tuple[float, ...]]]:
     """Places to start from, for each width; one empty start where the form has neither."""
     if not form.terms[0].of_coordinate:
         return [[()]]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from looping_pendulum.engines.chain import BEADS_WEIGH, NO_STOP, STRAIGHT_STRING, bead_supplies
-from looping_pendulum.engines.drake.chain_model import SETTINGS, ChainSettings
-from looping_pendulum.engines.drake.chain_rig import ChainRig
+from looping_pendulum.engines.drake.chain_model import SETTINGS, DrakeChainSettings
+from looping_pendulum.engines.drake.chain_rig import DrakeChainRig
 from looping_pendulum.engines.drake.studies import chain_studies
 from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, TunedEngine
 from looping_pendulum.engines.studies import Studies
@@ -43,11 +43,11 @@ class DrakeChain(TunedEngine):
         main=False,
     )
     tuned = SETTINGS
-    settings: ChainSettings
+    settings: DrakeChainSettings
 
-    def build(self, scenario: Scenario) -> ChainRig:
+    def build(self, scenario: Scenario) -> DrakeChainRig:
         """Rebuild the scenario's apparatus at the moment of release."""
-        return ChainRig(scenario.parameters, self.settings)
+        return DrakeChainRig(scenario.parameters, self.settings)
 
     def studies(self) -> Studies:
         """Step, links, their mass, contact; Drake's defaults; the rod's shape, the polygon, how often beads are seen to."""

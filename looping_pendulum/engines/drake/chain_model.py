@@ -19,7 +19,7 @@ CENTRE = np.zeros(3)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChainSettings:
+class DrakeChainSettings:
     """Numerical settings of the bead chain, SI."""
 
     time_step: float
@@ -69,15 +69,15 @@ class ChainSettings:
 
 
 SETTINGS = {
-    Profile.QUICK: ChainSettings(time_step=2e-5, bend=0.4, bead_mass_ratio=5e-4, contact_stiffness=2e4),
-    Profile.ACCURATE: ChainSettings(time_step=1e-5, bend=0.3, bead_mass_ratio=2e-4, contact_stiffness=5e4),
+    Profile.QUICK: DrakeChainSettings(time_step=2e-5, bend=0.4, bead_mass_ratio=5e-4, contact_stiffness=2e4),
+    Profile.ACCURATE: DrakeChainSettings(time_step=1e-5, bend=0.3, bead_mass_ratio=2e-4, contact_stiffness=5e4),
 }
 
 
 class ChainModel:
     """One plant with a set number of beads, and its state. Coordinates are x and y of each body, of the heavy mass y alone."""
 
-    def __init__(self, parameters: Parameters, settings: ChainSettings, beads: int) -> None:
+    def __init__(self, parameters: Parameters, settings: DrakeChainSettings, beads: int) -> None:
         from pydrake.multibody.plant import AddMultibodyPlant, DistanceConstraintParams, MultibodyPlantConfig
         from pydrake.systems.framework import DiagramBuilder
 
@@ -107,7 +107,7 @@ class ChainModel:
         self._next = self._diagram.AllocateDiscreteVariables()
         self._port = self._plant.get_applied_generalized_force_input_port()
 
-    def _add_bodies(self, p: Parameters, s: ChainSettings, beads: int, scene: Any) -> list[Any]:
+    def _add_bodies(self, p: Parameters, s: DrakeChainSettings, beads: int, scene: Any) -> list[Any]:
         """Add light mass, beads and heavy mass in a row, and the rod."""
         from pydrake.geometry import (
             AddContactMaterial,

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from looping_pendulum.engines.chain import LEAST_BEADS, SlipGauge, StraightParts, point_on_string
-from looping_pendulum.engines.drake.chain_model import ChainModel, ChainSettings
+from looping_pendulum.engines.drake.chain_model import ChainModel, DrakeChainSettings
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.geometry import Array
@@ -22,10 +22,10 @@ LIGHT, HEAVY = 0, 1
 """The two ends of the string."""
 
 
-class ChainRig:
+class DrakeChainRig:
     """The apparatus in Drake; a plant for every number of beads, built when it is first needed."""
 
-    def __init__(self, parameters: Parameters, settings: ChainSettings) -> None:
+    def __init__(self, parameters: Parameters, settings: DrakeChainSettings) -> None:
         p, s = parameters, settings
         self._parameters, self._settings = p, s
         self._node_radius = s.node_radius(p.rod_radius)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from looping_pendulum.engines.drake.chain_model import ChainSettings
+from looping_pendulum.engines.drake.chain_model import DrakeChainSettings
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
-from looping_pendulum.engines.studies import Adjusted, Choice, HiddenDefault, Ladder, Studies, ladder
+from looping_pendulum.engines.studies import AdapterChoice, Adjusted, HiddenDefault, Ladder, Studies, ladder
 from looping_pendulum.pages.numbers import quantity
 
 STEPS = (5e-5, 2e-5, 1e-5, 5e-6)
@@ -20,14 +20,14 @@ TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
 """Of stiction [m/s]."""
 
 
-def chain_studies(settings: ChainSettings, adjusted: Adjusted) -> Studies:
+def chain_studies(settings: DrakeChainSettings, adjusted: Adjusted) -> Studies:
     """Ladders, defaults and choices of the variant that ``adjusted`` changes."""
     return Studies(
         ladders=_ladders(settings, adjusted), defaults=_defaults(settings, adjusted), choices=_choices(settings, adjusted)
     )
 
 
-def _ladders(s: ChainSettings, adjusted: Adjusted) -> tuple[Ladder, ...]:
+def _ladders(s: DrakeChainSettings, adjusted: Adjusted) -> tuple[Ladder, ...]:
     density = s.bead_mass_ratio / s.bend
     bends = ({"bend": bend, "bead_mass_ratio": density * bend} for bend in BENDS)
     follows = "a bead's mass, so that the string's mass per length stays"
@@ -40,7 +40,7 @@ def _ladders(s: ChainSettings, adjusted: Adjusted) -> tuple[Ladder, ...]:
     )
 
 
-def _defaults(s: ChainSettings, adjusted: Adjusted) -> tuple[HiddenDefault, ...]:
+def _defaults(s: DrakeChainSettings, adjusted: Adjusted) -> tuple[HiddenDefault, ...]:
     rows: tuple[tuple[str, str, str, str, dict[str, Any]], ...] = (
         (
             "time_step",
@@ -77,7 +77,7 @@ def _defaults(s: ChainSettings, adjusted: Adjusted) -> tuple[HiddenDefault, ...]
     )
 
 
-def _choices(s: ChainSettings, adjusted: Adjusted) -> tuple[Choice, ...]:
+def _choices(s: DrakeChainSettings, adjusted: Adjusted) -> tuple[AdapterChoice, ...]:
     rows: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
         ("convex approximation of Coulomb's law", s.contact_approximation, "sap", {"contact_approximation": "sap"}),
         ("rod", f"a {s.rod_shape}", "a cylinder", {"rod_shape": "cylinder"}),
@@ -86,5 +86,6 @@ def _choices(s: ChainSettings, adjusted: Adjusted) -> tuple[Choice, ...]:
         ("steps between two updates of drag and beads", f"{s.steps_per_group}", "1", {"steps_per_group": 1}),
     )
     return tuple(
-        Choice(what=what, ours=ours, instead=instead, engine=adjusted(**changes)) for what, ours, instead, changes in rows
+        AdapterChoice(what=what, ours=ours, instead=instead, engine=adjusted(**changes))
+        for what, ours, instead, changes in rows
     )

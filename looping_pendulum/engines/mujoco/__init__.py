@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from looping_pendulum.engines.mujoco.beads import MujocoBeads
 from looping_pendulum.engines.mujoco.effective_mass import Coordinates, MujocoEffectiveMass
-from looping_pendulum.engines.mujoco.tendon import MujocoTendon, Variant
+from looping_pendulum.engines.mujoco.tendon import MujocoTendon, TendonVariant
 from looping_pendulum.engines.protocol import Engine, Profile
 
 
 def engines(profile: Profile) -> list[Engine]:
     """Every variant of this engine, in ``profile``."""
     return [
-        *(MujocoTendon(variant=variant, profile=profile) for variant in Variant),
+        *(MujocoTendon(variant=variant, profile=profile) for variant in TendonVariant),
         *(MujocoEffectiveMass(coordinates=coordinates, profile=profile) for coordinates in Coordinates),
         MujocoBeads(profile=profile),
     ]

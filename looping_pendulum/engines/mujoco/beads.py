@@ -16,7 +16,7 @@ from looping_pendulum.engines.mujoco.studies import (
     time_constant_default,
 )
 from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, TunedEngine
-from looping_pendulum.engines.studies import Choice, HiddenDefault, Ladder, Studies, ladder
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, ladder
 from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Release
@@ -117,7 +117,7 @@ class MujocoBeads(TunedEngine):
             *solver_defaults(adjusted, s, steps_per_group=1),
         )
 
-    def _choices(self) -> tuple[Choice, ...]:
+    def _choices(self) -> tuple[AdapterChoice, ...]:
         s, adjusted = self.settings, self.with_settings
         return (
             choice("radius and coefficient", "corrected for the polygon", "the circle's own", adjusted(polygon=False)),

@@ -25,7 +25,7 @@ TAUT = 1e-3
 Row = Sequence[float] | Array
 
 
-class _Compiled:
+class _CompiledModel:
     """A model with its data, and the arrays of both that the rig reads and writes.
 
     Fetching an array from MuJoCo's objects costs as much as the arithmetic on it.
@@ -63,7 +63,7 @@ class BeadRig:
         self._has_string, self._held = p.release is not Release.DROP, p.release is Release.HELD
         self._heavy_free = 0 if self._held else 1
         self._force = cartesian_force(p)
-        self._compiled: dict[int, _Compiled] = {}
+        self._compiled: dict[int, _CompiledModel] = {}
         self._slip = SlipGauge()
         self._lay()
 
@@ -103,7 +103,7 @@ class BeadRig:
     def _use(self, beads: int, time: float, qpos: Row, qvel: Row, warm_start: Row) -> None:
         """Go on with ``beads`` beads."""
         if beads not in self._compiled:
-            self._compiled[beads] = _Compiled(self._mujoco, bead_xml(self._parameters, self._settings, beads))
+            self._compiled[beads] = _CompiledModel(self._mujoco, bead_xml(self._parameters, self._settings, beads))
         self._beads, self._now = beads, self._compiled[beads]
         now = self._now
         now.data.time = time

@@ -34,7 +34,7 @@ MAX_PARTS = 8
 """Changes of motion within one step; more means that the string rattles, and the rest of the step is taken as it comes."""
 
 
-class Motion(Enum):
+class EffectiveMassMotion(Enum):
     """What the string does on the rod."""
 
     FREE = 0
@@ -78,7 +78,7 @@ class EffectiveMassRig(abc.ABC):
         self._end_length = end_length if self._has_string else -math.inf
         self._force = cartesian_force(p)
         self._factor = 1.0
-        self._motion = Motion.FREE
+        self._motion = EffectiveMassMotion.FREE
         self._catch_time = settings.catch_time
         self._caught, self._last_excess = 0.0, 0.0
         self._divided, self._time_constants = 1, self._model.tendon_solref_lim[:, 0].copy()
@@ -204,7 +204,7 @@ class EffectiveMassRig(abc.ABC):
 
     def _mass_factor(self, k: Kinematics) -> float:
         """1 / E: what the heavy mass is multiplied by."""
-        if self._motion not in (Motion.UP, Motion.DOWN):
+        if self._motion not in (EffectiveMassMotion.UP, EffectiveMassMotion.DOWN):
             return 1.0
         exponent = max(effects.sliding_exponent(math, k, self._values, self._effects), 0.0)
         return math.exp(self._motion.value * exponent)
@@ -238,9 +238,9 @@ class EffectiveMassRig(abc.ABC):
 
     def _margins(self) -> tuple[float, float]:
         """Two numbers that fall below 0 where sliding or sticking ends."""
-        if self._motion is Motion.FREE:
+        if self._motion is EffectiveMassMotion.FREE:
             return math.inf, math.inf
-        if self._motion is Motion.STICKING:
+        if self._motion is EffectiveMassMotion.STICKING:
             return self._holding_margins()
         return self._motion.value * self._heavy_speed(), math.inf
 
@@ -260,19 +260,21 @@ class EffectiveMassRig(abc.ABC):
 
     def _change(self) -> None:
         """Find what the string does from here on: slides as the heavy mass moves, or as it is pulled, or sticks."""
-        if self._motion is Motion.FREE and self._heavy_speed() != 0.0:  # the release's own, as written: 0 but for a push
-            self._motion = Motion.UP if self._heavy_speed() > 0 else Motion.DOWN
+        if (
+            self._motion is EffectiveMassMotion.FREE and self._heavy_speed() != 0.0
+        ):  # the release's own, as written: 0 but for a push
+            self._motion = EffectiveMassMotion.UP if self._heavy_speed() > 0 else EffectiveMassMotion.DOWN
             return
         if self._held:
             return
         self._qvel[HEAVY] = 0.0
-        self._motion, self._factor = Motion.STICKING, 1.0
+        self._motion, self._factor = EffectiveMassMotion.STICKING, 1.0
         self._set_mass()
         self._model.eq_data[LOCK, 0] = float(self._qpos[HEAVY] - self._model.qpos0[HEAVY])
         self._data.eq_active[LOCK] = 1
         falls, rises = self._holding_margins()
         if falls < 0 or rises < 0:
-            self._motion = Motion.DOWN if falls < 0 else Motion.UP
+            self._motion = EffectiveMassMotion.DOWN if falls < 0 else EffectiveMassMotion.UP
             self._data.eq_active[LOCK] = 0
 
     def _heavy_height(self) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
-from looping_pendulum.engines.studies import Adjusted, Choice, HiddenDefault, Ladder, ladder
+from looping_pendulum.engines.studies import AdapterChoice, Adjusted, HiddenDefault, Ladder, ladder
 from looping_pendulum.pages.numbers import quantity
 
 DEFAULT_TIME_CONSTANT = 0.02
@@ -90,6 +90,6 @@ def solver_defaults(adjusted: Adjusted, settings: Any, **with_long_step: Any) ->
     )
 
 
-def choice(what: str, ours: str, instead: str, engine: Engine) -> Choice:
+def choice(what: str, ours: str, instead: str, engine: Engine) -> AdapterChoice:
     """Something that could be decided otherwise."""
-    return Choice(what=what, ours=ours, instead=instead, engine=engine)
+    return AdapterChoice(what=what, ours=ours, instead=instead, engine=engine)

@@ -28,7 +28,7 @@ from looping_pendulum.engines.protocol import (
     SteppedEngine,
     installed_version,
 )
-from looping_pendulum.engines.studies import Choice, Studies
+from looping_pendulum.engines.studies import AdapterChoice, Studies
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.pages.numbers import quantity
@@ -37,7 +37,7 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
 
-class Variant(StrEnum):
+class TendonVariant(StrEnum):
     """What acts between string and rod."""
 
     DOCUMENTED = "documented"
@@ -66,9 +66,9 @@ _SETTINGS = {
 }
 
 
-def settings_of(variant: Variant, profile: Profile) -> TendonSettings:
+def settings_of(variant: TendonVariant, profile: Profile) -> TendonSettings:
     """Settings of ``variant`` in ``profile``."""
-    return OUT_OF_THE_BOX if variant is Variant.DEFAULTS else _SETTINGS[profile]
+    return OUT_OF_THE_BOX if variant is TendonVariant.DEFAULTS else _SETTINGS[profile]
 
 
 _WINDING = Supply(by=Supplier.ENGINE, how="spatial tendon wrapped over a cylinder; the adapter counts turns, using two in turn")
@@ -80,15 +80,15 @@ _STICK_SLIP = (
     "friction-loss constraint then stops and holds it"
 )
 _SUPPLIES = {
-    Variant.DOCUMENTED: _FRICTIONLESS,
-    Variant.DEFAULTS: _FRICTIONLESS,
-    Variant.CAPSTAN: Supplies(
+    TendonVariant.DOCUMENTED: _FRICTIONLESS,
+    TendonVariant.DEFAULTS: _FRICTIONLESS,
+    TendonVariant.CAPSTAN: Supplies(
         winding=_WINDING,
         friction_law=Supply(by=Supplier.ADAPTER, how="capstan bound from the tendon's tension, fed to dof_frictionloss"),
         stick_slip=Supply(by=Supplier.ADAPTER, how=_STICK_SLIP),
         drag=APPLIED_DRAG,
     ),
-    Variant.FRICTIONLOSS: Supplies(
+    TendonVariant.FRICTIONLOSS: Supplies(
         winding=_WINDING,
         friction_law=Supply(
             by=Supplier.ENGINE,
@@ -103,45 +103,45 @@ _COMMON_LIMITS = (
     "the rig does not stop where the string leaves the rod (wrap angle 0) or the heavy mass reaches it, as the reference does",
 )
 _NEVER_HALTS = "without friction the heavy mass never halts"
-_LIMITS: Mapping[Variant, tuple[str, ...]] = {
-    Variant.DOCUMENTED: (_NEVER_HALTS,),
-    Variant.CAPSTAN: (
+_LIMITS: Mapping[TendonVariant, tuple[str, ...]] = {
+    TendonVariant.DOCUMENTED: (_NEVER_HALTS,),
+    TendonVariant.CAPSTAN: (
         "where the catch turns the heavy mass round, friction turns with it; the reference gives the whole pull one direction",
     ),
-    Variant.FRICTIONLOSS: (
+    TendonVariant.FRICTIONLOSS: (
         "friction does not grow with the tension or with the turns on the rod, so the grip that ends the fall is missing",
         "MuJoCo's frictionloss of the string's own tendon would brake nothing, as its length stays; the hanging part has it",
         "no size halts in time: of 0.1 to 1.2 N, 0.2 N is nearest to the reference up to 0.35 s, and its heavy mass turns back",
     ),
-    Variant.DEFAULTS: (_NEVER_HALTS, "MuJoCo's step of 2 ms is halved, so that samples fall on steps"),
+    TendonVariant.DEFAULTS: (_NEVER_HALTS, "MuJoCo's step of 2 ms is halved, so that samples fall on steps"),
 }
 _FRICTION = {
-    Variant.DOCUMENTED: "no friction on the rod",
-    Variant.CAPSTAN: "the capstan law fed in as friction loss",
-    Variant.FRICTIONLOSS: "MuJoCo's constant friction loss for friction",
-    Variant.DEFAULTS: "no friction on the rod, every solver setting left as it comes",
+    TendonVariant.DOCUMENTED: "no friction on the rod",
+    TendonVariant.CAPSTAN: "the capstan law fed in as friction loss",
+    TendonVariant.FRICTIONLOSS: "MuJoCo's constant friction loss for friction",
+    TendonVariant.DEFAULTS: "no friction on the rod, every solver setting left as it comes",
 }
 
 
 _LATE_CATCH = "the length by which a slack string is caught late, which is let go of again within some milliseconds"
-_ADDITIONS: Mapping[Variant, tuple[str, ...]] = {
-    Variant.DOCUMENTED: (_LATE_CATCH,),
-    Variant.CAPSTAN: (
+_ADDITIONS: Mapping[TendonVariant, tuple[str, ...]] = {
+    TendonVariant.DOCUMENTED: (_LATE_CATCH,),
+    TendonVariant.CAPSTAN: (
         "the tension without friction, found by a solve of its own at every step, from which law and bound follow",
         "the force of the friction that turns round within a step",
         _LATE_CATCH,
     ),
-    Variant.FRICTIONLOSS: (
+    TendonVariant.FRICTIONLOSS: (
         "the size of the constant: the friction at the release in the reference's own run, which the adapter solves beforehand",
         _LATE_CATCH,
     ),
-    Variant.DEFAULTS: (),
+    TendonVariant.DEFAULTS: (),
 }
 _KNOWN_FAILURES = {
-    Variant.FRICTIONLOSS: {
+    TendonVariant.FRICTIONLOSS: {
         "follows_the_reference_past_the_halt_and_a_full_turn": "measured 121 mm off at 0.39 s: it does not halt it",
     },
-    Variant.DEFAULTS: {
+    TendonVariant.DEFAULTS: {
         "held_pendulum_swings_to_the_other_side": "measured 6 % of the fall's energy off: the string stretches",
         "string_keeps_its_length": "measured 1.8 mm in 0.15 s, where 1 mm is allowed: a string with a time constant of 20 ms",
         "runs_to_its_end": "the string stretches by more than its budget before the light mass is at the rod",
@@ -157,16 +157,16 @@ class MujocoTendon(SteppedEngine):
     Parameters
     ----------
     variant
-        `Variant.DOCUMENTED`: no friction between string and rod, which is all that MuJoCo documents for a tendon.
-        `Variant.CAPSTAN`: the friction bound of the effects' string laws acts on the heavy mass's slide.
-        `Variant.FRICTIONLOSS`: a constant friction loss, which is the friction that MuJoCo has for tendons.
-        `Variant.DEFAULTS`: as documented, with the solver's default settings.
+        `TendonVariant.DOCUMENTED`: no friction between string and rod, which is all that MuJoCo documents for a tendon.
+        `TendonVariant.CAPSTAN`: the friction bound of the effects' string laws acts on the heavy mass's slide.
+        `TendonVariant.FRICTIONLOSS`: a constant friction loss, which is the friction that MuJoCo has for tendons.
+        `TendonVariant.DEFAULTS`: as documented, with the solver's default settings.
     profile
         Chooses the settings.
     settings
         Replaces the profile's settings, for studies of convergence.
     friction_size
-        How large the constant friction loss of `Variant.FRICTIONLOSS` is.
+        How large the constant friction loss of `TendonVariant.FRICTIONLOSS` is.
     """
 
     name = "mujoco"
@@ -174,19 +174,21 @@ class MujocoTendon(SteppedEngine):
     def __init__(
         self,
         *,
-        variant: str = Variant.CAPSTAN,
+        variant: str = TendonVariant.CAPSTAN,
         profile: Profile = Profile.QUICK,
         settings: TendonSettings | None = None,
         friction_size: FrictionSize = FrictionSize.AT_RELEASE,
     ) -> None:
-        chosen = Variant(variant)
+        chosen = TendonVariant(variant)
         self.variant = chosen.value
         self.profile = profile
         self.settings: TendonSettings = settings if settings is not None else settings_of(chosen, profile)
         self.friction_size = friction_size
         self.abilities = Abilities(
             releases=frozenset(Release),
-            effect_kinds=FORCES_AND_RELEASE | {EffectKind.STRING_LAW} if chosen is Variant.CAPSTAN else FORCES_AND_RELEASE,
+            effect_kinds=FORCES_AND_RELEASE | {EffectKind.STRING_LAW}
+            if chosen is TendonVariant.CAPSTAN
+            else FORCES_AND_RELEASE,
             supplies=_SUPPLIES[chosen],
             packages=("mujoco",),
             summary=f"Two spatial tendons used in turn over a cylinder, {_FRICTION[chosen]}.",
@@ -194,25 +196,25 @@ class MujocoTendon(SteppedEngine):
             known_failures=_KNOWN_FAILURES.get(chosen, {}),
             additions=(*measured_additions(f"mujoco:{chosen.value}"), *_ADDITIONS[chosen]),
             validated=shipped_range(f"mujoco:{chosen.value}"),
-            main=chosen in (Variant.DOCUMENTED, Variant.CAPSTAN),
+            main=chosen in (TendonVariant.DOCUMENTED, TendonVariant.CAPSTAN),
         )
 
     def build(self, scenario: Scenario) -> TendonRig:
         """Rebuild the scenario's apparatus at the moment of release."""
-        constant = self.variant == Variant.FRICTIONLOSS
+        constant = self.variant == TendonVariant.FRICTIONLOSS
         return TendonRig(
             scenario.parameters,
             self.settings,
             end_length=self.end_length(scenario),
-            capstan=self.variant == Variant.CAPSTAN,
+            capstan=self.variant == TendonVariant.CAPSTAN,
             friction_loss=friction_loss(scenario.parameters, self.friction_size) if constant else 0.0,
         )
 
     def studies(self) -> Studies:
         """Step and softness; MuJoCo's defaults; how the string is wound and caught, and how large the constant friction is."""
-        s, with_friction = self.settings, self.variant in (Variant.CAPSTAN, Variant.FRICTIONLOSS)
+        s, with_friction = self.settings, self.variant in (TendonVariant.CAPSTAN, TendonVariant.FRICTIONLOSS)
         constants = ("string_time_constant", "friction_time_constant")[: 2 if with_friction else 1]
-        followers = () if self.variant == Variant.DEFAULTS else constants
+        followers = () if self.variant == TendonVariant.DEFAULTS else constants
         ladders = (
             step_ladder(self.with_settings, TENDON_STEPS, followers),
             *(softness_ladder(self.with_settings, name, s.time_step) for name in constants),
@@ -225,10 +227,10 @@ class MujocoTendon(SteppedEngine):
             "how fast string that is held comes to rest",
         )
         defaults = (*string_defaults(self.with_settings, s), *((friction,) if with_friction else ()))
-        of_the_box = self.variant == Variant.DEFAULTS  # which has nothing but defaults
+        of_the_box = self.variant == TendonVariant.DEFAULTS  # which has nothing but defaults
         return Studies(ladders=ladders, defaults=() if of_the_box else defaults, choices=() if of_the_box else self._choices())
 
-    def _choices(self) -> tuple[Choice, ...]:
+    def _choices(self) -> tuple[AdapterChoice, ...]:
         s = self.settings
         other_size = FrictionSize.AT_RELEASE if self.friction_size is FrictionSize.EQUAL_WORK else FrictionSize.EQUAL_WORK
         other = MujocoTendon(variant=self.variant, profile=self.profile, settings=s, friction_size=other_size)
@@ -258,7 +260,7 @@ class MujocoTendon(SteppedEngine):
                 "left out",
                 self.with_settings(corrections=False),
             ),
-            *((resized,) if self.variant == Variant.FRICTIONLOSS else ()),
+            *((resized,) if self.variant == TendonVariant.FRICTIONLOSS else ()),
         )
 
     def versions(self) -> dict[str, str]:

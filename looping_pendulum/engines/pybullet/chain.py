@@ -10,8 +10,8 @@ from __future__ import annotations
 from looping_pendulum.engines.additions import measured_additions
 from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION
 from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities, Profile
-from looping_pendulum.engines.pybullet.chain_model import COARSEST, ChainSettings
-from looping_pendulum.engines.pybullet.chain_rig import ChainRig
+from looping_pendulum.engines.pybullet.chain_model import COARSEST, PybulletChainSettings
+from looping_pendulum.engines.pybullet.chain_rig import PybulletChainRig
 from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS
 from looping_pendulum.engines.pybullet.studies import (
     choice,
@@ -32,13 +32,13 @@ from looping_pendulum.scenarios.scenario import Scenario
 SETTINGS = {
     # At 20 us steps 20 iterations do not hold the heavy mass at its halt: it slips back by 0.4 mm first, and halts 18 ms late.
     # With forces updated every 5 steps two_to_one halts 19 ms late instead of 6: the halt scatters with anything.
-    Profile.QUICK: ChainSettings(
+    Profile.QUICK: PybulletChainSettings(
         time_step=2e-5, link_length=5e-3, outer_link_length=8e-3, solver_iterations=40, force_interval=1
     ),
     # With PyBullet's margin of 20 mm the same run costs 1.6 times as much. At 0.7 s ten_to_one is 3.4 mm off; 1.8 mm with that
     # margin, 1.5 and 2 mm with the start moved by 0.01 deg or 0.1 mm, 6.5, 1.8 and 6.8 mm with steps of 12.5, 8 and 5 us: what
     # is left scatters with how the nodes of 4.4 mm links lie and are swept. With our margin all halt 1.4 to 2.6 ms early.
-    Profile.ACCURATE: ChainSettings(
+    Profile.ACCURATE: PybulletChainSettings(
         time_step=1e-5,
         link_length=4.4e-3,
         outer_link_length=8.5e-3,
@@ -93,8 +93,8 @@ class PybulletChain(PybulletVariant):
     variant = "chain"
     abilities = _ABILITIES
     tuned = SETTINGS
-    rig = ChainRig
-    settings: ChainSettings
+    rig = PybulletChainRig
+    settings: PybulletChainSettings
 
     def studies(self) -> Studies:
         """Step, links and the solver's sweeps; PyBullet's defaults; the adapter's choices."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION, polygon_radius
-from looping_pendulum.engines.pybullet.links import Laid
+from looping_pendulum.engines.pybullet.links import LinkPositions
 from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS
 from looping_pendulum.engines.pybullet.settings import NO_SPEED_LIMIT, WorldSettings
 from looping_pendulum.errors import EngineError
@@ -21,7 +21,7 @@ COARSEST = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChainSettings(WorldSettings):
+class PybulletChainSettings(WorldSettings):
     """Numerics of the link chain. Stable below steps of about link length over sqrt(tension / mass per length)."""
 
     link_length: float
@@ -45,7 +45,7 @@ class ChainSettings(WorldSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LaidChain(Laid):
+class ReleasedChain(LinkPositions):
     """A chain at release."""
 
     bends: Array
@@ -54,7 +54,7 @@ class LaidChain(Laid):
     """Distance of each inner node from the rod's centre where it lies on the rod [m], shape (n - 2,)."""
 
 
-def lay_chain(parameters: Parameters, settings: ChainSettings) -> LaidChain:
+def lay_chain(parameters: Parameters, settings: PybulletChainSettings) -> ReleasedChain:
     """Lay the chain along the string at release: masses exactly in place, nodes on the rod at their circle.
 
     A string that needs more joints than PyBullet can hold gets evenly longer links, up to `COARSEST` times.
@@ -86,7 +86,7 @@ def lay_chain(parameters: Parameters, settings: ChainSettings) -> LaidChain:
             )
 
 
-def _lay(p: Parameters, s: ChainSettings, inner: float, outer: float) -> LaidChain:
+def _lay(p: Parameters, s: PybulletChainSettings, inner: float, outer: float) -> ReleasedChain:
     """Lay links of about ``inner`` and, near the light mass, ``outer`` [m]."""
     light = np.array(light_position(np, p.free_length, p.release_angle, p.rod_radius))
     heavy = np.array([p.rod_radius, -p.hanging_length])
@@ -119,10 +119,10 @@ def _lay(p: Parameters, s: ChainSettings, inner: float, outer: float) -> LaidCha
     local = 0.5 * (lengths_on_rod[1:] + lengths_on_rod[:-1])
     bends = local / p.rod_radius
     circles = np.asarray(polygon_radius(p.rod_radius, bends)) if s.polygon else np.full(len(bends), p.rod_radius)
-    return LaidChain(places=places, velocities=velocities, bends=bends, node_circles=circles)
+    return ReleasedChain(places=places, velocities=velocities, bends=bends, node_circles=circles)
 
 
-def _nodes_on_rod(p: Parameters, s: ChainSettings, link_length: float) -> Array:
+def _nodes_on_rod(p: Parameters, s: PybulletChainSettings, link_length: float) -> Array:
     """Nodes that lie on the rod at release, heavy side first, placed evenly about the middle of the wound string."""
     bend = link_length / p.rod_radius
     circle = polygon_radius(p.rod_radius, bend) if s.polygon else p.rod_radius
@@ -131,7 +131,7 @@ def _nodes_on_rod(p: Parameters, s: ChainSettings, link_length: float) -> Array:
     return np.stack([circle * np.cos(angles), circle * np.sin(angles)], axis=1)
 
 
-def chain_urdf(p: Parameters, s: ChainSettings, chain: LaidChain, node_radii: Array) -> str:
+def chain_urdf(p: Parameters, s: PybulletChainSettings, chain: ReleasedChain, node_radii: Array) -> str:
     """The multibody as URDF: base, heavy mass on a vertical slide (not if held), links, light mass at the end of the last."""
     string_mass = MASS_FRACTION * p.light_mass
     lengths = chain.lengths

@@ -9,7 +9,7 @@ import tempfile
 import numpy as np
 
 from looping_pendulum.engines.chain import MASS_FRACTION
-from looping_pendulum.engines.pybullet.chain_model import ChainSettings, LaidChain, chain_urdf, lay_chain
+from looping_pendulum.engines.pybullet.chain_model import PybulletChainSettings, ReleasedChain, chain_urdf, lay_chain
 from looping_pendulum.engines.pybullet.links import contact_friction, typical_wrap_angle
 from looping_pendulum.engines.pybullet.multibody import MultibodyRig, free_joints, set_joints
 from looping_pendulum.engines.pybullet.world import LongestStep, World
@@ -27,10 +27,10 @@ BRAKED_SHARE = 0.55
 Contacts are less stable than the chain: at shares up to 0.54 (ten_to_one) it halts; 15:1 at 130 deg flew apart at 0.63."""
 
 
-class ChainRig(MultibodyRig):
+class PybulletChainRig(MultibodyRig):
     """The apparatus with a string."""
 
-    def __init__(self, parameters: Parameters, settings: ChainSettings) -> None:
+    def __init__(self, parameters: Parameters, settings: PybulletChainSettings) -> None:
         p = parameters
         chain = lay_chain(p, settings)
         world = World(p, settings)
@@ -55,7 +55,7 @@ class ChainRig(MultibodyRig):
             set_joints(world, self._body, chain, np.zeros(links), sliding=not self._held)
 
 
-def longest_step(parameters: Parameters, chain: LaidChain) -> LongestStep:
+def longest_step(parameters: Parameters, chain: ReleasedChain) -> LongestStep:
     """Return what tells the longest stable step for the light mass's motion.
 
     A taut chain carries waves at sqrt(tension / mass per length), and an explicit step is stable while they pass less than a

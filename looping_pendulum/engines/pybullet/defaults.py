@@ -7,7 +7,7 @@ from dataclasses import replace
 from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pybullet.chain import PybulletChain
-from looping_pendulum.engines.pybullet.chain_model import ChainSettings
+from looping_pendulum.engines.pybullet.chain_model import PybulletChainSettings
 from looping_pendulum.engines.pybullet.settings import (
     DEFAULT_DAMPING,
     DEFAULT_ITERATIONS,
@@ -17,7 +17,7 @@ from looping_pendulum.engines.pybullet.settings import (
 )
 from looping_pendulum.engines.studies import Studies
 
-SETTINGS = ChainSettings(
+SETTINGS = PybulletChainSettings(
     time_step=LARGEST_STEP,
     link_length=5e-3,
     outer_link_length=8e-3,

@@ -49,7 +49,7 @@ def contact_friction(friction: float, bend: float, wrap_angle: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Laid:
+class LinkPositions:
     """The string at one moment: its ends and the nodes between, from the heavy mass to the light one."""
 
     places: Array

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from looping_pendulum.engines.chain import SlipGauge
-from looping_pendulum.engines.pybullet.links import Laid
-from looping_pendulum.engines.pybullet.world import Drive, LongestStep, Pushed, Row, World
+from looping_pendulum.engines.pybullet.links import LinkPositions
+from looping_pendulum.engines.pybullet.world import Drive, LongestStep, PushedBodies, Row, World
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -20,7 +20,7 @@ With more, the first links' positions come back overwritten; beyond 127 the join
 """
 
 
-class MultibodyRig(Pushed):
+class MultibodyRig(PushedBodies):
     """Two masses at the ends of one multibody: how such a rig is read and pushed."""
 
     _body: int
@@ -64,7 +64,7 @@ class MultibodyRig(Pushed):
             self._world.push(self._body, 0, (0.0, heavy), self._heavy_place)
 
 
-def set_joints(world: World, body: int, chain: Laid, turns: Array, *, sliding: bool) -> None:
+def set_joints(world: World, body: int, chain: LinkPositions, turns: Array, *, sliding: bool) -> None:
     """Give the joints of ``body`` their angles ``turns`` [rad] and the rates at which links move as in ``chain``.
 
     With ``sliding``, joint 0 is the heavy mass's slide, and the hinges follow it.

@@ -9,7 +9,7 @@ import numpy as np
 
 from looping_pendulum.engines.chain import MASS_COMPENSATION, SlipGauge, point_on_string
 from looping_pendulum.engines.pybullet.links import LinkSettings, typical_wrap_angle
-from looping_pendulum.engines.pybullet.world import Drive, Pushed, Row, World
+from looping_pendulum.engines.pybullet.world import Drive, PushedBodies, Row, World
 from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -26,7 +26,7 @@ class PointToPointSettings(LinkSettings):
     """Moment of inertia of a node's body, in its mass times a link's length squared: with less, its pin converges slowly."""
 
 
-class PointToPointRig(Pushed):
+class PointToPointRig(PushedBodies):
     """The apparatus with a string of bodies."""
 
     def __init__(self, parameters: Parameters, settings: PointToPointSettings) -> None:

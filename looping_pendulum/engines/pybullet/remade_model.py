@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from looping_pendulum.engines.chain import LEAST_BEADS, LEAST_LENGTH, Place, next_place, point_on_string
-from looping_pendulum.engines.pybullet.links import Laid, LinkSettings
+from looping_pendulum.engines.pybullet.links import LinkPositions, LinkSettings
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 
@@ -36,7 +36,7 @@ class RemadeSettings(LinkSettings):
     """Leave on the motor that PyBullet puts in every joint."""
 
 
-def lay(parameters: Parameters, settings: LinkSettings, release_velocity: tuple[float, float, float]) -> Laid:
+def lay(parameters: Parameters, settings: LinkSettings, release_velocity: tuple[float, float, float]) -> LinkPositions:
     """Lay the chain along the string at release: masses exactly in place, nodes on the rod at their circle."""
     p, bend = parameters, settings.length_on_rod(parameters) / parameters.rod_radius
     circle = settings.node_circle(p)
@@ -46,10 +46,10 @@ def lay(parameters: Parameters, settings: LinkSettings, release_velocity: tuple[
     on_rod = np.stack([circle * np.cos(angles), circle * np.sin(angles)], axis=1)
     sliding = heavy_v * np.stack([-np.sin(angles), np.cos(angles)], axis=1)
     heavy, light = (p.rod_radius, -p.hanging_length), point_on_string(p, 0.0, circle)
-    return Laid(places=np.vstack([heavy, on_rod, light]), velocities=np.vstack([[0.0, heavy_v], sliding, [vx, vy]]))
+    return LinkPositions(places=np.vstack([heavy, on_rod, light]), velocities=np.vstack([[0.0, heavy_v], sliding, [vx, vy]]))
 
 
-class Watch:
+class NodeChanges:
     """When nodes come and go, by where the straight string runs."""
 
     def __init__(self, parameters: Parameters, settings: RemadeSettings) -> None:
@@ -71,7 +71,7 @@ class Watch:
             self._goes - self._height(places[-3], light) if spare else math.inf,
         )
 
-    def seen_to(self, chain: Laid) -> Laid:
+    def seen_to(self, chain: LinkPositions) -> LinkPositions:
         """Return the chain with nodes added where it is about to touch the rod, and taken off where it has left it."""
         places, first, last = chain.places, 1, len(chain.places) - 1
         while last - first > LEAST_BEADS and self._height(places[last - 2], places[-1]) > self._goes:
@@ -82,10 +82,10 @@ class Watch:
         found = chain if len(kept) == len(places) else _straightened(chain, kept, self._parameters)
         for _ in range(2):  # the light side, then the heavy one, turned round
             found = self._with_nodes(found)
-            found = Laid(places=found.places[::-1], velocities=found.velocities[::-1])
+            found = LinkPositions(places=found.places[::-1], velocities=found.velocities[::-1])
         return found
 
-    def _with_nodes(self, chain: Laid) -> Laid:
+    def _with_nodes(self, chain: LinkPositions) -> LinkPositions:
         """Add nodes before the last place."""
         places, velocities = chain.places, chain.velocities
         while self._room(places[-1], places[-2]) < 0:
@@ -93,7 +93,7 @@ class Watch:
             places, velocities = (
                 np.insert(row, -1, row[-2] + share * (row[-1] - row[-2]), axis=0) for row in (places, velocities)
             )
-        return Laid(places=places, velocities=velocities)
+        return LinkPositions(places=places, velocities=velocities)
 
     def _room(self, mass: Place, node: Place) -> float:
         """How far the string is from where a node would come between ``node`` and ``mass`` [m]; infinite: there is no room."""
@@ -106,7 +106,7 @@ class Watch:
         return math.hypot(*next_place(node, mass, self._length))
 
 
-def _straightened(chain: Laid, kept: list[int], parameters: Parameters) -> Laid:
+def _straightened(chain: LinkPositions, kept: list[int], parameters: Parameters) -> LinkPositions:
     """Take nodes off the straight parts.
 
     Such a node swings across the line between its neighbours, and the masses feel that swing: they are nearer together than the
@@ -117,7 +117,7 @@ def _straightened(chain: Laid, kept: list[int], parameters: Parameters) -> Laid:
     heavy_share = 0.0 if p.release is Release.HELD else p.light_mass / (p.light_mass + p.heavy_mass)
     places, velocities = chain.places[kept], chain.velocities[kept].copy()
     along = (places[-1] - places[-2]) / math.dist(places[-1], places[-2])
-    excess = float(chain.lengths.sum()) - float(Laid(places=places, velocities=velocities).lengths.sum())
+    excess = float(chain.lengths.sum()) - float(LinkPositions(places=places, velocities=velocities).lengths.sum())
     moved = places.copy()
     moved[-1] += (1 - heavy_share) * excess * along
     moved[0, 1] -= heavy_share * excess
@@ -128,4 +128,4 @@ def _straightened(chain: Laid, kept: list[int], parameters: Parameters) -> Laid:
     if p.release is not Release.HELD:
         velocities[1:-1] += sliding / p.rod_radius * np.stack([-places[1:-1, 1], places[1:-1, 0]], axis=1)
     velocities[-1] += float((velocities[-2] - velocities[-1]) @ along) * along
-    return Laid(places=moved, velocities=velocities)
+    return LinkPositions(places=moved, velocities=velocities)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from looping_pendulum.engines.pybullet.links import Laid, typical_wrap_angle
+from looping_pendulum.engines.pybullet.links import LinkPositions, typical_wrap_angle
 from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS, MultibodyRig, free_joints, set_joints
-from looping_pendulum.engines.pybullet.remade_model import RemadeSettings, Watch, lay
+from looping_pendulum.engines.pybullet.remade_model import NodeChanges, RemadeSettings, lay
 from looping_pendulum.engines.pybullet.world import Row, World
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
@@ -26,7 +26,7 @@ class RemadeRig(MultibodyRig):
         self._friction = s.friction(p, typical_wrap_angle(p), rod_radius)
         self._node = self._node_shape(self._length)
         chain = lay(p, s, release_velocity(p))
-        self._watch = Watch(p, s)
+        self._watch = NodeChanges(p, s)
         self._nodes, self.times_laid = 0, 0
         self._make(chain)
 
@@ -55,7 +55,7 @@ class RemadeRig(MultibodyRig):
         p = self._parameters
         return [(p.rod_radius, -p.hanging_length), *places] if self._held else places
 
-    def _chain(self) -> Laid:
+    def _chain(self) -> LinkPositions:
         """Places and velocities of the masses and nodes."""
         api, client = self._world.api, self._world.client
         joints = range(self._ends[0] + 1)
@@ -64,9 +64,9 @@ class RemadeRig(MultibodyRig):
         if self._held:
             p = self._parameters
             places, velocities = np.vstack([(p.rod_radius, -p.hanging_length), places]), np.vstack([(0.0, 0.0), velocities])
-        return Laid(places=places, velocities=velocities)
+        return LinkPositions(places=places, velocities=velocities)
 
-    def _make(self, chain: Laid) -> None:
+    def _make(self, chain: LinkPositions) -> None:
         """Make the multibody: base, heavy mass on a vertical slide (not if held), links, light mass at the end of the last."""
         api, client, p, s = self._world.api, self._world.client, self._parameters, self._settings
         lengths = chain.lengths.tolist()

@@ -14,7 +14,7 @@ from looping_pendulum.engines.pybullet.settings import (
     RodShape,
     WorldSettings,
 )
-from looping_pendulum.engines.studies import Adjusted, Choice, HiddenDefault, Ladder, ladder
+from looping_pendulum.engines.studies import AdapterChoice, Adjusted, HiddenDefault, Ladder, ladder
 from looping_pendulum.pages.numbers import quantity
 
 Row = tuple[str, str, str, str, dict[str, Any]]
@@ -128,12 +128,12 @@ def _different(adjusted: Adjusted, settings: WorldSettings, rows: tuple[Row, ...
     )
 
 
-def choice(what: str, ours: str, instead: str, engine: Engine) -> Choice:
+def choice(what: str, ours: str, instead: str, engine: Engine) -> AdapterChoice:
     """Something that could be decided otherwise."""
-    return Choice(what=what, ours=ours, instead=instead, engine=engine)
+    return AdapterChoice(what=what, ours=ours, instead=instead, engine=engine)
 
 
-def common_choices(adjusted: Adjusted, settings: WorldSettings) -> tuple[Choice, ...]:
+def common_choices(adjusted: Adjusted, settings: WorldSettings) -> tuple[AdapterChoice, ...]:
     """Return what an adapter of a chain decides: corrections for corners, the contact, how often forces are updated."""
     s = settings
     return (

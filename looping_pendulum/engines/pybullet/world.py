@@ -116,7 +116,7 @@ class Drive:
         self._longest_step = longest_step
         self._steps_done, self._parts = 0, 1
 
-    def steps(self, count: int, rig: Pushed) -> None:
+    def steps(self, count: int, rig: PushedBodies) -> None:
         """Take ``count`` steps.
 
         PyBullet forgets an applied force after a step, so those of a group of ``force_interval`` steps go into its first step.
@@ -151,7 +151,7 @@ class Drive:
             self._world.api.setTimeStep(time_step / parts, physicsClientId=self._world.client)
 
 
-class Pushed:
+class PushedBodies:
     """What `Drive` needs of a rig."""
 
     def motion(self) -> tuple[float, float, float, float, float]:
@@ -163,7 +163,7 @@ class Pushed:
         raise NotImplementedError
 
 
-class FallingRig(Pushed):
+class FallingRig(PushedBodies):
     """The two masses without a string."""
 
     def __init__(self, parameters: Parameters, settings: WorldSettings) -> None:

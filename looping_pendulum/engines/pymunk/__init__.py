@@ -5,9 +5,9 @@ from __future__ import annotations
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.pymunk.chain import PymunkChain
 from looping_pendulum.engines.pymunk.full_chain import PymunkFullChain
-from looping_pendulum.engines.pymunk.full_settings import Variant
+from looping_pendulum.engines.pymunk.full_settings import FullChainVariant
 
 
 def engines(profile: Profile) -> list[Engine]:
     """Every variant of this engine, in ``profile``."""
-    return [PymunkChain(profile=profile), *(PymunkFullChain(variant=variant, profile=profile) for variant in Variant)]
+    return [PymunkChain(profile=profile), *(PymunkFullChain(variant=variant, profile=profile) for variant in FullChainVariant)]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION, ONE_COEFFICIENT
 from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities
-from looping_pendulum.engines.pymunk.full_settings import Variant
+from looping_pendulum.engines.pymunk.full_settings import FullChainVariant
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.reference_ode.parameters import Release
@@ -23,14 +23,14 @@ def _supplies(links: str, contact: str) -> Supplies:
 
 _SOLVED = "Coulomb friction between {} and circle, its coefficient solved from the capstan law for the polygon's corners"
 _SUPPLIES = {
-    Variant.BEADS: _supplies("beads", _SOLVED.format("beads")),
-    Variant.SEGMENTS: _supplies("segments", _SOLVED.format("segments")),
-    Variant.DEFAULTS: _supplies("beads", "Coulomb friction between beads and circle, uncorrected"),
+    FullChainVariant.BEADS: _supplies("beads", _SOLVED.format("beads")),
+    FullChainVariant.SEGMENTS: _supplies("segments", _SOLVED.format("segments")),
+    FullChainVariant.DEFAULTS: _supplies("beads", "Coulomb friction between beads and circle, uncorrected"),
 }
 _SUMMARIES = {
-    Variant.BEADS: "Point beads on pin joints along the whole string, slide joints over many; public calls only.",
-    Variant.SEGMENTS: "Rigid segments on pivot joints along the whole string, slide joints over many; public calls only.",
-    Variant.DEFAULTS: "Point beads on pin joints along the whole string, with every setting of Chipmunk left as it comes.",
+    FullChainVariant.BEADS: "Point beads on pin joints along the whole string, slide joints over many; public calls only.",
+    FullChainVariant.SEGMENTS: "Rigid segments on pivot joints along the whole string, slide joints over many; public calls only.",
+    FullChainVariant.DEFAULTS: "Point beads on pin joints along the whole string, with every setting of Chipmunk left as it comes.",
 }
 _SPRING = (
     "nothing damps its joints, which act as a spring: the string rings along its length, and the halted heavy mass with it"
@@ -40,16 +40,16 @@ _MASS = (
     "off that"
 )
 _LIMITS = {
-    Variant.BEADS: (ONE_COEFFICIENT, _SPRING),
-    Variant.SEGMENTS: (ONE_COEFFICIENT, _SPRING),
-    Variant.DEFAULTS: (ONE_COEFFICIENT, "the string stretches without bound: no run of it says anything of a string"),
+    FullChainVariant.BEADS: (ONE_COEFFICIENT, _SPRING),
+    FullChainVariant.SEGMENTS: (ONE_COEFFICIENT, _SPRING),
+    FullChainVariant.DEFAULTS: (ONE_COEFFICIENT, "the string stretches without bound: no run of it says anything of a string"),
 }
 _LOST_EFFECTS = ("light_drag", "heavy_drag", "light_linear_drag", "heavy_linear_drag", "attitude_drag", "wind", "side_force")
-KNOWN_FAILURES: dict[Variant, Mapping[str, str]] = {
-    Variant.SEGMENTS: {
+KNOWN_FAILURES: dict[FullChainVariant, Mapping[str, str]] = {
+    FullChainVariant.SEGMENTS: {
         "follows_the_reference_past_the_halt_and_a_full_turn": "measured 5.8 mm off at 0.42 s, for 5.7 mm: it rings",
     },
-    Variant.DEFAULTS: {
+    FullChainVariant.DEFAULTS: {
         "samples_every_millisecond_from_rest": "measured to stretch by more than its budget after 0.06 s, which ends the run",
         "runs_to_its_end": "measured to stretch by more than its budget after 0.06 s, which ends the run",
         "frictionless_vertical_release_is_an_atwood_machine": "measured 9.56 for 8.03 m/s^2: a string that stretches lets fall",
@@ -73,7 +73,7 @@ KNOWN_FAILURES: dict[Variant, Mapping[str, str]] = {
 """Variant -> checks of `engines.conformance` that it fails, with the measured reason."""
 
 
-def full_abilities(variant: Variant) -> Abilities:
+def full_abilities(variant: FullChainVariant) -> Abilities:
     """What ``variant`` can do."""
     return Abilities(
         releases=frozenset(Release),

@@ -13,7 +13,7 @@ DIRECT_CALLS = ("cpBodyGetPosition", "cpBodyGetVelocity", "cpBodySetForce", "cpS
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChainSettings:
+class PymunkChainSettings:
     """Numerical settings of the bead chain."""
 
     time_step: float
@@ -58,8 +58,8 @@ class ChainSettings:
 
 
 SETTINGS = {
-    Profile.QUICK: ChainSettings(time_step=5e-6, bend=0.28, bead_mass_ratio=2e-4),
-    Profile.ACCURATE: ChainSettings(time_step=2e-6, bend=0.24, bead_mass_ratio=1e-4),
+    Profile.QUICK: PymunkChainSettings(time_step=5e-6, bend=0.28, bead_mass_ratio=2e-4),
+    Profile.ACCURATE: PymunkChainSettings(time_step=2e-6, bend=0.24, bead_mass_ratio=1e-4),
 }
 
 MOST_ALLOWED = 1e-3
@@ -92,7 +92,7 @@ class DirectCalls:
     dt / (1 - n leak dt) long, it keeps the share 1 - n leak dt of them; n is the number of steps between two such tellings.
     """
 
-    def __init__(self, library: Any, space: Any, settings: ChainSettings) -> None:
+    def __init__(self, library: Any, space: Any, settings: PymunkChainSettings) -> None:
         self._library = library
         self._space = space._space
         self._time_step = settings.time_step

@@ -30,9 +30,9 @@ from looping_pendulum.engines.pymunk.calls import (
     PUBLIC_ERROR_RATE,
     SETTINGS,
     Calls,
-    ChainSettings,
     DirectCalls,
     PublicCalls,
+    PymunkChainSettings,
     direct_library,
 )
 from looping_pendulum.engines.pymunk.laid_string import Vector, bead_arcs, masses, velocity_on_string
@@ -57,7 +57,7 @@ TAUT = 1e-3
 class _BeadString:
     """Light mass, beads and heavy mass in a row, joined by links; the first and the last link are the straight string."""
 
-    def __init__(self, space: Any, parameters: Parameters, settings: ChainSettings, error_bias: float) -> None:
+    def __init__(self, space: Any, parameters: Parameters, settings: PymunkChainSettings, error_bias: float) -> None:
         import pymunk
 
         self._pymunk = pymunk
@@ -190,7 +190,7 @@ class _BeadString:
         return stretch, self._slip.read(places, self.lengths)
 
 
-def empty_space(parameters: Parameters, settings: ChainSettings) -> Any:
+def empty_space(parameters: Parameters, settings: PymunkChainSettings) -> Any:
     """A Chipmunk space with gravity and the solver's settings."""
     import pymunk
 
@@ -203,10 +203,10 @@ def empty_space(parameters: Parameters, settings: ChainSettings) -> Any:
     return space
 
 
-class ChainRig(SpaceRig):
+class PymunkChainRig(SpaceRig):
     """The apparatus in one Chipmunk space."""
 
-    def __init__(self, parameters: Parameters, settings: ChainSettings, library: Any) -> None:
+    def __init__(self, parameters: Parameters, settings: PymunkChainSettings, library: Any) -> None:
         super().__init__(parameters, settings)
         self._space = space = empty_space(parameters, settings)
         if library is None:
@@ -257,17 +257,17 @@ class PymunkChain(TunedEngine):
         validated=shipped_range("pymunk:chain"),
     )
     tuned = SETTINGS
-    settings: ChainSettings
+    settings: PymunkChainSettings
 
-    def __init__(self, *, profile: Profile = Profile.QUICK, settings: ChainSettings | None = None) -> None:
+    def __init__(self, *, profile: Profile = Profile.QUICK, settings: PymunkChainSettings | None = None) -> None:
         super().__init__(profile=profile, settings=settings)
         self._leaky = True
 
-    def build(self, scenario: Scenario) -> ChainRig:
+    def build(self, scenario: Scenario) -> PymunkChainRig:
         """Rebuild the scenario's apparatus at the moment of release."""
         library = direct_library()
         self._leaky = library is not None
-        return ChainRig(scenario.parameters, self.settings, library)
+        return PymunkChainRig(scenario.parameters, self.settings, library)
 
     def studies(self) -> Studies:
         """Ladders, Chipmunk's defaults one at a time, and choices."""

@@ -13,7 +13,7 @@ from looping_pendulum.engines.pymunk.abilities import full_abilities
 from looping_pendulum.engines.pymunk.calls import MOST_ALLOWED, PublicCalls
 from looping_pendulum.engines.pymunk.full_settings import (
     FullChainSettings,
-    Variant,
+    FullChainVariant,
     contact_friction,
     full_settings,
     touching_radius,
@@ -161,7 +161,7 @@ def _rigid_motion(start: Vector, end: Vector, start_velocity: Vector, end_veloci
 class FullChainRig(SpaceRig):
     """The apparatus in one Chipmunk space."""
 
-    def __init__(self, variant: Variant, parameters: Parameters, settings: FullChainSettings) -> None:
+    def __init__(self, variant: FullChainVariant, parameters: Parameters, settings: FullChainSettings) -> None:
         import pymunk
         import pymunk.batch
 
@@ -185,7 +185,7 @@ class FullChainRig(SpaceRig):
             rod = pymunk.Circle(space.static_body, radius - s.bead_radius + allowed)
             rod.friction = contact_friction(variant, friction, bend) if s.polygon_friction else friction
             space.add(rod)
-            if variant is Variant.SEGMENTS:
+            if variant is FullChainVariant.SEGMENTS:
                 self._chain = _Segments(space, p, s, nodes, math.hypot(radius, s.link_length / 2))
             else:
                 self._chain = _Beads(space, p, s, nodes, radius)
@@ -211,7 +211,7 @@ class PymunkFullChain(SteppedEngine):
     Parameters
     ----------
     variant
-        What the links are, see `Variant`.
+        What the links are, see `FullChainVariant`.
     profile
         Chooses the settings.
     settings
@@ -221,9 +221,13 @@ class PymunkFullChain(SteppedEngine):
     name = "pymunk"
 
     def __init__(
-        self, *, variant: str = Variant.BEADS, profile: Profile = Profile.QUICK, settings: FullChainSettings | None = None
+        self,
+        *,
+        variant: str = FullChainVariant.BEADS,
+        profile: Profile = Profile.QUICK,
+        settings: FullChainSettings | None = None,
     ) -> None:
-        chosen = Variant(variant)
+        chosen = FullChainVariant(variant)
         self.variant = chosen.value
         self.profile = profile
         self.settings: FullChainSettings = settings if settings is not None else full_settings(chosen, profile)
@@ -231,11 +235,11 @@ class PymunkFullChain(SteppedEngine):
 
     def build(self, scenario: Scenario) -> FullChainRig:
         """Rebuild the scenario's apparatus at the moment of release."""
-        return FullChainRig(Variant(self.variant), scenario.parameters, self.settings)
+        return FullChainRig(FullChainVariant(self.variant), scenario.parameters, self.settings)
 
     def studies(self) -> Studies:
         """Ladders, Chipmunk's defaults one at a time, and choices."""
-        return full_studies(Variant(self.variant), self.settings, self.with_settings)
+        return full_studies(FullChainVariant(self.variant), self.settings, self.with_settings)
 
     def versions(self) -> dict[str, str]:
         """Version of pymunk."""

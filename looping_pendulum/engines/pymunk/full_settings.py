@@ -10,7 +10,7 @@ from looping_pendulum.engines.chain import polygon_friction, polygon_radius
 from looping_pendulum.engines.protocol import Profile, groups_per_sample, steps_per_sample
 
 
-class Variant(StrEnum):
+class FullChainVariant(StrEnum):
     """How the whole string is made of links."""
 
     BEADS = "beads"
@@ -72,7 +72,7 @@ class FullChainSettings:
         return self.link_length / rod_radius
 
 
-def full_settings(variant: Variant, profile: Profile) -> FullChainSettings:
+def full_settings(variant: FullChainVariant, profile: Profile) -> FullChainSettings:
     """Settings of ``variant`` in ``profile``."""
     return _SETTINGS[variant, profile]
 
@@ -89,25 +89,25 @@ _DEFAULTS = FullChainSettings(
 )
 
 _SETTINGS = {
-    (Variant.BEADS, Profile.QUICK): FullChainSettings(
+    (FullChainVariant.BEADS, Profile.QUICK): FullChainSettings(
         time_step=2e-5, link_length=6e-3, iterations=10, long_range=64, error_rate=30.0
     ),
-    (Variant.BEADS, Profile.ACCURATE): FullChainSettings(
+    (FullChainVariant.BEADS, Profile.ACCURATE): FullChainSettings(
         time_step=4e-6, link_length=3e-3, iterations=10, long_range=64, error_rate=100.0
     ),
-    (Variant.SEGMENTS, Profile.QUICK): FullChainSettings(
+    (FullChainVariant.SEGMENTS, Profile.QUICK): FullChainSettings(
         time_step=2e-5, link_length=5e-3, iterations=10, long_range=64, error_rate=30.0, bead_radius=0.0
     ),
-    (Variant.SEGMENTS, Profile.ACCURATE): FullChainSettings(
+    (FullChainVariant.SEGMENTS, Profile.ACCURATE): FullChainSettings(
         time_step=4e-6, link_length=3e-3, iterations=10, long_range=64, error_rate=100.0, bead_radius=0.0
     ),
-    (Variant.DEFAULTS, Profile.QUICK): _DEFAULTS,
-    (Variant.DEFAULTS, Profile.ACCURATE): _DEFAULTS,
+    (FullChainVariant.DEFAULTS, Profile.QUICK): _DEFAULTS,
+    (FullChainVariant.DEFAULTS, Profile.ACCURATE): _DEFAULTS,
 }
 """The defaults variant has no better profile: what it shows is what the defaults do."""
 
 
-def contact_friction(variant: Variant, friction: float, bend: float) -> float:
+def contact_friction(variant: FullChainVariant, friction: float, bend: float) -> float:
     """Contact friction with which a polygon of links obeys the capstan law of a circle.
 
     Beads touch the circle where the string bends: `engines.chain.polygon_friction`. A rigid segment touches it in its middle,
@@ -115,16 +115,16 @@ def contact_friction(variant: Variant, friction: float, bend: float) -> float:
     radius at both: then the segment's three equations of equilibrium give m = sinh(mu b) / sin(b). That is above mu, where the
     beads' coefficient is below it.
     """
-    if variant is Variant.SEGMENTS:
+    if variant is FullChainVariant.SEGMENTS:
         return math.sinh(friction * bend) / math.sin(bend)
     return polygon_friction(friction, bend)
 
 
-def touching_radius(variant: Variant, rod_radius: float, bend: float) -> float:
+def touching_radius(variant: FullChainVariant, rod_radius: float, bend: float) -> float:
     """Distance from the rod's centre at which the links' middle lines must touch to wind up R per radian [m].
 
     Segments of length h = R b on a circle of radius r turn the string by b where r tan(b/2) = h / 2.
     """
-    if variant is Variant.SEGMENTS:
+    if variant is FullChainVariant.SEGMENTS:
         return rod_radius * (bend / 2) / math.tan(bend / 2)
     return float(polygon_radius(rod_radius, bend))

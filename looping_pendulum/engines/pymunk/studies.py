@@ -7,16 +7,16 @@ from collections.abc import Iterable
 from typing import Any
 
 from looping_pendulum.engines.protocol import Engine
-from looping_pendulum.engines.pymunk.calls import ChainSettings
+from looping_pendulum.engines.pymunk.calls import PymunkChainSettings
 from looping_pendulum.engines.pymunk.full_settings import (
     DEFAULT_COLLISION_SLOP,
     DEFAULT_ITERATIONS,
     DEFAULT_RATE,
     DEFAULT_TIME_STEP,
     FullChainSettings,
-    Variant,
+    FullChainVariant,
 )
-from looping_pendulum.engines.studies import Adjusted, Choice, HiddenDefault, Ladder, Studies, ladder
+from looping_pendulum.engines.studies import AdapterChoice, Adjusted, HiddenDefault, Ladder, Studies, ladder
 from looping_pendulum.pages.numbers import quantity
 
 REFINEMENTS = (1, 2, 4, 8)
@@ -42,7 +42,7 @@ NO_GROUPS: dict[str, Any] = {"force_interval": 1}
 """A step as long as the sample interval leaves no groups."""
 
 
-def chain_studies(settings: ChainSettings, adjusted: Adjusted) -> Studies:
+def chain_studies(settings: PymunkChainSettings, adjusted: Adjusted) -> Studies:
     """What can be varied of the chain of beads near the rod."""
     s = settings
     return Studies(
@@ -95,10 +95,10 @@ def chain_studies(settings: ChainSettings, adjusted: Adjusted) -> Studies:
     )
 
 
-def full_studies(variant: Variant, settings: FullChainSettings, adjusted: Adjusted) -> Studies:
+def full_studies(variant: FullChainVariant, settings: FullChainSettings, adjusted: Adjusted) -> Studies:
     """What can be varied of a full chain; of that with Chipmunk's defaults only what is not a default."""
     s = settings
-    if variant is Variant.DEFAULTS:
+    if variant is FullChainVariant.DEFAULTS:
         return Studies(ladders=(_of(adjusted, "time_step", "s", (1e-3, 5e-4, 2e-4, 1e-4)),))
     return Studies(
         ladders=(
@@ -153,5 +153,5 @@ def _default(setting: str, default: str, ours: str, effect: str, engine: Engine)
     return HiddenDefault(setting=setting, default=default, ours=ours, effect=effect, engine=engine)
 
 
-def _choice(what: str, ours: str, instead: str, engine: Engine) -> Choice:
-    return Choice(what=what, ours=ours, instead=instead, engine=engine)
+def _choice(what: str, ours: str, instead: str, engine: Engine) -> AdapterChoice:
+    return AdapterChoice(what=what, ours=ours, instead=instead, engine=engine)

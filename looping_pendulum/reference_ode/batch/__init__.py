@@ -12,7 +12,7 @@ from looping_pendulum.errors import HandedOverWarning, ParameterError
 from looping_pendulum.processes import safe_spawning
 from looping_pendulum.reference_ode.batch.numbers import COLUMNS, Columns, member
 from looping_pendulum.reference_ode.batch.result import ENDS, FAILED, BatchResult, sequence_hash
-from looping_pendulum.reference_ode.batch.sharing import Job, Progress, Runs, work, work_together
+from looping_pendulum.reference_ode.batch.sharing import BatchRuns, Progress, SharedBatch, work, work_together
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Samples
@@ -62,9 +62,9 @@ def solve_batch(
         raise ParameterError(f"processes: found {processes}, needed 1 or more")
     shared_by = max(1, min(processes, n))
     with safe_spawning() if shared_by > 1 else nullcontext():
-        job = Job.of(base, columns, n, duration, tolerance, shared_by)
+        job = SharedBatch.of(base, columns, n, duration, tolerance, shared_by)
         if job.processes == 1:
-            work(Runs(job, progress))
+            work(BatchRuns(job, progress))
         else:
             work_together(job, progress)
     result = job.result()

@@ -7,17 +7,17 @@ from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode.batch import compiled
 from looping_pendulum.reference_ode.batch.block import Block
-from looping_pendulum.reference_ode.batch.compiled import LEADING, STATE, Model
+from looping_pendulum.reference_ode.batch.compiled import LEADING, STATE, BatchModel
 from looping_pendulum.reference_ode.driver import NO_TENSION, START, TINY
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
-from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Choice, Event, Mode, next_mode
+from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode, TransitionChoice, next_mode
 
 
-class Changes:
+class BatchTransitions:
     """What follows release and events in the runs of a batch."""
 
-    def __init__(self, model: Model, release: Release) -> None:
+    def __init__(self, model: BatchModel, release: Release) -> None:
         self._model, self._release = model, release
         self._rod_radius, self._light_mass, self._gravity = (
             len(LEADING) + model.names.index(name) for name in ("rod_radius", "light_mass", "gravity")
@@ -97,15 +97,15 @@ class Changes:
             np.copyto(block[name], moved, where=by_series)
         block["time"] = np.where(by_series, START, 0.0)
 
-    def _change(self, block: Block, mode: Mode, event: Event, following: Mode | Choice) -> None:
+    def _change(self, block: Block, mode: Mode, event: Event, following: Mode | TransitionChoice) -> None:
         """Change the modes, and the speeds that the event sets."""
         if event is Event.STOP:
             block["heavy_speed"] = block["retreat_speed"] = 0.0
         elif mode is Mode.CLAMPED_SLACK:
             block.numbers[: len(STATE)] = self._impact(block, 0.0)[0]
-        if following is Choice.BY_HOLDING:
+        if following is TransitionChoice.BY_HOLDING:
             block["mode"] = self._held_or_sliding(block)
-        elif following is Choice.BY_IMPULSE:
+        elif following is TransitionChoice.BY_IMPULSE:
             block["mode"] = self._after_impulse(block)
         else:
             block["mode"] = following

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from looping_pendulum.reference_ode import equations
-from looping_pendulum.reference_ode.batch.series import Book, Series
+from looping_pendulum.reference_ode.batch.series import Series, SeriesAlgebra
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
@@ -29,7 +29,7 @@ UNREAD = {"light_radius", "hanging_length"}
 """Numbers that only others are made of; no equation reads them."""
 
 
-class Model(NamedTuple):
+class BatchModel(NamedTuple):
     """What the equations of a batch depend on, beside the runs' numbers."""
 
     effects: Effects
@@ -37,14 +37,14 @@ class Model(NamedTuple):
     """Numbers of the apparatus that each run has."""
 
 
-def model_of(effects: Effects, numbers: Mapping[str, Any]) -> Model:
+def model_of(effects: Effects, numbers: Mapping[str, Any]) -> BatchModel:
     """The model of runs with these effects and numbers."""
     stepped = tuple(effect for effect in effects if effect.kind is not EffectKind.RELEASE)
     absent = {c.name for effect in EFFECTS.values() if effect not in stepped for c in effect.coefficients}
-    return Model(stepped, tuple(sorted(numbers.keys() - absent - UNREAD)))
+    return BatchModel(stepped, tuple(sorted(numbers.keys() - absent - UNREAD)))
 
 
-class Compiled:
+class CompiledFunction:
     """A compiled function of columns of numbers."""
 
     def __init__(self, outputs: Sequence[Any], inputs: Sequence[Any]) -> None:
@@ -100,10 +100,10 @@ def size(x: Any) -> Any:
 class Symbols:
     """A run's numbers as series for the equations."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: BatchModel) -> None:
         hy = load_heyoka()
 
-        self.book = Book()
+        self.book = SeriesAlgebra()
         self.leading = {name: hy.expression(name) for name in LEADING}
         numbers = {name: hy.expression(f"given {name}") for name in model.names}
         self.inputs = [*self.leading.values(), *numbers.values()]
@@ -118,38 +118,38 @@ class Symbols:
 
 
 @lru_cache(maxsize=64)
-def holding_margins(model: Model) -> Compiled:
+def holding_margins(model: BatchModel) -> CompiledFunction:
     """`equations.holding_margins`: down, up."""
     symbols = Symbols(model)
-    return Compiled(equations.holding_margins(symbols.book, *symbols.instant(), model.effects), symbols.inputs)
+    return CompiledFunction(equations.holding_margins(symbols.book, *symbols.instant(), model.effects), symbols.inputs)
 
 
 @lru_cache(maxsize=64)
-def light_tension(model: Model, mode: Mode) -> Compiled:
+def light_tension(model: BatchModel, mode: Mode) -> CompiledFunction:
     """The first of `equations.tensions`."""
     symbols = Symbols(model)
-    return Compiled(equations.tensions(symbols.book, mode, *symbols.instant(), model.effects)[:1], symbols.inputs)
+    return CompiledFunction(equations.tensions(symbols.book, mode, *symbols.instant(), model.effects)[:1], symbols.inputs)
 
 
 @lru_cache(maxsize=64)
-def rates(model: Model, mode: Mode) -> Compiled:
+def rates(model: BatchModel, mode: Mode) -> CompiledFunction:
     """`equations.rates` of `STATE`."""
     symbols = Symbols(model)
     rate = equations.rates(symbols.book, mode, *symbols.instant(), model.effects)
-    return Compiled([getattr(rate, name) for name in STATE], symbols.inputs)
+    return CompiledFunction([getattr(rate, name) for name in STATE], symbols.inputs)
 
 
 @lru_cache(maxsize=64)
-def impact(model: Model, slide: float) -> Compiled:
+def impact(model: BatchModel, slide: float) -> CompiledFunction:
     """`equations.impact`: `STATE`, and the speed at which the string then slides."""
     symbols = Symbols(model)
     hit = equations.impact(symbols.book, slide, *symbols.instant(), model.effects)
-    return Compiled([*(getattr(hit.state, name) for name in STATE), hit.sliding], symbols.inputs)
+    return CompiledFunction([*(getattr(hit.state, name) for name in STATE), hit.sliding], symbols.inputs)
 
 
 @lru_cache(maxsize=64)
-def drop(model: Model) -> Compiled:
+def drop(model: BatchModel) -> CompiledFunction:
     """`state.heavy_drop`, of a string that does not lie on itself."""
     symbols = Symbols(model)
     _, y, _, p = symbols.instant()
-    return Compiled([heavy_drop(symbols.book, y, 0.0, p, model.effects)], symbols.inputs)
+    return CompiledFunction([heavy_drop(symbols.book, y, 0.0, p, model.effects)], symbols.inputs)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from looping_pendulum.reference_ode.batch.compiled import Compiled, size
+from looping_pendulum.reference_ode.batch.compiled import CompiledFunction, size
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 
@@ -86,7 +86,7 @@ def horner(coefficients: Sequence[Any] | Array, x: Any) -> Any:
     return value
 
 
-class Look(NamedTuple):
+class RootExpressions(NamedTuple):
     """Expressions of what is easily seen of a polynomial on [0, 1]."""
 
     bernstein: list[Any]
@@ -97,7 +97,7 @@ class Look(NamedTuple):
     """Size of its last step."""
 
 
-def look(c: list[Any]) -> Look:
+def look(c: list[Any]) -> RootExpressions:
     """Look at the polynomial with coefficients ``c`` of ascending powers."""
     hy = load_heyoka()
 
@@ -109,25 +109,25 @@ def look(c: list[Any]) -> Look:
         for coefficient in c[-3::-1]:
             value, slope = value * x + coefficient, slope * x + value
         before, x = x, x - value / slope
-    return Look(bernstein, x, size(x - before))
+    return RootExpressions(bernstein, x, size(x - before))
 
 
 @lru_cache(maxsize=8)
-def _look(degree: int) -> Compiled:
-    """Compiled: coefficients -> `Look`."""
+def _look(degree: int) -> CompiledFunction:
+    """Compiled: coefficients -> `RootExpressions`."""
     hy = load_heyoka()
 
     c = [hy.expression(f"c{k}") for k in range(degree + 1)]
     found = look(c)
-    return Compiled([*found.bernstein, found.root, found.moved], c)
+    return CompiledFunction([*found.bernstein, found.root, found.moved], c)
 
 
 @lru_cache(maxsize=8)
-def _halves(degree: int) -> Compiled:
+def _halves(degree: int) -> CompiledFunction:
     """Compiled: coefficients in Bernstein's basis -> those on the left half and on the right half (de Casteljau)."""
     hy = load_heyoka()
 
     b = [hy.expression(f"b{k}") for k in range(degree + 1)]
     left = [hy.sum([comb(k, j) / 2.0**k * b[j] for j in range(k + 1)]) for k in range(degree + 1)]
     right = [hy.sum([comb(k, j) / 2.0**k * b[degree - j] for j in range(k + 1)]) for k in range(degree + 1)]
-    return Compiled([*left, *right[::-1]], b)
+    return CompiledFunction([*left, *right[::-1]], b)

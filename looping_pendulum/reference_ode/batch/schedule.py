@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode.batch.block import NOTES, Block
-from looping_pendulum.reference_ode.batch.changes import Changes
+from looping_pendulum.reference_ode.batch.changes import BatchTransitions
 from looping_pendulum.reference_ode.batch.compiled import LEADING, drop, model_of
 from looping_pendulum.reference_ode.batch.result import ENDS, HASH_START, BatchResult, hash_further
 from looping_pendulum.reference_ode.batch.steps import NONE, UNSURE, stepper
@@ -38,7 +38,7 @@ _LOST = -2
 """In place of a kind of event: the run breaks down."""
 
 
-class Kind(Enum):
+class BatchTaskKind(Enum):
     """What a run may wait for."""
 
     STEPS = "to take steps until an event may lie ahead"
@@ -46,19 +46,19 @@ class Kind(Enum):
     SEARCH = "the same where the event is hard to find"
 
 
-URGENCY = {Kind.STEPS: 1, Kind.EVENT: 1, Kind.SEARCH: 16}
+URGENCY = {BatchTaskKind.STEPS: 1, BatchTaskKind.EVENT: 1, BatchTaskKind.SEARCH: 16}
 """How much the wait of one run counts. Searches are rare, and a run that needs one may have a long way to go."""
 
 
-class Task(NamedTuple):
+class BatchTask(NamedTuple):
     """What some runs wait for."""
 
-    kind: Kind
+    kind: BatchTaskKind
     mode: Mode
     """Of those that share a compiled step, the one that names it."""
 
 
-class Source(Protocol):
+class RunSource(Protocol):
     """Where the runs come from."""
 
     @property
@@ -82,14 +82,14 @@ class Schedule:
     """Runs that are under way, and the results of those that have ended."""
 
     def __init__(
-        self, source: Source, result: BatchResult, effects: Effects, release: Release, duration: float, tolerance: float
+        self, source: RunSource, result: BatchResult, effects: Effects, release: Release, duration: float, tolerance: float
     ) -> None:
         """``result``: of all runs; those that are taken are filled in."""
         self._source, self._result = source, result
         self._model = model = model_of(effects, source.numbers(np.arange(0)))
         self._duration, self._tolerance = duration, tolerance
-        self._changes = Changes(model, release)
-        self._waiting: dict[Task, list[Block]] = defaultdict(list)
+        self._changes = BatchTransitions(model, release)
+        self._waiting: dict[BatchTask, list[Block]] = defaultdict(list)
         self._under_way = 0
 
     def run(self) -> None:
@@ -104,15 +104,15 @@ class Schedule:
                         task, most = other, count
                 if task is None:
                     more = self._release(most)
-                elif task.kind is Kind.STEPS:
+                elif task.kind is BatchTaskKind.STEPS:
                     self._step(task.mode, self._waiting.pop(task))
                 else:
                     self._meet(task, Block.joined(self._waiting.pop(task)))
 
-    def _wait(self, kind: Kind, mode: Mode, block: Block) -> None:
+    def _wait(self, kind: BatchTaskKind, mode: Mode, block: Block) -> None:
         """Let runs wait for a task."""
         if len(block):
-            self._waiting[Task(kind, mode)].append(block)
+            self._waiting[BatchTask(kind, mode)].append(block)
 
     def _go_on(self, block: Block) -> None:
         """Let runs go on in their modes."""
@@ -121,7 +121,7 @@ class Schedule:
             if mode is Mode.ENDED:
                 self._under_way -= len(columns)
             else:
-                self._wait(Kind.STEPS, _NAMING.get(mode, mode), block.take(columns))
+                self._wait(BatchTaskKind.STEPS, _NAMING.get(mode, mode), block.take(columns))
 
     def _release(self, most: int) -> bool:
         """Release the next runs; return whether there were any."""
@@ -158,16 +158,16 @@ class Schedule:
             going = np.count_nonzero(clear)
             if not going or len(clear) - going > most:
                 break
-        self._wait(Kind.STEPS, mode, block.take(np.flatnonzero(clear[:n])))
-        self._wait(Kind.EVENT, mode, block.take(np.flatnonzero(~clear[:n])))
+        self._wait(BatchTaskKind.STEPS, mode, block.take(np.flatnonzero(clear[:n])))
+        self._wait(BatchTaskKind.EVENT, mode, block.take(np.flatnonzero(~clear[:n])))
 
-    def _meet(self, task: Task, block: Block) -> None:
+    def _meet(self, task: BatchTask, block: Block) -> None:
         """Go on to the first event within the next step and apply it, or to the step's end if there is none."""
         step = stepper(self._model, task.mode, self._tolerance)
-        moved, event = (step.search if task.kind is Kind.SEARCH else step.meet)(block.numbers)
+        moved, event = (step.search if task.kind is BatchTaskKind.SEARCH else step.meet)(block.numbers)
         unsure = event == UNSURE
         if unsure.any():
-            self._wait(Kind.SEARCH, task.mode, block.take(np.flatnonzero(unsure)))
+            self._wait(BatchTaskKind.SEARCH, task.mode, block.take(np.flatnonzero(unsure)))
             block, moved, event = block.take(np.flatnonzero(~unsure)), moved[:, ~unsure], event[~unsure]
         block.numbers[step.rows] = moved
         if task.mode is Mode.SLIDING_DOWN:

@@ -18,7 +18,7 @@ class Series:
 
     __slots__ = ("_find", "_found", "book", "constant", "number")
 
-    def __init__(self, book: Book, find: Callable[[int, Series], Any], constant: bool = False) -> None:
+    def __init__(self, book: SeriesAlgebra, find: Callable[[int, Series], Any], constant: bool = False) -> None:
         self.book = book
         self.number = next(book.numbers)
         """In the order in which series were made, so that every process compiles the same terms in the same order."""
@@ -78,7 +78,7 @@ class Series:
         return self.book.series(other) / self
 
 
-class Book:
+class SeriesAlgebra:
     """Math namespace of `Series`; keeps each that was made, so that nothing is computed twice."""
 
     def __init__(self) -> None:

@@ -40,7 +40,7 @@ class _Count:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
+class SharedBatch:
     """A batch, as the processes that work on it share it."""
 
     base: Parameters
@@ -61,7 +61,7 @@ class Job:
     """How many runs have ended."""
 
     @classmethod
-    def of(cls, base: Parameters, columns: Columns, n: int, duration: float, tolerance: float, processes: int) -> Job:
+    def of(cls, base: Parameters, columns: Columns, n: int, duration: float, tolerance: float, processes: int) -> SharedBatch:
         """A batch of which nothing has been done yet."""
         numbers, size = n * len(columns), n * BYTES_PER_RUN
         alone = processes == 1
@@ -92,10 +92,10 @@ class Job:
         return BatchResult.over(self.results, self.n)
 
 
-class Runs:
+class BatchRuns:
     """The runs of a batch: who takes which, and their numbers."""
 
-    def __init__(self, job: Job, progress: Progress | None = None) -> None:
+    def __init__(self, job: SharedBatch, progress: Progress | None = None) -> None:
         self.job, self.all, self._progress = job, job.n, progress
         self.columns = job.columns()
         self._mine: list[Index] = []
@@ -140,7 +140,7 @@ class Runs:
             self._progress(ended, self.all)
 
 
-def work(runs: Runs) -> None:
+def work(runs: BatchRuns) -> None:
     """Take runs until none are left, and fill in their results."""
     job, result = runs.job, runs.job.result()
     effects = job.base.effects_with([name for name in job.names if name in COEFFICIENTS])
@@ -161,12 +161,12 @@ def work(runs: Runs) -> None:
         runs.done(1)
 
 
-def work_together(job: Job, progress: Progress | None) -> None:
+def work_together(job: SharedBatch, progress: Progress | None) -> None:
     """Do as `work`, with helping processes. The runs of one that dies are run again here."""
     with ProcessPoolExecutor(job.processes - 1, mp_context=_SPAWN, initializer=_take_part, initargs=(job,)) as pool:
         others = [pool.submit(_help) for _ in range(job.processes - 1)]
         try:
-            work(Runs(job, progress))
+            work(BatchRuns(job, progress))
             for other in others:
                 other.result()
         except BrokenProcessPool:
@@ -177,25 +177,25 @@ def work_together(job: Job, progress: Progress | None) -> None:
         progress(job.n, job.n)
 
 
-def _work_again(job: Job) -> None:
+def _work_again(job: SharedBatch) -> None:
     """Run what has no result, in this process."""
     result = job.result()
     left = np.flatnonzero(result.end == FAILED)
     columns = {name: values[left] for name, values in job.columns().items()}
-    rest = Job.of(job.base, columns, len(left), job.duration, job.tolerance, processes=1)
-    work(Runs(rest))
+    rest = SharedBatch.of(job.base, columns, len(left), job.duration, job.tolerance, processes=1)
+    work(BatchRuns(rest))
     result.put(left, rest.result())
 
 
-_job: Job
+_job: SharedBatch
 """Of a helping process."""
 
 
-def _take_part(job: Job) -> None:
+def _take_part(job: SharedBatch) -> None:
     global _job
     end_with_parent()
     _job = job
 
 
 def _help() -> None:
-    work(Runs(_job))
+    work(BatchRuns(_job))

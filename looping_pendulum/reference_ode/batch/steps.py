@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode import equations
-from looping_pendulum.reference_ode.batch.compiled import LEADING, Compiled, Model, Symbols, expression, size
+from looping_pendulum.reference_ode.batch.compiled import LEADING, BatchModel, CompiledFunction, Symbols, expression, size
 from looping_pendulum.reference_ode.batch.roots import CLOSE, first_falls, horner, look
 from looping_pendulum.reference_ode.batch.series import Series
 from looping_pendulum.reference_ode.geometry import Array
@@ -39,9 +39,9 @@ def covered(effects: Effects) -> bool:
 
 
 class Stepper:
-    """The compiled step of a mode, as functions of runs' numbers (`compiled.Compiled`)."""
+    """The compiled step of a mode, as functions of runs' numbers (`compiled.CompiledFunction`)."""
 
-    def __init__(self, model: Model, mode: Mode, tolerance: float) -> None:
+    def __init__(self, model: BatchModel, mode: Mode, tolerance: float) -> None:
         hy = load_heyoka()
 
         self.order = order = math.ceil(2.0 - 0.5 * math.log(tolerance))
@@ -58,10 +58,10 @@ class Stepper:
             for part in (motion, watched)
         )
         lows = [hy.sum([terms[0], *(_smaller(hy, term, 0.0) for term in terms[1:])]) for terms in changes]
-        self.step = Compiled([*(hy.sum(terms) for terms in moved), _least(hy, lows)], symbols.inputs)
+        self.step = CompiledFunction([*(hy.sum(terms) for terms in moved), _least(hy, lows)], symbols.inputs)
         """Values of `rows` at the end of the step, and a lower bound of all event functions within it."""
         fraction, event = _first_event(hy, changes, lows)
-        self._meet = Compiled([*(horner(terms, fraction) for terms in moved), event], symbols.inputs)
+        self._meet = CompiledFunction([*(horner(terms, fraction) for terms in moved), event], symbols.inputs)
         self._terms, self._inputs = [term for terms in moved + changes for term in terms], symbols.inputs
 
     def meet(self, data: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -82,9 +82,9 @@ class Stepper:
         return horner(motion, np.where(whole, np.minimum(first, 1.0), np.nan)), event
 
     @cached_property
-    def _expand(self) -> Compiled:
+    def _expand(self) -> CompiledFunction:
         """Coefficients of `rows` and then of the event functions, of each all, in powers of the fraction of the step."""
-        return Compiled(self._terms, self._inputs)
+        return CompiledFunction(self._terms, self._inputs)
 
 
 def _series(symbols: Symbols, mode: Mode, effects: Effects) -> tuple[dict[str, Series], dict[Event, Series]]:
@@ -158,6 +158,6 @@ def _least(hy: Any, sizes: list[Any]) -> Any:
 
 
 @lru_cache(maxsize=64)
-def stepper(model: Model, mode: Mode, tolerance: float) -> Stepper:
+def stepper(model: BatchModel, mode: Mode, tolerance: float) -> Stepper:
     """The compiled step of ``mode``."""
     return Stepper(model, mode, tolerance)

@@ -1,1 +1,1 @@
-"""Demonstrations of modelling assumptions: `demonstration` has the types, `page` writes them, the other files are their contents."""
+"""Demonstrations of modelling assumptions: `demonstration` has the types, `page` writes them, all else are their contents."""

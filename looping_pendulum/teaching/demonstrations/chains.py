@@ -11,20 +11,20 @@ import numpy as np
 
 from looping_pendulum.engines.pymunk.chain import PymunkChain
 from looping_pendulum.engines.pymunk.full_chain import PymunkFullChain
-from looping_pendulum.engines.pymunk.full_settings import Variant
+from looping_pendulum.engines.pymunk.full_settings import FullChainVariant
 from looping_pendulum.engines.registry import how_to_get, missing_packages
 from looping_pendulum.engines.static_capstan import CapstanPoint, chain_exponent, measured_exponent
 from looping_pendulum.errors import MissingPackageError
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.teaching.demonstrations.demonstration import (
-    Case,
     Claim,
-    Curve,
     Demonstration,
+    DemonstrationCase,
+    DemonstrationFigure,
+    FigureCurve,
+    MeasuredColumn,
     Numbers,
-    Picture,
-    Quantity,
     simulated,
 )
 from looping_pendulum.teaching.demonstrations.measures import Runs, distance, truth
@@ -65,15 +65,15 @@ def _near_the_formula(n: Numbers) -> bool:
     return all(abs(measured - formula) < max(0.2 * formula, 0.2) for measured, formula in pairs)
 
 
-def _errors(runs: Runs, cases: Mapping[str, Case]) -> Sequence[Curve]:
+def _errors(runs: Runs, cases: Mapping[str, DemonstrationCase]) -> Sequence[FigureCurve]:
     bends = np.linspace(0.02, BENDS[-1], 60)
     theta = float(runs[_key(BENDS[0], False)].wrap_angle)
     formula = np.array([100 * (chain_exponent(FRICTION, theta, float(b)) / (FRICTION * theta) - 1) for b in bends])
     measured = [
-        Curve(label=label, x=np.array(BENDS), y=np.array([_error(runs, _key(b, c)) for b in BENDS]), points=True)
+        FigureCurve(label=label, x=np.array(BENDS), y=np.array([_error(runs, _key(b, c)) for b in BENDS]), points=True)
         for c, label in ((False, "beads with friction mu"), (True, "beads, friction corrected for the corners"))
     ]
-    return [Curve(label="formula: 2 N artanh(mu tan(theta / 2N))", x=bends, y=formula, truth=True), *measured]
+    return [FigureCurve(label="formula: 2 N artanh(mu tan(theta / 2N))", x=bends, y=formula, truth=True), *measured]
 
 
 POLYGON = Demonstration(
@@ -92,7 +92,7 @@ POLYGON = Demonstration(
     change="rod:\n  radius: 12.5 mm    # the same links bend half as much",
     commands=("looping-pendulum run mine.yaml --engine pymunk:chain",),
     cases=lambda: tuple(
-        Case(
+        DemonstrationCase(
             key=_key(bend, corrected),
             label=f"links bent by {math.degrees(bend):.0f} deg{', corrected' if corrected else ''}",
             run=lambda bend=bend, corrected=corrected: _capstan(bend, corrected),  # type: ignore[misc]
@@ -101,10 +101,10 @@ POLYGON = Demonstration(
         for bend in BENDS
     ),
     quantities=(
-        Quantity(key="exponent", header="ln(T2 / T1)", measure=lambda runs, key: runs[key].exponent, digits=".4f"),
-        Quantity(key="ideal", header="mu theta", measure=lambda runs, key: runs[key].ideal, digits=".4f"),
-        Quantity(key="error", header="too large by [%]", measure=_error, digits="+.2f"),
-        Quantity(key="formula", header="formula of a chain [%]", measure=_formula, digits="+.2f"),
+        MeasuredColumn(key="exponent", header="ln(T2 / T1)", measure=lambda runs, key: runs[key].exponent, digits=".4f"),
+        MeasuredColumn(key="ideal", header="mu theta", measure=lambda runs, key: runs[key].ideal, digits=".4f"),
+        MeasuredColumn(key="error", header="too large by [%]", measure=_error, digits="+.2f"),
+        MeasuredColumn(key="formula", header="formula of a chain [%]", measure=_formula, digits="+.2f"),
     ),
     claims=(
         Claim(
@@ -125,7 +125,7 @@ POLYGON = Demonstration(
             holds=lambda n: all(abs(n["error"][_key(b, True)]) < 0.3 * n["error"][_key(b, False)] for b in BENDS),
         ),
     ),
-    picture=Picture(
+    picture=DemonstrationFigure(
         x="bend between two links on the rod [rad]",
         y="ln(T2 / T1) too large by [%]",
         caption="What corners add to the friction of a chain, by formula and as measured, and what is left after "
@@ -142,10 +142,10 @@ WATCHED = 0.1
 SHORT: Scenario = replace(load("ten_to_one"), duration=WATCHED)
 
 
-def _soft(key: str, label: str, **changes: Any) -> Case:
+def _soft(key: str, label: str, **changes: Any) -> DemonstrationCase:
     settings = {"time_step": STEP, "force_interval": 10, "long_range": 0} | changes
-    engine = PymunkFullChain(variant=Variant.BEADS).with_settings(**settings)
-    return Case(key=key, label=label, run=lambda: simulated(engine, SHORT))
+    engine = PymunkFullChain(variant=FullChainVariant.BEADS).with_settings(**settings)
+    return DemonstrationCase(key=key, label=label, run=lambda: simulated(engine, SHORT))
 
 
 def _stretch(runs: Runs, key: str) -> float:
@@ -176,8 +176,8 @@ STRETCHY = Demonstration(
         _soft("m30", "10 sweeps, string 30 % of M1", iterations=10, mass_fraction=0.3),
     ),
     quantities=(
-        Quantity(key="stretch", header="largest stretch [mm]", measure=_stretch, digits=".2f"),
-        Quantity(
+        MeasuredColumn(key="stretch", header="largest stretch [mm]", measure=_stretch, digits=".2f"),
+        MeasuredColumn(
             key="off",
             header="M1 from the truth [mm]",
             measure=lambda runs, key: distance(runs, key, "truth", WATCHED),
@@ -205,12 +205,12 @@ STRETCHY = Demonstration(
             holds=lambda n: n["stretch"]["m30"] < n["stretch"]["m10"] < 0.6 * n["stretch"]["s10"],
         ),
     ),
-    picture=Picture(
+    picture=DemonstrationFigure(
         x="time [s]",
         y="string too long by [mm]",
         caption="How much longer than its links the string is. Fewer sweeps and lighter beads make a softer spring.",
         curves=lambda runs, cases: [
-            Curve(label=case.label, x=runs[key].t, y=1e3 * runs[key].string_stretch, truth=case.truth)
+            FigureCurve(label=case.label, x=runs[key].t, y=1e3 * runs[key].string_stretch, truth=case.truth)
             for key, case in cases.items()
         ],
     ),

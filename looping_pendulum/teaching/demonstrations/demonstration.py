@@ -30,7 +30,7 @@ class DemonstrationError(HarnessError, ValueError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Case:
+class DemonstrationCase:
     """One run of an experiment."""
 
     key: str
@@ -44,7 +44,7 @@ class Case:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Quantity:
+class MeasuredColumn:
     """Something measured in every case: a column of the table."""
 
     key: str
@@ -60,7 +60,7 @@ class Quantity:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Curve:
+class FigureCurve:
     """One line of the figure."""
 
     label: str
@@ -72,7 +72,7 @@ class Curve:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Picture:
+class DemonstrationFigure:
     """The figure of a demonstration."""
 
     x: str
@@ -80,7 +80,7 @@ class Picture:
     y: str
     caption: str
     """What to see; also the text for those who do not see it."""
-    curves: Callable[[Mapping[str, Any], Mapping[str, Case]], Sequence[Curve]]
+    curves: Callable[[Mapping[str, Any], Mapping[str, DemonstrationCase]], Sequence[FigureCurve]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,16 +110,16 @@ class Demonstration:
     """What to change in it oneself, as lines of YAML or of a command."""
     commands: tuple[str, ...]
     """To see it oneself."""
-    cases: Callable[[], tuple[Case, ...]]
-    quantities: tuple[Quantity, ...]
+    cases: Callable[[], tuple[DemonstrationCase, ...]]
+    quantities: tuple[MeasuredColumn, ...]
     claims: tuple[Claim, ...]
-    picture: Picture
+    picture: DemonstrationFigure
     packages: tuple[str, ...] = ()
     """Packages that run, where the runs do not tell."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sentence:
+class JudgedClaim:
     """A claim after the run."""
 
     text: str
@@ -127,15 +127,15 @@ class Sentence:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown:
+class DemonstrationResult:
     """A demonstration that was run."""
 
     demonstration: Demonstration
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     numbers: Numbers
-    answer: tuple[Sentence, ...]
-    curves: tuple[Curve, ...]
+    answer: tuple[JudgedClaim, ...]
+    curves: tuple[FigureCurve, ...]
     versions: Mapping[str, str] = field(default_factory=dict)
     """Package -> version of what ran."""
 
@@ -145,7 +145,7 @@ class Shown:
         return all(sentence.holds for sentence in self.answer)
 
 
-def show(demonstration: Demonstration, progress: Progress | None = None) -> Shown:
+def show(demonstration: Demonstration, progress: Progress | None = None) -> DemonstrationResult:
     """Run the experiment of ``demonstration`` and put its page's content together.
 
     Raises
@@ -163,7 +163,7 @@ def show(demonstration: Demonstration, progress: Progress | None = None) -> Show
     rows = tuple(
         (case.label, *(_cell(q, numbers[q.key][key]) for q in demonstration.quantities)) for key, case in cases.items()
     )
-    return Shown(
+    return DemonstrationResult(
         demonstration=demonstration,
         header=("run", *(q.header for q in demonstration.quantities)),
         rows=rows,
@@ -188,16 +188,16 @@ def simulated(engine: Engine, scenario: Scenario) -> Trajectory:
     return engine.simulate(scenario)
 
 
-def _said(claim: Claim, numbers: Numbers) -> Sentence:
+def _said(claim: Claim, numbers: Numbers) -> JudgedClaim:
     """Write a claim with its numbers; one that does not hold may lack the numbers that it speaks of."""
     try:
         text = claim.words.format_map(numbers)
     except (TypeError, ValueError):
         text = claim.words
-    return Sentence(text=text, holds=bool(claim.holds(numbers)))
+    return JudgedClaim(text=text, holds=bool(claim.holds(numbers)))
 
 
-def _cell(quantity: Quantity, value: Any) -> str:
+def _cell(quantity: MeasuredColumn, value: Any) -> str:
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return quantity.absent
     return value if isinstance(value, str) else format(value, quantity.digits)

@@ -15,12 +15,12 @@ from looping_pendulum.engines.mujoco.tendon import OUT_OF_THE_BOX, MujocoTendon
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.teaching.demonstrations.demonstration import (
-    Case,
     Claim,
-    Curve,
     Demonstration,
-    Picture,
-    Quantity,
+    DemonstrationCase,
+    DemonstrationFigure,
+    FigureCurve,
+    MeasuredColumn,
     simulated,
 )
 from looping_pendulum.teaching.demonstrations.measures import (
@@ -37,13 +37,15 @@ from looping_pendulum.teaching.demonstrations.measures import (
 
 TEN_TO_ONE: Scenario = load("ten_to_one")
 P = TEN_TO_ONE.parameters
-LOWEST = Quantity(key="lowest", header="M2 falls at most [cm]", measure=lowest, digits=".1f")
+LOWEST = MeasuredColumn(key="lowest", header="M2 falls at most [cm]", measure=lowest, digits=".1f")
 
 
-def _tendon(key: str, label: str, scenario: Scenario = TEN_TO_ONE, **options: Any) -> Case:
+def _tendon(key: str, label: str, scenario: Scenario = TEN_TO_ONE, **options: Any) -> DemonstrationCase:
     """Case of a MuJoCo tendon; ``changes``: settings."""
     changes = options.pop("changes", {})
-    return Case(key=key, label=label, run=lambda: simulated(MujocoTendon(**options).with_settings(**changes), scenario))
+    return DemonstrationCase(
+        key=key, label=label, run=lambda: simulated(MujocoTendon(**options).with_settings(**changes), scenario)
+    )
 
 
 def _turns(runs: Runs, key: str) -> int:
@@ -77,14 +79,14 @@ TENDON = Demonstration(
     quantities=(
         halting_time(P),
         LOWEST,
-        Quantity(key="turns", header="times M2 turned round", measure=_turns, digits="d"),
-        Quantity(
+        MeasuredColumn(key="turns", header="times M2 turned round", measure=_turns, digits="d"),
+        MeasuredColumn(
             key="off",
             header="M1 from the truth to 0.35 s [mm]",
             measure=lambda runs, key: distance(runs, key, "truth", 0.35),
             digits=".3f",
         ),
-        Quantity(
+        MeasuredColumn(
             key="off_slippery",
             header="M1 from the truth without friction to 0.35 s [mm]",
             measure=lambda runs, key: distance(runs, key, "slippery", 0.35),
@@ -112,7 +114,7 @@ TENDON = Demonstration(
             holds=lambda n: abs(n["halt"]["capstan"] - n["halt"]["truth"]) < 1e-3,
         ),
     ),
-    picture=Picture(
+    picture=DemonstrationFigure(
         x="time [s]",
         y="M2 has fallen by [cm]",
         caption="The heavy mass's way down. Without friction it comes up again and again; with friction it stays where it "
@@ -168,9 +170,9 @@ CONSTANT = Demonstration(
         ),
     ),
     quantities=(
-        Quantity(key="friction", header="constant friction [N]", measure=_friction),
-        Quantity(key="first", header="true friction at release [N]", measure=_true_friction("release")),
-        Quantity(key="last", header="true friction before the halt [N]", measure=_true_friction("halt")),
+        MeasuredColumn(key="friction", header="constant friction [N]", measure=_friction),
+        MeasuredColumn(key="first", header="true friction at release [N]", measure=_true_friction("release")),
+        MeasuredColumn(key="last", header="true friction before the halt [N]", measure=_true_friction("halt")),
         halting_time(P),
         LOWEST,
     ),
@@ -191,7 +193,7 @@ CONSTANT = Demonstration(
             holds=lambda n: n["last"]["truth"] > 5 * n["first"]["truth"],
         ),
     ),
-    picture=Picture(
+    picture=DemonstrationFigure(
         x="time [s]",
         y="M2 has fallen by [cm]",
         caption="The heavy mass's way down for the truth and three constants: two do not hold it, one is too "
@@ -241,14 +243,14 @@ TURNS = Demonstration(
     ),
     quantities=(
         halting_time(P),
-        Quantity(
+        MeasuredColumn(
             key="apart",
             header="string on the rod when M1 is 1 mm off [deg]",
             measure=_angle_when_apart(1e-3),
             digits=".0f",
             absent="never",
         ),
-        Quantity(key="stretch", header="largest error of the string's length [mm]", measure=_stretch),
+        MeasuredColumn(key="stretch", header="largest error of the string's length [mm]", measure=_stretch),
         LOWEST,
     ),
     claims=(
@@ -268,7 +270,7 @@ TURNS = Demonstration(
             holds=lambda n: n["halt"]["one"] is not None and abs(n["halt"]["one"] - n["halt"]["truth"]) > 0.02,
         ),
     ),
-    picture=Picture(
+    picture=DemonstrationFigure(
         x="time [s]",
         y="M1's height [cm]",
         caption="The light mass's height. With one tendon it leaves the truth before the first turn is complete.",
@@ -324,8 +326,8 @@ CREEP = Demonstration(
     ),
     quantities=(
         halting_time(P),
-        Quantity(key="late", header="late by [ms]", measure=_late, digits=".3f"),
-        Quantity(key="creep", header="creeps while held [mm]", measure=_creep, digits="+.5f"),
+        MeasuredColumn(key="late", header="late by [ms]", measure=_late, digits=".3f"),
+        MeasuredColumn(key="creep", header="creeps while held [mm]", measure=_creep, digits="+.5f"),
         LOWEST,
     ),
     claims=(
@@ -345,7 +347,7 @@ CREEP = Demonstration(
             holds=lambda n: abs(n["creep"]["hard"]) < 1e-3 and abs(n["late"]["hard"]) < 0.1,
         ),
     ),
-    picture=Picture(
+    picture=DemonstrationFigure(
         x="time [s]",
         y="M2 above its lowest point [mm]",
         caption="The heavy mass after it was caught. Softened friction lets it creep up; the truth stands still.",
@@ -354,13 +356,13 @@ CREEP = Demonstration(
 )
 
 
-def _after_the_catch(runs: Runs, cases: Mapping[str, Case]) -> Sequence[Curve]:
+def _after_the_catch(runs: Runs, cases: Mapping[str, DemonstrationCase]) -> Sequence[FigureCurve]:
     curves = []
     for key, case in cases.items():
         run = runs[key]
         seen = (run.t >= 0.36) & (run.t <= CREEP_TO)
         y = 1e3 * (run.heavy_position[:, 1] - run.heavy_position[:, 1].min())
-        curves.append(Curve(label=case.label, x=run.t[seen], y=np.minimum(y[seen], 10.0), truth=case.truth))
+        curves.append(FigureCurve(label=case.label, x=run.t[seen], y=np.minimum(y[seen], 10.0), truth=case.truth))
     return curves
 
 

@@ -14,7 +14,7 @@ from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.teaching.demonstrations.demonstration import Case, Curve, Quantity, simulated
+from looping_pendulum.teaching.demonstrations.demonstration import DemonstrationCase, FigureCurve, MeasuredColumn, simulated
 
 Runs = Mapping[str, Any]
 
@@ -24,18 +24,18 @@ def reference(scenario: Scenario) -> Trajectory:
     return simulated(ReferenceEngine(available_integrators()[0], Profile.ACCURATE), scenario)
 
 
-def truth(scenario: Scenario, key: str = "truth", label: str = "truth", *, main: bool = True) -> Case:
+def truth(scenario: Scenario, key: str = "truth", label: str = "truth", *, main: bool = True) -> DemonstrationCase:
     """Case of the exact reference."""
-    return Case(key=key, label=label, run=lambda: reference(scenario), truth=main)
+    return DemonstrationCase(key=key, label=label, run=lambda: reference(scenario), truth=main)
 
 
-def halting_time(parameters: Parameters) -> Quantity:
+def halting_time(parameters: Parameters) -> MeasuredColumn:
     """When the heavy mass came to rest for good."""
 
     def measure(runs: Runs, key: str) -> float | None:
         return halt_of(runs[key], parameters)
 
-    return Quantity(key="halt", header="M2 halts at [s]", measure=measure, digits=".4f", absent="never")
+    return MeasuredColumn(key="halt", header="M2 halts at [s]", measure=measure, digits=".4f", absent="never")
 
 
 def halt_of(run: Trajectory, parameters: Parameters) -> float | None:
@@ -68,15 +68,17 @@ def first_apart(run: Trajectory, other: Trajectory, limit: float) -> int | None:
     return int(beyond[0]) if len(beyond) else None
 
 
-def drops(runs: Runs, cases: Mapping[str, Case]) -> Sequence[Curve]:
+def drops(runs: Runs, cases: Mapping[str, DemonstrationCase]) -> Sequence[FigureCurve]:
     """How far the heavy mass has fallen, against time."""
     return over_time(lambda run: 100 * run.heavy_drop)(runs, cases)
 
 
-def over_time(value: Callable[[Trajectory], Any]) -> Callable[[Runs, Mapping[str, Case]], Sequence[Curve]]:
+def over_time(value: Callable[[Trajectory], Any]) -> Callable[[Runs, Mapping[str, DemonstrationCase]], Sequence[FigureCurve]]:
     """Curves of ``value`` against time."""
 
-    def curves(runs: Runs, cases: Mapping[str, Case]) -> Sequence[Curve]:
-        return [Curve(label=case.label, x=runs[key].t, y=value(runs[key]), truth=case.truth) for key, case in cases.items()]
+    def curves(runs: Runs, cases: Mapping[str, DemonstrationCase]) -> Sequence[FigureCurve]:
+        return [
+            FigureCurve(label=case.label, x=runs[key].t, y=value(runs[key]), truth=case.truth) for key, case in cases.items()
+        ]
 
     return curves

@@ -17,7 +17,7 @@ from looping_pendulum.compare.tables import table
 from looping_pendulum.pages.palette import COLOURS, DASHES, MARKERS
 from looping_pendulum.pages.shell import page
 from looping_pendulum.teaching.demonstrations.chains import POLYGON, STRETCHY
-from looping_pendulum.teaching.demonstrations.demonstration import Demonstration, DemonstrationError, Shown
+from looping_pendulum.teaching.demonstrations.demonstration import Demonstration, DemonstrationError, DemonstrationResult
 from looping_pendulum.teaching.demonstrations.friction import CONSTANT, CREEP, TENDON, TURNS
 from looping_pendulum.teaching.demonstrations.reference_model import BREAK_AWAY, DRAG, ITSELF
 
@@ -54,7 +54,7 @@ def find(names: Sequence[str]) -> tuple[Demonstration, ...]:
     return tuple(DEMONSTRATIONS[name] for name in names) or tuple(DEMONSTRATIONS.values())
 
 
-def write(shown: Shown, folder: Path, *, with_html: bool = True) -> tuple[Path, ...]:
+def write(shown: DemonstrationResult, folder: Path, *, with_html: bool = True) -> tuple[Path, ...]:
     """Write NAME.md with NAME.png beside it, and NAME.html, which needs neither."""
     name = shown.demonstration.name
     png = figure(shown)
@@ -89,7 +89,7 @@ def index() -> str:
     )
 
 
-def markdown(shown: Shown) -> str:
+def markdown(shown: DemonstrationResult) -> str:
     """Page as Markdown; its figure is NAME.png beside it."""
     d = shown.demonstration
     answer = "\n\n".join(s.text if s.holds else f"**{NOT_BORNE_OUT}** {s.text}" for s in shown.answer)
@@ -118,13 +118,13 @@ def start(d: Demonstration) -> str:
     return f"looping-pendulum scenarios {d.scenario} > mine.yaml"
 
 
-def provenance(shown: Shown) -> str:
+def provenance(shown: DemonstrationResult) -> str:
     """What wrote the page, and with which versions."""
     made = ", ".join(f"{name} {version}" for name, version in shown.versions.items())
     return f"{MADE_WITH}{made}, by `looping-pendulum demonstrations {shown.demonstration.name}`."
 
 
-def html(shown: Shown, png: bytes) -> str:
+def html(shown: DemonstrationResult, png: bytes) -> str:
     """Page as one HTML file that asks for nothing else."""
     d = shown.demonstration
     return page(
@@ -141,7 +141,7 @@ def html(shown: Shown, png: bytes) -> str:
     )
 
 
-def figure(shown: Shown) -> bytes:
+def figure(shown: DemonstrationResult) -> bytes:
     """Draw the figure: truth black and broad, the others in colours and dashes that tell them apart without colour."""
     picture = shown.demonstration.picture
     fig = Figure(figsize=(7.2, 4.0), layout="constrained")

@@ -12,12 +12,19 @@ from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.reference_ode.closed_forms import halted_free_length, spiral
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.teaching.demonstrations.demonstration import Claim, Curve, Demonstration, Numbers, Picture, Quantity
+from looping_pendulum.teaching.demonstrations.demonstration import (
+    Claim,
+    Demonstration,
+    DemonstrationFigure,
+    FigureCurve,
+    MeasuredColumn,
+    Numbers,
+)
 from looping_pendulum.teaching.demonstrations.measures import Runs, distance, drops, halt_of, halting_time, lowest, truth
 
 TEN_TO_ONE: Scenario = load("ten_to_one")
 P = TEN_TO_ONE.parameters
-LOWEST = Quantity(key="lowest", header="M2 falls at most [cm]", measure=lowest, digits=".1f")
+LOWEST = MeasuredColumn(key="lowest", header="M2 falls at most [cm]", measure=lowest, digits=".1f")
 FRAME = 1e3 / 240
 """Time between two frames of a phone's slow motion [ms]."""
 
@@ -74,9 +81,9 @@ BREAK_AWAY = Demonstration(
         truth(_with_static(ratio), f"r{ratio}", f"static / kinetic = {ratio:g}", main=ratio == 1) for ratio in STATIC
     ),
     quantities=(
-        Quantity(key="stop", header="first stop [s]", measure=_event("stop"), digits=".4f"),
-        Quantity(key="stick", header="sticks first [s]", measure=_event("stick"), digits=".4f"),
-        Quantity(key="away", header="slips again [s]", measure=_event("break_away"), digits=".4f"),
+        MeasuredColumn(key="stop", header="first stop [s]", measure=_event("stop"), digits=".4f"),
+        MeasuredColumn(key="stick", header="sticks first [s]", measure=_event("stick"), digits=".4f"),
+        MeasuredColumn(key="away", header="slips again [s]", measure=_event("break_away"), digits=".4f"),
         halting_time(TWO_TO_ONE.parameters),
         LOWEST,
     ),
@@ -99,7 +106,7 @@ BREAK_AWAY = Demonstration(
             holds=lambda n: n["stick"]["r1.5"] < n["stick"]["r1.0"] - 0.05 and n["lowest"]["r1.5"] < n["lowest"]["r1.0"] - 1,
         ),
     ),
-    picture=Picture(
+    picture=DemonstrationFigure(
         x="time [s]",
         y="M2 has fallen by [cm]",
         caption="The heavy mass's way down for three static frictions: nothing differs until the string first rests.",
@@ -163,17 +170,19 @@ DRAG = Demonstration(
     ),
     quantities=(
         halting_time(P),
-        Quantity(key="end", header="M1 reaches the rod [s]", measure=_event("light_reaches_rod"), digits=".4f"),
-        Quantity(key="earlier", header="earlier by [ms]", measure=_earlier("light_reaches_rod", "declared"), digits="+.1f"),
-        Quantity(key="halt_earlier", header="halts earlier by [ms]", measure=_earlier("halt", "declared"), digits="+.1f"),
-        Quantity(
+        MeasuredColumn(key="end", header="M1 reaches the rod [s]", measure=_event("light_reaches_rod"), digits=".4f"),
+        MeasuredColumn(
+            key="earlier", header="earlier by [ms]", measure=_earlier("light_reaches_rod", "declared"), digits="+.1f"
+        ),
+        MeasuredColumn(key="halt_earlier", header="halts earlier by [ms]", measure=_earlier("halt", "declared"), digits="+.1f"),
+        MeasuredColumn(
             key="apart",
             header="M1 from the declared run to 1.0 s [mm]",
             measure=lambda runs, key: distance(runs, key, "declared", 1.0),
             digits=".1f",
         ),
-        Quantity(key="spiral", header="path off the closed-form spiral [mm]", measure=_from_spiral, digits=".1e"),
-        Quantity(
+        MeasuredColumn(key="spiral", header="path off the closed-form spiral [mm]", measure=_from_spiral, digits=".1e"),
+        MeasuredColumn(
             key="clock",
             header="free length off the formula without gravity and drag [mm]",
             measure=_from_simple_clock,
@@ -199,12 +208,12 @@ DRAG = Demonstration(
             holds=lambda n: 0 < n["halt_earlier"]["none"] < FRAME,
         ),
     ),
-    picture=Picture(
+    picture=DemonstrationFigure(
         x="time [s]",
         y="M1's height [cm]",
         caption="The light mass's height. The three agree up to the halt; then less drag runs ahead, loop by loop.",
         curves=lambda runs, cases: [
-            Curve(label=case.label, x=runs[key].t, y=100 * runs[key].light_position[:, 1], truth=case.truth)
+            FigureCurve(label=case.label, x=runs[key].t, y=100 * runs[key].light_position[:, 1], truth=case.truth)
             for key, case in cases.items()
         ],
     ),
@@ -258,12 +267,12 @@ ITSELF = Demonstration(
     ),
     quantities=(
         halting_time(P),
-        Quantity(key="stick", header="string first holds [s]", measure=_event("stick"), digits=".3f"),
-        Quantity(key="away", header="slips again [s]", measure=_event("break_away"), digits=".3f"),
-        Quantity(key="angle", header="string on the rod at the halt [deg]", measure=_turns_at_halt, digits=".0f"),
+        MeasuredColumn(key="stick", header="string first holds [s]", measure=_event("stick"), digits=".3f"),
+        MeasuredColumn(key="away", header="slips again [s]", measure=_event("break_away"), digits=".3f"),
+        MeasuredColumn(key="angle", header="string on the rod at the halt [deg]", measure=_turns_at_halt, digits=".0f"),
         LOWEST,
-        Quantity(key="end", header="M1 reaches the rod [s]", measure=_event("light_reaches_rod"), digits=".3f"),
-        Quantity(key="earlier", header="earlier by [ms]", measure=_earlier("light_reaches_rod", "plain"), digits="+.1f"),
+        MeasuredColumn(key="end", header="M1 reaches the rod [s]", measure=_event("light_reaches_rod"), digits=".3f"),
+        MeasuredColumn(key="earlier", header="earlier by [ms]", measure=_earlier("light_reaches_rod", "plain"), digits="+.1f"),
     ),
     claims=(
         Claim(
@@ -291,7 +300,7 @@ ITSELF = Demonstration(
             holds=lambda n: n["earlier"]["thick"] > 5 * FRAME and abs(n["halt"]["thick"] - n["halt"]["plain"]) < 1e-6,
         ),
     ),
-    picture=Picture(
+    picture=DemonstrationFigure(
         x="time [s]",
         y="M2 has fallen by [cm]",
         caption="The heavy mass's way down. On the rod of the trial the lines lie on one another; on the slippery rod "

@@ -31,7 +31,7 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Effect:
+class IdentifiedEffect:
     """One effect that the declared model lacks or has wrong."""
 
     name: str
@@ -56,7 +56,7 @@ class Effect:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ranked:
+class RankedCandidate:
     """One candidate in one round."""
 
     name: str
@@ -79,7 +79,7 @@ class Round:
     """One addition: what the model had, and how the candidates did."""
 
     added_before: tuple[str, ...]
-    ranking: tuple[Ranked, ...]
+    ranking: tuple[RankedCandidate, ...]
     """Best first."""
     best: str
     runner_up: str
@@ -125,7 +125,7 @@ class EventResidual:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FittedNumber:
+class FittedParameter:
     """One number of the fit."""
 
     name: str
@@ -141,7 +141,7 @@ class FittedNumber:
 class FitReport:
     """How a fit went."""
 
-    numbers: tuple[FittedNumber, ...]
+    numbers: tuple[FittedParameter, ...]
     correlations: tuple[tuple[str, str, float], ...]
     """Pairs above 0.9 in size."""
     condition: float
@@ -207,7 +207,7 @@ class OtherClosure:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FormulaNumber:
+class FormulaParameter:
     """One number of a formula, fitted to the trajectories together with all numbers of the declared model."""
 
     name: str
@@ -225,7 +225,7 @@ class Formula:
     form: str
     depends_on: str
     multiplied_by: str
-    numbers: tuple[FormulaNumber, ...]
+    numbers: tuple[FormulaParameter, ...]
     gain: float
     """On the Bayesian information criterion, over the declared model."""
     gain_of_bumps: float
@@ -279,7 +279,7 @@ class Remainder:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Picture:
+class TrialFigure:
     """One trial's arrays for the figures; residuals in units of noise."""
 
     trial: str
@@ -303,9 +303,9 @@ class Identification:
     verdict: Verdict
     sentence: str
     """The verdict in words."""
-    effects: tuple[Effect, ...]
+    effects: tuple[IdentifiedEffect, ...]
     """Added to the model; if ambiguous, one of the tied explanations, the best."""
-    ties: tuple[tuple[Effect, ...], ...]
+    ties: tuple[tuple[IdentifiedEffect, ...], ...]
     """Every explanation that these data cannot tell from the best, the best included; empty unless ambiguous."""
     unlisted: Unlisted | None
     """The unknown force, if the verdict is unlisted."""
@@ -327,7 +327,7 @@ class Identification:
     """Versions."""
     scenario: str = field(compare=False)
     """The repaired model of the first trial as a scenario file."""
-    pictures: tuple[Picture, ...] = field(default=(), compare=False)
+    pictures: tuple[TrialFigure, ...] = field(default=(), compare=False)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -15,17 +15,17 @@ from looping_pendulum.discrepancy.fit.event_tests import errors_by_unit
 from looping_pendulum.discrepancy.fit.likelihood import interval
 from looping_pendulum.discrepancy.listed.attribution import rms
 from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.verdict import (
-    Effect,
+from looping_pendulum.discrepancy.result import (
     EventResidual,
     Experiment,
     FitReport,
-    FittedNumber,
+    FittedParameter,
     Identification,
-    Picture,
+    IdentifiedEffect,
     Remainder,
     Round,
     TrialError,
+    TrialFigure,
     Unlisted,
     Verdict,
 )
@@ -35,21 +35,21 @@ from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
-    from looping_pendulum.discrepancy.listed.remainder import Scaled
-    from looping_pendulum.discrepancy.search import Model
+    from looping_pendulum.discrepancy.listed.remainder import ScaledErrors
+    from looping_pendulum.discrepancy.search import CandidateModel
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Conclusion:
     """What the search ended with."""
 
-    before: Model
-    after: Model
-    ties: tuple[Model, ...]
+    before: CandidateModel
+    after: CandidateModel
+    ties: tuple[CandidateModel, ...]
     rounds: tuple[Round, ...]
     experiments: tuple[Experiment, ...]
     unlisted: Unlisted | None = None
-    scaled: Scaled | None = None
+    scaled: ScaledErrors | None = None
     """Set if errors were scaled to contain a remainder."""
 
     @property
@@ -94,7 +94,7 @@ def identification(
     )
 
 
-def _effects(model: Model) -> tuple[Effect, ...]:
+def _effects(model: CandidateModel) -> tuple[IdentifiedEffect, ...]:
     values, errors = model.fit.values, model.fit.errors
     # what its companions shape is seldom linear in the numbers
     curved = {c.name: interval(model.fit, c.name) for c in model.added if c.companions}
@@ -103,8 +103,8 @@ def _effects(model: Model) -> tuple[Effect, ...]:
 
 def _effect(
     c: Candidate, values: Mapping[str, float], errors: Mapping[str, float], between: tuple[float, float] | None
-) -> Effect:
-    return Effect(
+) -> IdentifiedEffect:
+    return IdentifiedEffect(
         name=c.name,
         kind=c.kind,
         acts_on=c.acts_on,
@@ -122,7 +122,7 @@ def _effect(
     )
 
 
-def told(effect: Effect) -> str:
+def told(effect: IdentifiedEffect) -> str:
     """One effect in words: "linear_drag = 0.00120 +/- 0.00003 kg/s"."""
     known = f"{effect.name} = {uncertain(effect.value, effect.error, effect.unit)}"
     if effect.interval is None:
@@ -131,7 +131,9 @@ def told(effect: Effect) -> str:
     return f"{known} ({low} to {high} by likelihood)"
 
 
-def _sentence(verdict: Verdict, effects: Sequence[Effect], ties: Sequence[Sequence[Effect]], found: Conclusion) -> str:
+def _sentence(
+    verdict: Verdict, effects: Sequence[IdentifiedEffect], ties: Sequence[Sequence[IdentifiedEffect]], found: Conclusion
+) -> str:
     if verdict is Verdict.NO_MISSING_EFFECT:
         return "The declared model explains the data to their noise; nothing was added."
     left = _left(found.before)
@@ -165,7 +167,7 @@ def _sentence(verdict: Verdict, effects: Sequence[Effect], ties: Sequence[Sequen
     return f"The declared model leaves something that no listed effect explains: {left}.{nearest}{rest} Nothing was added."
 
 
-def _left(model: Model) -> str:
+def _left(model: CandidateModel) -> str:
     """In words what a model leaves; the tests with their numbers stand under the model in the report. Empty: nothing."""
     tests, found = model.tests, []
     if tests.chi2_per_dof > tests.limit:
@@ -201,7 +203,7 @@ def _told_remainder(remainder: Remainder) -> str:
     )
 
 
-def _errors(before: Model, after: Model, lasting: float) -> tuple[TrialError, ...]:
+def _errors(before: CandidateModel, after: CandidateModel, lasting: float) -> tuple[TrialError, ...]:
     rows = []
     for k, d in enumerate(before.fit.problem.data):
         chi2 = [lasting * _chi2(m.fit, k) for m in (before, after)]
@@ -233,7 +235,7 @@ def _trial_error(
     )
 
 
-def _events(before: Model, after: Model) -> tuple[EventResidual, ...]:
+def _events(before: CandidateModel, after: CandidateModel) -> tuple[EventResidual, ...]:
     rows = []
     for b, a, k, held_out in _pairs(before, after):
         data = b.problem.data[k]
@@ -264,12 +266,12 @@ def _standardised(fit: Fit, k: int) -> Array:
     return np.asarray((d.value - fit.problem.predict(fit.x, k)) / d.sigma)
 
 
-def _fit_report(model: Model) -> FitReport:
+def _fit_report(model: CandidateModel) -> FitReport:
     fit = model.fit
     values, errors, stuck = fit.values, fit.errors, set(fit.at_bounds)
     return FitReport(
         numbers=tuple(
-            FittedNumber(
+            FittedParameter(
                 name=n.name,
                 value=values[n.name],
                 error=errors[n.name],
@@ -289,7 +291,7 @@ def _fit_report(model: Model) -> FitReport:
     )
 
 
-def _scenario(study: Study, model: Model, effects: Sequence[Effect]) -> str:
+def _scenario(study: Study, model: CandidateModel, effects: Sequence[IdentifiedEffect]) -> str:
     """The first training trial under the repaired model, as a scenario file."""
     parameters, _ = model.fit.problem.setting(model.fit.x, 0)
     d = model.fit.problem.data[0]
@@ -309,24 +311,24 @@ def _scenario(study: Study, model: Model, effects: Sequence[Effect]) -> str:
     )
 
 
-def _pairs(before: Model, after: Model) -> list[tuple[Fit, Fit, int, bool]]:
+def _pairs(before: CandidateModel, after: CandidateModel) -> list[tuple[Fit, Fit, int, bool]]:
     """Fits before and after of every trial, which of theirs it is, and whether it was held out."""
     pairs = [(before.fit, after.fit, k, False) for k in range(len(before.fit.problem.data))]
     return pairs + [(b, a, 0, True) for b, a in zip(before.unseen.fits, after.unseen.fits, strict=True)]
 
 
-def _pictures(before: Model, after: Model, lasting: float) -> tuple[Picture, ...]:
+def _pictures(before: CandidateModel, after: CandidateModel, lasting: float) -> tuple[TrialFigure, ...]:
     seen = [pair for pair in _pairs(before, after) if pair[0].problem.data[pair[2]].channels]
     return tuple(_picture(*pair, math.sqrt(lasting)) for pair in seen)
 
 
-def _picture(before: Fit, after: Fit, k: int, held_out: bool, times: float) -> Picture:
+def _picture(before: Fit, after: Fit, k: int, held_out: bool, times: float) -> TrialFigure:
     d = before.problem.data[k]
 
     def split(values: Array) -> dict[str, Array]:
         return {name: values[part] for name, part in d.slices.items()}
 
-    return Picture(
+    return TrialFigure(
         trial=d.trial.name,
         held_out=held_out,
         channels=tuple(d.slices),
