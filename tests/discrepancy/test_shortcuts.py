@@ -10,7 +10,7 @@ import pytest
 
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES
 from looping_pendulum.discrepancy.data.measurement import Camera
-from looping_pendulum.discrepancy.data.observations import EventRow
+from looping_pendulum.discrepancy.data.observations import EventObservation
 from looping_pendulum.discrepancy.fit import event_prediction as prediction
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode.effects import COEFFICIENTS
@@ -72,7 +72,7 @@ def test_a_copy_that_cannot_be_is_refused_as_by_the_constructor(changes):
 
 
 def row(quantity, index=1, value=0.0):
-    return EventRow(quantity=quantity, index=index, value=value, sigma=0.01, unit=EVENT_QUANTITIES[quantity].unit)
+    return EventObservation(quantity=quantity, index=index, value=value, sigma=0.01, unit=EVENT_QUANTITIES[quantity].unit)
 
 
 @pytest.mark.parametrize("name", ["ten_to_one", "two_to_one"])
@@ -83,7 +83,7 @@ def test_a_run_that_is_sampled_in_part_tells_of_the_same_events(name):
     rows = [row("x1_extremum", i) for i in range(1, count + 2)] + [row("halting_time"), row("drop_at_halt")]
     exact = prediction.predict_events(whole, Camera(), rows)
     assert np.isnan(exact).tolist() == [False] * count + [True, False, False]  # one turn more than there are
-    some, last = rows[: count // 2], rows[:count]
+    some, last = rows[: (count + 1) // 2], rows[:count]
     for asked, table_ends in ((some, exact[len(some) - 1]), (last, 0.3 * exact[count - 1]), (rows, 0.3 * exact[count - 1])):
         timed = [dataclasses.replace(r, value=float(table_ends)) for r in asked]
         run = prediction.EventRun(parameters, timed)
@@ -96,8 +96,8 @@ def test_a_run_that_is_sampled_in_part_tells_of_the_same_events(name):
 
 def test_only_what_a_table_covers_is_sampled_at_first():
     parameters = loader.load("two_to_one").parameters
-    rows = [row("x1_extremum", value=0.3)]
-    run = prediction.EventRun(parameters, rows)
-    run.predicted(Camera())
-    assert run._samples.t[-1] == pytest.approx(prediction.BEYOND * 0.3, abs=prediction.SAMPLE_STEP)
-    assert run._samples.run.end_time > 0.5
+    first = prediction.landmarks(prediction.run_for_events(parameters), Camera()).x1_extrema[0].time
+    run = prediction.EventRun(parameters, [row("x1_extremum", value=first)])
+    assert run.predicted(Camera()) == pytest.approx([first], rel=1e-10)
+    assert run._samples.t[-1] == pytest.approx(prediction.BEYOND * first, abs=prediction.SAMPLE_STEP)
+    assert run._samples.run.end_time > 1.01 * prediction.BEYOND * first
