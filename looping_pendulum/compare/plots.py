@@ -15,7 +15,7 @@ from matplotlib.patches import Circle
 from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.metrics import THRESHOLDS
 from looping_pendulum.compare.paper_table import quantity_words
-from looping_pendulum.compare.result import ComparisonResult, Samples
+from looping_pendulum.compare.result import ComparisonResult, ResultSamples
 from looping_pendulum.compare.words import told_events
 from looping_pendulum.files import decoration, utf8
 from looping_pendulum.pages.palette import Style, styles
@@ -34,7 +34,7 @@ def draw(result: ComparisonResult) -> dict[str, tuple[str, bytes]]:
     figures: dict[str, tuple[str, bytes]] = {}
     look = styles(e.label for e in result.engines)
     if result.samples is not None:
-        panels: tuple[tuple[str, str, Callable[[ComparisonResult, Samples, dict[str, Style]], Figure]], ...] = (
+        panels: tuple[tuple[str, str, Callable[[ComparisonResult, ResultSamples, dict[str, Style]], Figure]], ...] = (
             ("path.png", "Path of the light mass around the rod (to scale); star: halt, cross: a run broke off.", path_figure),
             ("drop.png", "Drop of the heavy mass, and below it each engine's deviation from the truth.", drop_figure),
             (
@@ -53,7 +53,7 @@ def draw(result: ComparisonResult) -> dict[str, tuple[str, bytes]]:
     return figures
 
 
-def path_figure(result: ComparisonResult, samples: Samples, look: dict[str, Style]) -> Figure:
+def path_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> Figure:
     """Path of the light mass, equal axes."""
     figure, (axes,) = figure_of(7.0, 6.4)
     truth = samples.truth
@@ -80,7 +80,7 @@ def _widen(axes: Axes) -> None:
     axes.set_ylim(y - height / 2, y + height / 2)
 
 
-def _halts(axes: Axes, result: ComparisonResult, samples: Samples, look: dict[str, Style]) -> None:
+def _halts(axes: Axes, result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> None:
     runs = [(samples.truth, result.truth.landmarks.halting_time, "black", 190.0, 5)]
     runs += [
         (a.run, e.landmarks.halting_time, look[e.label].colour, 70.0, 6)
@@ -94,7 +94,7 @@ def _halts(axes: Axes, result: ComparisonResult, samples: Samples, look: dict[st
             axes.scatter([x], [y], marker="*", s=size, color=colour, edgecolor="white", linewidth=0.6, zorder=order)
 
 
-def drop_figure(result: ComparisonResult, samples: Samples, look: dict[str, Style]) -> Figure:
+def drop_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> Figure:
     """Drop of the heavy mass against time, deviation panel below."""
     figure, (top, below) = figure_of(8.0, 6.8, rows=(3, 2))
     top.plot(samples.truth.t, samples.truth.heavy_drop, color="black", lw=2.4, label="truth", zorder=2)
@@ -129,7 +129,7 @@ def measured_drops(result: ComparisonResult) -> list[tuple[float, float]]:
     return [(t, sign * height) for t, height, sign in found if t is not None and height is not None]
 
 
-def divergence_figure(result: ComparisonResult, samples: Samples, look: dict[str, Style]) -> Figure:
+def divergence_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> Figure:
     """Distance from the truth's light mass on a log axis, with the truth's events."""
     figure, (axes,) = figure_of(8.0, 5.4)
     largest, smallest = THRESHOLDS[1], THRESHOLDS[0]
@@ -194,7 +194,7 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
     return figure
 
 
-def _drawn(samples: Samples) -> list[Aligned]:
+def _drawn(samples: ResultSamples) -> list[Aligned]:
     return [a for a in samples.aligned if len(a.t) > 1]
 
 
