@@ -20,7 +20,7 @@ from looping_pendulum.compare.export import write_whole
 from looping_pendulum.compare.metrics import RMS_MARKS, rms_until
 from looping_pendulum.engines.additions import FILE
 from looping_pendulum.engines.protocol import Engine, Profile
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.scenarios import load
 
@@ -68,11 +68,11 @@ ADDITIONS: dict[str, tuple[tuple[str, Without], ...]] = {
 def measure(name: str, report: Callable[[str], None]) -> list[dict[str, Any]]:
     """Rows of one variant."""
     scenario = replace(load(SCENARIO), duration=DURATION, tolerances=())
-    truth = Truth(scenario)
+    reference = Reference(scenario)
 
     def errors(engine: Engine) -> list[float] | None:
         run = engine.simulate(scenario)
-        aligned = align(run, truth)
+        aligned = align(run, reference)
         found = [rms_until(aligned, RMS_MARKS[mark]) for mark in MARKS]
         return None if not run.status.ok or None in found else [float(x) for x in found if x is not None]
 

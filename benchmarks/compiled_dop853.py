@@ -30,7 +30,7 @@ PARAMETERS = (
 """Numbers of a run, in the order of the tuple ``p``; after them the free length and the angle at release."""
 STICK, DOWN, UP, ENDED = (np.uint64(mode) for mode in (Mode.STICKING, Mode.SLIDING_DOWN, Mode.SLIDING_UP, Mode.ENDED))
 HASH_START, HASH_FACTOR = np.uint64(0xCBF29CE484222325), np.uint64(0x100000001B3)
-STOP, END, UNWRAPPED, TIME_UP, BREAKS_DOWN, BREAKS_UP = range(1, 7)
+STOP, END, UNWRAPPED, TIME_UP, SLIP_ONSET_DOWN, SLIP_ONSET_UP = range(1, 7)
 MOST_STEPS = 20_000
 compiled = numba.njit(error_model="numpy")
 
@@ -115,7 +115,7 @@ def stick_event(kind, y, k, c, p, duration):
     if kind == TIME_UP:
         return duration - y[2], -k[2]
     down, up = margins(c - p[2] * y[0], y[0], y[1], p)
-    return (down if kind == BREAKS_DOWN else up), 0.0
+    return (down if kind == SLIP_ONSET_DOWN else up), 0.0
 
 
 def _locator(step, function):
@@ -191,7 +191,7 @@ def stick(y, p, duration, tolerance):
             h *= max(0.2, min(0.9, 0.9 * error**-0.125)) if error == error else 0.2
             continue
         first, at, there = 0, h, z
-        for kind in (BREAKS_DOWN, BREAKS_UP, END, UNWRAPPED, TIME_UP):
+        for kind in (SLIP_ONSET_DOWN, SLIP_ONSET_UP, END, UNWRAPPED, TIME_UP):
             if stick_event(kind, z, kz, c, p, duration)[0] < 0.0:
                 x, found, _ = locate_stick(kind, state, k, h, c, p, duration, tolerance)
                 if x <= at:
@@ -240,7 +240,7 @@ def run_one(p, free_length, angle, duration, tolerance):
         if event in (0, END, UNWRAPPED, TIME_UP):
             break
         y = (y[0], y[1], 0.0, y[3], y[4])
-        mode = chosen(y, p) if event == STOP else (DOWN if event == BREAKS_DOWN else UP)
+        mode = chosen(y, p) if event == STOP else (DOWN if event == SLIP_ONSET_DOWN else UP)
         modes, halt = (modes ^ mode) * HASH_FACTOR, y[4]
     halts = event == END and mode == STICK
     return halt if halts else math.nan, y[4], (modes ^ ENDED) * HASH_FACTOR

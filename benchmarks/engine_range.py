@@ -28,7 +28,7 @@ from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.metrics import MARK_SLACK
 from looping_pendulum.compare.run_cache import RunCache, Runner, RunTask, run_key
 from looping_pendulum.engines.protocol import STATIC_FRICTION, Engine, Profile
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label, select
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.engines.validated import FILE, QUANTITIES, Spread, ValidatedRange, to_plain
@@ -101,11 +101,11 @@ def _time_to_rise(p: Parameters, way: float) -> float:
     return max(round(1e3 * math.sqrt(2 * way / acceleration)), 50) * 1e-3
 
 
-def row(run: Trajectory, scenario: Scenario, truth: Truth) -> dict[str, Any]:
+def row(run: Trajectory, scenario: Scenario, reference: Reference) -> dict[str, Any]:
     """What is stored of one run."""
-    aligned = align(run, truth)
+    aligned = align(run, reference)
     known = np.isfinite(aligned.distance)
-    result = compare(scenario, truth, [run]).engines[0]
+    result = compare(scenario, reference, [run]).engines[0]
     heavy = np.abs(aligned.heavy_deviation[np.isfinite(aligned.heavy_deviation)])
     return {
         "scenario": scenario.name,
@@ -135,14 +135,14 @@ def measure(chosen: Sequence[Engine], sample: Sequence[Scenario], work: Path, jo
     with StudyBar() as bar:
         runner = Runner(RunCache(work), jobs=jobs, time_limit=time_limit, budget=None, progress=bar.update)
         done = runner.run(tasks)
-    truths = {scenario.name: Truth(scenario) for scenario in sample}
+    references = {scenario.name: Reference(scenario) for scenario in sample}
     found: dict[str, Any] = {}
     for task in tasks:
         ended = done.get(task.key)
         if ended is None or ended.run is None:
             continue
         rows = found.setdefault(label(task.engine), {}).setdefault(task.engine.profile.value, {})
-        rows[task.scenario.name] = row(ended.run, task.scenario, truths[task.scenario.name])
+        rows[task.scenario.name] = row(ended.run, task.scenario, references[task.scenario.name])
     return found
 
 

@@ -39,6 +39,8 @@ touched by it.
 
 """
 """Stands where the stored study has halting times of version 1."""
+HALTS_BY_SLIDING = 2
+"""Version of the convergence result from which on a halting time says when the string stopped sliding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +96,7 @@ Written by `{COMMAND}` from `docs/data/engine_study.json`, the stored numbers of
 {report.splits_table(result)}
 ## Does the halting time converge?
 
-{"" if study.version >= SCHEMA_VERSION else OLD_HALTS}{report.halting_table(result)}
+{"" if study.version >= HALTS_BY_SLIDING else OLD_HALTS}{report.halting_table(result)}
 ## Along every ladder
 
 {report.ladders_table(result)}

@@ -175,7 +175,7 @@ def figure(found: list[Point]) -> Figure:
         axes.plot([p.wall for p in chosen], [1e3 * p.rms for p in chosen], line, color="black", lw=1.0, zorder=1, label=name)
     axes.axvline(TARGET, color=GREY, lw=0.9, dashes=(1, 2), label=f"target {TARGET:g} s per s")
     axes.set(
-        xscale="log", yscale="log", xlabel="wall seconds per simulated second", ylabel="RMS to 0.7 s against the truth [mm]"
+        xscale="log", yscale="log", xlabel="wall seconds per simulated second", ylabel="RMS to 0.7 s against the reference [mm]"
     )
     axes.set_title("Speed against accuracy; open marks: the adapter feeds a law in")
     legend_below(picture)

@@ -20,7 +20,7 @@ from looping_pendulum.compare.metrics import rms_until
 from looping_pendulum.compare.tables import number, table
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Engine, Profile
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.scenarios import load
 
@@ -75,10 +75,10 @@ def _runs(variant: VariantStudy, engine: Engine) -> Iterator[StoredRun]:
             )
 
 
-def measured_again(run: StoredRun, truth: Truth) -> dict[str, float | None]:
+def measured_again(run: StoredRun, reference: Reference) -> dict[str, float | None]:
     """Errors of ``run`` made again."""
     scenario = replace(load(SCENARIO), duration=max(MARKS.values()), tolerances=())
-    aligned = align(run_isolated(run.engine, scenario), truth)
+    aligned = align(run_isolated(run.engine, scenario), reference)
     return {name: rms_until(aligned, mark) for name, mark in MARKS.items()}
 
 
@@ -99,10 +99,10 @@ def main() -> None:
     options = parser.parse_args()
     study = read(SUMMARY.read_text(encoding="utf-8"))
     runs = [r for r in stored_runs(study, options.budget) if options.only is None or r.name.startswith(f"{options.only},")]
-    truth = Truth(load(SCENARIO))
+    reference = Reference(load(SCENARIO))
     rows, stands = [], True
     for run in random.Random(options.seed).sample(runs, min(options.count, len(runs))):
-        again = measured_again(run, truth)
+        again = measured_again(run, reference)
         for name, stored in run.summary.rms.items():
             stood = same(stored, again[name])
             stands &= stood

@@ -219,7 +219,7 @@ class EngineVariant(pytest.Collector):
             yield item
 
     def result(self) -> ComparisonResult:
-        """Return the comparison with the truth; the engine runs once per session, in a process of its own.
+        """Return the comparison with the reference; the engine runs once per session, in a process of its own.
 
         The workers of pytest-xdist share the outcome through a file.
         """

@@ -20,7 +20,7 @@ from looping_pendulum.scenarios.units import pretty
 FOLDER = Path(__file__).parents[1] / "docs" / "engines"
 TITLES = {"reference": "The reference", "mujoco": "MuJoCo", "pymunk": "pymunk", "pybullet": "PyBullet", "drake": "Drake"}
 RUNS = {
-    "truth": "The truth that all others are held against.",
+    "reference": "The reference that all others are held against.",
     "main": "Runs in every comparison.",
     "study": "For studies: runs if named.",
 }

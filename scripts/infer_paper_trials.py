@@ -77,7 +77,7 @@ def predict_ten_to_one(run: Solution) -> dict[tuple[str, int], float]:
 def predict_two_to_one(run: Solution) -> dict[tuple[str, int], float]:
     """Rows of the 2:1 table."""
     stops = [e for e in run.events if e.event is Event.STOP]
-    breaks = [e for e in run.events if e.event is Event.BREAKS_DOWN]
+    breaks = [e for e in run.events if e.event is Event.SLIP_ONSET_DOWN]
     rows: dict[tuple[str, int], float] = {}
     if len(stops) >= 3 and breaks and stops[0].mode_after is Mode.SLIDING_UP and stops[1].mode_after is Mode.STICKING:
         for name, event in (("A", stops[0]), ("B", stops[1])):

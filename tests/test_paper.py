@@ -32,7 +32,7 @@ def test_rod_radii_are_within_the_papers_range():
 def test_ten_to_one_reproduces_all_fourteen_extrema_within_eight_milliseconds():
     rows = [r for r in measured_rows("ten_to_one") if r.quantity in ("x1_extremum", "y1_extremum")]
     assert len(rows) == 14
-    assert max(abs(r.truth - r.paper_numerical) for r in rows) < 0.008
+    assert max(abs(r.reference - r.paper_numerical) for r in rows) < 0.008
 
 
 def test_ten_to_one_halts_where_and_when_the_paper_says():
@@ -43,14 +43,14 @@ def test_ten_to_one_halts_where_and_when_the_paper_says():
         ("wrap_angle_at_halt", 0.02),
         ("free_length_at_halt", 0.003),
     ):
-        assert rows[quantity].truth == pytest.approx(rows[quantity].paper_numerical, abs=bound), quantity
+        assert rows[quantity].reference == pytest.approx(rows[quantity].paper_numerical, abs=bound), quantity
 
 
 def test_two_to_one_reproduces_all_seven_rows_to_their_printed_precision():
     rows = measured_rows("two_to_one")
     assert len(rows) == 7
     for row in rows:
-        assert abs(row.truth - row.paper_numerical) <= 0.005, f"{row.quantity}: {row.truth}"
+        assert abs(row.reference - row.paper_numerical) <= 0.005, f"{row.quantity}: {row.reference}"
 
 
 def test_the_papers_sensitive_case_gives_the_same_sequence_at_every_tolerance():

@@ -168,7 +168,7 @@ def test_limits_are_items_and_a_failure_shows_the_judgement(project):
             "mine.scenario.yaml::reference:scipy::tube_fraction FAILED*",
             "mine.scenario.yaml, reference:scipy, quick: tube_fraction is 100 %, limit at least 150 %",
             "*why this limit: no share is above 1",
-            "*where and why: Stays within 1 mm of the truth*",
+            "*where and why: Stays within 1 mm of the reference*",
             "*the run: *ran for the scenario's whole duration",
             "*report: *report.md",
         ]

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.engine_study import SUMMARY, read
 from benchmarks.study_sample import measured_again, same, stored_runs
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.scenarios import load
 
 
@@ -23,7 +23,7 @@ def test_a_stored_run_is_made_again_and_stands():
     pytest.importorskip("mujoco")
     runs = {run.name: run for run in stored_runs(read(SUMMARY.read_text(encoding="utf-8")), budget=1.0)}
     run = runs["mujoco:capstan, its own settings"]
-    again = measured_again(run, Truth(load("ten_to_one")))
+    again = measured_again(run, Reference(load("ten_to_one")))
     assert all(same(stored, again[name]) for name, stored in run.summary.rms.items())
     assert any("left out" in name for name in runs), "choices are among them"
     assert any("time_step" in name for name in runs), "rungs are among them"

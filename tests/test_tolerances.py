@@ -10,7 +10,7 @@ from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.harness import compare_engines
 from looping_pendulum.engines.limits import with_variants
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label, missing_packages, select
 from looping_pendulum.scenarios import loader
 
@@ -65,13 +65,13 @@ def keeps_its_tolerances(result):
 def quick_scenario(name: str):
     """A shipped scenario and its reference, which all engines are held against."""
     scenario = with_variants(loader.load(name), Profile.QUICK)
-    return scenario, Truth(scenario)
+    return scenario, Reference(scenario)
 
 
 def judged_in_this_process(name: str, engine):
     """What `compare_engines` gives, without a process for the run: what those take care of has tests of its own."""
-    scenario, truth = quick_scenario(name)
-    return compare(scenario, truth, [engine.simulate(scenario)])
+    scenario, reference = quick_scenario(name)
+    return compare(scenario, reference, [engine.simulate(scenario)])
 
 
 @pytest.mark.parametrize(("name", "engine"), cases(Profile.QUICK))

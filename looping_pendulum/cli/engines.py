@@ -41,7 +41,7 @@ def _listed(profile: Profile, markdown: bool) -> None:
     for engine in found:
         missing = missing_packages(engine)
         by = [by for _, by, _ in supplies_as_rows(engine.abilities.supplies)]
-        when = "as truth" if engine.name == "reference" else "always" if engine.abilities.main else "if named"
+        when = "as reference" if engine.name == "reference" else "always" if engine.abilities.main else "if named"
         source = f" (of the package {offered[engine.name]})" if offered.get(engine.name) else ""
         table.add_row(label(engine), "no" if missing else "yes", *by, when, engine.abilities.summary + source)
         notes |= {package: how_to_get(package) for package in missing}

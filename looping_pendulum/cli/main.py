@@ -61,7 +61,7 @@ app = typer.Typer(
     help="""Two masses hang on a string over a rod; let the light one go and it whips round and stops the heavy one.
 
     This runs an exact reference of that apparatus and rebuilds it in pymunk, MuJoCo and PyBullet, and reports where, when and
-    why each engine departs from the truth.
+    why each engine departs from the reference.
 
     Start with:  looping-pendulum compare ten_to_one
     """,

@@ -54,7 +54,7 @@ def demo(
     memory_limit: MemoryLimit = "2 GiB",
     jobs: Jobs = None,
 ) -> None:
-    """Show the truth and all engines whip round the rod together: one page that works offline.
+    """Show the reference and all engines whip round the rod together: one page that works offline.
 
     Play it in slow motion, switch engines off, and see when each stops, sticks, slips and halts. Writes demo.html beside what
     `compare` writes; where DIR has `compare`'s results of the same input and versions, no engine runs again.
@@ -95,7 +95,9 @@ def tracker(
     ],
     engine: Annotated[
         str | None,
-        typer.Option("--engine", "-e", metavar="NAME", help="Run or take this variant (mujoco:capstan); default: the truth."),
+        typer.Option(
+            "--engine", "-e", metavar="NAME", help="Run or take this variant (mujoco:capstan); default: the reference."
+        ),
     ] = None,
     fps: Annotated[float, typer.Option(metavar="RATE", help="True frame rate of the video.")] = 240.0,
     start: Annotated[

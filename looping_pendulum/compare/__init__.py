@@ -1,6 +1,6 @@
-"""Where, when and by how much engines depart from the truth.
+"""Where, when and by how much engines depart from the reference.
 
-`compare` makes one frozen `ComparisonResult` of a scenario, the truth and several trajectories; `write` puts it on disk as
+`compare` makes one frozen `ComparisonResult` of a scenario, the reference and several trajectories; `write` puts it on disk as
 ``report.md``, ``report.html``, ``result.json``, ``figures/*.png`` and ``trajectories/*.csv``.
 """
 
@@ -33,7 +33,7 @@ def write(result: ComparisonResult, folder: Path | str, changes: ResultChanges |
     if changes is not None:
         write_whole(folder / "changes.json", changes.to_json())
     if result.samples is not None:
-        write_whole(folder / "trajectories" / "truth.csv", trajectory_csv(result.samples.truth))
+        write_whole(folder / "trajectories" / "reference.csv", trajectory_csv(result.samples.reference))
         for aligned, name in zip(result.samples.aligned, trajectory_files(result), strict=True):
             if len(aligned.run.t):
                 write_whole(folder / "trajectories" / name, trajectory_csv(aligned.run))

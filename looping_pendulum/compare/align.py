@@ -1,4 +1,4 @@
-"""The truth at an engine's own sample times. The engine is never resampled: the truth is exact at any time, so it moves."""
+"""The reference at an engine's own sample times. The engine is never resampled: the reference is exact at any time, so it moves."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Trajectory
 from looping_pendulum.reference_ode.geometry import Array
 
-Truth = Callable[[Array], Trajectory]
+Reference = Callable[[Array], Trajectory]
 """The reference's motion at exactly the given times [s], in rising order; times after its end are left out or NaN."""
 
 SAME_TIME = 1e-9
@@ -19,8 +19,8 @@ SAME_TIME = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class TruthSamples:
-    """The truth at given times; NaN (or `UNKNOWN_MODE`) where it has ended."""
+class ReferenceSamples:
+    """The reference at given times; NaN (or `UNKNOWN_MODE`) where it has ended."""
 
     t: Array
     """[s], shape (n,)."""
@@ -40,10 +40,10 @@ class TruthSamples:
 
 @dataclass(frozen=True, kw_only=True)
 class Aligned:
-    """One engine's run beside the truth, at the engine's own sample times."""
+    """One engine's run beside the reference, at the engine's own sample times."""
 
     run: Trajectory
-    truth: TruthSamples
+    reference: ReferenceSamples
 
     @property
     def t(self) -> Array:
@@ -52,8 +52,8 @@ class Aligned:
 
     @property
     def deviation(self) -> Array:
-        """Light mass, engine minus truth [m], shape (n, 2)."""
-        return np.asarray(self.run.light_position - self.truth.light_position)
+        """Light mass, engine minus reference [m], shape (n, 2)."""
+        return np.asarray(self.run.light_position - self.reference.light_position)
 
     @property
     def distance(self) -> Array:
@@ -62,21 +62,21 @@ class Aligned:
 
     @property
     def heavy_deviation(self) -> Array:
-        """Height of the heavy mass, engine minus truth [m], shape (n,)."""
-        return np.asarray(self.run.heavy_position[:, 1] - self.truth.heavy_height)
+        """Height of the heavy mass, engine minus reference [m], shape (n,)."""
+        return np.asarray(self.run.heavy_position[:, 1] - self.reference.heavy_height)
 
 
-def sample_truth(truth: Truth, times: Array) -> TruthSamples:
-    """Ask ``truth`` for any ``times`` [s], in any order, also beyond its end.
+def sample_reference(reference: Reference, times: Array) -> ReferenceSamples:
+    """Ask ``reference`` for any ``times`` [s], in any order, also beyond its end.
 
     Parameters
     ----------
     times
-        Shape (n,). Negative times and times after the truth's end give NaN.
+        Shape (n,). Negative times and times after the reference's end give NaN.
     """
     rising, back = np.unique(times, return_inverse=True)
     asked = rising[np.isfinite(rising) & (rising >= 0)]
-    got = truth(asked)
+    got = reference(asked)
     place = np.clip(np.searchsorted(got.t, rising), 0, max(len(got.t) - 1, 0))
     known = np.abs(got.t[place] - rising) < SAME_TIME if len(got.t) else np.zeros(len(rising), dtype=bool)
 
@@ -87,7 +87,7 @@ def sample_truth(truth: Truth, times: Array) -> TruthSamples:
 
     mode = np.full(len(rising), UNKNOWN_MODE, dtype=np.int8)
     mode[known] = got.mode[place[known]]
-    return TruthSamples(
+    return ReferenceSamples(
         t=times,
         light_position=spread(got.light_position),
         heavy_height=spread(got.heavy_position[:, 1]),
@@ -98,6 +98,6 @@ def sample_truth(truth: Truth, times: Array) -> TruthSamples:
     )
 
 
-def align(run: Trajectory, truth: Truth) -> Aligned:
-    """Put the truth beside ``run`` at the run's own sample times."""
-    return Aligned(run=run, truth=sample_truth(truth, run.t))
+def align(run: Trajectory, reference: Reference) -> Aligned:
+    """Put the reference beside ``run`` at the run's own sample times."""
+    return Aligned(run=run, reference=sample_reference(reference, run.t))

@@ -29,7 +29,7 @@ RELATIVE = 0.01
 """A metric has changed if it moved by more than this fraction of what it was and by more than its floor."""
 
 FLOORS = {"m": 1e-6, "s": 1e-6, "rad": 1e-6, "": 1e-6}
-"""SI unit -> change of a metric, or of a landmark of the truth, that is too small to speak of."""
+"""SI unit -> change of a metric, or of a landmark of the reference, that is too small to speak of."""
 
 LANDMARK_FLOORS = {"m": 1e-4, "s": 1e-4, "rad": 1e-3}
 """SI unit -> the same for a landmark of an engine: a tenth of the sample interval, and what masses and string move in that."""
@@ -47,7 +47,7 @@ SHOWN = {"m": ("mm", 1e3), "s": ("ms", 1e3), "rad": ("mrad", 1e3)}
 LARGEST_BASELINE = 64 * 1024 * 1024
 """[bytes]; the result of a dozen engines has 0.2 MiB."""
 
-TRUTH = "truth"
+REFERENCE = "reference"
 NO_RUN = "not run"
 SAID_ON_CONSOLE = 40
 """Changes that a terminal gets; the report has all."""
@@ -73,7 +73,7 @@ class ResultChange:
 
     kind: ChangeKind
     run: str
-    """"truth", "pymunk:chain, quick", or empty for the scenario."""
+    """"reference", "pymunk:chain, quick", or empty for the scenario."""
     what: str
     """Name of the metric, landmark, package, setting."""
     unit: str
@@ -143,7 +143,7 @@ def changes_since(
     relative
         Smallest change of a metric that counts, as a fraction of what it was.
     """
-    found = [*_scenario(before, after), *_truth(before, after), *_runs(before, after, relative)]
+    found = [*_scenario(before, after), *_reference(before, after), *_runs(before, after, relative)]
     return ResultChanges(
         scenario=after.scenario,
         baseline=source,
@@ -160,12 +160,12 @@ def _scenario(before: ComparisonResult, after: ComparisonResult) -> Iterator[Res
     yield from _different(ChangeKind.SCENARIO, "", old | {"duration": before.duration}, new | {"duration": after.duration})
 
 
-def _truth(before: ComparisonResult, after: ComparisonResult) -> Iterator[ResultChange]:
-    old, new = before.truth, after.truth
+def _reference(before: ComparisonResult, after: ComparisonResult) -> Iterator[ResultChange]:
+    old, new = before.reference, after.reference
     names = [f"{t.engine}:{t.variant}" for t in (old, new)]
-    yield from _different(ChangeKind.RUN, TRUTH, {"integrator": names[0]}, {"integrator": names[1]})
-    yield from _landmarks(TRUTH, old.landmarks, new.landmarks, FLOORS)
-    yield from _provenance(TRUTH, old.provenance, new.provenance)
+    yield from _different(ChangeKind.RUN, REFERENCE, {"integrator": names[0]}, {"integrator": names[1]})
+    yield from _landmarks(REFERENCE, old.landmarks, new.landmarks, FLOORS)
+    yield from _provenance(REFERENCE, old.provenance, new.provenance)
 
 
 def _runs(before: ComparisonResult, after: ComparisonResult, relative: float) -> Iterator[ResultChange]:
@@ -274,7 +274,7 @@ def thresholds(changes: ResultChanges) -> str:
     return (
         f"Listed: metrics that moved by more than {100 * changes.relative:g} % and more than {metric['m']}, {metric['s']} or "
         f"{metric['rad']} (1e-6 of a plain number); an engine's landmarks by more than {landmark['m']}, {landmark['s']} or "
-        f"{landmark['rad']}, the truth's by the floors of the metrics; any other difference."
+        f"{landmark['rad']}, the reference's by the floors of the metrics; any other difference."
     )
 
 

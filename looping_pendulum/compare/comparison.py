@@ -10,10 +10,16 @@ from typing import Protocol
 import numpy as np
 
 from looping_pendulum.compare import metrics as measure
-from looping_pendulum.compare.align import Aligned, Truth, align
+from looping_pendulum.compare.align import Aligned, Reference, align
 from looping_pendulum.compare.event_quantities import event_value
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.compare.landmarks import SampledTruth, finite_length, first_samples, run_landmarks, truth_landmarks
+from looping_pendulum.compare.landmarks import (
+    SampledReference,
+    finite_length,
+    first_samples,
+    reference_landmarks,
+    run_landmarks,
+)
 from looping_pendulum.compare.result import (
     Clock,
     ComparisonResult,
@@ -21,10 +27,10 @@ from looping_pendulum.compare.result import (
     InferredEntry,
     Landmarks,
     MeasuredRow,
+    ReferenceResult,
     ResultSamples,
     RunProvenance,
     SupplyEntry,
-    TruthResult,
     WallTime,
 )
 from looping_pendulum.compare.stories import missing_physics, story
@@ -69,23 +75,25 @@ class ComparedEventTable(Protocol):
 
 
 def compare(
-    scenario: Scenario, truth: Truth, trajectories: Sequence[Trajectory], measured: ComparedEventTable | None = None
+    scenario: Scenario, reference: Reference, trajectories: Sequence[Trajectory], measured: ComparedEventTable | None = None
 ) -> ComparisonResult:
-    """Compare engines with the truth, and both with a measured event table if there is one.
+    """Compare engines with the reference, and both with a measured event table if there is one.
 
     Parameters
     ----------
-    truth
+    reference
         The reference's `Trajectory` at exactly the times it is given [s], rising; its events are the whole run's.
     trajectories
         One per engine, failed and missing ones included: they keep their row.
     """
     grid: Array = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL
-    true_run = truth(grid)
-    true = truth_landmarks(truth, grid)
-    sampled = SampledTruth(truth, scenario.parameters)
-    aligned = tuple(align(first_samples(run, finite_length(run)), truth) for run in trajectories)
-    engines = tuple(_engine(run, a, scenario, truth, true_run, sampled) for run, a in zip(trajectories, aligned, strict=True))
+    reference_run = reference(grid)
+    true = reference_landmarks(reference, grid)
+    sampled = SampledReference(reference, scenario.parameters)
+    aligned = tuple(align(first_samples(run, finite_length(run)), reference) for run in trajectories)
+    engines = tuple(
+        _engine(run, a, scenario, reference, reference_run, sampled) for run, a in zip(trajectories, aligned, strict=True)
+    )
     return ComparisonResult(
         scenario=scenario.name,
         title=scenario.title,
@@ -93,14 +101,14 @@ def compare(
         parameters=plain(scenario.parameters.as_dict()),
         duration=scenario.duration,
         inferred=tuple(InferredEntry(parameters=tuple(i.parameters), how=i.how, script=i.script) for i in scenario.inferred),
-        truth=TruthResult(
-            engine=true_run.engine,
-            variant=true_run.variant,
+        reference=ReferenceResult(
+            engine=reference_run.engine,
+            variant=reference_run.variant,
             landmarks=true,
             sampled=sampled.beside(),
-            events=tuple((event.name, float(event.time)) for event in true_run.events),
-            end_time=float(true_run.t[finite_length(true_run) - 1]),
-            provenance=_provenance(true_run.provenance),
+            events=tuple((event.name, float(event.time)) for event in reference_run.events),
+            end_time=float(reference_run.t[finite_length(reference_run) - 1]),
+            provenance=_provenance(reference_run.provenance),
         ),
         engines=engines,
         tolerances=judge(scenario.tolerances, engines),
@@ -110,17 +118,22 @@ def compare(
             written=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
             wall_times=tuple(_wall_time(run) for run in trajectories),
         ),
-        samples=ResultSamples(truth=true_run, aligned=aligned),
+        samples=ResultSamples(reference=reference_run, aligned=aligned),
     )
 
 
 def _engine(
-    run: Trajectory, aligned: Aligned, scenario: Scenario, truth: Truth, true_run: Trajectory, reference: SampledTruth
+    run: Trajectory,
+    aligned: Aligned,
+    scenario: Scenario,
+    reference: Reference,
+    reference_run: Trajectory,
+    sampled: SampledReference,
 ) -> EngineResult:
-    own, true = run_landmarks(run, scenario.parameters), reference.beside(aligned.run)
-    not_comparable = why_not_comparable(aligned.run, own, reference)
-    in_tube = measure.tube(aligned, truth)
-    found = measure.departures(aligned, true_run.events)
+    own, true = run_landmarks(run, scenario.parameters), sampled.beside(aligned.run)
+    not_comparable = why_not_comparable(aligned.run, own, sampled)
+    in_tube = measure.tube(aligned, reference)
+    found = measure.departures(aligned, reference_run.events)
     provenance = _provenance(run.provenance)
     return EngineResult(
         engine=run.engine,
@@ -175,7 +188,7 @@ def _measured(table: ComparedEventTable, true: Landmarks, engines: tuple[EngineR
             unit=row.unit,
             measured=plain(row.measured),
             paper_numerical=plain(row.paper_numerical),
-            truth=event_value(true, row.quantity, row.index),
+            reference=event_value(true, row.quantity, row.index),
             engines=tuple(event_value(e.landmarks, row.quantity, row.index) for e in engines),
         )
         for row in table.rows

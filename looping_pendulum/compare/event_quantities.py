@@ -39,12 +39,12 @@ def _height_at_stop(found: Landmarks, index: int) -> float | None:
 
 
 def _break_away(found: Landmarks, index: int) -> float | None:
-    return found.break_aways[index - 1] if index <= len(found.break_aways) else None
+    return found.slip_onsets[index - 1] if index <= len(found.slip_onsets) else None
 
 
 def _last_break_away(found: Landmarks, index: int) -> float | None:
     halt = found.halting_time
-    before = [t for t in found.break_aways if halt is not None and t < halt]
+    before = [t for t in found.slip_onsets if halt is not None and t < halt]
     return before[-1] if before else None
 
 

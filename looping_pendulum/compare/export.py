@@ -48,7 +48,7 @@ def trajectory_csv(run: Trajectory) -> str:
 
 def trajectory_files(result: ComparisonResult) -> list[str]:
     """Name of the CSV file of each engine's trajectory, no two alike."""
-    return [f"{stem}.csv" for stem in file_stems([("truth",), *((e.label, e.profile) for e in result.engines)])[1:]]
+    return [f"{stem}.csv" for stem in file_stems([("reference",), *((e.label, e.profile) for e in result.engines)])[1:]]
 
 
 def unknown_as_nan(values: np.ndarray | None, run: Trajectory) -> np.ndarray:

@@ -13,7 +13,7 @@ SAME_HALT = 5e-4
 
 def render(result: ComparisonResult) -> list[str]:
     """Return the section, or nothing where no run halts."""
-    runs = [("truth", result.truth.sampled), *((f"{e.label}, {e.profile}", e.landmarks) for e in result.engines)]
+    runs = [("reference", result.reference.sampled), *((f"{e.label}, {e.profile}", e.landmarks) for e in result.engines)]
     runs = [(label, found) for label, found in runs if found.halting_times]
     if not any(each.time is not None for _, found in runs for each in found.halting_times):
         return []
@@ -31,7 +31,7 @@ def _meaning() -> str:
     return (
         f"A string halts when it stops sliding and does not slide by more than {quantity(RESOLUTION, 'm')} again until the "
         "light mass reaches the rod, or the run ends. The time is read from samples: of the string's slip over the rod where "
-        "an engine tells it, else of the heavy mass's height, and in the same way for the truth. The table has it for several "
+        "an engine tells it, else of the heavy mass's height, and in the same way for the reference. The table has it for several "
         f"resolutions, and by how much a quarter more or less than {quantity(RESOLUTION, 'm')} moves it: its blur. The last "
         f"columns say what the string still does once it stays within {quantity(COARSE, 'm')}: it rebounds, or creeps."
     )
@@ -39,14 +39,14 @@ def _meaning() -> str:
 
 def _against_events(result: ComparisonResult) -> str:
     """Hold what the samples of the reference give against its own events: the detector's error on this run."""
-    exact, seen = result.truth.landmarks.halting_time, result.truth.sampled.halting_time
+    exact, seen = result.reference.landmarks.halting_time, result.reference.sampled.halting_time
     if exact is None and seen is None:
-        return "By its own events the truth does not halt either."
+        return "By its own events the reference does not halt either."
     if exact is not None and seen is not None and abs(seen - exact) <= SAME_HALT:
         off = quantity(abs(seen - exact), "s")
-        return f"By its own events the truth halts at {exact:.6f} s, so this way of reading is off by {off}."
+        return f"By its own events the reference halts at {exact:.6f} s, so this way of reading is off by {off}."
     own = "does not halt" if exact is None else f"halts at {exact:.4f} s"
-    return f"By its own events the truth {own}: what it still slides until then is finer than this way of reading resolves."
+    return f"By its own events the reference {own}: what it still slides until then is finer than this way of reading resolves."
 
 
 def _gaps(result: ComparisonResult) -> str:

@@ -13,7 +13,7 @@ from looping_pendulum.engines.isolation import TIME_LIMIT, Progress, run_all
 from looping_pendulum.engines.limits import with_variants
 from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import Engine, Profile
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import challengers, select
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.scenarios.measured import MeasuredEventTable, find_data, read_event_table
@@ -72,7 +72,7 @@ def compare_engines(
     profile = Profile(profile)
     scenario = with_variants(scenario, profile)
     chosen = chosen_engines(engines, profile)
-    truth = Truth(scenario)
+    reference = Reference(scenario)
     measured = measured_table(scenario, data_folder)  # before the runs: a faulty table must not cost them
     runs = run_all(
         chosen,
@@ -83,7 +83,7 @@ def compare_engines(
         progress=progress,
         finished=finished,
     )
-    result = compare(scenario, truth, runs, measured)
+    result = compare(scenario, reference, runs, measured)
     return dataclasses.replace(result, run_keys=tuple(run_key(engine, scenario) for engine in chosen))
 
 

@@ -20,6 +20,10 @@ from looping_pendulum.scenarios.document import quote, shorten
 T = TypeVar("T")
 
 AGAIN = "write it again with `looping-pendulum compare`"
+RENAMED_IN = 3
+"""Version of both schemas (`compare.result`, `compare.convergence.result`) from which on the names of `RENAMED` are new."""
+RENAMED = {"truth": "reference", "truth_values": "reference_values", "break_aways": "slip_onsets", "break_away": "slip_onset"}
+"""Key or event of an older file -> its name now."""
 
 
 def plain(value: Any) -> Any:
@@ -81,10 +85,21 @@ def load(
     if not isinstance(schema.get("version"), int) or not 0 < schema["version"] <= version:
         found = f"found version {quote(schema.get('version'))}, needed {version} or less"
         raise ResultError(f"{file}: schema: {found}; update looping-pendulum")
+    if schema["version"] < RENAMED_IN:
+        tree = _renamed(tree)
     try:
         return typing.cast(T, _build(cls, tree, ""))
     except ValueError as error:
         raise ResultError(f"{file}: not as documented: {error}; {again}") from None
+
+
+def _renamed(value: Any) -> Any:
+    """Return what an older file holds under the names of today."""
+    if isinstance(value, dict):
+        return {RENAMED.get(key, key): _renamed(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_renamed(item) for item in value]
+    return RENAMED.get(value, value) if isinstance(value, str) else value
 
 
 DEEPEST = 64

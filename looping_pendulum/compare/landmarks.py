@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.compare.align import SAME_TIME, Truth, sample_truth
+from looping_pendulum.compare.align import SAME_TIME, Reference, sample_reference
 from looping_pendulum.compare.result import Extremum, HaltingTimeAt, Landmarks, Rebound, Stop
 from looping_pendulum.compare.slides import (
     COARSE,
@@ -86,7 +86,7 @@ def run_landmarks(run: Trajectory, parameters: Parameters) -> Landmarks:
     onsets = (slip_onset(t, place, rest, power) for rest in resting)
     return Landmarks(
         stops=tuple(Stop(time=rest.stop, height_change=-at(rest.stop, run.heavy_drop)) for rest in resting if rest.stop > t[0]),
-        break_aways=tuple(onset for onset in onsets if onset is not None),
+        slip_onsets=tuple(onset for onset in onsets if onset is not None),
         halting_time=halt,
         halting_confirmed=halt is not None and ended,
         halting_times=times,
@@ -120,13 +120,13 @@ class EventTimes:
 
     stops: tuple[float, ...]
     """Zeros of the heavy mass's speed."""
-    break_aways: tuple[float, ...]
+    slip_onsets: tuple[float, ...]
     halting_time: float | None
     light_reaches_rod: float | None
 
 
-def truth_moments(events: Iterable[TrajectoryEvent]) -> EventTimes:
-    """Moments of the truth by its own named events."""
+def reference_event_times(events: Iterable[TrajectoryEvent]) -> EventTimes:
+    """Moments of the reference by its own named events."""
     named: dict[str, list[float]] = {}
     for event in events:
         named.setdefault(event.name, []).append(event.time)
@@ -134,19 +134,19 @@ def truth_moments(events: Iterable[TrajectoryEvent]) -> EventTimes:
     stops = _merged([time for time in at_rest if time > 0])  # a string that sticks from the release on has not stopped
     return EventTimes(
         stops=tuple(stops),
-        break_aways=tuple(_merged([time for name, times in named.items() if name.startswith("break") for time in times])),
+        slip_onsets=tuple(_merged(named.get("slip_onset", []))),
         halting_time=named["halt"][0] if "halt" in named else None,
         light_reaches_rod=named["light_reaches_rod"][0] if "light_reaches_rod" in named else None,
     )
 
 
-def truth_landmarks(truth: Truth, grid: Array) -> Landmarks:
-    """Landmarks of the truth, by its own events; only the extrema come from its samples at ``grid`` [s]."""
-    run = truth(grid)
+def reference_landmarks(reference: Reference, grid: Array) -> Landmarks:
+    """Landmarks of the reference, by its own events; only the extrema come from its samples at ``grid`` [s]."""
+    run = reference(grid)
     count = finite_length(run)
-    moments = truth_moments(run.events)
+    moments = reference_event_times(run.events)
     stops, halt = moments.stops, moments.halting_time
-    at = sample_truth(truth, np.array([0.0, *([] if halt is None else [halt]), *stops]))
+    at = sample_reference(reference, np.array([0.0, *([] if halt is None else [halt]), *stops]))
     first = float(at.heavy_height[0])
     return Landmarks(
         stops=tuple(
@@ -155,7 +155,7 @@ def truth_landmarks(truth: Truth, grid: Array) -> Landmarks:
         )
         if stops
         else (),
-        break_aways=moments.break_aways,
+        slip_onsets=moments.slip_onsets,
         halting_time=halt,
         halting_confirmed=halt is not None,
         drop_at_halt=None if halt is None else first - float(at.heavy_height[1]),
@@ -167,12 +167,12 @@ def truth_landmarks(truth: Truth, grid: Array) -> Landmarks:
     )
 
 
-class SampledTruth:
+class SampledReference:
     """The reference's run as an engine's would be seen: sampled every `SAMPLE_INTERVAL`, watched as long as the engine was."""
 
-    def __init__(self, truth: Truth, parameters: Parameters) -> None:
-        whole = truth(np.arange(round(DURATION / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL)
-        ended = truth_moments(whole.events).light_reaches_rod is not None
+    def __init__(self, reference: Reference, parameters: Parameters) -> None:
+        whole = reference(np.arange(round(DURATION / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL)
+        ended = reference_event_times(whole.events).light_reaches_rod is not None
         self.parameters = parameters
         self.run = dataclasses.replace(whole, status=RunStatus.LIGHT_REACHED_ROD if ended else RunStatus.FINISHED)
         """From the release to the reference's own end, which may be later than the scenario's."""

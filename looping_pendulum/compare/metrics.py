@@ -1,4 +1,4 @@
-"""Numbers that say how far an engine's run is from the truth. Their names are those of `scenarios.scenario.METRICS`."""
+"""Numbers that say how far an engine's run is from the reference. Their names are those of `scenarios.scenario.METRICS`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from looping_pendulum.compare.align import Aligned, Truth, sample_truth
+from looping_pendulum.compare.align import Aligned, Reference, sample_reference
 from looping_pendulum.compare.landmarks import finite_length
 from looping_pendulum.compare.result import Departure, Landmarks, Tube
 from looping_pendulum.compare.words import mode_words, told_events
@@ -32,7 +32,7 @@ MARK_SLACK = 1e-6
 def rms_until(aligned: Aligned, mark: float | None) -> float | None:
     """Root mean square of the light mass's deviation over the samples up to ``mark`` [m].
 
-    None without a mark, or if the run or the truth ends before it.
+    None without a mark, or if the run or the reference ends before it.
     """
     if mark is None or len(aligned.t) == 0 or aligned.t[-1] < mark - MARK_SLACK:
         return None
@@ -42,18 +42,18 @@ def rms_until(aligned: Aligned, mark: float | None) -> float | None:
     return float(np.sqrt(np.mean(distance**2)))
 
 
-def tube(aligned: Aligned, truth: Truth, half_time: float = TUBE[0], half_width: float = TUBE[1]) -> Tube:
-    """Test which samples lie in a tube around the truth, in time and amplitude (as Modelica's csv-compare does).
+def tube(aligned: Aligned, reference: Reference, half_time: float = TUBE[0], half_width: float = TUBE[1]) -> Tube:
+    """Test which samples lie in a tube around the reference, in time and amplitude (as Modelica's csv-compare does).
 
-    A sample is inside if some point of the truth's path within +/- ``half_time`` of its time is within ``half_width`` of it.
+    A sample is inside if some point of the reference's path within +/- ``half_time`` of its time is within ``half_width`` of it.
     """
-    parts = 10  # The truth's path is taken as chords of a tenth of half_time: they miss an arc by microns.
+    parts = 10  # The reference's path is taken as chords of a tenth of half_time: they miss an arc by microns.
     offsets = np.linspace(-half_time, half_time, 2 * parts + 1)
     asked = aligned.t[:, None] + offsets[None, :]
-    path = sample_truth(truth, asked.ravel()).light_position.reshape(*asked.shape, 2)
-    # Before the release and after the truth's end its path is a point: repeat the nearest known one.
-    known = np.isfinite(aligned.truth.light_position).all(axis=1)
-    path = np.where(np.isfinite(path), path, aligned.truth.light_position[:, None, :])
+    path = sample_reference(reference, asked.ravel()).light_position.reshape(*asked.shape, 2)
+    # Before the release and after the reference's end its path is a point: repeat the nearest known one.
+    known = np.isfinite(aligned.reference.light_position).all(axis=1)
+    path = np.where(np.isfinite(path), path, aligned.reference.light_position[:, None, :])
     start, chord = path[:, :-1], np.diff(path, axis=1)
     to_sample = aligned.run.light_position[:, None, :] - start
     length = np.maximum((chord**2).sum(axis=2), 1e-30)
@@ -72,7 +72,7 @@ def tube(aligned: Aligned, truth: Truth, half_time: float = TUBE[0], half_width:
 
 
 def departures(aligned: Aligned, events: tuple[TrajectoryEvent, ...]) -> tuple[Departure, ...]:
-    """First passings of each of `THRESHOLDS`, with what the truth was doing then."""
+    """First passings of each of `THRESHOLDS`, with what the reference was doing then."""
     found = []
     for threshold in THRESHOLDS:
         beyond = np.flatnonzero(aligned.distance > threshold)
@@ -82,16 +82,16 @@ def departures(aligned: Aligned, events: tuple[TrajectoryEvent, ...]) -> tuple[D
 
 
 def _departure(aligned: Aligned, i: int, threshold: float, events: tuple[TrajectoryEvent, ...]) -> Departure:
-    time, truth, run = float(aligned.t[i]), aligned.truth, aligned.run
+    time, reference, run = float(aligned.t[i]), aligned.reference, aligned.run
     told = [("release", 0.0), *told_events((e.name, e.time) for e in events if e.time <= time)]
     after, after_time = told[-1]
-    free_length, turned = truth.free_length[i], run.wrap_angle[i] - truth.wrap_angle[i]
+    free_length, turned = reference.free_length[i], run.wrap_angle[i] - reference.wrap_angle[i]
     stretch = run.string_stretch[: i + 1]
     known = stretch[np.isfinite(stretch)]
     return Departure(
         threshold=threshold,
         time=time,
-        mode=mode_words(int(truth.mode[i])),
+        mode=mode_words(int(reference.mode[i])),
         after=after,
         after_time=after_time,
         along=_number(run.free_length[i] - free_length) or 0.0,
@@ -127,7 +127,7 @@ def drag_acts(parameters: Parameters) -> bool:
 def acceleration_error(aligned: Aligned, parameters: Parameters) -> float | None:
     """Relative error of the heavy mass's fitted acceleration in a vertical release.
 
-    Against the closed form; with drag, where that does not hold, against the same fit through the truth at the same times.
+    Against the closed form; with drag, where that does not hold, against the same fit through the reference at the same times.
     """
     if parameters.release is not Release.VERTICAL:
         return None
@@ -136,7 +136,7 @@ def acceleration_error(aligned: Aligned, parameters: Parameters) -> float | None
         return None
     t = aligned.t[known]
     fitted = acceleration(t, aligned.run.heavy_drop[known])
-    height = aligned.truth.heavy_height[known]
+    height = aligned.reference.heavy_height[known]
     exact = acceleration(t, height[0] - height) if drag_acts(parameters) else atwood_acceleration(parameters)
     return None if fitted is None or not exact else fitted / exact - 1
 

@@ -44,7 +44,7 @@ EVENTS_SHOWN = 50.0
 def render(result: ComparisonResult, changes: ResultChanges | None = None) -> str:
     """Return the page; ``changes`` since a baseline, if there is one."""
     return pages.render(
-        f"{result.title}: engines against the truth",
+        f"{result.title}: engines against the reference",
         report.before_figures(result, changes),
         figures(result),
         report.after_figures(result),
@@ -70,14 +70,14 @@ Shown = list[tuple[EngineResult, Aligned, Style]]
 
 def path_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) -> Figure:
     """Path of the light mass, equal axes."""
-    traces = [_path("truth", samples.truth.light_position, None)]
+    traces = [_path("reference", samples.reference.light_position, None)]
     traces += [_path(_name(result, e), a.run.light_position, style) for e, a, style in shown]
     for e, a, style in shown:
         if e.landmarks.halting_time is not None:
             traces.append(_halt(a.run.t, a.run.light_position, e.landmarks.halting_time, run_colour(style), e.label, 12))
-    halt = result.truth.landmarks.halting_time
+    halt = result.reference.landmarks.halting_time
     if halt is not None:
-        traces.append(_halt(samples.truth.t, samples.truth.light_position, halt, INK, "truth", 18))
+        traces.append(_halt(samples.reference.t, samples.reference.light_position, halt, INK, "reference", 18))
     radius = float(result.parameters["rod_radius"])
     box = {"x0": -radius, "x1": radius, "y0": -radius, "y1": radius}
     rod = {"type": "circle", "fillcolor": LINE, "line": {"color": SOFT}} | box
@@ -96,8 +96,8 @@ def path_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) 
 
 def drop_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) -> Figure:
     """Drop of the heavy mass against time, size of the engines' deviation below."""
-    truth = samples.truth
-    traces = [line("truth", _line(truth.t), _line(truth.heavy_drop), None)]
+    reference = samples.reference
+    traces = [line("reference", _line(reference.t), _line(reference.heavy_drop), None)]
     for e, a, style in shown:
         name, times = _name(result, e), _line(a.t)
         traces.append(line(name, times, _line(a.run.heavy_drop), style, legendgroup=e.label))
@@ -110,28 +110,28 @@ def drop_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) 
         traces.append(points("measured", t, drop, INK, "circle-open", error_x=bars, error_y=bars))
     return Figure(
         id="drop",
-        caption="Drop of the heavy mass (down is down), and below it how far each engine is from the truth.",
+        caption="Drop of the heavy mass (down is down), and below it how far each engine is from the reference.",
         traces=tuple(traces),
         layout={
             "xaxis": {"title": {"text": TIME}, "anchor": "y2"},
             "yaxis": {"title": {"text": "drop [m]"}, "domain": [0.44, 1], "autorange": "reversed"},
-            "yaxis2": {"title": {"text": "off the truth [mm]"}, "domain": [0, 0.38], "type": "log", "tickformat": "~g"},
+            "yaxis2": {"title": {"text": "off the reference [mm]"}, "domain": [0, 0.38], "type": "log", "tickformat": "~g"},
         },
         height=560,
     )
 
 
 def divergence_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) -> Figure:
-    """Distance from the truth's light mass on a log axis, with the truth's events."""
+    """Distance from the reference's light mass on a log axis, with the reference's events."""
     traces = []
     for e, a, style in shown:
         distance = np.where(a.distance > FLOOR, a.distance * 1e3, np.nan)
         traces.append(line(_name(result, e), _line(a.t), _line(distance, 5), style))
-    events = [(name, time) for name, time in told_events(result.truth.events) if time <= result.duration]
+    events = [(name, time) for name, time in told_events(result.reference.events) if time <= result.duration]
     told = [vertical(time, name.replace("_", " ")) for name, time in events]
     return Figure(
         id="divergence",
-        caption="Distance of each engine's light mass from the truth's, and the truth's events; dotted: 1 mm and 10 mm.",
+        caption="Distance of each engine's light mass from the reference's, and the reference's events; dotted: 1 mm and 10 mm.",
         traces=tuple(traces),
         layout={
             "xaxis": {"title": {"text": TIME}, "range": [0, result.duration]},
@@ -156,7 +156,7 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
 
     traces = [
         points("paper's numerical", less_measured(r.paper_numerical for r in rows), names, INK, "square-open"),
-        points("truth", less_measured(r.truth for r in rows), names, INK),
+        points("reference", less_measured(r.reference for r in rows), names, INK),
     ]
     for i, engine in enumerate(result.engines):
         times = less_measured(r.engines[i] for r in rows)

@@ -24,7 +24,7 @@ def render(result: ComparisonResult) -> str:
             f"This trial was measured ({result.measured_source}), but its table of events is not part of the package.\n"
             "Give the folder that holds it with `--data DIR` or in `$LOOPING_PENDULUM_DATA`.\n"
         )
-    head = ["quantity", "unit", "measured", "paper's numerical", "truth", *(result.short_name(e) for e in result.engines)]
+    head = ["quantity", "unit", "measured", "paper's numerical", "reference", *(result.short_name(e) for e in result.engines)]
     rows = [_row(row) for row in result.measured]
     rows.append(_summary(result))
     note = (
@@ -42,7 +42,7 @@ def _row(row: MeasuredRow) -> list[str]:
         cells.append(number(row.paper_numerical, digits=4))  # as printed: the paper gives these more digits
     else:
         cells.append(_with_difference(row.paper_numerical, base, 2))
-    return cells + [_with_difference(v, base, DECIMALS.get(row.unit, 4)) for v in (row.truth, *row.engines)]
+    return cells + [_with_difference(v, base, DECIMALS.get(row.unit, 4)) for v in (row.reference, *row.engines)]
 
 
 def _with_difference(value: float | None, base: float | None, decimals: int) -> str:
@@ -54,7 +54,7 @@ def _with_difference(value: float | None, base: float | None, decimals: int) -> 
 def _summary(result: ComparisonResult) -> list[str]:
     """Root mean square difference from the measured times, per column, over the times that the column has."""
     rows = [r for r in result.measured if r.unit == "s" and r.measured is not None]
-    columns = [[r.paper_numerical for r in rows], [r.truth for r in rows]]
+    columns = [[r.paper_numerical for r in rows], [r.reference for r in rows]]
     columns += [[r.engines[i] for r in rows] for i in range(len(result.engines))]
     cells = []
     for column in columns:
@@ -68,23 +68,23 @@ def _summary(result: ComparisonResult) -> list[str]:
 
 
 def moments(result: ComparisonResult) -> str:
-    """Stops, break-aways and extrema of the truth and each engine, as times."""
-    truth = result.truth.sampled
-    marks = [truth, *(e.landmarks for e in result.engines)]
+    """Stops, break-aways and extrema of the reference and each engine, as times."""
+    reference = result.reference.sampled
+    marks = [reference, *(e.landmarks for e in result.engines)]
     ends = [e.end_time or 0.0 for e in result.engines]
     rows = _series("stop", [[s.time for s in m.stops] for m in marks], ends)
-    rows += _series("slips again", [list(m.break_aways) for m in marks], ends)
+    rows += _series("slips again", [list(m.slip_onsets) for m in marks], ends)
     rows += _series("x1 extremum", [_times(m.x1_extrema) for m in marks], ends)
     rows += _series("y1 extremum", [_times(m.y1_extrema) for m in marks], ends)
-    if truth.light_reaches_rod is not None:
+    if reference.light_reaches_rod is not None:
         reached = [[] if m.light_reaches_rod is None else [m.light_reaches_rod] for m in marks]
         rows += _series("light mass reaches rod", reached, ends)
     if not rows:
         return ""
-    head = ["moment", "truth [s]", *(f"{result.short_name(e)} [ms later]" for e in result.engines)]
+    head = ["moment", "reference [s]", *(f"{result.short_name(e)} [ms later]" for e in result.engines)]
     note = (
-        "Moments of the truth, and how much later (+) or earlier (-) each engine has them, both read from samples in the\n"
-        "same way. A moment that the truth does not have is given as a time; *after its end*: the run ends before that.\n"
+        "Moments of the reference, and how much later (+) or earlier (-) each engine has them, both read from samples in the\n"
+        "same way. A moment that the reference does not have is given as a time; *after its end*: the run ends before that.\n"
         "An engine's run ends a little early, at a free length of its own choosing.\n\n"
     )
     return note + table(head, rows)
@@ -95,17 +95,17 @@ def _times(found: tuple[Extremum, ...]) -> list[float]:
 
 
 def _series(what: str, columns: list[list[float]], ends: list[float]) -> list[list[str]]:
-    """Rows of one kind of moment: the truth's times first, then each engine's, whose runs end at ``ends`` [s]."""
+    """Rows of one kind of moment: the reference's times first, then each engine's, whose runs end at ``ends`` [s]."""
     rows = []
     for i in range(max(len(c) for c in columns)):
         values = [c[i] if i < len(c) else None for c in columns]
-        truth = values[0]
-        cells = [_cell(v, truth, end) for v, end in zip(values[1:], ends, strict=True)]
-        rows.append([f"{what} {i + 1}" if max(len(c) for c in columns) > 1 else what, fixed(truth, 4), *cells])
+        reference = values[0]
+        cells = [_cell(v, reference, end) for v, end in zip(values[1:], ends, strict=True)]
+        rows.append([f"{what} {i + 1}" if max(len(c) for c in columns) > 1 else what, fixed(reference, 4), *cells])
     return rows
 
 
-def _cell(value: float | None, truth: float | None, end: float) -> str:
+def _cell(value: float | None, reference: float | None, end: float) -> str:
     if value is None:
-        return "after its end" if truth is not None and truth > end else GAP
-    return f"at {value:.4f} s" if truth is None else signed(value - truth, 1e3)
+        return "after its end" if reference is not None and reference > end else GAP
+    return f"at {value:.4f} s" if reference is None else signed(value - reference, 1e3)

@@ -1,4 +1,4 @@
-"""Figures of a comparison. Truth black, one colour and line style per engine label, measurements as points with bars."""
+"""Figures of a comparison. Reference black, one colour and line style per engine label, measurements as points with bars."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ def draw(result: ComparisonResult) -> dict[str, tuple[str, bytes]]:
     if result.samples is not None:
         panels: tuple[tuple[str, str, Callable[[ComparisonResult, ResultSamples, dict[str, Style]], Figure]], ...] = (
             ("path.png", "Path of the light mass around the rod (to scale); star: halt, cross: a run broke off.", path_figure),
-            ("drop.png", "Drop of the heavy mass, and below it each engine's deviation from the truth.", drop_figure),
+            ("drop.png", "Drop of the heavy mass, and below it each engine's deviation from the reference.", drop_figure),
             (
                 "divergence.png",
-                "Distance of each engine's light mass from the truth's, and the truth's events.",
+                "Distance of each engine's light mass from the reference's, and the reference's events.",
                 divergence_figure,
             ),
         )
@@ -56,8 +56,8 @@ def draw(result: ComparisonResult) -> dict[str, tuple[str, bytes]]:
 def path_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> Figure:
     """Path of the light mass, equal axes."""
     figure, (axes,) = figure_of(7.0, 6.4)
-    truth = samples.truth
-    axes.plot(*truth.light_position.T, color="black", lw=2.4, label="truth", zorder=2)
+    reference = samples.reference
+    axes.plot(*reference.light_position.T, color="black", lw=2.4, label="reference", zorder=2)
     for aligned in _drawn(samples):
         style = look[aligned.run.label]
         axes.plot(*aligned.run.light_position.T, **_line(style), label=_name(aligned, result), zorder=3)
@@ -81,7 +81,7 @@ def _widen(axes: Axes) -> None:
 
 
 def _halts(axes: Axes, result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> None:
-    runs = [(samples.truth, result.truth.landmarks.halting_time, "black", 190.0, 5)]
+    runs = [(samples.reference, result.reference.landmarks.halting_time, "black", 190.0, 5)]
     runs += [
         (a.run, e.landmarks.halting_time, look[e.label].colour, 70.0, 6)
         for a, e in zip(samples.aligned, result.engines, strict=True)
@@ -97,7 +97,7 @@ def _halts(axes: Axes, result: ComparisonResult, samples: ResultSamples, look: d
 def drop_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> Figure:
     """Drop of the heavy mass against time, deviation panel below."""
     figure, (top, below) = figure_of(8.0, 6.8, rows=(3, 2))
-    top.plot(samples.truth.t, samples.truth.heavy_drop, color="black", lw=2.4, label="truth", zorder=2)
+    top.plot(samples.reference.t, samples.reference.heavy_drop, color="black", lw=2.4, label="reference", zorder=2)
     for aligned in _drawn(samples):
         line = _line(look[aligned.run.label])
         top.plot(aligned.t, aligned.run.heavy_drop, **line, label=_name(aligned, result), zorder=3)
@@ -115,7 +115,7 @@ def drop_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str
     below.set_yscale("symlog", linthresh=0.1)
     below.set_ylim(min(below.get_ylim()[0], -0.2), max(below.get_ylim()[1], 0.2))
     below.yaxis.set_major_formatter("{x:g}")
-    below.set(xlabel="time since release [s]", ylabel="drop, engine less truth\n[mm] (linear within ±0.1)")
+    below.set(xlabel="time since release [s]", ylabel="drop, engine less reference\n[mm] (linear within ±0.1)")
     legend_below(figure)
     return figure
 
@@ -130,7 +130,7 @@ def measured_drops(result: ComparisonResult) -> list[tuple[float, float]]:
 
 
 def divergence_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> Figure:
-    """Distance from the truth's light mass on a log axis, with the truth's events."""
+    """Distance from the reference's light mass on a log axis, with the reference's events."""
     figure, (axes,) = figure_of(8.0, 5.4)
     largest, smallest = THRESHOLDS[1], THRESHOLDS[0]
     for aligned in _drawn(samples):
@@ -147,12 +147,12 @@ def divergence_figure(result: ComparisonResult, samples: ResultSamples, look: di
     axes.set_ylim(smallest * 1e3 / 2, largest * 1e3 * 2)
     axes.set_xlim(0, result.duration)
     axes.yaxis.set_major_formatter("{x:g}")
-    for name, time in told_events(result.truth.events):
+    for name, time in told_events(result.reference.events):
         if time <= result.duration:
             axes.axvline(time, color=GREY, lw=0.9, zorder=1)
             place, text = axes.get_xaxis_transform(), name.replace("_", " ")
             axes.text(time, 1.01, text, transform=place, rotation=40, ha="left", va="bottom", fontsize=8, color="0.25")
-    axes.set(xlabel="time since release [s]", ylabel="distance from the truth's light mass [mm]")
+    axes.set(xlabel="time since release [s]", ylabel="distance from the reference's light mass [mm]")
     axes.set_title(f"{literal(result.scenario)}: divergence", pad=58)  # room for the events' names
     legend_below(figure)
     return figure
@@ -175,7 +175,7 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
             axes.plot(x, k + offset, ls="none", label=label, **how)
 
     points([r.paper_numerical for r in rows], -0.3, "paper's numerical", marker="s", mfc="white", mec="black", ms=5)
-    points([r.truth for r in rows], -0.18, "truth", marker="o", color="black", ms=5)
+    points([r.reference for r in rows], -0.18, "reference", marker="o", color="black", ms=5)
     shown = [i for i in range(len(result.engines)) if any(r.engines[i] is not None for r in rows)]
     for place, i in enumerate(shown):
         engine = result.engines[i]

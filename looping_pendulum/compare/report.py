@@ -83,13 +83,13 @@ def name(engine: EngineResult) -> str:
 
 
 def verdict_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of the verdict table as plain text, the truth first, for Markdown and for a terminal."""
+    """Header and rows of the verdict table as plain text, the reference first, for Markdown and for a terminal."""
     vertical = any(e.metrics.get("acceleration_error") is not None for e in result.engines)
     head = ["engine", "within tolerance?", "RMS to 0.35 s [mm]", "to 0.7 s [mm]", "to 1.0 s [mm]", "halting time [s]"]
     head += ["halting error [ms]", "drop error [mm]", *(["acceleration error [%]"] if vertical else []), "wall time [s per s]"]
-    true = result.truth.sampled
+    true = result.reference.sampled
     blank = [GAP] * (3 + vertical)
-    rows = [["truth", GAP, *blank[:3], fixed(true.halting_time, 4), GAP, GAP, *blank[3:], GAP]]
+    rows = [["reference", GAP, *blank[:3], fixed(true.halting_time, 4), GAP, GAP, *blank[3:], GAP]]
     for engine, wall in zip(result.engines, result.clock.wall_times, strict=True):
         m, halt = engine.metrics, engine.landmarks.halting_time
         cells = [number(m[k], 1e3) for k in ("rms_0.35s", "rms_0.7s", "rms_1.0s")]
@@ -138,10 +138,10 @@ def _within(result: ComparisonResult, engine: EngineResult) -> str:
 
 
 def _stories(result: ComparisonResult) -> str:
-    halt = result.truth.landmarks.halting_time
-    events = "".join(f", {n.replace('_', ' ')} at {t:.4f} s" for n, t in told_events(result.truth.events))
+    halt = result.reference.landmarks.halting_time
+    events = "".join(f", {n.replace('_', ' ')} at {t:.4f} s" for n, t in told_events(result.reference.events))
     end = "" if halt is not None else ", never halts"
-    true = f"- **truth** ({result.truth.engine}:{result.truth.variant}): released at 0 s{events}{end}.\n"
+    true = f"- **reference** ({result.reference.engine}:{result.reference.variant}): released at 0 s{events}{end}.\n"
     lines = [
         f"- **{name(e)}**: {e.story}{_range_warning(e)}{' ' + _quoted(e.message) if e.message else ''}\n"
         for e in result.engines
@@ -171,8 +171,8 @@ def _detail(result: ComparisonResult) -> str:
     head = ["engine", "in tube [%]", "leaves tube [s]", "1 mm off at [s]", "10 mm off at [s]", "growth [1/s]"]
     head += ["RMS to halt [mm]", "drop at halt [m]", "wrap angle at halt [rad]", "error [mrad]"]
     head += ["free length at halt [m]", "error [mm]", "stretch [mm]"]
-    true = result.truth.sampled
-    first = ["truth", *[GAP] * 6, fixed(true.drop_at_halt, 4), fixed(true.wrap_angle_at_halt, 4), GAP]
+    true = result.reference.sampled
+    first = ["reference", *[GAP] * 6, fixed(true.drop_at_halt, 4), fixed(true.wrap_angle_at_halt, 4), GAP]
     rows = [[*first, fixed(true.free_length_at_halt, 4), GAP, GAP]]
     for e in result.engines:
         passed = {d.threshold: d.time for d in e.departures}
@@ -188,8 +188,8 @@ def _detail(result: ComparisonResult) -> str:
 
 
 def _supplies(result: ComparisonResult) -> str:
-    runs = [("truth", result.truth.provenance), *((name(e), e.provenance) for e in result.engines)]
-    whats = [s.what for s in result.truth.provenance.supplies]
+    runs = [("reference", result.reference.provenance), *((name(e), e.provenance) for e in result.engines)]
+    whats = [s.what for s in result.reference.provenance.supplies]
     rows = []
     for label, provenance in runs:
         by = {s.what: f"**{s.by}**: {s.how}" for s in provenance.supplies}
@@ -228,7 +228,7 @@ def _provenance(result: ComparisonResult) -> str:
     for i in result.inferred:
         script = f" (`{i.script}`)" if i.script else ""
         text += f"- Inferred, not printed by the source: {', '.join(i.parameters)}. {i.how}{script}\n"
-    runs = [(f"truth, {result.truth.engine}:{result.truth.variant}", result.truth.provenance)]
+    runs = [(f"reference, {result.reference.engine}:{result.reference.variant}", result.reference.provenance)]
     runs += [(name(e), e.provenance) for e in result.engines]
     return text + "\n" + table(["run", "versions", "settings [SI]", "seed"], [_provenance_row(*run) for run in runs], left=4)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from looping_pendulum.engines.trajectory import Trajectory
 
 SCHEMA_ID = "looping-pendulum/comparison"
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 
 class ResultError(HarnessError, ValueError):
@@ -73,7 +73,7 @@ class Landmarks:
 
     stops: tuple[Stop, ...] = ()
     """When the sliding of the string stops: it turns, or rests."""
-    break_aways: tuple[float, ...] = ()
+    slip_onsets: tuple[float, ...] = ()
     """When a resting string began to slide again [s]."""
     halting_time: float | None = None
     """When the string stops sliding and does not slide again until the light mass reaches the rod, or the run ends [s].
@@ -104,14 +104,14 @@ class Landmarks:
 
 @dataclass(frozen=True, kw_only=True)
 class Tube:
-    """Which samples have a point of the truth within a time and a distance."""
+    """Which samples have a point of the reference within a time and a distance."""
 
     half_time: float
     """[s]"""
     half_width: float
     """[m]"""
     compared: int
-    """Samples that were tested: those before the truth's end."""
+    """Samples that were tested: those before the reference's end."""
     fraction: float | None = None
     """Share of them inside."""
     first_exit: float | None = None
@@ -120,16 +120,16 @@ class Tube:
 
 @dataclass(frozen=True, kw_only=True)
 class Departure:
-    """When a run first is further from the truth than a threshold, and what the truth was doing."""
+    """When a run first is further from the reference than a threshold, and what the reference was doing."""
 
     threshold: float
     """[m]"""
     time: float
     """[s]"""
     mode: str
-    """Mode of the truth then."""
+    """Mode of the reference then."""
     after: str
-    """Last event of the truth before, "release" if none."""
+    """Last event of the reference before, "release" if none."""
     after_time: float
     """When that was [s]."""
     along: float
@@ -164,7 +164,7 @@ class RunProvenance:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TruthResult:
+class ReferenceResult:
     """The reference that everything is compared with."""
 
     engine: str
@@ -174,7 +174,7 @@ class TruthResult:
     events: tuple[tuple[str, float], ...]
     """(name, time [s])"""
     end_time: float
-    """Last time [s] that the truth covers, at most the scenario's duration."""
+    """Last time [s] that the reference covers, at most the scenario's duration."""
     provenance: RunProvenance
     sampled: Landmarks = Landmarks()
     """Landmarks of the reference's samples, by the detector that reads the engines': what their errors are taken against."""
@@ -182,7 +182,7 @@ class TruthResult:
 
 @dataclass(frozen=True, kw_only=True)
 class EngineResult:
-    """One engine's run against the truth."""
+    """One engine's run against the reference."""
 
     engine: str
     variant: str
@@ -201,7 +201,7 @@ class EngineResult:
     """Last finite sample [s]."""
     landmarks: Landmarks
     metrics: dict[str, float | None]
-    """Metric name -> value, SI; None where the run or the truth ends too soon or the metric does not apply."""
+    """Metric name -> value, SI; None where the run or the reference ends too soon or the metric does not apply."""
     not_comparable: str = ""
     """Why this run's halt cannot be held against the reference's, which has one; empty: it can, or neither has one."""
     lacks: tuple[str, ...] = ()
@@ -268,7 +268,7 @@ class MeasuredRow:
     unit: str
     measured: float | None
     paper_numerical: float | None
-    truth: float | None
+    reference: float | None
     engines: tuple[float | None, ...]
     """In the order of `ComparisonResult.engines`."""
 
@@ -307,13 +307,13 @@ class Clock:
 class ResultSamples:
     """The trajectories behind a result, for figures and CSV; never in the JSON."""
 
-    truth: Trajectory
+    reference: Trajectory
     aligned: tuple[Aligned, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ComparisonResult:
-    """One scenario, one truth, several engines."""
+    """One scenario, one reference, several engines."""
 
     scenario: str
     title: str
@@ -323,7 +323,7 @@ class ComparisonResult:
     duration: float
     """[s]"""
     inferred: tuple[InferredEntry, ...]
-    truth: TruthResult
+    reference: ReferenceResult
     engines: tuple[EngineResult, ...]
     tolerances: tuple[ToleranceResult, ...]
     measured: tuple[MeasuredRow, ...]

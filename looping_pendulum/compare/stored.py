@@ -54,9 +54,9 @@ def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine]) -
 
 def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
     """Read the trajectories of ``result`` from their CSV files."""
-    true = result.truth
-    truth = _trajectory(
-        folder / "truth.csv",
+    true = result.reference
+    reference = _trajectory(
+        folder / "reference.csv",
         engine=true.engine,
         variant=true.variant,
         profile="",
@@ -66,8 +66,8 @@ def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
     )
 
     def at(times: Array) -> Trajectory:
-        place = np.clip(np.searchsorted(truth.t, times - SAME_TIME), 0, len(truth.t) - 1)
-        return _rows(truth, place[np.abs(truth.t[place] - times) < SAME_TIME])
+        place = np.clip(np.searchsorted(reference.t, times - SAME_TIME), 0, len(reference.t) - 1)
+        return _rows(reference, place[np.abs(reference.t[place] - times) < SAME_TIME])
 
     runs = [
         _trajectory(
@@ -82,7 +82,7 @@ def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
         )
         for e, file in zip(result.engines, trajectory_files(result), strict=True)
     ]
-    return ResultSamples(truth=truth, aligned=tuple(align(run, at) for run in runs))
+    return ResultSamples(reference=reference, aligned=tuple(align(run, at) for run in runs))
 
 
 def _trajectory(path: Path | None, **fields: Any) -> Trajectory:

@@ -11,7 +11,7 @@ from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 ON_TIME = 1e-5
-"""A halt closer to the truth's than this [s] is called on time: stops are located to about that from samples."""
+"""A halt closer to the reference's than this [s] is called on time: stops are located to about that from samples."""
 
 STRETCH_SHARE = 0.5
 """A string stretched by at least this share of the deviation is named as a cause of it."""
@@ -29,7 +29,7 @@ def story(
     true: Landmarks,
     not_comparable: str = "",
 ) -> str:
-    """Where, when and why ``run`` departs from the truth, in plain sentences.
+    """Where, when and why ``run`` departs from the reference, in plain sentences.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def _without_static_friction(parameters: Parameters) -> str:
 
 def _first(found: tuple[Departure, ...], end: float) -> str:
     if not found:
-        return f"Stays within 1 mm of the truth up to {end:.3f} s, where the comparison ends."
+        return f"Stays within 1 mm of the reference up to {end:.3f} s, where the comparison ends."
     first = found[0]
     text = f"Leaves the {first.threshold * 1e3:.0f} mm band at {first.time:.3f} s, while {first.mode}"
     if first.after != "release":
@@ -119,17 +119,17 @@ def _halting(own: Landmarks, true: Landmarks, run: Trajectory, missing: tuple[st
     if true.halting_time is None:
         if own.halting_time is None:
             return ""
-        return f"Its heavy mass comes to rest at {own.halting_time:.3f} s; the truth's never does."
+        return f"Its heavy mass comes to rest at {own.halting_time:.3f} s; the reference's never does."
     if own.halting_time is None:
         if end < true.halting_time:
-            early = f"before the truth's heavy mass halts ({true.halting_time:.3f} s)"
+            early = f"before the reference's heavy mass halts ({true.halting_time:.3f} s)"
             return f"Its light mass reaches the rod at {end:.3f} s, {early}." if own.light_reaches_rod is not None else ""
         later = [s.time for s in own.stops]
         turned = f"; it stops at {_listed([f'{t:.3f} s' for t in later[:3]])} and moves on" if later else ""
         needed = [PHYSICS_WORDS[m] for m in missing if m in ("friction_law", "stick_slip")]
         why = f": nobody supplies {_listed(needed)}" if needed else ""
         by = f" to within {quantity(RESOLUTION, 'm')}" if not needed else ""
-        return f"Its heavy mass does not halt{by} (the truth's halts at {true.halting_time:.3f} s){turned}{why}."
+        return f"Its heavy mass does not halt{by} (the reference's halts at {true.halting_time:.3f} s){turned}{why}."
     late = own.halting_time - true.halting_time
     text = f"Halts {quantity(abs(late), 's')} {'late' if late > 0 else 'early'}" if abs(late) > ON_TIME else "Halts on time"
     if not own.halting_confirmed and run.status is not RunStatus.LIGHT_REACHED_ROD:

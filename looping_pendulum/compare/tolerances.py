@@ -63,4 +63,4 @@ def _no_value(run: EngineResult) -> str:
         return f"no value: {run.status_sentence}"
     if run.not_comparable:
         return f"no value: {run.not_comparable}"
-    return "no value: the run or the truth does not reach what it measures"
+    return "no value: the run or the reference does not reach what it measures"

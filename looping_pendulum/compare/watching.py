@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from looping_pendulum.compare.landmarks import SampledTruth
+from looping_pendulum.compare.landmarks import SampledReference
 from looping_pendulum.compare.result import Landmarks
 from looping_pendulum.compare.slides import MIN_REST
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory
 
 
-def why_not_comparable(run: Trajectory, own: Landmarks, reference: SampledTruth) -> str:
+def why_not_comparable(run: Trajectory, own: Landmarks, reference: SampledReference) -> str:
     """Return why the halt of ``run``, or its lack of one, says nothing beside the reference; empty: it does.
 
     A run that ended because its light mass reached the rod was watched to its end. One that was cut must have been watched for

@@ -13,7 +13,7 @@ EVENT_WORDS = {
     "stop": "a stop of the heavy mass",
     "stick": "the string began to stick",
     "halt": "the halt",
-    "break_away": "the string broke away",
+    "slip_onset": "the string began to slide again",
     "slack": "the string fell slack",
     "taut": "the string became taut again",
     "light_reaches_rod": "the light mass reached the rod",
@@ -45,7 +45,7 @@ def told_events(events: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:
 
 
 def mode_words(mode: int) -> str:
-    """Mode of the truth in plain words."""
+    """Mode of the reference in plain words."""
     words = {
         Mode.STICKING: "the string sticks to the rod",
         Mode.ROLLING: "the string sticks to the rod, which turns",
@@ -55,6 +55,6 @@ def mode_words(mode: int) -> str:
         Mode.CLAMPED: "the light mass swings and the heavy one is clamped",
         Mode.CLAMPED_SLACK: "the string is slack and the heavy mass clamped",
         Mode.FALLING: "both masses fall freely",
-        Mode.ENDED: "the truth ends",
+        Mode.ENDED: "the reference ends",
     }
-    return "the truth does not say its mode" if mode == UNKNOWN_MODE else words[Mode(mode)]
+    return "the reference does not say its mode" if mode == UNKNOWN_MODE else words[Mode(mode)]

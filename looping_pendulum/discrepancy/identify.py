@@ -9,7 +9,7 @@ import time
 from importlib.metadata import PackageNotFoundError, version
 
 from looping_pendulum import __version__
-from looping_pendulum.discrepancy import outcome
+from looping_pendulum.discrepancy.identification import Conclusion, identification
 from looping_pendulum.discrepancy.data.study import Study
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.next_experiment import best_experiments
@@ -98,12 +98,12 @@ def _identify(study: Study, seed: int, progress: Progress, workers: Workers) -> 
         with contextlib.suppress(KeyboardInterrupt):
             experiments = best_experiments(study, [t.fit for t in ties], [t.names for t in ties])
     force = unlisted(search.forces, search.formulas, search.base.unseen.worst) if verdict is Verdict.UNLISTED else None
-    return outcome.identification(
+    return identification(
         inputs.study,
         [o.summary() for _, o in inputs.observed],
         seed,
         verdict,
-        outcome.Conclusion(
+        Conclusion(
             before=search.base,
             after=model,
             ties=ties,

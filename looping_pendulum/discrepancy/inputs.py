@@ -8,7 +8,7 @@ from looping_pendulum.discrepancy.data.observations import DataError, Observatio
 from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
 from looping_pendulum.discrepancy.fit.event_prediction import check_events
 from looping_pendulum.discrepancy.fit.other_units import refuse_other_units
-from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem, TrialData, numbers_of
+from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem, TrialData, free_parameters_of
 from looping_pendulum.discrepancy.fit.residual import data_of
 from looping_pendulum.discrepancy.listed.candidates import Candidate, candidates
 
@@ -39,11 +39,11 @@ def read_inputs(study: Study) -> Inputs:
             raise DataError(f"{o.file}: found no measured value, needed at least one; leave this trial out")
         check_events(o)
     training = tuple((t, o) for t, o in observed if not t.held_out)
-    numbers = numbers_of(study, training)
+    numbers = free_parameters_of(study, training)
     cameras = [set(study.camera_priors(t, o)) for t, o in training]
     shared = [n for n in study.camera_priors(*training[0]) if all(n in c for c in cameras)]
     data = tuple(data_of(t, o) for t, o in training)
-    held = tuple((data_of(t, o), numbers_of(study, [(t, o)])) for t, o in observed if t.held_out)
+    held = tuple((data_of(t, o), free_parameters_of(study, [(t, o)])) for t, o in observed if t.held_out)
     for part, own in ((data, numbers), *(((one,), few) for one, few in held)):
         refuse_other_units(Problem(study, part, own))
     return Inputs(

@@ -12,7 +12,7 @@ import numpy as np
 from looping_pendulum.discrepancy.data.observations import Channel, DataError, Observations
 from looping_pendulum.discrepancy.data.study import Estimate, Study, Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem, TrialData, numbers_of
+from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem, TrialData, free_parameters_of
 from looping_pendulum.discrepancy.result import Experiment
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
@@ -92,7 +92,7 @@ def _distance(study: Study, trial: Trial, one: Fit, other: Fit) -> float:
     channels = tuple(Channel(name=n, t=t, value=np.zeros(len(t))) for n in ("light_x", "light_y", "heavy_x", "heavy_y"))
     observations = Observations(name=NAME, file=NAME, channels=channels)
     data = TrialData(trial=trial, channels=channels, sigma=np.full(4 * len(t), NOISE))
-    own = numbers_of(wider, [(trial, observations)])
+    own = free_parameters_of(wider, [(trial, observations)])
     problem, x, covariance = _placed(wider, data, own, one)
     predicted = problem.predict(x, 0)
     rival, y, _ = _placed(wider, data, own, other)

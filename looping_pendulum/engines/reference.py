@@ -1,4 +1,4 @@
-"""The exact hybrid model as an engine, and as the truth that every other engine is held against."""
+"""The exact hybrid model as an engine, and as the reference that every other engine is held against."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class ReferenceEngine:
         )
 
 
-class Truth:
+class Reference:
     """The reference's run of one scenario, to be sampled at whatever times an engine has: no engine is ever resampled."""
 
     def __init__(self, scenario: Scenario, profile: Profile = Profile.ACCURATE) -> None:
@@ -121,14 +121,14 @@ class Truth:
         self.solution = solve(scenario.parameters, duration=max(DURATION, scenario.duration), tolerance=tolerance)
 
     def __call__(self, t: Array) -> Trajectory:
-        """Sample the truth at times ``t`` [s]; times after its end are left out."""
+        """Sample the reference at times ``t`` [s]; times after its end are left out."""
         t = np.asarray(t, dtype=float)
         samples = self.solution.sample(t[t <= self.solution.end_time])
         return _trajectory(samples, self.scenario, self.engine, float("nan"))
 
 
 def event_names(run: Run) -> tuple[TrajectoryEvent, ...]:
-    """What happened in a run, in words that reports use: stop, stick, break_away, slack, taut, halt, light_reaches_rod ..."""
+    """What happened in a run, in words that reports use: stop, stick, slip_onset, slack, taut, halt, light_reaches_rod ..."""
     named: list[TrajectoryEvent] = []
     for event in run.events:
         if event.event in PHASE_EVENTS:
@@ -136,8 +136,8 @@ def event_names(run: Run) -> tuple[TrajectoryEvent, ...]:
         name = {
             None: "release",
             Event.LOSES_TENSION: "slack",
-            Event.BREAKS_DOWN: "break_away",
-            Event.BREAKS_UP: "break_away",
+            Event.SLIP_ONSET_DOWN: "slip_onset",
+            Event.SLIP_ONSET_UP: "slip_onset",
         }.get(event.event, str(event.event))
         named.append(TrajectoryEvent(time=event.time, name=name))
         if event.mode_after is Mode.STICKING:

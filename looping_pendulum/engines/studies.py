@@ -1,6 +1,6 @@
 """What each variant lets others vary, as data: ladders of refinement, hidden defaults, and choices that the adapter made.
 
-A difference between an engine and the truth is *not converged* where a finer rung changes it, *adapter's choice* where another
+A difference between an engine and the reference is *not converged* where a finer rung changes it, *adapter's choice* where another
 choice as reasonable changes it, and *a different model* where neither does. `compare.convergence` runs these studies.
 """
 

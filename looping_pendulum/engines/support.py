@@ -112,7 +112,7 @@ def _reach(quantity: ValidatedQuantity, bounds: tuple[float, float] | None) -> s
 
 def kind(engine: Engine) -> str:
     """Whether a comparison runs the variant unasked."""
-    return "truth" if engine.name == "reference" else "main" if engine.abilities.main else "study"
+    return "reference" if engine.name == "reference" else "main" if engine.abilities.main else "study"
 
 
 def page(engines: Sequence[Engine]) -> str:

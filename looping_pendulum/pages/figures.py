@@ -15,7 +15,7 @@ from typing import Any
 
 from looping_pendulum.pages.palette import Style
 
-TRUTH, INK, SOFT, LINE = "var(--truth)", "var(--ink)", "var(--soft)", "var(--line)"
+REFERENCE, INK, SOFT, LINE = "var(--reference)", "var(--ink)", "var(--soft)", "var(--line)"
 DOTTED = {"color": SOFT, "width": 1, "dash": "dot"}
 SYMBOLS = {"o": "circle", "s": "square", "D": "diamond", "^": "triangle-up", "v": "triangle-down", "P": "cross"}
 """Marker of `palette.MARKERS` -> plotly's name."""
@@ -46,9 +46,9 @@ def plotly_source() -> str:
 
 
 def line(name: str, x: Sequence[float | None], y: Sequence[float | None], style: Style | None, **more: Any) -> dict[str, Any]:
-    """Make a line; without a style, the truth's."""
+    """Make a line; without a style, the reference's."""
     if style is None:
-        look = {"color": TRUTH, "width": 3}
+        look = {"color": REFERENCE, "width": 3}
     else:
         look = {"color": run_colour(style), "width": 1.8, "dash": dash(style)}
     return {"type": "scatter", "mode": "lines", "name": name, "x": x, "y": y, "line": look} | more

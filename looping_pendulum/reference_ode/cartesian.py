@@ -34,8 +34,8 @@ def cartesian_force(parameters: Parameters) -> CartesianForce | None:
     )
     if not acting:
         return None
-    on_light = tuple(effect for effect in acting if effect.light_force is not None)
-    on_heavy = tuple(effect for effect in acting if effect.heavy_force is not None)
+    on_light = tuple(effect for effect in acting if effect.force_on_light_mass is not None)
+    on_heavy = tuple(effect for effect in acting if effect.force_on_heavy_mass is not None)
     last_angle = parameters.release_angle
 
     def force(time: float, x: float, y: float, vx: float, vy: float, heavy_vy: float) -> tuple[float, float, float]:
@@ -44,11 +44,11 @@ def cartesian_force(parameters: Parameters) -> CartesianForce | None:
         cosine, sine = math.cos(last_angle), math.sin(last_angle)
         retreat, across = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
         k = Kinematics(time, free_length, last_angle, retreat, across, abs(across), math.hypot(vx, vy), heavy_vy, abs(heavy_vy))
-        along_force, across_force = effects.light_force(math, k, p, on_light)
+        along_force, across_force = effects.force_on_light_mass(math, k, p, on_light)
         return (
             along_force * sine - across_force * cosine,
             -along_force * cosine - across_force * sine,
-            effects.heavy_force(math, k, p, on_heavy),
+            effects.force_on_heavy_mass(math, k, p, on_heavy),
         )
 
     return force

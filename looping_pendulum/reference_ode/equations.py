@@ -84,10 +84,10 @@ class _Balance(NamedTuple):
 
 def _balance(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effects: Effects) -> _Balance:
     k = kinematics(xp, mode, t, y, signs, p, effects)
-    along, across = forces.light_force(xp, k, p, effects)
-    heavy = forces.heavy_force(xp, k, p, effects)
-    along_mass, across_mass = forces.light_inertia(xp, k, p, effects)
-    heavy_mass = forces.heavy_inertia(xp, k, p, effects)
+    along, across = forces.force_on_light_mass(xp, k, p, effects)
+    heavy = forces.force_on_heavy_mass(xp, k, p, effects)
+    along_mass, across_mass = forces.inertia_of_light_mass(xp, k, p, effects)
+    heavy_mass = forces.inertia_of_heavy_mass(xp, k, p, effects)
     mass, pull = along_mass, along_mass * y.across_speed * (y.across_speed / y.free_length) - along
     slant, plane_pull, string_speed = None, pull, y.retreat_speed
     if "sideways" in own_variables(effects):
@@ -260,7 +260,7 @@ def event_functions(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any,
             watched[Event.STOP] = signs.phase * returning + (1.0 - signs.phase) * (drive + NUDGE)
             watched[Event.LOSES_TENSION] = b.heavy_mass * b.pull - b.mass * b.heavy
     elif mode in (Mode.STICKING, Mode.ROLLING):
-        watched[Event.BREAKS_DOWN], watched[Event.BREAKS_UP] = _margins(mode, signs, b, p)
+        watched[Event.SLIP_ONSET_DOWN], watched[Event.SLIP_ONSET_UP] = _margins(mode, signs, b, p)
         if mode is Mode.ROLLING:
             watched[Event.ROD_STOPS] = _rod_returns(signs, y, _heavy_rate(mode, signs, b, p))
         elif turns:
@@ -297,17 +297,17 @@ def impact(xp: Any, slide: float, t: Any, y: State, signs: Signs, p: Any, effect
     """
     b = _balance(xp, Mode.SLACK, t, y, signs, p, effects)
     ratio = xp.exp(-slide * forces.sliding_exponent(xp, b.k, p, effects))
-    light_speed = b.string_speed
+    light_mass_speed = b.string_speed
     turns = "rod_speed" in own_variables(effects)
     if slide:
-        momentum = b.heavy_mass * y.heavy_speed + ratio * b.mass * light_speed
+        momentum = b.heavy_mass * y.heavy_speed + ratio * b.mass * light_mass_speed
         speed = momentum / (b.heavy_mass + ratio * b.mass)
     elif turns:
-        momentum = b.heavy_mass * y.heavy_speed + b.mass * light_speed + y.rod_speed / p.rod_mobility
+        momentum = b.heavy_mass * y.heavy_speed + b.mass * light_mass_speed + y.rod_speed / p.rod_mobility
         speed = momentum / (b.heavy_mass + b.mass + 1.0 / p.rod_mobility)
     else:
         speed = 0.0
-    impulse = b.mass * (light_speed - speed)
+    impulse = b.mass * (light_mass_speed - speed)
     after = y._replace(retreat_speed=speed, heavy_speed=speed, slack=0.0)
     if b.slant is not None:
         after = after._replace(

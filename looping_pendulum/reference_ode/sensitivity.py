@@ -30,7 +30,7 @@ from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import MAX_STEPS, HeyokaIntegrator, ModeEquations
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.solution import Part, Run, RunEvent, Samples, heavy_place, join, light_place
+from looping_pendulum.reference_ode.solution import Part, Run, RunEvent, Samples, heavy_mass_position, join, light_mass_position
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators
 from looping_pendulum.reference_ode.state import Effects, Signs, State, complete, follow, meaning
 from looping_pendulum.reference_ode.transitions import PHASE_ZERO, Event, Mode
@@ -72,12 +72,12 @@ class Sensitivities:
     @cached_property
     def light_position(self) -> Array:
         """Derivatives of the light mass's place [m per unit], shape (n, 2, m)."""
-        return self._places(light_place)
+        return self._places(light_mass_position)
 
     @cached_property
     def heavy_position(self) -> Array:
         """Derivatives of the heavy mass's place [m per unit], shape (n, 2, m)."""
-        return self._places(heavy_place)
+        return self._places(heavy_mass_position)
 
     def _places(self, place: Any) -> Array:
         p = _over_samples(self.parameters)

@@ -105,7 +105,7 @@ class Samples:
     @cached_property
     def light_position(self) -> Array:
         """[m], shape (n, 2)."""
-        return _pairs(*light_place(np, self.state, self._overlap, self.run.parameters))
+        return _pairs(*light_mass_position(np, self.state, self._overlap, self.run.parameters))
 
     @cached_property
     def light_velocity(self) -> Array:
@@ -116,7 +116,7 @@ class Samples:
     @cached_property
     def heavy_position(self) -> Array:
         """[m], shape (n, 2)."""
-        return _pairs(*heavy_place(np, self.state, self._overlap, self.run.parameters))
+        return _pairs(*heavy_mass_position(np, self.state, self._overlap, self.run.parameters))
 
     @cached_property
     def heavy_velocity(self) -> Array:
@@ -155,7 +155,7 @@ def _pairs(x: Any, y: Array) -> Array:
     return pairs
 
 
-def light_place(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple[Any, Any]:
+def light_mass_position(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple[Any, Any]:
     """Light mass (x, y) [m] in states ``s``; ``overlap``: 1 where the string lies on itself, else 0."""
     if not winds(p.effects):
         return light_position(xp, s.free_length, s.wrap_angle, p.rod_radius)
@@ -163,8 +163,8 @@ def light_place(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple[Any, An
     return light_position(xp, s.free_length + wound.foot, s.wrap_angle, wound.radius)
 
 
-def heavy_place(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple[Any, Any]:
-    """Heavy mass (x, y) [m], as `light_place`."""
+def heavy_mass_position(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple[Any, Any]:
+    """Heavy mass (x, y) [m], as `light_mass_position`."""
     height = -p.hanging_length - heavy_drop(xp, s, overlap, p.values(), p.effects)
     if "heavy_tilt" not in own_variables(p.effects):
         return p.rod_radius, height

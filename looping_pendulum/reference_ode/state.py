@@ -173,7 +173,7 @@ def kinematics(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effe
         retreat_speed=y.retreat_speed,
         across_speed=y.across_speed,
         across_speed_size=across_size,
-        light_speed=speed,
+        light_mass_speed=speed,
         heavy_speed=y.heavy_speed,
         heavy_speed_size=heavy_size,
         overlap=signs.overlap,
@@ -183,7 +183,7 @@ def kinematics(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effe
 
 @lru_cache(maxsize=256)
 def _needs_hanging(effects: Effects) -> bool:
-    return any(effect.heavy_inertia is not None for effect in effects)
+    return any(effect.inertia_of_heavy_mass is not None for effect in effects)
 
 
 def _of_own_variables(xp: Any, mode: Mode, y: State, signs: Signs, p: Any, effects: Effects, k: Kinematics) -> Kinematics:

@@ -57,8 +57,8 @@ class Event(StrEnum):
     SLOWS = "slows"
     """Its acceleration turned against its speed; only from here on can it stop, so only from here on is a stop looked for."""
     LOSES_TENSION = "slack"
-    BREAKS_DOWN = "breaks_away_down"
-    BREAKS_UP = "breaks_away_up"
+    SLIP_ONSET_DOWN = "slip_onset_down"
+    SLIP_ONSET_UP = "slip_onset_up"
     ACROSS_REVERSES = "across_reverses"
     """The light mass's speed across the string changes sign; |w| is carried as sign times w."""
     CLOSES = "closes"
@@ -109,12 +109,12 @@ TABLE: dict[tuple[Mode, Event], Mode | TransitionChoice] = {
     (Mode.SLIDING_UP, Event.STOP): TransitionChoice.BY_HOLDING,
     (Mode.SLIDING_DOWN, Event.LOSES_TENSION): Mode.SLACK,
     (Mode.SLIDING_UP, Event.LOSES_TENSION): Mode.SLACK,
-    (Mode.STICKING, Event.BREAKS_DOWN): Mode.SLIDING_DOWN,
-    (Mode.STICKING, Event.BREAKS_UP): Mode.SLIDING_UP,
+    (Mode.STICKING, Event.SLIP_ONSET_DOWN): Mode.SLIDING_DOWN,
+    (Mode.STICKING, Event.SLIP_ONSET_UP): Mode.SLIDING_UP,
     (Mode.STICKING, Event.ROD_YIELDS_UP): Mode.ROLLING,
     (Mode.STICKING, Event.ROD_YIELDS_DOWN): Mode.ROLLING,
-    (Mode.ROLLING, Event.BREAKS_DOWN): Mode.SLIDING_DOWN,
-    (Mode.ROLLING, Event.BREAKS_UP): Mode.SLIDING_UP,
+    (Mode.ROLLING, Event.SLIP_ONSET_DOWN): Mode.SLIDING_DOWN,
+    (Mode.ROLLING, Event.SLIP_ONSET_UP): Mode.SLIDING_UP,
     (Mode.ROLLING, Event.ROD_STOPS): TransitionChoice.BY_HOLDING,
     (Mode.SLACK, Event.TAUT): TransitionChoice.BY_IMPULSE,
     (Mode.CLAMPED, Event.LOSES_TENSION): Mode.CLAMPED_SLACK,

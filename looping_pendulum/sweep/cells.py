@@ -44,7 +44,7 @@ class RunLandmarks(Protocol):
         """Zeros of the heavy mass's speed."""
 
     @property
-    def break_aways(self) -> tuple[float, ...]:
+    def slip_onsets(self) -> tuple[float, ...]:
         """When a resting string began to slide again [s]."""
 
     @property
@@ -177,7 +177,7 @@ def _summary(run: Trajectory, moments: RunLandmarks) -> dict[str, float]:
         "wrap_angle": float(run.wrap_angle[-1]),
         "free_length": float(run.free_length[-1]),
         "stops": len(moments.stops),
-        "reslips": len(moments.break_aways),
+        "slip_count": len(moments.slip_onsets),
         "slack_intervals": UNKNOWN_COUNT,
         "end_time": float(run.t[-1]),
     }

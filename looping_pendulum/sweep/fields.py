@@ -70,7 +70,7 @@ FIELDS = (
     _real("wrap_angle", "rad", "wrap angle at the end of the run"),
     _real("free_length", "m", "free length at the end of the run"),
     _count("stops", "how often the heavy mass's speed became zero"),
-    _count("reslips", "how often a sticking string broke away"),
+    _count("slip_count", "how often a sticking string broke away"),
     _count("slack_intervals", "how often the string was, or became, slack"),
     Field(name="end", unit="", dtype="int8", meaning="how the run ended"),
     _real("end_time", "s", "end of the run"),

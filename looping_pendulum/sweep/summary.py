@@ -19,7 +19,7 @@ RANGES = (
     "halting_free_length",
     "drop",
     "stops",
-    "reslips",
+    "slip_count",
     "slack_intervals",
     "end_time",
 )

@@ -1,4 +1,4 @@
-"""The demonstration page: every engine and the truth whip round the rod together, in step, in one file that works offline."""
+"""The demonstration page: every engine and the reference whip round the rod together, in step, in one file that works offline."""
 
 from __future__ import annotations
 

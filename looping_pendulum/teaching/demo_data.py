@@ -36,10 +36,10 @@ EVENT_KINDS = {
     "halt": ("halt", "the heavy mass is at rest for good"),
     "rod": ("at the rod", "the light mass has reached the rod"),
     "broke": ("broke off", "the run ended before its time"),
-    "other": ("event", "something else that the truth reports"),
+    "other": ("event", "something else that the reference reports"),
 }
 """Kind of mark -> (short name, meaning)."""
-KIND_OF_EVENT = {"break_away": "slip", "light_reaches_rod": "rod"} | {n: n for n in ("stop", "stick", "slack", "taut", "halt")}
+KIND_OF_EVENT = {"slip_onset": "slip", "light_reaches_rod": "rod"} | {n: n for n in ("stop", "stick", "slack", "taut", "halt")}
 
 
 def page_data(result: ComparisonResult) -> dict[str, Any]:
@@ -55,7 +55,7 @@ def page_data(result: ComparisonResult) -> dict[str, Any]:
     rate = FINE if result.duration <= LONG else COARSE
     look = styles(e.label for e in result.engines)
     p = Parameters(**result.parameters)
-    runs = [_truth(result, result.samples, p, rate)]
+    runs = [_reference(result, result.samples, p, rate)]
     for i, (engine, aligned) in enumerate(zip(result.engines, result.samples.aligned, strict=True), start=1):
         style = look[engine.label]
         drawn = {"colour": f"var(--run-{style.slot})", "dashes": list(style.dashes), "marker": style.marker}
@@ -67,24 +67,24 @@ def page_data(result: ComparisonResult) -> dict[str, Any]:
         "string": p.release is not Release.DROP,
         "rate": rate,
         "runs": runs,
-        "modes": _modes(result.samples.truth),
+        "modes": _modes(result.samples.reference),
         "kinds": {kind: words[0] for kind, words in EVENT_KINDS.items()},
     }
 
 
-def _truth(result: ComparisonResult, samples: ResultSamples, p: Parameters, rate: int) -> dict[str, Any]:
-    end = result.truth.end_time
+def _reference(result: ComparisonResult, samples: ResultSamples, p: Parameters, rate: int) -> dict[str, Any]:
+    end = result.reference.end_time
     events = [
         {"kind": KIND_OF_EVENT.get(event, "other"), "t": time, "words": EVENT_WORDS[event]}
-        for event, time in told_events(result.truth.events)
+        for event, time in told_events(result.reference.events)
         if time <= result.duration
     ]
-    halt = result.truth.landmarks.halting_time
+    halt = result.reference.landmarks.halting_time
     halts = "" if p.release in STRINGLESS else "It never halts." if halt is None else f"It halts at {halt:.4f} s."
     return {
-        "id": "truth",
-        "name": "truth",
-        "colour": "var(--truth)",
+        "id": "reference",
+        "name": "reference",
+        "colour": "var(--reference)",
         "dashes": [1, 0],
         "marker": "o",
         "events": events,
@@ -92,7 +92,7 @@ def _truth(result: ComparisonResult, samples: ResultSamples, p: Parameters, rate
         "gap": "",
         "caption": f"The exact model, solved far more finely than any engine. {halts}".strip(),
         "story": "",
-    } | _tracks(samples.truth, None, p, rate)
+    } | _tracks(samples.reference, None, p, rate)
 
 
 def _engine(result: ComparisonResult, engine: EngineResult, aligned: Aligned, p: Parameters, rate: int) -> dict[str, Any]:
@@ -116,7 +116,7 @@ def _marks(engine: EngineResult, gap: str) -> list[dict[str, Any]]:
     own = engine.landmarks
     halt, end = own.halting_time, own.light_reaches_rod
     marks = [("stop", stop.time, EVENT_WORDS["stop"]) for stop in own.stops if stop.time != halt]
-    marks += [("slip", time, EVENT_WORDS["break_away"]) for time in own.break_aways]
+    marks += [("slip", time, EVENT_WORDS["slip_onset"]) for time in own.slip_onsets]
     marks += [] if halt is None else [("halt", halt, EVENT_WORDS["halt"])]
     marks += [] if end is None else [("rod", end, EVENT_WORDS["light_reaches_rod"])]
     if not engine.ok and not gap and engine.end_time is not None:
@@ -127,7 +127,7 @@ def _marks(engine: EngineResult, gap: str) -> list[dict[str, Any]]:
 def caption(result: ComparisonResult, engine: EngineResult, p: Parameters) -> str:
     """Return one honest line on a run: who supplies the friction, when it halts, what it lacks."""
     supplies = engine.provenance.supplies
-    parts = [_friction(supplies, p), _halting(engine, result.truth.sampled), _lacks(engine)]
+    parts = [_friction(supplies, p), _halting(engine, result.reference.sampled), _lacks(engine)]
     if not engine.ok:
         parts.insert(0, f"Not shown to the end: {engine.status_sentence}." if engine.samples else "Nothing to show.")
     return " ".join(part for part in parts if part)
@@ -153,13 +153,13 @@ def _halting(engine: EngineResult, true: Landmarks) -> str:
         return f"Its halt is not comparable: {engine.not_comparable}."
     late = engine.metrics["halting_time_error"]
     if late is not None:
-        return f"Halts at {own:.4f} s, {quantity(abs(late), 's')} {'after' if late > 0 else 'before'} the truth."
+        return f"Halts at {own:.4f} s, {quantity(abs(late), 's')} {'after' if late > 0 else 'before'} the reference."
     if own is not None:
-        return f"Comes to rest at {own:.4f} s; the truth never does."
+        return f"Comes to rest at {own:.4f} s; the reference never does."
     if true.halting_time is None or engine.end_time is None:
         return ""
     if engine.end_time < true.halting_time:
-        return f"Its run ends at {engine.end_time:.3f} s, before the truth halts."
+        return f"Its run ends at {engine.end_time:.3f} s, before the reference halts."
     return f"Does not halt by {engine.end_time:.2f} s."
 
 
@@ -203,12 +203,12 @@ def _rounded(values: Array, decimals: int) -> list[float | None]:
     return [round(v, decimals) if np.isfinite(v) else None for v in values.tolist()]
 
 
-def _modes(truth: Trajectory) -> list[dict[str, Any]]:
-    """What the truth does, as stretches of time [s]."""
-    changes = np.flatnonzero(np.diff(truth.mode)) + 1
+def _modes(reference: Trajectory) -> list[dict[str, Any]]:
+    """What the reference does, as stretches of time [s]."""
+    changes = np.flatnonzero(np.diff(reference.mode)) + 1
     starts = [0, *changes.tolist()]
     return [
-        {"from": float(truth.t[i]), "words": mode_words(int(truth.mode[i])), "moves": _moves(int(truth.mode[i]))}
+        {"from": float(reference.t[i]), "words": mode_words(int(reference.mode[i])), "moves": _moves(int(reference.mode[i]))}
         for i in starts
     ]
 

@@ -126,7 +126,7 @@ def find_motion(source: str, engine: str | None = None, profile: Profile = Profi
     ----------
     source
         A scenario's name or file: then the exact reference, or ``engine``, runs it. Or a folder that `compare` wrote: then its
-        truth, or the run of ``engine`` in it. Or one CSV file of a run.
+        reference, or the run of ``engine`` in it. Or one CSV file of a run.
     engine
         "mujoco:capstan"; None: the exact reference.
 
@@ -189,7 +189,7 @@ def _file_in(folder: Path, engine: str | None) -> Path:
         raise TrackerError(
             f"{folder}: found no runs, needed a folder that `looping-pendulum compare` wrote; or name a scenario"
         )
-    wanted = "truth" if engine is None else engine.replace(":", "-")
+    wanted = "reference" if engine is None else engine.replace(":", "-")
     stems = {file.stem: file for file in files}
     found = [stem for stem in stems if stem == wanted or stem.startswith(f"{wanted}-")]
     if len(found) != 1:

@@ -27,8 +27,8 @@ SUMMARIES = (
     "friction_and_radius",
 )
 EVENT_WORDS = {
-    "breaks_away_down": "a break-away downwards",
-    "breaks_away_up": "a break-away upwards",
+    "slip_onset_down": "a slip onset downwards",
+    "slip_onset_up": "a slip onset upwards",
     "stop": "a stop",
     "light_reaches_rod": "the light mass's arrival at the rod",
     "heavy_reaches_rod": "the heavy mass's arrival at the rod",

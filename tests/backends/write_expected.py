@@ -17,7 +17,7 @@ from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import calibrated
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.listed.screening import Screened, screen
+from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate, screen
 from looping_pendulum.reference_ode.extended import solve_extended
 from looping_pendulum.reference_ode.solve import solve_at
 from tests.apparatus import SENSITIVE, TEN_TO_ONE, TWO_TO_ONE
@@ -60,7 +60,7 @@ class Loop(NamedTuple):
 
     declared: Fit
     """Of the model without the push."""
-    screened: list[Screened]
+    screened: list[ScreenedCandidate]
     """Candidates, best first."""
     added: Fit
     """With the best of them."""

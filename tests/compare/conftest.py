@@ -1,4 +1,4 @@
-"""A truth in closed form: constant acceleration, constant braking, rest; the light mass winds at a constant rate."""
+"""A reference in closed form: constant acceleration, constant braking, rest; the light mass winds at a constant rate."""
 
 from __future__ import annotations
 
@@ -120,8 +120,8 @@ def missing(make_run: Callable[..., Trajectory]) -> Trajectory:
 
 
 @pytest.fixture
-def truth(make_run: Callable[..., Trajectory]) -> Callable[..., Trajectory]:
-    """The closed form as a truth, to its end at 1.1 s."""
+def reference(make_run: Callable[..., Trajectory]) -> Callable[..., Trajectory]:
+    """The closed form as a reference, to its end at 1.1 s."""
 
     def sample(t: np.ndarray, end: float = 1.1) -> Trajectory:
         t = t[t <= end]

@@ -30,14 +30,14 @@ MADE = {}
 
 
 @pytest.fixture
-def full(measured_scenario, truth, make_run, missing, table):
+def full(measured_scenario, reference, make_run, missing, table):
     """A comparison with everything that a figure can show."""
     if not MADE:
-        MADE["full"] = everything(measured_scenario, truth, make_run, missing, table)
+        MADE["full"] = everything(measured_scenario, reference, make_run, missing, table)
     return MADE["full"]
 
 
-def everything(measured_scenario, truth, make_run, missing, table):
+def everything(measured_scenario, reference, make_run, missing, table):
     late = make_run(shift=(2e-3, -1e-3), delay=4e-3)
     lower = dataclasses.replace(late, heavy_position=late.heavy_position - np.outer(np.minimum(late.t, 0.3), [0.0, 0.04]))
     crashed = make_run(delay=-2e-3, until=0.6, engine="mujoco", status=RunStatus.CRASHED)
@@ -48,7 +48,7 @@ def everything(measured_scenario, truth, make_run, missing, table):
         SimpleNamespace(quantity="height_change_at_A", index=1, measured=-0.24, paper_numerical=None, unit="m"),
         SimpleNamespace(quantity="time_light_reaches_rod", index=1, measured=1.0, paper_numerical=1.05, unit="s"),
     ]
-    return compare(measured_scenario, truth, [lower, crashed, exact, missing], SimpleNamespace(rows=rows))
+    return compare(measured_scenario, reference, [lower, crashed, exact, missing], SimpleNamespace(rows=rows))
 
 
 def looks(result):
@@ -116,9 +116,9 @@ def lines_of(figure, k=0):
 def test_the_divergence_is_the_distance_in_millimetres(full):
     # Oracle: the runs' own samples.
     drawn = lines_of(plots.divergence_figure(full, full.samples, styles(e.label for e in full.engines)))
-    late, truth = full.samples.aligned[0], full.samples.truth
+    late, reference = full.samples.aligned[0], full.samples.reference
     t, distance = drawn["pymunk:chain"]
-    expected = 1e3 * np.hypot(*(late.run.light_position - truth.light_position[: len(late.t)]).T)
+    expected = 1e3 * np.hypot(*(late.run.light_position - reference.light_position[: len(late.t)]).T)
     np.testing.assert_allclose(distance, expected, rtol=1e-12)
     np.testing.assert_array_equal(t, late.t)
     assert "drake:chain (below 1e-05 mm)" in drawn
@@ -126,9 +126,9 @@ def test_the_divergence_is_the_distance_in_millimetres(full):
 
 def test_a_lower_heavy_mass_is_drawn_above_zero_in_the_panel_of_drops(full):
     figure = plots.drop_figure(full, full.samples, styles(e.label for e in full.engines))
-    late, truth = full.samples.aligned[0], full.samples.truth
+    late, reference = full.samples.aligned[0], full.samples.reference
     lines = [line.get_data() for line in figure.axes[1].lines]
-    expected = 1e3 * (truth.heavy_position[: len(late.t), 1] - late.run.heavy_position[:, 1])
+    expected = 1e3 * (reference.heavy_position[: len(late.t), 1] - late.run.heavy_position[:, 1])
     assert expected[-1] == pytest.approx(12, abs=0.5)
     np.testing.assert_allclose(lines[0][1], expected, rtol=1e-9, atol=1e-9)
     low, high = figure.axes[0].get_ylim()
@@ -143,9 +143,9 @@ def test_event_times_are_drawn_less_the_measured_ones(full):
     figure = plots.events_figure(full, styles(e.label for e in full.engines))
     drawn = lines_of(figure)
     measured = [row.measured for row in full.measured if row.unit == "s" and row.measured is not None]
-    truth = [row.truth for row in full.measured if row.unit == "s" and row.measured is not None]
-    expected = [1e3 * (v - m) for v, m in zip(truth, measured, strict=True) if v is not None]
-    np.testing.assert_allclose(drawn["truth"][0], expected, rtol=1e-12)
+    reference = [row.reference for row in full.measured if row.unit == "s" and row.measured is not None]
+    expected = [1e3 * (v - m) for v, m in zip(reference, measured, strict=True) if v is not None]
+    np.testing.assert_allclose(drawn["reference"][0], expected, rtol=1e-12)
     (events,) = [f for f in page.figures(full) if f.id == "events"]
     shown = [x for x in events.traces[1]["x"] if x is not None]
     np.testing.assert_allclose(shown, expected, atol=6e-4)  # the page rounds to a microsecond

@@ -20,28 +20,28 @@ def found(changes):
     return {(c.kind, c.run, c.what): (c.before, c.after) for c in changes.changes}
 
 
-def test_the_same_run_again_changed_nothing(scenario, truth, make_run, missing):
-    first = compare(scenario, truth, [make_run(shift=(3e-3, 0.0), wall_time=1.0), missing])
-    second = compare(scenario, truth, [make_run(shift=(3e-3, 0.0), wall_time=9.0), missing])
+def test_the_same_run_again_changed_nothing(scenario, reference, make_run, missing):
+    first = compare(scenario, reference, [make_run(shift=(3e-3, 0.0), wall_time=1.0), missing])
+    second = compare(scenario, reference, [make_run(shift=(3e-3, 0.0), wall_time=9.0), missing])
     again = ComparisonResult.from_json(first.to_json())
     changes = changes_since(again, second, source="old/result.json")
     assert changes.changes == ()
     assert heading(changes) == f"Nothing changed since old/result.json (written {first.clock.written})."
 
 
-def test_a_metric_counts_above_the_fraction_and_above_the_floor(scenario, truth, make_run):
-    before = compare(scenario, truth, [make_run(shift=(3e-3, 0.0))])
-    shifted = {share: compare(scenario, truth, [make_run(shift=(3e-3 * (1 + share), 0.0))]) for share in (0.009, 0.011)}
+def test_a_metric_counts_above_the_fraction_and_above_the_floor(scenario, reference, make_run):
+    before = compare(scenario, reference, [make_run(shift=(3e-3, 0.0))])
+    shifted = {share: compare(scenario, reference, [make_run(shift=(3e-3 * (1 + share), 0.0))]) for share in (0.009, 0.011)}
     assert not found(changes_since(before, shifted[0.009]))
     names = {what for _, _, what in found(changes_since(before, shifted[0.011]))}
     assert {"rms_0.35s", "rms_0.7s", "rms_1.0s"} <= names
     assert {"rms_0.7s"} <= {what for _, _, what in found(changes_since(before, shifted[0.009], relative=0.005))}
-    tiny = [compare(scenario, truth, [make_run(shift=(size, 0.0))]) for size in (0.1 * FLOORS["m"], 0.9 * FLOORS["m"])]
+    tiny = [compare(scenario, reference, [make_run(shift=(size, 0.0))]) for size in (0.1 * FLOORS["m"], 0.9 * FLOORS["m"])]
     told = {c.what for c in changes_since(*tiny).changes if c.unit == "m"}
     assert not told  # nine times as much, and still nothing that one could see
 
 
-def test_every_kind_of_change_is_listed(scenario, truth, make_run, missing, limit, no_friction):
+def test_every_kind_of_change_is_listed(scenario, reference, make_run, missing, limit, no_friction):
     old = dataclasses.replace(scenario, tolerances=(limit("rms_0.7s", 4e-3), limit("rms_1.0s", 9e-3)))
     new = dataclasses.replace(
         scenario,
@@ -51,7 +51,7 @@ def test_every_kind_of_change_is_listed(scenario, truth, make_run, missing, limi
     run = make_run(shift=(3e-3, 0.0), settings={"dt": 1e-3, "solver": {"sweeps": 10}})
     provenance = Provenance(versions={"pymunk": "7.4"}, settings={"dt": 1e-4, "solver": {"sweeps": 20}}, supplies=no_friction)
     worse = make_run(shift=(6e-3, 0.0), until=1.0, status=RunStatus.CRASHED, provenance=provenance)
-    before, after = compare(old, truth, [run, missing]), compare(new, truth, [worse, make_run(engine="mujoco")])
+    before, after = compare(old, reference, [run, missing]), compare(new, reference, [worse, make_run(engine="mujoco")])
     changes = found(changes_since(ComparisonResult.from_json(before.to_json()), after))
     mass = scenario.parameters.light_mass
     expected = {
@@ -72,23 +72,25 @@ def test_every_kind_of_change_is_listed(scenario, truth, make_run, missing, limi
 
 
 @pytest.mark.parametrize(("factor", "seen"), [(1 + 4e-16, False), (1 - 1e-12, False), (1 + 1e-6, True)])
-def test_the_last_bits_of_a_computed_setting_are_no_change(scenario, truth, make_run, factor, seen):
+def test_the_last_bits_of_a_computed_setting_are_no_change(scenario, reference, make_run, factor, seen):
     # A contact's friction is solved for, and comes out one unit of the last place apart on another processor.
-    before, after = (compare(scenario, truth, [make_run(settings={"rod": {"friction": 0.34217 * f}})]) for f in (1.0, factor))
+    before, after = (
+        compare(scenario, reference, [make_run(settings={"rod": {"friction": 0.34217 * f}})]) for f in (1.0, factor)
+    )
     assert ((ChangeKind.SETTING, RUN, "rod.friction") in found(changes_since(before, after))) is seen
 
 
-def test_landmarks_have_bands_of_their_own(scenario, truth, make_run):
-    result = compare(scenario, truth, [make_run()])
+def test_landmarks_have_bands_of_their_own(scenario, reference, make_run):
+    result = compare(scenario, reference, [make_run()])
 
     def later(halt, truly):
-        engine, true = result.engines[0], result.truth
+        engine, true = result.engines[0], result.reference
         marks = dataclasses.replace(engine.landmarks, halting_time=engine.landmarks.halting_time + halt, stops=())
         known = dataclasses.replace(true.landmarks, halting_time=true.landmarks.halting_time + truly)
         return dataclasses.replace(
             result,
             engines=(dataclasses.replace(engine, landmarks=marks),),
-            truth=dataclasses.replace(true, landmarks=known),
+            reference=dataclasses.replace(true, landmarks=known),
         )
 
     halt, count = (ChangeKind.LANDMARK, RUN, "halting time"), (ChangeKind.LANDMARK, RUN, "number of stops")
@@ -96,12 +98,12 @@ def test_landmarks_have_bands_of_their_own(scenario, truth, make_run):
     changes = found(changes_since(result, later(2e-4, 5e-6)))
     assert changes[halt][1] - changes[halt][0] == pytest.approx(2e-4)
     assert changes[count] == (len(result.engines[0].landmarks.stops), 0)
-    assert (ChangeKind.LANDMARK, "truth", "halting time") in changes
+    assert (ChangeKind.LANDMARK, "reference", "halting time") in changes
 
 
-def test_the_report_has_a_section_and_the_folder_a_file(tmp_path, scenario, truth, make_run):
-    before = compare(scenario, truth, [make_run(shift=(3e-3, 0.0))])
-    after = compare(scenario, truth, [make_run(shift=(1.5e-3, 0.0))])
+def test_the_report_has_a_section_and_the_folder_a_file(tmp_path, scenario, reference, make_run):
+    before = compare(scenario, reference, [make_run(shift=(3e-3, 0.0))])
+    after = compare(scenario, reference, [make_run(shift=(1.5e-3, 0.0))])
     changes = changes_since(before, after, source="old")
     assert ["pymunk:chain, quick", "metric: rms_0.7s", "3 mm", "1.5 mm", "-50 %"] in rows(changes)
     report = write(after, tmp_path, changes).read_text()
@@ -120,8 +122,8 @@ def test_the_report_has_a_section_and_the_folder_a_file(tmp_path, scenario, trut
     assert "Nothing changed" in render(changes_since(after, after))
 
 
-def test_a_baseline_is_a_file_or_its_folder(tmp_path, scenario, truth, make_run):
-    result = compare(scenario, truth, [make_run()])
+def test_a_baseline_is_a_file_or_its_folder(tmp_path, scenario, reference, make_run):
+    result = compare(scenario, reference, [make_run()])
     write(result, tmp_path)
     assert read_baseline(tmp_path, "made_up") == read_baseline(tmp_path / "result.json", "made_up") == result
 
@@ -129,14 +131,14 @@ def test_a_baseline_is_a_file_or_its_folder(tmp_path, scenario, truth, make_run)
 @pytest.mark.parametrize(
     ("edit", "needed"),
     [
-        (lambda tree: tree["schema"].update(version=99), "needed 2 or less; update looping-pendulum"),
+        (lambda tree: tree["schema"].update(version=99), "needed 3 or less; update looping-pendulum"),
         (lambda tree: tree["schema"].update(id="other"), "needed the id 'looping-pendulum/comparison'"),
         (lambda tree: tree.update(scenario="held"), "found a result of 'held', needed one of 'made_up'"),
         (lambda tree: tree.pop("engines"), "not as documented"),
     ],
 )
-def test_what_is_no_baseline_is_one_line(tmp_path, scenario, truth, make_run, edit, needed):
-    tree = json.loads(compare(scenario, truth, [make_run()]).to_json())
+def test_what_is_no_baseline_is_one_line(tmp_path, scenario, reference, make_run, edit, needed):
+    tree = json.loads(compare(scenario, reference, [make_run()]).to_json())
     edit(tree)
     path = tmp_path / "old.json"
     path.write_text(json.dumps(tree))
@@ -154,7 +156,7 @@ def test_a_missing_or_odd_file_is_one_line(tmp_path):
         read_baseline(tmp_path / "bytes", "made_up")
 
 
-def test_an_older_file_may_lack_a_key_that_has_a_default(scenario, truth, make_run):
-    tree = json.loads(compare(scenario, truth, [make_run()]).to_json())
-    del tree["engines"][0]["landmarks"]["break_aways"]
-    assert ComparisonResult.from_json(json.dumps(tree)).engines[0].landmarks.break_aways == ()
+def test_an_older_file_may_lack_a_key_that_has_a_default(scenario, reference, make_run):
+    tree = json.loads(compare(scenario, reference, [make_run()]).to_json())
+    del tree["engines"][0]["landmarks"]["slip_onsets"]
+    assert ComparisonResult.from_json(json.dumps(tree)).engines[0].landmarks.slip_onsets == ()

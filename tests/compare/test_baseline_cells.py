@@ -30,14 +30,14 @@ ME = "pymunk:chain, quick"
 
 
 @pytest.fixture
-def result(scenario, truth, make_run):
-    return compare(scenario, truth, [make_run(shift=(3e-3, 0.0))])
+def result(scenario, reference, make_run):
+    return compare(scenario, reference, [make_run(shift=(3e-3, 0.0))])
 
 
-def edited(result, *, truth=None, **engine):
+def edited(result, *, reference=None, **engine):
     (one,) = result.engines
-    true = dataclasses.replace(result.truth, **(truth or {}))
-    return dataclasses.replace(result, engines=(dataclasses.replace(one, **engine),), truth=true)
+    true = dataclasses.replace(result.reference, **(reference or {}))
+    return dataclasses.replace(result, engines=(dataclasses.replace(one, **engine),), reference=true)
 
 
 def listed(before, after, **more):
@@ -92,7 +92,7 @@ def test_the_heading_counts(count, said):
 def test_the_thresholds_are_told_in_their_units():
     assert thresholds(made(relative=0.025)) == (
         "Listed: metrics that moved by more than 2.5 % and more than 0.001 mm, 0.001 ms or 0.001 mrad (1e-6 of a plain "
-        "number); an engine's landmarks by more than 0.1 mm, 0.1 ms or 1 mrad, the truth's by the floors of the metrics; any "
+        "number); an engine's landmarks by more than 0.1 mm, 0.1 ms or 1 mrad, the reference's by the floors of the metrics; any "
         "other difference."
     )
 
@@ -120,7 +120,7 @@ def test_a_metric_that_only_one_version_knows_says_nothing(result):
 
 MARKS = Landmarks(
     stops=(Stop(time=0.2, height_change=-0.1), Stop(time=0.4, height_change=-0.3)),
-    break_aways=(0.3,),
+    slip_onsets=(0.3,),
     halting_time=0.5,
     drop_at_halt=0.25,
     wrap_angle_at_halt=4.0,
@@ -141,8 +141,8 @@ MARKS = Landmarks(
         ({"wrap_angle_at_halt": 4.0009}, None, "", ()),
         ({"light_reaches_rod": None}, "light reaches rod", "s", (0.9, None)),
         ({"halting_confirmed": True}, "halting confirmed", "", (False, True)),
-        ({"break_aways": ()}, "number of break aways", "", (1, 0)),
-        ({"break_aways": (0.3002,)}, "break aways 1, time", "s", (0.3, 0.3002)),
+        ({"slip_onsets": ()}, "number of slip onsets", "", (1, 0)),
+        ({"slip_onsets": (0.3002,)}, "slip onsets 1, time", "s", (0.3, 0.3002)),
         ({"stops": (MARKS.stops[0], Stop(time=0.4, height_change=-0.3002))}, "stops 2, height change", "m", (-0.3, -0.3002)),
         ({"stops": (Stop(time=0.2002, height_change=-0.1), MARKS.stops[1])}, "stops 1, time", "s", (0.2, 0.2002)),
         ({"x1_extrema": (Extremum(time=0.1, value=0.2002),)}, "x1 extrema 1, value", "m", (0.2, 0.2002)),
@@ -153,11 +153,11 @@ def test_every_landmark_has_its_name_unit_and_floor(result, moved, what, unit, p
     assert listed(before, after) == ([] if what is None else [(ChangeKind.LANDMARK, ME, what, unit, *pair)])
 
 
-def test_the_truths_landmarks_have_finer_floors_and_its_integrator_a_row(result):
-    later = dataclasses.replace(result.truth.landmarks, halting_time=result.truth.landmarks.halting_time + 2e-6)
-    found = listed(result, edited(result, truth={"landmarks": later, "variant": "other"}))
+def test_the_references_landmarks_have_finer_floors_and_its_integrator_a_row(result):
+    later = dataclasses.replace(result.reference.landmarks, halting_time=result.reference.landmarks.halting_time + 2e-6)
+    found = listed(result, edited(result, reference={"landmarks": later, "variant": "other"}))
     assert [(kind, run, what) for kind, run, what, *_ in found] == [
-        (ChangeKind.RUN, "truth", "integrator"), (ChangeKind.LANDMARK, "truth", "halting time"),
+        (ChangeKind.RUN, "reference", "integrator"), (ChangeKind.LANDMARK, "reference", "halting time"),
     ]  # fmt: skip
     assert found[0][4:] == ("reference:closed form", "reference:other")
 
@@ -186,21 +186,21 @@ def test_the_scenario_changes_with_its_duration(result):
     assert listed(result, dataclasses.replace(result, duration=2.0)) == [(ChangeKind.SCENARIO, "", "duration", "", 1.05, 2.0)]
 
 
-def test_engines_come_first_as_they_are_now_and_then_those_that_are_gone(scenario, truth, make_run):
+def test_engines_come_first_as_they_are_now_and_then_those_that_are_gone(scenario, reference, make_run):
     old, new = ([make_run(engine=name) for name in names] for names in ("abc", "dcb"))
-    before, after = compare(scenario, truth, old), compare(scenario, truth, new)
+    before, after = compare(scenario, reference, old), compare(scenario, reference, new)
     found = [(run, before, after) for kind, run, _, _, before, after in listed(before, after) if kind is ChangeKind.RUN]
     assert found == [("d:chain, quick", "not run", "FINISHED"), ("a:chain, quick", "FINISHED", "not run")]
-    bare = compare(scenario, truth, [make_run(profile="")])
-    assert listed(bare, compare(scenario, truth, []))[0][1] == "pymunk:chain"
+    bare = compare(scenario, reference, [make_run(profile="")])
+    assert listed(bare, compare(scenario, reference, []))[0][1] == "pymunk:chain"
 
 
-def test_a_limit_that_is_new_or_gone_is_told_by_its_outcome(scenario, truth, make_run, limit):
+def test_a_limit_that_is_new_or_gone_is_told_by_its_outcome(scenario, reference, make_run, limit):
     one = dataclasses.replace(scenario, tolerances=(limit("rms_0.7s", 4e-3),))
-    before, after = compare(one, truth, [make_run()]), compare(scenario, truth, [make_run()])
+    before, after = compare(one, reference, [make_run()]), compare(scenario, reference, [make_run()])
     assert listed(before, after) == [(ChangeKind.TOLERANCE, ME, "rms_0.7s", "", "pass", None)]
     assert listed(after, before) == [(ChangeKind.TOLERANCE, ME, "rms_0.7s", "", None, "pass")]
-    wider = compare(dataclasses.replace(scenario, tolerances=(limit("rms_0.7s", 5e-3),)), truth, [make_run()])
+    wider = compare(dataclasses.replace(scenario, tolerances=(limit("rms_0.7s", 5e-3),)), reference, [make_run()])
     assert listed(before, wider) == [(ChangeKind.TOLERANCE, ME, "limit of rms_0.7s", "m", 4e-3, 5e-3)]
 
 

@@ -39,9 +39,9 @@ EARLY, LATE = MARKS
 
 
 @pytest.fixture
-def goal(scenario, truth, closed_form):
+def goal(scenario, reference, closed_form):
     """The closed form as a target that knows its own halt."""
-    return ReferenceTarget(scenario=scenario, truth=truth, numbers={HALT: closed_form.halt, DROP: closed_form.drop})
+    return ReferenceTarget(scenario=scenario, reference=reference, numbers={HALT: closed_form.halt, DROP: closed_form.drop})
 
 
 def shifted(goal, halt=0.0, drop=0.0):
@@ -53,7 +53,7 @@ def shifted(goal, halt=0.0, drop=0.0):
 # ---- how well a number can be read off
 
 
-def test_floors_are_the_worst_reading_of_the_truths_own_halt(goal):
+def test_floors_are_the_worst_reading_of_the_references_own_halt(goal):
     """Oracle: numbers that are off by a chosen amount. Bound: the drop between two samples bends by 40 m/s^2 (1 ms)^2 / 8."""
     bend = 5e-6
     found = floors(shifted(goal, halt=1e-4, drop=-2e-4))
@@ -71,14 +71,14 @@ def test_a_number_that_only_one_side_has_keeps_the_least_floor(goal):
     assert floors(short)[HALT] == floors(short)[DROP] == NUMBER_FLOOR, "cut before it halts"
 
 
-def test_the_truth_is_read_at_eight_phases_of_a_sample_interval(goal):
+def test_the_reference_is_read_at_eight_phases_of_a_sample_interval(goal):
     asked = []
 
     def listening(t):
         asked.append(np.array(t))
-        return goal.truth(t)
+        return goal.reference(t)
 
-    floors(dataclasses.replace(goal, truth=listening))
+    floors(dataclasses.replace(goal, reference=listening))
     readings = [t for t in asked if len(t) > 1]
     assert [t[0] for t in readings] == pytest.approx([k * 1.25e-4 for k in range(8)])
     assert {len(t) for t in readings} == {1050}
@@ -90,19 +90,19 @@ def test_what_fell_before_the_first_sample_belongs_to_the_drop(goal):
     """Oracle: a heavy mass that leaves with 1 m/s: in 7/8 ms it falls 0.9 mm, far above what a reading errs by."""
 
     def fast(t):
-        run = goal.truth(t)
+        run = goal.reference(t)
         fallen = np.minimum(t, 0.3) + np.clip(t - 0.3, 0, 0.025) - 20 * np.clip(t - 0.3, 0, 0.025) ** 2
         place = np.column_stack([run.heavy_position[:, 0], -1.0 - fallen])
         return dataclasses.replace(run, heavy_position=place)
 
-    known = ReferenceTarget(scenario=goal.scenario, truth=fast, numbers={HALT: 0.325, DROP: 0.3125})
+    known = ReferenceTarget(scenario=goal.scenario, reference=fast, numbers={HALT: 0.325, DROP: 0.3125})
     found = floors(known)
     assert found[DROP] <= 6e-6
     assert found[HALT] <= 1e-6
 
 
 def test_a_target_has_the_halt_that_its_samples_give(goal, closed_form):
-    made = target(goal.scenario, goal.truth)
+    made = target(goal.scenario, goal.reference)
     assert made.numbers[HALT] == pytest.approx(closed_form.halt, abs=1e-8)
     assert made.numbers[DROP] == pytest.approx(closed_form.drop, abs=5e-6)
 
@@ -126,7 +126,7 @@ def test_a_run_that_was_not_made_has_no_errors_and_says_why(goal, done, status, 
     assert found.summary.rms == dict.fromkeys(MARKS)
 
 
-def test_the_errors_of_a_late_run_are_later_minus_the_truth(goal, make_run, closed_form):
+def test_the_errors_of_a_late_run_are_later_minus_the_reference(goal, make_run, closed_form):
     run = make_run(delay=3e-3, shift=(3e-3, 4e-3))
     run.string_stretch[7] = -2e-3
     run.string_stretch[8] = np.nan
@@ -158,7 +158,7 @@ def test_a_run_that_broke_off_has_no_halt_and_its_last_words(goal, make_run):
     assert measure("key", EndedRun(run=crashed, seconds=1.0), goal).summary.string_stretch is None
 
 
-def test_where_the_truth_does_not_halt_a_halt_has_no_error(goal, make_run):
+def test_where_the_reference_does_not_halt_a_halt_has_no_error(goal, make_run):
     found = measure("key", EndedRun(run=make_run(), seconds=1.0), shifted(goal, halt=None, drop=None))
     assert found.summary.halting_time is not None
     assert (found.summary.halting_time_error, found.summary.drop_error, found.errors[HALT]) == (None, None, None)
@@ -214,15 +214,15 @@ def test_a_halt_that_rungs_lack_is_no_convergence(halts, kind, why):
     ("found", "distance", "said"),
     [
         ({"order": 1.2345, "order_uncertainty": 0.0567}, 5e-5,
-         "converges, order 1.23 ± 0.057, 0.05 ± 0.1 ms from the truth"),
+         "converges, order 1.23 ± 0.057, 0.05 ± 0.1 ms from the reference"),
         ({"order": 1.2345}, -2.46e-3,
-         "converges, order 1.23, 2.5 ± 0.1 ms from the truth, so not to it with the other settings as they are"),
-        ({"order": 1.0}, 1e-4, "converges, order 1, 0.1 ± 0.1 ms from the truth"),
-        ({"kind": SequenceKind.SETTLED}, 0.0, "no longer changes over the last 4 rungs, 0 ± 0.1 ms from the truth"),
+         "converges, order 1.23, 2.5 ± 0.1 ms from the reference, so not to it with the other settings as they are"),
+        ({"order": 1.0}, 1e-4, "converges, order 1, 0.1 ± 0.1 ms from the reference"),
+        ({"kind": SequenceKind.SETTLED}, 0.0, "no longer changes over the last 4 rungs, 0 ± 0.1 ms from the reference"),
         ({"kind": SequenceKind.SCATTERS, "why": "it jumps", "scatter": 1.234e-3}, 0.0,
-         "does not converge: it jumps; rungs scatter by ± 1.2 ms about a mean 0 ± 0.1 ms from the truth"),
+         "does not converge: it jumps; rungs scatter by ± 1.2 ms about a mean 0 ± 0.1 ms from the reference"),
         ({"kind": SequenceKind.WITHIN_SPREAD, "why": "small", "scatter": 1e-3}, 0.0,
-         "converges no further than its spread: small; rungs scatter by ± 1 ms about a mean 0 ± 0.1 ms from the truth"),
+         "converges no further than its spread: small; rungs scatter by ± 1 ms about a mean 0 ± 0.1 ms from the reference"),
         ({"kind": SequenceKind.UNKNOWN, "why": "two rungs"}, None, "not known: two rungs"),
         ({"kind": SequenceKind.UNKNOWN, "why": "two rungs", "uncertainty": None}, 1.0, "not known: two rungs"),
     ],
@@ -403,7 +403,7 @@ def test_a_ladder_out_of_order_says_where_to_put_it_in_order(scenario):
 
 
 LATENESS = {8e-4: 8e-3, 4e-4: 4e-3, 2e-4: 2e-3, 1e-4: 1e-3}
-"""Time step [s] -> delay of its run [s]: of first order, with the truth as its limit."""
+"""Time step [s] -> delay of its run [s]: of first order, with the reference as its limit."""
 
 
 @pytest.fixture

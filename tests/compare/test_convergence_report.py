@@ -97,8 +97,8 @@ def variant(name="a", **fields):
 
 def result(*variants, **fields):
     made = {
-        "scenario": "made_up", "title": "Made up", "parameters": {}, "until": 0.7, "budget": None, "truth": "reference:exact",
-        "truth_values": {HALT: 0.4123456, DROP: 0.3}, "floors": {}, "interrupted": False,
+        "scenario": "made_up", "title": "Made up", "parameters": {}, "until": 0.7, "budget": None, "reference": "reference:exact",
+        "reference_values": {HALT: 0.4123456, DROP: 0.3}, "floors": {}, "interrupted": False,
         "clock": StudyClock(written="then", run_times=(RunTime(key="x", seconds=1.4), RunTime(key="y", seconds=None),
                                                        RunTime(key="z", seconds=2.3))),
     }  # fmt: skip
@@ -128,10 +128,10 @@ def test_the_sections_come_in_their_order():
 
 def test_the_opening_says_what_was_run_and_what_was_not():
     assert opening(result()) == (
-        "Scenario `made_up`, watched for 0.7 s, against reference:exact. The truth halts at 0.41235 s.\n"
+        "Scenario `made_up`, watched for 0.7 s, against reference:exact. The reference halts at 0.41235 s.\n"
     )
     # Of two variants the same left-out rung is one run.
-    text = opening(result(variant("a"), variant("b"), budget=12.5, truth_values={HALT: None, DROP: None}))
+    text = opening(result(variant("a"), variant("b"), budget=12.5, reference_values={HALT: None, DROP: None}))
     assert text == (
         "Scenario `made_up`, watched for 0.7 s, against reference:exact. Runs that were expected to take more than 12.5 s were "
         "left out: 1.\n"
@@ -261,28 +261,28 @@ def test_a_result_comes_back_from_its_file_and_the_report_is_beside_it(tmp_path,
     assert (tmp_path / "figures" / "x.png").read_bytes() == b"png"
     text = (tmp_path / "convergence.json").read_text(encoding="utf-8")
     assert ConvergenceResult.from_json(text) == whole
-    assert '"id": "looping-pendulum/convergence",\n    "version": 2' in text
+    assert '"id": "looping-pendulum/convergence",\n    "version": 3' in text
 
 
 @pytest.mark.parametrize(("halt", "duration"), [(None, 0.7), (0.5, 0.7), (0.65, 0.75), (0.8123456, 0.912), (2.0, 1.05)])
 def test_a_study_is_watched_to_a_tenth_of_a_second_after_the_halt(scenario, monkeypatch, halt, duration):
     """And to the last of the marks, 0.7 s, at least; but no longer than the scenario lasts."""
-    monkeypatch.setattr(study, "Truth", lambda scenario: None)
+    monkeypatch.setattr(study, "Reference", lambda scenario: None)
     monkeypatch.setattr(study, "target", lambda *_: SimpleNamespace(numbers={HALT: halt}))
     assert study.watched(scenario, None).duration == pytest.approx(duration)
 
 
 class Exact:
-    """A truth that says which engine it is of."""
+    """A reference that says which engine it is of."""
 
-    def __init__(self, truth):
-        self._truth, self.engine = truth, DelayedEngine()
+    def __init__(self, reference):
+        self._reference, self.engine = reference, DelayedEngine()
 
     def __call__(self, t):
-        return self._truth(t)
+        return self._reference(t)
 
 
-def test_a_study_makes_every_run_of_every_engine_once(tmp_path, scenario, truth, make_run, monkeypatch):
+def test_a_study_makes_every_run_of_every_engine_once(tmp_path, scenario, reference, make_run, monkeypatch):
     """Oracle: the plan itself. Time limits are cut to twice a budget: what takes longer would be left out anyway."""
     asked = []
 
@@ -296,8 +296,10 @@ def test_a_study_makes_every_run_of_every_engine_once(tmp_path, scenario, truth,
             return {task.key: EndedRun(run=make_run(), seconds=float(k)) for k, task in enumerate(tasks)}
 
     monkeypatch.setattr(study, "Runner", Recorder)
-    monkeypatch.setattr(study, "Truth", lambda _: None)
-    monkeypatch.setattr(study, "target", lambda where, _: dataclasses.replace(target(where, truth), truth=Exact(truth)))
+    monkeypatch.setattr(study, "Reference", lambda _: None)
+    monkeypatch.setattr(
+        study, "target", lambda where, _: dataclasses.replace(target(where, reference), reference=Exact(reference))
+    )
     engines = [DelayedEngine(), DelayedEngine(order=2.0)]
     found = study.study_convergence(scenario, engines, tmp_path, until=1.05, budget=3.0, jobs=1, time_limit=10.0)
     (folder, limits), keys = asked
@@ -305,8 +307,8 @@ def test_a_study_makes_every_run_of_every_engine_once(tmp_path, scenario, truth,
     assert (limits["time_limit"], limits["budget"], limits["jobs"]) == (6.0, 3.0, 1)
     assert [v.label for v in found.variants] == ["delayed:exact"] * 2
     assert [one.key for one in found.clock.run_times] == sorted(set(keys))
-    assert (found.until, found.budget, found.truth, found.interrupted) == (1.05, 3.0, "delayed:exact", False)
-    assert found.truth_values[HALT] == pytest.approx(0.3375, abs=1e-6)
+    assert (found.until, found.budget, found.reference, found.interrupted) == (1.05, 3.0, "delayed:exact", False)
+    assert found.reference_values[HALT] == pytest.approx(0.3375, abs=1e-6)
     asked.clear()
     study.study_convergence(scenario, [], tmp_path, until=1.05, budget=8.0, jobs=1, time_limit=10.0)
     assert asked[0][1]["time_limit"] == 10.0

@@ -22,7 +22,7 @@ from looping_pendulum.compare.convergence.result import HALT, ConvergenceResult
 from looping_pendulum.compare.convergence.study import changed_starts, judge, plan, study_convergence, watched, write
 from looping_pendulum.compare.run_cache import DamagedRunWarning, EndedRun, RunCache, Runner, RunTask, run_key
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.studies import Ladder, Studies
 from looping_pendulum.engines.trajectory import RunStatus
@@ -39,15 +39,15 @@ def scenario():
 @pytest.fixture(scope="module")
 def targets(scenario):
     starts = changed_starts(scenario)
-    return target(scenario, Truth(scenario)), {what: target(where, Truth(where)) for what, where in starts}, starts
+    return target(scenario, Reference(scenario)), {what: target(where, Reference(where)) for what, where in starts}, starts
 
 
 def studied(engine, scenario, targets):
     """Study of one variant, its runs made in this process."""
-    truth, moved, starts = targets
+    reference, moved, starts = targets
     made = plan(engine, scenario, starts)
     done = {task.key: EndedRun(run=task.engine.simulate(task.scenario), seconds=1.0) for task in made.tasks()}
-    return judge(made, done, truth, moved, floors(truth))
+    return judge(made, done, reference, moved, floors(reference))
 
 
 def halting(study):
@@ -112,7 +112,7 @@ def test_the_ladder_of_mujocos_capstan_is_of_second_order(scenario, targets):
     verdict = study.ladders[0].verdicts[0]
     assert (verdict.quantity, verdict.kind) == ("path_0.35s", SequenceKind.CONVERGES)
     assert abs(verdict.order - 2) <= max(verdict.order_uncertainty, 0.1)
-    assert abs(verdict.limit_error) <= verdict.uncertainty  # up to here the law that the adapter feeds in is the truth's
+    assert abs(verdict.limit_error) <= verdict.uncertainty  # up to here the law that the adapter feeds in is the reference's
 
 
 @pytest.fixture
@@ -169,7 +169,7 @@ def test_the_command_writes_all_and_says_how_it_went(tmp_path, in_this_process):
     assert result.until == 0.45
     assert result.variants[0].own.rms["path_0.7s"] is None, "the run ended before"
     split = next(s for s in result.variants[0].splits if s.quantity == HALT)
-    assert split.causes == (ErrorCause.NOTHING,), "the truth by another integrator"
+    assert split.causes == (ErrorCause.NOTHING,), "the reference by another integrator"
 
 
 def test_a_budget_leaves_out_what_would_cost_too_much(tmp_path, scenario, counted):

@@ -75,13 +75,17 @@ def test_every_quantitys_split_stands_in_its_own_table():
 
 @pytest.mark.parametrize(
     ("own", "said"),
-    [(a_run(1, halting_time=None), "never halts"), (a_run(1), "the truth has none"), (a_run(1, ok=False, why="died"), "died")],
+    [
+        (a_run(1, halting_time=None), "never halts"),
+        (a_run(1), "the reference has none"),
+        (a_run(1, ok=False, why="died"), "died"),
+    ],
 )
 def test_why_there_is_no_split(own, said):
     variant = a_variant(own=own, splits=[])
     assert rows(splits_table(SimpleNamespace(variants=[variant]), [HALT])) == [["toy:chain", said, *["–"] * 6]]
     if own.ok:
-        assert rows(splits_table(SimpleNamespace(variants=[variant]), [EARLY]))[0][1] == "the truth has none"
+        assert rows(splits_table(SimpleNamespace(variants=[variant]), [EARLY]))[0][1] == "the reference has none"
 
 
 @pytest.mark.parametrize(

@@ -21,18 +21,24 @@ from looping_pendulum.pages.palette import styles
 EARLY, LATE = MARKS
 
 
-def row(measured=0.4, truth=None, engine=None, quantity="x1_extremum", index=1, unit="s", paper=None):
+def row(measured=0.4, reference=None, engine=None, quantity="x1_extremum", index=1, unit="s", paper=None):
     return MeasuredRow(
-        quantity=quantity, index=index, unit=unit, measured=measured, paper_numerical=paper, truth=truth, engines=(engine,)
+        quantity=quantity,
+        index=index,
+        unit=unit,
+        measured=measured,
+        paper_numerical=paper,
+        reference=reference,
+        engines=(engine,),
     )
 
 
 @pytest.fixture
-def compared(scenario, truth, make_run):
+def compared(scenario, reference, make_run):
     """Comparison of one run that is 2 mm off; ``fields`` of the result as given."""
 
     def make(run=None, **fields):
-        return dataclasses.replace(compare(scenario, truth, [run or make_run(shift=(2e-3, 0.0))]), **fields)
+        return dataclasses.replace(compare(scenario, reference, [run or make_run(shift=(2e-3, 0.0))]), **fields)
 
     return make
 
@@ -56,7 +62,7 @@ def on_page(result, name):
 )
 def test_the_pages_event_times_reach_a_tenth_beyond_the_furthest(compared, late, reach):
     """At least a tenth beyond half of the last printed digit, 5 ms; at most 50 ms, or one would squeeze the others."""
-    result = compared(measured=(row(truth=0.4, engine=0.4 + late), row(index=2)))
+    result = compared(measured=(row(reference=0.4, engine=0.4 + late), row(index=2)))
     figure = on_page(result, "events")
     low, high = figure.layout["xaxis"]["range"]
     assert (low, high) == (pytest.approx(-reach), pytest.approx(reach))
@@ -67,35 +73,39 @@ def test_the_pages_event_times_reach_a_tenth_beyond_the_furthest(compared, late,
 
 
 def test_event_times_are_those_that_were_measured(compared):
-    rows = (row(truth=0.41, engine=0.42), row(measured=None, truth=0.5), row(quantity="drop_at_halt", unit="m", truth=0.3))
+    rows = (
+        row(reference=0.41, engine=0.42),
+        row(measured=None, reference=0.5),
+        row(quantity="drop_at_halt", unit="m", reference=0.3),
+    )
     result = compared(measured=rows)
     assert all(len(trace["x"]) == 1 for trace in on_page(result, "events").traces)
     (axes,) = plots.events_figure(result, look_of(result)).axes
     assert [label.get_text() for label in axes.get_yticklabels()] == ["x1 extremum 1"]
     assert {line.get_label(): float(line.get_xdata()[0]) for line in axes.lines if len(line.get_xdata()) == 1} == {
-        "truth": pytest.approx(10.0), "pymunk:chain": pytest.approx(20.0),
+        "reference": pytest.approx(10.0), "pymunk:chain": pytest.approx(20.0),
     }  # fmt: skip
-    for none in ((row(measured=None, truth=0.5),), (row(quantity="drop_at_halt", unit="m"),), ()):
+    for none in ((row(measured=None, reference=0.5),), (row(quantity="drop_at_halt", unit="m"),), ()):
         assert "events" not in {figure.id for figure in page.figures(compared(measured=none))}
         assert "events.png" not in plots.draw(compared(measured=none, samples=None))
 
 
 def test_an_engine_without_any_measured_event_is_not_in_the_legend(compared):
-    result = compared(measured=(row(truth=0.4),))
-    assert [trace["name"] for trace in on_page(result, "events").traces] == ["paper's numerical", "truth"]
+    result = compared(measured=(row(reference=0.4),))
+    assert [trace["name"] for trace in on_page(result, "events").traces] == ["paper's numerical", "reference"]
     (axes,) = plots.events_figure(result, look_of(result)).axes
     assert "pymunk:chain" not in {line.get_label() for line in axes.lines}
 
 
-def test_the_engines_points_are_spread_over_their_row_in_their_order(scenario, truth, make_run):
-    result = compare(scenario, truth, [make_run(engine=name) for name in ("a", "b", "c", "d")])
-    rows = tuple(dataclasses.replace(row(truth=0.4), engines=(0.41, None, 0.42, 0.43), index=k) for k in (1, 2))
+def test_the_engines_points_are_spread_over_their_row_in_their_order(scenario, reference, make_run):
+    result = compare(scenario, reference, [make_run(engine=name) for name in ("a", "b", "c", "d")])
+    rows = tuple(dataclasses.replace(row(reference=0.4), engines=(0.41, None, 0.42, 0.43), index=k) for k in (1, 2))
     result = dataclasses.replace(result, measured=rows)
     (axes,) = plots.events_figure(result, look_of(result)).axes
     first = {line.get_label(): float(line.get_ydata()[0]) for line in axes.lines if len(line.get_xdata()) == 2}
     heights = [first[f"{name}:chain"] for name in "acd"]
     assert np.diff(heights) == pytest.approx([0.18, 0.18])
-    assert first["truth"] < heights[0]
+    assert first["reference"] < heights[0]
     assert heights[-1] < 0.5, "nearer to its own row than to the next"
     assert axes.get_ylim()[0] > axes.get_ylim()[1], "the first row is on top"
 
@@ -112,11 +122,11 @@ def test_a_pages_line_has_at_most_600_points(compared, make_run, times):
     assert len(on_page(compared(make_run(until=0.6)), "drop").traces[1]["x"]) == 301
 
 
-def test_a_page_shows_runs_of_two_samples_or_more(scenario, truth, make_run):
+def test_a_page_shows_runs_of_two_samples_or_more(scenario, reference, make_run):
     names = [make_run(engine="one", until=0.0), make_run(engine="two", until=1e-3)]
-    figure = on_page(compare(scenario, truth, names), "divergence")
+    figure = on_page(compare(scenario, reference, names), "divergence")
     assert [trace["name"] for trace in figure.traces] == ["two:chain"]
-    drawn = plots.divergence_figure(*(lambda r: (r, r.samples, look_of(r)))(compare(scenario, truth, names)))
+    drawn = plots.divergence_figure(*(lambda r: (r, r.samples, look_of(r)))(compare(scenario, reference, names)))
     assert {t.get_text().split()[0] for t in drawn.legends[0].get_texts()} == {"two:chain"}
 
 
@@ -157,8 +167,8 @@ def test_the_limits_of_the_divergence_follow_the_runs(compared, make_run):
 
 def test_events_after_the_end_of_the_run_are_not_drawn(compared):
     result = compared()
-    events = (*result.truth.events, ("slack", result.duration), ("taut", result.duration + 1e-3))
-    result = dataclasses.replace(result, truth=dataclasses.replace(result.truth, events=events))
+    events = (*result.reference.events, ("slack", result.duration), ("taut", result.duration + 1e-3))
+    result = dataclasses.replace(result, reference=dataclasses.replace(result.reference, events=events))
     words = [word["text"] for word in on_page(result, "divergence").layout["annotations"]]
     drawn = plots.divergence_figure(result, result.samples, look_of(result))
     assert [text.get_text() for text in drawn.axes[0].texts] == words == ["halt", "slack"]
@@ -168,11 +178,11 @@ def test_events_after_the_end_of_the_run_are_not_drawn(compared):
 
 def test_a_run_that_does_not_halt_has_no_star(compared, make_run):
     stars = [t for t in on_page(compared(), "path").traces if t["mode"] == "markers"]
-    assert [star["name"] for star in stars] == ["pymunk:chain halts", "truth halts"]
+    assert [star["name"] for star in stars] == ["pymunk:chain halts", "reference halts"]
     result = compared(make_run(until=0.3))
-    assert [t["name"] for t in on_page(result, "path").traces if t["mode"] == "markers"] == ["truth halts"]
-    without = dataclasses.replace(result.truth.landmarks, halting_time=None)
-    result = dataclasses.replace(result, truth=dataclasses.replace(result.truth, landmarks=without))
+    assert [t["name"] for t in on_page(result, "path").traces if t["mode"] == "markers"] == ["reference halts"]
+    without = dataclasses.replace(result.reference.landmarks, halting_time=None)
+    result = dataclasses.replace(result, reference=dataclasses.replace(result.reference, landmarks=without))
     assert [t["mode"] for t in on_page(result, "path").traces] == ["lines", "lines"]
     drawn = plots.path_figure(result, result.samples, look_of(result))
     assert len(drawn.axes[0].collections) == 0
@@ -197,7 +207,7 @@ def test_the_page_has_no_figures_without_the_trajectories(compared):
 def test_the_path_on_the_page_is_that_of_the_run(compared, make_run):
     run = make_run(until=0.3, shift=(2e-3, 0.0))
     first, second = on_page(compared(run), "path").traces[:2]
-    assert (first["name"], second["name"]) == ("truth", "pymunk:chain")
+    assert (first["name"], second["name"]) == ("reference", "pymunk:chain")
     np.testing.assert_allclose(np.column_stack([second["x"], second["y"]]), run.light_position, atol=1e-6)
     assert first["x"][0] == pytest.approx(run.light_position[0, 0] - 2e-3, abs=1e-6)
 
@@ -222,11 +232,11 @@ def test_a_clamped_mass_is_drawn_at_rest_and_not_as_its_rounding(compared, make_
     run = make_run()
     rest = np.tile(run.heavy_position[:1], (len(run.t), 1)) + np.outer(1e-12 * np.sin(run.t), [0.0, 1.0])
     result = compared(dataclasses.replace(run, heavy_position=rest))
-    samples = dataclasses.replace(result.samples, truth=dataclasses.replace(result.samples.truth, heavy_position=rest))
+    samples = dataclasses.replace(result.samples, reference=dataclasses.replace(result.samples.reference, heavy_position=rest))
     top, below = plots.drop_figure(result, samples, look_of(result)).axes
     assert top.get_ylim() == (pytest.approx(0.01), pytest.approx(-0.001))
     low, high = below.get_ylim()
-    assert low < -200, "an engine that stays while the truth falls"
+    assert low < -200, "an engine that stays while the reference falls"
     assert high == pytest.approx(0.2, rel=1e-6) or high > 0.2
 
 
@@ -238,7 +248,7 @@ def test_the_panel_of_drops_shows_a_fifth_of_a_millimetre_at_least(compared, mak
     lower = large.heavy_position - np.outer(np.linspace(0, 5e-3, len(large.t)), [0.0, 1.0])
     result = compared(dataclasses.replace(large, heavy_position=lower))
     _, below = plots.drop_figure(result, result.samples, look_of(result)).axes
-    assert below.get_ylim()[1] >= 5.0, "below the truth is a larger drop, which is up"
+    assert below.get_ylim()[1] >= 5.0, "below the reference is a larger drop, which is up"
 
 
 def test_measured_drops_need_a_time_and_a_height(compared):
@@ -313,8 +323,8 @@ def test_errors_along_a_ladder_are_in_millimetres_and_finer_is_to_the_right():
     figure = convergence_plots.ladder_figure(*ladder(STEPS))
     top, below = figure.axes
     drawn = lines(top)
-    np.testing.assert_allclose(drawn["from the truth, to 0.35 s"], [STEPS, [8, 4, 2]])
-    np.testing.assert_allclose(drawn["from the truth, to 0.7 s"], [STEPS, [16, 8, 4]])
+    np.testing.assert_allclose(drawn["from the reference, to 0.35 s"], [STEPS, [8, 4, 2]])
+    np.testing.assert_allclose(drawn["from the reference, to 0.7 s"], [STEPS, [16, 8, 4]])
     np.testing.assert_allclose(drawn["from its own limit, to 0.35 s"], [STEPS, [0.4, 0.2, 0.1]])
     assert drawn["from its own limit, to 0.7 s"].shape == (2, 0)
     np.testing.assert_allclose(drawn["spread of small changes, to 0.7 s"][1], 0.02)
@@ -343,14 +353,14 @@ def test_a_ladder_without_any_halt_has_one_panel():
 def test_a_setting_of_zero_or_less_has_no_place_on_a_log_axis():
     """A tolerance of 0 ends a ladder; -1 stands for "off" with some engines."""
     figure = convergence_plots.ladder_figure(*ladder((4e-4, 2e-4, 0.0, -1.0)))
-    assert len(lines(figure.axes[0])["from the truth, to 0.35 s"][0]) == 2
+    assert len(lines(figure.axes[0])["from the reference, to 0.35 s"][0]) == 2
     assert len(figure.axes[1].containers[0].lines[0].get_xdata()) == 2
     assert figure.axes[1].get_xlim()[0] > figure.axes[1].get_xlim()[1]
 
 
 def test_an_error_of_nothing_has_no_place_on_a_log_axis():
     drawn = lines(convergence_plots.ladder_figure(*ladder(STEPS, rms=lambda v: 0.0 if v == 4e-4 else None)).axes[0])
-    assert drawn["from the truth, to 0.35 s"].shape == (2, 0)
+    assert drawn["from the reference, to 0.35 s"].shape == (2, 0)
 
 
 @pytest.mark.parametrize(
@@ -395,7 +405,7 @@ def test_a_ladder_is_drawn_if_two_of_its_rungs_have_an_error(monkeypatch, values
 
 def test_the_star_on_the_page_is_where_the_light_mass_was(compared, closed_form):
     star = on_page(compared(), "path").traces[-1]
-    run = compared().samples.truth
+    run = compared().samples.reference
     place = [np.interp(closed_form.halt, run.t, run.light_position[:, k]) for k in (0, 1)]
     assert [star["x"][0], star["y"][0]] == pytest.approx(place, abs=1e-6)
     assert math.hypot(star["x"][0] - place[0], star["y"][0] - place[1]) < 1e-6

@@ -140,7 +140,7 @@ def no_figures(monkeypatch):
 
 
 @pytest.fixture
-def stored(tmp_path, scenario, truth, make_run, missing):
+def stored(tmp_path, scenario, reference, make_run, missing):
     """A folder with a comparison, the result, and the engines that it is of."""
     engines = [DelayedEngine(), DelayedEngine(order=2.0)]
     scenario = dataclasses.replace(scenario, name="ten_to_one")
@@ -150,7 +150,7 @@ def stored(tmp_path, scenario, truth, make_run, missing):
         light_tension=np.linspace(0, 1, 1051),
         heavy_tension=np.linspace(2, 3, 1051),
     )
-    result = compare(scenario, truth, [pulled, missing])
+    result = compare(scenario, reference, [pulled, missing])
     result = dataclasses.replace(result, run_keys=tuple(run_key(e, scenario) for e in engines))
     write(result, tmp_path)
     return tmp_path, scenario, engines, result
@@ -165,13 +165,13 @@ def test_a_stored_comparison_comes_back_with_its_trajectories(stored):
         for name in ("t", "light_position", "light_velocity", "heavy_position", "heavy_velocity", "free_length", "wrap_angle"):
             np.testing.assert_allclose(getattr(ours.run, name), getattr(theirs.run, name), rtol=1e-8, atol=1e-12)
         np.testing.assert_array_equal(ours.run.mode, theirs.run.mode)
-        np.testing.assert_allclose(ours.truth.light_position, theirs.truth.light_position, rtol=1e-8)
+        np.testing.assert_allclose(ours.reference.light_position, theirs.reference.light_position, rtol=1e-8)
         assert (ours.run.label, ours.run.profile, ours.run.status) == (theirs.run.label, theirs.run.profile, theirs.run.status)
     pulled = again.samples.aligned[0].run
     np.testing.assert_allclose(pulled.light_tension, np.linspace(0, 1, 1051), rtol=1e-8)
     np.testing.assert_allclose(pulled.heavy_tension, np.linspace(2, 3, 1051), rtol=1e-8)
-    assert again.samples.truth.light_tension is None
-    assert [e.name for e in again.samples.truth.events] == [name for name, _ in result.truth.events]
+    assert again.samples.reference.light_tension is None
+    assert [e.name for e in again.samples.reference.events] == [name for name, _ in result.reference.events]
     assert pulled.provenance.settings == result.engines[0].provenance.settings
 
 
@@ -197,7 +197,7 @@ def test_a_comparison_of_other_engines_or_of_a_run_cut_short_is_not_taken(stored
 
 def test_a_stored_comparison_with_a_damaged_file_is_not_taken(stored):
     folder, scenario, engines, _ = stored
-    csv = folder / "trajectories/truth.csv"
+    csv = folder / "trajectories/reference.csv"
     csv.write_text(csv.read_text().replace("light_x", "left_x", 1))
     assert stored_result(folder, scenario, engines) is None
     csv.unlink()

@@ -275,8 +275,8 @@ def split(own=0.5, corrections=((-0.3, 0.01, True),), choices=(), spread=0.03, f
     )  # fmt: skip
 
 
-def test_the_parts_of_an_error_are_distances_between_own_limit_and_truth():
-    # Own 0.5, truth 0.1; limit 0.5 - 0.3 - 0.06 = 0.14.
+def test_the_parts_of_an_error_are_distances_between_own_limit_and_reference():
+    # Own 0.5, reference 0.1; limit 0.5 - 0.3 - 0.06 = 0.14.
     parts = split(corrections=((-0.3, 0.01, True), (-0.06, 0.02, True)), choices=(("a", 0.52), ("b", 0.45)), floor=0.05)
     assert parts.error == pytest.approx(0.4)
     assert parts.numerics == pytest.approx(0.36)
@@ -308,7 +308,7 @@ def test_without_a_ladder_there_are_no_parts():
 
 @pytest.mark.parametrize(("choice", "cause"), [(0.285, ErrorCause.MODEL), (0.295, ErrorCause.CHOICE)])
 def test_a_choice_explains_a_model_that_is_no_larger_within_its_uncertainty(choice, cause):
-    # Own 0.5, limit 0.45, truth 0.1: the model is 0.35 off, give or take 0.06.
+    # Own 0.5, limit 0.45, reference 0.1: the model is 0.35 off, give or take 0.06.
     parts = split(corrections=((-0.05, 0.0, True),), choices=(("a", 0.5 + choice),))
     assert parts.causes == (cause,)
 

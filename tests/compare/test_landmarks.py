@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.landmarks import extrema, run_landmarks, truth_landmarks
+from looping_pendulum.compare.landmarks import extrema, reference_landmarks, run_landmarks
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.reference import ReferenceEngine, Truth
+from looping_pendulum.engines.reference import Reference, ReferenceEngine
 from looping_pendulum.engines.trajectory import RunStatus
 
 DT = 1e-3
@@ -26,8 +26,8 @@ def test_landmarks_of_the_closed_form(closed_form, make_run):
         assert found.free_length_at_halt == pytest.approx(closed_form.free_length, abs=5e-6)
 
 
-def test_truth_speaks_by_its_own_events(closed_form, truth, times):
-    found = truth_landmarks(truth, times)
+def test_reference_speaks_by_its_own_events(closed_form, reference, times):
+    found = reference_landmarks(reference, times)
     assert [s.time for s in found.stops] == [closed_form.halt]
     assert found.halting_time == closed_form.halt
     assert found.drop_at_halt == pytest.approx(closed_form.drop, rel=1e-12)
@@ -58,12 +58,12 @@ def test_the_references_samples_give_the_references_events(scenario):
         light_mass=0.05, rod_radius=0.007, free_length=0.584, release_angle=math.radians(68), **coefficients
     )
     two = dataclasses.replace(scenario, parameters=parameters, duration=1.2)
-    exact = truth_landmarks(Truth(two), np.arange(1201) * DT)
+    exact = reference_landmarks(Reference(two), np.arange(1201) * DT)
     found = run_landmarks(ReferenceEngine("scipy", Profile.QUICK).simulate(two), parameters)
     assert len(found.stops) == len(exact.stops) == 3
     for own, true in zip(found.stops, exact.stops, strict=True):
         assert own.time == pytest.approx(true.time, abs=5e-4)  # the speed's curvature over the last two samples
     assert found.halting_time == pytest.approx(exact.halting_time, abs=1e-4)
-    assert len(found.break_aways) == len(exact.break_aways) == 1
-    assert found.break_aways[0] == pytest.approx(exact.break_aways[0], abs=4e-3)  # the power law's next term
+    assert len(found.slip_onsets) == len(exact.slip_onsets) == 1
+    assert found.slip_onsets[0] == pytest.approx(exact.slip_onsets[0], abs=4e-3)  # the power law's next term
     assert [e.time for e in found.x1_extrema] == [pytest.approx(e.time, abs=1e-6) for e in exact.x1_extrema]

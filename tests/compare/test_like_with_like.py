@@ -12,12 +12,12 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from looping_pendulum.engines.reference import Reference, ReferenceEngine
 
 from looping_pendulum.compare import compare
-from looping_pendulum.compare.landmarks import SampledTruth
+from looping_pendulum.compare.landmarks import SampledReference
 from looping_pendulum.compare.slides import MIN_REST, RESOLUTION, REST_TIME
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.reference import ReferenceEngine, Truth
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import available_integrators
@@ -53,25 +53,25 @@ def random_scenario(seed: int) -> Scenario:
     return Scenario(name=f"random_{seed}", title="", description="", parameters=parameters, duration=duration)
 
 
-def replayed(scenario: Scenario, truth: Truth):
+def replayed(scenario: Scenario, reference: Reference):
     """What an engine returns that replays the reference's samples: at every millisecond, to its duration or to the rod."""
-    run = truth(np.arange(round(scenario.duration * 1e3) + 1) * 1e-3)
+    run = reference(np.arange(round(scenario.duration * 1e3) + 1) * 1e-3)
     return dataclasses.replace(run, engine="replay", variant="exact", events=(), wall_time=1.0)
 
 
 def check_replay(seed: int) -> str:
     """Hold one replay against the reference; return what could be said of its halt."""
     scenario = random_scenario(seed)
-    truth = Truth(scenario)
-    result = compare(scenario, truth, [replayed(scenario, truth)])
+    reference = Reference(scenario)
+    result = compare(scenario, reference, [replayed(scenario, reference)])
     engine = result.engines[0]
     for name in (*AT_HALT, *PATH):
         assert engine.metrics[name] in (None, 0.0), f"{name} of seed {seed}"
     assert (engine.metrics["halting_time_error"] is None) is (
-        bool(engine.not_comparable) or result.truth.sampled.halting_time is None
+        bool(engine.not_comparable) or result.reference.sampled.halting_time is None
     )
     end = engine.end_time
-    seen = SampledTruth(truth, scenario.parameters).until(end)
+    seen = SampledReference(reference, scenario.parameters).until(end)
     cut = engine.status == RunStatus.FINISHED.name
     if cut:
         assert engine.landmarks.stops == seen.stops
@@ -86,9 +86,9 @@ def check_replay(seed: int) -> str:
 def check_events(seed: int) -> str:
     """Hold what the detector reads from the reference's samples against the reference's own events."""
     scenario = random_scenario(seed)
-    truth = Truth(scenario)
-    reference = SampledTruth(truth, scenario.parameters)
-    seen, exact, run = reference.beside(), truth.solution.halting_time, reference.run
+    reference = Reference(scenario)
+    sampled = SampledReference(reference, scenario.parameters)
+    seen, exact, run = sampled.beside(), reference.solution.halting_time, sampled.run
     if exact is None and seen.halting_time is None:
         return "neither halts"
     after = None if seen.halting_time is None else np.ptp(run.heavy_drop[run.t >= seen.halting_time])
@@ -98,7 +98,7 @@ def check_events(seed: int) -> str:
         return "finer than the resolution"
     if seen.halting_time is None:
         enough = REST_TIME if run.status is RunStatus.LIGHT_REACHED_ROD else MIN_REST
-        assert truth.solution.end_time - exact < enough + 1e-3  # the last sample is up to a millisecond before the end
+        assert reference.solution.end_time - exact < enough + 1e-3  # the last sample is up to a millisecond before the end
         return "rests too shortly"
     if abs(seen.halting_time - exact) > 5e-4:
         assert seen.halting_time < exact, f"seed {seed}"
@@ -146,9 +146,9 @@ def much_friction(degrees: float, duration: float) -> Scenario:
 
 def test_a_halt_after_the_end_of_the_run_is_not_comparable():
     scenario = much_friction(112, 1.2)  # rests from 0.888 to 1.293 s, halts at 1.714 s
-    truth = Truth(scenario)
-    assert truth.solution.halting_time > scenario.duration
-    engine = compare(scenario, truth, [replayed(scenario, truth)]).engines[0]
+    reference = Reference(scenario)
+    assert reference.solution.halting_time > scenario.duration
+    engine = compare(scenario, reference, [replayed(scenario, reference)]).engines[0]
     assert engine.landmarks.halting_time < 1.0, "the run rests at its end"
     assert [engine.metrics[name] for name in AT_HALT] == [None] * 4
     assert engine.not_comparable.startswith("the run ends at 1.200 s, before the reference halts at 1.714 s")
@@ -158,39 +158,41 @@ def test_a_halt_after_the_end_of_the_run_is_not_comparable():
 @pytest.mark.parametrize(("beyond", "comparable"), [(MIN_REST + 0.002, True), (MIN_REST - 0.002, False), (-0.01, False)])
 def test_a_run_must_be_watched_for_a_while_after_the_references_halt(beyond, comparable):
     whole = much_friction(80, 2.0)
-    halt = Truth(whole).solution.halting_time
+    halt = Reference(whole).solution.halting_time
     scenario = dataclasses.replace(whole, duration=round(halt + beyond, 3))
-    truth = Truth(scenario)
-    engine = compare(scenario, truth, [replayed(scenario, truth)]).engines[0]
+    reference = Reference(scenario)
+    engine = compare(scenario, reference, [replayed(scenario, reference)]).engines[0]
     assert (engine.metrics["halting_time_error"] == 0.0) is comparable
     assert bool(engine.not_comparable) is not comparable
 
 
 def test_a_rest_that_the_reference_ends_later_is_not_comparable():
     scenario = much_friction(90, 1.1)  # rests from 0.984 to 1.119 s, then comes off the rod
-    truth = Truth(scenario)
-    assert truth.solution.halting_time is None
-    engine = compare(scenario, truth, [replayed(scenario, truth)]).engines[0]
+    reference = Reference(scenario)
+    assert reference.solution.halting_time is None
+    engine = compare(scenario, reference, [replayed(scenario, reference)]).engines[0]
     assert engine.landmarks.halting_time == pytest.approx(0.9844, abs=5e-4)
     assert "slides again later" in engine.not_comparable
-    moved = replayed(scenario, truth)
+    moved = replayed(scenario, reference)
     stuck = np.minimum(moved.heavy_drop, moved.heavy_drop[700])  # an engine whose string never moves again after 0.7 s
     held = np.column_stack([moved.heavy_position[:, 0], moved.heavy_position[0, 1] - stuck])
-    wrong = compare(scenario, truth, [dataclasses.replace(moved, heavy_position=held)]).engines[0]
+    wrong = compare(scenario, reference, [dataclasses.replace(moved, heavy_position=held)]).engines[0]
     assert "not comparable" in wrong.story  # it, too, may still slide
 
 
 def test_a_late_engine_is_late_by_as_much_as_it_is():
     scenario = much_friction(80, 1.2)
-    truth = Truth(scenario)
+    reference = Reference(scenario)
     lateness = 0.007
-    whole = truth(np.arange(1201) * 1e-3)
-    late = truth(np.maximum(np.arange(1201) * 1e-3 - lateness, 0)[6:])
+    whole = reference(np.arange(1201) * 1e-3)
+    late = reference(np.maximum(np.arange(1201) * 1e-3 - lateness, 0)[6:])
     padded = {
         name: np.concatenate([np.repeat(getattr(late, name)[:1], 6, axis=0), getattr(late, name)])
         for name in ("light_position", "light_velocity", "heavy_position", "heavy_velocity", "free_length", "wrap_angle")
     }
-    engine = compare(scenario, truth, [dataclasses.replace(whole, **padded, string_stretch=whole.string_stretch)]).engines[0]
+    engine = compare(scenario, reference, [dataclasses.replace(whole, **padded, string_stretch=whole.string_stretch)]).engines[
+        0
+    ]
     # Two parabolas through samples at other phases: apart by less than the detector's own error, 0.1 ms.
     assert engine.metrics["halting_time_error"] == pytest.approx(lateness, abs=1e-4)
     assert engine.metrics["drop_error"] == pytest.approx(0.0, abs=1e-5)
@@ -199,12 +201,14 @@ def test_a_late_engine_is_late_by_as_much_as_it_is():
 
 def test_the_slip_is_believed_before_the_heavy_mass_which_bounces_on_its_string():
     scenario = much_friction(80, 1.2)
-    truth = Truth(scenario)
-    run = replayed(scenario, truth)
+    reference = Reference(scenario)
+    run = replayed(scenario, reference)
     bounce = 1e-3 * np.sin(120 * (run.t - 0.95)) * np.exp(-np.maximum(run.t - 0.95, 0) / 0.02) * (run.t > 0.95)
     heavy = run.heavy_position + np.column_stack([np.zeros_like(bounce), bounce])
     bouncing = dataclasses.replace(run, heavy_position=heavy)
-    by_height, by_slip = compare(scenario, truth, [bouncing, dataclasses.replace(bouncing, string_slip=run.heavy_drop)]).engines
+    by_height, by_slip = compare(
+        scenario, reference, [bouncing, dataclasses.replace(bouncing, string_slip=run.heavy_drop)]
+    ).engines
     assert by_slip.metrics["halting_time_error"] == 0.0
     assert by_slip.landmarks.rebound.travel <= 1e-9
     assert by_height.metrics["halting_time_error"] > 0.03
@@ -212,8 +216,8 @@ def test_the_slip_is_believed_before_the_heavy_mass_which_bounces_on_its_string(
 
 def test_reference_of_either_integrator_replays_the_other():
     scenario = much_friction(80, 1.2)
-    truth = Truth(scenario)
+    reference = Reference(scenario)
     for integrator in available_integrators():
         run = ReferenceEngine(integrator, Profile.QUICK).simulate(scenario)
-        engine = compare(scenario, truth, [run]).engines[0]
+        engine = compare(scenario, reference, [run]).engines[0]
         assert abs(engine.metrics["halting_time_error"]) < 1e-6  # tolerance 1e-9 against 1e-12, over decelerations of 10 m/s^2

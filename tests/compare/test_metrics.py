@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare
-from looping_pendulum.compare.align import align, sample_truth
+from looping_pendulum.compare.align import align, sample_reference
 from looping_pendulum.compare.metrics import acceleration_error, departures, growth_rate, rms_until, tube
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
@@ -17,72 +17,72 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import METRICS
 
 
-def test_a_run_shifted_by_3_mm_has_an_rms_of_3_mm_at_every_mark(scenario, truth, make_run):
-    result = compare(scenario, truth, [make_run(shift=(1.8e-3, -2.4e-3))])
+def test_a_run_shifted_by_3_mm_has_an_rms_of_3_mm_at_every_mark(scenario, reference, make_run):
+    result = compare(scenario, reference, [make_run(shift=(1.8e-3, -2.4e-3))])
     for name in ("rms_0.35s", "rms_0.7s", "rms_1.0s", "rms_halt"):
         assert result.engines[0].metrics[name] == pytest.approx(3e-3, rel=1e-12)
 
 
-def test_rms_grows_as_a_linear_drift_says(truth, make_run, times):
+def test_rms_grows_as_a_linear_drift_says(reference, make_run, times):
     run = make_run()
     drifting = dataclasses.replace(run, light_position=run.light_position + 0.01 * run.t[:, None] * np.array([1.0, 0.0]))
     t = times[times <= 0.7 + 1e-9]
-    assert rms_until(align(drifting, truth), 0.7) == pytest.approx(0.01 * math.sqrt(np.mean(t**2)), rel=1e-12)
+    assert rms_until(align(drifting, reference), 0.7) == pytest.approx(0.01 * math.sqrt(np.mean(t**2)), rel=1e-12)
 
 
-def test_a_mark_that_the_run_or_the_truth_does_not_reach_has_no_rms(truth, make_run):
-    assert rms_until(align(make_run(until=0.5), truth), 0.7) is None
-    assert rms_until(align(make_run(until=0.5), truth), 0.35) is not None
-    assert rms_until(align(make_run(), lambda t: truth(t, end=0.6)), 0.7) is None
-    assert rms_until(align(make_run(), truth), None) is None
+def test_a_mark_that_the_run_or_the_reference_does_not_reach_has_no_rms(reference, make_run):
+    assert rms_until(align(make_run(until=0.5), reference), 0.7) is None
+    assert rms_until(align(make_run(until=0.5), reference), 0.35) is not None
+    assert rms_until(align(make_run(), lambda t: reference(t, end=0.6)), 0.7) is None
+    assert rms_until(align(make_run(), reference), None) is None
 
 
-def test_truth_is_asked_once_per_time_in_rising_order_and_never_outside_itself(truth):
+def test_reference_is_asked_once_per_time_in_rising_order_and_never_outside_itself(reference):
     asked = []
 
     def watched(t):
         asked.append(t)
-        return truth(t)
+        return reference(t)
 
-    got = sample_truth(watched, np.array([0.2, -0.1, 0.1, 2.0, 0.2, np.nan]))
+    got = sample_reference(watched, np.array([0.2, -0.1, 0.1, 2.0, 0.2, np.nan]))
     assert np.array_equal(asked[0], [0.1, 0.2, 2.0])
     assert np.array_equal(np.isfinite(got.heavy_height), [True, False, True, False, True, False])
     assert got.mode[3] == UNKNOWN_MODE
     assert got.wrap_angle[0] == got.wrap_angle[4] > got.wrap_angle[2]
 
 
-def test_a_delay_inside_the_tube_passes_and_one_outside_does_not(truth, make_run):
-    late = align(make_run(delay=4e-3), truth)
+def test_a_delay_inside_the_tube_passes_and_one_outside_does_not(reference, make_run):
+    late = align(make_run(delay=4e-3), reference)
     assert late.distance.max() > 5e-3, "the amplitude alone would not forgive this delay"
-    assert tube(late, truth).fraction == 1.0
-    assert tube(late, truth).first_exit is None
-    later = tube(align(make_run(delay=15e-3), truth), truth)
+    assert tube(late, reference).fraction == 1.0
+    assert tube(late, reference).first_exit is None
+    later = tube(align(make_run(delay=15e-3), reference), reference)
     assert 0 < later.fraction < 1
     assert later.first_exit > 0
 
 
-def test_an_offset_inside_the_tube_passes_and_one_outside_does_not(truth, make_run):
-    assert tube(align(make_run(shift=(0.0, 4.9e-3)), truth), truth).fraction == 1.0
-    out = tube(align(make_run(shift=(0.1, 0.1)), truth), truth)
+def test_an_offset_inside_the_tube_passes_and_one_outside_does_not(reference, make_run):
+    assert tube(align(make_run(shift=(0.0, 4.9e-3)), reference), reference).fraction == 1.0
+    out = tube(align(make_run(shift=(0.1, 0.1)), reference), reference)
     assert (out.fraction, out.first_exit) == (0.0, 0.0)
 
 
-def test_the_tube_ends_with_the_truth(truth, make_run):
+def test_the_tube_ends_with_the_reference(reference, make_run):
     def short(t):
-        return truth(t, end=0.5)
+        return reference(t, end=0.5)
 
     assert tube(align(make_run(), short), short).compared == 501
-    assert tube(align(make_run(until=-1.0), truth), truth).fraction is None
+    assert tube(align(make_run(until=-1.0), reference), reference).fraction is None
 
 
-def test_departures_say_when_and_in_which_direction(truth, make_run):
+def test_departures_say_when_and_in_which_direction(reference, make_run):
     run = make_run()
     growing = 1e-3 * np.exp(20 * (run.t - 0.4))
     heavy = run.heavy_position + np.array([0.0, -2e-3])
     radial = run.light_position / np.linalg.norm(run.light_position, axis=1)[:, None]
     out = dataclasses.replace(run, light_position=run.light_position + growing[:, None] * radial, heavy_position=heavy)
     out = dataclasses.replace(out, free_length=run.free_length + growing)
-    found = departures(align(out, truth), truth(run.t).events)
+    found = departures(align(out, reference), reference(run.t).events)
     assert [d.threshold for d in found] == [1e-3, 1e-2]
     assert found[0].time == pytest.approx(0.401, abs=1.1e-3)  # the first sample beyond the crossing
     assert found[1].time == pytest.approx(0.4 + math.log(10) / 20, abs=1.1e-3)
@@ -93,33 +93,33 @@ def test_departures_say_when_and_in_which_direction(truth, make_run):
 
 
 @pytest.mark.parametrize("error", [0.0, 0.003, -0.01])
-def test_fitted_acceleration_against_the_atwood_machine(closed_form, truth, make_run, times, error):
+def test_fitted_acceleration_against_the_atwood_machine(closed_form, reference, make_run, times, error):
     parameters = closed_form.parameters.replace(release=Release.VERTICAL)
     run = make_run()
     fallen = 0.5 * (1 + error) * atwood_acceleration(parameters) * times**2
     heavy = run.heavy_position[:1] - np.column_stack([np.zeros_like(times), fallen])
-    aligned = align(dataclasses.replace(run, heavy_position=heavy), truth)
+    aligned = align(dataclasses.replace(run, heavy_position=heavy), reference)
     assert acceleration_error(aligned, parameters) == pytest.approx(error, abs=1e-12)
 
 
-def test_with_drag_the_acceleration_is_held_against_the_truths(closed_form, truth, make_run):
+def test_with_drag_the_acceleration_is_held_against_the_references(closed_form, reference, make_run):
     parameters = closed_form.parameters.replace(release=Release.VERTICAL, heavy_drag=1e-3)
-    assert acceleration_error(align(make_run(), truth), parameters) == pytest.approx(0.0, abs=1e-12)
-    assert acceleration_error(align(make_run(), truth), closed_form.parameters) is None
+    assert acceleration_error(align(make_run(), reference), parameters) == pytest.approx(0.0, abs=1e-12)
+    assert acceleration_error(align(make_run(), reference), closed_form.parameters) is None
 
 
-def test_every_metric_has_its_name_and_nothing_is_nan(scenario, truth, make_run, missing):
+def test_every_metric_has_its_name_and_nothing_is_nan(scenario, reference, make_run, missing):
     broken = make_run()
     broken.light_position[400:] = np.nan
-    for engine in compare(scenario, truth, [make_run(), broken, missing]).engines:
+    for engine in compare(scenario, reference, [make_run(), broken, missing]).engines:
         assert tuple(engine.metrics) == tuple(METRICS)
         assert all(value is None or math.isfinite(value) for value in engine.metrics.values())
 
 
-def test_a_run_that_became_nan_keeps_what_it_has(scenario, truth, make_run):
+def test_a_run_that_became_nan_keeps_what_it_has(scenario, reference, make_run):
     broken = make_run(shift=(3e-3, 0.0))
     broken.light_position[400:] = np.nan
-    engine = compare(scenario, truth, [broken]).engines[0]
+    engine = compare(scenario, reference, [broken]).engines[0]
     assert engine.metrics["rms_0.35s"] == pytest.approx(3e-3, rel=1e-12)
     assert engine.metrics["rms_0.7s"] is None
     assert engine.end_time == pytest.approx(0.399)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare
-from looping_pendulum.compare.align import Aligned, align, sample_truth
+from looping_pendulum.compare.align import Aligned, align, sample_reference
 from looping_pendulum.compare.landmarks import run_landmarks
 from looping_pendulum.compare.metrics import (
     TUBE,
@@ -30,18 +30,18 @@ from tests.compare.conftest import PARAMETERS
 
 
 @pytest.fixture
-def straight(truth):
-    """A truth whose light mass moves along x at 1 m/s."""
+def straight(reference):
+    """A reference whose light mass moves along x at 1 m/s."""
 
     def sample(t, end=1.1):
-        run = truth(t, end)
+        run = reference(t, end)
         return dataclasses.replace(run, light_position=np.column_stack([run.t, np.zeros_like(run.t)]))
 
     return sample
 
 
 def beside(make_run, ahead, aside, until=0.1):
-    """A run that is so far ahead of that truth, and to its side [m]."""
+    """A run that is so far ahead of that reference, and to its side [m]."""
     run = make_run(until=until)
     place = np.column_stack([run.t + ahead, np.full_like(run.t, aside)])
     return dataclasses.replace(run, light_position=place)
@@ -87,14 +87,14 @@ def test_the_first_exit_is_the_first_sample_outside(make_run, straight):
     assert found.fraction == pytest.approx(81 / 101)
 
 
-def test_at_the_ends_of_the_truth_its_path_is_a_point(make_run, straight):
+def test_at_the_ends_of_the_reference_its_path_is_a_point(make_run, straight):
     def short(t):
         return straight(t, end=0.05)
 
     found = tube(align(beside(make_run, 4.9e-3, 0.0), short), short)
     assert (found.compared, found.fraction) == (51, 1.0)
     behind = tube(align(beside(make_run, 5.5e-3, 0.0), short), short)
-    # Ahead by 5.5 mm: only the last sample of the truth has no more path ahead than itself.
+    # Ahead by 5.5 mm: only the last sample of the reference has no more path ahead than itself.
     assert behind.fraction == pytest.approx(50 / 51)
     assert behind.first_exit == pytest.approx(0.050)
 
@@ -114,8 +114,8 @@ def test_the_tubes_chords_begin_at_every_tenth_of_its_half_time(make_run, straig
 
 
 @pytest.mark.parametrize(("times", "known"), [((0.1, 2.0), [True, False]), ((2.0, 3.0), [False, False]), ((-1.0,), [False])])
-def test_times_of_which_the_truth_has_one_or_none(truth, times, known):
-    got = sample_truth(truth, np.array(times))
+def test_times_of_which_the_reference_has_one_or_none(reference, times, known):
+    got = sample_reference(reference, np.array(times))
     assert list(np.isfinite(got.heavy_height)) == known
     assert list(np.isfinite(got.light_position).all(axis=1)) == known
     assert got.heavy_speed.shape == got.mode.shape == (len(times),)
@@ -134,13 +134,13 @@ def test_the_acceleration_is_of_least_squares_through_rest(t, fallen, found):
 
 
 @pytest.mark.parametrize(("samples", "known"), [(2, False), (3, True)])
-def test_an_acceleration_needs_three_samples_beside_the_truth(make_run, truth, closed_form, samples, known):
+def test_an_acceleration_needs_three_samples_beside_the_reference(make_run, reference, closed_form, samples, known):
     vertical = closed_form.parameters.replace(release=Release.VERTICAL)
-    aligned = align(make_run(until=1e-3 * (samples - 1)), truth)
+    aligned = align(make_run(until=1e-3 * (samples - 1)), reference)
     assert (acceleration_error(aligned, vertical) is not None) is known
     gone = make_run()
     gone.heavy_position[samples:] = np.nan
-    assert (acceleration_error(align(gone, truth), vertical) is not None) is known
+    assert (acceleration_error(align(gone, reference), vertical) is not None) is known
 
 
 def test_drag_is_what_makes_no_acceleration_constant(closed_form):
@@ -149,48 +149,48 @@ def test_drag_is_what_makes_no_acceleration_constant(closed_form):
     assert not drag_acts(closed_form.parameters.replace(kinetic_friction=0.5)), "friction is no force of the air"
 
 
-def test_with_drag_an_engine_that_falls_faster_than_the_truth_has_a_positive_error(closed_form, truth, make_run):
+def test_with_drag_an_engine_that_falls_faster_than_the_reference_has_a_positive_error(closed_form, reference, make_run):
     parameters = closed_form.parameters.replace(release=Release.VERTICAL, heavy_drag=1e-3)
     run = make_run()
     height = run.heavy_position[:, 1]
     faster = np.column_stack([run.heavy_position[:, 0], height[0] + 1.02 * (height - height[0])])
-    aligned = align(dataclasses.replace(run, heavy_position=faster), truth)
+    aligned = align(dataclasses.replace(run, heavy_position=faster), reference)
     assert acceleration_error(aligned, parameters) == pytest.approx(0.02, abs=1e-9)
 
 
 @pytest.mark.parametrize(("until", "known"), [(0.35 - 0.9e-6, True), (0.35 - 1.1e-6, False)])
-def test_a_run_that_ends_within_a_microsecond_of_a_mark_has_reached_it(make_run, truth, times, until, known):
+def test_a_run_that_ends_within_a_microsecond_of_a_mark_has_reached_it(make_run, reference, times, until, known):
     run = make_run(until=0.35)
     moved = dataclasses.replace(run, t=np.append(run.t[:-1], until))
-    aligned = Aligned(run=moved, truth=sample_truth(truth, run.t))
+    aligned = Aligned(run=moved, reference=sample_reference(reference, run.t))
     assert (rms_until(aligned, 0.35) is not None) is known
 
 
-def test_the_rms_takes_every_sample_up_to_the_mark_and_none_beyond(make_run, truth):
+def test_the_rms_takes_every_sample_up_to_the_mark_and_none_beyond(make_run, reference):
     run = make_run()
     run.light_position[351:] += 1.0
-    assert rms_until(align(run, truth), 0.35) == pytest.approx(0.0, abs=1e-12)
+    assert rms_until(align(run, reference), 0.35) == pytest.approx(0.0, abs=1e-12)
     run.light_position[350] += (3.0, 4.0)
-    assert rms_until(align(run, truth), 0.35) == pytest.approx(5 / math.sqrt(351), rel=1e-9)
+    assert rms_until(align(run, reference), 0.35) == pytest.approx(5 / math.sqrt(351), rel=1e-9)
 
 
-def test_without_a_string_a_departure_is_neither_along_nor_across(make_run, truth):
+def test_without_a_string_a_departure_is_neither_along_nor_across(make_run, reference):
     run = make_run(shift=(2e-3, 0.0))
     bare = dataclasses.replace(run, free_length=np.full_like(run.t, np.nan), wrap_angle=np.full_like(run.t, np.nan))
     bare = dataclasses.replace(bare, string_stretch=np.full_like(run.t, np.nan))
-    (found,) = departures(align(bare, truth), ())
+    (found,) = departures(align(bare, reference), ())
     assert (found.along, found.across, found.stretch, found.time) == (0.0, 0.0, None, 0.0)
 
 
-def test_a_departure_is_after_the_last_event_up_to_it(make_run, truth):
+def test_a_departure_is_after_the_last_event_up_to_it(make_run, reference):
     run = make_run()
     run.light_position[400:] += (2e-3, 0.0)
     names = [("slack", 0.1), ("taut", 0.4), ("unwrapped", 0.401), ("stop", 0.2)]
-    (found,) = departures(align(run, truth), tuple(TrajectoryEvent(name=name, time=time) for name, time in names))
+    (found,) = departures(align(run, reference), tuple(TrajectoryEvent(name=name, time=time) for name, time in names))
     assert (found.after, found.after_time, found.time) == ("taut", 0.4, pytest.approx(0.4))
     run.string_stretch[400] = -3e-3
     run.string_stretch[401] = 9e-3
-    (found,) = departures(align(run, truth), ())
+    (found,) = departures(align(run, reference), ())
     assert found.stretch == 3e-3, "what it stretches later is no cause"
 
 
@@ -205,46 +205,46 @@ def test_growth_needs_two_departures_at_two_times():
     assert growth_rate(()) is None
 
 
-def said(make_run, truth, own, true, comparable=True):
-    aligned = align(make_run(), truth)
-    return metrics(aligned, PARAMETERS, own, true, tube(aligned, truth), comparable=comparable)
+def said(make_run, reference, own, true, comparable=True):
+    aligned = align(make_run(), reference)
+    return metrics(aligned, PARAMETERS, own, true, tube(aligned, reference), comparable=comparable)
 
 
 AT = Landmarks(halting_time=0.4, drop_at_halt=0.3, wrap_angle_at_halt=5.0, free_length_at_halt=0.2)
 
 
-def test_errors_at_the_halt_are_own_less_true(make_run, truth):
+def test_errors_at_the_halt_are_own_less_true(make_run, reference):
     rebound = Rebound(travel=2e-3, speed=1.0)
     own = Landmarks(
         halting_time=0.41, drop_at_halt=0.32, wrap_angle_at_halt=5.3, free_length_at_halt=0.24, rebound=rebound
     )  # fmt: skip
-    found = said(make_run, truth, own, AT)
+    found = said(make_run, reference, own, AT)
     names = ("halting_time_error", "drop_error", "wrap_angle_error", "free_length_error")
     assert [found[name] for name in names] == pytest.approx([0.01, 0.02, 0.3, 0.04])
     assert found["rebound"] == 2e-3
-    assert said(make_run, truth, AT, AT)["rebound"] is None
+    assert said(make_run, reference, AT, AT)["rebound"] is None
     for pair in ((own, Landmarks()), (Landmarks(), AT)):
-        assert [said(make_run, truth, *pair)[name] for name in names] == [None] * 4
-    assert [said(make_run, truth, own, AT, comparable=False)[name] for name in names] == [None] * 4
+        assert [said(make_run, reference, *pair)[name] for name in names] == [None] * 4
+    assert [said(make_run, reference, own, AT, comparable=False)[name] for name in names] == [None] * 4
     nowhere = dataclasses.replace(own, wrap_angle_at_halt=math.nan, drop_at_halt=None)
-    found = said(make_run, truth, nowhere, AT)
+    found = said(make_run, reference, nowhere, AT)
     assert (found["wrap_angle_error"], found["drop_error"]) == (None, None)
     assert found["halting_time_error"] == pytest.approx(0.01)
 
 
-def test_a_run_that_ends_in_nonsense_is_judged_up_to_there(scenario, truth, make_run, closed_form):
+def test_a_run_that_ends_in_nonsense_is_judged_up_to_there(scenario, reference, make_run, closed_form):
     run = make_run()
     run.string_stretch[:] = 1e-4
     run.light_position[500:] = np.nan
     run.string_stretch[600] = 5.0
-    (engine,) = compare(scenario, truth, [run]).engines
+    (engine,) = compare(scenario, reference, [run]).engines
     assert engine.metrics["simulated_time"] == pytest.approx(0.499)
     assert engine.metrics["string_stretch"] == 1e-4
     assert engine.samples == 1051
     assert run_landmarks(run, closed_form.parameters).halting_time == pytest.approx(closed_form.halt, abs=1e-6)
     none = make_run()
     none.light_position[:] = np.nan
-    (engine,) = compare(scenario, truth, [none]).engines
+    (engine,) = compare(scenario, reference, [none]).engines
     assert (engine.metrics["simulated_time"], engine.metrics["string_stretch"], engine.end_time) == (None, None, None)
 
 
@@ -260,8 +260,8 @@ def test_just_the_limit_is_kept(limit, metric, value, kept):
     assert _keeps(limit(metric, 1.0), value) is kept
 
 
-def test_a_limit_is_for_one_engine_in_one_profile(scenario, truth, make_run, limit):
-    (engine,) = compare(scenario, truth, [make_run()]).engines
+def test_a_limit_is_for_one_engine_in_one_profile(scenario, reference, make_run, limit):
+    (engine,) = compare(scenario, reference, [make_run()]).engines
     others = [
         limit("drop_error", 1.0, engine="pymunk:other"),
         dataclasses.replace(limit("drop_error", 1.0), profile="accurate"),
@@ -271,8 +271,8 @@ def test_a_limit_is_for_one_engine_in_one_profile(scenario, truth, make_run, lim
     assert judged.limit == 2.0
 
 
-def test_a_missing_value_says_why(scenario, truth, make_run, limit):
-    (engine,) = compare(scenario, truth, [make_run()]).engines
+def test_a_missing_value_says_why(scenario, reference, make_run, limit):
+    (engine,) = compare(scenario, reference, [make_run()]).engines
     blank = dataclasses.replace(engine, metrics=dict.fromkeys(engine.metrics))
     one = limit("drop_error", 1.0)
     why = [
@@ -280,5 +280,5 @@ def test_a_missing_value_says_why(scenario, truth, make_run, limit):
         for fields in ({"ok": False, "not_comparable": "short"}, {"not_comparable": "short"}, {}, {"available": False})
     ]
     assert why[:2] == [f"no value: {engine.status_sentence}", "no value: short"]
-    assert why[2] == "no value: the run or the truth does not reach what it measures"
+    assert why[2] == "no value: the run or the reference does not reach what it measures"
     assert why[3] == engine.status_sentence

@@ -53,9 +53,9 @@ def gone(threshold, time):
 
 
 @pytest.fixture
-def result(scenario, truth, make_run):
+def result(scenario, reference, make_run):
     """A result whose only engine has the numbers above."""
-    made = compare(scenario, truth, [make_run()])
+    made = compare(scenario, reference, [make_run()])
     (engine,) = made.engines
     engine = dataclasses.replace(
         engine,
@@ -65,7 +65,7 @@ def result(scenario, truth, make_run):
         departures=(gone(1e-3, 0.2345678), gone(1e-2, 0.3456789)),
         growth_rate=12.34,
     )
-    return with_engine(dataclasses.replace(made, truth=dataclasses.replace(made.truth, sampled=TRUE)), engine)
+    return with_engine(dataclasses.replace(made, reference=dataclasses.replace(made.reference, sampled=TRUE)), engine)
 
 
 def with_engine(result, engine=None, **fields):
@@ -85,7 +85,7 @@ ME = "pymunk:chain, quick"
 def test_the_verdicts_table_has_every_number_in_its_unit(result):
     head, (true, own) = report.verdict_rows(result)
     assert len(head) == len(true) == len(own) == 9
-    assert true == ["truth", "–", "–", "–", "–", "0.5123", "–", "–", "–"]
+    assert true == ["reference", "–", "–", "–", "–", "0.5123", "–", "–", "–"]
     assert own == [ME, "no limits declared", "1.1", "2.2", "3.3", "0.4123", "-5.5", "+7.7", "2"]
     assert head[-1] == "wall time [s per s]"
 
@@ -166,11 +166,11 @@ def test_what_is_outside_is_listed_and_what_was_not_run_too(result):
 
 def test_the_detail_has_every_number_in_its_unit(result):
     text = report.render(result)
-    (true, own) = cells(text, "truth", "## Detail")[0], cells(text, ME, "## Detail")[0]
+    (true, own) = cells(text, "reference", "## Detail")[0], cells(text, ME, "## Detail")[0]
     assert own == [
         ME, "97", "0.123", "0.235", "0.346", "12", "4.4", "0.3123", "5.1235", "-8.8", "0.2123", "+9.9", "1.2",
     ]  # fmt: skip
-    assert true == ["truth", *["–"] * 6, "0.6123", "5.1235", "–", "0.2123", "–", "–"]
+    assert true == ["reference", *["–"] * 6, "0.6123", "5.1235", "–", "0.2123", "–", "–"]
     assert "The tube is 5 ms and 5 mm wide to either side." in text
     one = with_engine(result, departures=(gone(1e-2, 0.5),))
     assert cells(report.render(one), ME, "## Detail")[0][3:5] == ["–", "0.500"]
@@ -188,12 +188,14 @@ def test_every_limit_is_told_with_its_value_and_why(result):
     assert "The scenario declares none for these engines and this profile." in report.render(result)
 
 
-def test_the_stories_begin_with_the_truth(result):
+def test_the_stories_begin_with_the_reference(result):
     told = report.render(result)
-    assert "- **truth** (reference:closed form): released at 0 s, halt at 0.3375 s, light reaches rod at 1.1000 s.\n" in told
-    never = dataclasses.replace(result.truth, landmarks=Landmarks(), events=(("release", 0.0),))
-    told = report.render(dataclasses.replace(result, truth=never))
-    assert "- **truth** (reference:closed form): released at 0 s, never halts.\n" in told
+    assert (
+        "- **reference** (reference:closed form): released at 0 s, halt at 0.3375 s, light reaches rod at 1.1000 s.\n" in told
+    )
+    never = dataclasses.replace(result.reference, landmarks=Landmarks(), events=(("release", 0.0),))
+    told = report.render(dataclasses.replace(result, reference=never))
+    assert "- **reference** (reference:closed form): released at 0 s, never halts.\n" in told
 
 
 def test_what_an_engine_said_is_its_last_line_and_no_markup(result):
@@ -215,7 +217,7 @@ def test_who_supplies_the_physics(result):
     text = report.render(with_engine(result, additions=("a spring, 3 mm", "a brake")))
     section = text[text.index("## Who supplies") : text.index("## Tolerances")]
     assert cells(section, ME)[0][1:] == ["**engine**: by closed form"] * 4
-    assert cells(section, "truth")[0][1:] == ["**engine**: by closed form"] * 4
+    assert cells(section, "reference")[0][1:] == ["**engine**: by closed form"] * 4
     assert f"worth:\n\n- **{ME}**: a spring, 3 mm\n- **{ME}**: a brake\n" in section
     assert "worth:" not in report.render(result)
     (engine,) = result.engines
@@ -233,7 +235,7 @@ def test_the_provenance_names_settings_seed_and_what_was_inferred(result):
     text = report.render(dataclasses.replace(with_engine(result, provenance=made), inferred=inferred))
     section = text[text.index("## Provenance") : text.index("## Wall times")]
     assert cells(section, ME) == [[ME, "a 1, b 2", "dt 0.333333, n 7", "0"]]
-    assert cells(section, "truth, reference:closed form")[0][-1] == "–"
+    assert cells(section, "reference, reference:closed form")[0][-1] == "–"
     assert "- Inferred, not printed by the source: mu, k. Fitted. (`fit.py`)\n- Inferred" in section
     assert "source: m. Weighed.\n" in section
     assert "Scenario `made_up`, watched for 1.05 s. SI and radians: " in section
@@ -267,9 +269,9 @@ def test_figures_are_embedded_with_their_captions(result):
 
 def test_the_table_of_halts_has_every_resolution(result):
     (section,) = render_halts(result)
-    (own,), (true,) = cells(section, ME), cells(section, "truth")
+    (own,), (true,) = cells(section, ME), cells(section, "reference")
     assert own == [ME, "0.4000", "0.4100", "0.4200", "0.4300", "0.4400", "2.5", "3.5", "46"]
-    assert true == ["truth", "0.4000", "0.4100", "0.4200", "0.4300", "0.4400", "–", "–", "–"]
+    assert true == ["reference", "0.4000", "0.4100", "0.4200", "0.4300", "0.4400", "–", "–", "–"]
     assert "| run | halts, to 0.01 mm [s] | halts, to 0.03 mm [s] | halts, to 0.1 mm [s] | halts, to 0.3 mm [s] |" in section
     assert "again until the light mass" in section
     assert "by how much a quarter more or less than 0.1 mm moves it" in section
@@ -281,7 +283,7 @@ def test_the_table_of_halts_has_every_resolution(result):
 
 def test_without_any_halt_there_is_no_section_on_it(result):
     never = dataclasses.replace(OWN, halting_times=tuple(HaltingTimeAt(resolution=r, time=None) for r in RESOLUTIONS))
-    nobody = dataclasses.replace(result, truth=dataclasses.replace(result.truth, sampled=never))
+    nobody = dataclasses.replace(result, reference=dataclasses.replace(result.reference, sampled=never))
     assert render_halts(with_engine(nobody, landmarks=never)) == []
     assert len(render_halts(nobody)) == len(render_halts(with_engine(result, landmarks=never))) == 1
     assert cells(render_halts(with_engine(result, landmarks=never))[0], ME)[0][1:6] == ["–"] * 5
@@ -292,22 +294,22 @@ def test_without_any_halt_there_is_no_section_on_it(result):
 @pytest.mark.parametrize(
     ("exact", "seen", "said"),
     [
-        (None, None, "By its own events the truth does not halt either."),
-        (0.5, 0.5003, "By its own events the truth halts at 0.500000 s, so this way of reading is off by 0.3 ms."),
-        (0.5003, 0.5, "By its own events the truth halts at 0.500300 s, so this way of reading is off by 0.3 ms."),
-        (0.5, 0.4, "By its own events the truth halts at 0.5000 s: what it still slides until then is finer"),
-        (0.5, 0.4994, "By its own events the truth halts at 0.5000 s: what"),
-        (0.5, None, "By its own events the truth halts at 0.5000 s: what"),
-        (None, 0.4, "By its own events the truth does not halt: what it still slides"),
+        (None, None, "By its own events the reference does not halt either."),
+        (0.5, 0.5003, "By its own events the reference halts at 0.500000 s, so this way of reading is off by 0.3 ms."),
+        (0.5003, 0.5, "By its own events the reference halts at 0.500300 s, so this way of reading is off by 0.3 ms."),
+        (0.5, 0.4, "By its own events the reference halts at 0.5000 s: what it still slides until then is finer"),
+        (0.5, 0.4994, "By its own events the reference halts at 0.5000 s: what"),
+        (0.5, None, "By its own events the reference halts at 0.5000 s: what"),
+        (None, 0.4, "By its own events the reference does not halt: what it still slides"),
     ],
 )
 def test_what_samples_say_is_held_against_the_references_events(result, exact, seen, said):
     true = dataclasses.replace(
-        result.truth,
-        landmarks=dataclasses.replace(result.truth.landmarks, halting_time=exact),
+        result.reference,
+        landmarks=dataclasses.replace(result.reference.landmarks, halting_time=exact),
         sampled=dataclasses.replace(TRUE, halting_time=seen),
     )
-    assert said in render_halts(dataclasses.replace(result, truth=true))[0]
+    assert said in render_halts(dataclasses.replace(result, reference=true))[0]
 
 
 # ---- factors of units: a thousandth more or less turns the last digit of one of these over
@@ -340,7 +342,7 @@ def test_two_digits_of_a_thousandth(result, size, shown):
 
 
 def test_hundreds_of_thousandths(result):
-    rows = (measured(measured=0.1, paper_numerical=0.7, truth=0.7, engines=(0.7,)),)
+    rows = (measured(measured=0.1, paper_numerical=0.7, reference=0.7, engines=(0.7,)),)
     text = render_paper(dataclasses.replace(result, measured=rows))
     assert cells(text, "halting time")[0][3:] == ["0.70 (+600)", "0.7000 (+600)", "0.7000 (+600)"]
     assert cells(text, "RMS difference of the times")[0][3:] == ["600.0 (1 of 1)"] * 3
@@ -353,9 +355,9 @@ def test_hundreds_of_thousandths(result):
 # ---- moments
 
 
-def told(result, truth, own, end=1.0, engine=None):
-    true = dataclasses.replace(result.truth, sampled=truth)
-    return moments(with_engine(dataclasses.replace(result, truth=true), landmarks=own, end_time=end, **(engine or {})))
+def told(result, reference, own, end=1.0, engine=None):
+    true = dataclasses.replace(result.reference, sampled=reference)
+    return moments(with_engine(dataclasses.replace(result, reference=true), landmarks=own, end_time=end, **(engine or {})))
 
 
 def at(*times):
@@ -369,13 +371,13 @@ def test_moments_are_numbered_where_there_are_several(result):
     assert cells(text, "stop 3") == [["stop 3", "–", "at 0.6000 s"]]
     alone = told(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.203)))
     assert cells(alone, "stop") == [["stop", "0.2000", "+3"]]
-    assert "| moment | truth [s] | pymunk:chain [ms later] |" in alone
+    assert "| moment | reference [s] | pymunk:chain [ms later] |" in alone
 
 
 def test_every_kind_of_moment_has_its_rows(result):
     def marks(off):
         return Landmarks(
-            stops=at(0.1 + off), break_aways=(0.2 + off,), light_reaches_rod=0.9 + off,
+            stops=at(0.1 + off), slip_onsets=(0.2 + off,), light_reaches_rod=0.9 + off,
             x1_extrema=(Extremum(time=0.3 + off, value=0.0),), y1_extrema=(Extremum(time=0.4 + off, value=0.0),),
         )  # fmt: skip
 
@@ -384,7 +386,7 @@ def test_every_kind_of_moment_has_its_rows(result):
     assert names == ["stop", "slips again", "x1 extremum", "y1 extremum", "light mass reaches rod"]
     assert [cells(text, name)[0][1:] for name in names] == [[f"{t:.4f}", "+5"] for t in (0.1, 0.2, 0.3, 0.4, 0.9)]
     without = told(result, dataclasses.replace(marks(0.0), light_reaches_rod=None), marks(0.005))
-    assert "reaches rod" not in without, "the truth's end is not told of an engine alone"
+    assert "reaches rod" not in without, "the reference's end is not told of an engine alone"
     assert cells(
         told(result, marks(0.0), dataclasses.replace(marks(0.0), light_reaches_rod=None)), "light mass reaches rod"
     ) == [["light mass reaches rod", "0.9000", "–"]]
@@ -397,16 +399,18 @@ def test_a_moment_after_the_end_of_a_run_is_told_as_such(result, end, said):
 
 
 def measured(**fields):
-    made = {"quantity": "halting_time", "index": 1, "unit": "s", "measured": 0.4, "paper_numerical": 0.41, "truth": 0.42}
+    made = {"quantity": "halting_time", "index": 1, "unit": "s", "measured": 0.4, "paper_numerical": 0.41, "reference": 0.42}
     return MeasuredRow(**(made | {"engines": (0.43,)} | fields))
 
 
 def test_the_paper_table_compares_with_the_measured_value_or_else_with_the_papers(result):
     rows = (
         measured(),
-        measured(quantity="wrap_angle_at_halt", unit="rad", measured=None, paper_numerical=3.98765, truth=4.0, engines=(None,)),
-        measured(quantity="drop_at_halt", unit="m", measured=None, paper_numerical=None, truth=0.25),
-        measured(quantity="x1_extremum", index=2, measured=0.3, paper_numerical=None, truth=None, engines=(0.29,)),
+        measured(
+            quantity="wrap_angle_at_halt", unit="rad", measured=None, paper_numerical=3.98765, reference=4.0, engines=(None,)
+        ),
+        measured(quantity="drop_at_halt", unit="m", measured=None, paper_numerical=None, reference=0.25),
+        measured(quantity="x1_extremum", index=2, measured=0.3, paper_numerical=None, reference=None, engines=(0.29,)),
     )
     text = render_paper(dataclasses.replace(result, measured=rows, measured_source="a paper"))
     assert text.startswith("Source: a paper.\n\nIn brackets: ")
@@ -424,33 +428,33 @@ def test_the_paper_table_compares_with_the_measured_value_or_else_with_the_paper
 # ---- what the result is made of
 
 
-def test_a_wall_time_per_second_needs_two_samples(scenario, truth, make_run):
+def test_a_wall_time_per_second_needs_two_samples(scenario, reference, make_run):
     runs = [make_run(), make_run(until=0.0), make_run(until=1e-3), make_run(wall_time=math.nan)]
-    times = compare(scenario, truth, runs).clock.wall_times
+    times = compare(scenario, reference, runs).clock.wall_times
     assert [w.seconds for w in times] == [2.1, 2.1, 2.1, None]
     assert [w.per_simulated_second for w in times] == [pytest.approx(2.0), None, pytest.approx(2100.0), None]
 
 
-def test_a_result_says_when_each_side_ends(scenario, truth, make_run, missing):
-    result = compare(scenario, truth, [make_run(until=0.5), missing])
+def test_a_result_says_when_each_side_ends(scenario, reference, make_run, missing):
+    result = compare(scenario, reference, [make_run(until=0.5), missing])
     assert [e.end_time for e in result.engines] == [pytest.approx(0.5), None]
     assert [e.samples for e in result.engines] == [501, 0]
-    assert result.truth.end_time == pytest.approx(1.05)
-    early = compare(scenario, lambda t: truth(t, end=0.8), [make_run()])
-    assert early.truth.end_time == pytest.approx(0.8)
+    assert result.reference.end_time == pytest.approx(1.05)
+    early = compare(scenario, lambda t: reference(t, end=0.8), [make_run()])
+    assert early.reference.end_time == pytest.approx(0.8)
     assert [e.available for e in result.engines] == [True, False]
 
 
-def test_a_vertical_release_has_an_acceleration_error(scenario, truth, make_run):
+def test_a_vertical_release_has_an_acceleration_error(scenario, reference, make_run):
     vertical = dataclasses.replace(scenario, parameters=scenario.parameters.replace(release=Release.VERTICAL))
-    (engine,) = compare(vertical, truth, [make_run()]).engines
+    (engine,) = compare(vertical, reference, [make_run()]).engines
     assert engine.metrics["acceleration_error"] is not None
-    assert compare(scenario, truth, [make_run()]).engines[0].metrics["acceleration_error"] is None
+    assert compare(scenario, reference, [make_run()]).engines[0].metrics["acceleration_error"] is None
 
 
-def test_names_of_trajectories_are_in_the_order_of_the_engines(scenario, truth, make_run):
-    result = compare(scenario, truth, [make_run(engine=name) for name in ("b", "a", "truth")])
-    assert trajectory_files(result) == ["b-chain-quick.csv", "a-chain-quick.csv", "truth-chain-quick.csv"]
+def test_names_of_trajectories_are_in_the_order_of_the_engines(scenario, reference, make_run):
+    result = compare(scenario, reference, [make_run(engine=name) for name in ("b", "a", "reference")])
+    assert trajectory_files(result) == ["b-chain-quick.csv", "a-chain-quick.csv", "reference-chain-quick.csv"]
 
 
 def test_what_is_not_known_is_an_empty_cell(make_run):
@@ -479,10 +483,10 @@ def test_columns_of_words_are_to_the_left_and_numbers_to_the_right(result):
     assert [rule.split("|").count(" --- ") for rule in rules] == [2, 2, 1, 1, 5, 7, 4, 1]
 
 
-def test_a_status_that_is_not_run_is_no_failure(scenario, truth, make_run):
+def test_a_status_that_is_not_run_is_no_failure(scenario, reference, make_run):
     for status in RunStatus:
         run = make_run(until=0.5, status=status)
-        available = compare(scenario, truth, [run]).engines[0].available
+        available = compare(scenario, reference, [run]).engines[0].available
         assert available is (status not in (RunStatus.MISSING, RunStatus.UNSUPPORTED, RunStatus.INTERRUPTED))
 
 

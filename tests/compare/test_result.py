@@ -26,32 +26,32 @@ def without_clock(text):
     return json.dumps(tree)
 
 
-def test_json_there_and_back(measured_scenario, truth, make_run, missing, table, limit):
+def test_json_there_and_back(measured_scenario, reference, make_run, missing, table, limit):
     scenario = dataclasses.replace(measured_scenario, tolerances=(limit("rms_0.7s", 1e-3),))
     odd = make_run(shift=(5e-3, 0.0), settings={"b": (1, 2.0), "a": math.inf, "c": RunStatus.CRASHED, "d": np.float32(0.5)})
-    result = compare(scenario, truth, [odd, missing], table)
+    result = compare(scenario, reference, [odd, missing], table)
     text = result.to_json()
     assert ComparisonResult.from_json(text) == result
     assert ComparisonResult.from_json(text).to_json() == text
     tree = json.loads(text)
-    assert tree["schema"] == {"id": "looping-pendulum/comparison", "version": 2}
+    assert tree["schema"] == {"id": "looping-pendulum/comparison", "version": 3}
     assert list(tree)[0] == "schema"
     assert list(tree)[-1] == "clock"
     assert "samples" not in tree
     assert tree["engines"][0]["provenance"]["settings"] == {"a": None, "b": [1, 2.0], "c": RunStatus.CRASHED.value, "d": 0.5}
 
 
-def test_same_input_same_bytes_but_for_the_clock(scenario, truth, make_run):
-    first = compare(scenario, truth, [make_run(wall_time=1.0)])
-    second = compare(scenario, truth, [make_run(wall_time=2.0)])
+def test_same_input_same_bytes_but_for_the_clock(scenario, reference, make_run):
+    first = compare(scenario, reference, [make_run(wall_time=1.0)])
+    second = compare(scenario, reference, [make_run(wall_time=2.0)])
     assert first.to_json() != second.to_json()
     assert without_clock(first.to_json()) == without_clock(second.to_json())
 
 
-def test_json_has_no_nan(scenario, truth, make_run, missing):
+def test_json_has_no_nan(scenario, reference, make_run, missing):
     run = make_run(wall_time=math.nan)
     run.string_stretch[:] = np.nan
-    text = compare(scenario, truth, [run, missing]).to_json()
+    text = compare(scenario, reference, [run, missing]).to_json()
     json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in the JSON"))
 
 
@@ -81,20 +81,20 @@ def test_what_is_no_result_is_refused(text, needed):
         ("acceleration_error", 1.0, "", ToleranceOutcome.FAILED),  # a looping release has none: a limit on nothing is not kept
     ],
 )
-def test_tolerances(scenario, truth, make_run, limit, metric, value, expected_failure, outcome):
+def test_tolerances(scenario, reference, make_run, limit, metric, value, expected_failure, outcome):
     scenario = dataclasses.replace(scenario, tolerances=(limit(metric, value, expected_failure),))
-    result = compare(scenario, truth, [make_run(shift=(3e-3, 0.0))])
+    result = compare(scenario, reference, [make_run(shift=(3e-3, 0.0))])
     assert [t.outcome for t in result.tolerances] == [outcome]
     assert result.within_tolerance is (outcome in (ToleranceOutcome.PASSED, ToleranceOutcome.EXPECTED_FAILURE))
 
 
-def test_a_missing_engine_is_a_gap_that_does_not_fail(scenario, truth, make_run, missing, limit):
+def test_a_missing_engine_is_a_gap_that_does_not_fail(scenario, reference, make_run, missing, limit):
     tolerances = (
         limit("rms_0.7s", 1e-9),
         limit("rms_0.7s", 1e-3, engine="pybullet:chain"),
         limit("rms_0.7s", 0.0, engine="x:y"),
     )
-    result = compare(dataclasses.replace(scenario, tolerances=tolerances), truth, [make_run(), missing])
+    result = compare(dataclasses.replace(scenario, tolerances=tolerances), reference, [make_run(), missing])
     assert [t.outcome for t in result.tolerances] == [ToleranceOutcome.NOT_RUN, ToleranceOutcome.PASSED], (
         "an engine not asked for is left out"
     )
@@ -104,10 +104,10 @@ def test_a_missing_engine_is_a_gap_that_does_not_fail(scenario, truth, make_run,
     assert "Not run: pybullet:chain" in report
 
 
-def test_a_crash_fails_unless_it_is_expected(scenario, truth, make_run, limit):
+def test_a_crash_fails_unless_it_is_expected(scenario, reference, make_run, limit):
     crashed = make_run(until=0.5, status=RunStatus.CRASHED, message="segmentation\nfault | `core`")
     kept = dataclasses.replace(scenario, tolerances=(limit("rms_0.35s", 1e-3),))
-    result = compare(kept, truth, [crashed])
+    result = compare(kept, reference, [crashed])
     assert result.tolerances[0].outcome is ToleranceOutcome.PASSED
     assert not result.within_tolerance
     report = render(result)
@@ -115,34 +115,34 @@ def test_a_crash_fails_unless_it_is_expected(scenario, truth, make_run, limit):
     assert "broke off at 0.500 s" in report
     assert "`fault | 'core'`" in report
     expected = dataclasses.replace(scenario, tolerances=(limit("rms_1.0s", 1e-3, "dies at 0.5 s"),))
-    assert compare(expected, truth, [crashed]).within_tolerance
+    assert compare(expected, reference, [crashed]).within_tolerance
 
 
-def test_the_story_says_where_when_and_why(scenario, truth, make_run, no_friction):
+def test_the_story_says_where_when_and_why(scenario, reference, make_run, no_friction):
     run = make_run(supplies=no_friction)
     moving = run.heavy_position.copy()
     moving[run.t > 0.3, 1] += 0.5 * (run.t[run.t > 0.3] - 0.3)
     drift = np.array([0.0, -1.0]) * (0.02 * run.t[:, None] ** 2)
     bare = dataclasses.replace(run, light_position=run.light_position + drift, heavy_position=moving)
-    story = compare(scenario, truth, [bare]).engines[0].story
+    story = compare(scenario, reference, [bare]).engines[0].story
     first = math.ceil(math.sqrt(1e-3 / 0.02) / 1e-3) * 1e-3
     assert f"Leaves the 1 mm band at {first:.3f} s, while the string slides and the heavy mass falls;" in story
     assert "Likely why: nobody supplies the string's friction on the rod, which this scenario has." in story
     assert "does not halt" in story
     assert "nobody supplies the string's friction on the rod and sticking and slipping" in story
-    full = compare(scenario, truth, [make_run(shift=(2e-3, 0.0))]).engines[0].story
+    full = compare(scenario, reference, [make_run(shift=(2e-3, 0.0))]).engines[0].story
     assert "All the physics of the scenario is there" in full
     assert "Halts on time (seen at rest until the run's end at 1.050 s)." in full
 
 
-def test_a_stretched_string_is_named(scenario, truth, make_run):
+def test_a_stretched_string_is_named(scenario, reference, make_run):
     run = make_run(shift=(2e-3, 0.0))
     run.string_stretch[:] = 1.5e-3
-    assert "stretched by up to 1.5 mm" in compare(scenario, truth, [run]).engines[0].story
+    assert "stretched by up to 1.5 mm" in compare(scenario, reference, [run]).engines[0].story
 
 
-def test_the_report_begins_with_the_verdict(measured_scenario, truth, make_run, table):
-    report = render(compare(measured_scenario, truth, [make_run(shift=(3e-3, 0.0))], table))
+def test_the_report_begins_with_the_verdict(measured_scenario, reference, make_run, table):
+    report = render(compare(measured_scenario, reference, [make_run(shift=(3e-3, 0.0))], table))
     heads = [line for line in report.splitlines() if line.startswith("#")]
     assert heads[:4] == ["# Made up", "## Verdict", "## Where, when and why", "## Figures"]
     assert heads[-1] == "## Words"
@@ -152,21 +152,21 @@ def test_the_report_begins_with_the_verdict(measured_scenario, truth, make_run, 
     assert "| x1 extremum 99 | s | 0.34 | 0.34 (+0) | – | – |" in report
 
 
-def test_without_the_measured_table_the_report_says_how_to_give_it(measured_scenario, scenario, truth, make_run):
-    assert "--data DIR" in render(compare(measured_scenario, truth, [make_run()]))
-    assert "--data DIR" not in render(compare(scenario, truth, [make_run()]))
+def test_without_the_measured_table_the_report_says_how_to_give_it(measured_scenario, scenario, reference, make_run):
+    assert "--data DIR" in render(compare(measured_scenario, reference, [make_run()]))
+    assert "--data DIR" not in render(compare(scenario, reference, [make_run()]))
 
 
-def test_every_table_of_the_report_is_rectangular(measured_scenario, truth, make_run, missing, table, limit):
+def test_every_table_of_the_report_is_rectangular(measured_scenario, reference, make_run, missing, table, limit):
     scenario = dataclasses.replace(measured_scenario, tolerances=(limit("rms_0.7s", 1e-3),))
-    report = render(compare(scenario, truth, [make_run(), make_run(profile="accurate"), missing], table))
+    report = render(compare(scenario, reference, [make_run(), make_run(profile="accurate"), missing], table))
     widths = [line.replace("\\|", "").count("|") if line.startswith("|") else 0 for line in report.splitlines()]
     assert all(a == b for a, b in zip(widths, widths[1:], strict=False) if a and b)
     assert "pymunk:chain (accurate)" in report
 
 
-def test_write_makes_whole_files(tmp_path, measured_scenario, truth, make_run, missing, table):
-    result = compare(measured_scenario, truth, [make_run(shift=(3e-3, 0.0)), missing], table)
+def test_write_makes_whole_files(tmp_path, measured_scenario, reference, make_run, missing, table):
+    result = compare(measured_scenario, reference, [make_run(shift=(3e-3, 0.0)), missing], table)
     report = write(result, tmp_path)
     assert report == tmp_path / "report.md"
     files = sorted(str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file())
@@ -179,7 +179,7 @@ def test_write_makes_whole_files(tmp_path, measured_scenario, truth, make_run, m
         "report.md",
         "result.json",
         "trajectories/pymunk-chain-quick.csv",
-        "trajectories/truth.csv",
+        "trajectories/reference.csv",
     ]
     assert ComparisonResult.from_json((tmp_path / "result.json").read_text()) == result
     assert all(f"({name})" in report.read_text() for name in files if name.startswith("figures"))
@@ -192,8 +192,8 @@ def test_write_makes_whole_files(tmp_path, measured_scenario, truth, make_run, m
     assert lines[700].endswith(",,,"), "unknown tensions and mode are empty cells"
 
 
-def test_a_result_from_json_can_be_reported(tmp_path, scenario, truth, make_run):
-    again = ComparisonResult.from_json(compare(scenario, truth, [make_run()]).to_json())
+def test_a_result_from_json_can_be_reported(tmp_path, scenario, reference, make_run):
+    again = ComparisonResult.from_json(compare(scenario, reference, [make_run()]).to_json())
     assert "without the trajectories" in write(again, tmp_path).read_text()
     assert not (tmp_path / "trajectories").exists()
 
@@ -225,3 +225,18 @@ def test_numbers_for_people():
     assert [number(v) for v in (None, 0.0, 249.26, 0.12345, 1234.5, 3.2e-7)] == ["–", "0", "249", "0.123", "1230", "3.2e-7"]
     assert [signed(v, 1e3) for v in (2e-3, -2e-3, None)] == ["+2", "-2", "–"]
     assert markdown(["a", "b"], [["x|y", "1"]]).splitlines()[-1] == "| x\\|y | 1 |"
+
+
+def test_a_file_of_version_2_is_read_under_todays_names(measured_scenario, reference, make_run, table):
+    """Oracle: the names that version 2 had, put back into today's file by hand."""
+    result = compare(measured_scenario, reference, [make_run()], table)
+    tree = json.loads(result.to_json())
+    tree["schema"]["version"] = 2
+    tree["truth"] = tree.pop("reference")
+    for landmarks in (tree["truth"]["landmarks"], tree["truth"]["sampled"], *(e["landmarks"] for e in tree["engines"])):
+        landmarks["break_aways"] = landmarks.pop("slip_onsets")
+    tree["truth"]["events"] = [["break_away" if name == "slip_onset" else name, time] for name, time in tree["truth"]["events"]]
+    for row in tree["measured"]:
+        row["truth"] = row.pop("reference")
+    assert "slip_onset" not in json.dumps(tree)
+    assert ComparisonResult.from_json(json.dumps(tree)) == ComparisonResult.from_json(result.to_json())

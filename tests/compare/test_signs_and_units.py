@@ -42,8 +42,8 @@ def further(run, share=0.0, turned=0.0):
 
 
 @pytest.mark.parametrize("late", [3e-3, -3e-3, 0.0])
-def test_what_halts_late_has_a_positive_halting_error(scenario, truth, make_run, late):
-    result = compare(scenario, truth, [make_run(delay=late)])
+def test_what_halts_late_has_a_positive_halting_error(scenario, reference, make_run, late):
+    result = compare(scenario, reference, [make_run(delay=late)])
     assert result.engines[0].metrics["halting_time_error"] == pytest.approx(late, abs=HALF_A_SAMPLE)
     heading, shown = cell(result, "halting error")
     assert heading == "halting error [ms]"
@@ -53,9 +53,9 @@ def test_what_halts_late_has_a_positive_halting_error(scenario, truth, make_run,
 
 
 @pytest.mark.parametrize("share", [0.01, -0.01])
-def test_what_drops_further_has_a_positive_drop_error(scenario, truth, make_run, closed_form, share):
+def test_what_drops_further_has_a_positive_drop_error(scenario, reference, make_run, closed_form, share):
     # Oracle: the closed form's drop. Bound: what falls in half a sample while the mass brakes, 40 m/s^2 (0.5 ms)^2 / 2 = 5 um.
-    result = compare(scenario, truth, [further(make_run(), share)])
+    result = compare(scenario, reference, [further(make_run(), share)])
     assert result.engines[0].metrics["drop_error"] == pytest.approx(share * closed_form.drop, abs=1e-5)
     heading, shown = cell(result, "drop error")
     assert heading == "drop error [mm]"
@@ -63,23 +63,23 @@ def test_what_drops_further_has_a_positive_drop_error(scenario, truth, make_run,
 
 
 @pytest.mark.parametrize("rate", [0.1, -0.1])
-def test_what_winds_further_has_a_positive_wrap_angle_error(scenario, truth, make_run, closed_form, rate):
+def test_what_winds_further_has_a_positive_wrap_angle_error(scenario, reference, make_run, closed_form, rate):
     # Bound: the string winds at 6 rad/s, so half a sample is 3 mrad.
-    metrics = compare(scenario, truth, [further(make_run(), turned=rate)]).engines[0].metrics
+    metrics = compare(scenario, reference, [further(make_run(), turned=rate)]).engines[0].metrics
     assert metrics["wrap_angle_error"] == pytest.approx(rate * closed_form.halt, abs=6 * HALF_A_SAMPLE)
 
 
-def test_a_longer_free_string_has_a_positive_free_length_error(scenario, truth, make_run):
+def test_a_longer_free_string_has_a_positive_free_length_error(scenario, reference, make_run):
     run = make_run()
     longer = dataclasses.replace(run, free_length=run.free_length + 2e-3)
-    error = compare(scenario, truth, [longer]).engines[0].metrics["free_length_error"]
+    error = compare(scenario, reference, [longer]).engines[0].metrics["free_length_error"]
     assert error == pytest.approx(2e-3, abs=1e-4)  # the string shortens by 37 mm/s of winding: 0.02 mm in half a sample
 
 
 @pytest.mark.parametrize("metric", METRICS)
 @pytest.mark.parametrize(("factor", "kept"), [(2.0, False), (-2.0, False), (0.5, True), (-0.5, True), (1.0, True)])
-def test_a_limit_holds_for_either_sign(scenario, truth, make_run, limit, metric, factor, kept):
-    engine = compare(scenario, truth, [make_run()]).engines[0]
+def test_a_limit_holds_for_either_sign(scenario, reference, make_run, limit, metric, factor, kept):
+    engine = compare(scenario, reference, [make_run()]).engines[0]
     judged = judge_one(limit(metric, 0.01), dataclasses.replace(engine, metrics=engine.metrics | {metric: 0.01 * factor}))
     if metric in AT_LEAST:  # more is better, and a share or a time is not negative
         kept = factor >= 1
@@ -91,11 +91,11 @@ def test_only_what_is_good_when_large_has_a_least_value():
 
 
 @pytest.mark.parametrize("late", [3e-3, -3e-3])
-def test_an_engine_that_is_early_breaks_its_limit_as_one_that_is_late(scenario, truth, make_run, limit, late):
+def test_an_engine_that_is_early_breaks_its_limit_as_one_that_is_late(scenario, reference, make_run, limit, late):
     strict = dataclasses.replace(scenario, tolerances=(limit("halting_time_error", 2e-3),))
     wide = dataclasses.replace(scenario, tolerances=(limit("halting_time_error", 4e-3),))
-    assert not compare(strict, truth, [make_run(delay=late)]).within_tolerance
-    assert compare(wide, truth, [make_run(delay=late)]).within_tolerance
+    assert not compare(strict, reference, [make_run(delay=late)]).within_tolerance
+    assert compare(wide, reference, [make_run(delay=late)]).within_tolerance
 
 
 @pytest.mark.parametrize(
@@ -108,8 +108,8 @@ def test_an_engine_that_is_early_breaks_its_limit_as_one_that_is_late(scenario, 
         ("tube_fraction", 0.99, "99 %"), ("simulated_time", 1.25, "1.25 s"),
     ],
 )  # fmt: skip
-def test_limits_are_told_in_the_unit_of_the_paper(scenario, truth, make_run, limit, metric, value, shown):
-    judged = judge_one(limit(metric, value), compare(scenario, truth, [make_run()]).engines[0])
+def test_limits_are_told_in_the_unit_of_the_paper(scenario, reference, make_run, limit, metric, value, shown):
+    judged = judge_one(limit(metric, value), compare(scenario, reference, [make_run()]).engines[0])
     told = limit_and_value(dataclasses.replace(judged, value=value / 2))
     assert told[0] == f"{'at least' if metric in AT_LEAST else 'at most'} {shown}"
     number, unit = told[1].split()
@@ -145,9 +145,9 @@ def test_every_column_of_the_exported_samples_is_what_its_heading_says(make_run)
         np.testing.assert_allclose([float(row[name]) for row in rows], values, rtol=1e-8, atol=1e-12, err_msg=name)
 
 
-def test_the_report_tells_the_errors_at_halt_in_their_units(scenario, truth, make_run, closed_form):
+def test_the_report_tells_the_errors_at_halt_in_their_units(scenario, reference, make_run, closed_form):
     run = further(make_run(), 0.01, 0.1)
-    report = render(compare(scenario, truth, [dataclasses.replace(run, free_length=run.free_length + 2e-3)]))
+    report = render(compare(scenario, reference, [dataclasses.replace(run, free_length=run.free_length + 2e-3)]))
     (head,) = [line.split("|") for line in report.splitlines() if line.startswith("| engine | in tube")]
     (row,) = [line.split("|") for line in report.splitlines() if line.startswith("| pymunk:chain, quick | 100 ")]
     cells = dict(zip([h.strip() for h in head[:-4]], row, strict=False))
@@ -159,7 +159,7 @@ def test_the_report_tells_the_errors_at_halt_in_their_units(scenario, truth, mak
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_departure_says_how_far_and_to_which_side(truth, make_run, sign):
+def test_a_departure_says_how_far_and_to_which_side(reference, make_run, sign):
     # Oracle: what was added. The threshold is passed in the sample after 0.1 s; everything else is read off there.
     run = make_run()
     on = (run.t > 0.1 + 1e-9).astype(float)
@@ -172,7 +172,7 @@ def test_a_departure_says_how_far_and_to_which_side(truth, make_run, sign):
         heavy_position=run.heavy_position + np.outer(on, [0.0, sign * 3e-3]),
         string_stretch=-1e-4 * np.arange(len(run.t)) / len(run.t),
     )
-    (found,) = departures(align(off, truth), truth(run.t).events)
+    (found,) = departures(align(off, reference), reference(run.t).events)
     assert (found.threshold, found.after, found.after_time) == (1e-3, "release", 0.0)
     assert found.time == pytest.approx(0.101, abs=1e-9)
     assert found.along == pytest.approx(sign * 2e-3, rel=1e-9)
@@ -182,66 +182,66 @@ def test_a_departure_says_how_far_and_to_which_side(truth, make_run, sign):
     assert growth_rate((found,)) is None
 
 
-def test_a_distance_of_just_the_threshold_is_no_departure(truth, make_run):
-    aligned = align(make_run(shift=(THRESHOLDS[0] * (1 - 1e-9), 0.0)), truth)
+def test_a_distance_of_just_the_threshold_is_no_departure(reference, make_run):
+    aligned = align(make_run(shift=(THRESHOLDS[0] * (1 - 1e-9), 0.0)), reference)
     assert departures(aligned, ()) == ()
-    assert len(departures(align(make_run(shift=(THRESHOLDS[0] * (1 + 1e-9), 0.0)), truth), ())) == 1
+    assert len(departures(align(make_run(shift=(THRESHOLDS[0] * (1 + 1e-9), 0.0)), reference), ())) == 1
 
 
-def test_growth_is_the_rate_of_the_exponential_through_the_first_and_the_last(truth, make_run):
+def test_growth_is_the_rate_of_the_exponential_through_the_first_and_the_last(reference, make_run):
     """Oracle: ln 10 over the time between, whatever lies between."""
     run = make_run()
     size = np.where(run.t < 0.2, 0.0, np.where(run.t < 0.7, 2e-3, 0.02))
     off = dataclasses.replace(run, light_position=run.light_position + np.outer(size, [1.0, 0.0]))
-    found = departures(align(off, truth), ())
+    found = departures(align(off, reference), ())
     assert growth_rate(found) == pytest.approx(np.log(10) / 0.5, rel=3e-3)
     jump = dataclasses.replace(run, light_position=run.light_position + np.outer(run.t >= 0.2, [1.0, 0.0]))
-    assert growth_rate(departures(align(jump, truth), ())) is None, "both at one time: no rate"
+    assert growth_rate(departures(align(jump, reference), ())) is None, "both at one time: no rate"
 
 
-def test_the_rms_at_halt_is_averaged_up_to_the_references_halt(scenario, truth, make_run, closed_form):
+def test_the_rms_at_halt_is_averaged_up_to_the_references_halt(scenario, reference, make_run, closed_form):
     run = make_run()
     drifting = dataclasses.replace(run, light_position=run.light_position + np.outer(0.01 * run.t, [1.0, 0.0]))
     until = run.t[run.t <= closed_form.halt + 1e-4]
-    found = compare(scenario, truth, [drifting]).engines[0].metrics["rms_halt"]
+    found = compare(scenario, reference, [drifting]).engines[0].metrics["rms_halt"]
     assert found == pytest.approx(0.01 * np.sqrt(np.mean(until**2)), rel=4e-3)  # one sample more or less: 1 in 300
 
 
-def test_the_stretch_is_the_largest_of_either_sign(scenario, truth, make_run):
+def test_the_stretch_is_the_largest_of_either_sign(scenario, reference, make_run):
     run = make_run()
     run.string_stretch[:] = np.linspace(-2e-3, 1e-3, len(run.t))
     run.string_stretch[5] = np.nan
-    result = compare(scenario, truth, [run]).engines[0]
+    result = compare(scenario, reference, [run]).engines[0]
     assert result.metrics["string_stretch"] == pytest.approx(2e-3, rel=1e-12)
     assert result.metrics["simulated_time"] == run.t[-1]
 
 
-def test_why_a_tolerance_has_no_value(scenario, truth, make_run, limit):
+def test_why_a_tolerance_has_no_value(scenario, reference, make_run, limit):
     short = dataclasses.replace(scenario, tolerances=(limit("rms_1.0s", 1e-3),))
-    crashed = compare(short, truth, [make_run(until=0.5, status=RunStatus.CRASHED)]).tolerances[0]
+    crashed = compare(short, reference, [make_run(until=0.5, status=RunStatus.CRASHED)]).tolerances[0]
     assert (crashed.outcome, crashed.value) == (ToleranceOutcome.FAILED, None)
     assert crashed.explanation == f"no value: {RunStatus.CRASHED.value}"
-    cut = compare(short, truth, [make_run(until=0.5)]).tolerances[0]
+    cut = compare(short, reference, [make_run(until=0.5)]).tolerances[0]
     assert cut.outcome is ToleranceOutcome.FAILED
-    assert cut.explanation.startswith("no value: the run or the truth does not reach")
+    assert cut.explanation.startswith("no value: the run or the reference does not reach")
     kept = dataclasses.replace(scenario, tolerances=(limit("rms_0.35s", 1e-3),))
-    assert compare(kept, truth, [make_run()]).tolerances[0].explanation == ""
+    assert compare(kept, reference, [make_run()]).tolerances[0].explanation == ""
 
 
 @pytest.mark.parametrize(("watched", "enough"), [(0.060, True), (0.040, False)])
-def test_a_rest_at_the_cut_end_of_a_run_must_last_50_ms(scenario, truth, make_run, closed_form, watched, enough):
+def test_a_rest_at_the_cut_end_of_a_run_must_last_50_ms(scenario, reference, make_run, closed_form, watched, enough):
     # Oracle: the closed form rests from its halt on; a run that is cut 50 ms later has shown it, one cut before may only turn.
-    run = compare(scenario, truth, [make_run(until=closed_form.halt + watched)]).engines[0]
+    run = compare(scenario, reference, [make_run(until=closed_form.halt + watched)]).engines[0]
     assert (run.metrics["halting_time_error"] is not None) is enough
     assert (run.landmarks.halting_time is not None) is enough
     assert (run.not_comparable == "") is enough
 
 
-def test_the_story_says_how_long_after_the_last_event_it_departs(scenario, truth, make_run, closed_form):
-    # Oracle: a step of 2 mm, 100 ms after the truth's halt; the first sample beyond it is up to a millisecond later.
+def test_the_story_says_how_long_after_the_last_event_it_departs(scenario, reference, make_run, closed_form):
+    # Oracle: a step of 2 mm, 100 ms after the reference's halt; the first sample beyond it is up to a millisecond later.
     run = make_run()
     step = np.outer(run.t > closed_form.halt + 0.1, [2e-3, 0.0])
-    story = compare(scenario, truth, [dataclasses.replace(run, light_position=run.light_position + step)]).engines[0].story
+    story = compare(scenario, reference, [dataclasses.replace(run, light_position=run.light_position + step)]).engines[0].story
     assert any(f"while the string sticks to the rod, {late} ms after the halt" in story for late in (100, 101))
 
 

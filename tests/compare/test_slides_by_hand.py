@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare.landmarks import (
-    SampledTruth,
+    SampledReference,
     extrema,
     finite_length,
     first_samples,
+    reference_event_times,
+    reference_landmarks,
     run_landmarks,
-    truth_landmarks,
-    truth_moments,
 )
 from looping_pendulum.compare.slides import (
     RESOLUTION,
@@ -283,7 +283,7 @@ def test_a_string_that_sticks_since_the_release_slips_but_has_not_stopped(slidin
     parameters = closed_form.parameters.replace(kinetic_friction=0.34, static_friction=static)
     found = run_landmarks(sliding(lambda t: 5 * np.maximum(t - 0.2, 0) ** power), parameters)
     assert found.stops == ()
-    assert found.break_aways == (pytest.approx(0.2, abs=1e-6),)
+    assert found.slip_onsets == (pytest.approx(0.2, abs=1e-6),)
     assert found.halting_time is None
     assert found.rebound is None
 
@@ -357,24 +357,24 @@ def events(*pairs):
 
 
 def test_the_references_moments_are_its_events():
-    found = truth_moments(
+    found = reference_event_times(
         events(
-            ("stick", 0.0), ("stop", 0.2), ("stop", 0.4), ("stick", 0.4), ("break_away", 0.5), ("break", 0.7), ("slack", 0.8),
+            ("stick", 0.0), ("stop", 0.2), ("stop", 0.4), ("stick", 0.4), ("slip_onset", 0.5), ("slip_onset", 0.7), ("slack", 0.8),
             ("stick", 0.9), ("halt", 0.9), ("light_reaches_rod", 1.3), ("light_reaches_rod", 1.4),
         )
     )  # fmt: skip
     assert found.stops == (0.2, 0.4, 0.9)
-    assert found.break_aways == (0.5, 0.7)
+    assert found.slip_onsets == (0.5, 0.7)
     assert (found.halting_time, found.light_reaches_rod) == (0.9, 1.3)
-    nothing = truth_moments(())
-    assert (nothing.stops, nothing.break_aways, nothing.halting_time, nothing.light_reaches_rod) == ((), (), None, None)
+    nothing = reference_event_times(())
+    assert (nothing.stops, nothing.slip_onsets, nothing.halting_time, nothing.light_reaches_rod) == ((), (), None, None)
 
 
-def test_each_stop_of_the_reference_has_its_own_height(truth, times):
+def test_each_stop_of_the_reference_has_its_own_height(reference, times):
     def also(t):
-        return dataclasses.replace(truth(t), events=events(("stop", 0.1), ("stop", 0.2), ("halt", HALT)))
+        return dataclasses.replace(reference(t), events=events(("stop", 0.1), ("stop", 0.2), ("halt", HALT)))
 
-    found = truth_landmarks(also, times)
+    found = reference_landmarks(also, times)
     wanted = drop(array(0.1, 0.2, HALT))[0]
     assert [stop.time for stop in found.stops] == [0.1, 0.2, HALT]
     assert [-stop.height_change for stop in found.stops] == pytest.approx(list(wanted), rel=1e-9)
@@ -382,43 +382,43 @@ def test_each_stop_of_the_reference_has_its_own_height(truth, times):
     assert found.halting_confirmed
 
     def never(t):
-        return dataclasses.replace(truth(t), events=events(("stop", 0.1)))
+        return dataclasses.replace(reference(t), events=events(("stop", 0.1)))
 
-    found = truth_landmarks(never, times)
+    found = reference_landmarks(never, times)
     assert [-stop.height_change for stop in found.stops] == pytest.approx([wanted[0]], rel=1e-9)
     assert (found.halting_time, found.drop_at_halt, found.wrap_angle_at_halt, found.free_length_at_halt) == (None,) * 4
     assert not found.halting_confirmed
-    assert truth_landmarks(lambda t: dataclasses.replace(truth(t), events=()), times).stops == ()
+    assert reference_landmarks(lambda t: dataclasses.replace(reference(t), events=()), times).stops == ()
 
 
-def test_beside_a_run_that_reached_the_rod_the_reference_ends_with_as_much_string(truth, closed_form, make_run):
-    reference = SampledTruth(truth, closed_form.parameters)
-    assert reference.run.status is RunStatus.LIGHT_REACHED_ROD
-    assert reference.beside().light_reaches_rod == pytest.approx(1.1)
+def test_beside_a_run_that_reached_the_rod_the_reference_ends_with_as_much_string(reference, closed_form, make_run):
+    sampled = SampledReference(reference, closed_form.parameters)
+    assert sampled.run.status is RunStatus.LIGHT_REACHED_ROD
+    assert sampled.beside().light_reaches_rod == pytest.approx(1.1)
     reached = make_run(until=1.0, status=RunStatus.LIGHT_REACHED_ROD)
-    assert reference.beside(reached).light_reaches_rod == pytest.approx(1.0, abs=1e-9)
-    assert reference.beside(make_run(until=1.0)).light_reaches_rod == pytest.approx(1.1), "one that was cut is seen no further"
+    assert sampled.beside(reached).light_reaches_rod == pytest.approx(1.0, abs=1e-9)
+    assert sampled.beside(make_run(until=1.0)).light_reaches_rod == pytest.approx(1.1), "one that was cut is seen no further"
     longer = dataclasses.replace(reached, free_length=reached.free_length - 1.0)
-    assert reference.beside(longer).light_reaches_rod == pytest.approx(1.1), "the reference never has so little"
+    assert sampled.beside(longer).light_reaches_rod == pytest.approx(1.1), "the reference never has so little"
 
 
-def test_the_reference_can_be_cut_at_any_time(truth, closed_form):
-    reference = SampledTruth(truth, closed_form.parameters)
-    assert reference.until(HALT + 0.052).halting_time == pytest.approx(HALT, abs=1e-6)
-    assert reference.until(HALT + 0.048).halting_time is None
-    assert reference.until(1.05).light_reaches_rod is None, "where it was cut it has not reached the rod"
-    assert reference.until(0.002).halting_times != ()
-    assert reference.until(0.001).halting_times == ()
+def test_the_reference_can_be_cut_at_any_time(reference, closed_form):
+    sampled = SampledReference(reference, closed_form.parameters)
+    assert sampled.until(HALT + 0.052).halting_time == pytest.approx(HALT, abs=1e-6)
+    assert sampled.until(HALT + 0.048).halting_time is None
+    assert sampled.until(1.05).light_reaches_rod is None, "where it was cut it has not reached the rod"
+    assert sampled.until(0.002).halting_times != ()
+    assert sampled.until(0.001).halting_times == ()
 
 
-def test_a_reference_that_does_not_reach_the_rod_runs_to_its_end(truth, closed_form):
+def test_a_reference_that_does_not_reach_the_rod_runs_to_its_end(reference, closed_form):
     def never(t):
-        return dataclasses.replace(truth(t), events=events(("halt", HALT)))
+        return dataclasses.replace(reference(t), events=events(("halt", HALT)))
 
-    reference = SampledTruth(never, closed_form.parameters)
-    assert reference.run.status is RunStatus.FINISHED
-    assert reference.beside().light_reaches_rod is None
-    assert reference.beside().halting_time == pytest.approx(HALT, abs=1e-6)
+    sampled = SampledReference(never, closed_form.parameters)
+    assert sampled.run.status is RunStatus.FINISHED
+    assert sampled.beside().light_reaches_rod is None
+    assert sampled.beside().halting_time == pytest.approx(HALT, abs=1e-6)
 
 
 @pytest.mark.parametrize("constant", [2e-3, 5e-3, 20e-3])

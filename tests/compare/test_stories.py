@@ -54,14 +54,14 @@ def test_a_run_without_samples_has_no_motion(parameters):
 
 
 def test_a_run_within_a_millimetre_stays_there_to_its_end(parameters):
-    assert told(parameters) == "Stays within 1 mm of the truth up to 1.050 s, where the comparison ends."
+    assert told(parameters) == "Stays within 1 mm of the reference up to 1.050 s, where the comparison ends."
 
 
 @pytest.mark.parametrize(
     ("after", "when", "words"),
     [
         ("halt", 0.14, ", 60 ms after the halt"),
-        ("break_away", 0.188, ", 12 ms after the string broke away"),
+        ("slip_onset", 0.188, ", 12 ms after the string began to slide again"),
         ("some_thing", 0.14, ", 60 ms after some thing"),
         ("release", 0.0, ""),
     ],
@@ -198,35 +198,35 @@ def stops(*times):
 @pytest.mark.parametrize(
     ("own", "supplies", "said"),
     [
-        (Landmarks(), {}, "does not halt to within 0.1 mm (the truth's halts at 0.900 s)."),
+        (Landmarks(), {}, "does not halt to within 0.1 mm (the reference's halts at 0.900 s)."),
         (Landmarks(stops=stops(0.4)), {}, "halts at 0.900 s); it stops at 0.400 s and moves on."),
         (
             Landmarks(stops=stops(0.4, 0.5, 0.6, 0.7)),
             {"friction": "nobody", "stick": "nobody"},
-            "does not halt (the truth's halts at 0.900 s); it stops at 0.400 s, 0.500 s and 0.600 s and moves on: "
+            "does not halt (the reference's halts at 0.900 s); it stops at 0.400 s, 0.500 s and 0.600 s and moves on: "
             "nobody supplies the string's friction on the rod and sticking and slipping.",
         ),
         (
             Landmarks(),
             {"stick": "nobody"},
-            "does not halt (the truth's halts at 0.900 s): nobody supplies sticking and slipping.",
+            "does not halt (the reference's halts at 0.900 s): nobody supplies sticking and slipping.",
         ),
-        (Landmarks(), {"winding": "nobody"}, "does not halt to within 0.1 mm (the truth's halts at 0.900 s)."),
+        (Landmarks(), {"winding": "nobody"}, "does not halt to within 0.1 mm (the reference's halts at 0.900 s)."),
     ],
 )
 def test_a_heavy_mass_that_does_not_halt(parameters, own, supplies, said):
     assert told(parameters, own=own, true=HALTS, supplies=supplied(**supplies)).endswith(said)
 
 
-def test_a_run_that_ends_before_the_truth_halts(parameters):
+def test_a_run_that_ends_before_the_reference_halts(parameters):
     reached = told(parameters, own=Landmarks(light_reaches_rod=0.8), true=HALTS, end=0.8)
-    assert reached.endswith("Its light mass reaches the rod at 0.800 s, before the truth's heavy mass halts (0.900 s).")
+    assert reached.endswith("Its light mass reaches the rod at 0.800 s, before the reference's heavy mass halts (0.900 s).")
     assert told(parameters, own=Landmarks(), true=HALTS, end=0.8).endswith("where the comparison ends.")
     assert "does not halt" in told(parameters, own=Landmarks(), true=HALTS, end=0.9)
 
 
-def test_a_halt_that_the_truth_lacks(parameters):
-    assert told(parameters, own=HALTS).endswith("Its heavy mass comes to rest at 0.900 s; the truth's never does.")
+def test_a_halt_that_the_reference_lacks(parameters):
+    assert told(parameters, own=HALTS).endswith("Its heavy mass comes to rest at 0.900 s; the reference's never does.")
 
 
 def test_a_halt_that_is_not_comparable_is_not_told_as_late(parameters):
@@ -261,16 +261,16 @@ def test_a_halt_is_told_once_and_other_events_each():
 
 
 def test_events_of_one_moment_that_are_not_one_are_both_told():
-    assert told_events([("taut", 0.3), ("break_away", 0.3)]) == [("taut", 0.3), ("break_away", 0.3)]
-    assert told_events([("break_away", 0.3), ("stop", 0.3)]) == [("break_away", 0.3)], "one that turns at once"
+    assert told_events([("taut", 0.3), ("slip_onset", 0.3)]) == [("taut", 0.3), ("slip_onset", 0.3)]
+    assert told_events([("slip_onset", 0.3), ("stop", 0.3)]) == [("slip_onset", 0.3)], "one that turns at once"
     assert told_events([(name, 0.1 * k) for k, name in enumerate(EVENT_WORDS)])[0] == ("stop", 0.1)
 
 
-def test_every_mode_of_the_truth_has_words_of_its_own():
+def test_every_mode_of_the_reference_has_words_of_its_own():
     words = {mode_words(int(mode)) for mode in Mode}
     assert len(words) == len(Mode)
     assert mode_words(int(Mode.STICKING)) == "the string sticks to the rod"
-    assert mode_words(UNKNOWN_MODE) == "the truth does not say its mode"
+    assert mode_words(UNKNOWN_MODE) == "the reference does not say its mode"
 
 
 class Reference:

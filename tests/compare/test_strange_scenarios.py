@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections import Counter
 
 import pytest
+from looping_pendulum.engines.reference import Reference
 
 from looping_pendulum.compare import compare
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.reference import Truth
 from looping_pendulum.engines.registry import missing_packages, select
 from tests.compare.test_like_with_like import random_scenario
 
@@ -27,22 +27,22 @@ def told(seed: int) -> str:
     (engine,) = select(["mujoco:capstan"], Profile.QUICK)
     scenario = random_scenario(seed)
     run = engine.simulate(scenario)
-    truth = Truth(scenario)
-    result = compare(scenario, truth, [run])
-    found, reference = result.engines[0], result.truth.sampled
+    reference = Reference(scenario)
+    result = compare(scenario, reference, [run])
+    found, sampled = result.engines[0], result.reference.sampled
     if found.not_comparable:
         assert found.metrics["halting_time_error"] is None
         assert not found.landmarks.halting_confirmed
         return "not comparable"
     aligned = result.samples.aligned[0]
-    known = aligned.heavy_deviation[aligned.t <= min(truth.solution.end_time, aligned.t[-1])]
+    known = aligned.heavy_deviation[aligned.t <= min(reference.solution.end_time, aligned.t[-1])]
     if not len(known) or abs(known).max() > CLOSE:
         return "path off"
     late = found.metrics["halting_time_error"]
-    blurs = (found.landmarks.halting_time_blur, reference.halting_time_blur)
-    if None in (found.landmarks.halting_time, reference.halting_time):
+    blurs = (found.landmarks.halting_time_blur, sampled.halting_time_blur)
+    if None in (found.landmarks.halting_time, sampled.halting_time):
         # Neither has one, or the motion that decides lies at the resolution or in the last sample before the rod.
-        assert found.landmarks.halting_time is reference.halting_time is None or "at the rod" in edge(found, reference), seed
+        assert found.landmarks.halting_time is sampled.halting_time is None or "at the rod" in edge(found, sampled), seed
         return "none"
     if None in blurs:
         return "at the resolution"
@@ -50,10 +50,10 @@ def told(seed: int) -> str:
     return "right"
 
 
-def edge(found, reference) -> str:
+def edge(found, sampled) -> str:
     """Where one side halts and the other does not: only within the last moments before the light mass reaches the rod."""
-    time = found.landmarks.halting_time if reference.halting_time is None else reference.halting_time
-    ends = (found.end_time, reference.light_reaches_rod)
+    time = found.landmarks.halting_time if sampled.halting_time is None else sampled.halting_time
+    ends = (found.end_time, sampled.light_reaches_rod)
     return "at the rod" if None not in ends and min(ends) - time < 0.03 else f"halt at {time}, ends {ends}"
 
 

@@ -17,7 +17,7 @@ from looping_pendulum.compare.result import Extremum, Landmarks, Stop
 
 FOUND = Landmarks(
     stops=(Stop(time=0.4, height_change=-0.3), Stop(time=0.7, height_change=-0.2), Stop(time=0.9, height_change=-0.25)),
-    break_aways=(0.5, 0.75, 0.95),
+    slip_onsets=(0.5, 0.75, 0.95),
     halting_time=0.9,
     drop_at_halt=0.25,
     wrap_angle_at_halt=8.0,
@@ -59,7 +59,7 @@ def test_one_more_than_there_are_is_none(quantity):
 
 def test_a_slip_needs_a_halt_to_be_before():
     assert event_value(dataclasses.replace(FOUND, halting_time=None), "t_C", 1) is None
-    assert event_value(dataclasses.replace(FOUND, break_aways=(0.95,)), "t_C", 1) is None
+    assert event_value(dataclasses.replace(FOUND, slip_onsets=(0.95,)), "t_C", 1) is None
     assert quantity_words("t_C", 1) == "t C"
 
 
@@ -69,7 +69,7 @@ def test_units_of_event_quantities(kind, unit):
 
 
 @pytest.fixture
-def measured(measured_scenario, truth, make_run):
+def measured(measured_scenario, reference, make_run):
     rows = [
         ("halting_time", 0.3512, 0.34, "s"), ("drop_at_halt", 0.25, 0.26, "m"), ("wrap_angle_at_halt", None, 3.9995, "rad"),
         ("time_light_reaches_rod", 1.0955, None, "s"), ("t_B", 0.6, None, "s"),
@@ -77,7 +77,7 @@ def measured(measured_scenario, truth, make_run):
     names = ("quantity", "measured", "paper_numerical", "unit")
     table = SimpleNamespace(rows=[SimpleNamespace(index=1, **dict(zip(names, row, strict=True))) for row in rows])
     runs = [make_run(delay=2e-3), make_run(engine="mujoco", until=0.3)]
-    return compare(measured_scenario, truth, runs, table)
+    return compare(measured_scenario, reference, runs, table)
 
 
 def cells(text, first):
@@ -103,14 +103,14 @@ def test_the_rms_of_the_times_is_over_what_a_column_has(measured, closed_form):
     # Oracle: the root of the mean square of the differences from the measured times.
     shown = cells(render(measured), "RMS difference of the times")
     assert shown[3] == f"{1e3 * (0.3512 - 0.34):.1f} (1 of 3)"
-    off = (measured.measured[0].truth - 0.3512, 1.1 - 1.0955)
+    off = (measured.measured[0].reference - 0.3512, 1.1 - 1.0955)
     assert shown[4] == f"{1e3 * math.sqrt((off[0] ** 2 + off[1] ** 2) / 2):.1f} (2 of 3)"
     assert shown[6] == "–"
 
 
-def test_moments_are_told_as_later_or_earlier_than_the_truth(scenario, truth, make_run):
-    result = compare(scenario, truth, [make_run(delay=2e-3)])
-    engine, true = result.engines[0].landmarks, result.truth.sampled
+def test_moments_are_told_as_later_or_earlier_than_the_reference(scenario, reference, make_run):
+    result = compare(scenario, reference, [make_run(delay=2e-3)])
+    engine, true = result.engines[0].landmarks, result.reference.sampled
     row = cells(moments(result), "stop")
     assert float(row[1]) == pytest.approx(true.stops[0].time, abs=1e-3)
     assert row[2].startswith("+")
@@ -120,11 +120,11 @@ def test_moments_are_told_as_later_or_earlier_than_the_truth(scenario, truth, ma
     assert "2e-" not in moments(result)
 
 
-def test_a_moment_that_the_truth_lacks_is_told_as_a_time(scenario, truth, make_run, closed_form):
+def test_a_moment_that_the_reference_lacks_is_told_as_a_time(scenario, reference, make_run, closed_form):
     run = make_run()
     bounce = np.where(run.t > 0.6, 5e-3 * np.sin(20 * (run.t - 0.6)), 0.0)
     moved = run.heavy_position + np.column_stack([np.zeros_like(bounce), bounce])
-    result = compare(scenario, truth, [dataclasses.replace(run, heavy_position=moved)])
+    result = compare(scenario, reference, [dataclasses.replace(run, heavy_position=moved)])
     rows = [line for line in moments(result).splitlines() if line.startswith("| stop")]
     assert len(rows) == len(result.engines[0].landmarks.stops) > 1
     times = [s.time for s in result.engines[0].landmarks.stops]
@@ -132,8 +132,8 @@ def test_a_moment_that_the_truth_lacks_is_told_as_a_time(scenario, truth, make_r
     assert rows[1].split("|")[3].strip() == f"at {times[1]:.4f} s"
 
 
-def test_the_report_says_when_it_halts_at_every_resolution(scenario, truth, make_run):
-    result = compare(scenario, truth, [make_run(delay=2e-3)])
+def test_the_report_says_when_it_halts_at_every_resolution(scenario, reference, make_run):
+    result = compare(scenario, reference, [make_run(delay=2e-3)])
     row = cells(render_report(result).split("## When does it halt?")[1].split("\n## ")[0], "pymunk:chain, quick")
     known = [each.time for each in result.engines[0].landmarks.halting_times]
     assert [float(cell) for cell in row[1 : 1 + len(known)]] == [pytest.approx(time, abs=6e-5) for time in known]

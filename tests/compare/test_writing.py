@@ -63,13 +63,13 @@ def hostile_run(make_run, name):
 
 @pytest.mark.usefixtures("quick_figures")
 @pytest.mark.parametrize("name", HOSTILE)
-def test_no_name_or_message_of_an_engine_costs_the_report_of_compare(tmp_path, scenario, truth, make_run, name):
-    check_compare(scenario, truth, name, [hostile_run(make_run, name)], tmp_path)
+def test_no_name_or_message_of_an_engine_costs_the_report_of_compare(tmp_path, scenario, reference, make_run, name):
+    check_compare(scenario, reference, name, [hostile_run(make_run, name)], tmp_path)
 
 
-def check_compare(scenario, truth, name, runs, folder):
+def check_compare(scenario, reference, name, runs, folder):
     named = dataclasses.replace(scenario, name=name, title=name, description=name)
-    result = compare(named, truth, runs)
+    result = compare(named, reference, runs)
     write(result, folder)
     back = ComparisonResult.from_json((folder / "result.json").read_text())
     assert (back == result) == name.isascii()
@@ -80,19 +80,19 @@ def check_compare(scenario, truth, name, runs, folder):
     assert (folder / "report.html").exists()
 
 
-def test_all_these_names_in_one_report_of_compare(tmp_path, scenario, truth, make_run):
+def test_all_these_names_in_one_report_of_compare(tmp_path, scenario, reference, make_run):
     """With the figures as they are: names in titles and legends, each of several lines."""
     short = [name for name in HOSTILE if len(name) < LONGEST_LABEL]
     assert len(" ".join(short)) > LONGEST_LABEL - 5  # a title shows all of them, or nearly
-    check_compare(scenario, truth, " ".join(short), [hostile_run(make_run, name) for name in HOSTILE], tmp_path)
+    check_compare(scenario, reference, " ".join(short), [hostile_run(make_run, name) for name in HOSTILE], tmp_path)
 
 
 @pytest.mark.usefixtures("quick_figures")
-def test_names_that_look_alike_have_files_of_their_own(tmp_path, scenario, truth, make_run):
+def test_names_that_look_alike_have_files_of_their_own(tmp_path, scenario, reference, make_run):
     """`a/b` beside `a-b`: the second figure, and the second trajectory, was written over the first."""
     runs = [make_run(engine="toy", variant=name, shift=(1e-3 * i, 0.0)) for i, name in enumerate(("a/b", "a-b", "A-b"))]
-    write(compare(scenario, truth, runs), tmp_path)
-    assert len({path.read_text() for path in (tmp_path / "trajectories").iterdir()}) == 4  # and the truth
+    write(compare(scenario, reference, runs), tmp_path)
+    assert len({path.read_text() for path in (tmp_path / "trajectories").iterdir()}) == 4  # and the reference
     one, other = (made_up.identification(name) for name in ("a/b", "a-b"))
     both = dataclasses.replace(one, pictures=one.pictures + other.pictures, errors=one.errors + other.errors)
     assert sum("trial" in name for name in identify_plots.draw(both)) == 2
@@ -108,7 +108,7 @@ def test_file_names_are_short_distinct_and_as_they_were():
 
 
 @pytest.mark.usefixtures("quick_figures")
-def test_a_figure_that_cannot_be_made_is_a_warning_and_the_rest_is_there(tmp_path, monkeypatch, scenario, truth, make_run):
+def test_a_figure_that_cannot_be_made_is_a_warning_and_the_rest_is_there(tmp_path, monkeypatch, scenario, reference, make_run):
     def fail(*_):
         raise ValueError("no such font")
 
@@ -118,7 +118,7 @@ def test_a_figure_that_cannot_be_made_is_a_warning_and_the_rest_is_there(tmp_pat
         pytest.warns(LeftOutWarning, match="drop.png is left out: ValueError: no such font"),
         pytest.warns(match="report.html"),
     ):
-        report = write(compare(scenario, truth, [make_run()]), tmp_path / "compare")
+        report = write(compare(scenario, reference, [make_run()]), tmp_path / "compare")
     assert "path.png" in report.read_text()
     assert "drop.png" not in report.read_text()
     monkeypatch.setattr(identify_plots, "trial_figure", fail)
@@ -208,10 +208,10 @@ def test_commands_notice_before_the_work_that_they_cannot_write(tmp_path, monkey
 
 
 @pytest.mark.usefixtures("quick_figures")
-def test_an_interrupted_comparison_goes_beside_a_complete_one(tmp_path, monkeypatch, scenario, truth, make_run):
+def test_an_interrupted_comparison_goes_beside_a_complete_one(tmp_path, monkeypatch, scenario, reference, make_run):
     """Ctrl-C while `compare` ran again left the interrupted report in place of the complete one."""
-    whole = compare(scenario, truth, [make_run()])
-    cut = compare(scenario, truth, [make_run(until=0.2, status=RunStatus.INTERRUPTED)])
+    whole = compare(scenario, reference, [make_run()])
+    cut = compare(scenario, reference, [make_run(until=0.2, status=RunStatus.INTERRUPTED)])
     for result, status in ((cut, 130), (whole, 0), (cut, 130), (cut, 130), (whole, 0)):
         monkeypatch.setattr(cli, "load_scenario", lambda _: scenario)
         monkeypatch.setattr(cli, "run_and_compare", lambda *_, result=result, **__: result)

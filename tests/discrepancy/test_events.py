@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
-from looping_pendulum.compare.landmarks import truth_landmarks
+from looping_pendulum.compare.landmarks import reference_landmarks
 from looping_pendulum.discrepancy.data.measurement import Camera
 from looping_pendulum.discrepancy.data.observations import DataError, EventObservation
 from looping_pendulum.discrepancy.data.study_io import load
@@ -22,7 +22,7 @@ from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.result import Verdict
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.measured import find_data
@@ -63,9 +63,9 @@ def test_a_turn_that_falls_on_a_sample_is_one_turn(turn):
     assert found.value == pytest.approx(0.0, abs=1e-12)
 
 
-def test_every_quantity_is_what_compare_says_of_the_truth(scenario):
+def test_every_quantity_is_what_compare_says_of_the_reference(scenario):
     grid = np.arange(1301) * 1e-3
-    true = truth_landmarks(Truth(scenario), grid)
+    true = reference_landmarks(Reference(scenario), grid)
     samples = prediction.run_for_events(scenario.parameters)
     for quantity in EVENT_QUANTITIES:
         (found,) = prediction.predict_events(samples, Camera(), [row(quantity)])

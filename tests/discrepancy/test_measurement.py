@@ -29,16 +29,16 @@ def run():
 
 def test_a_perfect_camera_sees_the_run(run):
     t = np.arange(0, 1.0, FRAME)
-    truth = run.sample(t)
+    reference = run.sample(t)
     light, heavy = (
-        channels(t, 0 * truth.light_position),
-        channels(t[::2], 0 * truth.heavy_position[::2], ("heavy_x", "heavy_y")),
+        channels(t, 0 * reference.light_position),
+        channels(t[::2], 0 * reference.heavy_position[::2], ("heavy_x", "heavy_y")),
     )
     seen = predict(sampler(TEN_TO_ONE), Camera(), [*light, *heavy])
     # Two integrations to 1e-12 of the same run.
-    assert seen.values["light_x"] == pytest.approx(truth.light_position[:, 0], abs=1e-9)
-    assert seen.values["light_y"] == pytest.approx(truth.light_position[:, 1], abs=1e-9)
-    assert seen.values["heavy_y"] == pytest.approx(truth.heavy_position[::2, 1], abs=1e-9)
+    assert seen.values["light_x"] == pytest.approx(reference.light_position[:, 0], abs=1e-9)
+    assert seen.values["light_y"] == pytest.approx(reference.light_position[:, 1], abs=1e-9)
+    assert seen.values["heavy_y"] == pytest.approx(reference.heavy_position[::2, 1], abs=1e-9)
     assert set(seen.after_end.values()) == {0}
 
 
@@ -64,8 +64,8 @@ def test_unseen_undoes_seen():
 def test_an_odd_camera_sees_the_odd_picture_of_the_true_times(run):
     t = np.arange(0, 1.0, FRAME)
     seen = predict(sampler(TEN_TO_ONE), ODD, channels(t, np.zeros((len(t), 2))))
-    truth = run.sample(0.004 + 0.98 * t).light_position
-    assert np.stack([seen.values["light_x"], seen.values["light_y"]], axis=1) == pytest.approx(ODD.seen(truth), abs=1e-9)
+    reference = run.sample(0.004 + 0.98 * t).light_position
+    assert np.stack([seen.values["light_x"], seen.values["light_y"]], axis=1) == pytest.approx(ODD.seen(reference), abs=1e-9)
 
 
 def test_before_the_release_and_after_the_end(run):

@@ -16,7 +16,7 @@ from looping_pendulum.discrepancy.data import study_io
 from looping_pendulum.discrepancy.data.observations import DataError
 from looping_pendulum.discrepancy.data.study import Estimate, read_trial
 from looping_pendulum.discrepancy.fit.other_units import refuse_other_units
-from looping_pendulum.discrepancy.fit.problem import Problem, numbers_of
+from looping_pendulum.discrepancy.fit.problem import Problem, free_parameters_of
 from looping_pendulum.discrepancy.fit.residual import data_of
 from looping_pendulum.discrepancy.identify import OutOfTimeError, identify
 from looping_pendulum.teaching.example_folder import place
@@ -45,7 +45,7 @@ def problem(study, observed, which, lengths=1.0, times=1.0, shift=0.0, tilt=0.0,
         channels.append(dataclasses.replace(c, t=c.t * times, value=lengths * turned + shift))
     trial = dataclasses.replace(trial, camera=camera or {})
     seen = dataclasses.replace(seen, channels=tuple(channels))
-    return Problem(study, [data_of(trial, seen)], numbers_of(study, [(trial, seen)]))
+    return Problem(study, [data_of(trial, seen)], free_parameters_of(study, [(trial, seen)]))
 
 
 @pytest.mark.parametrize("which", [0, 1])

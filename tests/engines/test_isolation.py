@@ -17,7 +17,7 @@ from looping_pendulum.engines import isolation, memory
 from looping_pendulum.engines.isolation import run_all, run_isolated
 from looping_pendulum.engines.memory import held_memory, parse_memory
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.reference import ReferenceEngine, Truth
+from looping_pendulum.engines.reference import Reference, ReferenceEngine
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.solve import available_integrators
@@ -92,8 +92,8 @@ def finite(run):
 def test_every_fault_at_once_leaves_the_others_results(at_once, tmp_path):
     runs = list(at_once.values())
     alone = [run_isolated(engine, SCENARIO) for engine in GOOD]
-    result = compare(SCENARIO, Truth(SCENARIO), runs)
-    by_themselves = compare(SCENARIO, Truth(SCENARIO), alone)
+    result = compare(SCENARIO, Reference(SCENARIO), runs)
+    by_themselves = compare(SCENARIO, Reference(SCENARIO), alone)
     for beside, lone in ((0, 0), (-1, 1)):  # every bit: the same code on the same processor, each in a process of its own
         assert runs[beside].light_position.tobytes() == alone[lone].light_position.tobytes()
         assert result.engines[beside] == by_themselves.engines[lone]

@@ -12,7 +12,7 @@ import pytest
 from looping_pendulum.compare import compare, write
 from looping_pendulum.engines.isolation import run_all
 from looping_pendulum.engines.job import FileRecorder
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.returned import checked
 from looping_pendulum.engines.trajectory import Provenance, RunStatus, TrajectoryEvent
 from looping_pendulum.errors import EngineError
@@ -37,7 +37,7 @@ def spoiled(run, what):
         "complex": {"light_position": run.light_position.astype(complex)},
         "text": {"light_position": run.light_position.astype(str)},
         "objects": {"light_velocity": np.full((N, 2), None)},
-        "truth values": {"free_length": np.ones(N, dtype=bool)},
+        "reference values": {"free_length": np.ones(N, dtype=bool)},
         "flat": {"light_position": run.light_position.ravel()},
         "transposed": {"heavy_position": run.heavy_position.T},
         "three columns": {"heavy_velocity": np.zeros((N, 3))},
@@ -72,7 +72,7 @@ def spoiled(run, what):
 
 
 SPOILED = (
-    "complex", "text", "objects", "truth values", "flat", "transposed", "three columns", "one short", "a number", "ragged",
+    "complex", "text", "objects", "reference values", "flat", "transposed", "three columns", "one short", "a number", "ragged",
     "tension of another length", "times in a table", "times that fall", "times that stay", "times without number",
     "times before release", "milliseconds", "unknown mode", "mode between", "mode that wraps", "modes by name",
     "event as a pair", "event at no time", "event without a list", "status as text", "another's name", "no provenance",
@@ -105,7 +105,7 @@ def test_a_wrong_return_is_a_gap_and_the_others_results_stay(tmp_path):
     assert "complex128" in runs[0].message
     assert "(50, 2)" in runs[1].message
     assert "found 77" in runs[2].message
-    report = write(compare(SCENARIO, Truth(SCENARIO), runs), tmp_path).read_text()
+    report = write(compare(SCENARIO, Reference(SCENARIO), runs), tmp_path).read_text()
     assert all(engine.variant in report for engine in bad)
 
 

@@ -29,7 +29,7 @@ def test_a_gap_says_which_release_is_missing():
     assert cells["drop"] == "no: release 'drop'"
     assert cells["kind"] == "main"
     assert header[2:] == loader.shipped()
-    assert dict(zip(header, rows[0], strict=True))["kind"] == "truth"
+    assert dict(zip(header, rows[0], strict=True))["kind"] == "reference"
 
 
 def test_effects_say_whom_they_do_not_reach():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Profile
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.tension import WINDOW, tension_from_motion
 from looping_pendulum.reference_ode.parameters import Release
@@ -38,12 +38,12 @@ def test_the_references_own_motion_gives_its_tensions_but_where_they_jump(name):
     """Oracle: the reference's exact tensions; wind and drags act, too."""
     scenario = shortened(name, 0.6, wind_speed=0.5, light_linear_drag=0.002)
     t = np.arange(601) * SAMPLE_INTERVAL
-    truth = Truth(scenario)(t)
-    events = np.array([0.0, *(event.time for event in truth.events), t[-1]])
+    reference = Reference(scenario)(t)
+    events = np.array([0.0, *(event.time for event in reference.events), t[-1]])
     smooth = np.min(np.abs(t[:, None] - events), axis=1) > HALF
     assert np.sum(smooth) > 400
-    pulls = tension_from_motion(truth, scenario.parameters)
-    for found, exact in zip(pulls, (truth.light_tension, truth.heavy_tension), strict=True):
+    pulls = tension_from_motion(reference, scenario.parameters)
+    for found, exact in zip(pulls, (reference.light_tension, reference.heavy_tension), strict=True):
         assert np.max(np.abs(found - exact)[smooth] / np.max(exact)) < 2e-3
 
 
@@ -66,10 +66,10 @@ def test_a_rod_without_friction_has_one_tension():
 def test_what_the_motion_cannot_tell_is_none():
     held = load("held")
     assert held.parameters.release is Release.HELD
-    run = Truth(held)(np.arange(301) * SAMPLE_INTERVAL)
+    run = Reference(held)(np.arange(301) * SAMPLE_INTERVAL)
     light, heavy = tension_from_motion(run, held.parameters)
     assert light is not None
     assert heavy is None
     drop = load("drop")
-    assert tension_from_motion(Truth(drop)(np.arange(301) * SAMPLE_INTERVAL), drop.parameters) == (None, None)
-    assert tension_from_motion(Truth(held)(np.zeros(1)), held.parameters) == (None, None)
+    assert tension_from_motion(Reference(drop)(np.arange(301) * SAMPLE_INTERVAL), drop.parameters) == (None, None)
+    assert tension_from_motion(Reference(held)(np.zeros(1)), held.parameters) == (None, None)

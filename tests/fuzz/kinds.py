@@ -292,7 +292,7 @@ def _result() -> ComparisonResult:
     scenario = _scenario()
     run = ENGINE.simulate(scenario)
 
-    def truth(t: np.ndarray) -> Trajectory:
+    def reference(t: np.ndarray) -> Trajectory:
         rows = np.searchsorted(run.t, t[t <= run.t[-1] + 1e-9] - 1e-9)
         names = (
             "t",
@@ -306,7 +306,7 @@ def _result() -> ComparisonResult:
         )
         return replace(run, **{name: getattr(run, name)[rows] for name in (*names, "string_stretch")})
 
-    return replace(compare(scenario, truth, [run]), run_keys=("key",))  # type: ignore[arg-type]
+    return replace(compare(scenario, reference, [run]), run_keys=("key",))  # type: ignore[arg-type]
 
 
 def _run_file_seeds() -> list[bytes]:
@@ -316,9 +316,9 @@ def _run_file_seeds() -> list[bytes]:
     folder = Path("stored")
     (folder / "trajectories").mkdir(parents=True, exist_ok=True)
     (folder / "result.json").write_text(result.to_json(), encoding="utf-8")
-    truth = trajectory_csv(result.samples.truth)
-    (folder / "trajectories" / "truth.csv").write_text(truth, encoding="utf-8")
-    return [truth.encode()]
+    reference = trajectory_csv(result.samples.reference)
+    (folder / "trajectories" / "reference.csv").write_text(reference, encoding="utf-8")
+    return [reference.encode()]
 
 
 def run_run_file(data: bytes) -> None:

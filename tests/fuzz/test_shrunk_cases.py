@@ -129,8 +129,8 @@ SHAPES = [
     (("engines", 0, "landmarks", "stops"), [[]], "engines[0].landmarks.stops[0]: found a list, needed an object"),
     (("engines", 0, "ok"), "yes", "engines[0].ok: found 'yes', needed true or false"),
     (("engines", 0, "samples"), True, "engines[0].samples: found 'True', needed a whole number"),
-    (("truth", "events"), [["release"]], "truth.events[0]: found 1 values, needed 2"),
-    (("truth", "end_time"), "1", "truth.end_time: found '1', needed a number"),
+    (("reference", "events"), [["release"]], "reference.events[0]: found 1 values, needed 2"),
+    (("reference", "end_time"), "1", "reference.end_time: found '1', needed a number"),
     (("clock",), None, "clock: found 'None', needed an object"),
 ]
 

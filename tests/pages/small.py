@@ -1,4 +1,4 @@
-"""A cheap comparison that pages are made of: the truth, two engines, one that breaks off and one that is missing."""
+"""A cheap comparison that pages are made of: the reference, two engines, one that breaks off and one that is missing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from looping_pendulum.compare import ComparisonResult, compare
 from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Engine, Profile
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.scenarios import load
@@ -38,7 +38,7 @@ def runs() -> tuple[Trajectory, ...]:
 
 
 def compared(scenario: Scenario) -> ComparisonResult:
-    result = compare(scenario, Truth(scenario), runs())
+    result = compare(scenario, Reference(scenario), runs())
     return dataclasses.replace(result, run_keys=tuple(run_key(engine, scenario) for engine in engines()))
 
 

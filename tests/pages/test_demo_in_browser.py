@@ -65,7 +65,10 @@ def test_it_loads_without_complaint_or_request(opened):
 
 def test_masses_are_where_the_runs_have_them(opened):
     samples = small_result().samples
-    tracks = [("truth", samples.truth), *((f"run{i}", a.run) for i, a in enumerate(samples.aligned, start=1) if len(a.t) > 1)]
+    tracks = [
+        ("reference", samples.reference),
+        *((f"run{i}", a.run) for i, a in enumerate(samples.aligned, start=1) if len(a.t) > 1),
+    ]
     assert len(tracks) == 4
     for name, run in tracks:
         for i in range(0, len(run.t), 200):
@@ -78,10 +81,10 @@ def test_masses_are_where_the_runs_have_them(opened):
 def test_play_moves_the_masses_and_stops_at_the_end(opened):
     page = opened.page
     page.click("[data-slow='1']")
-    before, picture = page.evaluate("demo.place('truth')"), page.evaluate(COUNT, "#000000")
+    before, picture = page.evaluate("demo.place('reference')"), page.evaluate(COUNT, "#000000")
     page.click("#play")
     until(page, "demo.time > 0.2")
-    assert page.evaluate("demo.place('truth')")["x"] - before["x"] > 0.01
+    assert page.evaluate("demo.place('reference')")["x"] - before["x"] > 0.01
     assert page.evaluate(COUNT, "#000000") != picture
     until(page, "!demo.playing")
     assert page.evaluate("demo.time") == small_result().duration
@@ -107,8 +110,8 @@ def test_the_slider_sets_the_time_and_all_that_follows_it(opened):
     frame(page)
     assert page.evaluate("demo.time") == 0.5
     assert page.inner_text("#clock") == "0.500 s"
-    truth = small_result().samples.truth
-    assert page.inner_text("#now tbody tr:first-child td:nth-child(2)") == f"{1e3 * truth.heavy_drop[500]:.1f}"
+    reference = small_result().samples.reference
+    assert page.inner_text("#now tbody tr:first-child td:nth-child(2)") == f"{1e3 * reference.heavy_drop[500]:.1f}"
     assert "sticks" in page.inner_text("#doing")
     cursors = page.eval_on_selector_all(".panel .cursor", "(lines) => lines.map((l) => Number(l.getAttribute('x1')))")
     assert len(cursors) == 5
@@ -175,7 +178,7 @@ def test_a_switched_off_engine_disappears(opened):
 
 def test_marks_are_where_the_result_has_them(opened):
     page, result = opened.page, small_result()
-    halts = {"truth": result.truth.landmarks.halting_time}
+    halts = {"reference": result.reference.landmarks.halting_time}
     halts |= {f"run{i}": e.landmarks.halting_time for i, e in enumerate(result.engines, start=1)}
     assert sum(halt is not None for halt in halts.values()) == 2
     slider = page.locator("#time").bounding_box()
@@ -191,17 +194,17 @@ def test_marks_are_where_the_result_has_them(opened):
         marks.click()
         assert page.evaluate("demo.time") == halt
     kinds = page.eval_on_selector_all(
-        "#timeline g[data-run=truth] g.mark", "(marks) => marks.map((m) => [m.dataset.kind, Number(m.dataset.time)])"
+        "#timeline g[data-run=reference] g.mark", "(marks) => marks.map((m) => [m.dataset.kind, Number(m.dataset.time)])"
     )
-    told = dict(result.truth.events)
-    expected = [["stop", result.truth.landmarks.stops[0].time], ["stick", result.truth.landmarks.stops[1].time]]
-    assert kinds == [*expected, ["slip", told["break_away"]], ["halt", told["halt"]]]
+    told = dict(result.reference.events)
+    expected = [["stop", result.reference.landmarks.stops[0].time], ["stick", result.reference.landmarks.stops[1].time]]
+    assert kinds == [*expected, ["slip", told["slip_onset"]], ["halt", told["halt"]]]
 
 
 def test_gaps_say_why(opened):
     page = opened.page
     rows = page.locator("#runs .run").all()
-    assert [row.locator(".name").inner_text() for row in rows] == ["truth", *LABELS]
+    assert [row.locator(".name").inner_text() for row in rows] == ["reference", *LABELS]
     assert rows[4].locator("input").is_disabled()
     assert RunStatus.MISSING.value in rows[4].inner_text()
     assert RunStatus.STRING_DRIFT.value in rows[3].inner_text()
@@ -221,7 +224,7 @@ def test_dark_and_light(visit):
     page = visit(demo.render(small_result()), color_scheme="dark").page
     ground = "getComputedStyle(document.body).backgroundColor"
     dark, black = page.evaluate(ground), page.evaluate(COUNT, "#ffffff")
-    assert black > 0  # the truth is white there
+    assert black > 0  # the reference is white there
     page.click("#theme")
     assert page.evaluate(ground) != dark
     assert page.inner_text("#theme") == "Dark"

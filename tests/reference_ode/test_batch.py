@@ -38,7 +38,7 @@ TIMES_AND_PLACES = (
     "free_length",
     "end_time",
 )
-COUNTS = ("stops", "reslips", "slack_intervals", "end", "sequence")
+COUNTS = ("stops", "slip_count", "slack_intervals", "end", "sequence")
 
 
 def random_columns(n, seed, pushed=False):
@@ -90,7 +90,7 @@ def test_a_batch_equals_single_runs(release, pushed):
     found = solve_batch(base, columns)
     assert_equal(found, one_by_one(base, columns), bound=1e-9)
     if release is Release.LOOPING:
-        assert found.reslips.sum() > 50
+        assert found.slip_count.sum() > 50
         assert {ENDS[end] for end in found.end} >= {ENDS[0], ENDS[2], ENDS[3]}
     if pushed:
         assert found.slack_intervals.sum() > 30

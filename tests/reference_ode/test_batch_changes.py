@@ -17,7 +17,7 @@ from looping_pendulum.reference_ode.batch import compiled, roots, schedule, shar
 from looping_pendulum.reference_ode.batch.block import NOTES, Block  # noqa: E402
 from looping_pendulum.reference_ode.batch.changes import BatchTransitions  # noqa: E402
 from looping_pendulum.reference_ode.batch.compiled import LEADING, SIGNS, STATE, model_of  # noqa: E402
-from looping_pendulum.reference_ode.batch.numbers import member, numbers_of, possible  # noqa: E402
+from looping_pendulum.reference_ode.batch.numbers import free_parameters_of, member, possible  # noqa: E402
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult  # noqa: E402
 from looping_pendulum.reference_ode.batch.steps import stepper  # noqa: E402
 from looping_pendulum.reference_ode.driver import START, TINY, Driver  # noqa: E402
@@ -49,7 +49,7 @@ def apparatus(release: Release) -> list[Parameters]:
 
 def block_of(all_parameters: list[Parameters]) -> tuple[Block, BatchTransitions]:
     """Runs side by side, as `Schedule._release` puts them there."""
-    numbers = [numbers_of(p, {}) for p in all_parameters]
+    numbers = [free_parameters_of(p, {}) for p in all_parameters]
     model = model_of(all_parameters[0].effects, numbers[0])
     block = Block(np.zeros((len(NOTES) + len(LEADING) + len(model.names), len(numbers))))
     for row, name in enumerate(model.names, start=len(LEADING)):
@@ -183,7 +183,7 @@ def test_a_step_is_as_long_as_its_last_terms_allow():
     block["retreat_speed"] = -rng.uniform(0.1, 1, 16)
     block["heavy_speed"] = block["retreat_speed"]
     block["mode"], block["duration"], block["phase"] = float(Mode.SLIDING_DOWN), 5.0, 1.0
-    model = model_of(every[0].effects, numbers_of(every[0], {}))
+    model = model_of(every[0].effects, free_parameters_of(every[0], {}))
     step = stepper(model, Mode.SLIDING_DOWN, TOLERANCE)
     terms = step._expand(block.numbers).reshape(-1, step.order + 1, 16)
     moving, watched = terms[: len(step.rows) - 1], terms[len(step.rows) :]
@@ -237,7 +237,7 @@ def test_a_warning_of_a_hand_over_points_at_who_asked(monkeypatch, call):
 
 
 def test_what_is_compiled_is_compiled_once():
-    model = model_of(BASE.effects, numbers_of(BASE, {}))
+    model = model_of(BASE.effects, free_parameters_of(BASE, {}))
     for make in (
         lambda: compiled.drop(model),
         lambda: compiled.light_tension(model, Mode.SLIDING_DOWN),
@@ -284,7 +284,7 @@ def test_a_batch_refuses_what_a_single_run_refuses(name, follows):
     assert True in expected
     assert False in expected
     with np.errstate(all="ignore"):  # as `Schedule.run` does
-        assert possible(numbers_of(base, {name: values}), len(values)).tolist() == expected
+        assert possible(free_parameters_of(base, {name: values}), len(values)).tolist() == expected
 
 
 @pytest.mark.parametrize("release", list(Release))
@@ -292,7 +292,7 @@ def test_the_numbers_of_a_run_in_a_batch_are_those_of_a_single_one(release):
     columns = {name: values[:8] for name, values in random_columns(8, seed=4, pushed=True).items()}
     columns["heavy_swing"] = np.linspace(0, 0.3, 8)
     base = BASE.replace(release=release)
-    numbers = numbers_of(base, columns)
+    numbers = free_parameters_of(base, columns)
     for i in range(8):
         single = vars(member(base, columns, i).values())
         for name in set(single) - {"release", "string_loss_time"}:

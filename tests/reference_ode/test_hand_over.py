@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.reference import ReferenceEngine, Truth
+from looping_pendulum.engines.reference import Reference, ReferenceEngine
 from looping_pendulum.errors import HandedOverWarning, IntegratorGaveUpError
 from looping_pendulum.reference_ode import heyoka_backend
 from looping_pendulum.reference_ode.batch import schedule, solve_batch
@@ -80,11 +80,11 @@ def test_a_batch_counts_what_was_handed_over(short_of_steps):
         assert result.free_length[i] == alone.end.state.free_length
 
 
-def test_an_engines_run_and_the_truth_say_what_solved_them(short_of_steps):
+def test_an_engines_run_and_the_reference_say_what_solved_them(short_of_steps):
     with pytest.warns(HandedOverWarning):
         run = ReferenceEngine("heyoka", Profile.QUICK).simulate(SCENARIO)
     with pytest.warns(HandedOverWarning):
-        true = Truth(SCENARIO)(run.t)
+        true = Reference(SCENARIO)(run.t)
     for one in (run, true):
         assert one.status.ok
         assert one.provenance.settings["integrator"] == "scipy"

@@ -359,7 +359,7 @@ def test_what_rolls_stops_altogether():
 
 
 def test_a_string_breaks_away_from_a_rolling_rod_with_its_speed():
-    for event, mode, slide in ((Event.BREAKS_DOWN, Mode.SLIDING_DOWN, -1.0), (Event.BREAKS_UP, Mode.SLIDING_UP, 1.0)):
+    for event, mode, slide in ((Event.SLIP_ONSET_DOWN, Mode.SLIDING_DOWN, -1.0), (Event.SLIP_ONSET_UP, Mode.SLIDING_UP, 1.0)):
         driver = turning(Mode.ROLLING, event, -0.3)
         assert (driver.mode, driver.signs.slide, driver.signs.phase) == (mode, slide, 0.0)  # relative to the rod it rests
         assert driver.y.heavy_speed == driver.y.rod_speed == -0.3

@@ -120,7 +120,7 @@ class Instant:
         """Growth of the wound radius per radian, where string lies on string, and the angle beyond the first turn."""
         return (self.overlap * self.p.string_thickness / TURN, self.y.wrap_angle - TURN)
 
-    def light_place(self, y: State) -> np.ndarray:
+    def light_mass_position(self, y: State) -> np.ndarray:
         """From the support function h of what is wound: h n + (h' + l) a, n = (cos, sin), a = (-sin, cos) of theta."""
         growth = self.spiral[0]
         n = np.array([math.cos(y.wrap_angle), math.sin(y.wrap_angle), 0.0])
@@ -198,7 +198,7 @@ def assert_close(found, expected, scale: float) -> None:
 @EVERY
 def test_speeds_are_the_derivatives_of_places(mode, name):
     for i in instants(mode, name):
-        assert_close(i.slope(i.light_place), i.light_velocity(i.y), 5.0)
+        assert_close(i.slope(i.light_mass_position), i.light_velocity(i.y), 5.0)
         growing = i.slope(lambda y, i=i: string_path(math, y, i.overlap, i.p, i.effects))
         assert_close(growing, i.grows if not mode.slack else growing, 5.0)
         assert_close(i.rates.slack, i.y.heavy_speed - growing, 5.0)
@@ -367,10 +367,10 @@ def test_a_slide_ends_where_its_speed_or_its_tension_vanishes(mode, name):
 def test_a_hold_ends_at_the_edge_of_the_friction_cone(mode, name):
     for i in instants(mode, name):
         found, hold = events(i), math.exp(i.capstan(i.p.static_friction, 0.0))
-        assert found[Event.BREAKS_DOWN] == pytest.approx(i.t1 * hold - i.t2, rel=1e-9)
-        assert found[Event.BREAKS_UP] == pytest.approx(i.t2 * hold - i.t1, rel=1e-9)
+        assert found[Event.SLIP_ONSET_DOWN] == pytest.approx(i.t1 * hold - i.t2, rel=1e-9)
+        assert found[Event.SLIP_ONSET_UP] == pytest.approx(i.t2 * hold - i.t1, rel=1e-9)
         margins = equations.holding_margins(math, 0.3, i.y, i.signs, i.p, i.effects, mode)
-        assert margins == (found[Event.BREAKS_DOWN], found[Event.BREAKS_UP])
+        assert margins == (found[Event.SLIP_ONSET_DOWN], found[Event.SLIP_ONSET_UP])
         turns = "rod_speed" in own_variables(i.effects)
         assert (Event.ROD_YIELDS_UP in found) is (turns and mode is Mode.STICKING)
         if mode is Mode.ROLLING:

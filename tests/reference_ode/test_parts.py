@@ -43,13 +43,13 @@ def test_sizes_of_speeds_in_every_mode():
     # Oracle: Pythagoras. What rests has no speed, whatever its entry of the state says.
     y = State(0.5, 2.0, 3.0, -4.0, 3.0, 0.0)
     up = seen(TEN_TO_ONE, Mode.SLIDING_UP, y)
-    assert (up.light_speed, up.across_speed_size, up.heavy_speed_size, up.slip) == (5.0, 4.0, 3.0, 3.0)
+    assert (up.light_mass_speed, up.across_speed_size, up.heavy_speed_size, up.slip) == (5.0, 4.0, 3.0, 3.0)
     down = seen(TEN_TO_ONE, Mode.SLIDING_DOWN, y._replace(heavy_speed=-3.0), UP._replace(slide=-1.0))
     assert (down.heavy_speed_size, down.slip) == (3.0, 3.0)
     slack = seen(TEN_TO_ONE, Mode.SLACK, y._replace(heavy_speed=-2.0))
-    assert (slack.light_speed, slack.heavy_speed_size) == (5.0, 2.0)
+    assert (slack.light_mass_speed, slack.heavy_speed_size) == (5.0, 2.0)
     held = seen(TEN_TO_ONE, Mode.STICKING, State(0.5, 2.0, 0.0, -4.0, 0.0, 0.0))
-    assert (held.light_speed, held.heavy_speed_size) == (4.0, 0.0)
+    assert (held.light_mass_speed, held.heavy_speed_size) == (4.0, 0.0)
     rolling = seen(TURNING, Mode.ROLLING, y._replace(rod_speed=3.0), UP._replace(rod=1.0))
     assert rolling.heavy_speed_size == 3.0
     assert rolling.slip == 0.0
@@ -60,7 +60,7 @@ def test_sizes_of_speeds_in_every_mode():
 def test_what_only_some_effects_move_is_seen():
     y = State(0.5, 2.0, 3.0, -4.0, 3.0, 0.01, 0.2, 1.5, 0.3, 12.0, 1.0, 1e-3, 2e-3)
     sideways = seen(SIDEWAYS, Mode.SLIDING_UP, y)
-    assert sideways.light_speed == 13.0
+    assert sideways.light_mass_speed == 13.0
     assert sideways.sideways_speed == 12.0
     path = math.hypot(0.5 + 2.0 * TEN_TO_ONE.rod_radius, 0.3)
     assert sideways.hanging_length == pytest.approx(TEN_TO_ONE.string_length - path - 0.01, rel=1e-12)
@@ -71,7 +71,7 @@ def test_what_only_some_effects_move_is_seen():
     assert turning.slip == 2.0  # relative to the rod's surface
     assert turning.heavy_speed_size == pytest.approx(math.hypot(3.0, REST_SPEED), rel=1e-12)
     assert seen(STRETCHING, Mode.STICKING, y).heavy_speed_size == pytest.approx(math.hypot(3.0, REST_SPEED), rel=1e-12)
-    assert seen(STRETCHING, Mode.STICKING, y).light_speed == 5.0  # its string gives way though the rod holds it
+    assert seen(STRETCHING, Mode.STICKING, y).light_mass_speed == 5.0  # its string gives way though the rod holds it
     assert seen(TEN_TO_ONE, Mode.STICKING, y).hanging_length is None
 
 
@@ -152,7 +152,7 @@ def test_at_the_first_turn_a_string_steps_out_and_the_light_mass_stays():
     places, paths = [], []
     for overlap in (0.0, 1.0, 0.0):
         assert driver.signs.overlap == overlap
-        places.append(solution.light_place(math, driver.y, overlap, p))
+        places.append(solution.light_mass_position(math, driver.y, overlap, p))
         paths.append(state.string_path(math, driver.y, overlap, driver.values, p.effects))
         driver._follow(Event.FIRST_TURN)
     np.testing.assert_allclose(places, np.broadcast_to(places[0], (3, 2)), rtol=0, atol=1e-15)
@@ -377,7 +377,10 @@ def test_an_unknown_force_is_a_sum_of_bumps_along_its_coordinate(coordinate, fac
     s = {"time": 0.8, "free_length": 0.45, "wrap_angle": 2.1, "retreat_speed": 0.7, "across_speed": -1.3}[coordinate]
     times = {"constant": 1.0, "retreat_speed": -0.7, "across_speed": 1.3}[factor]
     bumps = times * np.exp(-0.5 * (2.5 * s + 1.5 - np.arange(12)) ** 2)
-    found = (*EFFECTS["closure"].light_force(math, k, p.values()), EFFECTS["closure"].heavy_force(math, k, p.values()))
+    found = (
+        *EFFECTS["closure"].force_on_light_mass(math, k, p.values()),
+        EFFECTS["closure"].force_on_heavy_mass(math, k, p.values()),
+    )
     np.testing.assert_allclose(found, [bumps @ weights[side] for side in SIDES], rtol=1e-12)
 
 

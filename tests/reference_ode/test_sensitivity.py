@@ -95,7 +95,14 @@ def test_random_apparatus_through_slack_and_taut():
         found = disagreement(p, moved_by(p), duration=3.0)
         assert max(v for n, v in found.items() if n not in DRAGS) < AGREEMENT, (seed, found)
         assert max(found.values()) < WEAK_DRAG, (seed, found)
-    assert seen >= {Event.STOP, Event.BREAKS_DOWN, Event.BREAKS_UP, Event.LOSES_TENSION, Event.TAUT, Event.LIGHT_REACHES_ROD}
+    assert seen >= {
+        Event.STOP,
+        Event.SLIP_ONSET_DOWN,
+        Event.SLIP_ONSET_UP,
+        Event.LOSES_TENSION,
+        Event.TAUT,
+        Event.LIGHT_REACHES_ROD,
+    }
 
 
 DAILY = ("light_linear_drag", "friction_per_wrap", "string_thickness", "out_of_plane", "turning_rod")
@@ -235,7 +242,7 @@ def test_an_event_that_is_only_touched_is_refused():
     for _ in range(60):
         middle = 0.5 * (breaks + holds)
         breaks, holds = (middle, holds) if slips(middle) else (breaks, middle)
-    with pytest.raises(SensitivityError, match="breaks_away_down is touched, not crossed"):
+    with pytest.raises(SensitivityError, match="slip_onset_down is touched, not crossed"):
         solve_sensitivities(FOUR_TO_ONE.replace(light_mass=breaks), np.zeros(1), ("light_mass",))
     for off in (-1e-6, 1e-6):
         beside = FOUR_TO_ONE.replace(light_mass=breaks * (1 + off))

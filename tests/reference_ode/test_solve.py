@@ -224,7 +224,7 @@ def test_without_friction_the_heavy_mass_never_halts():
 
 def test_static_friction_above_kinetic_delays_the_break_away():
     usual, sticky = solve(TWO_TO_ONE), solve(TWO_TO_ONE.replace(static_friction=0.29))
-    first_break = [next(e.time for e in run.events if e.event is Event.BREAKS_DOWN) for run in (usual, sticky)]
+    first_break = [next(e.time for e in run.events if e.event is Event.SLIP_ONSET_DOWN) for run in (usual, sticky)]
     assert first_break[1] > first_break[0] + 0.003
 
 

@@ -23,7 +23,7 @@ def test_a_break_away_that_only_just_happens_is_found_and_its_margin_goes_to_zer
     """A margin that dips to zero does so in proportion to the distance, as any smooth least value does."""
     of = line()
     change = only_change(of, 64.4, 64.7)
-    assert (change.kind, change.event, change.missing_below) == ("graze", Event.BREAKS_DOWN, True)
+    assert (change.kind, change.event, change.missing_below) == ("graze", Event.SLIP_ONSET_DOWN, True)
     distances = np.radians([1e-3, 1e-4])
     margins = approach(of, change, distances)
     assert np.all(margins > 0)

@@ -337,8 +337,8 @@ def test_engines_may_be_mapped_too(tmp_path):
     data = open_map(tmp_path)
     assert data["halting_time"].dims == ("engine", "mass_ratio")
     assert list(data["engine"].values) == ["reference", "mujoco:effective_mass"]
-    truth, engine = data["halting_time"].values
-    assert np.all(np.abs(engine - truth) < 8e-3)  # the scenarios' own limit for an engine's halt
+    reference, engine = data["halting_time"].values
+    assert np.all(np.abs(engine - reference) < 8e-3)  # the scenarios' own limit for an engine's halt
     assert "How runs ended: mujoco:effective_mass" in (tmp_path / "map.md").read_text()
 
 

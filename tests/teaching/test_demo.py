@@ -14,7 +14,7 @@ from looping_pendulum.cli import main as cli
 from looping_pendulum.cli import teaching as cli_teaching
 from looping_pendulum.compare import compare, write
 from looping_pendulum.compare.stored import stored_result
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching import demo
@@ -38,16 +38,16 @@ def run_of(data, name):
 
 def test_every_run_is_there_with_its_moments():
     result, data = small_result(), page_data(small_result())
-    assert [run["name"] for run in data["runs"]] == ["truth", *LABELS]
+    assert [run["name"] for run in data["runs"]] == ["reference", *LABELS]
     for engine in result.engines:
         marks = {(mark["kind"], mark["t"]) for mark in run_of(data, engine.label)["events"]}
         own = engine.landmarks
         assert {t for kind, t in marks if kind == "halt"} == ({own.halting_time} - {None})
-        assert {t for kind, t in marks if kind == "slip"} == set(own.break_aways)
+        assert {t for kind, t in marks if kind == "slip"} == set(own.slip_onsets)
         assert {t for kind, t in marks if kind in ("stop", "halt")} == {stop.time for stop in own.stops}
         assert ("broke" in {kind for kind, _ in marks}) == (engine.label == "faulty:stretches")
-    told = dict(result.truth.events)
-    assert ("slip", told["break_away"]) in {(mark["kind"], mark["t"]) for mark in data["runs"][0]["events"]}
+    told = dict(result.reference.events)
+    assert ("slip", told["slip_onset"]) in {(mark["kind"], mark["t"]) for mark in data["runs"][0]["events"]}
 
 
 def test_tracks_are_the_runs_own_samples():
@@ -60,8 +60,8 @@ def test_tracks_are_the_runs_own_samples():
     # a rod without friction: the string pulls equally at both ends
     assert np.allclose(track["light_tension"], track["heavy_tension"], rtol=0, atol=0.005)
     assert max(track["light_tension"]) > 2
-    truth = data["runs"][0]
-    assert np.allclose(truth["heavy_tension"], samples.truth.heavy_tension[every], rtol=0, atol=1e-5)
+    reference = data["runs"][0]
+    assert np.allclose(reference["heavy_tension"], samples.reference.heavy_tension[every], rtol=0, atol=1e-5)
     json.dumps(data, allow_nan=False)
 
 
@@ -80,9 +80,9 @@ def test_captions_say_who_supplies_friction_and_what_is_lacking():
 @pytest.mark.parametrize("name", ["drop", "held", "atwood"])
 def test_every_release_can_be_shown(name):
     scenario = load(name)
-    truth = Truth(scenario)
-    run = truth(np.arange(round(scenario.duration * 1000) + 1) / 1000)
-    result = compare(scenario, truth, [dataclasses.replace(run, engine="twin", profile="quick")])
+    reference = Reference(scenario)
+    run = reference(np.arange(round(scenario.duration * 1000) + 1) / 1000)
+    result = compare(scenario, reference, [dataclasses.replace(run, engine="twin", profile="quick")])
     data = page_data(result)
     twin = run_of(data, f"twin:{run.variant}")
     assert data["string"] is (name != "drop")
@@ -113,9 +113,9 @@ def test_results_on_disk_come_back_with_their_trajectories(folder):
         assert np.allclose(mine.distance, theirs.distance, rtol=0, atol=3e-9, equal_nan=True)
         assert mine.run.status is theirs.run.status
         assert mine.run.provenance.supplies == theirs.run.provenance.supplies
-    truth = again.samples.truth
-    assert (truth.mode == result.samples.truth.mode).all()
-    assert truth.events == result.samples.truth.events
+    reference = again.samples.reference
+    assert (reference.mode == result.samples.reference.mode).all()
+    assert reference.events == result.samples.reference.events
     fresh, kept = page_data(result), page_data(again)
     assert kept["runs"][1]["drop"] == pytest.approx(fresh["runs"][1]["drop"], abs=2e-6)
 
@@ -144,7 +144,12 @@ def test_a_run_that_was_cut_short_is_made_again(folder, tmp_path, status):
 
 @pytest.mark.parametrize(
     ("file", "text"),
-    [("result.json", "{"), ("result.json", "{}"), ("trajectories/truth.csv", "t [s]\n0\n"), ("trajectories/truth.csv", None)],
+    [
+        ("result.json", "{"),
+        ("result.json", "{}"),
+        ("trajectories/reference.csv", "t [s]\n0\n"),
+        ("trajectories/reference.csv", None),
+    ],
 )
 def test_a_damaged_folder_is_not_used(folder, tmp_path, file, text):
     copy = shutil.copytree(folder, tmp_path / "copy")

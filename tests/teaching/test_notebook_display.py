@@ -9,7 +9,7 @@ import pytest
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.discrepancy.result import FitReport, Identification, TrialError, Verdict
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load
@@ -57,7 +57,7 @@ def test_an_engines_run_shows_how_it_ended_and_who_supplied_what(run):
 
 def test_a_comparison_shows_its_verdict(run):
     scenario = dataclasses.replace(SCENARIO, title=HOSTILE)
-    page = harmless(compare(scenario, Truth(scenario), [run])._repr_html_())
+    page = harmless(compare(scenario, Reference(scenario), [run])._repr_html_())
     assert "Within tolerance" in page
     assert "mujoco:capstan" in page
 

@@ -32,7 +32,7 @@ def test_our_readers_read_every_digit_back(tmp_path, engine):
             assert np.array_equal(channel.value, column)
 
 
-def test_rows_lie_on_the_frames_of_the_video_and_have_the_places_of_the_truth():
+def test_rows_lie_on_the_frames_of_the_video_and_have_the_places_of_the_reference():
     made = overlay(find_motion("ten_to_one"), frame_rate=240.0, start=0.3512)
     assert made.first_frame == 85  # 0.3512 s is between the frames 84 and 85
     assert np.array_equal(made.t, (85 + np.arange(len(made.t))) / 240)
@@ -42,7 +42,7 @@ def test_rows_lie_on_the_frames_of_the_video_and_have_the_places_of_the_truth():
     assert np.array_equal(made.heavy, samples.heavy_position)
 
 
-def test_between_samples_an_engines_run_is_as_near_to_the_truth_as_on_them():
+def test_between_samples_an_engines_run_is_as_near_to_the_reference_as_on_them():
     run = simulated("reference:scipy", Profile.ACCURATE)
     made = overlay(of_trajectory(run), frame_rate=777.0)
     exact = overlay(find_motion("ten_to_one"), frame_rate=777.0)
@@ -58,7 +58,7 @@ def test_a_run_in_a_folder_of_compare_is_found(tmp_path):
     for engine in ("mujoco:capstan", "mujoco:documented"):
         run = simulated(engine)
         (folder / f"{file_stem(run.label, run.profile)}.csv").write_text(trajectory_csv(run))
-    (folder / "truth.csv").write_text(trajectory_csv(simulated("reference:scipy")))
+    (folder / "reference.csv").write_text(trajectory_csv(simulated("reference:scipy")))
     exact = overlay(find_motion("ten_to_one"))
     kept = overlay(find_motion(str(tmp_path)))
     assert np.allclose(kept.light, exact.light, atol=1e-5)

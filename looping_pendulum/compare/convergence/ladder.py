@@ -313,20 +313,20 @@ class ErrorParts:
 
 def split_error(
     own: Array,
-    truth: Array,
+    reference: Array,
     *,
     corrections: Sequence[Correction],
     choices: Mapping[str, Array],
     spread: float | None,
     floor: float = 0.0,
 ) -> ErrorParts:
-    """Split the distance of ``own`` from ``truth`` into numerics, model and choice.
+    """Split the distance of ``own`` from ``reference`` into numerics, model and choice.
 
     What is left at the limit is the model's if no other choice changes the answer by as much; else it is the adapter's choice.
 
     Parameters
     ----------
-    own, truth
+    own, reference
         Value at the variant's settings, and the true one, shape (samples, components).
     corrections
         One per ladder that has a limit; ladders are taken to act independently, so their corrections add up.
@@ -345,7 +345,7 @@ def split_error(
     found: list[tuple[float, ErrorCause]] = []
     if corrections:
         total = np.sum([c.change for c in corrections], axis=0)
-        numerics, model = norm(total), norm(own + total - truth)
+        numerics, model = norm(total), norm(own + total - reference)
         half_width = math.hypot(noise, *(c.uncertainty for c in corrections))
         if numerics > half_width or not all(c.converges for c in corrections):
             found.append((numerics, ErrorCause.NOT_CONVERGED))
@@ -355,7 +355,7 @@ def split_error(
             )
     causes = tuple(cause for _, cause in sorted(found, key=lambda pair: -pair[0]))
     return ErrorParts(
-        error=norm(own - truth),
+        error=norm(own - reference),
         numerics=numerics,
         numerics_uncertainty=half_width,
         model=model,

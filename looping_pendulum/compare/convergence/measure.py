@@ -21,12 +21,12 @@ from looping_pendulum.compare.convergence.result import (
     ErrorSplit,
     RunSummary,
 )
-from looping_pendulum.compare.landmarks import SampledTruth, run_landmarks
+from looping_pendulum.compare.landmarks import SampledReference, run_landmarks
 from looping_pendulum.compare.metrics import MARK_SLACK, rms_until
 from looping_pendulum.compare.run_cache import EndedRun
 from looping_pendulum.compare.tables import number
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.studies import Ladder
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.scenario import Scenario
@@ -36,20 +36,20 @@ PATH_FLOOR = 1e-9
 NUMBER_FLOOR = 1e-6
 """The least floor of a number of the halt [s], [m]."""
 READINGS = 8
-"""Shifts of the samples within one interval with which the truth's own halt is read off."""
+"""Shifts of the samples within one interval with which the reference's own halt is read off."""
 SHOWN = {"m": ("mm", 1e3), "s": ("ms", 1e3)}
 """SI unit -> the unit that sentences use, and how many of it make one."""
 
 Errors = Mapping[str, Array | None]
-"""Quantity -> engine less truth, shape (samples, components); one sample of one component for a number. None: it has none."""
+"""Quantity -> engine less reference, shape (samples, components); one sample of one component for a number. None: it has none."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReferenceTarget:
-    """The truth of one scenario, and its numbers."""
+    """The reference of one scenario, and its numbers."""
 
     scenario: Scenario
-    truth: Truth
+    reference: Reference
     numbers: Mapping[str, float | None]
     """`HALT` and `DROP`."""
 
@@ -65,18 +65,20 @@ class MeasuredRun:
     summary: RunSummary
 
 
-def target(scenario: Scenario, truth: Truth) -> ReferenceTarget:
-    """Return the truth of ``scenario`` with its numbers."""
-    marks = SampledTruth(truth, scenario.parameters).beside()
-    return ReferenceTarget(scenario=scenario, truth=truth, numbers={HALT: marks.halting_time, DROP: marks.drop_at_halt})
+def target(scenario: Scenario, reference: Reference) -> ReferenceTarget:
+    """Return the reference of ``scenario`` with its numbers."""
+    marks = SampledReference(reference, scenario.parameters).beside()
+    return ReferenceTarget(scenario=scenario, reference=reference, numbers={HALT: marks.halting_time, DROP: marks.drop_at_halt})
 
 
 def floors(t: ReferenceTarget) -> dict[str, float]:
-    """Quantity -> how well it can be read off: numbers of the halt by reading the truth's own from its samples, shifted."""
+    """Quantity -> how well it can be read off: numbers of the halt by reading the reference's own from its samples, shifted."""
     grid, worst = _grid(t.scenario), {HALT: NUMBER_FLOOR, DROP: NUMBER_FLOOR}
     for shift in np.arange(READINGS) / READINGS * SAMPLE_INTERVAL:
-        run = t.truth(grid[:-1] + shift)
-        start = float(t.truth(np.zeros(1)).heavy_position[0, 1] - run.heavy_position[0, 1])  # the drop before the first sample
+        run = t.reference(grid[:-1] + shift)
+        start = float(
+            t.reference(np.zeros(1)).heavy_position[0, 1] - run.heavy_position[0, 1]
+        )  # the drop before the first sample
         seen = run_landmarks(run, t.scenario.parameters)
         true_halt, true_drop = t.numbers[HALT], t.numbers[DROP]
         if seen.halting_time is not None and true_halt is not None:
@@ -109,7 +111,7 @@ def measure(key: str, done: EndedRun | None, t: ReferenceTarget) -> MeasuredRun:
             string_stretch=None,
         )
         return MeasuredRun(key=key, errors=dict.fromkeys(QUANTITIES), ended=False, summary=summary)
-    aligned = align(run, t.truth)
+    aligned = align(run, t.reference)
     rms = {name: rms_until(aligned, mark) for name, mark in MARKS.items()}
     errors: dict[str, Array | None] = {
         name: None if rms[name] is None else aligned.deviation[aligned.t <= mark + MARK_SLACK] for name, mark in MARKS.items()
@@ -198,7 +200,7 @@ def sentence(unit: str, found: SequenceFinding, distance: float | None) -> str:
         each = number(found.scatter, scale, digits=2)
         how = f"{found.kind.value}: {found.why}; rungs scatter by ± {each} {shown} about a mean"
     off = f"{number(abs(distance), scale, digits=2)} ± {number(found.uncertainty, scale, digits=2)} {shown}"
-    return f"{how} {off} from the truth" + (
+    return f"{how} {off} from the reference" + (
         "" if abs(distance) <= found.uncertainty else ", so not to it with the other settings as they are"
     )
 

@@ -34,7 +34,7 @@ def draw(result: ConvergenceResult) -> dict[str, tuple[str, str, bytes]]:
             if sum(rung.value > 0 and any(rung.run.rms[mark] for mark in MARKS) for rung in ladder.rungs) > 1:
                 name = f"{file_stem(v.label, v.profile, ladder.setting)}.png"
                 caption = (
-                    f"{v.label}: error against the truth (full) and against its own limit (dashed) as {ladder.setting} "
+                    f"{v.label}: error against the reference (full) and against its own limit (dashed) as {ladder.setting} "
                     "is refined to the right; below, the halting time's error."
                 )
                 with decoration(f"figures/{name}"):
@@ -43,7 +43,7 @@ def draw(result: ConvergenceResult) -> dict[str, tuple[str, str, bytes]]:
 
 
 def ladder_figure(v: VariantStudy, ladder: LadderStudy) -> Figure:
-    """Error against the truth and against the own limit over the refined setting, and the halting time's error below."""
+    """Error against the reference and against the own limit over the refined setting, and the halting time's error below."""
     halts = any(rung.run.halting_time_error is not None for rung in ladder.rungs)
     figure, axes = figure_of(7.6, 6.6 if halts else 4.8, rows=(3, 2) if halts else (1,))
     verdicts = {one.quantity: one for one in ladder.verdicts}
@@ -65,7 +65,7 @@ def _errors(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdicts: dict[str
     for name, (marker, colour) in LOOK.items():
         words, verdict = f"to {MARKS[name]:g} s", verdicts[name]
         how: dict[str, Any] = {"marker": marker, "color": colour, "ms": 5}
-        axes.plot(*_points(ladder, [r.run.rms[name] for r in ladder.rungs]), label=f"from the truth, {words}", **how)
+        axes.plot(*_points(ladder, [r.run.rms[name] for r in ladder.rungs]), label=f"from the reference, {words}", **how)
         if verdict.kind in (SequenceKind.CONVERGES, SequenceKind.SETTLED):
             order = "" if verdict.order is None else f", order {verdict.order:.2g}"
             to_limit = _points(ladder, [r.to_limit[name] for r in ladder.rungs])
@@ -94,7 +94,7 @@ def _halts(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdict: Convergenc
         ms=4,
         color=COLOURS[2],
         capsize=3,
-        label="halting time less the truth's; bars: twice its spread",
+        label="halting time less the reference's; bars: twice its spread",
     )
     if verdict.limit_error is not None and verdict.uncertainty is not None:
         middle, half = verdict.limit_error * 1e3, verdict.uncertainty * 1e3
@@ -102,7 +102,7 @@ def _halts(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdict: Convergenc
     axes.axhline(0, color="black", lw=1.0)
     if ladder.own:
         axes.axvline(ladder.own, color=GREY, lw=0.9, zorder=1)
-    axes.set_ylabel("halting time,\nengine less truth [ms]")
+    axes.set_ylabel("halting time,\nengine less reference [ms]")
 
 
 def _points(ladder: LadderStudy, values: Sequence[float | None]) -> tuple[list[float], list[float]]:

@@ -34,13 +34,13 @@ LADDERS = "studies(), in docs/write-an-engine.md"
 """Where it says how an adapter offers a ladder."""
 
 HOW_TO_READ = """\
-- **error**: root mean square distance of the light mass from the truth up to that time; of a number, its difference.
+- **error**: root mean square distance of the light mass from the reference up to that time; of a number, its difference.
 - **not converged** (numerics): how far the variant at its own settings is from its own limit. Each ladder refines one setting;
   their corrections are added up, but for a ladder whose setting another one takes along, as far or further.
-- **different model**: how far that limit is from the truth; counted only if it is above its uncertainty.
+- **different model**: how far that limit is from the reference; counted only if it is above its uncertainty.
 - **adapter's choice**: the most that another choice, as reasonable, changes. What is left at the limit is called that if it is
   no larger.
-- **spread**: standard deviation of the error when the start changes by 0.01 deg or 0.1 mm, each start against its own truth.
+- **spread**: standard deviation of the error when the start changes by 0.01 deg or 0.1 mm, each start against its own reference.
 - Uncertainties are 95 %. An order is fitted only where changes point one way and shrink like a power of the setting; otherwise
   the scatter is given.
 """
@@ -70,9 +70,9 @@ def render(result: ConvergenceResult, figures: Mapping[str, tuple[str, str]] | N
 
 def opening(result: ConvergenceResult) -> str:
     """What was run, for how long, and what was left out."""
-    text = f"Scenario `{result.scenario}`, watched for {result.until:g} s, against {result.truth}."
-    if result.truth_values[HALT] is not None:
-        text += f" The truth halts at {result.truth_values[HALT]:.5f} s."
+    text = f"Scenario `{result.scenario}`, watched for {result.until:g} s, against {result.reference}."
+    if result.reference_values[HALT] is not None:
+        text += f" The reference halts at {result.reference_values[HALT]:.5f} s."
     left_out = sum(run.status == "SKIPPED" for run in _runs(result))
     if result.budget is not None:
         text += f" Runs that were expected to take more than {result.budget:g} s were left out: {left_out}."
@@ -131,7 +131,7 @@ def _causes(split: ErrorSplit) -> str:
 def _why_without(v: VariantStudy, name: str) -> str:
     if not v.own.ok:
         return v.own.why
-    return "never halts" if name in (HALT, DROP) and v.own.halting_time is None else "the truth has none"
+    return "never halts" if name in (HALT, DROP) and v.own.halting_time is None else "the reference has none"
 
 
 def halting_table(result: ConvergenceResult) -> str:
@@ -179,7 +179,7 @@ def _variant(v: VariantStudy, figures: Mapping[str, tuple[str, str]]) -> str:
     parts += [f"![{caption}]({path})\n\n*{caption}*\n" for path, (label, caption) in figures.items() if label == v.label]
     if v.starts:
         rows = [[one.what, *_errors(one.run)] for one in v.starts]
-        parts.append("Small changes of the start, each against its own truth:\n\n" + table(["start", *ERRORS], rows))
+        parts.append("Small changes of the start, each against its own reference:\n\n" + table(["start", *ERRORS], rows))
     return "\n".join(parts)
 
 

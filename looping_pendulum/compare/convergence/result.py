@@ -16,7 +16,7 @@ from looping_pendulum.compare.json_text import dump, load
 from looping_pendulum.compare.result import RunProvenance
 
 SCHEMA_ID = "looping-pendulum/convergence"
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """Since 2, halting times are the end of the string's sliding (`compare.slides`); in 1 they were read from a band of speeds."""
 FILE = "convergence.json"
 
@@ -30,7 +30,7 @@ MARKS = {"path_0.35s": 0.35, "path_0.7s": 0.7}
 
 @dataclass(frozen=True, kw_only=True)
 class RunSummary:
-    """One run against the truth of its own scenario."""
+    """One run against the reference of its own scenario."""
 
     key: str
     """Name of the run in the cache, and in ``clock``."""
@@ -40,7 +40,7 @@ class RunSummary:
     why: str
     """Sentence of the status, and what the engine said."""
     rms: dict[str, float | None]
-    """Path -> root mean square distance of the light mass from the truth [m]."""
+    """Path -> root mean square distance of the light mass from the reference [m]."""
     halting_time: float | None
     """[s]"""
     halting_time_error: float | None
@@ -88,7 +88,7 @@ class ConvergenceVerdict:
     scatter: float | None
     """Standard deviation of a rung, where rungs follow no power law."""
     limit_error: float | None
-    """Distance of the limit from the truth; signed for a number."""
+    """Distance of the limit from the reference; signed for a number."""
     sentence: str
 
 
@@ -140,7 +140,7 @@ class ErrorSplit:
     """Distance to the variant's own limit: the sum of its ladders' corrections."""
     numerics_uncertainty: float | None
     model: float | None
-    """Distance of that limit to the truth."""
+    """Distance of that limit to the reference."""
     model_uncertainty: float | None
     choice: float | None
     """Largest change by another choice as reasonable."""
@@ -205,9 +205,9 @@ class ConvergenceResult:
     """How long runs were watched [s]."""
     budget: float | None
     """Runs expected to take longer were left out [s]."""
-    truth: str
+    reference: str
     """Engine and variant of the reference."""
-    truth_values: dict[str, float | None]
+    reference_values: dict[str, float | None]
     """Number -> its true value."""
     floors: dict[str, float]
     """Quantity -> how well it can be read off; changes up to that are not seen."""

@@ -44,7 +44,7 @@ from looping_pendulum.compare.run_cache import EndedRun, Progress, RunCache, Run
 from looping_pendulum.engines.isolation import TIME_LIMIT
 from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import Engine
-from looping_pendulum.engines.reference import Truth
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
 from looping_pendulum.engines.trajectory import supplies_as_rows
@@ -56,7 +56,7 @@ START_CHANGES = (
     ("free_length", 1e-4, "free length {sign}0.1 mm"),
     ("hanging_length", 1e-4, "hanging length {sign}0.1 mm"),
 )
-"""Parameter, change [SI] and its words: far below what anybody could set up. The truth of each changed start is its own."""
+"""Parameter, change [SI] and its words: far below what anybody could set up. The reference of each changed start is its own."""
 AFTER_HALT = 0.1
 """How long a halt is watched [s]."""
 
@@ -82,9 +82,9 @@ class StudyPlan:
 
 
 def watched(scenario: Scenario, until: float | None) -> Scenario:
-    """``scenario`` cut at ``until`` [s]; by default shortly after the last of the marks and the truth's halt."""
+    """``scenario`` cut at ``until`` [s]; by default shortly after the last of the marks and the reference's halt."""
     if until is None:
-        halt = target(scenario, Truth(scenario)).numbers[HALT]
+        halt = target(scenario, Reference(scenario)).numbers[HALT]
         until = max(*MARKS.values(), 0.0 if halt is None else halt + AFTER_HALT)
     return dataclasses.replace(scenario, duration=min(scenario.duration, round(until, 3)))
 
@@ -153,7 +153,7 @@ def study_convergence(
     folder
         Where ended runs are kept (below ``runs``); runs found there are not made again.
     until
-        How long runs are watched [s]; None: to shortly after the truth's halt, at least to the last mark.
+        How long runs are watched [s]; None: to shortly after the reference's halt, at least to the last mark.
     budget
         Runs expected to take longer than this [s] are left out, from what coarser rungs took.
     jobs
@@ -176,20 +176,20 @@ def study_convergence(
     )
     tasks = [task for one in plans for task in one.tasks()]
     done = runner.run(tasks)
-    truth = target(scenario, Truth(scenario))
-    moved = {what: target(where, Truth(where)) for what, where in starts}
-    seen = floors(truth)
+    reference = target(scenario, Reference(scenario))
+    moved = {what: target(where, Reference(where)) for what, where in starts}
+    seen = floors(reference)
     return ConvergenceResult(
         scenario=scenario.name,
         title=scenario.title,
         parameters=plain(scenario.parameters.as_dict()),
         until=scenario.duration,
         budget=budget,
-        truth=label(truth.truth.engine),
-        truth_values=dict(truth.numbers),
+        reference=label(reference.reference.engine),
+        reference_values=dict(reference.numbers),
         floors=seen,
         interrupted=runner.cancelled.is_set(),
-        variants=tuple(judge(one, done, truth, moved, seen) for one in plans),
+        variants=tuple(judge(one, done, reference, moved, seen) for one in plans),
         clock=StudyClock(
             written=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
             run_times=tuple(

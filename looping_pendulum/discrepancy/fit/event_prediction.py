@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
-from looping_pendulum.compare.landmarks import EXTREMUM_BAND, truth_moments
+from looping_pendulum.compare.landmarks import EXTREMUM_BAND, reference_event_times
 from looping_pendulum.compare.result import Extremum, Landmarks, Stop
 from looping_pendulum.compare.slides import turns
 from looping_pendulum.discrepancy.data.measurement import Camera
@@ -100,13 +100,13 @@ class EventRun:
 def landmarks(samples: Samples, camera: Camera) -> Landmarks:
     """Landmarks of a run by its own events [SI, true time]; the extrema are those of the picture, which may be tilted."""
     run = samples.run
-    moments = truth_moments(event_names(run))
+    moments = reference_event_times(event_names(run))
     states = {event.time: event.state for event in run.events}
     halt = run.halt
     x1, y1 = _extrema(samples, camera)
     return Landmarks(
         stops=tuple(Stop(time=t, height_change=-float(run.heavy_drop(states[t]))) for t in moments.stops),
-        break_aways=moments.break_aways,
+        slip_onsets=moments.slip_onsets,
         halting_time=moments.halting_time,
         halting_confirmed=halt is not None,
         drop_at_halt=None if halt is None else float(run.heavy_drop(halt.state)),

@@ -122,7 +122,7 @@ class TrialData:
         return dataclasses.replace(self, channels=channels, events=events, sigma=self.sigma[kept])
 
 
-def numbers_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tuple[FreeParameter, ...]:
+def free_parameters_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tuple[FreeParameter, ...]:
     """Every number of the declared model: apparatus, releases and each camera's origin, and what else of it was declared.
 
     Parameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from looping_pendulum.discrepancy import result as verdict
+from looping_pendulum.discrepancy.result import dump
 from looping_pendulum.discrepancy.report import markdown, page, plots
 from looping_pendulum.discrepancy.result import Identification
 from looping_pendulum.files import decoration, write_whole
@@ -18,7 +18,7 @@ def write(result: Identification, folder: Path) -> Path:
 
     The verdict is written first; a figure or a page that cannot be made is left out with a warning.
     """
-    write_whole(folder / "verdict.json", verdict.dump(result))
+    write_whole(folder / "verdict.json", dump(result))
     write_whole(folder / "repaired.yaml", result.scenario)
     captions = {}
     for name, (caption, image) in plots.draw(result).items():

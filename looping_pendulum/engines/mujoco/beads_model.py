@@ -85,14 +85,14 @@ def bead_xml(parameters: Parameters, settings: BeadSettings, beads: int) -> str:
     """
     p, s = parameters, settings
     has_string, held = p.release is not Release.DROP, p.release is Release.HELD
-    heavy_place = (p.rod_radius, -p.hanging_length if held else 0.0)
+    heavy_mass_position = (p.rod_radius, -p.hanging_length if held else 0.0)
     bodies = [_body("light", p.light_mass, site="site0")]
     bodies += [
         _body(f"bead{i}", s.bead_mass_ratio * p.light_mass, site=f"site{i}", geom=_sphere(i, s.bead_radius))
         for i in range(1, beads + 1)
     ]
     axes = "" if held else "z"
-    bodies.append(_body("heavy", p.heavy_mass, site=f"site{beads + 1}", place=heavy_place, axes=axes))
+    bodies.append(_body("heavy", p.heavy_mass, site=f"site{beads + 1}", place=heavy_mass_position, axes=axes))
     links = range(beads + 1) if has_string else ()
     return f"""
 <mujoco model="looping pendulum, beads">

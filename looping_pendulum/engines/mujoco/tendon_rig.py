@@ -136,16 +136,16 @@ class TendonRig:
         if self._turns is not None:
             self._turns.follow(self._wrap_angle)
             self._turns.allow(self._correction(across) - TAUT)
-        heavy_force = 0.0
+        force_on_heavy_mass = 0.0
         if self._force is not None:
             x, y = self._qpos[:2].tolist()
-            self._applied[0], self._applied[1], heavy_force = self._force(self._data.time, x, y, vx, vy, heavy_v)
+            self._applied[0], self._applied[1], force_on_heavy_mass = self._force(self._data.time, x, y, vx, vy, heavy_v)
             if not self._held:
-                self._applied[HEAVY] = heavy_force
+                self._applied[HEAVY] = force_on_heavy_mass
         if self._grip is not None:
             time, length, angle, speed = self._data.time, self._free_length, self._wrap_angle, math.hypot(vx, vy)
             k = Kinematics(time, length, angle, retreat, across, abs(across), speed, heavy_v, abs(heavy_v))
-            self._applied[HEAVY] = heavy_force + self._grip.prepare(k)
+            self._applied[HEAVY] = force_on_heavy_mass + self._grip.prepare(k)
 
     def _correction(self, across: float) -> float:
         """What the length allowed is shifted by [m] to make up for the string's turning and for a late catch."""

@@ -33,7 +33,7 @@ def member(base: Parameters, columns: Columns, i: int) -> Parameters:
     return base.replace(**{name: float(values[i]) for name, values in columns.items()})
 
 
-def numbers_of(base: Parameters, columns: Columns) -> dict[str, Any]:
+def free_parameters_of(base: Parameters, columns: Columns) -> dict[str, Any]:
     """Every number that the equations need, by name: one value, or one per run."""
     numbers: dict[str, Any] = {name: getattr(base, name) for name in _FIELDS} | dict(base.coefficients)
     numbers |= {name: np.asarray(values, dtype=float) for name, values in columns.items()}

@@ -45,7 +45,7 @@ class BatchResult:
     """At the end [m]."""
     stops: NDArray[np.int32]
     """How often the heavy mass's speed became zero."""
-    reslips: NDArray[np.int32]
+    slip_count: NDArray[np.int32]
     """How often a sticking string broke away."""
     slack_intervals: NDArray[np.int32]
     """How often the string was, or became, slack."""
@@ -91,7 +91,7 @@ class BatchResult:
 
 _COLUMN_KINDS: dict[str, tuple[Any, float]] = {
     "stops": (np.int32, 0),
-    "reslips": (np.int32, 0),
+    "slip_count": (np.int32, 0),
     "slack_intervals": (np.int32, 0),
     "end": (np.int8, FAILED),
     "sequence": (np.uint64, 0),
@@ -135,7 +135,7 @@ def summary(run: Run) -> dict[str, Any]:
         "wrap_angle": end.state.wrap_angle,
         "free_length": end.state.free_length,
         "stops": len(run.stops),
-        "reslips": sum(event.event in (Event.BREAKS_DOWN, Event.BREAKS_UP) for event in run.events),
+        "slip_count": sum(event.event in (Event.SLIP_ONSET_DOWN, Event.SLIP_ONSET_UP) for event in run.events),
         "slack_intervals": sum(mode in slack for mode in run.modes),
         "end": ENDS.index(end.event),
         "end_time": run.end_time,

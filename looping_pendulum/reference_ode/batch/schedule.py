@@ -137,7 +137,7 @@ class Schedule:
         along, across = (np.broadcast_to(numbers[name], len(runs)) for name in ("push_along", "push_across"))
         self._changes.release(block, along, across)
         result = self._result
-        result.stops[runs] = result.reslips[runs] = result.slack_intervals[runs] = 0
+        result.stops[runs] = result.slip_count[runs] = result.slack_intervals[runs] = 0
         result.sequence[runs] = HASH_START
         self._note_modes(block, runs)
         self._go_on(block)
@@ -199,8 +199,8 @@ class Schedule:
         elif event not in PHASE_EVENTS:
             if event is Event.STOP:
                 self._result.stops[runs] += 1
-            elif event in (Event.BREAKS_DOWN, Event.BREAKS_UP):
-                self._result.reslips[runs] += 1
+            elif event in (Event.SLIP_ONSET_DOWN, Event.SLIP_ONSET_UP):
+                self._result.slip_count[runs] += 1
             self._note_modes(block, runs)
 
     def _note_modes(self, block: Block, runs: Index) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.processes import end_with_parent
-from looping_pendulum.reference_ode.batch.numbers import Columns, member, numbers_of, possible
+from looping_pendulum.reference_ode.batch.numbers import Columns, free_parameters_of, member, possible
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult, summary
 from looping_pendulum.reference_ode.batch.schedule import Index, Schedule
 from looping_pendulum.reference_ode.batch.steps import covered
@@ -116,7 +116,7 @@ class BatchRuns:
 
     def numbers(self, runs: Index) -> dict[str, Any]:
         """Every number that the equations need, by name: one value, or one per run."""
-        return numbers_of(self.job.base, {name: values[runs] for name, values in self.columns.items()})
+        return free_parameters_of(self.job.base, {name: values[runs] for name, values in self.columns.items()})
 
     def take_possible(self, most: int) -> tuple[Index, dict[str, Any]]:
         """The next runs whose values `Parameters` does not refuse, and their numbers."""

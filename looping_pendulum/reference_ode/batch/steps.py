@@ -22,7 +22,7 @@ from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.state import Effects, complete, variables
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
-OF_TENSION = (Event.STOP, Event.LOSES_TENSION, Event.BREAKS_DOWN, Event.BREAKS_UP)
+OF_TENSION = (Event.STOP, Event.LOSES_TENSION, Event.SLIP_ONSET_DOWN, Event.SLIP_ONSET_UP)
 """Events whose functions are forces, with w^2 / l in them: times l, which changes no sign, they are smooth to the end."""
 LAST_TERM = 0.05
 """Largest last term of a step's series over the tolerance: errors of some hundred steps add up."""

@@ -27,11 +27,11 @@ __all__ = [
     "EffectKind",
     "Kinematics",
     "drag_coefficient",
-    "heavy_force",
-    "heavy_inertia",
+    "force_on_heavy_mass",
+    "inertia_of_heavy_mass",
     "holding_exponent",
-    "light_force",
-    "light_inertia",
+    "force_on_light_mass",
+    "inertia_of_light_mass",
     "sliding_exponent",
 ]
 
@@ -53,11 +53,11 @@ GRAVITY = Effect(
         ),
     ),
     in_base_model=True,
-    light_force=lambda xp, k, p: (
+    force_on_light_mass=lambda xp, k, p: (
         p.light_mass * p.gravity * xp.cos(k.wrap_angle),
         p.light_mass * p.gravity * xp.sin(k.wrap_angle),
     ),
-    heavy_force=lambda xp, k, p: -p.heavy_mass * p.gravity,
+    force_on_heavy_mass=lambda xp, k, p: -p.heavy_mass * p.gravity,
 )
 
 CAPSTAN = Effect(
@@ -96,7 +96,7 @@ LIGHT_DRAG = Effect(
     formula="F = -gamma1 |v1| v1, gamma1 = C rho A / 2",
     source="paper, sec. II and IV",
     acts_on="light mass",
-    depends_on=("light_speed",),
+    depends_on=("light_mass_speed",),
     coefficients=(
         Coefficient(
             name="light_drag",
@@ -108,9 +108,9 @@ LIGHT_DRAG = Effect(
         ),
     ),
     in_base_model=True,
-    light_force=lambda xp, k, p: (
-        p.light_drag * k.light_speed * k.retreat_speed,
-        -p.light_drag * k.light_speed * k.across_speed,
+    force_on_light_mass=lambda xp, k, p: (
+        p.light_drag * k.light_mass_speed * k.retreat_speed,
+        -p.light_drag * k.light_mass_speed * k.across_speed,
     ),
 )
 
@@ -132,7 +132,7 @@ HEAVY_DRAG = Effect(
         ),
     ),
     in_base_model=True,
-    heavy_force=lambda xp, k, p: -p.heavy_drag * k.heavy_speed_size * k.heavy_speed,
+    force_on_heavy_mass=lambda xp, k, p: -p.heavy_drag * k.heavy_speed_size * k.heavy_speed,
 )
 
 STRING_DRAG = Effect(
@@ -154,7 +154,7 @@ STRING_DRAG = Effect(
     ),
     in_base_model=True,
     needs_string=True,
-    light_force=lambda xp, k, p: (
+    force_on_light_mass=lambda xp, k, p: (
         0.0,
         -p.string_drag * k.free_length * k.across_speed_size * k.across_speed,
     ),
@@ -184,23 +184,23 @@ def drag_coefficient(shape_factor: float, air_density: float, area: float) -> fl
     return 0.5 * shape_factor * air_density * area
 
 
-def light_force(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> tuple[Any, Any]:
+def force_on_light_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> tuple[Any, Any]:
     """Sum of the forces on the light mass other than the string's pull, (along, across) [N]."""
     along: Any = 0.0
     across: Any = 0.0
     for effect in effects:
-        if effect.light_force is not None:
-            a, b = effect.light_force(xp, k, p)
+        if effect.force_on_light_mass is not None:
+            a, b = effect.force_on_light_mass(xp, k, p)
             along, across = along + a, across + b
     return along, across
 
 
-def heavy_force(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
+def force_on_heavy_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
     """Sum of the upward forces on the heavy mass other than the string's pull [N]."""
     total: Any = 0.0
     for effect in effects:
-        if effect.heavy_force is not None:
-            total = total + effect.heavy_force(xp, k, p)
+        if effect.force_on_heavy_mass is not None:
+            total = total + effect.force_on_heavy_mass(xp, k, p)
     return total
 
 
@@ -214,20 +214,20 @@ def holding_exponent(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]
     return sum(e.holding_exponent(xp, k, p) for e in effects if e.holding_exponent is not None)
 
 
-def light_inertia(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> tuple[Any, Any]:
+def inertia_of_light_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> tuple[Any, Any]:
     """Light mass and what moves with it, (along, across) the string [kg]."""
     along = across = p.light_mass
     for effect in effects:
-        if effect.light_inertia is not None:
-            a, b = effect.light_inertia(xp, k, p)
+        if effect.inertia_of_light_mass is not None:
+            a, b = effect.inertia_of_light_mass(xp, k, p)
             along, across = along + a, across + b
     return along, across
 
 
-def heavy_inertia(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
+def inertia_of_heavy_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
     """Heavy mass and what moves with it [kg]."""
     total = p.heavy_mass
     for effect in effects:
-        if effect.heavy_inertia is not None:
-            total = total + effect.heavy_inertia(xp, k, p)
+        if effect.inertia_of_heavy_mass is not None:
+            total = total + effect.inertia_of_heavy_mass(xp, k, p)
     return total

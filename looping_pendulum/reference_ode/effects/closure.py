@@ -67,6 +67,6 @@ CLOSURE = Effect(
         _number("closure_scale", "bumps per unit of the coordinate"),
         _number("closure_start", "coordinate of the first bump, in bumps"),
     ),
-    light_force=_light,
-    heavy_force=lambda xp, k, p: _side(_bumps(xp, k, p), p, "heavy"),
+    force_on_light_mass=_light,
+    force_on_heavy_mass=lambda xp, k, p: _side(_bumps(xp, k, p), p, "heavy"),
 )

@@ -42,12 +42,12 @@ def _wind_force(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
     """Drag in moving air less drag in still air."""
     along, across, speed = _through_air(xp, k, p)
     moving = _resistance(p, along, speed)
-    still = _resistance(p, k.retreat_speed, k.light_speed)
+    still = _resistance(p, k.retreat_speed, k.light_mass_speed)
     return -moving * along - still * k.retreat_speed, -moving * across + still * k.across_speed
 
 
 def _attitude_force(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
-    more = p.light_drag * p.attitude_drag * k.retreat_speed * k.retreat_speed / (k.light_speed + NO_SPEED)
+    more = p.light_drag * p.attitude_drag * k.retreat_speed * k.retreat_speed / (k.light_mass_speed + NO_SPEED)
     return more * k.retreat_speed, -more * k.across_speed
 
 
@@ -67,9 +67,9 @@ LIGHT_LINEAR_DRAG = Effect(
     formula="F = -b1 v1",
     source="Stokes drag, 6 pi eta r for a slow sphere",
     acts_on="light mass",
-    depends_on=("light_speed",),
+    depends_on=("light_mass_speed",),
     coefficients=(_one("light_linear_drag", "kg/s", (0.0, 1.0), "linear drag coefficient b1 of the light mass"),),
-    light_force=lambda xp, k, p: (p.light_linear_drag * k.retreat_speed, -p.light_linear_drag * k.across_speed),
+    force_on_light_mass=lambda xp, k, p: (p.light_linear_drag * k.retreat_speed, -p.light_linear_drag * k.across_speed),
 )
 
 HEAVY_LINEAR_DRAG = Effect(
@@ -80,7 +80,7 @@ HEAVY_LINEAR_DRAG = Effect(
     acts_on="heavy mass",
     depends_on=("heavy_speed",),
     coefficients=(_one("heavy_linear_drag", "kg/s", (0.0, 10.0), "linear drag coefficient b2 of the heavy mass"),),
-    heavy_force=lambda xp, k, p: -p.heavy_linear_drag * k.heavy_speed,
+    force_on_heavy_mass=lambda xp, k, p: -p.heavy_linear_drag * k.heavy_speed,
 )
 
 ATTITUDE_DRAG = Effect(
@@ -89,9 +89,9 @@ ATTITUDE_DRAG = Effect(
     formula="F = -c gamma1 cos^2(angle between v1 and string) |v1| v1",
     source="drag of a body that is not round and points along its string",
     acts_on="light mass",
-    depends_on=("light_speed", "retreat_speed"),
+    depends_on=("light_mass_speed", "retreat_speed"),
     coefficients=(_one("attitude_drag", "", (-1.0, 100.0), "growth of gamma1 where the light mass moves along its string"),),
-    light_force=_attitude_force,
+    force_on_light_mass=_attitude_force,
 )
 
 WIND = Effect(
@@ -100,9 +100,9 @@ WIND = Effect(
     formula="F = D(v1 - W x) - D(v1), D the light mass's drag",
     source="drag acts against the velocity relative to the air",
     acts_on="light mass",
-    depends_on=("light_speed", "retreat_speed", "across_speed", "wrap_angle"),
+    depends_on=("light_mass_speed", "retreat_speed", "across_speed", "wrap_angle"),
     coefficients=(_one("wind_speed", "m/s", (-20.0, 20.0), "speed W of the air along x at the light mass"),),
-    light_force=_wind_force,
+    force_on_light_mass=_wind_force,
 )
 
 SIDE_FORCE = Effect(
@@ -113,7 +113,7 @@ SIDE_FORCE = Effect(
     acts_on="light mass",
     depends_on=("wrap_angle",),
     coefficients=(_one("side_force", "N", (-10.0, 10.0), "horizontal force F0 on the light mass, along x"),),
-    light_force=lambda xp, k, p: _horizontal(xp, k, p.side_force),
+    force_on_light_mass=lambda xp, k, p: _horizontal(xp, k, p.side_force),
 )
 
 SIDE_STIFFNESS = Effect(
@@ -126,7 +126,7 @@ SIDE_STIFFNESS = Effect(
     coefficients=(
         _one("side_stiffness", "N/m", (-10.0, 10.0), "horizontal force on the light mass per x; positive: outwards"),
     ),
-    light_force=_side_spring,
+    force_on_light_mass=_side_spring,
 )
 
 FRICTION_PER_SPEED = Effect(

@@ -60,10 +60,10 @@ STRING_MASS = Effect(
     depends_on=("free_length",),
     coefficients=(_one("string_density", "kg/m", (0.0, 0.1), "mass rho of the string per length"),),
     needs_string=True,
-    light_force=_weight_of_free_string,
-    heavy_force=lambda xp, k, p: -p.string_density * p.gravity * k.hanging_length,
-    light_inertia=lambda xp, k, p: (p.string_density * k.free_length / 2, p.string_density * k.free_length / 3),
-    heavy_inertia=lambda xp, k, p: p.string_density * k.hanging_length,
+    force_on_light_mass=_weight_of_free_string,
+    force_on_heavy_mass=lambda xp, k, p: -p.string_density * p.gravity * k.hanging_length,
+    inertia_of_light_mass=lambda xp, k, p: (p.string_density * k.free_length / 2, p.string_density * k.free_length / 3),
+    inertia_of_heavy_mass=lambda xp, k, p: p.string_density * k.hanging_length,
 )
 
 STRING_THICKNESS = Effect(
@@ -88,7 +88,7 @@ HEAVY_SWING = Effect(
     depends_on=("heavy_speed",),
     coefficients=(_one("heavy_swing", "rad", (-1.2, 1.2), "angle phi of the heavy mass's string to the vertical at release"),),
     needs_string=True,
-    heavy_force=_swing_force,
+    force_on_heavy_mass=_swing_force,
     variables=("heavy_tilt", "heavy_across_speed"),
 )
 

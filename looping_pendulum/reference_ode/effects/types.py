@@ -30,7 +30,7 @@ class Kinematics(NamedTuple):
     """Speed of the light mass across the string, w = l theta' [m/s]."""
     across_speed_size: Any
     """|w| [m/s]; apart because an absolute value is not analytic and the integrators carry its sign."""
-    light_speed: Any
+    light_mass_speed: Any
     """Speed of the light mass, hypot(u, w) [m/s]."""
     heavy_speed: Any
     """Upward speed of the heavy mass [m/s] (along its string if it swings); equal to u while the string is taut."""
@@ -113,17 +113,17 @@ class Effect:
     """Whether the effect is absent without a string (drop release)."""
     switch: str = ""
     """Coefficient at whose null value the effect is absent whatever the others are; '': none."""
-    light_force: LightForce | None = None
+    force_on_light_mass: LightForce | None = None
     """(xp, kinematics, p) -> force on the light mass (along, across) [N]."""
-    heavy_force: Quantity | None = None
+    force_on_heavy_mass: Quantity | None = None
     """(xp, kinematics, p) -> upward force on the heavy mass [N]."""
     sliding_exponent: Quantity | None = None
     """(xp, kinematics, p) -> ln of the tension ratio while the string slides, taken positive."""
     holding_exponent: Quantity | None = None
     """(xp, kinematics, p) -> ln of the largest tension ratio that the rod can hold without sliding."""
-    light_inertia: LightForce | None = None
+    inertia_of_light_mass: LightForce | None = None
     """(xp, kinematics, p) -> mass that moves with the light mass (along, across) [kg]."""
-    heavy_inertia: Quantity | None = None
+    inertia_of_heavy_mass: Quantity | None = None
     """(xp, kinematics, p) -> mass that moves with the heavy mass [kg]."""
     winding: Winding | None = None
     """(wrap angle beyond the first turn, p) -> what it adds to the rod's radius [m], its slope [m/rad] and its integral [m]."""

@@ -44,12 +44,12 @@
     return ahead.length ? direction * Math.min(...ahead.map((t) => direction * t)) : time;
   }
 
-  /** What the truth is doing, in words. */
+  /** What the reference is doing, in words. */
   function words() {
     const mode = data.modes.findLast((m) => m.from <= time + 1e-9);
-    const truth = data.runs[0], past = truth.events.findLast((event) => event.t <= time + 1e-9);
-    if (time > truth.end + 1e-9) return "The truth ends: the light mass has reached the rod.";
-    const now = mode ? `The truth: ${mode.words}` : "";
+    const reference = data.runs[0], past = reference.events.findLast((event) => event.t <= time + 1e-9);
+    if (time > reference.end + 1e-9) return "The reference ends: the light mass has reached the rod.";
+    const now = mode ? `The reference: ${mode.words}` : "";
     return past ? `${now}; last moment: ${data.kinds[past.kind]} at ${past.t.toFixed(4)} s.` : `${now}.`;
   }
 
@@ -71,7 +71,7 @@
     for (const run of data.runs.filter((one) => one.count)) {
       const s = Motion.at(data, run, time), row = rows.get(run.id);
       const texts = s.ended ? ["ended", "", "", "", ""] : [number(s.drop, 1000, 1), number(s.turns, 1, 3), number(s.lightTension, 1, 3),
-        number(s.heavyTension, 1, 3), run.id === "truth" ? "0" : number(s.distance, 1000, 3)];
+        number(s.heavyTension, 1, 3), run.id === "reference" ? "0" : number(s.distance, 1000, 3)];
       texts.forEach((text, i) => { if (row.cells[i + 1].textContent !== text) row.cells[i + 1].textContent = text; });
       row.className = shown.has(run.id) ? "" : "off";
     }

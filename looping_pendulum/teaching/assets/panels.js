@@ -34,11 +34,11 @@ const Svg = (() => {
   function swatch(run, svg) {
     svg.replaceChildren();
     const dash = run.dashes[1] ? run.dashes.map((d) => 2 * d).join(" ") : "none";
-    make("path", { d: "M0,7H44", style: `stroke:${run.colour};stroke-width:${run.id === "truth" ? 3 : 2};stroke-dasharray:${dash}` }, svg);
+    make("path", { d: "M0,7H44", style: `stroke:${run.colour};stroke-width:${run.id === "reference" ? 3 : 2};stroke-dasharray:${dash}` }, svg);
     const corners = { o: "M16,7a6,6 0 1,0 12,0a6,6 0 1,0 -12,0Z", s: "M17,2H27V12H17Z", D: "M22,0L29,7L22,14L15,7Z",
       "^": "M22,0L28.5,12H15.5Z", v: "M22,14L28.5,2H15.5Z", P: "M20,1H24V5H28V9H24V13H20V9H16V5H20Z" };
-    const fill = run.id === "truth" ? "var(--ground)" : run.colour;
-    make("path", { d: corners[run.marker], style: `stroke:${run.colour};stroke-width:${run.id === "truth" ? 2.5 : 1};fill:${fill}` }, svg);
+    const fill = run.id === "reference" ? "var(--ground)" : run.colour;
+    make("path", { d: corners[run.marker], style: `stroke:${run.colour};stroke-width:${run.id === "reference" ? 2.5 : 1};fill:${fill}` }, svg);
   }
 
   return { make, moment, swatch };
@@ -50,7 +50,7 @@ const Panels = (() => {
     { key: "angle", title: "Wrap angle [turns]", factor: 1 / (2 * Math.PI) },
     { key: "light_tension", title: "Pull of the string at the light mass [N]", factor: 1 },
     { key: "heavy_tension", title: "Pull of the string at the heavy mass [N]", factor: 1 },
-    { key: "distance", title: "Distance of the light mass from the truth's [mm]", factor: 1000, log: true },
+    { key: "distance", title: "Distance of the light mass from the reference's [mm]", factor: 1000, log: true },
   ];
   const HEIGHT = 190, EDGE = { left: 46, right: 10, top: 26, bottom: 22 };
   const FLOOR = 1e-3;  // smallest distance that is drawn [mm]
@@ -144,7 +144,7 @@ const Panels = (() => {
         pen = true;
       });
       const dash = run.dashes[1] ? run.dashes.map((length) => 1.6 * length).join(" ") : "none";
-      Svg.make("path", { d, style: `fill:none;stroke:${run.colour};stroke-width:${run.id === "truth" ? 3 : 1.8};stroke-dasharray:${dash}` }, group);
+      Svg.make("path", { d, style: `fill:none;stroke:${run.colour};stroke-width:${run.id === "reference" ? 3 : 1.8};stroke-dasharray:${dash}` }, group);
       for (const event of run.events) {
         const value = this.value(run, event.t);
         if (value === null || event.t > this.data.duration) continue;

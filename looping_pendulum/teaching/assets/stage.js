@@ -105,14 +105,14 @@ const Stage = (() => {
       c.fill();
       for (const { run, s, colour } of states) {
         c.globalAlpha = s.ended ? 0.35 : 1;
-        if (this.data.string) this.string(c, s, run, colour, px, py, scale, run.id === "truth" && this.slack(time));
+        if (this.data.string) this.string(c, s, run, colour, px, py, scale, run.id === "reference" && this.slack(time));
         c.globalAlpha = 1;
       }
       for (const { run, s, colour } of states) {
         c.globalAlpha = s.ended ? 0.35 : 1;
-        const truth = run.id === "truth";
-        mark(c, run.marker, px(s.heavyX), py(s.heavyY), truth ? 14 : 10, colour, truth, ground);
-        mark(c, run.marker, px(s.x), py(s.y), truth ? 9 : 6, colour, truth, ground);
+        const reference = run.id === "reference";
+        mark(c, run.marker, px(s.heavyX), py(s.heavyY), reference ? 14 : 10, colour, reference, ground);
+        mark(c, run.marker, px(s.x), py(s.y), reference ? 9 : 6, colour, reference, ground);
         c.globalAlpha = 1;
       }
       if (states.length) {
@@ -126,7 +126,7 @@ const Stage = (() => {
       }
     }
 
-    /** Whether the truth's string is slack. */
+    /** Whether the reference's string is slack. */
     slack(time) {
       return this.data.modes.findLast((mode) => mode.from <= time + 1e-9)?.moves === "slack";
     }
@@ -141,7 +141,7 @@ const Stage = (() => {
       }
       c.strokeStyle = colour;
       c.globalAlpha = 0.55;
-      c.lineWidth = run.id === "truth" ? 3 : 1.8;
+      c.lineWidth = run.id === "reference" ? 3 : 1.8;
       c.setLineDash(run.dashes[1] ? run.dashes.map((d) => 1.6 * d) : []);
       c.stroke();
       c.setLineDash([]);
@@ -157,7 +157,7 @@ const Stage = (() => {
       c.arc(px(0), py(0), r * scale, 0, -Math.max(s.angle, 0), true);
       c.lineTo(px(s.x), py(s.y));
       c.strokeStyle = colour;
-      c.lineWidth = run.id === "truth" ? 2 : 1.2;
+      c.lineWidth = run.id === "reference" ? 2 : 1.2;
       c.setLineDash(slack ? [3, 5] : []);  // it hangs somewhere between; only its ends are known
       c.stroke();
       c.setLineDash([]);
@@ -196,7 +196,7 @@ const Stage = (() => {
         c.lineTo(px(at(s.angle) * cos - s.length * sin), py(at(s.angle) * sin + s.length * cos));
         c.strokeStyle = colour;
         c.globalAlpha = s.ended ? 0.35 : 1;
-        c.lineWidth = run.id === "truth" ? 3 : 2;
+        c.lineWidth = run.id === "reference" ? 3 : 2;
         c.setLineDash(run.dashes[1] ? run.dashes.map((d) => 1.6 * d) : []);
         c.stroke();
         c.setLineDash([]);

@@ -1,4 +1,4 @@
-// Under the slider: what the truth does, and the moments of every run.
+// Under the slider: what the reference does, and the moments of every run.
 const Timeline = (() => {
   const ROW = 20, BAND = 18, INSET = 8;  // INSET: half of the slider's thumb, so that marks stand where the slider does
   const DOES = { down: "slides, M2 falls", up: "slides, M2 rises", stick: "sticks", slack: "slack", free: "no string", unknown: "" };
@@ -22,10 +22,10 @@ const Timeline = (() => {
       parent.replaceChildren(svg);
     }
 
-    /** What the truth's string does. */
+    /** What the reference's string does. */
     band(svg, left, wide) {
       const { modes } = this.data, end = this.data.runs[0].end;
-      if (left > 100) Svg.make("text", { x: 0, y: 13, style: "fill:var(--soft)" }, svg, "the truth's string");
+      if (left > 100) Svg.make("text", { x: 0, y: 13, style: "fill:var(--soft)" }, svg, "the reference's string");
       modes.forEach((mode, i) => {
         const from = this.x(mode.from), to = this.x(modes[i + 1]?.from ?? end);
         const fill = { stick: "var(--line)", slack: "var(--ground)" }[mode.moves] ?? "var(--panel)";

@@ -27,7 +27,7 @@ from looping_pendulum.teaching.demonstrations.demonstration import (
     Numbers,
     simulated,
 )
-from looping_pendulum.teaching.demonstrations.measures import Runs, distance, truth
+from looping_pendulum.teaching.demonstrations.measures import Runs, distance, reference_case
 
 FRICTION = 0.34
 BENDS = (0.2, 0.4, 0.8, 1.2)
@@ -73,7 +73,7 @@ def _errors(runs: Runs, cases: Mapping[str, DemonstrationCase]) -> Sequence[Figu
         FigureCurve(label=label, x=np.array(BENDS), y=np.array([_error(runs, _key(b, c)) for b in BENDS]), points=True)
         for c, label in ((False, "beads with friction mu"), (True, "beads, friction corrected for the corners"))
     ]
-    return [FigureCurve(label="formula: 2 N artanh(mu tan(theta / 2N))", x=bends, y=formula, truth=True), *measured]
+    return [FigureCurve(label="formula: 2 N artanh(mu tan(theta / 2N))", x=bends, y=formula, reference=True), *measured]
 
 
 POLYGON = Demonstration(
@@ -168,7 +168,7 @@ STRETCHY = Demonstration(
     change="heavy:\n  mass: 20 g    # less to carry",
     commands=("looping-pendulum compare mine.yaml --engine pymunk:beads --engine pymunk:defaults",),
     cases=lambda: (
-        truth(SHORT),
+        reference_case(SHORT),
         _soft("s10", "10 sweeps, string 1 % of M1", iterations=10),
         _soft("s30", "30 sweeps, string 1 % of M1", iterations=30),
         _soft("s100", "100 sweeps, string 1 % of M1", iterations=100),
@@ -179,8 +179,8 @@ STRETCHY = Demonstration(
         MeasuredColumn(key="stretch", header="largest stretch [mm]", measure=_stretch, digits=".2f"),
         MeasuredColumn(
             key="off",
-            header="M1 from the truth [mm]",
-            measure=lambda runs, key: distance(runs, key, "truth", WATCHED),
+            header="M1 from the reference [mm]",
+            measure=lambda runs, key: distance(runs, key, "reference", WATCHED),
             digits=".2f",
         ),
     ),
@@ -210,7 +210,7 @@ STRETCHY = Demonstration(
         y="string too long by [mm]",
         caption="How much longer than its links the string is. Fewer sweeps and lighter beads make a softer spring.",
         curves=lambda runs, cases: [
-            FigureCurve(label=case.label, x=runs[key].t, y=1e3 * runs[key].string_stretch, truth=case.truth)
+            FigureCurve(label=case.label, x=runs[key].t, y=1e3 * runs[key].string_stretch, reference=case.reference)
             for key, case in cases.items()
         ],
     ),

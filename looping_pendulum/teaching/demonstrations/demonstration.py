@@ -20,7 +20,7 @@ from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.scenario import Scenario
 
 Numbers = Mapping[str, Mapping[str, Any]]
-"""Quantity -> case -> what was measured: ``numbers["halt"]["truth"]``; None where there is nothing to measure."""
+"""Quantity -> case -> what was measured: ``numbers["halt"]["reference"]``; None where there is nothing to measure."""
 Progress = Callable[[str, float], None]
 """Called with what goes on, and the share of the work that is done."""
 
@@ -39,7 +39,7 @@ class DemonstrationCase:
     """What tables and figures call it."""
     run: Callable[[], Any]
     """Makes the run; what it returns goes to the quantities and curves."""
-    truth: bool = False
+    reference: bool = False
     """Whether it is what the others are held against: drawn black."""
 
 
@@ -66,7 +66,7 @@ class FigureCurve:
     label: str
     x: Array
     y: Array
-    truth: bool = False
+    reference: bool = False
     points: bool = False
     """Whether it is a few measurements rather than a motion: drawn with markers."""
 
@@ -88,7 +88,7 @@ class Claim:
     """One sentence of an answer."""
 
     words: str
-    """Template over `Numbers`: "halts at {halt[truth]:.3f} s"."""
+    """Template over `Numbers`: "halts at {halt[reference]:.3f} s"."""
     holds: Callable[[Numbers], bool]
     """Whether the numbers bear the sentence out."""
 

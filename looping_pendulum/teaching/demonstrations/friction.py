@@ -32,7 +32,7 @@ from looping_pendulum.teaching.demonstrations.measures import (
     halting_time,
     lowest,
     over_time,
-    truth,
+    reference_case,
 )
 
 TEN_TO_ONE: Scenario = load("ten_to_one")
@@ -63,18 +63,18 @@ TENDON = Demonstration(
     question="MuJoCo's tendon wraps round a cylinder. Is that enough for the heavy mass to be caught?",
     guess="The tendon goes round the rod more and more often, so the heavy mass will be caught, a little later perhaps.",
     experiment=(
-        "The 10:1 trial, four times: the exact truth; MuJoCo's tendon as its documentation describes it; the same tendon, "
+        "The 10:1 trial, four times: the exact reference; MuJoCo's tendon as its documentation describes it; the same tendon, "
         "to which "
-        "the adapter gives the friction that the capstan law allows; and the truth with the friction set to 0."
+        "the adapter gives the friction that the capstan law allows; and the reference with the friction set to 0."
     ),
     scenario="ten_to_one",
     change="string:\n  kinetic_friction: 0\n  static_friction: 0",
     commands=("looping-pendulum compare mine.yaml --engine mujoco:documented --engine mujoco:capstan",),
     cases=lambda: (
-        truth(TEN_TO_ONE),
+        reference_case(TEN_TO_ONE),
         _tendon("documented", "MuJoCo, as documented", variant="documented"),
         _tendon("capstan", "MuJoCo, capstan law fed in", variant="capstan"),
-        truth(_SLIPPERY, "slippery", "truth without friction", main=False),
+        reference_case(_SLIPPERY, "slippery", "reference without friction", main=False),
     ),
     quantities=(
         halting_time(P),
@@ -82,36 +82,36 @@ TENDON = Demonstration(
         MeasuredColumn(key="turns", header="times M2 turned round", measure=_turns, digits="d"),
         MeasuredColumn(
             key="off",
-            header="M1 from the truth to 0.35 s [mm]",
-            measure=lambda runs, key: distance(runs, key, "truth", 0.35),
+            header="M1 from the reference to 0.35 s [mm]",
+            measure=lambda runs, key: distance(runs, key, "reference", 0.35),
             digits=".3f",
         ),
         MeasuredColumn(
             key="off_slippery",
-            header="M1 from the truth without friction to 0.35 s [mm]",
+            header="M1 from the reference without friction to 0.35 s [mm]",
             measure=lambda runs, key: distance(runs, key, "slippery", 0.35),
             digits=".3f",
         ),
     ),
     claims=(
         Claim(
-            words="No. The truth halts at {halt[truth]:.3f} s; the tendon as documented turns round {turns[documented]} "
+            words="No. The reference halts at {halt[reference]:.3f} s; the tendon as documented turns round {turns[documented]} "
             "times "
             "within a second and never rests.",
             holds=lambda n: (
-                n["halt"]["documented"] is None and n["turns"]["documented"] >= 2 and n["halt"]["truth"] is not None
+                n["halt"]["documented"] is None and n["turns"]["documented"] >= 2 and n["halt"]["reference"] is not None
             ),
         ),
         Claim(
-            words="The solver is not to blame. Up to 0.35 s it is {off_slippery[documented]:.3f} mm from the truth without "
-            "friction, and {off[documented]:.0f} mm from the truth: it solved another problem, and solved it well.",
+            words="The solver is not to blame. Up to 0.35 s it is {off_slippery[documented]:.3f} mm from the reference without "
+            "friction, and {off[documented]:.0f} mm from the reference: it solved another problem, and solved it well.",
             holds=lambda n: n["off_slippery"]["documented"] < 0.05 * n["off"]["documented"],
         ),
         Claim(
             words="Give the same tendon the friction that the capstan law allows, and it halts at {halt[capstan]:.3f} s. "
             "That "
             "tests MuJoCo's mechanics, not the law: the law was fed in.",
-            holds=lambda n: abs(n["halt"]["capstan"] - n["halt"]["truth"]) < 1e-3,
+            holds=lambda n: abs(n["halt"]["capstan"] - n["halt"]["reference"]) < 1e-3,
         ),
     ),
     picture=DemonstrationFigure(
@@ -125,17 +125,17 @@ TENDON = Demonstration(
 
 
 def _friction(runs: Runs, key: str) -> float | None:
-    """Constant friction of a case [N]; None of the truth."""
-    return None if key == "truth" else friction_loss(P, FrictionSize[key.upper()])
+    """Constant friction of a case [N]; None of the reference."""
+    return None if key == "reference" else friction_loss(P, FrictionSize[key.upper()])
 
 
 def _true_friction(at: str) -> Any:
-    """Friction of the truth at release or at its halt [N]."""
+    """Friction of the reference at release or at its halt [N]."""
 
     def measure(runs: Runs, key: str) -> float | None:
-        if key != "truth":
+        if key != "reference":
             return None
-        run = runs["truth"]
+        run = runs["reference"]
         until = halt_of(run, P) if at == "halt" else 0.0
         assert until is not None
         i = int(until / 1e-3)
@@ -151,7 +151,7 @@ CONSTANT = Demonstration(
     "rod does?",
     guess="Friction is friction: with the right number it will come out about right.",
     experiment=(
-        "The truth, and MuJoCo's tendon with its own constant friction loss in three sizes that the truth itself "
+        "The reference, and MuJoCo's tendon with its own constant friction loss in three sizes that the reference itself "
         "suggests: its "
         "friction at the release, its mean over the way that the string slides, and its friction just before the halt."
     ),
@@ -159,7 +159,7 @@ CONSTANT = Demonstration(
     change="string:\n  kinetic_friction: 0.2    # or 0.5: how does the friction at the halt grow?",
     commands=("looping-pendulum compare mine.yaml --engine mujoco:frictionloss --engine mujoco:capstan",),
     cases=lambda: (
-        truth(TEN_TO_ONE),
+        reference_case(TEN_TO_ONE),
         *(
             _tendon(size.name.lower(), f"constant: {words}", variant="frictionloss", friction_size=size)
             for size, words in (
@@ -185,18 +185,18 @@ CONSTANT = Demonstration(
             ),
         ),
         Claim(
-            words="The truth's friction is no constant: {first[truth]:.2f} N at the release, {last[truth]:.2f} N before "
+            words="The reference's friction is no constant: {first[reference]:.2f} N at the release, {last[reference]:.2f} N before "
             "the halt. "
             "The capstan law multiplies what the light mass pulls by exp(mu theta); as the light mass whips round, both "
             "its pull "
             "and the angle on the rod grow.",
-            holds=lambda n: n["last"]["truth"] > 5 * n["first"]["truth"],
+            holds=lambda n: n["last"]["reference"] > 5 * n["first"]["reference"],
         ),
     ),
     picture=DemonstrationFigure(
         x="time [s]",
         y="M2 has fallen by [cm]",
-        caption="The heavy mass's way down for the truth and three constants: two do not hold it, one is too "
+        caption="The heavy mass's way down for the reference and three constants: two do not hold it, one is too "
         "strong to let it go.",
         curves=drops,
     ),
@@ -207,13 +207,13 @@ NEVER = 1e4
 
 
 def _angle_when_apart(limit: float) -> Any:
-    """Wrap angle of the truth when a run is first ``limit`` [m] away from it [deg]."""
+    """Wrap angle of the reference when a run is first ``limit`` [m] away from it [deg]."""
 
     def measure(runs: Runs, key: str) -> float | None:
-        if key == "truth":
+        if key == "reference":
             return None
-        i = first_apart(runs[key], runs["truth"], limit)
-        return None if i is None else math.degrees(runs["truth"].wrap_angle[i])
+        i = first_apart(runs[key], runs["reference"], limit)
+        return None if i is None else math.degrees(runs["reference"].wrap_angle[i])
 
     return measure
 
@@ -229,7 +229,7 @@ TURNS = Demonstration(
     question="A tendon wraps round a cylinder on the side that its side site names. What does it know after a full turn?",
     guess="The engine follows the string all the way round, as often as it likes.",
     experiment=(
-        "The truth; MuJoCo's tendon with the capstan law, where the adapter counts the turns and uses two tendons in "
+        "The reference; MuJoCo's tendon with the capstan law, where the adapter counts the turns and uses two tendons in "
         "turn; and the "
         "same with one tendon for everything, which is what one side site gives."
     ),
@@ -237,7 +237,7 @@ TURNS = Demonstration(
     change="release:\n  angle: 60 deg    # more turns before the light mass reaches the rod",
     commands=("looping-pendulum run mine.yaml --engine mujoco:capstan",),
     cases=lambda: (
-        truth(TEN_TO_ONE),
+        reference_case(TEN_TO_ONE),
         _tendon("counted", "turns counted, two tendons in turn", variant="capstan"),
         _tendon("one", "one tendon, turns forgotten", variant="capstan", changes={"switch_up": NEVER}),
     ),
@@ -255,7 +255,7 @@ TURNS = Demonstration(
     ),
     claims=(
         Claim(
-            words="It knows nothing of turns: a tendon is the shortest way round at this instant. It follows the truth up to "
+            words="It knows nothing of turns: a tendon is the shortest way round at this instant. It follows the reference up to "
             "{apart[one]:.0f} deg of string on the rod; there another way becomes the shorter one, and without a warning its "
             "length is wrong by {stretch[one]:.0f} mm.",
             holds=lambda n: 180 < n["apart"]["one"] < 360 and n["stretch"]["one"] > 5,
@@ -265,21 +265,21 @@ TURNS = Demonstration(
             holds=lambda n: n["apart"]["counted"] is None and n["stretch"]["counted"] < 0.01,
         ),
         Claim(
-            words="The one tendon cannot halt the heavy mass as the truth does at {halt[truth]:.3f} s: it says "
+            words="The one tendon cannot halt the heavy mass as the reference does at {halt[reference]:.3f} s: it says "
             "{halt[one]:.3f} s.",
-            holds=lambda n: n["halt"]["one"] is not None and abs(n["halt"]["one"] - n["halt"]["truth"]) > 0.02,
+            holds=lambda n: n["halt"]["one"] is not None and abs(n["halt"]["one"] - n["halt"]["reference"]) > 0.02,
         ),
     ),
     picture=DemonstrationFigure(
         x="time [s]",
         y="M1's height [cm]",
-        caption="The light mass's height. With one tendon it leaves the truth before the first turn is complete.",
+        caption="The light mass's height. With one tendon it leaves the reference before the first turn is complete.",
         curves=over_time(lambda run: 100 * run.light_position[:, 1]),
     ),
 )
 
 CREEP_FROM, CREEP_TO = 0.45, 1.0
-"""Between these times the string holds in the truth and in every case [s]."""
+"""Between these times the string holds in the reference and in every case [s]."""
 
 
 def _creep(runs: Runs, key: str) -> float:
@@ -289,9 +289,9 @@ def _creep(runs: Runs, key: str) -> float:
 
 
 def _late(runs: Runs, key: str) -> float | None:
-    """How much later than the truth a run halts [ms]."""
-    own, true = halt_of(runs[key], P), halt_of(runs["truth"], P)
-    return None if own is None or true is None or key == "truth" else 1e3 * (own - true)
+    """How much later than the reference a run halts [ms]."""
+    own, true = halt_of(runs[key], P), halt_of(runs["reference"], P)
+    return None if own is None or true is None or key == "reference" else 1e3 * (own - true)
 
 
 _SOFT = {"impedance": OUT_OF_THE_BOX.impedance, "least_impedance": OUT_OF_THE_BOX.least_impedance}
@@ -308,13 +308,13 @@ CREEP = Demonstration(
         "with both "
         f"made hard, with the default time constant of {1e3 * DEFAULT_TIME_CONSTANT:g} ms, and with both as they come. "
         f"Creep is "
-        f"measured from {CREEP_FROM:g} to {CREEP_TO:g} s, when the truth's string holds."
+        f"measured from {CREEP_FROM:g} to {CREEP_TO:g} s, when the reference's string holds."
     ),
     scenario="ten_to_one",
     change="heavy:\n  mass: 60 g    # the string is held less tightly: does it creep more?",
     commands=("looping-pendulum compare mine.yaml --engine mujoco:capstan",),
     cases=lambda: (
-        truth(TEN_TO_ONE),
+        reference_case(TEN_TO_ONE),
         _tendon("hard", "1 ms, hard", variant="capstan"),
         _tendon("slow", "20 ms, hard", variant="capstan", changes={"friction_time_constant": DEFAULT_TIME_CONSTANT}),
         _tendon(
@@ -334,8 +334,8 @@ CREEP = Demonstration(
         Claim(
             words="With the settings as they come it does not stand still: the light mass, still whipping round, pulls it "
             "up by "
-            "{creep[soft]:.1f} mm while it is held; the truth's string moves by {creep[truth]:.5f} mm.",
-            holds=lambda n: n["creep"]["soft"] > 0.5 and abs(n["creep"]["truth"]) < 1e-6,
+            "{creep[soft]:.1f} mm while it is held; the reference's string moves by {creep[reference]:.5f} mm.",
+            holds=lambda n: n["creep"]["soft"] > 0.5 and abs(n["creep"]["reference"]) < 1e-6,
         ),
         Claim(
             words="The soft start costs more: the halt is {late[soft]:.0f} ms late, {late[slow]:.0f} ms with the time "
@@ -350,7 +350,7 @@ CREEP = Demonstration(
     picture=DemonstrationFigure(
         x="time [s]",
         y="M2 above its lowest point [mm]",
-        caption="The heavy mass after it was caught. Softened friction lets it creep up; the truth stands still.",
+        caption="The heavy mass after it was caught. Softened friction lets it creep up; the reference stands still.",
         curves=lambda runs, cases: _after_the_catch(runs, cases),
     ),
 )
@@ -362,7 +362,7 @@ def _after_the_catch(runs: Runs, cases: Mapping[str, DemonstrationCase]) -> Sequ
         run = runs[key]
         seen = (run.t >= 0.36) & (run.t <= CREEP_TO)
         y = 1e3 * (run.heavy_position[:, 1] - run.heavy_position[:, 1].min())
-        curves.append(FigureCurve(label=case.label, x=run.t[seen], y=np.minimum(y[seen], 10.0), truth=case.truth))
+        curves.append(FigureCurve(label=case.label, x=run.t[seen], y=np.minimum(y[seen], 10.0), reference=case.reference))
     return curves
 
 

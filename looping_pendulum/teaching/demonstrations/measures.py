@@ -24,9 +24,11 @@ def reference(scenario: Scenario) -> Trajectory:
     return simulated(ReferenceEngine(available_integrators()[0], Profile.ACCURATE), scenario)
 
 
-def truth(scenario: Scenario, key: str = "truth", label: str = "truth", *, main: bool = True) -> DemonstrationCase:
+def reference_case(
+    scenario: Scenario, key: str = "reference", label: str = "reference", *, main: bool = True
+) -> DemonstrationCase:
     """Case of the exact reference."""
-    return DemonstrationCase(key=key, label=label, run=lambda: reference(scenario), truth=main)
+    return DemonstrationCase(key=key, label=label, run=lambda: reference(scenario), reference=main)
 
 
 def halting_time(parameters: Parameters) -> MeasuredColumn:
@@ -78,7 +80,8 @@ def over_time(value: Callable[[Trajectory], Any]) -> Callable[[Runs, Mapping[str
 
     def curves(runs: Runs, cases: Mapping[str, DemonstrationCase]) -> Sequence[FigureCurve]:
         return [
-            FigureCurve(label=case.label, x=runs[key].t, y=value(runs[key]), truth=case.truth) for key, case in cases.items()
+            FigureCurve(label=case.label, x=runs[key].t, y=value(runs[key]), reference=case.reference)
+            for key, case in cases.items()
         ]
 
     return curves

@@ -142,14 +142,14 @@ def html(shown: DemonstrationResult, png: bytes) -> str:
 
 
 def figure(shown: DemonstrationResult) -> bytes:
-    """Draw the figure: truth black and broad, the others in colours and dashes that tell them apart without colour."""
+    """Draw the figure: reference black and broad, the others in colours and dashes that tell them apart without colour."""
     picture = shown.demonstration.picture
     fig = Figure(figsize=(7.2, 4.0), layout="constrained")
     FigureCanvasAgg(fig)
     axes = fig.subplots()
     others = 0
     for curve in shown.curves:
-        if curve.truth:
+        if curve.reference:
             axes.plot(curve.x, curve.y, color="black", lw=3.0, alpha=0.85, label=curve.label, zorder=2)
             continue
         style: dict[str, Any] = {"color": COLOURS[others % len(COLOURS)], "lw": 1.6, "zorder": 3 + others}

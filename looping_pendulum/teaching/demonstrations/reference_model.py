@@ -20,7 +20,15 @@ from looping_pendulum.teaching.demonstrations.demonstration import (
     MeasuredColumn,
     Numbers,
 )
-from looping_pendulum.teaching.demonstrations.measures import Runs, distance, drops, halt_of, halting_time, lowest, truth
+from looping_pendulum.teaching.demonstrations.measures import (
+    Runs,
+    distance,
+    drops,
+    halt_of,
+    halting_time,
+    lowest,
+    reference_case,
+)
 
 TEN_TO_ONE: Scenario = load("ten_to_one")
 P = TEN_TO_ONE.parameters
@@ -70,7 +78,7 @@ BREAK_AWAY = Demonstration(
     question="A resting string grips better than a sliding one. When does that matter?",
     guess="A better grip makes everything stop earlier.",
     experiment=(
-        "The exact truth of the 2:1 trial, where the string sticks, slips again and sticks for good, with a static "
+        "The exact reference of the 2:1 trial, where the string sticks, slips again and sticks for good, with a static "
         "friction 1, 1.2 "
         "and 1.5 times the kinetic one."
     ),
@@ -78,12 +86,12 @@ BREAK_AWAY = Demonstration(
     change="string:\n  kinetic_friction: 0.26764\n  static_friction: 0.33    # found by trial: where does the motion change?",
     commands=("looping-pendulum run mine.yaml",),
     cases=lambda: tuple(
-        truth(_with_static(ratio), f"r{ratio}", f"static / kinetic = {ratio:g}", main=ratio == 1) for ratio in STATIC
+        reference_case(_with_static(ratio), f"r{ratio}", f"static / kinetic = {ratio:g}", main=ratio == 1) for ratio in STATIC
     ),
     quantities=(
         MeasuredColumn(key="stop", header="first stop [s]", measure=_event("stop"), digits=".4f"),
         MeasuredColumn(key="stick", header="sticks first [s]", measure=_event("stick"), digits=".4f"),
-        MeasuredColumn(key="away", header="slips again [s]", measure=_event("break_away"), digits=".4f"),
+        MeasuredColumn(key="away", header="slips again [s]", measure=_event("slip_onset"), digits=".4f"),
         halting_time(TWO_TO_ONE.parameters),
         LOWEST,
     ),
@@ -156,7 +164,7 @@ DRAG = Demonstration(
     question="After the halt the light mass winds in on a spiral. The air's drag on 10 g is tiny: may it be left out?",
     guess="A drag of a few 1e-4 kg/m changes nothing that one could see on a video.",
     experiment=(
-        "The exact truth of the 10:1 trial without drag, with the drag that the scenario has, and with twice that. The "
+        "The exact reference of the 10:1 trial without drag, with the drag that the scenario has, and with twice that. The "
         "path after "
         "the halt is held against the closed-form spiral, l + R theta = constant; the times against each other."
     ),
@@ -164,9 +172,9 @@ DRAG = Demonstration(
     change="light:\n  drag: 0 kg/m\nheavy:\n  drag: 0 kg/m",
     commands=("looping-pendulum run mine.yaml --out runs/mine",),
     cases=lambda: (
-        truth(_with_drag(1.0), "declared", "drag as in the scenario"),
-        truth(_with_drag(0.0), "none", "no drag", main=False),
-        truth(_with_drag(2.0), "double", "twice the drag", main=False),
+        reference_case(_with_drag(1.0), "declared", "drag as in the scenario"),
+        reference_case(_with_drag(0.0), "none", "no drag", main=False),
+        reference_case(_with_drag(2.0), "double", "twice the drag", main=False),
     ),
     quantities=(
         halting_time(P),
@@ -213,7 +221,7 @@ DRAG = Demonstration(
         y="M1's height [cm]",
         caption="The light mass's height. The three agree up to the halt; then less drag runs ahead, loop by loop.",
         curves=lambda runs, cases: [
-            FigureCurve(label=case.label, x=runs[key].t, y=100 * runs[key].light_position[:, 1], truth=case.truth)
+            FigureCurve(label=case.label, x=runs[key].t, y=100 * runs[key].light_position[:, 1], reference=case.reference)
             for key, case in cases.items()
         ],
     ),
@@ -245,7 +253,7 @@ ITSELF = Demonstration(
     "matter?",
     guess="Better grip and a thicker rod stop the heavy mass earlier.",
     experiment=(
-        f"The exact truth, with a friction of {GRIP:g} per radian added where string lies on string, and with a string "
+        f"The exact reference, with a friction of {GRIP:g} per radian added where string lies on string, and with a string "
         f"that makes the "
         f"rod {1e3 * THICK:g} mm thicker per turn; on the rod of the 10:1 trial and on a slippery one (friction "
         f"{SLIPPERY:g})."
@@ -254,11 +262,11 @@ ITSELF = Demonstration(
     change="string:\n  kinetic_friction: 0.05\n  static_friction: 0.05\neffects:\n  string_on_string: 0.1",
     commands=("looping-pendulum run mine.yaml",),
     cases=lambda: (
-        truth(_with(), "plain", "10:1 trial"),
-        truth(_with(string_on_string=GRIP), "grip", "string grips string", main=False),
-        truth(_with(string_thickness=THICK), "thick", "string thickens the rod", main=False),
-        truth(_with(kinetic_friction=SLIPPERY), "slippery", "slippery rod", main=False),
-        truth(
+        reference_case(_with(), "plain", "10:1 trial"),
+        reference_case(_with(string_on_string=GRIP), "grip", "string grips string", main=False),
+        reference_case(_with(string_thickness=THICK), "thick", "string thickens the rod", main=False),
+        reference_case(_with(kinetic_friction=SLIPPERY), "slippery", "slippery rod", main=False),
+        reference_case(
             _with(kinetic_friction=SLIPPERY, string_on_string=GRIP),
             "slippery_grip",
             "slippery rod, string grips string",
@@ -268,7 +276,7 @@ ITSELF = Demonstration(
     quantities=(
         halting_time(P),
         MeasuredColumn(key="stick", header="string first holds [s]", measure=_event("stick"), digits=".3f"),
-        MeasuredColumn(key="away", header="slips again [s]", measure=_event("break_away"), digits=".3f"),
+        MeasuredColumn(key="away", header="slips again [s]", measure=_event("slip_onset"), digits=".3f"),
         MeasuredColumn(key="angle", header="string on the rod at the halt [deg]", measure=_turns_at_halt, digits=".0f"),
         LOWEST,
         MeasuredColumn(key="end", header="M1 reaches the rod [s]", measure=_event("light_reaches_rod"), digits=".3f"),
