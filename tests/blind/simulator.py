@@ -245,7 +245,7 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: N
     base_compliance, tau = 1 / numerics.stiffness, e.string_loss_time or numerics.loss_time
     whole = sum(paths)
     spin = 0.4 * m1 * e.light_radius**2
-    force_on_light_mass = _light_force(a, e)
+    light_force = _light_force(a, e)
     # What follows runs some 10^5 times a run: names of its own are found twice as fast as attributes.
     friction, heavy_drag, thickness, density = a.friction, a.heavy_drag, e.string_thickness, e.string_density
     per_speed, per_wrap, on_string = e.friction_per_speed, e.friction_per_wrap, e.string_on_string
@@ -332,7 +332,7 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: N
             cone = exp(value)
             holding = exp(value * (1 + static_excess)) if static_excess else cone
             t1, t2, passing = tensions(stretch1, stretch2, rate - surface, heavy_rate + surface, passed, cone, contact.slip)
-        fx, fy, fz = force_on_light_mass(t, x, y, vx, vy, vz, ax, ay, nx, ny, free)
+        fx, fy, fz = light_force(t, x, y, vx, vy, vz, ax, ay, nx, ny, free)
         along, toward = fx * ax + fy * ay - t1 * in_plane, fx * nx + fy * ny
         string_mass = density * free
         mass_across = m1 + string_mass / 3
