@@ -32,25 +32,25 @@ def rates(y, signs, p, *names):
     return equations.rates(sp, Mode.SLIDING_DOWN, t, y, signs, p, (*BASE, *(EFFECTS[name] for name in names)))
 
 
-POINTS = [{s: 0.37 + 0.11 * i + 0.05 * seed for i, s in enumerate((M1, M2, R, g, mu, d, th0, l0, z0, ph0, u0, w0, v0, w2))}
-          for seed in range(3)]  # fmt: skip
+SYMBOLS = (M1, M2, R, g, mu, d, th0, l0, z0, ph0, u0, w0, v0, w2)
+POINTS = [{s: sp.Float(0.37 + 0.11 * i + 0.05 * seed, 30) for i, s in enumerate(SYMBOLS)} for seed in range(3)]
 for _point in POINTS:
-    _point[L0] = 4.0  # longer than what is wound and straight
+    _point[L0] = sp.Float(4, 30)  # longer than what is wound and straight
 
 
 def number(expression, point, solved=()):
-    return float(sp.sympify(expression).subs(dict(solved)).subs(point))
+    return float(sp.sympify(expression).xreplace(point | dict(solved)))
 
 
 def solve(laws, unknowns, point):
     """Solve equations that are linear in the unknowns, at a point."""
-    found = sp.linsolve([sp.sympify(law).subs(point).evalf(30) for law in laws], unknowns)
-    return dict(zip(unknowns, next(iter(found)), strict=True))
+    actual = sp.linsolve([sp.sympify(law).xreplace(point) for law in laws], unknowns)
+    return dict(zip(unknowns, next(iter(actual)), strict=True))
 
 
-def equal(found, expected, solved=({}, {}, {})):
+def equal(actual, expected, solved=({}, {}, {})):
     """Whether two expressions agree at the points, but for rounding."""
-    pairs = [(number(found, p), number(expected, p, s)) for p, s in zip(POINTS, solved, strict=True)]
+    pairs = [(number(actual, p), number(expected, p, s)) for p, s in zip(POINTS, solved, strict=True)]
     return all(abs(a - b) < 1e-11 * max(1, abs(b)) for a, b in pairs)
 
 
@@ -88,10 +88,10 @@ def test_a_string_wound_on_itself():
     capstan = T2 - T1 * sp.exp(-SLIDE * mu * th0)
     solved = [solve([left.dot(a0) + T1, left.dot(n0), heavy, capstan], [ud, wd, T1, T2], point) for point in POINTS]
     y, signs = State(l0, th0, u0, w0, u0, 0), Signs(SLIDE, 1, 0, 1, overlap=1)
-    found = rates(y, signs, values(string_thickness=d), "string_thickness")
-    assert equal(found.retreat_speed, ud, solved)
-    assert equal(found.across_speed, wd, solved)
-    assert equal(found.free_length, first[length.diff(t)])
+    actual = rates(y, signs, values(string_thickness=d), "string_thickness")
+    assert equal(actual.retreat_speed, ud, solved)
+    assert equal(actual.across_speed, wd, solved)
+    assert equal(actual.free_length, first[length.diff(t)])
 
 
 def test_a_light_mass_that_also_moves_along_the_rod():
@@ -108,12 +108,12 @@ def test_a_light_mass_that_also_moves_along_the_rod():
     laws = [left.dot(a0) + share * T1, left.dot(n0), M1 * vd + share_z * T1, heavy, capstan]
     solved = [solve(laws, [ud, wd, vd, T1, T2], point) for point in POINTS]
     y = State(l0, th0, u0, w0, string_speed, 0, sideways=z0, sideways_speed=v0)
-    found = rates(y, Signs(SLIDE, 1, 0, 1), values(), "out_of_plane")
-    assert equal(found.retreat_speed, ud, solved)
-    assert equal(found.across_speed, wd, solved)
-    assert equal(found.sideways_speed, vd, solved)
-    assert equal(found.heavy_speed, string_rate, solved)
-    assert equal(found.slack, sp.Integer(0))
+    actual = rates(y, Signs(SLIDE, 1, 0, 1), values(), "out_of_plane")
+    assert equal(actual.retreat_speed, ud, solved)
+    assert equal(actual.across_speed, wd, solved)
+    assert equal(actual.sideways_speed, vd, solved)
+    assert equal(actual.heavy_speed, string_rate, solved)
+    assert equal(actual.slack, sp.Integer(0))
 
 
 def test_a_heavy_mass_that_swings():
@@ -137,7 +137,7 @@ def test_a_heavy_mass_that_swings():
     capstan = T2 - T1 * sp.exp(-SLIDE * mu * (th0 - ph0))
     solved = [solve([left.dot(d0) + T2, left.dot(m0), light, capstan], [u2d, w2d, T1, T2], point) for point in POINTS]
     y = State(l0, th0, u0, w0, u0, 0, heavy_tilt=ph0, heavy_across_speed=w2)
-    found = rates(y, Signs(SLIDE, 1, 0, 1), values(), "heavy_swing")
-    assert equal(found.heavy_speed, u2d, solved)
-    assert equal(found.heavy_across_speed, w2d, solved)
-    assert equal(found.heavy_tilt, turning)
+    actual = rates(y, Signs(SLIDE, 1, 0, 1), values(), "heavy_swing")
+    assert equal(actual.heavy_speed, u2d, solved)
+    assert equal(actual.heavy_across_speed, w2d, solved)
+    assert equal(actual.heavy_tilt, turning)
