@@ -1,4 +1,4 @@
-"""Measure what the adapters' additions are worth: the 10:1 trial with each of them, and without.
+"""Measure how much each of the adapters' additions changes: the 10:1 trial with and without it.
 
 `python -m benchmarks.additions` writes looping_pendulum/engines/additions.json (some ten minutes of one core, most of them for
 PyBullet); `--only VARIANT` measures that one again and keeps the others.
@@ -16,8 +16,8 @@ from typing import Any
 
 from benchmarks.engine_range import rounded
 from looping_pendulum.compare.align import align
-from looping_pendulum.compare.export import write_whole
-from looping_pendulum.compare.metrics import RMS_MARKS, rms_until
+from looping_pendulum.compare.export import write_atomically
+from looping_pendulum.compare.metrics import RMS_END_TIMES, rms_until
 from looping_pendulum.engines.additions import FILE
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
@@ -26,14 +26,14 @@ from looping_pendulum.scenarios import load
 
 PACKAGE_DATA = Path(str(files("looping_pendulum.engines"))) / FILE
 SCENARIO, DURATION = "ten_to_one", 0.7
-MARKS = ("rms_0.35s", "rms_0.7s")
+METRICS = ("rms_0.35s", "rms_0.7s")
 
 Without = Callable[[Any], Engine]
-"""A variant -> the same without the addition."""
+"""Function of an engine variant that returns the variant without the addition."""
 
 
 def changed(**changes: object) -> Without:
-    """Return what changes a variant's settings."""
+    """Return a function that changes a variant's settings."""
 
     def without(engine: Any) -> Engine:
         made: Engine = engine.with_settings(**changes)
@@ -66,22 +66,22 @@ ADDITIONS: dict[str, tuple[tuple[str, Without], ...]] = {
 
 
 def measure(name: str, report: Callable[[str], None]) -> list[dict[str, Any]]:
-    """Rows of one variant."""
+    """Return the rows of one variant: errors with and without each of its additions."""
     scenario = replace(load(SCENARIO), duration=DURATION, tolerances=())
     reference = Reference(scenario)
 
-    def errors(engine: Engine) -> list[float] | None:
+    def rms_errors(engine: Engine) -> list[float] | None:
         run = engine.simulate(scenario)
         aligned = align(run, reference)
-        found = [rms_until(aligned, RMS_MARKS[mark]) for mark in MARKS]
-        return None if not run.status.ok or None in found else [float(x) for x in found if x is not None]
+        errors = [rms_until(aligned, RMS_END_TIMES[metric]) for metric in METRICS]
+        return None if not run.status.ok or None in errors else [float(x) for x in errors if x is not None]
 
     (engine,) = select([name], Profile.QUICK)
-    ours = errors(engine)
+    ours = rms_errors(engine)
     report(f"{name}: {ours}")
     rows = []
     for what, without in ADDITIONS[name]:
-        rows.append({"what": what, "errors": ours, "errors_without": errors(without(engine))})
+        rows.append({"what": what, "errors": ours, "errors_without": rms_errors(without(engine))})
         report(f"{name}: {rows[-1]}")
     return rows
 
@@ -93,7 +93,7 @@ def main() -> None:
     for name in parser.parse_args().only or ADDITIONS:
         rows = measure(name, print)
         kept = json.loads(PACKAGE_DATA.read_text(encoding="utf-8"))
-        write_whole(PACKAGE_DATA, json.dumps(rounded(kept | {name: rows}), indent=1, sort_keys=True) + "\n")
+        write_atomically(PACKAGE_DATA, json.dumps(rounded(kept | {name: rows}), indent=1, sort_keys=True) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""What a careful user would write with Numba: DOP853 with events, all in compiled code, one run after another.
+"""The program that a careful user would write with Numba: DOP853 with events, all in compiled code, one run after another.
 
 The equations of a string that slides or sticks, written by hand in s with dt = l ds and with the fewest variables each mode
-needs; no slack string, so it does less. Events are seen by signs at the ends of steps and found by Newton's method, each
-iteration a step of its own.
+needs; no slack string, so it does less work. Events are detected by signs at the ends of steps and located by Newton's
+method, each iteration a step of its own.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ PARAMETERS = (
     "string_drag",
     "end_length",
 )
-"""Numbers of a run, in the order of the tuple ``p``; after them the free length and the angle at release."""
+"""Parameters of a run, in the order of the tuple ``p``; after them the free length and the angle at release."""
 STICK, DOWN, UP, ENDED = (np.uint64(mode) for mode in (Mode.STICKING, Mode.SLIDING_DOWN, Mode.SLIDING_UP, Mode.ENDED))
 HASH_START, HASH_FACTOR = np.uint64(0xCBF29CE484222325), np.uint64(0x100000001B3)
 STOP, END, UNWRAPPED, TIME_UP, SLIP_ONSET_DOWN, SLIP_ONSET_UP = range(1, 7)
-MOST_STEPS = 20_000
+MAX_STEPS = 20_000
 compiled = numba.njit(error_model="numpy")
 
 
 @compiled
 def sliding(y, s, p):
-    """d/ds of (l, theta, u, w, t); ``s``: +1 up, -1 down."""
+    """Return d/ds of (l, theta, u, w, t); ``s``: +1 up, -1 down."""
     length, theta, u, w, _ = y
     m1, m2, radius, g, mu, drag1, drag2, alpha, _ = p
     ratio = math.exp(-s * mu * theta)
@@ -50,7 +50,7 @@ def sliding(y, s, p):
 
 @compiled
 def sticking(y, c, p):
-    """d/ds of (theta, w, t); ``c``: the constant l + R theta."""
+    """Return d/ds of (theta, w, t); ``c``: the constant l + R theta."""
     theta, w, _ = y
     length = c - p[2] * theta
     return w, length * (p[3] * math.sin(theta) - (p[5] + p[7] * length) * abs(w) * w / p[0]), length
@@ -160,7 +160,7 @@ def next_length(h, error):
 def slide(y, s, p, duration, tolerance):
     """Slide until an event; returns (event, state)."""
     k, h, fresh = sliding(y, s, p), 2e-3 / y[0], True
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         z, kz, error = slide_step(y, k, h, s, p, tolerance)
         if not error <= 1.0:
             h *= max(0.2, 0.9 * error**-0.125) if error == error else 0.2
@@ -185,7 +185,7 @@ def stick(y, p, duration, tolerance):
     """Stick until an event; returns (event, state)."""
     c, state = y[0] + p[2] * y[1], (y[1], y[3], y[4])
     k, h = sticking(state, c, p), 5e-3 / y[0]
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         z, kz, error = stick_step(state, k, h, c, p, tolerance)
         if not error <= 1.0 or abs(z[0] - state[0]) > 1.0:
             h *= max(0.2, min(0.9, 0.9 * error**-0.125)) if error == error else 0.2
@@ -232,7 +232,7 @@ def run_one(p, free_length, angle, duration, tolerance):
     y = (free_length, angle, 0.0, 0.0, 0.0)
     mode, halt, event = chosen(y, p), 0.0, 0
     modes = (HASH_START ^ mode) * HASH_FACTOR
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         if mode == STICK:
             event, y = stick(y, p, duration, tolerance)
         else:

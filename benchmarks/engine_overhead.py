@@ -1,6 +1,6 @@
-"""What the adapters cost over the bare engine: `python -m benchmarks.engine_overhead`.
+"""Measure what the adapters cost in addition to the bare engine: `python -m benchmarks.engine_overhead`.
 
-One rig runs as it does in a comparison: steps, forces, what the adapter tends, reading back. Another runs the same, but takes
+One rig runs as it does in a comparison: steps, forces, the adapter's own work, reading back. Another runs the same, but takes
 every second sample interval with nothing but the engine's own step call. Over those intervals the ratio of the two is the
 adapter's overhead; bodies and contacts are the same in both.
 """
@@ -20,14 +20,14 @@ from looping_pendulum.engines.registry import label, missing_packages, select
 from looping_pendulum.scenarios import load
 
 LIMIT = 0.10
-"""Share that an adapter may cost on top of the bare engine."""
+"""Largest cost of an adapter, as a share of the bare engine's."""
 SAMPLES = 300
 """The fall of ten to one, up to shortly before the halt, where most beads come and go."""
-REPEATS, ENOUGH = 5, 30.0
+REPEATS, MIN_TIME = 5, 30.0
 """Least number of repeats, and seconds below which more are made: what is short is what other programs disturb most."""
 
 BareLoop = Callable[[], None]
-"""Takes the engine through one sample interval by its step call alone."""
+"""Function that advances the engine by one sample interval with its step call alone."""
 
 
 def bare_pymunk(rig: Any) -> BareLoop:
@@ -62,7 +62,7 @@ def bare_mujoco(rig: Any) -> BareLoop:
     count = settings.groups_per_sample * settings.steps_per_group
 
     def loop() -> None:
-        rig._mujoco.mj_step(rig._now.model, rig._now.data, count)
+        rig._mujoco.mj_step(rig._current.model, rig._current.data, count)
 
     return loop
 
@@ -72,17 +72,17 @@ BARE_LOOPS: dict[str, Callable[[Any], BareLoop]] = {
     "pybullet:chain": bare_pybullet,
     "pymunk:chain": bare_pymunk,
 }
-"""Variant -> what makes the bare loop of one of its rigs."""
+"""Variant -> function that makes the bare loop of one of its rigs."""
 
 
 def overhead(make: Callable[[], Rig], bare_of: Callable[[Any], BareLoop]) -> tuple[float, float]:
-    """CPU seconds of every second of `SAMPLES` intervals with the adapter, and of the same intervals without it.
+    """Return the CPU seconds of every second of `SAMPLES` intervals with the adapter, and of the same intervals without it.
 
-    Each interval counts with its least of all repeats, which are the same: what else the machine did stays out.
+    Each interval counts with its least of all repeats, which are the same: so that other load on the machine does not count.
     """
     least = np.full((SAMPLES, 2), np.inf)
     started, repeats = time.perf_counter(), 0
-    while repeats < REPEATS or time.perf_counter() - started < ENOUGH:
+    while repeats < REPEATS or time.perf_counter() - started < MIN_TIME:
         repeats += 1
         rig = make()
         for sample in range(SAMPLES):

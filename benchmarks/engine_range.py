@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.cli.converge import StudyBar
+from looping_pendulum.cli.progress import convergence_bars
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.comparison import compare
-from looping_pendulum.compare.export import write_whole
+from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.compare.metrics import MARK_SLACK
+from looping_pendulum.compare.metrics import END_TIME_TOLERANCE
 from looping_pendulum.compare.run_cache import RunCache, Runner, RunTask, run_key
 from looping_pendulum.engines.protocol import STATIC_FRICTION, Engine, Profile
 from looping_pendulum.engines.reference import Reference
@@ -42,15 +42,15 @@ SEED = 20261122
 SCENARIOS = 48
 """Enough that nine tenths of them are 43; every eighth is a vertical release, every sixth has static above kinetic friction."""
 DURATION = 0.7
-"""Of each run [s]; a vertical release has met the rod, or its end, before."""
-MARKS = {"rms_0.35s": 0.35, "rms_0.7s": 0.7}
+"""Simulated time of each run [s]; a vertical release is cut earlier, before the light mass meets the rod."""
+RMS_END_TIMES = {"rms_0.35s": 0.35, "rms_0.7s": 0.7}
 MAIN = ("mujoco:documented", "mujoco:capstan", "mujoco:beads", "pymunk:chain", "pybullet:chain")
 CHEAP = ("mujoco:effective_mass", "mujoco:drum")
-"""Variants for studies that cost next to nothing."""
+"""Other variants, measured because their runs cost next to nothing."""
 
 
 def scenarios(count: int = SCENARIOS) -> list[Scenario]:
-    """The first ``count`` random scenarios; a longer list begins with the shorter one."""
+    """Return the first ``count`` random scenarios; a longer list begins with the shorter one."""
     generator = np.random.default_rng(SEED)
     return [_scenario(i, generator) for i in range(count)]
 
@@ -92,7 +92,7 @@ def _scenario(i: int, generator: np.random.Generator) -> Scenario:
 
 
 def _time_to_rise(p: Parameters, way: float) -> float:
-    """Time [s], a whole number of samples, in which a vertical release without drag rises so far; `DURATION` if it holds."""
+    """Return the time [s], in whole samples, in which a vertical release without drag rises by ``way``; at most `DURATION`."""
     exponent = p.coefficients["kinetic_friction"] * math.pi
     pull = p.heavy_mass - p.light_mass * math.exp(exponent)
     if pull <= 0:
@@ -102,7 +102,7 @@ def _time_to_rise(p: Parameters, way: float) -> float:
 
 
 def row(run: Trajectory, scenario: Scenario, reference: Reference) -> dict[str, Any]:
-    """What is stored of one run."""
+    """Return the stored row of one run."""
     aligned = align(run, reference)
     known = np.isfinite(aligned.distance)
     result = compare(scenario, reference, [run]).engines[0]
@@ -111,7 +111,10 @@ def row(run: Trajectory, scenario: Scenario, reference: Reference) -> dict[str, 
         "scenario": scenario.name,
         "status": run.status.name,
         "end_time": float(run.t[-1]) if len(run.t) else None,
-        **{name: _rms(aligned.distance, known & (aligned.t <= mark + MARK_SLACK)) for name, mark in MARKS.items()},
+        **{
+            name: _rms(aligned.distance, known & (aligned.t <= end_time + END_TIME_TOLERANCE))
+            for name, end_time in RMS_END_TIMES.items()
+        },
         "heavy_position": float(heavy.max()) if len(heavy) else None,
         "halting_time_error": result.metrics["halting_time_error"],
         "acceleration_error": result.metrics["acceleration_error"],
@@ -124,7 +127,7 @@ def _rms(distance: Any, chosen: Any) -> float | None:
 
 
 def measure(chosen: Sequence[Engine], sample: Sequence[Scenario], work: Path, jobs: int, time_limit: float) -> dict[str, Any]:
-    """Run all that is not kept in ``work``; rows of each variant's profile."""
+    """Make the runs that are not cached in ``work``; return the rows of each variant's profile."""
     tasks = [
         RunTask(key=run_key(engine, scenario), engine=engine, scenario=scenario, what=f"{label(engine)} {scenario.name}")
         for engine in chosen
@@ -132,24 +135,30 @@ def measure(chosen: Sequence[Engine], sample: Sequence[Scenario], work: Path, jo
         if not engine.abilities.unsupported(scenario.parameters)
         and STATIC_FRICTION not in engine.abilities.lacks(scenario.parameters)  # declared missing: no accuracy to measure
     ]
-    with StudyBar() as bar:
-        runner = Runner(RunCache(work), jobs=jobs, time_limit=time_limit, budget=None, progress=bar.update)
+    with convergence_bars() as bars:
+        runner = Runner(
+            RunCache(work),
+            jobs=jobs,
+            time_limit=time_limit,
+            budget=None,
+            progress=lambda fraction, description: bars.update(description, fraction),
+        )
         done = runner.run(tasks)
     references = {scenario.name: Reference(scenario) for scenario in sample}
-    found: dict[str, Any] = {}
+    measured: dict[str, Any] = {}
     for task in tasks:
         ended = done.get(task.key)
         if ended is None or ended.run is None:
             continue
-        rows = found.setdefault(label(task.engine), {}).setdefault(task.engine.profile.value, {})
+        rows = measured.setdefault(label(task.engine), {}).setdefault(task.engine.profile.value, {})
         rows[task.scenario.name] = row(ended.run, task.scenario, references[task.scenario.name])
-    return found
+    return measured
 
 
-def merged(stored: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
-    """``stored`` rows with those of ``found`` in their place."""
+def merged(stored: dict[str, Any], measured: dict[str, Any]) -> dict[str, Any]:
+    """Return the ``stored`` rows, replaced by ``measured`` ones where there are any."""
     runs = dict(stored)
-    for name, profiles in found.items():
+    for name, profiles in measured.items():
         runs[name] = dict(runs.get(name, {}))
         for profile, rows in profiles.items():
             runs[name][profile] = runs[name].get(profile, {}) | rows
@@ -157,7 +166,7 @@ def merged(stored: dict[str, Any], found: dict[str, Any]) -> dict[str, Any]:
 
 
 def summary(runs: dict[str, Any], sample: dict[str, Parameters]) -> dict[str, list[dict[str, Any]]]:
-    """What the package says of itself: the range and the accuracy of each variant's profiles."""
+    """Return the range and the accuracy of each variant's profiles, as the package publishes them."""
     return {
         name: [to_plain(validated(profile, list(rows.values()), sample)) for profile, rows in sorted(profiles.items())]
         for name, profiles in sorted(runs.items())
@@ -165,7 +174,7 @@ def summary(runs: dict[str, Any], sample: dict[str, Parameters]) -> dict[str, li
 
 
 def validated(profile: str, rows: list[dict[str, Any]], sample: dict[str, Parameters]) -> ValidatedRange:
-    """Range and accuracy of one profile from its stored rows."""
+    """Return range and accuracy of one profile from its stored rows."""
     ended = [r for r in rows if r["status"] in ("FINISHED", "LIGHT_REACHED_ROD")]
     inside = [sample[r["scenario"]] for r in ended]
     bounds = {}
@@ -173,7 +182,7 @@ def validated(profile: str, rows: list[dict[str, Any]], sample: dict[str, Parame
         values = [value for p in inside if (value := quantity.of(p)) is not None]
         if values:
             bounds[quantity.name] = (min(values), max(values))
-    errors = {name: spread([r[name] for r in ended]) for name in (*MARKS, "halting_time_error")}
+    errors = {name: spread([r[name] for r in ended]) for name in (*RMS_END_TIMES, "halting_time_error")}
     return ValidatedRange(
         profile=profile,
         scenarios=len(rows),
@@ -185,7 +194,7 @@ def validated(profile: str, rows: list[dict[str, Any]], sample: dict[str, Parame
 
 
 def spread(values: Iterable[float | None]) -> Spread | None:
-    """Median, 90 % and worst of the magnitudes that are known."""
+    """Return median, 90 % quantile and maximum of the magnitudes that are known."""
     known = sorted(abs(value) for value in values if value is not None)
     if not known:
         return None
@@ -194,7 +203,7 @@ def spread(values: Iterable[float | None]) -> Spread | None:
 
 
 def stored() -> dict[str, Any]:
-    """Rows that were measured before: variant -> profile -> scenario -> row."""
+    """Return the rows measured before: variant -> profile -> scenario -> row."""
     if not DATA.exists():
         return {}
     runs: dict[str, Any] = json.loads(DATA.read_text(encoding="utf-8"))["runs"]
@@ -211,24 +220,24 @@ def write(runs: dict[str, Any]) -> None:
         "runs": runs,
     }
     text = json.dumps(rounded(tree), separators=(",", ":")).replace('"random_', '\n"random_') + "\n"
-    write_whole(DATA, text)
-    write_whole(PACKAGE_DATA, summary_text(stored()))
+    write_atomically(DATA, text)
+    write_atomically(PACKAGE_DATA, summary_text(stored()))
 
 
 def summary_text(runs: dict[str, Any]) -> str:
-    """Text of the package's file."""
+    """Return the text of the package's file."""
     return json.dumps(rounded(summary(runs, {s.name: s.parameters for s in scenarios()})), indent=1) + "\n"
 
 
 def _short(p: Parameters) -> dict[str, Any]:
-    """Parameters with those coefficients that are not at their default."""
+    """Return the parameters with only those coefficients that the scenarios vary."""
     tree = p.as_dict()
     named = ("kinetic_friction", "static_friction", "light_drag", "heavy_drag", "string_drag")
     return tree | {"coefficients": {name: p.coefficients[name] for name in named}}
 
 
 def rounded(tree: Any) -> Any:
-    """``tree`` with floats to four significant digits: errors are known no better."""
+    """Return ``tree`` with floats rounded to four significant digits; errors are not known more accurately."""
     if isinstance(tree, dict):
         return {key: rounded(value) for key, value in tree.items()}
     if isinstance(tree, list):
@@ -243,12 +252,12 @@ def main() -> None:
     parser.add_argument("--only", action="append", help="engine or variant; default: the main variants and the cheap ones")
     parser.add_argument("--sample", type=int, default=SCENARIOS, help=f"how many of the {SCENARIOS} scenarios, from the first")
     parser.add_argument("--profile", type=Profile, default=Profile.QUICK, choices=list(Profile))
-    parser.add_argument("--jobs", type=int, default=1, help="runs at once")
-    parser.add_argument("--time-limit", type=float, default=1200.0, help="of one run [s]")
+    parser.add_argument("--jobs", type=int, default=1, help="number of runs at the same time")
+    parser.add_argument("--time-limit", type=float, default=1200.0, help="limit on the wall time of one run [s]")
     parser.add_argument("--summary", action="store_true", help="only write the package's file again from the stored rows")
     options = parser.parse_args()
     if options.summary:
-        write_whole(PACKAGE_DATA, summary_text(stored()))
+        write_atomically(PACKAGE_DATA, summary_text(stored()))
         return
     if options.work is None:
         parser.error("--work: needed a folder, or --summary")

@@ -16,12 +16,12 @@ from typing import Any
 
 from benchmarks import pareto
 from benchmarks.pareto import PROTOTYPES, Point, figure, front, points
-from looping_pendulum.cli.converge import StudyBar
+from looping_pendulum.cli.progress import convergence_bars
 from looping_pendulum.compare.convergence import report
 from looping_pendulum.compare.convergence.result import SCHEMA_ID as CONVERGENCE_ID
 from looping_pendulum.compare.convergence.result import SCHEMA_VERSION, ConvergenceResult
 from looping_pendulum.compare.convergence.study import study_convergence, write
-from looping_pendulum.compare.export import write_whole
+from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.plots import png
 from looping_pendulum.compare.tables import number, table
 from looping_pendulum.engines.protocol import Profile
@@ -32,28 +32,27 @@ DOCS = Path(__file__).parents[1] / "docs"
 SUMMARY, PAGE, FIGURE = DOCS / "data" / "engine_study.json", DOCS / "engine-study.md", DOCS / "img" / "pareto.png"
 COMMAND = "python -m benchmarks.engine_study"
 SCENARIO = "ten_to_one"
-OLD_HALTS = """**These runs are older than the definition of the halting time that reports use now.** Here the heavy mass was
-taken for at rest below 20 mm/s, and rebounds up to 40 mm/s were not seen: the halting errors of chains, here and in the other
-tables, are smaller than those in README and in reports, which say when the string has stopped sliding to 0.1 mm. Paths are not
-touched by it.
+OLD_HALTS = """**These runs were made before the present definition of the halting time.** In them the heavy mass counted as at rest below
+20 mm/s, and rebounds up to 40 mm/s were not noticed. So the halting errors of chains, here and in the other tables, are smaller
+than those in README and in reports, whose halting time is the end of the string's sliding to 0.1 mm. Paths are not affected.
 
 """
-"""Stands where the stored study has halting times of version 1."""
+"""Note on the page if the stored study has halting times of version 1."""
 HALTS_BY_SLIDING = 2
-"""Version of the convergence result from which on a halting time says when the string stopped sliding."""
+"""First version of the convergence result whose halting time is the end of the string's sliding."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """Everything that the page is written from."""
+    """The stored data that the page is written from."""
 
     convergence: ConvergenceResult
     pareto: tuple[Point, ...]
     version: int = SCHEMA_VERSION
-    """Of the convergence result: in version 1 halting times were read from a band of speeds."""
+    """Version of the convergence result; in version 1 halting times were read from speeds."""
 
     def to_json(self) -> str:
-        """Text of the stored numbers: one line per variant, ladder and timed point, to keep it small."""
+        """Return the text of the stored data: one line per variant, ladder and timed point, to keep it small."""
         tree = {
             "schema": {"id": "looping-pendulum/engine-study", "version": 1},
             "convergence": json.loads(self.convergence.to_json()) | {"schema": {"id": CONVERGENCE_ID, "version": self.version}},
@@ -73,7 +72,7 @@ def read(text: str) -> Study:
 
 
 def rounded(tree: Any) -> Any:
-    """``tree`` with floats to six significant digits: more than the page prints."""
+    """Return ``tree`` with floats rounded to six significant digits, more than the page prints."""
     if isinstance(tree, dict):
         return {key: rounded(value) for key, value in tree.items()}
     if isinstance(tree, list):
@@ -86,18 +85,19 @@ def page(study: Study) -> str:
     result = study.convergence
     return f"""# What the engines' errors are made of
 
-Written by `{COMMAND}` from `docs/data/engine_study.json`, the stored numbers of one run of all studies; do not edit it by hand.
-`looping-pendulum converge {result.scenario} --engine NAME` makes the same for one variant, with a figure for every setting.
+`{COMMAND}` writes this page from `docs/data/engine_study.json`, the stored numbers of one run of all studies; do not edit it by hand.
+`looping-pendulum converge {result.scenario} --engine NAME` writes the same report for one variant, with a figure for every setting. The
+[glossary](glossary.md) explains the terms.
 
 {report.opening(result)}
 {report.HOW_TO_READ}
-## Every error, split
+## How each error splits into parts
 
 {report.splits_table(result)}
 ## Does the halting time converge?
 
 {"" if study.version >= HALTS_BY_SLIDING else OLD_HALTS}{report.halting_table(result)}
-## Along every ladder
+## Every ladder
 
 {report.ladders_table(result)}
 ## Speed against accuracy
@@ -107,7 +107,7 @@ Written by `{COMMAND}` from `docs/data/engine_study.json`, the stored numbers of
 {pareto_text(study.pareto)}
 ## Hidden defaults
 
-Each row is a run with everything as ours but for this one setting.
+Each row is a run in which only this setting differs from the variant's own settings.
 
 {report.defaults_table(result)}
 ## The adapters' choices
@@ -119,7 +119,7 @@ Each row is a run with everything as ours but for this one setting.
 
 
 def pareto_text(found: tuple[Point, ...]) -> str:
-    """Return the points that nothing beats, the variants' own points, and the prototypes."""
+    """Return the tables of the points on the Pareto front, the variants' own points, and the prototypes."""
     best = {p.key for p in front(found)}
     contact = {p.key for p in front(p for p in found if p.contact)}
     head = ["variant", "setting", "what", "RMS to 0.7 s [mm]", "wall s per s", "CPU s per s", "runs", "slowest"]
@@ -153,7 +153,7 @@ The prototypes that were written before the adapters, in haste and on a shared m
 
 
 def main() -> None:
-    """Make the runs, or only the page."""
+    """Make the runs and write the page, or only write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--work", type=Path, help="folder where runs are kept")
     parser.add_argument("--page", action="store_true", help="only write the page again from the stored numbers")
@@ -166,7 +166,7 @@ def main() -> None:
         if options.work is None:
             parser.error("--work: needed a folder, or --page")
         engines = select(options.engine or ["reference", "all"], Profile.QUICK)
-        with StudyBar() as bar:
+        with convergence_bars() as bars:
             result = study_convergence(
                 load(SCENARIO),
                 engines,
@@ -174,27 +174,27 @@ def main() -> None:
                 budget=options.budget,
                 jobs=options.jobs,
                 time_limit=3600.0,
-                progress=bar.update,
+                progress=lambda fraction, description: bars.update(description, fraction),
             )
         write(result, options.work)
         if result.interrupted:
             sys.exit(130)
         timed = kept_points(result, options.work / pareto.NAME, options.timing_budget)
-        write_whole(SUMMARY, Study(convergence=result, pareto=timed).to_json())
+        write_atomically(SUMMARY, Study(convergence=result, pareto=timed).to_json())
     study = read(SUMMARY.read_text(encoding="utf-8"))
-    write_whole(FIGURE, png(figure(list(study.pareto))))
-    write_whole(PAGE, page(study))
+    write_atomically(FIGURE, png(figure(list(study.pareto))))
+    write_atomically(PAGE, page(study))
     print(f"wrote {PAGE}")
 
 
 def kept_points(result: ConvergenceResult, file: Path, budget: float) -> tuple[Point, ...]:
-    """Timed points of ``result``; those that stand in ``file`` are not timed again."""
+    """Return the timed points of ``result``; points that ``file`` has are not timed again."""
     known = {p["key"]: Point(**p) for p in json.loads(file.read_text(encoding="utf-8"))} if file.exists() else {}
     found: list[Point] = []
     for point in points(result, budget, known):
         found.append(point)
         known[point.key] = point
-        write_whole(file, json.dumps([dataclasses.asdict(p) for p in known.values()], indent=1) + "\n")
+        write_atomically(file, json.dumps([dataclasses.asdict(p) for p in known.values()], indent=1) + "\n")
     return tuple(found)
 
 

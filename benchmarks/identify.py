@@ -60,10 +60,10 @@ def benchmark() -> None:
 def against_scipy(study: Path) -> None:
     """Calibrate the same data, numbers and priors from the same start, by ours and by SciPy; CPU seconds."""
     inputs = read_inputs(load(study))
-    calibrate(Problem(inputs.study, inputs.training, inputs.numbers))
+    calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
     seconds = []
     for _ in range(3):
-        problem = Problem(inputs.study, inputs.training, inputs.numbers)
+        problem = Problem(inputs.study, inputs.training, inputs.free_parameters)
         started = time.process_time()
         fit = calibrate(problem)
         seconds.append(time.process_time() - started)
@@ -72,7 +72,7 @@ def against_scipy(study: Path) -> None:
     theirs = least_squares(lambda x: _residuals_by_scipy(problem, x), problem.prior_mean, bounds=(problem.low, problem.high),
                            diff_step=1e-3, x_scale=1.0, ftol=1e-6, xtol=1e-8)  # fmt: skip
     taken = time.process_time() - started
-    print(f"\n## Calibration of {len(inputs.training)} trials, {len(problem.numbers)} numbers\n")
+    print(f"\n## Calibration of {len(inputs.training)} trials, {len(problem.free_parameters)} numbers\n")
     print("| by | CPU seconds | cost | Jacobians |\n|---|---|---|---|")
     print(f"| ours | {ours:.2f} | {fit.cost:.2f} | {fit.iterations} |")
     print(f"| SciPy least_squares, finite differences, DOP853 at 1e-9 | {taken:.1f} | {2 * theirs.cost:.2f} | {theirs.njev} |")
@@ -82,7 +82,7 @@ def against_scipy(study: Path) -> None:
 def _residuals_by_scipy(problem: Problem, x: np.ndarray) -> np.ndarray:
     parts = []
     for k, d in enumerate(problem.data):
-        parameters, camera = problem.setting(x, k)
+        parameters, camera = problem.parameters_and_camera(x, k)
         seen = predict(
             lambda t, p=parameters: solve_at(p, t, duration=float(t[-1]) + 1e-3, tolerance=1e-9, integrator="scipy"),
             camera, d.channels, dropped=d.trial.dropped,

@@ -1,4 +1,4 @@
-"""Many runs of the reference at once, against what a user would write instead: `python -m benchmarks --only maps`.
+"""Time many runs of the reference at once, against what a user would write instead: `python -m benchmarks --only maps`.
 
 The set is that of the maps: release angle 60 to 130 degrees, M2/M1 from 1 to 12, the apparatus of ten_to_one.
 """
@@ -25,7 +25,7 @@ Columns = dict[str, np.ndarray]
 
 
 def map_columns(n: int) -> Columns:
-    """A low-discrepancy sample of the map (Roberts' R2 sequence)."""
+    """Return a low-discrepancy sample of the map (Roberts' R2 sequence)."""
     golden = 1.324717957244746
     first, second = ((0.5 + np.arange(1, n + 1) / golden**k) % 1 for k in (1, 2))
     return {"release_angle": np.radians(60 + 70 * first), "heavy_mass": BASE.light_mass * (1 + 11 * second)}
@@ -36,14 +36,14 @@ def part(columns: Columns, n: int) -> Columns:
 
 
 def cpu_per_run(task: Callable[[], object], runs: int) -> float:
-    """CPU time per run [us]."""
+    """Return the CPU time per run [us]."""
     started = time.process_time()
     task()
     return 1e6 * (time.process_time() - started) / runs
 
 
 def interleaved(tasks: dict[str, tuple[Callable[[], object], int]], repeats: int) -> dict[str, float]:
-    """Median CPU time per run [us] of each task, taken in turn."""
+    """Return the median CPU time per run [us] of each task, taken in turn."""
     found: dict[str, list[float]] = {name: [] for name in tasks}
     for _ in range(repeats):
         for name, (task, runs) in tasks.items():
@@ -52,7 +52,7 @@ def interleaved(tasks: dict[str, tuple[Callable[[], object], int]], repeats: int
 
 
 def one_by_one(columns: Columns, runs: int, tolerance: float, integrator: str) -> tuple[np.ndarray, np.ndarray]:
-    """Halting and end times from single runs."""
+    """Return halting and end times from single runs."""
     times = []
     for i in range(runs):
         values = {name: float(column[i]) for name, column in columns.items()}
@@ -63,7 +63,7 @@ def one_by_one(columns: Columns, runs: int, tolerance: float, integrator: str) -
 
 
 def error(found: tuple[np.ndarray, np.ndarray], exact: tuple[np.ndarray, np.ndarray]) -> str:
-    """Median and 99th percentile of the error of a run's times [s]."""
+    """Return median and 99th percentile of the error of a run's times [s]."""
     worst = np.fmax.reduce([np.abs(a[: len(b)] - b) for a, b in zip(found, exact, strict=True)])
     return f"{np.median(worst):.0e}, {np.quantile(worst, 0.99):.0e}"
 
@@ -134,25 +134,25 @@ def growth(rounds: int = 3) -> None:
     print(f"Target cost linear from 1e3 to 1e6 (within 20 % of a line): {verdict(off <= 0.2)}.")
 
 
-def piece(runs: int) -> None:
-    """Some runs of the map, in a process that is ready for them."""
+def short_batch(runs: int) -> None:
+    """Compute some runs of the map, in a process that has compiled the integrator already."""
     solve_batch(BASE, map_columns(runs))
 
 
 def cached_work(times: int) -> None:
-    """Work that stays within a core and shares nothing."""
+    """Do work that stays within a core's cache and shares nothing with other cores."""
     a = np.ones(1000)
     for _ in range(times):
         np.exp(a)
 
 
 def scaling(pairs: int = 40, runs: int = 20_000) -> None:
-    """How many times one process two get done that are ready, as those of `map --jobs 2` are: short pieces, in turn.
+    """Measure how much more two processes compute than one, both ready, as those of `map --jobs 2` are: short pieces, in turn.
 
     Others use this machine, too, and two processes feel it more than one; so work that shares nothing is done in turn with it.
     """
     tasks: dict[str, tuple[Callable[[int], None], int]] = {
-        "runs of the map": (piece, runs),
+        "runs of the map": (short_batch, runs),
         "np.exp of 1000 numbers": (cached_work, 150_000),
     }
     ratios: dict[str, list[float]] = {name: [] for name in tasks}
@@ -180,7 +180,7 @@ def scaling(pairs: int = 40, runs: int = 20_000) -> None:
 
 
 def wall_clock(runs: int, processes: int) -> tuple[float, float, float]:
-    """Wall time [s], CPU time [s] and peak memory of the processes together [MiB] of one batch, from a fresh start."""
+    """Return wall time [s], CPU time [s] and peak memory of the processes together [MiB] of one batch, from a fresh start."""
     code = (
         "import resource, sys, time\n"
         "from benchmarks.maps import BASE, map_columns, solve_batch\n"
@@ -217,7 +217,7 @@ def whole_map(runs: int, repeats: int = 3) -> None:
 
 
 def benchmark(repeats: int, runs: int) -> None:
-    """Everything."""
+    """Run all benchmarks of maps."""
     peers(repeats)
     growth()
     scaling()

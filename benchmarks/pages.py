@@ -1,4 +1,4 @@
-"""What a user waits for before the demonstration moves, and how smoothly it moves in a real browser."""
+"""Measure how long the demonstration page takes to appear, and its frame rate in a real browser."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from typing import Any
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 LIMITS = {"cold start [s]": 100.0, "with results [s]": 3.0, "size [MB]": 6.0, "first paint [s]": 1.0, "frames per second": 30.0}
-"""The issue's limits: the last is the least, the others the most."""
+"""Limits: the last is a minimum, the others are maxima."""
 PLAYED = 3.0
-"""How long frames are counted [s]."""
+"""Time over which frames are counted [s]."""
 REPEATS = 3
 
 
@@ -23,25 +23,25 @@ def benchmark() -> None:
     """Run `demo ten_to_one` cold and again, then look at its page in the browser."""
     print("\n## The demonstration page, `demo ten_to_one --profile quick`, all engines\n")
     with tempfile.TemporaryDirectory() as folder:
-        found: dict[str, float] = {"cold start [s]": _demo(folder)}
-        found["with results [s]"] = statistics.median(_demo(folder) for _ in range(REPEATS))
+        results: dict[str, float] = {"cold start [s]": _demo(folder)}
+        results["with results [s]"] = statistics.median(_demo(folder) for _ in range(REPEATS))
         page = Path(folder) / "demo.html"
-        found["size [MB]"] = page.stat().st_size / 1e6
+        results["size [MB]"] = page.stat().st_size / 1e6
         report = Path(folder) / "report.html"
-        found |= in_browser(page)
+        results |= in_browser(page)
         print("| what | measured | limit | |\n|---|---:|---:|---|")
         for what, limit in LIMITS.items():
-            value = found.get(what)
+            value = results.get(what)
             if value is None:
                 print(f"| {what} | no browser here | {limit:g} | |")
                 continue
-            kept = value >= limit if what == "frames per second" else value <= limit
-            print(f"| {what} | {value:.3g} | {limit:g} | {'met' if kept else 'not met'} |")
+            met = value >= limit if what == "frames per second" else value <= limit
+            print(f"| {what} | {value:.3g} | {limit:g} | {'met' if met else 'not met'} |")
         print(f"\n`report.html` beside it: {report.stat().st_size / 1e6:.2f} MB (limit 6).")
 
 
 def _demo(folder: str) -> float:
-    """Wall time of the command [s]."""
+    """Return the wall time of the command [s]."""
     command = [sys.executable, "-m", "looping_pendulum", "demo", "ten_to_one", "--no-open", "--out", folder]
     started = time.perf_counter()
     subprocess.run(command, check=True, capture_output=True)
@@ -49,7 +49,7 @@ def _demo(folder: str) -> float:
 
 
 def in_browser(page: Path) -> dict[str, float]:
-    """First paint and frames per second, medians; empty without a browser."""
+    """Return the medians of first paint and frames per second; empty without a browser."""
     path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
     if path is None:
         return {}

@@ -23,9 +23,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from looping_pendulum.compare.convergence.result import FILE, ConvergenceResult, VariantStudy
-from looping_pendulum.compare.convergence.study import plan
-from looping_pendulum.compare.export import write_whole
-from looping_pendulum.compare.plots import GREY, figure_of, legend_below, png
+from looping_pendulum.compare.convergence.study import plan_variant
+from looping_pendulum.compare.export import write_atomically
+from looping_pendulum.compare.plots import GREY, legend_below, make_figure, png
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import select
 from looping_pendulum.pages.palette import styles
@@ -35,8 +35,8 @@ from looping_pendulum.scenarios.scenario import Scenario
 NAME = "pareto.json"
 MARK = "path_0.7s"
 WARM_UP = 5e-3
-"""Simulated before the clock starts [s], so that imports and caches are not timed."""
-REPEATS, ENOUGH = 3, 60.0
+"""Simulated time of a first run that is not timed [s], so that imports and caches do not count."""
+REPEATS, TIME_BUDGET = 3, 60.0
 """Timed runs of one rung, and wall time [s] after which no further one is begun."""
 TARGET = 60.0
 """Wall seconds per simulated second that a chain may take (issue 4)."""
@@ -63,20 +63,20 @@ of two either way); of a range of times the geometric middle."""
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One rung, timed."""
+    """A timed rung."""
 
     variant: str
     where: str
     """ "time_step 1e-05", or empty at the variant's own settings."""
     key: str
     contact: bool
-    """Whether winding and friction law are the engine's own."""
+    """Whether the engine itself supplies winding and friction law."""
     rms: float
-    """To 0.7 s [m]."""
+    """Root mean square error to 0.7 s [m]."""
     wall: float
     """Median wall seconds per simulated second."""
     cpu: float
-    """The same of CPU time."""
+    """Median CPU seconds per simulated second."""
     runs: int
     slowest: float
     """Largest wall seconds per simulated second of the runs."""
@@ -88,7 +88,7 @@ def points(study: ConvergenceResult, budget: float, known: Mapping[str, Point] |
     took = {one.key: one.seconds for one in study.clock.run_times}
     for v in study.variants:
         engine = select([v.label], Profile(v.profile))[0]
-        runs = plan(engine, scenario, ())
+        runs = plan_variant(engine, scenario, ())
         engines = {task.key: task.engine for task in runs.tasks()}
         for where, key, rms in rungs(v):
             if known and key in known:
@@ -106,7 +106,7 @@ def points(study: ConvergenceResult, budget: float, known: Mapping[str, Point] |
 
 
 def rungs(v: VariantStudy) -> list[tuple[str, str, float]]:
-    """(setting and value, key, error) of the variant's own run and of each of its rungs, each run once."""
+    """Return (setting and value, key, error) of the variant's own run and of each of its rungs, each run once."""
     every = [("", v.own), *((f"{ladder.setting} {r.value:g}", r.run) for ladder in v.ladders for r in ladder.rungs)]
     found: dict[str, tuple[str, str, float]] = {}
     for where, run in every:
@@ -117,20 +117,20 @@ def rungs(v: VariantStudy) -> list[tuple[str, str, float]]:
 
 
 def supplied_by_engine(v: VariantStudy) -> bool:
-    """Whether winding and friction law are the engine's own."""
+    """Return whether the engine itself supplies winding and friction law."""
     by = {s.what: s.by for s in v.provenance.supplies}
     return by["winding"] == by["friction law"] == "engine"
 
 
 def timed(engine: Engine, scenario: Scenario) -> tuple[list[float], list[float]]:
-    """Wall and CPU seconds per simulated second of a few runs, each in a process of its own, one after the other."""
+    """Return wall and CPU seconds per simulated second of a few runs, each in a process of its own, one after the other."""
     wall: list[float] = []
     cpu: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
         job = Path(folder) / "job.pickle"
         job.write_bytes(pickle.dumps((engine, scenario)))
         began = time.perf_counter()
-        while len(wall) < REPEATS and (not wall or time.perf_counter() - began < ENOUGH):
+        while len(wall) < REPEATS and (not wall or time.perf_counter() - began < TIME_BUDGET):
             command = [sys.executable, "-m", "benchmarks.pareto", "--one", str(job)]
             done = subprocess.run(command, check=True, capture_output=True, text=True)
             seconds = json.loads(done.stdout.splitlines()[-1])
@@ -140,7 +140,7 @@ def timed(engine: Engine, scenario: Scenario) -> tuple[list[float], list[float]]
 
 
 def one(job: Path) -> dict[str, float]:
-    """Wall and CPU seconds per simulated second of one run after a warm-up, the building of the apparatus included."""
+    """Return wall and CPU seconds per simulated second of one run after a warm-up, including building the apparatus."""
     engine, scenario = pickle.loads(job.read_bytes())
     engine.simulate(dataclasses.replace(scenario, duration=WARM_UP))
     wall, cpu = time.perf_counter(), time.process_time()
@@ -151,15 +151,15 @@ def one(job: Path) -> dict[str, float]:
 
 
 def front(found: Iterable[Point]) -> list[Point]:
-    """Engines' points that no other one beats in both time and error, from fast to slow. The reference would beat them all."""
+    """Return the Pareto front of the engines' points in time and error, from fast to slow; the reference is left out."""
     engines = [p for p in found if not p.variant.startswith("reference:")]
     best = [p for p in engines if not any(o is not p and o.wall <= p.wall and o.rms <= p.rms for o in engines)]
     return sorted(best, key=lambda p: p.wall)
 
 
 def figure(found: list[Point]) -> Figure:
-    """Error against time, log-log; lines join what nothing beats, among all and where winding and law are the engine's own."""
-    picture, (axes,) = figure_of(8.4, 6.8)
+    """Draw error against time, log-log, with the Pareto fronts of all engines and of those that supply winding and friction."""
+    picture, (axes,) = make_figure(8.4, 6.8)
     axes.plot(*np.array([(t, e) for _, e, t in PROTOTYPES]).T, "x", color=GREY, ms=6, label="prototypes")
     look = styles(p.variant for p in found)
     for variant in dict.fromkeys(p.variant for p in found):
@@ -203,8 +203,8 @@ def main() -> None:
     if options.study is None or options.out is None:
         parser.error("--study and --out: needed both")
     found = list(points(read_study(options.study), options.budget))
-    write_whole(options.out / NAME, json.dumps([dataclasses.asdict(p) for p in found], indent=1) + "\n")
-    write_whole(options.out / "pareto.png", png(figure(found)))
+    write_atomically(options.out / NAME, json.dumps([dataclasses.asdict(p) for p in found], indent=1) + "\n")
+    write_atomically(options.out / "pareto.png", png(figure(found)))
 
 
 if __name__ == "__main__":

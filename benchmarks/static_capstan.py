@@ -11,7 +11,7 @@ import time
 
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import label, missing_packages, select
-from looping_pendulum.engines.static_capstan import measured_exponent
+from looping_pendulum.engines.static_capstan import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 
 ANGLES = (90, 135, 180, 225, 270)
@@ -23,7 +23,7 @@ def row(engine: Engine, what: str, degrees: float) -> None:
     """Print one measurement as a row of the table."""
     started = time.process_time()
     try:
-        point = measured_exponent(engine, friction=FRICTION, wrap_angle=math.radians(degrees))
+        point = measure_capstan_exponent(engine, friction=FRICTION, wrap_angle=math.radians(degrees))
     except EngineError as error:
         print(f"| {label(engine)} | {what} | {degrees:g} | {error} | | | |", flush=True)
         return

@@ -1,4 +1,4 @@
-"""Measure a sample of the engine study again, and say whether its stored numbers still stand.
+"""Measure a sample of the engine study again, and check whether its stored numbers are reproduced.
 
 `python -m benchmarks.study_sample --count 5 --seed 1` draws runs from docs/data/engine_study.json: variants' own settings, and
 rungs of ladders, defaults and choices of the adapters. It makes them again and prints stored and measured errors side by side.
@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 from benchmarks.engine_study import SCENARIO, SUMMARY, Study, read
 from looping_pendulum.compare.align import align
-from looping_pendulum.compare.convergence.result import MARKS, RunSummary, VariantStudy
+from looping_pendulum.compare.convergence.result import PATH_END_TIMES, RunSummary, VariantStudy
 from looping_pendulum.compare.metrics import rms_until
 from looping_pendulum.compare.tables import number, table
 from looping_pendulum.engines.isolation import run_isolated
@@ -27,12 +27,12 @@ from looping_pendulum.scenarios import load
 SAME = 0.01
 """Relative difference up to which two errors count as the same: six digits are stored, other processors round otherwise."""
 FLOOR = 1e-9
-"""Errors below a nanometre are not told apart [m]."""
+"""Difference of errors that is ignored [m]: a nanometre."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoredRun:
-    """A run of the study, and what makes it again."""
+    """A run of the study, and the engine that makes it again."""
 
     name: str
     engine: Engine
@@ -54,7 +54,7 @@ def stored_runs(study: Study, budget: float) -> list[StoredRun]:
 
 
 def _runs(variant: VariantStudy, engine: Engine) -> Iterator[StoredRun]:
-    """Runs of one variant that its studies still name."""
+    """Yield the stored runs of one variant that its present studies still have."""
     studies = engine.studies()
     yield StoredRun(name=f"{variant.label}, its own settings", engine=engine, summary=variant.own)
     made = {
@@ -76,14 +76,14 @@ def _runs(variant: VariantStudy, engine: Engine) -> Iterator[StoredRun]:
 
 
 def measured_again(run: StoredRun, reference: Reference) -> dict[str, float | None]:
-    """Errors of ``run`` made again."""
-    scenario = replace(load(SCENARIO), duration=max(MARKS.values()), tolerances=())
+    """Make ``run`` again and return its errors."""
+    scenario = replace(load(SCENARIO), duration=max(PATH_END_TIMES.values()), tolerances=())
     aligned = align(run_isolated(run.engine, scenario), reference)
-    return {name: rms_until(aligned, mark) for name, mark in MARKS.items()}
+    return {name: rms_until(aligned, mark) for name, mark in PATH_END_TIMES.items()}
 
 
 def same(stored: float | None, again: float | None) -> bool:
-    """Whether two errors are the same to `SAME` and `FLOOR`."""
+    """Return whether two errors are equal to within `SAME` and `FLOOR`."""
     if stored is None or again is None:
         return stored is again
     return abs(stored - again) <= SAME * max(stored, again) + FLOOR
@@ -100,15 +100,15 @@ def main() -> None:
     study = read(SUMMARY.read_text(encoding="utf-8"))
     runs = [r for r in stored_runs(study, options.budget) if options.only is None or r.name.startswith(f"{options.only},")]
     reference = Reference(load(SCENARIO))
-    rows, stands = [], True
+    rows, reproduced = [], True
     for run in random.Random(options.seed).sample(runs, min(options.count, len(runs))):
         again = measured_again(run, reference)
         for name, stored in run.summary.rms.items():
-            stood = same(stored, again[name])
-            stands &= stood
-            rows.append([run.name, name, *(_mm(value) for value in (stored, again[name])), "yes" if stood else "no"])
+            equal = same(stored, again[name])
+            reproduced &= equal
+            rows.append([run.name, name, *(_mm(value) for value in (stored, again[name])), "yes" if equal else "no"])
     print(table(["run", "what", "stored [mm]", "measured again [mm]", "the same"], rows, left=2))
-    sys.exit(0 if stands and rows else 1)
+    sys.exit(0 if reproduced and rows else 1)
 
 
 def _mm(value: float | None) -> str:

@@ -1,4 +1,4 @@
-"""The errors a user may meet. Each says where, what was found, what was needed, and a way out."""
+"""Errors that a user may see. Each message says where, what was found, what was needed, and a way out."""
 
 from __future__ import annotations
 
@@ -28,23 +28,31 @@ class IntegrationError(HarnessError, ArithmeticError):
 
 
 class IntegratorGaveUpError(IntegrationError):
-    """One integrator could not go on; another may."""
+    """One integrator could not continue; another one may be able to."""
 
 
-class HandedOverWarning(UserWarning):
-    """Runs of the reference were solved by another integrator, since the usual one gave up."""
+class IntegratorFallbackWarning(UserWarning):
+    """Runs of the reference were solved by another integrator, because the usual one could not continue."""
+
+
+class ResultError(HarnessError, ValueError):
+    """A file is not a result that this version can read."""
+
+
+class RenamedWarning(UserWarning):
+    """A file uses a name that has changed since it was written; it is read under the new name."""
 
 
 def one_line(text: str) -> str:
-    """Return ``text`` with whatever could break, colour or reorder a terminal's line shown as an escape."""
+    """Return ``text`` with every unprintable character, which could break or colour a line of a terminal, as its escape."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def shorten(text: str, longest: int = 60) -> str:
-    """Cut a long text."""
-    return text if len(text) <= longest else text[: longest - 3] + "..."
+def shorten(text: str, max_length: int = 60) -> str:
+    """Return ``text``, cut to ``max_length`` characters with "..." at its end if it is longer."""
+    return text if len(text) <= max_length else text[: max_length - 3] + "..."
 
 
 def printable(text: str) -> str:
-    """Return ``text`` of several lines, each as `one_line` has it; tabs stay."""
+    """Return ``text`` of several lines with each line made printable by `one_line`; tabs and line ends stay."""
     return "\n".join("\t".join(map(one_line, line.split("\t"))) for line in text.split("\n"))

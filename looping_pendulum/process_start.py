@@ -1,8 +1,8 @@
-"""First code of a Python process that this package starts (see `processes`); run by its path, before anything else is imported.
+"""First code of every Python process that `processes` starts; it is run by its path, before anything else is imported.
 
-It settles what may be imported, and that the process ends with the one that started it. An engine's process gets a supervisor:
-a small process that ends the engine with all that it has started, whatever becomes of either, and then removes their folder.
-Only the standard library is imported here, and little of it.
+It restricts what may be imported, and makes the process end with its parent. An engine's process also gets a supervisor: a
+small process that waits until the parent asks for the end, or has itself ended, then kills the engine with all that it has
+started and removes their folder. This file imports only the standard library, and little of it, because it runs at every start.
 """
 
 from __future__ import annotations
@@ -22,65 +22,70 @@ from importlib.machinery import ModuleSpec, PathFinder
 from typing import Any
 
 JOB, OUTPUT = "job.pickle", "output.txt"
-"""Files in a supervised process's folder: what it is asked to do, and all that it prints."""
-END = b"end\n"
-"""What a supervisor is told to end its process; when its input ends, it goes too."""
-_DEATH_SIGNAL, _SUBREAPER = 1, 36
-"""Numbers of Linux's prctl."""
-_LOOK = 0.5
-"""Time between two looks whether the parent is there [s]."""
+"""Files in a supervised process's folder: its input (a pickled job), and everything that it prints."""
+END_COMMAND = b"end\n"
+"""Message on a supervisor's standard input that makes it end its worker; the end of the input makes the supervisor end, too."""
+_PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
+"""Options of Linux's prctl, from <sys/prctl.h>."""
+_POLL_INTERVAL = 0.5
+"""Time between two checks that the parent still exists [s]; only systems without a parent-death signal depend on it."""
 
 
-class NamedModules:
-    """Finds some modules by name, each in a folder of its own, and nothing else there."""
+class NamedModuleFinder:
+    """Import finder for a few modules by name, each in a given folder; it finds nothing else in these folders."""
 
     def __init__(self, folders: Mapping[str, str]) -> None:
         self._folders = folders
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
-        """Return what Python needs to import ``name``; None if it is not one of ours."""
+        """Return what Python needs to import ``name``; None if it is not one of the given modules."""
         if path is not None or name not in self._folders:
             return None
         return PathFinder.find_spec(name, [self._folders[name]], target)
 
 
-def main(told: Mapping[str, Any]) -> None:
-    """Call the function that the parent names."""
-    folder = told.get("folder")
+def main(request: Mapping[str, Any]) -> None:
+    """Call the function that the parent names.
+
+    ``request`` has the keys "function" ("module:name"), "arguments", "modules" (name -> folder) and, if the process shall be
+    supervised, "folder".
+    """
+    folder = request.get("folder")
     if folder is None:
         end_with_parent()
     elif hasattr(os, "fork"):
-        supervise(folder)
+        fork_worker(folder)
     else:
-        work_alone(folder)
-    sys.meta_path.insert(0, NamedModules(told["modules"]))
-    module, _, name = told["function"].partition(":")
-    getattr(importlib.import_module(module), name)(*told["arguments"])
+        work_without_supervisor(folder)
+    sys.meta_path.insert(0, NamedModuleFinder(request["modules"]))
+    module, _, name = request["function"].partition(":")
+    getattr(importlib.import_module(module), name)(*request["arguments"])
 
 
 def end_with_parent() -> None:
-    """End this process when its parent has ended, whatever it is doing then."""
+    """Make this process end when its parent has ended, whatever it is doing then."""
     parent = os.getppid()
-    _prctl(_DEATH_SIGNAL, signal.SIGKILL if hasattr(signal, "SIGKILL") else signal.SIGTERM)
+    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL if hasattr(signal, "SIGKILL") else signal.SIGTERM)
 
-    def watch() -> None:
+    def exit_after_parent() -> None:
         while os.getppid() == parent:
-            time.sleep(_LOOK)
+            time.sleep(_POLL_INTERVAL)
         os._exit(1)
 
-    threading.Thread(target=watch, daemon=True).start()
+    threading.Thread(target=exit_after_parent, daemon=True).start()
 
 
-def supervise(folder: str) -> None:
-    """Return in a new process, which works in ``folder``; this one only watches over it, and never returns."""
-    signals, wake = os.pipe()
-    for end in (signals, wake):
+def fork_worker(folder: str) -> None:
+    """Fork: return in the new worker process, which works in ``folder``; the old one becomes its supervisor for good."""
+    # The numbers of signals that arrive are written to a pipe, so that select() can wait for them and for commands together.
+    signals, signal_writer = os.pipe()
+    for end in (signals, signal_writer):
         os.set_blocking(end, False)
-    signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
+    signal.set_wakeup_fd(signal_writer, warn_on_full_buffer=False)
     for number in (signal.SIGCHLD, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: None)  # noted by the pipe
-    _prctl(_DEATH_SIGNAL, signal.SIGTERM)
-    _prctl(_SUBREAPER, 1)
+        signal.signal(number, lambda *_: None)  # a handler must exist for the pipe to be written
+    _prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    _prctl(_PR_SET_CHILD_SUBREAPER, 1)  # orphans of the worker become children of this process, so it can kill them
     if not _receive(folder):
         os._exit(1)
     supervisor = os.getpid()
@@ -90,37 +95,37 @@ def supervise(folder: str) -> None:
         for number in (signal.SIGCHLD, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, signal.SIG_DFL)
         os.close(signals)
-        os.close(wake)
+        os.close(signal_writer)
         os.setsid()
-        _prctl(_DEATH_SIGNAL, signal.SIGKILL)
-        if os.getppid() != supervisor:
+        _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != supervisor:  # it ended between fork and prctl, so its death signal will never come
             os._exit(1)
         _redirect(folder)
         return
     try:
-        _watch(worker, signals)
+        _supervise(worker, signals)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         os._exit(0)
 
 
-def work_alone(folder: str) -> None:
-    """Do as `supervise` where a process cannot fork (Windows): return in this process, which ends when its input does."""
+def work_without_supervisor(folder: str) -> None:
+    """Do as `fork_worker` where a process cannot fork (Windows): return in this process, which ends when its input ends."""
     if not _receive(folder):
         os._exit(1)
     _report(b"pid %d" % os.getpid())
-    commands, _ = os.dup(0), os.dup(1)  # while the second is open, the parent knows that this process goes on
+    commands, _ = os.dup(0), os.dup(1)  # while the second is open, the parent knows that this process still runs
 
-    def watch() -> None:
-        os.read(commands, len(END))
+    def exit_on_command() -> None:
+        os.read(commands, len(END_COMMAND))
         os._exit(1)
 
-    threading.Thread(target=watch, daemon=True).start()
+    threading.Thread(target=exit_on_command, daemon=True).start()
     _redirect(folder)
 
 
 def _receive(folder: str) -> bool:
-    """Make the folder and put the job that the parent sends there; return whether all of it came."""
+    """Make the folder and store the job that the parent sends there; return whether it arrived completely."""
     size = int.from_bytes(_read(8), "little")
     job = _read(size)
     if not 0 < size == len(job):
@@ -132,14 +137,17 @@ def _receive(folder: str) -> bool:
                 file.write(content)
     except OSError as error:
         _report(f"failed {error.filename}: {error.strerror}".encode(errors="replace"))
-        if not isinstance(error, FileExistsError):  # that folder is somebody else's
+        if not isinstance(error, FileExistsError):  # a folder that existed before belongs to somebody else
             shutil.rmtree(folder, ignore_errors=True)
         return False
     return True
 
 
 def _read(size: int) -> bytes:
-    """Read so many bytes from the parent, fewer if it ends before; not one more, which a buffer would."""
+    """Read ``size`` bytes from the parent, fewer if it ends before.
+
+    It reads without a buffer, which might take bytes of the commands that follow.
+    """
     parts = []
     while size > 0 and (part := os.read(0, min(size, 1 << 20))):
         parts.append(part)
@@ -148,37 +156,38 @@ def _read(size: int) -> bytes:
 
 
 def _redirect(folder: str) -> None:
-    """Read nothing; print, from Python or from C, into the folder."""
-    nothing = os.open(os.devnull, os.O_RDONLY)
-    printed = os.open(os.path.join(folder, OUTPUT), os.O_WRONLY | os.O_APPEND)
-    os.dup2(nothing, 0)
-    os.dup2(printed, 1)
-    os.dup2(printed, 2)
-    os.close(nothing)
-    os.close(printed)
+    """Make the standard input empty, and send all that Python or C code prints to the file `OUTPUT` in ``folder``."""
+    empty = os.open(os.devnull, os.O_RDONLY)
+    output = os.open(os.path.join(folder, OUTPUT), os.O_WRONLY | os.O_APPEND)
+    os.dup2(empty, 0)
+    os.dup2(output, 1)
+    os.dup2(output, 2)
+    os.close(empty)
+    os.close(output)
 
 
-def _watch(worker: int, signals: int) -> None:
-    """Report the worker's start and end; end it with all that it started when told to, or when the parent has ended."""
-    told = os.dup(0)
+def _supervise(worker: int, signals: int) -> None:
+    """Report the worker's start and end; kill it with all that it started on command, or when the parent has ended."""
+    commands = os.dup(0)
     _report(b"pid %d" % worker)
     code: int | None = None
     while True:
-        ready, _, _ = select.select([told, signals], [], [])
-        asked = os.read(told, 64) if told in ready else None
-        noted = os.read(signals, 64) if signals in ready else b""
-        gone = asked == b"" or signal.SIGTERM in noted or signal.SIGHUP in noted
+        ready, _, _ = select.select([commands, signals], [], [])
+        command = os.read(commands, 64) if commands in ready else None
+        signal_numbers = os.read(signals, 64) if signals in ready else b""
+        # An empty read is the end of the input: the parent has ended or has closed it.
+        must_exit = command == b"" or signal.SIGTERM in signal_numbers or signal.SIGHUP in signal_numbers
         if code is None:
-            code = _ended(worker, kill=asked is not None or gone)
+            code = _exit_code(worker, kill=command is not None or must_exit)
             if code is not None:
                 _end_descendants(worker)
                 _report(b"ended %d" % code)
-        if gone:
+        if must_exit:
             return
 
 
-def _ended(worker: int, *, kill: bool) -> int | None:
-    """Exit code of the worker, a signal's negative; None if it goes on."""
+def _exit_code(worker: int, *, kill: bool) -> int | None:
+    """Return the worker's exit code (negative: the number of the signal that killed it); None if it still runs."""
     if kill:
         with contextlib.suppress(ProcessLookupError):
             os.kill(worker, signal.SIGKILL)
@@ -187,7 +196,11 @@ def _ended(worker: int, *, kill: bool) -> int | None:
 
 
 def _end_descendants(worker: int) -> None:
-    """End what the worker has started: its group, and on Linux what has left that group, which comes to us as children."""
+    """Kill what the worker has started: its process group, and on Linux also processes that have left that group.
+
+    The latter have become children of this process, which is their subreaper. Killing one may hand over its own children, so
+    the loop goes on until there are none.
+    """
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(worker, signal.SIGKILL)
     while pids := _children():
@@ -200,7 +213,7 @@ def _end_descendants(worker: int) -> None:
 
 
 def _children() -> list[int]:
-    """Our children, as far as this system says."""
+    """Return the ids of this process's children; empty where the system does not tell (it is a file of Linux)."""
     try:
         with open(f"/proc/self/task/{os.getpid()}/children") as file:
             return [int(pid) for pid in file.read().split()]
@@ -209,12 +222,13 @@ def _children() -> list[int]:
 
 
 def _report(line: bytes) -> None:
-    with contextlib.suppress(OSError):  # the parent may be gone
+    """Send one line to the parent."""
+    with contextlib.suppress(OSError):  # the parent may have ended
         os.write(1, line + b"\n")
 
 
 def _prctl(option: int, value: int) -> None:
-    """Ask something of Linux for this process; nothing elsewhere."""
+    """Set an option of this process with Linux's prctl; do nothing on other systems."""
     if sys.platform.startswith("linux"):
         import ctypes
 

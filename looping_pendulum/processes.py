@@ -1,8 +1,8 @@
-"""Processes that this package starts: what they may import, and that they end with what started them.
+"""Start the child processes of this package: restrict what they may import, and end them with their parent.
 
-Nothing is imported because it lies in the working folder, or beside a script: a student's ``mujoco.py`` or ``pickle.py`` there
-is a file like any other. What the starting process has itself imported from such a folder (an engine's module, a test) may be
-imported by a process that it starts, too: by name, and nothing else from there.
+A child process imports nothing merely because it lies in the working folder or beside the script: a student's ``mujoco.py`` or
+``pickle.py`` there must not shadow the real package. Modules that the parent itself has imported from such a folder (an
+engine's module, a test) are the exception: the child may import them by name, and nothing else from there.
 """
 
 from __future__ import annotations
@@ -24,45 +24,45 @@ from typing import Any
 
 from looping_pendulum import process_start
 
-GRACE = 10.0
-"""How long a supervisor may take to end what it supervises [s]; it takes milliseconds."""
+END_TIMEOUT = 10.0
+"""Longest time that a supervisor may take to end its worker [s], before it is killed; normally it takes milliseconds."""
 _SAFE_PATH = "PYTHONSAFEPATH"
-"""Environment variable that keeps Python from importing from the working folder, as its option -P does."""
+"""Environment variable that keeps Python from importing from the working folder; it is equivalent to the option -P."""
 
 
-def open_folders() -> frozenset[str]:
-    """Folders of which Python would import anything that lies there: the working folder, and that of the script that runs."""
+def unsafe_import_folders() -> frozenset[str]:
+    """Return the folders from which Python would import any file: the working folder, and that of the running script."""
     folders = {""}
     with contextlib.suppress(OSError):  # the working folder may be gone
-        folders.add(_real(os.getcwd()))
+        folders.add(os.path.realpath(os.getcwd()))
     script = getattr(sys.modules.get("__main__"), "__file__", None)
     if script:
-        folders.add(_real(os.path.dirname(os.path.abspath(script))))
+        folders.add(os.path.realpath(os.path.dirname(os.path.abspath(script))))
     return frozenset(folders)
 
 
 def import_path() -> list[str]:
-    """`sys.path` without the `open_folders`."""
-    left_out = open_folders()
-    return [os.path.abspath(entry) for entry in sys.path if entry and _real(entry) not in left_out]
+    """Return `sys.path` without the `unsafe_import_folders`."""
+    unsafe = unsafe_import_folders()
+    return [os.path.abspath(entry) for entry in sys.path if entry and os.path.realpath(entry) not in unsafe]
 
 
-def named_modules() -> dict[str, str]:
-    """Module or package that this process has imported from one of the `open_folders` -> that folder."""
-    left_out = open_folders()
-    found: dict[str, str] = {}
+def modules_from_unsafe_folders() -> dict[str, str]:
+    """Map each module that this process has imported from one of the `unsafe_import_folders` to that folder."""
+    unsafe = unsafe_import_folders()
+    module_folders: dict[str, str] = {}
     for name, module in list(sys.modules.items()):
         if "." in name or name in ("__main__", "__mp_main__"):
             continue
-        for place in _places(module):
-            folder = _real(os.path.dirname(place))
-            if folder in left_out:
-                found[name] = folder
-    return found
+        for path in _source_paths(module):
+            folder = os.path.realpath(os.path.dirname(path))
+            if folder in unsafe:
+                module_folders[name] = folder
+    return module_folders
 
 
-def _places(module: Any) -> list[str]:
-    """Files or folders that a top-level module or package was imported from."""
+def _source_paths(module: Any) -> list[str]:
+    """Return the files or folders that a top-level module or package was imported from."""
     spec = getattr(module, "__spec__", None)
     folders = getattr(spec, "submodule_search_locations", None)
     if folders is not None:
@@ -71,11 +71,7 @@ def _places(module: Any) -> list[str]:
     return [file] if isinstance(file, str) else []
 
 
-def _real(folder: str) -> str:
-    return os.path.realpath(folder)
-
-
-def start(
+def start_process(
     function: str,
     arguments: Sequence[str],
     *,
@@ -85,14 +81,16 @@ def start(
 ) -> subprocess.Popen[bytes]:
     """Start a Python process that calls ``function``, "module:name", with ``arguments``, and ends when this process does.
 
-    It imports as `import_path` and `named_modules` say, is spoken with over its standard input and output, and leads a session
-    of its own: Ctrl-C reaches this process alone, which then decides. With a ``folder`` it is a supervisor (`Supervised`).
+    The process may import from `import_path` and the `modules_from_unsafe_folders`. The two processes communicate over its
+    standard input and output. It leads its own session, so that Ctrl-C reaches only this process, which then decides what to
+    do. With a ``folder`` the process is a supervisor (`SupervisedProcess`).
     """
-    told = {"function": function, "arguments": list(arguments), "modules": named_modules()}
-    told |= {} if folder is None else {"folder": str(folder)}
+    request = {"function": function, "arguments": list(arguments), "modules": modules_from_unsafe_folders()}
+    request |= {} if folder is None else {"folder": str(folder)}
+    # PYTHONPATH cannot quote its separator, so an entry that contains one is left out.
     path = os.pathsep.join(entry for entry in import_path() if os.pathsep not in entry)
     return subprocess.Popen(
-        [sys.executable, "-P", str(Path(process_start.__file__)), json.dumps(told)],
+        [sys.executable, "-P", str(Path(process_start.__file__)), json.dumps(request)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=stderr,
@@ -101,77 +99,78 @@ def start(
     )
 
 
-class Supervised:
-    """A process with a folder of its own that calls a function with that folder.
+class SupervisedProcess:
+    """A worker process under a supervisor process, with a temporary folder of its own.
 
-    It ends with this process, even if that is killed, and all that it has started ends with it; then the folder is removed.
+    The worker ends when this process ends, even if this process is killed. Whatever the worker has started ends with it, and
+    then the folder is removed.
 
     Parameters
     ----------
     function
-        "module:name"; called with the folder's path, in which `process_start.JOB` is.
+        "module:name" of the function to call; its argument is the path of the folder, which contains `process_start.JOB`.
     job
-        What that file holds.
+        Content of that file.
     environment
-        Variables to set.
+        Environment variables to set.
     """
 
     def __init__(self, function: str, job: bytes, environment: Mapping[str, str] | None = None) -> None:
         self.folder = Path(tempfile.gettempdir(), f"looping-pendulum-{secrets.token_hex(8)}").absolute()
         self.pid: int | None = None
-        """Of the process that works; None until it has begun."""
+        """Process id of the worker; None until it has started."""
         self.returncode: int | None = None
-        """Exit status, a signal's negative; None until it has ended."""
-        self.fault = ""
-        """Why it could not begin."""
+        """Exit status of the worker (negative: the number of the signal that killed it); None until it has ended."""
+        self.start_error = ""
+        """Why the worker could not start; empty if it did."""
         self._ended = threading.Event()
-        self._process = start(function, [str(self.folder)], folder=self.folder, environment=environment)
-        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._process = start_process(function, [str(self.folder)], folder=self.folder, environment=environment)
+        self._listener = threading.Thread(target=self._read_reports, daemon=True)
         self._listener.start()
-        self._tell(len(job).to_bytes(8, "little") + job)
+        self._send(len(job).to_bytes(8, "little") + job)
 
     def wait(self, seconds: float) -> bool:
-        """Wait until the process has ended, for so long at most; return whether it has."""
+        """Wait until the worker has ended, at most ``seconds``; return whether it has."""
         return self._ended.wait(seconds)
 
     def end(self) -> None:
-        """End the process and all that it has started; its folder stays until `close`."""
+        """End the worker and all that it has started; its folder stays until `close`."""
         if not self._ended.is_set():
-            self._tell(process_start.END)
-            if not self._ended.wait(GRACE):
+            self._send(process_start.END_COMMAND)
+            if not self._ended.wait(END_TIMEOUT):
                 self._process.kill()
-                self._ended.wait(GRACE)
+                self._ended.wait(END_TIMEOUT)
 
     def close(self) -> None:
-        """End what has not ended, and remove the folder."""
+        """End the worker and the supervisor if they still run, and remove the folder."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        with contextlib.suppress(OSError):  # what was not read any more is lost
-            self._process.stdin.close()
+        with contextlib.suppress(OSError):  # the supervisor ended before it read all of it
+            self._process.stdin.close()  # the end of its input tells the supervisor to end
         try:
-            self._process.wait(GRACE)
+            self._process.wait(END_TIMEOUT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
         self._listener.join()
         self._process.stdout.close()
-        shutil.rmtree(self.folder, ignore_errors=True)  # where the supervisor was killed
+        shutil.rmtree(self.folder, ignore_errors=True)  # a supervisor that was killed could not do it
 
-    def _tell(self, message: bytes) -> None:
+    def _send(self, message: bytes) -> None:
         assert self._process.stdin is not None
-        with contextlib.suppress(OSError):  # it has ended
+        with contextlib.suppress(OSError):  # the supervisor has ended
             self._process.stdin.write(message)
             self._process.stdin.flush()
 
-    def _listen(self) -> None:
-        """Note what the supervisor reports."""
+    def _read_reports(self) -> None:
+        """Store what the supervisor reports on its standard output, line by line, until it ends."""
         assert self._process.stdout is not None
         for line in self._process.stdout:
             word, _, content = line.decode(errors="replace").strip().partition(" ")
             if word == "pid":
                 self.pid = int(content)
             elif word == "failed":
-                self.fault = content
+                self.start_error = content
             elif word == "ended":
                 self.returncode = int(content)
                 self._ended.set()
@@ -181,45 +180,46 @@ class Supervised:
 
 
 def end_with_parent() -> None:
-    """In a process of `multiprocessing`: leave Ctrl-C to the parent, and end when it has ended, whatever goes on then."""
+    """Make this process, started by `multiprocessing`, leave Ctrl-C to its parent and end when the parent has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None
 
-    def watch() -> None:
+    def exit_after_parent() -> None:
         parent.join()
         os._exit(1)
 
-    threading.Thread(target=watch, daemon=True).start()
+    threading.Thread(target=exit_after_parent, daemon=True).start()
 
 
-_spawning = threading.Lock()
-_depth = 0
+_spawn_lock = threading.Lock()
+_nesting_depth = 0
+"""How many `safe_spawning` contexts are open, in all threads."""
+_saved_values: list[str | None] = []
+"""Value of `_SAFE_PATH` before the outermost open context."""
 
 
 @contextlib.contextmanager
 def safe_spawning() -> Iterator[None]:
-    """Let processes that `multiprocessing` spawns meanwhile import nothing from the working folder before they are ready.
+    """Keep processes that `multiprocessing` spawns inside this context from importing from the working folder.
 
-    It starts them with ``python -c``, which looks there first for multiprocessing's own modules.
+    `multiprocessing` starts them with ``python -c``, which would look for its own modules there first. The environment
+    belongs to the whole process, so contexts that overlap in several threads are counted: the last to end restores it.
     """
-    global _depth
-    with _spawning:
-        _depth += 1
-        if _depth == 1:
-            _before.append(os.environ.get(_SAFE_PATH))
+    global _nesting_depth
+    with _spawn_lock:
+        _nesting_depth += 1
+        if _nesting_depth == 1:
+            _saved_values.append(os.environ.get(_SAFE_PATH))
             os.environ[_SAFE_PATH] = "1"
     try:
         yield
     finally:
-        with _spawning:
-            _depth -= 1
-            if _depth == 0:
-                before = _before.pop()
-                if before is None:
+        with _spawn_lock:
+            _nesting_depth -= 1
+            if _nesting_depth == 0:
+                saved = _saved_values.pop()
+                if saved is None:
                     os.environ.pop(_SAFE_PATH, None)
                 else:
-                    os.environ[_SAFE_PATH] = before
-
-
-_before: list[str | None] = []
+                    os.environ[_SAFE_PATH] = saved

@@ -1,6 +1,6 @@
-"""pytest plugin: `pytest my.scenario.yaml` runs the tolerances of a scenario file, one test item per engine variant and metric.
+"""pytest plugin: `pytest my.scenario.yaml` judges the tolerances of a scenario file, an item per engine variant and metric.
 
-pytest loads this in every project where the package is installed, so nothing but pytest is imported before a scenario is met.
+pytest loads it in every project where the package is installed, so only pytest is imported until a scenario is collected.
 """
 
 from __future__ import annotations
@@ -21,49 +21,54 @@ if TYPE_CHECKING:
     from looping_pendulum.scenarios.scenario import Scenario, Tolerance
 
 SUFFIXES = (".scenario.yaml", ".scenario.yml")
-"""Files that are collected wherever pytest looks."""
+"""Endings of the names of files that are always collected."""
 
 SCENARIO_KEYS = tuple(re.compile(rf"^{key}\s*:", re.MULTILINE).search for key in ("light", "heavy", "rod", "release"))
-"""A YAML file given on the command line that has all of these is a scenario; others are left to other plugins."""
+"""Searches for keys that a scenario has: a YAML file on the command line with all of them is collected as a scenario."""
 
 NOTHING_JUDGED = 2
-"""Exit status of a session that met scenarios and judged nothing of any.
+"""Exit status of a session that collected scenarios and judged no tolerance.
 
 It is that of `looping-pendulum check`, and pytest's own for a faulty file.
 """
 
 RUN = "run"
-"""Item that fails where the engine's run itself broke off, whatever its metrics."""
+"""Name of the item that fails if the engine's run broke off, whatever its metrics."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the options."""
+    """Add the plugin's command-line options."""
     group = parser.getgroup("looping-pendulum", "looping-pendulum scenarios (*.scenario.yaml)")
     group.addoption(
         "--lp-engines",
         metavar="NAMES",
         default="",
-        help="Only these engines or variants, separated by commas: pymunk,mujoco:capstan. Default: all with tolerances.",
+        help="Judge only these engines or variants, separated by commas: pymunk,mujoco:capstan. Default: all with tolerances.",
     )
     group.addoption(
-        "--lp-profile", choices=("quick", "accurate"), default="quick", help="How much a run may cost. Default: quick."
+        "--lp-profile", choices=("quick", "accurate"), default="quick", help="Settings of the engines. Default: quick."
     )
     group.addoption(
         "--lp-time-limit",
         metavar="SECONDS",
         type=float,
         default=900.0,
-        help="Stop an engine's run after this long. Default: 900.",
+        help="Stop an engine's run after this time. Default: 900.",
     )
     group.addoption(
-        "--lp-report", metavar="DIR", default="", help="Write every run's report below here. Default: failed ones, temporarily."
+        "--lp-report",
+        metavar="DIR",
+        default="",
+        help="Write every run's report into this folder. Default: only reports of failures, into a temporary folder.",
     )
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
     """Collect scenario files by their name, and any that was named on the command line."""
-    named = file_path.suffix in (".yaml", ".yml") and parent.session.isinitpath(file_path) and _is_scenario(file_path)
-    if file_path.name.endswith(SUFFIXES) or named:
+    is_named_scenario = (
+        file_path.suffix in (".yaml", ".yml") and parent.session.isinitpath(file_path) and _is_scenario(file_path)
+    )
+    if file_path.name.endswith(SUFFIXES) or is_named_scenario:
         return ScenarioFile.from_parent(parent, path=file_path)
     return None
 
@@ -78,87 +83,89 @@ def _is_scenario(path: Path) -> bool:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, Any]:
-    """Mark the reports of our items, so that they are known wherever they are counted (under xdist, in another process)."""
+    """Mark the reports of our items, so that they can be counted in another process, as under xdist."""
     report = yield
     if isinstance(item, (ToleranceItem, NothingToJudge)):
         report.looping_pendulum = True
     if isinstance(item, NothingToJudge) and report.failed:
-        report.longrepr = item.sentence  # pytest asks an item how to show its failure, but not that of its setup
+        report.longrepr = item.sentence  # pytest calls repr_failure for a failed test, but not for a failed setup
     return report
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Count in this session what is judged."""
+    """Register the count of judged items, except in a worker of xdist."""
     if not hasattr(config, "workerinput"):
-        config.pluginmanager.register(Tally(), "looping-pendulum-tally")
+        config.pluginmanager.register(JudgedCount(), "looping-pendulum-judged-count")
 
 
-class Tally:
-    """How many of our items this session has seen and judged; under xdist, in the process that the reports come to."""
+class JudgedCount:
+    """Number of our items that this session collected and judged; under xdist, in the process that receives the reports."""
 
     def __init__(self) -> None:
-        self.seen = 0
+        self.collected = 0
         self.judged = 0
 
     def pytest_runtest_logreport(self, report: Any) -> None:
-        """Count: a skip, or an error in an item's setup, judges nothing."""
+        """Count an item as judged if it was called: a skip, or an error in its setup, judges nothing."""
         if getattr(report, "looping_pendulum", False):
-            self.seen += report.when == "setup"
+            self.collected += report.when == "setup"
             self.judged += report.when == "call"
 
     def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
-        """Leave with `NOTHING_JUDGED` where that is so: pytest calls a session of skips a success."""
+        """Set the exit status `NOTHING_JUDGED` if no item was judged, as a session of skips is a success for pytest."""
         ended = exitstatus in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED)
-        if ended and self.seen and not self.judged:
+        if ended and self.collected and not self.judged:
             session.exitstatus = NOTHING_JUDGED
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
-        """Say so."""
-        if self.seen and not self.judged:
+        """Print a line if nothing was judged."""
+        if self.collected and not self.judged:
             terminalreporter.write_line(
                 f"looping-pendulum: nothing was judged: no limit of a scenario is on an engine that runs here; "
                 f"exit status {NOTHING_JUDGED}"
             )
 
 
-class OutsideToleranceError(Exception):
-    """A limit is not kept, or there is none to judge; the message says so."""
+class JudgementError(Exception):
+    """A limit is exceeded, or there is no limit to judge."""
 
 
 class ScenarioFile(pytest.File):
-    """One scenario; below it an `EngineVariant` for each engine that it has tolerances for."""
+    """A scenario file, which collects an `EngineVariant` for each engine that it has tolerances for."""
 
     def collect(self) -> Iterable[pytest.Item | pytest.Collector]:
-        """Read the scenario and group its tolerances."""
-        from looping_pendulum.engines.limits import nothing_to_judge, with_variants
+        """Read the scenario, and group its tolerances by engine variant."""
+        from looping_pendulum.engines.limits import expand_tolerances, why_no_tolerances
         from looping_pendulum.engines.protocol import Profile
         from looping_pendulum.errors import HarnessError
         from looping_pendulum.scenarios import loader
 
         profile = self.config.getoption("--lp-profile")
         try:
-            scenario = with_variants(loader.load(self.path), Profile(profile))
-            asked = _asked(self.config.getoption("--lp-engines"), profile)
+            scenario = expand_tolerances(loader.load(self.path), Profile(profile))
+            requested = _requested_engines(self.config.getoption("--lp-engines"), profile)
         except HarnessError as error:
             raise self.CollectError(str(error)) from None
-        lacking = nothing_to_judge(scenario, profile, asked)
-        if lacking:
-            item = NothingToJudge.from_parent(self, name="tolerances", why=lacking)
-            if asked is not None:  # whoever leaves engines out leaves scenarios out
-                item.add_marker(pytest.mark.skip(reason=lacking))
+        reason = why_no_tolerances(scenario, profile, requested)
+        if reason:
+            item = NothingToJudge.from_parent(self, name="tolerances", reason=reason)
+            if requested is not None:  # --lp-engines may well leave whole scenarios out
+                item.add_marker(pytest.mark.skip(reason=reason))
             yield item
             return
-        wanted = [t for t in scenario.tolerances if t.profile == profile and (asked is None or t.engine in asked)]
-        gaps = {engine: _gap(engine, profile, scenario) for engine in dict.fromkeys(t.engine for t in wanted)}
-        for engine, gap in gaps.items():
+        wanted = [t for t in scenario.tolerances if t.profile == profile and (requested is None or t.engine in requested)]
+        reasons_not_run = {
+            engine: _why_not_run(engine, profile, scenario) for engine in dict.fromkeys(t.engine for t in wanted)
+        }
+        for engine, why_not_run in reasons_not_run.items():
             limits = tuple(t for t in wanted if t.engine == engine)
-            yield EngineVariant.from_parent(self, name=engine, scenario=scenario, tolerances=limits, gap=gap)
-        if all(gaps.values()):
-            yield NothingToJudge.from_parent(self, name="tolerances", why="; ".join(gaps.values()))
+            yield EngineVariant.from_parent(self, name=engine, scenario=scenario, tolerances=limits, why_not_run=why_not_run)
+        if all(reasons_not_run.values()):
+            yield NothingToJudge.from_parent(self, name="tolerances", reason="; ".join(reasons_not_run.values()))
 
 
-def _asked(names: str, profile: str) -> set[str] | None:
-    """Labels of the engines that --lp-engines means; None without it."""
+def _requested_engines(names: str, profile: str) -> set[str] | None:
+    """Return the labels of the engines that --lp-engines names; None without that option."""
     if not names.strip():
         return None
     from looping_pendulum.engines.protocol import Profile
@@ -174,46 +181,46 @@ def _asked(names: str, profile: str) -> set[str] | None:
 
 
 class NothingToJudge(pytest.Item):
-    """Says that nothing is judged of a scenario: an error, or a skip where --lp-engines left it out."""
+    """Item of a scenario of which nothing is judged: an error, or a skip if --lp-engines left it out."""
 
-    def __init__(self, *, why: str, **rest: Any) -> None:
+    def __init__(self, *, reason: str, **rest: Any) -> None:
         super().__init__(**rest)
-        self.why = why
+        self.reason = reason
 
     def setup(self) -> None:
-        """Fail before there is anything to run."""
-        raise OutsideToleranceError(self.sentence)
+        """Fail: an error in the setup, not a failed test, as nothing was judged."""
+        raise JudgementError(self.sentence)
 
     @property
     def sentence(self) -> str:
-        """What is wrong, in one line."""
-        return f"{self.path.name}: nothing was judged: {self.why}"
+        """The error message, in one line."""
+        return f"{self.path.name}: nothing was judged: {self.reason}"
 
     def runtest(self) -> None:
-        """Do nothing: `setup` never lets it come so far."""
+        """Do nothing: `setup` fails before."""
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """Where the item is from."""
+        """Return file, line and heading of the item."""
         return self.path, 0, f"{self.path.name}: {self.name}"
 
 
 class EngineVariant(pytest.Collector):
-    """One engine variant on one scenario: its run, and an item per tolerance."""
+    """One engine variant on one scenario: an item for its run, and one per tolerance."""
 
-    def __init__(self, *, scenario: Scenario, tolerances: tuple[Tolerance, ...], gap: str, **rest: Any) -> None:
+    def __init__(self, *, scenario: Scenario, tolerances: tuple[Tolerance, ...], why_not_run: str, **rest: Any) -> None:
         super().__init__(**rest)
-        self.gap = gap
+        self.why_not_run = why_not_run
         self.scenario = scenario
         self.tolerances = tolerances
         self._result: ComparisonResult | None = None
         self._report: Path | None = None
 
     def collect(self) -> Iterable[pytest.Item]:
-        """One item for the run itself, and one per metric."""
+        """Yield one item for the run itself, and one per metric."""
         for metric in (RUN, *(t.metric for t in self.tolerances)):
             item = ToleranceItem.from_parent(self, name=metric)
-            if self.gap:
-                item.add_marker(pytest.mark.skip(reason=self.gap))
+            if self.why_not_run:
+                item.add_marker(pytest.mark.skip(reason=self.why_not_run))
             if self.config.pluginmanager.hasplugin("xdist"):
                 item.add_marker(pytest.mark.xdist_group(self.nodeid))
             yield item
@@ -225,23 +232,27 @@ class EngineVariant(pytest.Collector):
         """
         import pickle
 
+        from looping_pendulum.files import locked
+
         if self._result is None:
-            kept = self._folder() / "result.pickle"
-            with _locked(kept.with_suffix(".lock")):
-                if kept.exists():
-                    self._result = pickle.loads(kept.read_bytes())
+            stored = self._folder() / "result.pickle"
+            with locked(stored.with_suffix(".lock"), wait=True):
+                if stored.exists():
+                    self._result = pickle.loads(stored.read_bytes())
                 else:
                     self._result = self._run()
-                    kept.write_bytes(pickle.dumps(self._result))
+                    stored.write_bytes(pickle.dumps(self._result))
                     if self.config.getoption("--lp-report"):
                         self._write(self._result)
         return self._result
 
     def report(self) -> Path:
-        """Path of the written report."""
+        """Return the path of the report, which is written first if need be."""
+        from looping_pendulum.files import locked
+
         if self._report is None:
             result = self.result()
-            with _locked(self._folder() / "report.lock"):
+            with locked(self._folder() / "report.lock", wait=True):
                 self._report = self._report_folder() / "report.md"
                 if not self.config.getoption("--lp-report") and not self._report.exists():
                     self._write(result)
@@ -266,25 +277,25 @@ class EngineVariant(pytest.Collector):
     def _report_folder(self) -> Path:
         from looping_pendulum.compare.export import file_stem
 
-        given = self.config.getoption("--lp-report")
+        report_option = self.config.getoption("--lp-report")
         name = self.path.name.removesuffix(self.path.suffix).removesuffix(".scenario")
-        base = self.config.invocation_params.dir / given if given else self._folder()
+        base = self.config.invocation_params.dir / report_option if report_option else self._folder()
         return base / file_stem(name) / file_stem(self.name, self.config.getoption("--lp-profile"))
 
     def _folder(self) -> Path:
-        """Folder of this session, the same in all workers of pytest-xdist, that is this node's own."""
+        """Return this node's folder in this session, the same in all workers of pytest-xdist."""
         key = hashlib.sha256(self.nodeid.encode()).hexdigest()[:16]
         folder = _session_folder(self.config) / f"looping-pendulum-{key}"
         folder.mkdir(parents=True, exist_ok=True)
         return folder
 
 
-def _gap(wanted: str, profile: str, scenario: Scenario) -> str:
-    """Why there is no run of an engine variant here, and the way to get it; empty: there is one."""
+def _why_not_run(wanted: str, profile: str, scenario: Scenario) -> str:
+    """Return why an engine variant cannot run here, and how to install it; empty if it can run."""
     from looping_pendulum.engines.protocol import Profile
-    from looping_pendulum.engines.registry import how_to_get, label, loaded, missing_packages
+    from looping_pendulum.engines.registry import how_to_get, label, load_engines, missing_packages
 
-    (engine,) = (engine for engine in loaded(Profile(profile))[0] if label(engine) == wanted)
+    (engine,) = (engine for engine in load_engines(Profile(profile))[0] if label(engine) == wanted)
     missing = missing_packages(engine)
     if missing:
         return f"{wanted}: {missing[0]} is not installed; to get it: {how_to_get(missing[0])}"
@@ -293,50 +304,50 @@ def _gap(wanted: str, profile: str, scenario: Scenario) -> str:
 
 
 class ToleranceItem(pytest.Item):
-    """One limit of one engine variant, or its run itself."""
+    """One limit of an engine variant, or its run itself."""
 
     parent: EngineVariant
 
     def runtest(self) -> None:
-        """Judge; an expected failure is a strict xfail."""
+        """Judge the limit; an expected failure is a strict xfail."""
         from looping_pendulum.errors import HarnessError
 
         try:
             result = self.parent.result()
         except HarnessError as error:
-            raise OutsideToleranceError(f"{self.path.name}: tolerances: {str(error).removeprefix('--engine: ')}") from None
+            raise JudgementError(f"{self.path.name}: tolerances: {str(error).removeprefix('--engine: ')}") from None
         engine = result.engines[0]
         if self.name == RUN:
             if result.broke_off(engine):
-                raise OutsideToleranceError(self._story(f"its run broke off: {engine.status_sentence}", engine))
+                raise JudgementError(self._failure_text(f"its run broke off: {engine.status_sentence}", engine))
             return
         (judged,) = (t for t in result.judged(engine) if t.metric == self.name)
         if judged.expected_failure and not judged.outcome.good:
-            raise OutsideToleranceError(self._story(_judgement(judged), engine))
+            raise JudgementError(self._failure_text(_judgement(judged), engine))
         if judged.expected_failure:
             pytest.xfail(judged.expected_failure)  # does nothing under --runxfail
         if judged.expected_failure or not judged.outcome.good:
-            raise OutsideToleranceError(self._story(_judgement(judged), engine))
+            raise JudgementError(self._failure_text(_judgement(judged), engine))
 
-    def _story(self, judgement: str, engine: EngineResult) -> str:
-        said = f"{engine.status_sentence}. {engine.message}".strip().rstrip(".")
+    def _failure_text(self, judgement: str, engine: EngineResult) -> str:
+        run_message = f"{engine.status_sentence}. {engine.message}".strip().rstrip(".")
         return "\n".join(
             [
                 f"{self.path.name}, {engine.label}, {engine.profile}: {judgement}",
                 f"  where and why: {engine.story}",
-                f"  the run:       {said}",
+                f"  the run:       {run_message}",
                 f"  report:        {self.parent.report()}",
             ]
         )
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Show the judgement without a traceback; anything unexpected with one."""
-        if isinstance(excinfo.value, OutsideToleranceError):
+        """Return the judgement without a traceback, or an unexpected error with its traceback."""
+        if isinstance(excinfo.value, JudgementError):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """Where the item is from, and how a failure is headed."""
+        """Return file, line and the heading of a failure."""
         return self.path, 0, f"{self.path.name}: {self.parent.name}: {self.name}"
 
 
@@ -344,14 +355,14 @@ def _judgement(t: ToleranceResult) -> str:
     from looping_pendulum.compare.report import limit_and_value
 
     limit, value = limit_and_value(t)
-    told = f"{t.metric} is {value}, limit {limit}"
-    lines = [told, f"  why this limit: {t.reason}", f"  remark:        {t.explanation}" if t.explanation else ""]
+    first_line = f"{t.metric} is {value}, limit {limit}"
+    lines = [first_line, f"  why this limit: {t.reason}", f"  remark:        {t.explanation}" if t.explanation else ""]
     return "\n".join(line for line in lines if line)
 
 
 @contextlib.contextmanager
 def _warnings_shown() -> Iterator[None]:
-    """Let warnings of our own libraries be shown and not raised, whatever the project makes of its own."""
+    """Print warnings of our own libraries instead of raising them, whatever the project's own warning filters are."""
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         yield
@@ -361,7 +372,7 @@ def _session_folder(config: pytest.Config) -> Path:
     """Return a temporary folder of this test session; pytest clears old ones away."""
     factory = getattr(config, "_tmp_path_factory", None)
     if factory is None:  # -p no:tmpdir
-        return Path(tempfile.gettempdir()) / f"looping-pendulum-{config.stash.setdefault(_SESSION, _new_name())}"
+        return Path(tempfile.gettempdir()) / f"looping-pendulum-{config.stash.setdefault(_SESSION, _new_session_name())}"
     base = Path(factory.getbasetemp())
     return base.parent if hasattr(config, "workerinput") else base
 
@@ -369,18 +380,5 @@ def _session_folder(config: pytest.Config) -> Path:
 _SESSION = pytest.StashKey[str]()
 
 
-def _new_name() -> str:
+def _new_session_name() -> str:
     return Path(tempfile.mkdtemp(prefix="looping-pendulum-")).name.removeprefix("looping-pendulum-")
-
-
-@contextlib.contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Hold a lock among processes; where there is none (Windows), an engine may run once per worker instead of once."""
-    try:
-        import fcntl
-    except ImportError:
-        yield
-        return
-    with path.open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield

@@ -1,4 +1,4 @@
-"""Answers to the paper's open questions: `docs/answers.md`, its figures, and the small summaries behind them.
+"""Write the answers to the paper's open questions: `docs/answers.md`, its figures, and the summaries that they are made from.
 
     python scripts/answers.py                       # redraw the figures and the page from the committed summaries
     python scripts/answers.py --rebuild             # compute all summaries again first (takes minutes)
@@ -27,11 +27,11 @@ SUMMARIES = {
     "mass_scale": questions.mass_scale,
     "friction_and_radius": questions.friction_and_radius,
 }
-"""Name of a summary -> what computes it."""
+"""Name of a summary -> the function that computes it."""
 
 
 def main() -> None:
-    """Rebuild what is asked for; then draw the figures and write the page."""
+    """Compute the requested summaries; then draw the figures and write the page."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     known = ", ".join(SUMMARIES)
     parser.add_argument("--rebuild", nargs="*", metavar="SUMMARY", help=f"compute again: {known}; all if none is named")

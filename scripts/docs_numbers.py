@@ -1,12 +1,13 @@
-"""Write the numbers of README and docs from stored data: `python -m scripts.docs_numbers`; `--check` only says what is wrong.
+"""Write the numbers of README and docs from stored data: `python -m scripts.docs_numbers`; `--check` only lists
+faults.
 
-`docs/data/numbers.yaml` lists, for each page that is written by hand, the sentences that hold numbers, with a placeholder for
-each number and where it comes from: stored data (which say the command, the day and the versions that measured them), a
-constant of the code, or a parameter of a shipped scenario. Numbers that nothing measures (definitions, advice, bounds that a
-test asserts) are listed there, too, with the reason. A number with a unit that stands in a page and not in that list is a
-problem, as is a sentence that its page has lost.
+`docs/data/numbers.yaml` lists the sentences with numbers of each page that is written by hand. Each number has a placeholder
+and a source: stored data (which record the command, the day and the versions of the measurement), a constant of the code, or a
+parameter of a shipped scenario. Numbers that are not measured (definitions, advice, bounds that a test asserts) are listed
+there, too, with the reason. A number with a unit in a page that is not in the list is a fault, and so is a listed sentence that
+is no longer in its page.
 
-README's table of engines stands between two markers and is written whole, from the results in `docs/data/ten_to_one`.
+README's table of engines stands between two markers and is written as a whole, from the results in `docs/data/ten_to_one`.
 """
 
 from __future__ import annotations
@@ -29,24 +30,24 @@ from scripts import engine_table
 
 PROJECT = Path(__file__).parents[1]
 DATA = PROJECT / "docs" / "data"
-LIST = DATA / "numbers.yaml"
-GENERATED = ("docs/answers.md", "docs/engine-study.md", "docs/support.md", "docs/demonstrations/")
-"""Pages that other scripts write whole from their own data, each with a test of its own."""
-TESTED = "docs/verification.md"
-"""The page whose tables give a bound and the test that asserts it in each row; a test checks that there is such a test."""
-DECLARED = "docs/engines/"
-"""Pages of what the adapters declare: only their limits say what was measured, and those sentences stand in the code."""
+NUMBERS_FILE = DATA / "numbers.yaml"
+GENERATED_PAGES = ("docs/answers.md", "docs/engine-study.md", "docs/support.md", "docs/demonstrations/")
+"""Pages that other scripts generate from their own data; each has a test of its own."""
+VERIFICATION_PAGE = "docs/verification.md"
+"""Page whose tables name, in each row, a bound and the test that asserts it; a test checks that this test exists."""
+ENGINE_PAGES = "docs/engines/"
+"""Folder of the pages that list what adapters declare; only their limits have measured numbers, which stand in the code."""
 
 NUMBER = r"[-+]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?"
 UNITS = (
     "m|mm|cm|km|µm|um|nm|s|ms|µs|us|kg|g|N|mN|m/s|mm/s|kg/s|kg/m|rad|mrad|deg|degrees|Hz|kHz|fps|%|MB|GB|GiB|MiB|J|"
     "times|joints|minutes|seconds|hours|frames|iterations|of \\d+"
 )
-MEASURED = re.compile(rf"(?<![\w./]){NUMBER}(?:(?: to | and | or | / | \+/- |, ){NUMBER})*[ -]?(?:{UNITS})(?![\w/])")
-"""A number with a unit, or several that share one."""
+QUANTITY = re.compile(rf"(?<![\w./]){NUMBER}(?:(?: to | and | or | / | \+/- |, ){NUMBER})*[ -]?(?:{UNITS})(?![\w/])")
+"""Matches a number with a unit, or several numbers that share a unit."""
 PLACEHOLDER = re.compile(r"\{(\w+)\}")
-SPACE = r'(?:\s|f?")+'
-"""What may stand for a blank: a line's end, also of a text in the code that goes on in the next line."""
+WHITESPACE = r'(?:\s|f?")+'
+"""Pattern for a blank, which may be the end of a line, also of a string literal that continues on the next line."""
 
 
 @dataclass(frozen=True)
@@ -56,48 +57,49 @@ class Sentence:
     page: str
     text: str
     sources: dict[str, dict[str, Any]]
-    """Placeholder -> where its number comes from."""
+    """Placeholder -> source of its number."""
 
     @functools.cached_property
     def pattern(self) -> re.Pattern[str]:
-        """Match the sentence whatever its numbers are and wherever its lines end."""
+        """Return a pattern that matches the sentence with any numbers and any line breaks."""
         parts = PLACEHOLDER.split(self.text)
-        literal = [SPACE.join(re.escape(word) for word in re.split(r"\s+", part)) for part in parts[::2]]
+        literal = [WHITESPACE.join(re.escape(word) for word in re.split(r"\s+", part)) for part in parts[::2]]
         names = [f"(?P<{name}>{NUMBER})" for name in parts[1::2]]
         return re.compile("".join(a + b for a, b in zip(literal, [*names, ""], strict=True)))
 
-    def written(self) -> dict[str, str]:
-        """Placeholder -> the number that should stand there."""
-        return {name: _text(source) for name, source in self.sources.items()}
+    def expected_numbers(self) -> dict[str, str]:
+        """Return the number that each placeholder should have."""
+        return {name: _formatted_number(source) for name, source in self.sources.items()}
 
 
 @functools.cache
 def sentences() -> tuple[Sentence, ...]:
-    """Every sentence of the list that holds numbers."""
+    """Return every listed sentence that contains numbers."""
     found = []
-    for page, entries in _list()["pages"].items():
+    for page, entries in _load_numbers_file()["pages"].items():
         for entry in entries:
             sources = {name: source for name, source in entry.items() if name != "text"}
-            asked = PLACEHOLDER.findall(entry["text"])
-            if sorted(asked) != sorted(sources):
-                raise ValueError(f"{LIST.name}: {page}: {entry['text']!r}: placeholders {asked}, but sources {list(sources)}")
+            placeholders = PLACEHOLDER.findall(entry["text"])
+            if sorted(placeholders) != sorted(sources):
+                mismatch = f"found placeholders {placeholders}, needed one for each of {list(sources)}"
+                raise ValueError(f"{NUMBERS_FILE.name}: {page}: {entry['text']!r}: {mismatch}")
             found.append(Sentence(page=page, text=entry["text"], sources=sources))
     return tuple(found)
 
 
-def given() -> dict[str, dict[str, str]]:
-    """Page -> its numbers that nothing measures, each with the reason."""
-    found: dict[str, dict[str, str]] = _list()["given"]
+def unmeasured_numbers() -> dict[str, dict[str, str]]:
+    """Return page -> its numbers that are not measured, each with the reason."""
+    found: dict[str, dict[str, str]] = _load_numbers_file()["given"]
     return found
 
 
 def rewrite() -> list[str]:
-    """Write all numbers; return the files that changed."""
+    """Write all numbers, and return the files that have changed."""
     changed = []
     for page in dict.fromkeys([*(s.page for s in sentences()), "README.md"]):
         file = PROJECT / page
         before = file.read_text(encoding="utf-8")
-        after = _rewritten(page, before)
+        after = _with_current_numbers(page, before)
         if after != before:
             file.write_text(after, encoding="utf-8")
             changed.append(page)
@@ -105,76 +107,80 @@ def rewrite() -> list[str]:
 
 
 def problems() -> list[str]:
-    """Everything that is wrong, one line each: lost sentences, numbers that the data do not give, numbers without a source."""
+    """Return all faults, one line each: lost sentences, numbers that differ from the data, numbers without a source."""
     found = []
     for page in dict.fromkeys(s.page for s in sentences()):
         text = (PROJECT / page).read_text(encoding="utf-8")
         for sentence in (s for s in sentences() if s.page == page):
             if not sentence.pattern.search(text):
-                found.append(f"{page}: has lost {sentence.text!r}; correct docs/data/numbers.yaml")
+                found.append(f"{page}: found no {sentence.text!r}; correct docs/data/numbers.yaml")
             for match in sentence.pattern.finditer(text):
-                for name, right in sentence.written().items():
+                for name, right in sentence.expected_numbers().items():
                     if match[name] != right:
                         found.append(f"{page}: says {match[name]} for {name} of {sentence.text!r}, the data say {right}")
     for page in ("README.md",):
         text = (PROJECT / page).read_text(encoding="utf-8")
-        if engine_table.replaced(text) != text:
+        if engine_table.with_current_table(text) != text:
             found.append(f"{page}: the table of engines is not what docs/data/ten_to_one says")
     for page in hand_written():
-        found += [f"{page}: {where!r}: no source in docs/data/numbers.yaml" for where in uncovered(page)]
-    for page, entries in given().items():
-        text = _plain((PROJECT / page).read_text(encoding="utf-8"))
-        found += [f"{page}: has lost {words!r}" for words in entries if not _literal(words).search(text)]
+        found += [f"{page}: {where!r}: no source in docs/data/numbers.yaml" for where in numbers_without_source(page)]
+    for page, entries in unmeasured_numbers().items():
+        text = _without_code_and_formulas((PROJECT / page).read_text(encoding="utf-8"))
+        found += [
+            f"{page}: found no {words!r}; correct docs/data/numbers.yaml"
+            for words in entries
+            if not _literal_pattern(words).search(text)
+        ]
     return found
 
 
 def hand_written() -> list[str]:
-    """Pages whose numbers this list answers for."""
+    """Return the pages that are written by hand, whose numbers the list must cover."""
     pages = ["README.md", *(p.relative_to(PROJECT).as_posix() for p in sorted((PROJECT / "docs").rglob("*.md")))]
-    return [page for page in pages if not page.startswith(GENERATED)]
+    return [page for page in pages if not page.startswith(GENERATED_PAGES)]
 
 
-def uncovered(page: str) -> list[str]:
-    """Numbers with units in the prose of ``page`` that no sentence and no reason covers, each with its surroundings."""
+def numbers_without_source(page: str) -> list[str]:
+    """Return the numbers with units in the prose of ``page`` that are not listed, each with the text around it."""
     text = prose(page, (PROJECT / page).read_text(encoding="utf-8"))
-    spans = [m.span() for s in sentences() if _speaks_of(s.page, page) for m in s.pattern.finditer(text)]
-    spans += [m.span() for words in given().get(page, {}) for m in _literal(words).finditer(text)]
+    spans = [m.span() for s in sentences() if _applies_to(s.page, page) for m in s.pattern.finditer(text)]
+    spans += [m.span() for words in unmeasured_numbers().get(page, {}) for m in _literal_pattern(words).finditer(text)]
     return [
         " ".join(text[max(0, m.start() - 30) : m.end() + 20].split())
-        for m in MEASURED.finditer(text)
+        for m in QUANTITY.finditer(text)
         if not any(start <= m.start() and m.end() <= end for start, end in spans)
     ]
 
 
 def prose(page: str, text: str) -> str:
-    """Return the part of a page that says something in numbers: no code, no formulas, no table that a script writes."""
-    if page.startswith(DECLARED):
+    """Return a page's prose: the text without code, formulas and tables that a script writes."""
+    if page.startswith(ENGINE_PAGES):
         return "\n\n".join(re.findall(r"^### Limits\n(.*?)(?=^#|\Z)", text, re.DOTALL | re.MULTILINE))
-    if page == TESTED:
+    if page == VERIFICATION_PAGE:
         text = re.sub(r"^\|.*$", "", text, flags=re.MULTILINE)
-    return _plain(engine_table.removed(text))
+    return _without_code_and_formulas(engine_table.without_table(text))
 
 
-def _plain(text: str) -> str:
+def _without_code_and_formulas(text: str) -> str:
     for pattern in (r"^```.*?^```$", r"\$\$.*?\$\$"):
         text = re.sub(pattern, "", text, flags=re.DOTALL | re.MULTILINE)
     return re.sub(r"\$[^$\n]*\$", "", text)
 
 
-def _speaks_of(source: str, page: str) -> bool:
-    """Whether the sentences of ``source`` may stand in ``page``: its own, or those of the adapters in their pages."""
-    return source == page or (page.startswith(DECLARED) and source.startswith("looping_pendulum/engines/"))
+def _applies_to(source: str, page: str) -> bool:
+    """Return whether sentences of ``source`` may occur in ``page``: its own, and those of adapters in the engines' pages."""
+    return source == page or (page.startswith(ENGINE_PAGES) and source.startswith("looping_pendulum/engines/"))
 
 
-def _literal(text: str) -> re.Pattern[str]:
-    return re.compile(SPACE.join(re.escape(word) for word in text.split()))
+def _literal_pattern(text: str) -> re.Pattern[str]:
+    return re.compile(WHITESPACE.join(re.escape(word) for word in text.split()))
 
 
-def _rewritten(page: str, text: str) -> str:
+def _with_current_numbers(page: str, text: str) -> str:
     if page == "README.md":
-        text = engine_table.replaced(text)
+        text = engine_table.with_current_table(text)
     for sentence in (s for s in sentences() if s.page == page):
-        right = sentence.written()
+        right = sentence.expected_numbers()
 
         def put(match: re.Match[str], right: dict[str, str] = right) -> str:
             whole, start = match[0], match.start()
@@ -186,8 +192,8 @@ def _rewritten(page: str, text: str) -> str:
     return text
 
 
-def _text(source: dict[str, Any]) -> str:
-    """Return a number as the page writes it: to ``digits`` significant digits (2) or to ``decimals``."""
+def _formatted_number(source: dict[str, Any]) -> str:
+    """Format a number as the page prints it: to ``digits`` significant digits (default 2) or to ``decimals``."""
     value = abs(_value(source) * float(source.get("times", 1)))
     if "decimals" in source:
         return f"{value:.{source['decimals']}f}"
@@ -202,15 +208,15 @@ def _value(source: dict[str, Any]) -> float:
         parameters = load(source["scenario"]).parameters
         value = parameters.coefficients.get(source["at"]) or getattr(parameters, source["at"])
     else:
-        value = _stored(source["data"], source["at"])
+        value = _stored_value(source["data"], source["at"])
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{LIST.name}: {source}: found {value!r}, needed a number")
+        raise ValueError(f"{NUMBERS_FILE.name}: {source}: found {value!r}, needed a number")
     return value
 
 
-def _stored(name: str, path: str) -> Any:
-    """Look up a value in a file of docs/data; a part like [what=lagged, ...] chooses from a list by its entries' keys."""
-    tree = _file(name)
+def _stored_value(name: str, path: str) -> Any:
+    """Look up a value in a file of docs/data; a part like [what=lagged;...] selects an entry of a list by its keys."""
+    tree = _load_data_file(name)
     for part in path.split("/"):
         key, _, choice = part.partition("[")
         tree = tree[key] if key else tree
@@ -221,25 +227,25 @@ def _stored(name: str, path: str) -> Any:
 
 
 @functools.cache
-def _file(name: str) -> Any:
+def _load_data_file(name: str) -> Any:
     tree = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
     return tree["values"] if name.startswith("measured/") else tree
 
 
 @functools.cache
-def _list() -> Any:
-    return yaml.safe_load(LIST.read_text(encoding="utf-8"))
+def _load_numbers_file() -> Any:
+    return yaml.safe_load(NUMBERS_FILE.read_text(encoding="utf-8"))
 
 
 def main() -> None:
-    """Write the numbers, or only check them."""
+    """Write the numbers, or with `--check` only check them."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--check", action="store_true", help="change nothing")
+    parser.add_argument("--check", action="store_true", help="check the numbers without writing them")
     if not parser.parse_args().check:
         for page in rewrite():
             print(f"wrote {page}")
     wrong = problems()
-    print("\n".join(wrong) or "all numbers of README and docs are what their sources say")
+    print("\n".join(wrong) or "all numbers of README and docs agree with their sources")
     sys.exit(1 if wrong else 0)
 
 

@@ -1,4 +1,4 @@
-"""Write docs/engines/NAME.md, a page per engine, from what its variants declare of themselves.
+"""Write docs/engines/NAME.md, a page for each engine, from the declarations of its variants.
 
 python -m scripts.engine_pages
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from looping_pendulum.compare.convergence.report import setting_words
+from looping_pendulum.compare.convergence.report import format_setting
 from looping_pendulum.compare.tables import table
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import all_engines, how_to_get, label
@@ -19,10 +19,10 @@ from looping_pendulum.scenarios.units import pretty
 
 FOLDER = Path(__file__).parents[1] / "docs" / "engines"
 TITLES = {"reference": "The reference", "mujoco": "MuJoCo", "pymunk": "pymunk", "pybullet": "PyBullet", "drake": "Drake"}
-RUNS = {
-    "reference": "The reference that all others are held against.",
-    "main": "Runs in every comparison.",
-    "study": "For studies: runs if named.",
+KIND_SENTENCES = {
+    "reference": "All other engines are compared with the reference.",
+    "main": "It runs in every comparison.",
+    "study": "It is for studies and runs only if it is named.",
 }
 
 
@@ -34,23 +34,24 @@ def main() -> None:
 
 
 def pages() -> dict[str, str]:
-    """Engine -> its page."""
+    """Return engine -> the text of its page."""
     engines = all_engines(Profile.QUICK)
     return {name: page(name, [e for e in engines if e.name == name]) for name in TITLES}
 
 
 def page(name: str, variants: list[Engine]) -> str:
-    """Page of one engine."""
+    """Return the page of one engine."""
     packages = sorted({package for engine in variants for package in engine.abilities.packages})
     get = "\n".join(f"- `{package}`: {how_to_get(package)}" for package in packages)
     sections = "\n".join(_variant(engine) for engine in variants)
     effects = f"\n{_effects()}" if name == "reference" else ""
     return (
         f"# {TITLES[name]}\n\n"
-        "Written by `python -m scripts.engine_pages` from what each variant declares of itself; do not edit it by hand. "
-        "Conventions, and the traps that the adapters avoid: [engines](../engines.md). Errors, and what they are made of: "
-        "[engine study](../engine-study.md).\n\n"
-        f"To get it:\n\n{get}\n\n{sections}{effects}"
+        "`python -m scripts.engine_pages` writes this page from what each variant declares; do not edit it by hand. "
+        "[Engines](../engines.md) explains the conventions, and the traps that the adapters avoid; "
+        "[engine study](../engine-study.md) shows the errors and their causes; "
+        "the [glossary](../glossary.md) explains the terms.\n\n"
+        f"How to install it:\n\n{get}\n\n{sections}{effects}"
     )
 
 
@@ -58,7 +59,7 @@ def _variant(engine: Engine) -> str:
     a = engine.abilities
     supplies = table(["physics", "by", "how"], supplies_as_rows(a.supplies), left=3)
     limits = "".join(f"- {limit}\n" for limit in a.limits) or "None declared.\n"
-    text = f"## {label(engine)}\n\n{_sentence(a.summary)} {RUNS[kind(engine)]}\n\n{supplies}\n### Limits\n\n{limits}"
+    text = f"## {label(engine)}\n\n{_sentence(a.summary)} {KIND_SENTENCES[kind(engine)]}\n\n{supplies}\n### Limits\n\n{limits}"
     if a.additions:
         text += "\n### What the adapter adds\n\n" + "".join(f"- {addition}\n" for addition in a.additions)
     if a.known_failures:
@@ -67,15 +68,15 @@ def _variant(engine: Engine) -> str:
     studies = engine.studies()
     if studies.defaults:
         rows = [[d.setting, d.default, d.ours, d.effect] for d in studies.defaults]
-        text += (
-            f"\n### Settings that nobody is asked for\n\n{table(['setting', 'default', 'ours', 'what it does'], rows, left=4)}"
-        )
+        text += f"\n### Hidden defaults\n\n{table(['setting', 'default', 'value used here', 'effect'], rows, left=4)}"
     if studies.choices:
         rows = [[c.what, c.ours, c.instead] for c in studies.choices]
-        text += f"\n### Choices of the adapter\n\n{table(['what', 'ours', 'as well'], rows, left=3)}"
+        text += f"\n### Choices of the adapter\n\n{table(['choice', 'used here', 'equally good alternative'], rows, left=3)}"
     if studies.ladders:
-        rows = [[ladder.setting, ", ".join(setting_words(v, ladder.unit) for v in ladder.values)] for ladder in studies.ladders]
-        text += f"\n### What can be refined\n\n{table(['setting', 'from coarse to fine'], rows, left=2)}"
+        rows = [
+            [ladder.setting, ", ".join(format_setting(v, ladder.unit) for v in ladder.values)] for ladder in studies.ladders
+        ]
+        text += f"\n### Settings that can be refined\n\n{table(['setting', 'from coarse to fine'], rows, left=2)}"
     return text + "\n"
 
 
@@ -86,7 +87,7 @@ def _effects() -> str:
             if c.name in COEFFICIENTS and not effect.name.startswith("closure"):
                 rows.append([f"`{file_key(c.name)}`", c.meaning, pretty(c.unit), effect.formula, effect.acts_on, effect.source])
     header = ["key in a scenario", "meaning", "unit", "formula", "acts on", "source"]
-    return f"## Effects that it knows\n\n{table(header, rows, left=6)}"
+    return f"## Effects that it includes\n\n{table(header, rows, left=6)}"
 
 
 def _sentence(text: str) -> str:

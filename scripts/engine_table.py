@@ -1,8 +1,9 @@
-"""README's table of engines, written from the results that `compare ten_to_one` left.
+"""Write README's table of engines from the results of `compare ten_to_one`.
 
-`python -m scripts.engine_table quick/result.json accurate/result.json` keeps what the table needs of two results in
-`docs/data/ten_to_one`; `python -m scripts.docs_numbers` writes the table from there. With `--without-times` first, wall times
-are left out, as those of a busy machine should be: make the results with `--jobs 1` on a machine that does nothing else.
+`python -m scripts.engine_table quick/result.json accurate/result.json` stores the values that the table needs in
+`docs/data/ten_to_one`; `python -m scripts.docs_numbers` writes the table from there. With `--without-times` as the first
+argument, wall times are left out, as they should be if the machine was busy. To measure them, make the results with `--jobs 1`
+on an otherwise idle machine.
 """
 
 from __future__ import annotations
@@ -20,20 +21,20 @@ BEGIN, END = "<!-- table of engines: python -m scripts.docs_numbers -->", "<!-- 
 BLOCK = re.compile(rf"{re.escape(BEGIN)}\n.*?{re.escape(END)}", re.DOTALL)
 ROWS = {
     "mujoco:documented": ("MuJoCo, tendon as documented", ("quick",)),
-    "mujoco:capstan": ("MuJoCo, capstan bound fed in", ("quick", "accurate")),
+    "mujoco:capstan": ("MuJoCo, capstan bound by the adapter", ("quick", "accurate")),
     "mujoco:beads": ("MuJoCo, beads over a cylinder", ("quick", "accurate")),
     "pymunk:chain": ("pymunk, beads over a circle", ("quick", "accurate")),
     "pybullet:chain": ("PyBullet, link chain over a sphere", ("quick", "accurate")),
 }
-"""Variant -> its name in the table, and the profiles that it has a row for."""
-MARKS = ("rms_0.35s", "rms_0.7s", "rms_1.0s")
-SMALL = 1e-6
-"""Distance [m] below which a row is in micrometres."""
+"""Variant -> its name in the table, and the profiles for which the table has a row."""
+RMS_METRICS = ("rms_0.35s", "rms_0.7s", "rms_1.0s")
+MICROMETRE_LIMIT = 1e-6
+"""Distance below which a row is given in micrometres [m]."""
 PROFILES = ("quick", "accurate")
 
 
-def keep(results: list[Path], *, times: bool = True) -> None:
-    """Keep of each result what the table needs, with what made it; ``times`` says whether wall times are among it."""
+def store_results(results: list[Path], *, times: bool = True) -> None:
+    """Store the values of each result that the table needs, with their origin; ``times`` says whether to store wall times."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     for file in results:
         tree = json.loads(file.read_text(encoding="utf-8"))
@@ -42,27 +43,28 @@ def keep(results: list[Path], *, times: bool = True) -> None:
             raise SystemExit(f"{file}: found {tree['scenario']}, {sorted(profiles)}; needed ten_to_one in one profile")
         (profile,) = profiles
         walls = {(w["engine"], w["profile"]): w["per_simulated_second"] for w in tree["clock"]["wall_times"]}
-        kept = {
+        stored_result = {
             "command": f"looping-pendulum compare ten_to_one --profile {profile} --jobs 1",
             "measured_on": tree["clock"]["written"][:10],
             "engines": {
                 (name := f"{e['engine']}:{e['variant']}"): {
                     "status": e["status"],
                     "versions": e["provenance"]["versions"],
-                    "metrics": {key: _short(value) for key, value in e["metrics"].items()},
-                    "wall_per_simulated_second": _short(walls[name, profile]) if times else None,
+                    "metrics": {key: _rounded(value) for key, value in e["metrics"].items()},
+                    "wall_per_simulated_second": _rounded(walls[name, profile]) if times else None,
                 }
                 for e in tree["engines"]
             },
         }
-        (FOLDER / f"{profile}.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+        (FOLDER / f"{profile}.json").write_text(json.dumps(stored_result, indent=1) + "\n", encoding="utf-8")
 
 
 def table() -> str:
     """Return the table in Markdown."""
     stored = {p: json.loads((FOLDER / f"{p}.json").read_text(encoding="utf-8"))["engines"] for p in PROFILES}
     lines = [
-        "| | profile | RMS of the light mass to 0.35 / 0.7 / 1.0 s | halting time off by | then moves by | wall s per s |",
+        "| engine and variant | profile | RMS of the light mass to 0.35 / 0.7 / 1.0 s | halting-time error "
+        "| rebound | wall s per simulated s |",
         "|---|---|---|---|---|---|",
     ]
     for variant, (title, profiles) in ROWS.items():
@@ -73,8 +75,8 @@ def table() -> str:
 
 def _row(title: str, profile: str, engine: dict[str, Any]) -> str:
     m = engine["metrics"]
-    scale, unit = (1e3, "mm") if max(m[mark] or 0.0 for mark in MARKS) >= SMALL else (1e6, "µm")
-    path = " / ".join(amount(m[mark], scale) for mark in MARKS)
+    scale, unit = (1e3, "mm") if max(m[metric] or 0.0 for metric in RMS_METRICS) >= MICROMETRE_LIMIT else (1e6, "µm")
+    path = " / ".join(amount(m[metric], scale) for metric in RMS_METRICS)
     error = m["halting_time_error"]
     halt = "never halts" if error is None else quantity(abs(error), "s")
     then = quantity(m.get("rebound"), "m")
@@ -83,19 +85,19 @@ def _row(title: str, profile: str, engine: dict[str, Any]) -> str:
     return f"| {' | '.join(cells)} |".replace("|  |", "| |")
 
 
-def replaced(text: str) -> str:
-    """Return a page with the table between its markers as the stored results have it."""
+def with_current_table(text: str) -> str:
+    """Return a page with the table between its markers replaced by that of the stored results."""
     if not BLOCK.search(text):
         raise ValueError(f"needed the markers {BEGIN!r} and {END!r}")
     return BLOCK.sub(lambda _: f"{BEGIN}\n{table()}\n{END}", text)
 
 
-def removed(text: str) -> str:
+def without_table(text: str) -> str:
     """Return a page without the table."""
     return BLOCK.sub("", text)
 
 
-def _short(value: float | None) -> float | None:
+def _rounded(value: float | None) -> float | None:
     return value if value is None else float(f"{value:.6g}")
 
 
@@ -103,4 +105,4 @@ if __name__ == "__main__":
     if len(sys.argv) < 2:
         raise SystemExit(__doc__)
     files = [name for name in sys.argv[1:] if name != "--without-times"]
-    keep([Path(name) for name in files], times=len(files) == len(sys.argv) - 1)
+    store_results([Path(name) for name in files], times=len(files) == len(sys.argv) - 1)

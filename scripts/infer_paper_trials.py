@@ -1,14 +1,14 @@
-"""Infer what the paper does not print (release angle, free length, drag) from its numerical columns.
+"""Infer the parameters that the paper does not print (release angle, free length, drag) from its numerical columns.
 
     python scripts/infer_paper_trials.py --data ../shared/data
 
 The paper prints masses, the friction coefficient of the 10:1 trial and the rod's diameter (1.2 to 1.3 cm), but neither the
 release angle nor the free length, and drag only by its order of magnitude. This fits them so that the reference reproduces the
 *numerical* columns of the paper's tables (its own model's output, so the model is not in question), from many starts, for
-several rod radii, and prints values, what they reproduce, and by how much they miss. It writes nothing.
+several rod radii, and prints the values, the rows that they give, and the differences from the table. It writes no file.
 
-Rounded tables leave a family of values. Of those that keep every row within KEEP half digits, the one whose drag is nearest to
-the paper's estimates (1e-3 in SI units for both masses and the string), in decades, is taken.
+Since the tables are rounded, a family of values fits them. Of those that keep every row within MAX_MISS half digits, the script
+chooses the one whose drag is nearest, in decades, to the paper's estimates (1e-3 in SI units for both masses and the string).
 """
 
 from __future__ import annotations
@@ -30,34 +30,34 @@ from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
 Array = np.ndarray
-STARTS = 16
+START_COUNT = 16
 SAMPLE_STEP = 5e-4
 DRAG_ESTIMATE = 1e-3
 """The paper's order of magnitude for both masses [kg/m] and for the string [kg/m^2]."""
-KEEP = 0.93
-"""Largest miss, in half printed digits, that the choice among equals may use up."""
+MAX_MISS = 0.93
+"""Largest difference from a row, in half printed digits, that is allowed when the drag is chosen among equally good values."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What is fitted to which table."""
+    """The parameters that are fitted to one of the paper's tables."""
 
     name: str
     file: str
     fixed: dict[str, float]
     free: dict[str, tuple[float, float, float]]
-    """name -> (low, high, unit of the fit)"""
+    """Parameter -> (lower bound, upper bound, scale by which the fit divides it)."""
     predict: Callable[[Solution], dict[tuple[str, int], float]]
 
 
 def velocity_zeros(t: Array, velocity: Array) -> Array:
-    """Times at which a sampled velocity changes sign, by linear interpolation."""
+    """Return the times at which a sampled velocity changes sign, by linear interpolation."""
     i = np.flatnonzero(velocity[:-1] * velocity[1:] < 0)
     return t[i] + (t[i + 1] - t[i]) * velocity[i] / (velocity[i] - velocity[i + 1])
 
 
 def predict_ten_to_one(run: Solution) -> dict[tuple[str, int], float]:
-    """Rows of the 10:1 table."""
+    """Predict the rows of the 10:1 table."""
     t = np.arange(0.0, run.end_time, SAMPLE_STEP)
     velocity = run.sample(t).light_velocity
     rows = {
@@ -75,7 +75,7 @@ def predict_ten_to_one(run: Solution) -> dict[tuple[str, int], float]:
 
 
 def predict_two_to_one(run: Solution) -> dict[tuple[str, int], float]:
-    """Rows of the 2:1 table."""
+    """Predict the rows of the 2:1 table; empty if the run does not have their sequence of events."""
     stops = [e for e in run.events if e.event is Event.STOP]
     breaks = [e for e in run.events if e.event is Event.SLIP_ONSET_DOWN]
     rows: dict[tuple[str, int], float] = {}
@@ -122,7 +122,7 @@ TRIALS = [
 
 
 def read_numerical_column(path: Path) -> dict[tuple[str, int], tuple[float, float]]:
-    """(quantity, index) -> (value, half of its last printed digit)."""
+    """Read a table as (quantity, index) -> (value, half of its last printed digit)."""
     table = {}
     lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
     for row in csv.DictReader(lines):
@@ -133,7 +133,7 @@ def read_numerical_column(path: Path) -> dict[tuple[str, int], tuple[float, floa
 
 
 def residuals(trial: Trial, radius: float, table: dict[tuple[str, int], tuple[float, float]], x: Array) -> Array:
-    """Misses in units of half a printed digit; a run that lacks a row misses it by 40."""
+    """Return predicted less printed values in half printed digits; 40 for a row that the run does not have."""
     scaled = {name: value * scale for value, (name, (_, _, scale)) in zip(x, trial.free.items(), strict=True)}
     try:
         rows = trial.predict(solve(parameters(trial, radius, scaled), tolerance=1e-10))
@@ -143,7 +143,7 @@ def residuals(trial: Trial, radius: float, table: dict[tuple[str, int], tuple[fl
 
 
 def parameters(trial: Trial, radius: float, values: dict[str, float]) -> Parameters:
-    """The trial's apparatus with some values filled in."""
+    """Return the trial's apparatus with these values."""
     base = Parameters(rod_radius=radius, free_length=0.5, release_angle=1.5, **trial.fixed)
     return base.replace(**values)
 
@@ -151,7 +151,7 @@ def parameters(trial: Trial, radius: float, values: dict[str, float]) -> Paramet
 def infer(
     trial: Trial, radius: float, table: dict[tuple[str, int], tuple[float, float]], seed: int
 ) -> tuple[float, dict[str, float]]:
-    """Best fit from many starts: (largest miss in half digits, values)."""
+    """Fit from many starts; return the largest difference in half digits, and the best values."""
     rng = np.random.default_rng(seed)
     low, high = (np.array([b[k] / b[2] for b in trial.free.values()]) for k in (0, 1))
     middle = np.array([1.8 / 0.1 if trial.name == "ten_to_one" else 1.2 / 0.1, 0.58 / 0.05])
@@ -161,28 +161,28 @@ def infer(
         least_squares(
             lambda x, power=power: (
                 residuals(trial, radius, table, x) ** power
-            ),  # the cube sharpens towards the smallest largest miss
+            ),  # cubed residuals weight the largest one most, so that this fit approaches the minimax solution
             np.clip(start, low, high),
             bounds=(low, high),
             diff_step=1e-5,
             max_nfev=80,
         ).x
-        for start in tries[:STARTS]
+        for start in tries[:START_COUNT]
         for power in (1, 3)
     ]
-    fits += [prefer_plausible_drag(trial, radius, table, x, floor) for x in fits[:STARTS] for floor in (1e-3, 0.5)]
+    fits += [prefer_plausible_drag(trial, radius, table, x, floor) for x in fits[:START_COUNT] for floor in (1e-3, 0.5)]
 
-    def badness(x: Array) -> float:
+    def objective(x: Array) -> float:
         miss = float(np.max(np.abs(residuals(trial, radius, table, x))))
-        return max(0.0, miss - KEEP - 0.05) * 1e3 + float(np.sum(implausibility(trial, x) ** 2))
+        return max(0.0, miss - MAX_MISS - 0.05) * 1e3 + float(np.sum(implausibility(trial, x) ** 2))
 
-    best = min(fits, key=badness)
+    best = min(fits, key=objective)
     miss = float(np.max(np.abs(residuals(trial, radius, table, best))))
     return miss, {name: v * s for v, (name, (_, _, s)) in zip(best, trial.free.items(), strict=True)}
 
 
 def implausibility(trial: Trial, x: Array) -> Array:
-    """Decades between each drag coefficient and the paper's estimate."""
+    """Return the distance in decades between each drag coefficient and the paper's estimate."""
     scales = np.array([scale for _, _, scale in list(trial.free.values())[-3:]])
     return np.log10(np.maximum(x[-3:] * scales, 1e-9) / DRAG_ESTIMATE)
 
@@ -190,7 +190,7 @@ def implausibility(trial: Trial, x: Array) -> Array:
 def prefer_plausible_drag(
     trial: Trial, radius: float, table: dict[tuple[str, int], tuple[float, float]], start: Array, floor: float
 ) -> Array:
-    """Move along the family of equal fits towards plausible drag (by its logarithm), from at least ``floor`` estimates."""
+    """Move along the family of equal fits towards plausible drag; start from drag of at least ``floor`` (in its scale)."""
     low, high = (np.array([b[k] / b[2] for b in trial.free.values()]) for k in (0, 1))
 
     def unpack(z: Array) -> Array:
@@ -198,7 +198,7 @@ def prefer_plausible_drag(
 
     def cost(z: Array) -> Array:
         x = unpack(z)
-        excess = np.maximum(np.abs(residuals(trial, radius, table, x)) - KEEP, 0.0)
+        excess = np.maximum(np.abs(residuals(trial, radius, table, x)) - MAX_MISS, 0.0)
         return np.concatenate([30.0 * excess, 0.1 * implausibility(trial, x)])
 
     z0 = np.concatenate([start[:3], np.log10(np.clip(start[3:], floor, high[3:] * 0.999))])

@@ -4,7 +4,7 @@
 
 from the project's folder writes looping_pendulum/teaching/example/trials; `--out DIR` elsewhere. The trials come from the
 simulator and the camera of `tests/blind`, which share no equation with the package: 240 frames a second, 1 mm noise, blur,
-missing marks. What the study file beside them does not tell is `HIDDEN`.
+missing marks. The study file beside them does not declare the effect `HIDDEN`.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from tests.blind.simulator import simulate
 HIDDEN = Effects(side_force=5e-3)
 """A steady sideways force on the light mass, half a gram's weight."""
 TRIALS = {"first": Apparatus(), "second": Apparatus(heavy_mass=0.060, release_angle=math.radians(104))}
-"""The first is fitted, the second is held out."""
-FILMED = 1.0
-"""[s]"""
+"""Name of a trial -> its apparatus; the study fits the first and holds the second out."""
+DURATION = 1.0
+"""Filmed time [s]."""
 SEED = 7
 FOLDER = Path(__file__).parents[1] / "looping_pendulum" / "teaching" / "example" / "trials"
 
@@ -40,10 +40,12 @@ def main() -> None:
 
 
 def trials() -> dict[str, str]:
-    """Name of a trial -> its Tracker export."""
+    """Return name of a trial -> the text of its Tracker export."""
     rng = np.random.default_rng(SEED)
     return {
-        name: tracker_csv(film(simulate(a, HIDDEN, duration=FILMED), Camera(), rng, duration=FILMED), names=("light", "heavy"))
+        name: tracker_csv(
+            film(simulate(a, HIDDEN, duration=DURATION), Camera(), rng, duration=DURATION), names=("light", "heavy")
+        )
         for name, a in TRIALS.items()
     }
 

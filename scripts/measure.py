@@ -1,9 +1,9 @@
-"""Measure again what README and docs say in numbers: `python -m scripts.measure NAME ...`.
+"""Repeat the measurements behind the numbers of README and docs: `python -m scripts.measure NAME ...`.
 
 Each measurement is a function of `scripts.measurements` that returns plain numbers in SI. It is stored as
-`docs/data/measured/NAME.json` with the command that made it, the day, and the versions; `python -m scripts.docs_numbers` then
-writes the pages' numbers from there. Without a name the measurements are listed; `--all` makes all but the timings, which want
-a quiet machine (`--timings`).
+`docs/data/measured/NAME.json` with the command, the day and the versions; `python -m scripts.docs_numbers` then writes the
+pages' numbers from there. Without a name, the script lists the measurements; `--all` makes all except the timings, which need
+an otherwise idle machine (`--timings`).
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ QUICK = {
     "spring": "engines",
     "falling_balls": "identification",
 }
-"""Measurement that takes some minutes at most, on any machine -> its module; its function has its name."""
+"""Name of a measurement that takes a few minutes at most, on any machine -> the module of the function of that name."""
 TIMINGS = {"reference_speed": "timings"}
-"""Those whose numbers are times, to be taken on a machine that does nothing else."""
-EVERY = QUICK | TIMINGS
+"""Measurements of run times, to be made on an otherwise idle machine."""
+MEASUREMENTS = QUICK | TIMINGS
 PACKAGES = ("looping-pendulum", "numpy", "scipy", "heyoka", "mujoco", "pymunk", "pybullet", "drake")
 
 
 def main() -> None:
-    """Make the measurements that were asked for."""
+    """Make the requested measurements."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(EVERY))
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(MEASUREMENTS))
     for group in ("all", "timings"):
         parser.add_argument(f"--{group}", action="store_true")
     options = parser.parse_args()
@@ -49,21 +49,21 @@ def main() -> None:
     for wanted, group in ((options.all, QUICK), (options.timings, TIMINGS)):
         names += group if wanted else []
     for name in names:
-        if name not in EVERY:
-            parser.error(f"NAME: found {name!r}, needed one of {', '.join(EVERY)}")
+        if name not in MEASUREMENTS:
+            parser.error(f"NAME: found {name!r}, needed one of {', '.join(MEASUREMENTS)}")
     if not names:
-        print("\n".join(EVERY))
+        print("\n".join(MEASUREMENTS))
     for name in dict.fromkeys(names):
         print(f"{name} ...", flush=True)
-        print(f"  {store(name)}", flush=True)
+        print(f"  {measure_and_store(name)}", flush=True)
 
 
-def store(name: str) -> Path:
-    """Make one measurement and write it down."""
-    measurement = getattr(importlib.import_module(f"scripts.measurements.{EVERY[name]}"), name)
+def measure_and_store(name: str) -> Path:
+    """Make one measurement and store it; return the file."""
+    measurement = getattr(importlib.import_module(f"scripts.measurements.{MEASUREMENTS[name]}"), name)
     started = time.process_time()
     values = measurement()
-    tree = {
+    record = {
         "command": f"python -m scripts.measure {name}",
         "measured_on": datetime.date.today().isoformat(),
         "cpu_seconds": round(time.process_time() - started),
@@ -73,7 +73,7 @@ def store(name: str) -> Path:
     }
     FOLDER.mkdir(parents=True, exist_ok=True)
     file = FOLDER / f"{name}.json"
-    file.write_text(json.dumps(tree, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    file.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return file
 
 
@@ -87,15 +87,15 @@ def _versions() -> dict[str, str]:
     return found
 
 
-def _rounded(tree: Any) -> Any:
-    """Numbers to six digits, which is more than any page prints; None for one that is not finite."""
-    if isinstance(tree, dict):
-        return {str(key): _rounded(value) for key, value in tree.items()}
-    if isinstance(tree, list | tuple):
-        return [_rounded(value) for value in tree]
-    if isinstance(tree, float):
-        return float(f"{tree:.6g}") if math.isfinite(tree) else None
-    return tree
+def _rounded(record: Any) -> Any:
+    """Round numbers to six digits, which is more than any page prints; replace one that is not finite by None."""
+    if isinstance(record, dict):
+        return {str(key): _rounded(value) for key, value in record.items()}
+    if isinstance(record, list | tuple):
+        return [_rounded(value) for value in record]
+    if isinstance(record, float):
+        return float(f"{record:.6g}") if math.isfinite(record) else None
+    return record
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ def _fits_without_helpers():
 
     That the result is the same with helpers is for tests/discrepancy/test_identify.py, which asks for two.
     """
-    workers.MOST = 1
+    workers.MAX_PROCESSES = 1
 
 
 @pytest.fixture(scope="session")

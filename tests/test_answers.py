@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from looping_pendulum.reference_ode.lyapunov import solve_stretching
+from looping_pendulum.reference_ode.lyapunov import solve_tangent_map
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios.loader import load
 
@@ -44,26 +44,29 @@ def test_summaries_stay_small(parts):
 def test_the_four_halting_times_come_out_again(parts):
     """Two solvers, one of them SciPy's, within what each keeps at its tolerance times the growth to the halt (20)."""
     common = parts["common"]
-    for degrees, told in common.read("four_angles")["scenario"].items():
+    for degrees, stored in common.read("four_angles")["scenario"].items():
         p = common.at_angle(common.case("scenario"), float(degrees))
-        assert solve(p, tolerance=1e-15).halting_time == pytest.approx(float(told["told_time"]), abs=1e-14)
-        assert solve(p, tolerance=1e-10, integrator="scipy").halting_time == pytest.approx(float(told["told_time"]), abs=1e-9)
+        assert solve(p, tolerance=1e-15).halting_time == pytest.approx(float(stored["told_time"]), abs=1e-14)
+        assert solve(p, tolerance=1e-10, integrator="scipy").halting_time == pytest.approx(float(stored["told_time"]), abs=1e-9)
 
 
 def test_the_growth_to_the_halt_comes_out_again(parts):
     common = parts["common"]
-    told = common.read("growth")["scenario"]["at_last_stop"]
+    stored = common.read("growth")["scenario"]["at_last_stop"]
     p = common.at_angle(common.case("scenario"), 75.0)
-    fresh = solve_stretching(p, np.array([told["t"] + 1e-9]))
-    assert fresh.growth[0, 0] == pytest.approx(told["growth"], rel=1e-6)
+    fresh = solve_tangent_map(p, np.array([stored["t"] + 1e-9]))
+    assert fresh.growth[0, 0] == pytest.approx(stored["growth"], rel=1e-6)
 
 
 def test_a_plain_program_comes_out_again(parts):
     common, precision = parts["common"], parts["precision"]
-    told = common.read("plain_programs")
-    step = told["steps"].index(0.01)
+    stored = common.read("plain_programs")
+    step = stored["steps"].index(0.01)
     p = common.at_angle(common.case("scenario"), 75.0)
-    assert precision.seen_halt(*precision.plain_path(p, "rk4", 0.01)) == told["cases"]["scenario"]["rk4"][step][0]
+    assert (
+        precision.apparent_halting_time(*precision.fixed_step_path(p, "rk4", 0.01))
+        == stored["cases"]["scenario"]["rk4"][step][0]
+    )
 
 
 def test_changes_along_the_angle_are_where_the_summary_says(parts):
@@ -77,7 +80,7 @@ def test_changes_along_the_angle_are_where_the_summary_says(parts):
 
 def test_the_lowest_ratio_halts_and_a_millionth_less_does_not(parts):
     common = parts["common"]
-    data, longest = common.read("lowest_ratio"), parts["questions"].LONGEST
+    data, longest = common.read("lowest_ratio"), parts["questions"].LONGEST_TIME_LIMIT
     for name in common.CASES:
         base, found = common.case(name), data[name]
         for where in (found["best"], found["at_75"] | {"angle": 75.0}):
@@ -104,7 +107,7 @@ def test_the_maps_hold_what_single_runs_say(parts):
 
 def test_masses_times_s_are_drags_over_s(parts):
     """One is the other to the last digits, so the two runs differ by rounding alone."""
-    found = parts["questions"]._identity(load("ten_to_one").parameters)
+    found = parts["questions"]._mass_drag_equivalence(load("ten_to_one").parameters)
     assert found["largest_difference"] < 1e-12
 
 

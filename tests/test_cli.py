@@ -44,10 +44,10 @@ def offered(tmp_path, monkeypatch):
         offer(tmp_path, *engines)
         monkeypatch.syspath_prepend(str(tmp_path))
         monkeypatch.delitem(sys.modules, "faulty_engines", raising=False)
-        registry.offers.cache_clear()
+        registry.adapter_modules.cache_clear()
 
     yield install
-    registry.offers.cache_clear()
+    registry.adapter_modules.cache_clear()
     sys.modules.pop("faulty_engines", None)
 
 
@@ -64,12 +64,12 @@ import contextlib, io, json, sys
 from looping_pendulum.cli.main import app
 heavy = {"numpy", "scipy", "rich", "pint", "matplotlib"}
 imported = sorted((heavy | {"pydantic"}) & set(sys.modules))  # pydantic: typer's own, for a command's options
-said = {}
+help_texts = {}
 for name in sys.argv[1:]:
     with contextlib.redirect_stdout(io.StringIO()) as out:
         app([name, "--help"], standalone_mode=False)
-    said[name] = out.getvalue()
-json.dump([said, imported + sorted(heavy & set(sys.modules))], sys.stdout)
+    help_texts[name] = out.getvalue()
+json.dump([help_texts, imported + sorted(heavy & set(sys.modules))], sys.stdout)
 """
 
 
@@ -81,11 +81,11 @@ def test_help_teaches_and_imports_nothing_heavy():
     assert len(names) > 10
     done = subprocess.run([sys.executable, "-c", HELPED, *names], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    said, heavy = json.loads(done.stdout)
+    help_texts, heavy = json.loads(done.stdout)
     assert heavy == []
-    assert list(said) == names
+    assert list(help_texts) == names
     for name in names:
-        assert len(said[name]) > 200, name
+        assert len(help_texts[name]) > 200, name
 
 
 def test_scenarios_lists_prints_and_describes():
@@ -157,7 +157,7 @@ def test_a_baseline_lists_what_changed_and_leaves_the_exit_status(compared, tmp_
     assert "+100 %" in done.stdout
     (change,) = json.loads((new / "changes.json").read_text())["changes"]
     assert (change["what"], change["before"], change["after"]) == ("tube_fraction", 0.5, 1.0)
-    assert "## Since the baseline" in (new / "report.md").read_text()
+    assert "## Changes since the baseline" in (new / "report.md").read_text()
     done = here("compare", "drop", "-e", REFERENCE, "--out", str(new), "--baseline", str(old), "--baseline-threshold", "2")
     assert "metric:" not in done.stdout
     line = one_line_error(here("compare", "held", "--baseline", str(old)))
@@ -214,9 +214,9 @@ def test_a_check_that_judges_nothing_is_exit_status_two(tmp_path, offered):
 
 def test_an_unknown_engine_in_a_tolerance_or_option_is_an_error(tmp_path):
     path = limited(tmp_path, LIMIT % "'pymunk:chian'")
-    said = "mine: tolerances: no engine is called 'pymunk:chian'; did you mean 'pymunk:chain'?"
-    assert said in one_line_error(here("check", path))
-    assert said in one_line_error(here("compare", path, "-e", "reference", "--out", str(tmp_path / "report")))
+    message = "mine: tolerances: no engine is called 'pymunk:chian'; did you mean 'pymunk:chain'?"
+    assert message in one_line_error(here("check", path))
+    assert message in one_line_error(here("compare", path, "-e", "reference", "--out", str(tmp_path / "report")))
     assert "--engine: no engine is called 'pymnk'" in one_line_error(here("check", "drop", "-e", "pymnk"))
 
 

@@ -9,9 +9,9 @@ import pkgutil
 import pytest
 
 MUTABLE = {
-    "Notes": "collects what a reader has to say while it reads",
-    "Isolated": "stands for an engine, and engines are named by position",
-    "Range": "grows as cells are read",
+    "ReadingNotes": "collects what a reader has to say while it reads",
+    "IsolatedEngine": "stands for an engine, and engines are named by position",
+    "ValueRange": "grows as cells are read",
     "EngineSummary": "grows as cells are read",
 }
 """Dataclass that is not frozen or not by keyword -> why."""

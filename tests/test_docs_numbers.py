@@ -38,14 +38,14 @@ def test_stored_data_say_what_measured_them_when_and_with_which_versions(file):
 def test_every_stored_measurement_is_used_and_can_be_made_again():
     names = {source.get("data", "") for s in docs_numbers.sentences() for source in s.sources.values()}
     assert {f"measured/{file.stem}" for file in STORED} == {n for n in names if n.startswith("measured/")}
-    assert {file.stem for file in STORED} == set(measure.EVERY)
-    for name, module in measure.EVERY.items():
+    assert {file.stem for file in STORED} == set(measure.MEASUREMENTS)
+    for name, module in measure.MEASUREMENTS.items():
         code = (PROJECT / "scripts" / "measurements" / f"{module}.py").read_text(encoding="utf-8")
         assert f"\ndef {name}() -> dict" in code, name
 
 
 def test_a_bound_that_a_test_asserts_names_a_test_that_there_is():
-    reasons = [reason for entries in docs_numbers.given().values() for reason in entries.values()]
+    reasons = [reason for entries in docs_numbers.unmeasured_numbers().values() for reason in entries.values()]
     named = [found for reason in reasons for found in TEST_NAME.findall(reason)]
     assert len(named) >= 4
     for file, test in named:
@@ -54,7 +54,11 @@ def test_a_bound_that_a_test_asserts_names_a_test_that_there_is():
 
 
 def test_every_row_of_the_verification_page_names_a_test_that_there_is():
-    rows = [line for line in (PROJECT / docs_numbers.TESTED).read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
+    rows = [
+        line
+        for line in (PROJECT / docs_numbers.VERIFICATION_PAGE).read_text(encoding="utf-8").splitlines()
+        if line.startswith("| ")
+    ]
     tests = "\n".join(file.read_text(encoding="utf-8") for file in (PROJECT / "tests").rglob("test_*.py"))
     assert len(rows) > 40
     for row in rows[1:]:
@@ -98,13 +102,13 @@ def test_a_sentence_is_found_wherever_its_lines_end(text):
     ],
 )
 def test_numbers_with_units_are_seen(text, numbers):
-    assert [m[0] for m in docs_numbers.MEASURED.finditer(text)] == numbers
+    assert [m[0] for m in docs_numbers.QUANTITY.finditer(text)] == numbers
 
 
 def test_code_formulas_and_the_written_table_are_no_prose():
     table = f"{engine_table.BEGIN}\n| 5 mm |\n{engine_table.END}"
     text = f"before $x = 3\\,mm$\n```sh\nrun 4 mm\n```\n$$5 mm$$\n{table}\n6 mm after"
-    assert [m[0] for m in docs_numbers.MEASURED.finditer(prose("x.md", text))] == ["6 mm"]
+    assert [m[0] for m in docs_numbers.QUANTITY.finditer(prose("x.md", text))] == ["6 mm"]
 
 
 def test_a_wrong_number_a_lost_sentence_and_a_number_without_source_are_found(tmp_path, monkeypatch):
@@ -127,16 +131,16 @@ given: {}
     (tmp_path / "docs" / "data" / "numbers.yaml").write_text(listed)
     monkeypatch.setattr(docs_numbers, "PROJECT", tmp_path)
     monkeypatch.setattr(docs_numbers, "DATA", tmp_path / "docs" / "data")
-    monkeypatch.setattr(docs_numbers, "LIST", tmp_path / "docs" / "data" / "numbers.yaml")
+    monkeypatch.setattr(docs_numbers, "NUMBERS_FILE", tmp_path / "docs" / "data" / "numbers.yaml")
     monkeypatch.setattr(engine_table, "table", lambda: "| table |")
-    caches = (docs_numbers._list, docs_numbers._file, docs_numbers.sentences)
+    caches = (docs_numbers._load_numbers_file, docs_numbers._load_data_file, docs_numbers.sentences)
     for cache in caches:
         cache.cache_clear()
     try:
         found = docs_numbers.problems()
         assert len(found) == 4
         assert any("says 0.2 for s" in line and "the data say 0.13" in line for line in found)
-        assert any("has lost 'a sentence of {y} mm" in line for line in found)
+        assert any("found no 'a sentence of {y} mm" in line for line in found)
         assert any("It took 7 s" in line and "no source" in line for line in found)
         assert any("table of engines" in line for line in found)
         assert docs_numbers.rewrite() == ["docs/page.md", "README.md"]

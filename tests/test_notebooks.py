@@ -69,11 +69,11 @@ def test_first_run(tmp_path):
 @pytest.mark.accurate
 def test_scenario_and_tolerance(tmp_path):
     outputs = executed(NOTEBOOKS[1], tmp_path)
-    told = printed(outputs)
-    assert "expected a mass, got '5 cm'" in told
-    assert "did you mean 'radius'" in told
-    assert "the unit is missing" in told
-    assert "expected failure" in told
+    output = printed(outputs)
+    assert "expected a mass, got '5 cm'" in output
+    assert "did you mean 'radius'" in output
+    assert "the unit is missing" in output
+    assert "expected failure" in output
     assert len(pages(outputs)) == 3
 
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from looping_pendulum.cli import terminal as cli_terminal
-from looping_pendulum.cli.converge import StudyBar
-from looping_pendulum.cli.progress import StageBar
+from looping_pendulum.cli.progress import ProgressBars, convergence_bars
 from looping_pendulum.cli.terminal import new_table, say, say_file, show_table
 
 HOSTILE = "[/x][red]\x1b[2J\u202e\u2066\x07\x9b1A\ud800"
@@ -39,17 +38,25 @@ def test_a_file_is_printed_unchanged_only_into_another(capsys, monkeypatch, is_t
     assert capsys.readouterr().out == ("title: \\u202ex\n" if is_terminal else "title: \u202ex\n")
 
 
-@pytest.mark.parametrize("bar", [StageBar, StudyBar])
-def test_bars_show_what_goes_on_as_plain_text(capsys, monkeypatch, bar):
+@pytest.mark.parametrize("make_bars", [ProgressBars, convergence_bars])
+def test_bars_show_descriptions_as_plain_text(capsys, monkeypatch, make_bars):
     monkeypatch.setenv("FORCE_COLOR", "1")  # rich then takes the stream for a terminal
     monkeypatch.setenv("COLUMNS", "200")
-    with bar() as shown:
-        shown.update(*((HOSTILE, 0.5) if bar is StageBar else (0.5, HOSTILE)))
-        shown._bar.refresh()
+    with make_bars() as bars:
+        bars.update(HOSTILE, 0.5)
+        bars._bar.refresh()
     err = capsys.readouterr().err
     assert "[/x][red]\\x1b[2J" in err
     assert "\u202e" not in err
     assert "\x1b[2J" not in err
+
+
+def test_without_a_terminal_a_tenth_of_the_work_is_a_line(capsys):
+    with convergence_bars() as bars:
+        for percent in range(0, 101, 4):
+            bars.update("runs", percent / 100)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [f"{percent} %: runs" for percent in (12, 24, 36, 48, 60, 72, 84, 96)]
 
 
 def test_no_command_prints_past_this_place():

@@ -8,7 +8,7 @@ import pytest
 
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.harness import compare_engines
-from looping_pendulum.engines.limits import with_variants
+from looping_pendulum.engines.limits import expand_tolerances
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label, missing_packages, select
@@ -64,7 +64,7 @@ def keeps_its_tolerances(result):
 @functools.cache
 def quick_scenario(name: str):
     """A shipped scenario and its reference, which all engines are held against."""
-    scenario = with_variants(loader.load(name), Profile.QUICK)
+    scenario = expand_tolerances(loader.load(name), Profile.QUICK)
     return scenario, Reference(scenario)
 
 
@@ -95,10 +95,10 @@ def test_accurate_profile(name, engine):
 
 
 def test_every_engine_has_a_quick_tolerance_in_every_scenario_that_it_can_run():
-    from looping_pendulum.engines.registry import challengers
+    from looping_pendulum.engines.registry import main_engines
 
     for name in loader.shipped():
         scenario = loader.load(name)
         judged = {t.engine for t in scenario.tolerances if t.profile == "quick"}
-        able = {label(e) for e in challengers(Profile.QUICK) if scenario.parameters.release in e.abilities.releases}
+        able = {label(e) for e in main_engines(Profile.QUICK) if scenario.parameters.release in e.abilities.releases}
         assert able <= judged, f"{name}: no quick tolerance for {sorted(able - judged)}"

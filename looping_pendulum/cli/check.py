@@ -1,4 +1,4 @@
-"""The command `check`: the limits that stand in scenario files, and no success where nothing was judged."""
+"""The command `check`: judge the tolerances of scenario files; a check that judges nothing is not a success."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import typer
 
 from looping_pendulum.cli.common import (
     INTERRUPTED,
-    OUTSIDE,
+    OUTSIDE_TOLERANCE,
     EngineNames,
     Jobs,
     MemoryLimit,
@@ -26,54 +26,56 @@ if TYPE_CHECKING:
 
 
 def check(
-    scenario: Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...", help="Default: every shipped one.")] = None,
+    scenario: Annotated[
+        list[str] | None, typer.Argument(metavar="[SCENARIO]...", help="Default: all shipped scenarios.")
+    ] = None,
     engine: EngineNames = None,
     profile: ProfileName = ProfileChoice.QUICK,
     time_limit: TimeLimit = 900.0,
     memory_limit: MemoryLimit = "2 GiB",
     jobs: Jobs = None,
 ) -> None:
-    """Check the tolerances that stand in the scenarios' files; write nothing.
+    """Check whether engines keep the tolerances in scenario files; write no report.
 
-    Engines whose tolerances a scenario does not name are not run. A check that judges nothing is no success: its exit status
-    is 2. So it is if one of several named scenarios has no tolerances, unless --engine left it out.
+    Only engines for which a scenario has tolerances are run. The exit status is 2 if nothing was judged, or if one of several
+    named scenarios has no tolerances, unless --engine left it out.
 
     looping-pendulum check mine.yaml --engine pymunk
     """
-    from looping_pendulum.engines.limits import nothing_to_judge, with_variants
+    from looping_pendulum.engines.limits import expand_tolerances, why_no_tolerances
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.engines.registry import label, select
     from looping_pendulum.scenarios import loader
 
-    speed = Profile(profile.value)
-    asked = None if not engine else {label(one) for one in select(engine, speed)}
-    chosen = [with_variants(load_scenario(name), speed) for name in scenario or loader.shipped()]
+    engine_profile = Profile(profile.value)
+    requested = None if not engine else {label(variant) for variant in select(engine, engine_profile)}
+    scenarios = [expand_tolerances(load_scenario(name), engine_profile) for name in scenario or loader.shipped()]
     results: list[ComparisonResult] = []
-    unjudged: list[str] = []
-    for one in chosen:
-        lacking = nothing_to_judge(one, profile.value, asked)
-        if lacking:
-            say(f"{one.name}: {lacking}")
-            if scenario and asked is None:
-                unjudged.append(f"{one.name}: {lacking}")
+    not_judged: list[str] = []
+    for loaded in scenarios:
+        reason = why_no_tolerances(loaded, profile.value, requested)
+        if reason:
+            say(f"{loaded.name}: {reason}")
+            if scenario and requested is None:
+                not_judged.append(f"{loaded.name}: {reason}")
             continue
-        limited = {t.engine for t in one.tolerances if t.profile == profile.value}
-        wanted = sorted(limited if asked is None else limited & asked)
-        result = run_and_compare(one, wanted, profile, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
+        with_limits = {t.engine for t in loaded.tolerances if t.profile == profile.value}
+        wanted = sorted(with_limits if requested is None else with_limits & requested)
+        result = run_and_compare(loaded, wanted, profile, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
         _show(result)
         results.append(result)
-        gaps = nothing_judged(result)
-        unjudged += [f"{one.name}: {gaps}"] if gaps else []
+        gap = why_nothing_judged(result)
+        not_judged += [f"{loaded.name}: {gap}"] if gap else []
     if not all(result.within_tolerance for result in results):
-        raise typer.Exit(OUTSIDE)
-    if unjudged:
-        raise ScenarioError(f"check: nothing was judged of {'; '.join(unjudged)}")
+        raise typer.Exit(OUTSIDE_TOLERANCE)
+    if not_judged:
+        raise ScenarioError(f"check: nothing was judged of {'; '.join(not_judged)}")
     if not results:
         raise ScenarioError("check: nothing was judged: no scenario has tolerances for this profile of the engines asked for")
 
 
 def _show(result: ComparisonResult) -> None:
-    """Show what became of each limit; an interrupted check ends here."""
+    """Print a table of the limits and their outcomes; exit if the check was interrupted."""
     from looping_pendulum.engines.trajectory import RunStatus
 
     table = new_table("scenario", "engine", "metric", "value", "limit", "outcome")
@@ -85,13 +87,13 @@ def _show(result: ComparisonResult) -> None:
         raise typer.Exit(INTERRUPTED)
 
 
-def nothing_judged(result: ComparisonResult) -> str:
-    """Return why no tolerance of ``result`` was judged; empty: at least one was, or a run broke off, which says enough."""
+def why_nothing_judged(result: ComparisonResult) -> str:
+    """Return why no tolerance of ``result`` was judged; empty if one was, or if a run broke off, which is reported anyway."""
     from looping_pendulum.compare.result import ToleranceOutcome
 
     if any(t.outcome is not ToleranceOutcome.NOT_RUN for t in result.tolerances) or any(
         result.broke_off(e) for e in result.engines
     ):
         return ""
-    gaps = [f"{e.label}: {e.status_sentence}" + (f" ({e.message})" if e.message else "") for e in result.engines]
-    return "; ".join(gaps)
+    gap = [f"{e.label}: {e.status_sentence}" + (f" ({e.message})" if e.message else "") for e in result.engines]
+    return "; ".join(gap)

@@ -1,4 +1,4 @@
-"""What several commands share: their options, and how a run of engines ends."""
+"""What several commands share: their options, the run of engines, the folder of a report, and the exit status."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from looping_pendulum.cli.progress import EngineBars
+from looping_pendulum.cli.progress import ProgressBars
 from looping_pendulum.cli.terminal import say
 
 if TYPE_CHECKING:
@@ -18,13 +18,14 @@ if TYPE_CHECKING:
     from looping_pendulum.engines.trajectory import Trajectory
     from looping_pendulum.scenarios.scenario import Scenario
 
-OUTSIDE, BAD_INPUT, INTERRUPTED = 1, 2, 130
-BESIDE = "interrupted"
-"""Folder of an interrupted report, below that of a complete one."""
+OUTSIDE_TOLERANCE, BAD_INPUT, INTERRUPTED = 1, 2, 130
+"""Exit statuses beside 0; 130 is the shell's own for a command that Ctrl-C ended."""
+INTERRUPTED_FOLDER = "interrupted"
+"""Name of the folder of an interrupted report, inside the folder of a complete one."""
 
 
 class ProfileChoice(StrEnum):
-    """How much a run may cost; the values of `engines.protocol.Profile`, which is too heavy to import for --help."""
+    """Choices of --profile: the values of `engines.protocol.Profile`, which would take too long to import for --help."""
 
     QUICK = "quick"
     ACCURATE = "accurate"
@@ -35,26 +36,33 @@ ScenarioName = Annotated[
 ]
 EngineNames = Annotated[
     list[str] | None,
-    typer.Option("--engine", "-e", metavar="NAME", help="Only this engine (pymunk) or variant (mujoco:capstan); repeatable."),
+    typer.Option(
+        "--engine", "-e", metavar="NAME", help="Run only this engine (pymunk) or variant (mujoco:capstan); repeatable."
+    ),
 ]
-ProfileName = Annotated[ProfileChoice, typer.Option("--profile", "-p", help="quick: seconds to a minute. accurate: minutes.")]
+ProfileName = Annotated[
+    ProfileChoice,
+    typer.Option("--profile", "-p", help="Settings of the engines. quick: a run takes seconds to a minute. accurate: minutes."),
+]
 TimeLimit = Annotated[
-    float, typer.Option(metavar="SECONDS", min=0.1, help="Stop an engine's run after this long; keep what it has.")
+    float, typer.Option(metavar="SECONDS", min=0.1, help="Stop an engine's run after this time, and keep its samples.")
 ]
 MemoryLimit = Annotated[
-    str, typer.Option(metavar="AMOUNT", help="Stop an engine's run that holds more than this; keep what it has.")
+    str, typer.Option(metavar="AMOUNT", help="Stop an engine's run that uses more memory, and keep its samples.")
 ]
-MOST_JOBS = 1024
-"""More runs at once than any one machine has cores."""
-Jobs = Annotated[int | None, typer.Option(metavar="N", min=1, max=MOST_JOBS, help="Runs at once; default: one per core.")]
+MAX_JOBS = 1024
+"""Largest value of --jobs; above it a number is a mistake, as no machine has as many cores."""
+Jobs = Annotated[
+    int | None, typer.Option(metavar="N", min=1, max=MAX_JOBS, help="Number of runs at the same time; default: one per core.")
+]
 DataFolder = Annotated[
     Path | None,
-    typer.Option("--data", metavar="DIR", help="Folder with measured tables (paper/...); also $LOOPING_PENDULUM_DATA."),
+    typer.Option("--data", metavar="DIR", help="Folder with measured tables (paper/...); default: $LOOPING_PENDULUM_DATA."),
 ]
 
 
 def load_scenario(name: str) -> Scenario:
-    """Load a shipped scenario or a file."""
+    """Load a shipped scenario, or a scenario file."""
     from looping_pendulum.scenarios import loader
 
     return loader.load(name)
@@ -70,12 +78,12 @@ def run_and_compare(
     memory_limit: str,
     jobs: int | None,
 ) -> ComparisonResult:
-    """Run engines on ``scenario`` with their progress shown, and compare them."""
+    """Run engines on ``scenario``, showing their progress, and compare them with the reference."""
     from looping_pendulum.compare.harness import compare_engines
     from looping_pendulum.engines.memory import parse_memory
 
-    most = parse_memory(memory_limit)
-    with EngineBars() as progress:
+    memory_bytes = parse_memory(memory_limit)
+    with ProgressBars(time_left=True, keep=True) as bars:
         return compare_engines(
             scenario,
             engines=engine or (),
@@ -83,67 +91,77 @@ def run_and_compare(
             data_folder=data,
             jobs=jobs,
             time_limit=time_limit,
-            memory_limit=most,
-            progress=progress.update,
-            finished=progress.finished,
+            memory_limit=memory_bytes,
+            progress=bars.update_engine,
+            finished=bars.show_finished_run,
         )
 
 
 COMPARE_FILES, COMPARE_FOLDERS = ("result.json", "report.md", "report.html"), ("figures", "trajectories")
-"""What `compare.write` leaves in a folder."""
+"""Files and folders that `compare.write` writes."""
 
 
-def beside_complete(folder: Path, file: str, *, interrupted: bool, cut_short: Callable[[Any], bool]) -> Path:
-    """Return where a report goes: in ``folder``, but an interrupted one beside a complete one that is there, not over it.
+def report_folder(folder: Path, file: str, *, interrupted: bool, was_interrupted: Callable[[Any], bool]) -> Path:
+    """Return the folder to write a report into.
+
+    It is ``folder``, unless an interrupted report would overwrite a complete one there: then it is a folder inside it.
 
     Parameters
     ----------
     file
-        Which file of the folder says whether the report there is complete.
-    cut_short
-        Whether that file's content is of an interrupted run.
+        Name of the file in ``folder`` that says whether the report there is complete.
+    interrupted
+        Whether the report to write is of an interrupted run.
+    was_interrupted
+        Takes the content of ``file``; returns whether it is of an interrupted run.
     """
     if not interrupted:
         return folder
     try:
-        kept = not cut_short(json.loads((folder / file).read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):  # nothing, or nothing worth keeping
-        kept = False
-    if not kept:
+        has_complete_report = not was_interrupted(json.loads((folder / file).read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):  # no report, or one that cannot be read
+        has_complete_report = False
+    if not has_complete_report:
         return folder
-    say(f"interrupted: the complete report in {folder} is kept; this one goes into {folder / BESIDE}", err=True)
-    return folder / BESIDE
+    say(f"interrupted: the complete report in {folder} is kept; this one goes into {folder / INTERRUPTED_FOLDER}", err=True)
+    return folder / INTERRUPTED_FOLDER
 
 
-def beside_complete_comparison(folder: Path, result: ComparisonResult) -> Path:
-    """As `beside_complete`, for what `compare.write` leaves."""
+def comparison_folder(folder: Path, result: ComparisonResult) -> Path:
+    """Return the folder to write a comparison into, as `report_folder` does for any report."""
 
     def interrupted(statuses: Iterable[str]) -> bool:
         return "INTERRUPTED" in statuses
 
-    return beside_complete(
+    return report_folder(
         folder,
         "result.json",
         interrupted=interrupted(e.status for e in result.engines),
-        cut_short=lambda found: interrupted(e["status"] for e in found["engines"]),
+        was_interrupted=lambda found: interrupted(e["status"] for e in found["engines"]),
     )
 
 
-def exit_for(runs: list[Trajectory], *, within: bool | None = None) -> None:
-    """Leave with the status that the runs deserve."""
+def exit_with_status(runs: list[Trajectory], *, within: bool | None = None) -> None:
+    """Exit with the status of ``runs``: `INTERRUPTED`, `OUTSIDE_TOLERANCE` or 0.
+
+    Parameters
+    ----------
+    within
+        Whether all tolerances are kept; None: whether all runs that could be started reached their end.
+    """
     from looping_pendulum.engines.trajectory import RunStatus
 
     statuses = {run.status for run in runs}
     if RunStatus.INTERRUPTED in statuses:
         raise typer.Exit(INTERRUPTED)
     if within is None:
-        gaps = {RunStatus.MISSING, RunStatus.UNSUPPORTED}
-        within = all(status.ok or status in gaps for status in statuses)
-    raise typer.Exit(0 if within else OUTSIDE)
+        not_started = {RunStatus.MISSING, RunStatus.UNSUPPORTED}
+        within = all(status.ok or status in not_started for status in statuses)
+    raise typer.Exit(0 if within else OUTSIDE_TOLERANCE)
 
 
 def show_output_of_failed(runs: list[Trajectory]) -> None:
-    """Show the last lines that a failed engine printed."""
+    """Print the last lines of what each failed engine printed."""
     for run in runs:
         if not run.status.ok and run.output.strip():
             say(f"{run.label} printed:", err=True)

@@ -1,10 +1,10 @@
-"""The command `converge`: what an engine's error consists of."""
+"""The command `converge`: split an engine's error into its parts."""
 
 from __future__ import annotations
 
 import signal
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -15,40 +15,11 @@ from looping_pendulum.cli.common import (
     ProfileChoice,
     ProfileName,
     TimeLimit,
-    beside_complete,
     load_scenario,
+    report_folder,
 )
+from looping_pendulum.cli.progress import convergence_bars
 from looping_pendulum.cli.terminal import new_table, say, show_table
-from looping_pendulum.errors import printable
-
-
-class StudyBar:
-    """One bar with the time that is left on a terminal; else a line for every tenth of the work."""
-
-    def __enter__(self) -> StudyBar:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-        console = Console(stderr=True)
-        self._shown = 0.0
-        self._live = console.is_terminal
-        columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
-        self._bar = Progress(
-            *columns, TextColumn("{task.description}", markup=False), console=console, transient=True, disable=not self._live
-        )
-        self._task = self._bar.add_task("starting", total=1.0)
-        self._bar.start()
-        return self
-
-    def __exit__(self, *exception: Any) -> None:
-        self._bar.stop()
-
-    def update(self, share: float, what: str) -> None:
-        """Show the share that is done, and what goes on."""
-        self._bar.update(self._task, completed=share, description=printable(what))
-        if not self._live and share >= self._shown + 0.1:
-            self._shown = share
-            say(f"{100 * share:.0f} %: {what}", err=True)
 
 
 def converge(
@@ -62,27 +33,27 @@ def converge(
     profile: ProfileName = ProfileChoice.QUICK,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Where the report goes and runs are kept; default: report/SCENARIO-converge."),
+        typer.Option(metavar="DIR", help="Folder for the report and the runs; default: report/SCENARIO-converge."),
     ] = None,
     until: Annotated[
         float | None,
         typer.Option(
-            metavar="SECONDS", min=0.01, help="Watch runs for so long; default: to 0.1 s after the halt, at least 0.7 s."
+            metavar="SECONDS", min=0.01, help="Length of the runs; default: until 0.1 s after the halt, at least 0.7 s."
         ),
     ] = None,
     budget: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", min=0.1, help="Leave out runs that are expected to take longer than this."),
+        typer.Option(metavar="SECONDS", min=0.1, help="Leave out runs that are expected to take longer than this time."),
     ] = None,
     time_limit: TimeLimit = 3600.0,
     memory_limit: MemoryLimit = "2 GiB",
     jobs: Jobs = None,
 ) -> None:
-    """Split each engine's error into not converged, different model and adapter's choice.
+    """Split each engine's error into three parts: not converged, different model, and adapter's choice.
 
-    Refines every setting that a variant offers, changes the start a little, puts the engine's defaults back one at a time.
-    Writes convergence.md, convergence.json and a figure per setting. Ended runs are kept in DIR: after Ctrl-C the same command
-    goes on where it was, and reports what there is.
+    Refines every numerical setting that a variant offers, changes the initial state a little, and restores the engine's
+    defaults one at a time. Writes convergence.md, convergence.json and a figure per setting. Completed runs are stored in DIR:
+    after Ctrl-C it reports what it has, and the same command continues from there.
 
     looping-pendulum converge ten_to_one --engine mujoco:capstan --budget 60
     """
@@ -93,13 +64,15 @@ def converge(
     from looping_pendulum.compare.tables import number
     from looping_pendulum.engines.memory import parse_memory
     from looping_pendulum.engines.protocol import Profile
-    from looping_pendulum.files import ready_folder
+    from looping_pendulum.files import prepare_output_folder
 
     chosen = load_scenario(scenario)
     engines = chosen_engines(engine or (), Profile(profile.value))
     folder = out or Path("report") / f"{chosen.name}-converge"
-    ready_folder(folder, files=("convergence.md", FILE), folders=("figures",))  # before the work, not after it
-    with StudyBar() as progress:
+    prepare_output_folder(
+        folder, files=("convergence.md", FILE), folders=("figures",)
+    )  # refuse an unusable folder before the work, not after it
+    with convergence_bars() as bars:
         result = study_convergence(
             chosen,
             engines,
@@ -109,14 +82,16 @@ def converge(
             jobs=jobs,
             time_limit=time_limit,
             memory_limit=parse_memory(memory_limit),
-            progress=progress.update,
+            progress=lambda fraction, description: bars.update(description, fraction),
         )
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # what was found is written whole
+    previous_handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C must not cut the report short
     try:
-        folder = beside_complete(folder, FILE, interrupted=result.interrupted, cut_short=lambda found: found["interrupted"])
+        folder = report_folder(
+            folder, FILE, interrupted=result.interrupted, was_interrupted=lambda result: result["interrupted"]
+        )
         written = write(result, folder)
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGINT, previous_handler)
     table = new_table(
         "variant", "quantity", "error", "not converged", "different model", "+/-", "choice", "spread", "larger part"
     )

@@ -1,4 +1,4 @@
-"""The commands about engines themselves: `engines` and `conformance`."""
+"""The commands about the engines themselves: `engines` and `conformance`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from looping_pendulum.cli.common import OUTSIDE, ProfileChoice, ProfileName, TimeLimit
+from looping_pendulum.cli.common import OUTSIDE_TOLERANCE, ProfileChoice, ProfileName, TimeLimit
 from looping_pendulum.cli.terminal import new_table, say, show_table
 from looping_pendulum.errors import EngineError
 
@@ -16,53 +16,55 @@ if TYPE_CHECKING:
 
 def engines(
     profile: ProfileName = ProfileChoice.QUICK,
-    support: Annotated[bool, typer.Option("--support", help="Which engine can run which scenario, and why not.")] = False,
-    markdown: Annotated[bool, typer.Option("--markdown", help="With --support: as a page of Markdown.")] = False,
+    support: Annotated[bool, typer.Option("--support", help="Show which engine can run which scenario, and why not.")] = False,
+    markdown: Annotated[bool, typer.Option("--markdown", help="With --support: print it as a Markdown page.")] = False,
 ) -> None:
-    """List the engines: installed or how to get them, and who supplies which physics.
+    """List the engines, how to install missing ones, and which physics is the engine's own or fed in by its adapter.
 
-    An engine of another package is listed with the package's name.
+    An engine from another package is listed with the package's name.
     """
     from looping_pendulum.engines.protocol import Profile
 
     if markdown and not support:
         raise EngineError("--markdown: found it alone, needed --support with it; write `engines --support --markdown`")
-    (_support if support else _listed)(Profile(profile.value), markdown)
+    (_list_support if support else _list_engines)(Profile(profile.value), markdown)
 
 
-def _listed(profile: Profile, markdown: bool) -> None:
-    from looping_pendulum.engines.registry import how_to_get, label, loaded, missing_packages, suppliers
+def _list_engines(profile: Profile, markdown: bool) -> None:
+    """Print a table of the engines; ``markdown`` has no meaning here."""
+    from looping_pendulum.engines.registry import adapter_packages, how_to_get, label, load_engines, missing_packages
     from looping_pendulum.engines.trajectory import supplies_as_rows
 
     table = new_table("engine", "here", "winding", "friction law", "stick-slip", "drag", "runs", "what it is")
     notes: dict[str, str] = {}
-    found, faults = loaded(profile)
-    offered = suppliers()
-    for engine in found:
+    available, load_errors = load_engines(profile)
+    packages = adapter_packages()
+    for engine in available:
         missing = missing_packages(engine)
-        by = [by for _, by, _ in supplies_as_rows(engine.abilities.supplies)]
+        suppliers = [supplier for _, supplier, _ in supplies_as_rows(engine.abilities.supplies)]
         when = "as reference" if engine.name == "reference" else "always" if engine.abilities.main else "if named"
-        source = f" (of the package {offered[engine.name]})" if offered.get(engine.name) else ""
-        table.add_row(label(engine), "no" if missing else "yes", *by, when, engine.abilities.summary + source)
+        source = f" (of the package {packages[engine.name]})" if packages.get(engine.name) else ""
+        table.add_row(label(engine), "no" if missing else "yes", *suppliers, when, engine.abilities.summary + source)
         notes |= {package: how_to_get(package) for package in missing}
-    for name in faults:
+    for name in load_errors:
         table.add_row(name, "broken", *[""] * 5, "left out; see below")
     show_table(table)
     for package, how in notes.items():
         say(f"{package} is not installed; to get it: {how}")
-    for fault in faults.values():
-        say(fault)
+    for load_error in load_errors.values():
+        say(load_error)
 
 
-def _support(profile: Profile, markdown: bool) -> None:
+def _list_support(profile: Profile, markdown: bool) -> None:
+    """Print which engine can run which scenario, as tables or as the page docs/support.md."""
     from looping_pendulum.engines import support
     from looping_pendulum.engines.registry import all_engines
 
-    found = all_engines(profile)
+    available = all_engines(profile)
     if markdown:
-        say(support.page(found), nl=False)
+        say(support.page(available), nl=False)
         return
-    for header, rows in support.tables(found):
+    for header, rows in support.tables(available):
         table = new_table(*header)
         for row in rows:
             table.add_row(*row)
@@ -74,22 +76,22 @@ def conformance(
     profile: ProfileName = ProfileChoice.QUICK,
     time_limit: TimeLimit = 300.0,
 ) -> None:
-    """Hold an engine against what every engine must do; meant for adapters of your own (docs/write-an-engine.md).
+    """Check that an engine does what every engine must do; for adapters of your own (docs/write-an-engine.md).
 
-    Each run has a process of its own, so a crash or a hang fails one check and no more.
+    Each run has a process of its own, so a crash or a hang fails one check only.
     """
-    from looping_pendulum.engines.conformance import examine
+    from looping_pendulum.engines.conformance import run_checks
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.engines.registry import how_to_get, label, missing_packages, select
 
-    good = True
+    all_good = True
     for engine in select([name], Profile(profile.value)):
         missing = missing_packages(engine)
         if missing:
             raise EngineError(f"{label(engine)}: {missing[0]} is not installed; to get it: {how_to_get(missing[0])}")
         say(f"{label(engine)}, {profile.value}")
-        for verdict in examine(engine, time_limit=time_limit):
+        for verdict in run_checks(engine, time_limit=time_limit):
             why = f": {verdict.why}" if verdict.why else ""
             say(f"  {verdict.outcome.value:8}  {verdict.check.replace('_', ' ')}{why}")
-            good = good and verdict.outcome.good
-    raise typer.Exit(0 if good else OUTSIDE)
+            all_good = all_good and verdict.outcome.acceptable
+    raise typer.Exit(0 if all_good else OUTSIDE_TOLERANCE)

@@ -19,7 +19,7 @@ from looping_pendulum.cli.common import (
     COMPARE_FILES,
     COMPARE_FOLDERS,
     INTERRUPTED,
-    OUTSIDE,
+    OUTSIDE_TOLERANCE,
     DataFolder,
     EngineNames,
     Jobs,
@@ -28,17 +28,17 @@ from looping_pendulum.cli.common import (
     ProfileName,
     ScenarioName,
     TimeLimit,
-    beside_complete,
-    beside_complete_comparison,
-    exit_for,
+    comparison_folder,
+    exit_with_status,
     load_scenario,
+    report_folder,
     run_and_compare,
     show_output_of_failed,
 )
 from looping_pendulum.cli.converge import converge
 from looping_pendulum.cli.engines import conformance, engines
 from looping_pendulum.cli.maps import map_, maps
-from looping_pendulum.cli.progress import EngineBars, StageBar
+from looping_pendulum.cli.progress import ProgressBars
 from looping_pendulum.cli.teaching import demo, demonstrations, init, new, tracker
 from looping_pendulum.cli.terminal import new_table, say, say_file, show_table
 from looping_pendulum.errors import HarnessError, one_line, shorten
@@ -47,12 +47,12 @@ if TYPE_CHECKING:
     from looping_pendulum.compare.baseline import ResultChanges
 
 USAGE_ERROR: Any = typer.BadParameter.__base__
-"""Base of the errors of a mistyped command line; it is click's, and typer has a copy of its own from 0.26 on."""
+"""Base class of the errors of a mistyped command line: click's, of which typer has a copy of its own from 0.26 on."""
 
-LONGEST_MESSAGE = 1000
-"""[characters] of a line that says what was wrong; what a command line holds may be a hundred times longer."""
+MAX_MESSAGE_LENGTH = 1000
+"""Largest length of an error message [characters]; what the user typed, which it quotes, may be a hundred times longer."""
 
-# rich_markup_mode=None: drawing the help with rich would double the time that --help takes
+# rich_markup_mode=None: formatting the help with rich would double the time that --help takes
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
@@ -60,18 +60,18 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="""Two masses hang on a string over a rod; let the light one go and it whips round and stops the heavy one.
 
-    This runs an exact reference of that apparatus and rebuilds it in pymunk, MuJoCo and PyBullet, and reports where, when and
-    why each engine departs from the reference.
+    This program solves the exact model of that apparatus (the reference), builds the same apparatus in pymunk, MuJoCo and
+    PyBullet, and reports where, when and why each engine departs from the reference.
 
     Start with:  looping-pendulum compare ten_to_one
     """,
-    epilog="Exit status: 0 within tolerance, 1 outside it, 2 bad input. --debug, anywhere, shows tracebacks.",
+    epilog="Exit status: 0 within tolerance, 1 outside it, 2 bad input. With --debug anywhere, errors show tracebacks.",
 )
 
 
 @app.callback(invoke_without_command=True)
 def root(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
-    """Options that stand before the command."""
+    """Handle options that come before the command."""
     if version:
         say(f"looping-pendulum {__version__}")
         raise typer.Exit
@@ -79,10 +79,10 @@ def root(version: Annotated[bool, typer.Option("--version", help="Print the vers
 
 @app.command()
 def scenarios(
-    name: Annotated[str | None, typer.Argument(metavar="[SCENARIO]", help="Print this scenario's YAML.")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="[SCENARIO]", help="Print the YAML file of this scenario.")] = None,
     schema: Annotated[bool, typer.Option("--schema", help="Print the JSON Schema of scenario files, for editors.")] = False,
 ) -> None:
-    """List the shipped scenarios, print one, or print the schema of the files.
+    """List the shipped scenarios, print one of them, or print the schema of scenario files.
 
     To write your own:  looping-pendulum scenarios ten_to_one > mine.yaml
     """
@@ -111,12 +111,14 @@ def run(
     scenario: ScenarioName,
     engine: EngineNames = None,
     profile: ProfileName = ProfileChoice.QUICK,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Write the trajectories here as CSV.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write the trajectories as CSV files into this folder.")
+    ] = None,
     time_limit: TimeLimit = 900.0,
     memory_limit: MemoryLimit = "2 GiB",
     jobs: Jobs = None,
 ) -> None:
-    """Run one scenario and show how it went; without --engine, the exact reference.
+    """Run one scenario and print its events and how each run ended; without --engine, solve the exact reference.
 
     looping-pendulum run two_to_one --out runs/two_to_one
     """
@@ -126,22 +128,22 @@ def run(
     from looping_pendulum.engines.memory import parse_memory
     from looping_pendulum.engines.protocol import Profile
     from looping_pendulum.engines.reference import ReferenceEngine
-    from looping_pendulum.files import file_stems, ready_folder, write_whole
+    from looping_pendulum.files import file_stems, prepare_output_folder, write_atomically
     from looping_pendulum.reference_ode.solve import available_integrators
 
-    chosen, speed, most_memory = load_scenario(scenario), Profile(profile.value), parse_memory(memory_limit)
+    chosen, speed, memory_bytes = load_scenario(scenario), Profile(profile.value), parse_memory(memory_limit)
     wanted = chosen_engines(engine, speed) if engine else [ReferenceEngine(available_integrators()[0], speed)]
     if out is not None:
-        ready_folder(out)  # before the work, not after it
-    with EngineBars() as progress:
+        prepare_output_folder(out)  # refuse an unusable folder before the work, not after it
+    with ProgressBars(time_left=True, keep=True) as bars:
         runs = run_all(
             wanted,
             chosen,
             jobs=jobs,
             time_limit=time_limit,
-            memory_limit=most_memory,
-            progress=progress.update,
-            finished=progress.finished,
+            memory_limit=memory_bytes,
+            progress=bars.update_engine,
+            finished=bars.show_finished_run,
         )
     table = new_table("engine", "samples", "until [s]", "M2 dropped [m]", "wall [s]", "ended")
     stems = file_stems([(result.label, result.profile) for result in runs])
@@ -153,11 +155,11 @@ def run(
             say(f"{result.label}: {event.time:.6f} s {event.name}")
         if out is not None and len(result.t):
             path = out / f"{stem}.csv"
-            write_whole(path, trajectory_csv(result))
+            write_atomically(path, trajectory_csv(result))
             say(f"wrote {path}")
     show_table(table)
     show_output_of_failed(runs)
-    exit_for(runs)
+    exit_with_status(runs)
 
 
 @app.command()
@@ -165,52 +167,54 @@ def compare(
     scenario: ScenarioName,
     engine: EngineNames = None,
     profile: ProfileName = ProfileChoice.QUICK,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Where the report goes; default: report/SCENARIO.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the report; default: report/SCENARIO.")] = None,
     data: DataFolder = None,
     time_limit: TimeLimit = 900.0,
     memory_limit: MemoryLimit = "2 GiB",
     jobs: Jobs = None,
     baseline: Annotated[
-        Path | None, typer.Option(metavar="RESULT.json", help="List what changed since this earlier run (or its folder).")
+        Path | None, typer.Option(metavar="RESULT.json", help="List what changed since this earlier result (file or folder).")
     ] = None,
     baseline_threshold: Annotated[
-        float, typer.Option(metavar="FRACTION", min=0.0, help="Smallest change of a metric to list; 0.01 is 1 %.")
+        float, typer.Option(metavar="FRACTION", min=0.0, help="Smallest relative change of a metric to list; 0.01 is 1 %.")
     ] = 0.01,
 ) -> None:
     """Run all engines on one scenario and report how each departs from the exact reference.
 
-    Writes report.md with figures, report.html, result.json and the trajectories as CSV. With --baseline also changes.json:
-    what changed since then is shown, and does not alter the exit status, which the tolerances decide.
+    Writes report.md with figures, report.html, result.json and the trajectories as CSV. With --baseline it also prints what
+    changed since that result, and writes it to changes.json; the exit status depends on the tolerances only.
 
     looping-pendulum compare ten_to_one --profile quick --out report/ten_to_one
     """
     from looping_pendulum.compare import write
     from looping_pendulum.compare.baseline import changes_since, read_baseline
     from looping_pendulum.compare.report import verdict_rows
-    from looping_pendulum.files import ready_folder
+    from looping_pendulum.files import prepare_output_folder
 
     chosen = load_scenario(scenario)
     earlier = None if baseline is None else read_baseline(baseline, chosen.name)
     folder = out or Path("report") / chosen.name
-    ready_folder(folder, files=(*COMPARE_FILES, "changes.json"), folders=COMPARE_FOLDERS)  # before the work, not after it
+    prepare_output_folder(
+        folder, files=(*COMPARE_FILES, "changes.json"), folders=COMPARE_FOLDERS
+    )  # refuse an unusable folder before the work, not after it
     result = run_and_compare(chosen, engine, profile, data=data, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
     changes = None if earlier is None else changes_since(earlier, result, source=str(baseline), relative=baseline_threshold)
-    folder = beside_complete_comparison(folder, result)
+    folder = comparison_folder(folder, result)
     written = write(result, folder, changes)
     header, rows = verdict_rows(result)
     table = new_table(*header)
     for row in rows:
         table.add_row(*row)
     show_table(table)
-    for one in result.engines:
-        say(f"- {one.label}: {one.story}")
+    for engine_result in result.engines:
+        say(f"- {engine_result.label}: {engine_result.story}")
     if changes is not None:
         _show_changes(changes)
     say(f"wrote {written} and report.html")
     assert result.samples is not None
     runs = [aligned.run for aligned in result.samples.aligned]
     show_output_of_failed(runs)
-    exit_for(runs, within=result.within_tolerance)
+    exit_with_status(runs, within=result.within_tolerance)
 
 
 app.command()(check)
@@ -222,17 +226,19 @@ app.command()(maps)
 
 @app.command()
 def identify(
-    study: Annotated[Path, typer.Argument(metavar="STUDY.yaml", help="Apparatus, declared effects, trials and their files.")],
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Where the report goes; default: report/STUDY.")] = None,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the second start of the fit.")] = 0,
+    study: Annotated[
+        Path, typer.Argument(metavar="STUDY.yaml", help="Study file: apparatus, declared effects, and the trials' files.")
+    ],
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the report; default: report/STUDY.")] = None,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Random seed of the fit's second starting point.")] = 0,
     time_limit: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", min=1.0, help="End the search after about this long, and report what it has found."),
+        typer.Option(metavar="SECONDS", min=1.0, help="End the search after about this time, and report its results so far."),
     ] = None,
 ) -> None:
-    """Find the physics that a model of measured trials lacks, and report the error before and after adding it.
+    """Find the physics that a model of measured trials lacks, and report the model's error before and after adding it.
 
-    Writes report.md with figures, report.html, verdict.json and repaired.yaml, a scenario that `compare` runs as it is.
+    Writes report.md with figures, report.html, verdict.json and repaired.yaml, a scenario file that `compare` can run.
 
     looping-pendulum identify trials/study.yaml --out report/trials
     """
@@ -240,28 +246,41 @@ def identify(
     from looping_pendulum.discrepancy.identify import identify as find
     from looping_pendulum.discrepancy.report import writing
     from looping_pendulum.discrepancy.result import Verdict
-    from looping_pendulum.files import ready_folder
+    from looping_pendulum.files import prepare_output_folder
 
     loaded = study_io.load(study)
     folder = out or Path("report") / loaded.name
-    ready_folder(folder, files=writing.FILES, folders=writing.FOLDERS)  # before the work, not after it
-    with StageBar() as stages:
-        result = find(loaded, seed=seed, progress=stages.update, time_limit=time_limit)
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # what was found is written whole; that takes two seconds
+    prepare_output_folder(
+        folder, files=writing.FILES, folders=writing.FOLDERS
+    )  # refuse an unusable folder before the work, not after it
+    with ProgressBars() as bars:
+        result = find(loaded, seed=seed, progress=bars.update, time_limit=time_limit)
+    previous_handler = signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # Ctrl-C must not cut the report short; writing it takes two seconds
     try:
         interrupted = result.verdict is Verdict.INTERRUPTED
-        folder = beside_complete(
-            folder, "verdict.json", interrupted=interrupted, cut_short=lambda found: found["verdict"] == Verdict.INTERRUPTED
+        folder = report_folder(
+            folder,
+            "verdict.json",
+            interrupted=interrupted,
+            was_interrupted=lambda verdict: verdict["verdict"] == Verdict.INTERRUPTED,
         )
         written = writing.write(result, folder)
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGINT, previous_handler)
     say(f"{result.verdict.value}: {result.sentence}")
-    table = new_table("trial", "seen by the fit", "RMS before [mm]", "RMS after [mm]", "before [noise]", "after [noise]")
+    table = new_table("trial", "held out", "RMS before [mm]", "RMS after [mm]", "before [noise]", "after [noise]")
     for e in result.errors:
-        # without marks, only events were seen of the trial
+        # A trial without tracked points has measured events only, and so no RMS distance.
         sizes = ["" if rms is None else f"{1e3 * rms:.2f}" for rms in (e.rms_before, e.rms_after)]
-        table.add_row(e.trial, "no" if e.held_out else "yes", *sizes, f"{e.noise_before:.2f}", f"{e.noise_after:.2f}")
+        table.add_row(
+            e.trial,
+            "yes" if e.held_out else "no",
+            *sizes,
+            f"{e.standardised_rms_before:.2f}",
+            f"{e.standardised_rms_after:.2f}",
+        )
     show_table(table)
     say(f"wrote {written} and report.html")
     if interrupted:
@@ -276,18 +295,18 @@ app.command()(demonstrations)
 
 
 def _show_changes(changes: ResultChanges) -> None:
-    """Show what changed since a baseline."""
-    from looping_pendulum.compare.baseline import HEADER, SAID_ON_CONSOLE, heading, rows
+    """Print what changed since a baseline."""
+    from looping_pendulum.compare.baseline import HEADER, MAX_CONSOLE_CHANGES, heading, rows
 
     say(heading(changes))
     found = rows(changes)
     table = new_table(*HEADER)
-    for row in found[:SAID_ON_CONSOLE]:
+    for row in found[:MAX_CONSOLE_CHANGES]:
         table.add_row(*row)
     if found:
         show_table(table)
-    if len(found) > SAID_ON_CONSOLE:
-        say(f"... and {len(found) - SAID_ON_CONSOLE} more in report.md and changes.json")
+    if len(found) > MAX_CONSOLE_CHANGES:
+        say(f"... and {len(found) - MAX_CONSOLE_CHANGES} more in report.md and changes.json")
 
 
 def _short_warning(message: Warning | str, *_: object, **__: object) -> str:
@@ -295,18 +314,20 @@ def _short_warning(message: Warning | str, *_: object, **__: object) -> str:
 
 
 def _fail(message: str) -> NoReturn:
-    """End with one line for a user's mistake."""
-    say(f"error: {shorten(one_line(message), LONGEST_MESSAGE)}", err=True)
+    """Print a user's mistake in one line, and exit."""
+    say(f"error: {shorten(one_line(message), MAX_MESSAGE_LENGTH)}", err=True)
     sys.exit(BAD_INPUT)
 
 
 def main() -> None:
-    """Run the command line; print a user's mistake as one line."""
+    """Run the command line; print an error as one line, or with --debug as a traceback."""
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")  # before numpy comes: a second thread on such small matrices only waits for a core
+        os.environ.setdefault(
+            variable, "1"
+        )  # before numpy is imported: with matrices this small a second thread only waits for a core
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # what a terminal cannot show must not end a command
+            stream.reconfigure(errors="backslashreplace")  # a character that the terminal cannot show must not end a command
     debug = "--debug" in sys.argv
     if debug:
         sys.argv.remove("--debug")
@@ -315,14 +336,14 @@ def main() -> None:
     try:
         sys.exit(app(standalone_mode=False))
     except USAGE_ERROR as error:
-        words = io.StringIO()
-        error.show(file=words)
-        usage, error_sign, message = words.getvalue().rstrip("\n").partition("\nError: ")
-        say(f"{usage}{error_sign}{shorten(one_line(message), LONGEST_MESSAGE)}", err=True)
+        text = io.StringIO()
+        error.show(file=text)
+        usage, error_sign, message = text.getvalue().rstrip("\n").partition("\nError: ")
+        say(f"{usage}{error_sign}{shorten(one_line(message), MAX_MESSAGE_LENGTH)}", err=True)
         sys.exit(BAD_INPUT)
     except typer.Abort:
         say("Aborted.", err=True)
-        sys.exit(OUTSIDE)
+        sys.exit(OUTSIDE_TOLERANCE)
     except HarnessError as error:
         if debug:
             raise

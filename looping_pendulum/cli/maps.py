@@ -1,78 +1,61 @@
-"""The commands `map` and `maps`: many runs over one to three quantities."""
+"""The commands `map` and `maps`: many runs over ranges of one to three quantities."""
 
 from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from looping_pendulum.cli.common import INTERRUPTED, Jobs, MemoryLimit, TimeLimit
+from looping_pendulum.cli.progress import ProgressBars
 from looping_pendulum.cli.terminal import new_table, say, say_file, show_table
 
 if TYPE_CHECKING:
     from looping_pendulum.sweep.plan import MapPlan
 
-SPEAK_EVERY = 10.0
-"""Without a terminal, a line of progress at most this often [s]."""
+LINE_INTERVAL = 10.0
+"""Without a terminal, time between two lines of progress [s]."""
 
 
-class RunBar:
-    """Runs done, rate and time left: a bar on a terminal, else a line now and then."""
+def _run_counter(bars: ProgressBars) -> Callable[[int, int], None]:
+    """Return a callback that shows how many runs are complete, their rate, and without a terminal the time left."""
+    from looping_pendulum.pages.numbers import amount
 
-    def __enter__(self) -> RunBar:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    first: tuple[float, int] | None = None
+    """Time [s] of the first call and the runs that were complete then: stored ones, which do not count for the rate."""
 
-        console = Console(stderr=True)
-        self._live = console.is_terminal
-        columns = (BarColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn(), TextColumn("left:"))
-        self._bar = Progress(
-            *columns,
-            TimeRemainingColumn(elapsed_when_finished=True),
-            console=console,
-            transient=True,
-            disable=not self._live,
-            speed_estimate_period=120.0,
-        )
-        self._task: Any = None
-        self._bar.start()
-        return self
-
-    def __exit__(self, *exception: Any) -> None:
-        self._bar.stop()
-
-    def update(self, done: int, runs: int) -> None:
-        """Show that ``done`` of all ``runs`` are there."""
-        from looping_pendulum.pages.numbers import amount
-
+    def show(complete: int, runs: int) -> None:
+        nonlocal first
         now = time.monotonic()
-        if self._task is None:
-            self._task = self._bar.add_task("starting", total=runs, completed=done)
-            self._first = (now, done)
-            self._spoke = now
-            if done:
-                say(f"{done} of {runs} runs are there already", err=True)
+        if first is None:
+            first = (now, complete)
+            if complete:
+                say(f"{complete} of {runs} runs are stored already", err=True)
+            if complete < runs:
+                bars.update("starting", complete / runs)
             return
-        rate = (done - self._first[1]) / max(now - self._first[0], 1e-9)
-        left = (runs - done) / rate
-        said = f"{done} of {runs} runs, {amount(rate)} runs/s"
-        self._bar.update(self._task, completed=done, description=said)
-        if not self._live and (now >= self._spoke + SPEAK_EVERY or done == runs):
-            self._spoke = now
-            say(f"{said}, {_duration(left)} left" if left else said, err=True)
+        rate = (complete - first[1]) / max(now - first[0], 1e-9)
+        seconds_left = (runs - complete) / rate
+        description = f"{complete} of {runs} runs, {amount(rate)} runs/s"
+        line = f"{description}, {_duration(seconds_left)} left" if seconds_left else description
+        bars.update(description, complete / runs, line=line)
+
+    return show
 
 
 def _duration(seconds: float) -> str:
+    """Return a time such as "2 min 5 s"."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"
 
 
 def maps(
-    name: Annotated[str | None, typer.Argument(metavar="[MAP]", help="Print this map's YAML.")] = None,
+    name: Annotated[str | None, typer.Argument(metavar="[MAP]", help="Print the YAML file of this map.")] = None,
 ) -> None:
     """List the shipped maps, or print one.
 
@@ -87,6 +70,7 @@ def maps(
 
 
 def _list_maps() -> None:
+    """Print a table of the shipped maps."""
     from looping_pendulum.sweep import map_file
 
     table = new_table("map", "runs", "over", "title")
@@ -99,30 +83,31 @@ def _list_maps() -> None:
 
 def map_(
     file: Annotated[
-        str | None, typer.Argument(metavar="[MAP.yaml]", help="Map file, or name of a shipped map. None: list these.")
+        str | None,
+        typer.Argument(metavar="[MAP.yaml]", help="Map file, or name of a shipped map; without it, list the shipped maps."),
     ] = None,
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Where the map goes; default: report/MAP-map.")] = None,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the map; default: report/MAP-map.")] = None,
     jobs: Jobs = None,
     cluster: Annotated[
-        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Run on the workers of this Dask scheduler instead.")
+        str | None, typer.Option(metavar="tcp://HOST:PORT", help="Run on the workers of this Dask scheduler instead of here.")
     ] = None,
-    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Whether to draw.")] = True,
+    figures: Annotated[bool, typer.Option("--figures/--no-figures", help="Whether to draw figures.")] = True,
     max_runs: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Refuse a map of more runs; default: 20 million, 20 000 of engines.")
     ] = None,
     time_limit: TimeLimit = 900.0,
     memory_limit: MemoryLimit = "2 GiB",
 ) -> None:
-    """Run one scenario again and again over one to three quantities, and map how each run ends.
+    """Run one scenario over ranges of one to three quantities, and map how each run ends.
 
-    Writes DIR/map.zarr (xarray opens it), map.md and figures. Interrupted or killed at any moment, the same command goes on
-    where it was and ends with the same bytes.
+    Writes DIR/map.zarr (xarray opens it), map.md and figures. If it is interrupted or killed, the same command continues from
+    the stored runs, and ends with the same bytes.
 
     looping-pendulum map quick --out report/quick-map
     """
     from looping_pendulum.compare.landmarks import run_landmarks
     from looping_pendulum.engines.memory import parse_memory
-    from looping_pendulum.files import ready_folder
+    from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.sweep import executors, map_file, report, runner
     from looping_pendulum.sweep.store import STORE
 
@@ -132,13 +117,15 @@ def map_(
     if cluster is not None:
         executors.check_address(cluster)
     plan = map_file.load(file)
-    map_file.refuse_typo(plan, max_runs)
-    most_memory = parse_memory(memory_limit)
+    map_file.refuse_unintended_size(plan, max_runs)
+    memory_bytes = parse_memory(memory_limit)
     folder = out or Path("report") / f"{plan.name}-map"
     if folder.exists():
-        ready_folder(folder, files=(report.REPORT, report.COPY), folders=(STORE,))  # before the work, not after it
-    _say_size(plan)
-    with RunBar() as progress:
+        prepare_output_folder(
+            folder, files=(report.REPORT, report.COPY), folders=(STORE,)
+        )  # refuse an unusable folder before the work, not after it
+    _show_size(plan)
+    with ProgressBars(time_left=True, line_every_seconds=LINE_INTERVAL) as bars:
         outcome = runner.run_map(
             plan,
             folder,
@@ -146,23 +133,21 @@ def map_(
             cluster=cluster,
             figures=figures,
             time_limit=time_limit,
-            memory_limit=most_memory,
-            read_moments=run_landmarks,
-            progress=progress.update,
+            memory_limit=memory_bytes,
+            read_landmarks=run_landmarks,
+            progress=_run_counter(bars),
         )
     if outcome.interrupted:
-        message = (
-            f"interrupted: {outcome.done} of {outcome.runs} runs are kept in {folder}; the same command goes on from there"
-        )
-        say(message, err=True)
+        stored = f"{outcome.runs_now} of {outcome.runs} runs are kept in {folder}"
+        say(f"interrupted: {stored}; the same command continues from there", err=True)
         raise typer.Exit(INTERRUPTED)
-    for one in outcome.summaries:
-        say(report.verdict(one, several=plan.several))
+    for summary in outcome.summaries:
+        say(report.verdict(summary, several=plan.several))
     say(f"wrote {folder / report.REPORT} and {folder / STORE}")
 
 
-def _say_size(plan: MapPlan) -> None:
-    """State the size before anything starts."""
+def _show_size(plan: MapPlan) -> None:
+    """Print the number of runs and the disk space of a map, before anything starts."""
     from looping_pendulum.pages.numbers import amount
     from looping_pendulum.sweep.store import BYTES_PER_RUN
 
@@ -170,6 +155,6 @@ def _say_size(plan: MapPlan) -> None:
     engines = f" x {len(plan.engines)} engines" if len(plan.engines) > 1 else ""
     over = ", ".join(axis.name for axis in plan.design.axes)
     megabytes = plan.runs * BYTES_PER_RUN / 1e6
-    said = f"{plan.runs} runs ({sizes}{engines}: {over}) in {plan.units} chunks, at most {amount(megabytes)} MB"
-    say(said, err=True)
+    message = f"{plan.runs} runs ({sizes}{engines}: {over}) in {plan.units} chunks, at most {amount(megabytes)} MB"
+    say(message, err=True)
     sys.stderr.flush()

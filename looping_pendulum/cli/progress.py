@@ -1,8 +1,9 @@
-"""Progress on a terminal: a bar per engine, or one bar that says what goes on."""
+"""Progress of long commands: bars on a terminal, lines of text elsewhere."""
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+import math
+import time
 from typing import TYPE_CHECKING, Any
 
 from looping_pendulum.cli.terminal import say
@@ -12,59 +13,102 @@ if TYPE_CHECKING:
     from looping_pendulum.engines.trajectory import Trajectory
 
 
-class EngineBars:
-    """A bar per engine on a terminal; else a line as each run ends."""
+class ProgressBars:
+    """A bar per task on a terminal; elsewhere lines of text now and then, or nothing.
 
-    def __enter__(self) -> EngineBars:
+    Parameters
+    ----------
+    time_left
+        Whether to estimate the time that is left: of use where work is spread evenly over the task.
+    keep
+        Whether the bars stay on the terminal at the end.
+    line_every_fraction
+        Without a terminal, print a line whenever the task has advanced by this fraction.
+    line_every_seconds
+        Without a terminal, print a line after this time [s], and one at the end.
+    """
+
+    def __init__(
+        self,
+        *,
+        time_left: bool = False,
+        keep: bool = False,
+        line_every_fraction: float = math.inf,
+        line_every_seconds: float = math.inf,
+    ) -> None:
+        self._time_left = time_left
+        self._keep = keep
+        self._line_every_fraction = line_every_fraction
+        self._line_every_seconds = line_every_seconds
+
+    def __enter__(self) -> ProgressBars:
+        # rich is imported here, as it would double the time that --help takes
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
         console = Console(stderr=True)
+        self.on_terminal = console.is_terminal
+        columns: list[Any] = [BarColumn(), TaskProgressColumn(), TimeElapsedColumn()]
+        if self._time_left:
+            columns += [TextColumn("left:"), TimeRemainingColumn()]
+        self._bar = Progress(
+            *columns,
+            TextColumn("{task.description}", markup=False),
+            console=console,
+            transient=not self._keep,
+            disable=not self.on_terminal,
+            speed_estimate_period=120.0,  # [s]; longer than the default of 30 s, as a single run may take minutes
+        )
         self._tasks: dict[str, Any] = {}
-        self._bars = None
-        if console.is_terminal:
-            columns = (TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-            self._bars = Progress(*columns, TimeRemainingColumn(), console=console)
-        self._context = self._bars or nullcontext()
-        self._context.__enter__()
-        return self
-
-    def __exit__(self, *exception: Any) -> None:
-        self._context.__exit__(*exception)
-
-    def update(self, engine: Any, share: float) -> None:
-        """Show that ``share`` of the run of ``engine`` is done."""
-        if self._bars is None:
-            return
-        name = f"{engine.name}:{engine.variant}"
-        if name not in self._tasks:
-            self._tasks[name] = self._bars.add_task(printable(name), total=1.0)
-        self._bars.update(self._tasks[name], completed=share)
-
-    def finished(self, run: Trajectory) -> None:
-        """Say that a run has ended."""
-        if self._bars is None:
-            took = f" ({run.wall_time:.1f} s)" if run.wall_time == run.wall_time else ""  # NaN: it never ended by itself
-            say(f"{run.label}: {run.status.value}{took}", err=True)
-
-
-class StageBar:
-    """One bar on a terminal that says what goes on; else nothing."""
-
-    def __enter__(self) -> StageBar:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-        console = Console(stderr=True)
-        columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
-        self._bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
-        self._task = self._bar.add_task("reading", total=1.0)
+        self._line_fraction = 0.0
+        self._line_time = time.monotonic()
         self._bar.start()
         return self
 
     def __exit__(self, *exception: Any) -> None:
         self._bar.stop()
 
-    def update(self, what: str, share: float) -> None:
-        """Show what goes on, and that ``share`` of the work is done."""
-        self._bar.update(self._task, description=printable(what), completed=share)
+    def update(self, description: str, fraction: float, *, task: str = "", line: str = "") -> None:
+        """Show that ``fraction`` of a task is complete.
+
+        Parameters
+        ----------
+        description
+            What is being done, beside the bar.
+        task
+            Which bar; the first update of a task adds one.
+        line
+            Text of the line without a terminal; default: percentage and description.
+        """
+        if task in self._tasks:
+            self._bar.update(self._tasks[task], completed=fraction, description=printable(description))
+        else:
+            # Not add and then update: rich would count a fraction that was complete before for the speed. It annotates an int.
+            self._tasks[task] = self._bar.add_task(printable(description), total=1.0, completed=fraction)  # type: ignore[arg-type]
+        if not self.on_terminal and self._line_is_due(fraction):
+            self._line_fraction, self._line_time = fraction, time.monotonic()
+            say(line or f"{100 * fraction:.0f} %: {description}", err=True)
+
+    def _line_is_due(self, fraction: float) -> bool:
+        if fraction >= self._line_fraction + self._line_every_fraction:
+            return True
+        if math.isinf(self._line_every_seconds):
+            return False
+        return fraction >= 1 or time.monotonic() >= self._line_time + self._line_every_seconds
+
+    def update_engine(self, engine: Any, fraction: float) -> None:
+        """Show that ``fraction`` of the run of ``engine`` is complete, on a bar of its own."""
+        label = f"{engine.name}:{engine.variant}"
+        self.update(label, fraction, task=label)
+
+    def show_finished_run(self, run: Trajectory) -> None:
+        """Print a line for a run that has ended, where no bar shows it."""
+        if not self.on_terminal:
+            # A run that was stopped from outside has no wall time: it is NaN, which does not equal itself.
+            wall_time = f" ({run.wall_time:.1f} s)" if run.wall_time == run.wall_time else ""
+            say(f"{run.label}: {run.status.value}{wall_time}", err=True)
+
+
+def convergence_bars() -> ProgressBars:
+    """Return the display of a study of convergence: one bar with the time left, or a line for every tenth of the work."""
+    return ProgressBars(time_left=True, line_every_fraction=0.1)

@@ -1,4 +1,4 @@
-"""What a terminal gets: lines and tables of plain text. Commands print through this file alone.
+"""Print lines and tables of plain text on a terminal. Commands print through this file alone.
 
 Names, messages and file contents come from strangers: control characters, which may colour or hide what stands on a terminal,
 and bidirectional ones, which may reorder it, are shown as escapes.
@@ -20,12 +20,12 @@ def say(text: str, *, err: bool = False, nl: bool = True) -> None:
 
 
 def say_file(text: str) -> None:
-    """Print the text of a file: with escapes on a terminal, unchanged where the output goes into another file."""
+    """Print the text of a file: with escapes on a terminal, unchanged where the output is redirected into another file."""
     typer.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
 
 
 def new_table(*columns: str) -> Any:
-    """Make an empty table for a terminal, whose cells are plain text: "[mm]" and "[/x]" are no markup."""
+    """Return an empty table for a terminal, whose cells are plain text: "[mm]" and "[/x]" are no markup."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
     from rich.text import Text
@@ -41,7 +41,7 @@ def new_table(*columns: str) -> Any:
 
 
 def show_table(table: Any) -> None:
-    """Print a table of `new_table`."""
+    """Print a table that `new_table` returned; outside a terminal 200 columns wide, so that lines do not wrap."""
     from rich.console import Console
 
     console = Console()

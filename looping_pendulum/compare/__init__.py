@@ -12,7 +12,7 @@ from looping_pendulum.compare.baseline import ResultChanges
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.export import trajectory_csv, trajectory_files
 from looping_pendulum.compare.result import ComparisonResult
-from looping_pendulum.files import decoration, write_whole
+from looping_pendulum.files import optional_output, write_atomically
 
 __all__ = ["ComparisonResult", "compare", "write"]
 
@@ -29,19 +29,19 @@ def write(result: ComparisonResult, folder: Path | str, changes: ResultChanges |
     from looping_pendulum.compare.report import render
 
     folder = Path(folder)
-    write_whole(folder / "result.json", result.to_json())
+    write_atomically(folder / "result.json", result.to_json())
     if changes is not None:
-        write_whole(folder / "changes.json", changes.to_json())
+        write_atomically(folder / "changes.json", changes.to_json())
     if result.samples is not None:
-        write_whole(folder / "trajectories" / "reference.csv", trajectory_csv(result.samples.reference))
+        write_atomically(folder / "trajectories" / "reference.csv", trajectory_csv(result.samples.reference))
         for aligned, name in zip(result.samples.aligned, trajectory_files(result), strict=True):
             if len(aligned.run.t):
-                write_whole(folder / "trajectories" / name, trajectory_csv(aligned.run))
+                write_atomically(folder / "trajectories" / name, trajectory_csv(aligned.run))
     figures = draw(result)
     for name, (_, png) in figures.items():
-        write_whole(folder / "figures" / name, png)
+        write_atomically(folder / "figures" / name, png)
     report = folder / "report.md"
-    write_whole(report, render(result, {f"figures/{name}": caption for name, (caption, _) in figures.items()}, changes))
-    with decoration("report.html"):
-        write_whole(folder / "report.html", page.render(result, changes))
+    write_atomically(report, render(result, {f"figures/{name}": caption for name, (caption, _) in figures.items()}, changes))
+    with optional_output("report.html"):
+        write_atomically(folder / "report.html", page.render(result, changes))
     return report

@@ -1,4 +1,7 @@
-"""The reference at an engine's own sample times. The engine is never resampled: the reference is exact at any time, so it moves."""
+"""Evaluates the reference at an engine's own sample times.
+
+An engine's run is never interpolated: the reference is exact at any time, so it is the one that is evaluated anew.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +15,15 @@ from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Trajectory
 from looping_pendulum.reference_ode.geometry import Array
 
 Reference = Callable[[Array], Trajectory]
-"""The reference's motion at exactly the given times [s], in rising order; times after its end are left out or NaN."""
+"""Function that returns the reference's motion at the given times [s], ascending; times after its end are left out or NaN."""
 
 SAME_TIME = 1e-9
-"""Two times closer than this [s] are one: sample times are multiples of a millisecond, rounded by floating point."""
+"""Largest difference of two times that count as equal [s]: sample times are multiples of a millisecond, but for rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReferenceSamples:
-    """The reference at given times; NaN (or `UNKNOWN_MODE`) where it has ended."""
+    """The reference sampled at given times; NaN (or `UNKNOWN_MODE`) after its end."""
 
     t: Array
     """[s], shape (n,)."""
@@ -67,37 +70,36 @@ class Aligned:
 
 
 def sample_reference(reference: Reference, times: Array) -> ReferenceSamples:
-    """Ask ``reference`` for any ``times`` [s], in any order, also beyond its end.
+    """Sample ``reference`` at any ``times`` [s], in any order, also beyond its end.
 
     Parameters
     ----------
     times
         Shape (n,). Negative times and times after the reference's end give NaN.
     """
-    rising, back = np.unique(times, return_inverse=True)
-    asked = rising[np.isfinite(rising) & (rising >= 0)]
-    got = reference(asked)
-    place = np.clip(np.searchsorted(got.t, rising), 0, max(len(got.t) - 1, 0))
-    known = np.abs(got.t[place] - rising) < SAME_TIME if len(got.t) else np.zeros(len(rising), dtype=bool)
+    ascending, inverse = np.unique(times, return_inverse=True)
+    samples = reference(ascending[np.isfinite(ascending) & (ascending >= 0)])
+    nearest = np.clip(np.searchsorted(samples.t, ascending), 0, max(len(samples.t) - 1, 0))
+    known = np.abs(samples.t[nearest] - ascending) < SAME_TIME if len(samples.t) else np.zeros(len(ascending), dtype=bool)
 
-    def spread(values: Array) -> Array:
-        out = np.full((len(rising), *values.shape[1:]), np.nan)
-        out[known] = values[place[known]]
-        return np.asarray(out[back])
+    def in_given_order(values: Array) -> Array:
+        out = np.full((len(ascending), *values.shape[1:]), np.nan)
+        out[known] = values[nearest[known]]
+        return np.asarray(out[inverse])
 
-    mode = np.full(len(rising), UNKNOWN_MODE, dtype=np.int8)
-    mode[known] = got.mode[place[known]]
+    mode = np.full(len(ascending), UNKNOWN_MODE, dtype=np.int8)
+    mode[known] = samples.mode[nearest[known]]
     return ReferenceSamples(
         t=times,
-        light_position=spread(got.light_position),
-        heavy_height=spread(got.heavy_position[:, 1]),
-        heavy_speed=spread(got.heavy_velocity[:, 1]),
-        free_length=spread(got.free_length),
-        wrap_angle=spread(got.wrap_angle),
-        mode=mode[back],
+        light_position=in_given_order(samples.light_position),
+        heavy_height=in_given_order(samples.heavy_position[:, 1]),
+        heavy_speed=in_given_order(samples.heavy_velocity[:, 1]),
+        free_length=in_given_order(samples.free_length),
+        wrap_angle=in_given_order(samples.wrap_angle),
+        mode=mode[inverse],
     )
 
 
 def align(run: Trajectory, reference: Reference) -> Aligned:
-    """Put the reference beside ``run`` at the run's own sample times."""
+    """Return ``run`` with the reference sampled at the run's own times."""
     return Aligned(run=run, reference=sample_reference(reference, run.t))

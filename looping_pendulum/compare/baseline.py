@@ -1,7 +1,7 @@
-"""What changed since another run of the same scenario: two results, held against each other.
+"""Lists what changed between two results of the same scenario.
 
-`changes.json` is `ResultChanges` as JSON: one object per dataclass, one key per field, SI and radians, and first the key ``schema``
-with `SCHEMA_ID` and `SCHEMA_VERSION`. It stands beside `result.json`, which stays the same bytes whatever it is held against.
+`changes.json` is `ResultChanges` as JSON: one object per dataclass, one key per field, SI and radians, and first the key
+``schema`` with `SCHEMA_ID` and `SCHEMA_VERSION`. It is written beside `result.json`, which does not depend on the baseline.
 """
 
 from __future__ import annotations
@@ -16,23 +16,24 @@ from pathlib import Path
 from typing import Any
 
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.compare.result import ComparisonResult, EngineResult, Landmarks, ResultError, RunProvenance
+from looping_pendulum.compare.result import ComparisonResult, EngineResult, Landmarks, RunProvenance
 from looping_pendulum.compare.tables import GAP, number, table
+from looping_pendulum.errors import ResultError
 from looping_pendulum.scenarios.scenario import METRICS
 
 SCHEMA_ID = "looping-pendulum/changes"
 SCHEMA_VERSION = 1
 SAME_SETTING = 1e-9
-"""Relative difference of a setting that is none: some settings are computed, and their last bits are the processor's."""
+"""Largest relative difference of equal settings: some are computed, and their last bits depend on the processor."""
 
-RELATIVE = 0.01
-"""A metric has changed if it moved by more than this fraction of what it was and by more than its floor."""
+MIN_RELATIVE_CHANGE = 0.01
+"""Smallest change of a metric that is listed, as a fraction of its earlier value."""
 
-FLOORS = {"m": 1e-6, "s": 1e-6, "rad": 1e-6, "": 1e-6}
-"""SI unit -> change of a metric, or of a landmark of the reference, that is too small to speak of."""
+MIN_METRIC_CHANGES = {"m": 1e-6, "s": 1e-6, "rad": 1e-6, "": 1e-6}
+"""SI unit -> smallest change of a metric, or of a landmark of the reference, that is listed."""
 
-LANDMARK_FLOORS = {"m": 1e-4, "s": 1e-4, "rad": 1e-3}
-"""SI unit -> the same for a landmark of an engine: a tenth of the sample interval, and what masses and string move in that."""
+MIN_LANDMARK_CHANGES = {"m": 1e-4, "s": 1e-4, "rad": 1e-3}
+"""SI unit -> smallest change of an engine's landmark that is listed: a tenth of the sample interval, and the motion in it."""
 
 LANDMARK_UNITS = {
     "halting_time": "s",
@@ -41,20 +42,20 @@ LANDMARK_UNITS = {
     "free_length_at_halt": "m",
     "light_reaches_rod": "s",
 }
-SHOWN = {"m": ("mm", 1e3), "s": ("ms", 1e3), "rad": ("mrad", 1e3)}
-"""SI unit -> the unit a reader likes, and how many of it make one."""
+DISPLAY_UNITS = {"m": ("mm", 1e3), "s": ("ms", 1e3), "rad": ("mrad", 1e3)}
+"""SI unit -> the unit in which reports show it, and the number of such units in one SI unit."""
 
-LARGEST_BASELINE = 64 * 1024 * 1024
-"""[bytes]; the result of a dozen engines has 0.2 MiB."""
+MAX_BASELINE_BYTES = 64 * 1024 * 1024
+"""Largest size of a baseline file [bytes]; the result of a dozen engines has 0.2 MiB."""
 
 REFERENCE = "reference"
-NO_RUN = "not run"
-SAID_ON_CONSOLE = 40
-"""Changes that a terminal gets; the report has all."""
+NOT_RUN_TEXT = "not run"
+MAX_CONSOLE_CHANGES = 40
+"""Largest number of changes that the terminal shows; the report has all."""
 
 
 class ChangeKind(StrEnum):
-    """What sort of thing changed."""
+    """Kind of a change."""
 
     SCENARIO = "scenario"
     RUN = "run"
@@ -69,37 +70,38 @@ class ChangeKind(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class ResultChange:
-    """One thing that is not as it was."""
+    """One difference between two results."""
 
     kind: ChangeKind
     run: str
     """"reference", "pymunk:chain, quick", or empty for the scenario."""
     what: str
-    """Name of the metric, landmark, package, setting."""
+    """Name of the metric, landmark, package or setting."""
     unit: str
-    """SI; '' for a pure number or what is no number."""
+    """SI unit; '' for a pure number and for what is not a number."""
     before: Any
-    """None: there was none."""
+    """Earlier value; None if there was none."""
     after: Any
+    """Present value; None if there is none."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResultChanges:
-    """Everything that is not as it was."""
+    """All differences between two results."""
 
     scenario: str
     baseline: str
     """Path of the earlier result."""
     baseline_written: str
-    """When that was written, UTC."""
+    """Date and time at which that was written, UTC."""
     relative: float
-    """The `RELATIVE` that was used."""
+    """Smallest relative change of a metric that is listed."""
     floors: dict[str, float]
     landmark_floors: dict[str, float]
     changes: tuple[ResultChange, ...]
 
     def to_json(self) -> str:
-        """Text of ``changes.json``."""
+        """Return the text of ``changes.json``."""
         tree = {"schema": {"id": SCHEMA_ID, "version": SCHEMA_VERSION}} | plain(self)
         return json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
@@ -115,56 +117,58 @@ def read_baseline(path: Path, scenario: str) -> ComparisonResult:
     file = path / "result.json" if path.is_dir() else path
     try:
         with file.open("rb") as stream:
-            raw = stream.read(LARGEST_BASELINE + 1)
+            raw = stream.read(MAX_BASELINE_BYTES + 1)
         text = raw.decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        why = (error.strerror or str(error)) if isinstance(error, OSError) else "it is no text"
+        why = (error.strerror or str(error)) if isinstance(error, OSError) else "it is not text"
         raise ResultError(f"--baseline: {file}: {why}; `looping-pendulum compare {scenario}` writes one") from None
-    if len(raw) > LARGEST_BASELINE:
-        raise ResultError(f"--baseline: {file}: found more than {LARGEST_BASELINE // 1024**2} MiB, needed a result.json")
+    if len(raw) > MAX_BASELINE_BYTES:
+        raise ResultError(f"--baseline: {file}: found more than {MAX_BASELINE_BYTES // 1024**2} MiB, needed a result.json")
     try:
         result = ComparisonResult.from_json(text)
     except ResultError as error:
         raise ResultError(f"--baseline: {file}: {str(error).removeprefix('result.json: ')}") from None
     if result.scenario != scenario:
-        raise ResultError(f"--baseline: {file}: found a result of {result.scenario!r}, needed one of {scenario!r}; give that")
+        raise ResultError(
+            f"--baseline: {file}: found a result of {result.scenario!r}, needed one of {scenario!r}; give such a file"
+        )
     return result
 
 
 def changes_since(
-    before: ComparisonResult, after: ComparisonResult, *, source: str = "", relative: float = RELATIVE
+    before: ComparisonResult, after: ComparisonResult, *, source: str = "", relative: float = MIN_RELATIVE_CHANGE
 ) -> ResultChanges:
     """List what changed from ``before`` to ``after``; times of day and wall times are left out.
 
     Parameters
     ----------
     source
-        Where ``before`` comes from.
+        Path or name of the file of ``before``.
     relative
-        Smallest change of a metric that counts, as a fraction of what it was.
+        Smallest change of a metric that is listed, as a fraction of its earlier value.
     """
-    found = [*_scenario(before, after), *_reference(before, after), *_runs(before, after, relative)]
+    changes = [*_scenario(before, after), *_reference(before, after), *_runs(before, after, relative)]
     return ResultChanges(
         scenario=after.scenario,
         baseline=source,
         baseline_written=before.clock.written,
         relative=relative,
-        floors=dict(FLOORS),
-        landmark_floors=dict(LANDMARK_FLOORS),
-        changes=tuple(found),
+        floors=dict(MIN_METRIC_CHANGES),
+        landmark_floors=dict(MIN_LANDMARK_CHANGES),
+        changes=tuple(changes),
     )
 
 
 def _scenario(before: ComparisonResult, after: ComparisonResult) -> Iterator[ResultChange]:
-    old, new = _flat(before.parameters), _flat(after.parameters)
-    yield from _different(ChangeKind.SCENARIO, "", old | {"duration": before.duration}, new | {"duration": after.duration})
+    old, new = _flatten(before.parameters), _flatten(after.parameters)
+    yield from _differences(ChangeKind.SCENARIO, "", old | {"duration": before.duration}, new | {"duration": after.duration})
 
 
 def _reference(before: ComparisonResult, after: ComparisonResult) -> Iterator[ResultChange]:
     old, new = before.reference, after.reference
     names = [f"{t.engine}:{t.variant}" for t in (old, new)]
-    yield from _different(ChangeKind.RUN, REFERENCE, {"integrator": names[0]}, {"integrator": names[1]})
-    yield from _landmarks(REFERENCE, old.landmarks, new.landmarks, FLOORS)
+    yield from _differences(ChangeKind.RUN, REFERENCE, {"integrator": names[0]}, {"integrator": names[1]})
+    yield from _landmarks(REFERENCE, old.landmarks, new.landmarks, MIN_METRIC_CHANGES)
     yield from _provenance(REFERENCE, old.provenance, new.provenance)
 
 
@@ -176,25 +180,25 @@ def _runs(before: ComparisonResult, after: ComparisonResult, relative: float) ->
             yield from _run(run, old[key], new[key], relative)
             yield from _tolerances(run, before, after, old[key])
         else:
-            statuses = [known[key].status if key in known else NO_RUN for known in (old, new)]
+            statuses = [known[key].status if key in known else NOT_RUN_TEXT for known in (old, new)]
             yield ResultChange(kind=ChangeKind.RUN, run=run, what="run", unit="", before=statuses[0], after=statuses[1])
 
 
 def _run(run: str, old: EngineResult, new: EngineResult, relative: float) -> Iterator[ResultChange]:
-    yield from _different(ChangeKind.STATUS, run, {"status": old.status}, {"status": new.status})
-    for name in (name for name in new.metrics if name in old.metrics):  # one that only one version knows says nothing
+    yield from _differences(ChangeKind.STATUS, run, {"status": old.status}, {"status": new.status})
+    for name in (name for name in new.metrics if name in old.metrics):  # one that only one version knows cannot be compared
         unit = METRICS.get(name, "")
         was, now = old.metrics[name], new.metrics[name]
-        if _moved(was, now, max(FLOORS[unit], relative * abs(was or 0.0))):
+        if _has_changed(was, now, max(MIN_METRIC_CHANGES[unit], relative * abs(was or 0.0))):
             yield ResultChange(kind=ChangeKind.METRIC, run=run, what=name, unit=unit, before=was, after=now)
-    yield from _landmarks(run, old.landmarks, new.landmarks, LANDMARK_FLOORS)
+    yield from _landmarks(run, old.landmarks, new.landmarks, MIN_LANDMARK_CHANGES)
     yield from _provenance(run, old.provenance, new.provenance)
 
 
 def _tolerances(run: str, before: ComparisonResult, after: ComparisonResult, engine: EngineResult) -> Iterator[ResultChange]:
     judged = [{t.metric: t for t in result.judged(engine)} for result in (before, after)]
     old, new = ({metric: t.outcome.value for metric, t in known.items()} for known in judged)
-    yield from _different(ChangeKind.TOLERANCE, run, old, new)
+    yield from _differences(ChangeKind.TOLERANCE, run, old, new)
     for metric in (metric for metric in judged[1] if metric in judged[0]):
         limits = [known[metric].limit for known in judged]
         if limits[0] != limits[1]:  # exact: limits are read, not computed
@@ -213,7 +217,7 @@ def _landmarks(run: str, before: Landmarks, after: Landmarks, floors: Mapping[st
         name = f.name.replace("_", " ")
         if not isinstance(new, tuple):
             unit = LANDMARK_UNITS.get(f.name, "")
-            if _moved(old, new, floors[unit]) if unit else old != new:
+            if _has_changed(old, new, floors[unit]) if unit else old != new:
                 yield change(name, unit, old, new)
         elif len(old) != len(new):
             yield change(f"number of {name}", "", len(old), len(new))
@@ -221,24 +225,24 @@ def _landmarks(run: str, before: Landmarks, after: Landmarks, floors: Mapping[st
             pairs = zip(map(_quantities, old), map(_quantities, new), strict=True)
             for index, (was, now) in enumerate(pairs, 1):
                 for what, unit in (("time", "s"), ("height_change", "m"), ("value", "m")):
-                    if what in now and _moved(was[what], now[what], floors[unit]):
+                    if what in now and _has_changed(was[what], now[what], floors[unit]):
                         yield change(f"{name} {index}, {what.replace('_', ' ')}", unit, was[what], now[what])
 
 
-def _quantities(moment: Any) -> dict[str, float]:
-    return vars(moment) if dataclasses.is_dataclass(moment) else {"time": moment}
+def _quantities(landmark: Any) -> dict[str, float]:
+    return vars(landmark) if dataclasses.is_dataclass(landmark) else {"time": landmark}
 
 
 def _provenance(run: str, before: RunProvenance, after: RunProvenance) -> Iterator[ResultChange]:
-    yield from _different(ChangeKind.VERSION, run, before.versions, after.versions)
-    old, new = (_flat(p.settings) | ({} if p.seed is None else {"seed": p.seed}) for p in (before, after))
-    yield from _different(ChangeKind.SETTING, run, old, new)
+    yield from _differences(ChangeKind.VERSION, run, before.versions, after.versions)
+    old, new = (_flatten(p.settings) | ({} if p.seed is None else {"seed": p.seed}) for p in (before, after))
+    yield from _differences(ChangeKind.SETTING, run, old, new)
     by, now_by = ({s.what: s.by for s in p.supplies} for p in (before, after))
-    yield from _different(ChangeKind.SUPPLY, run, by, now_by)
+    yield from _differences(ChangeKind.SUPPLY, run, by, now_by)
 
 
-def _different(kind: ChangeKind, run: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[ResultChange]:
-    """Everything that is not equal, of numbers to `SAME_SETTING`."""
+def _differences(kind: ChangeKind, run: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[ResultChange]:
+    """Yield every entry that differs, numbers by more than `SAME_SETTING`."""
     for key in [*new, *(key for key in old if key not in new)]:
         was, now = old.get(key), new.get(key)
         if isinstance(was, float) and isinstance(now, float) and math.isclose(was, now, rel_tol=SAME_SETTING):
@@ -247,28 +251,28 @@ def _different(kind: ChangeKind, run: str, old: Mapping[str, Any], new: Mapping[
             yield ResultChange(kind=kind, run=run, what=key, unit="", before=was, after=now)
 
 
-def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def _flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for key, value in tree.items():
-        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
+        flat |= _flatten(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
     return flat
 
 
-def _moved(was: float | None, now: float | None, floor: float) -> bool:
+def _has_changed(was: float | None, now: float | None, floor: float) -> bool:
     if was is None or now is None:
         return was is not now
     return abs(now - was) > floor
 
 
 def heading(changes: ResultChanges) -> str:
-    """One sentence: how many changes since what, and what counts as one."""
+    """Return a sentence that says how many changes there are, and since what."""
     count = len(changes.changes)
     what = "Nothing changed" if count == 0 else f"{count} change{'s' if count > 1 else ''}"
     return f"{what} since {changes.baseline or 'the baseline'} (written {changes.baseline_written})."
 
 
 def thresholds(changes: ResultChanges) -> str:
-    """What counts as a change."""
+    """Return the sentence that says which changes are listed."""
     floors = (changes.floors, changes.landmark_floors)
     metric, landmark = ({unit: _cell(value, unit) for unit, value in known.items()} for known in floors)
     return (
@@ -279,7 +283,7 @@ def thresholds(changes: ResultChanges) -> str:
 
 
 def rows(changes: ResultChanges) -> list[list[str]]:
-    """Rows of (run, what, before, after, change), for Markdown and for a terminal."""
+    """Return rows of (run, what, before, after, change), for Markdown and for a terminal."""
     return [
         [c.run or "scenario", f"{c.kind.value}: {c.what}", _cell(c.before, c.unit), _cell(c.after, c.unit), _percent(c)]
         for c in changes.changes
@@ -300,7 +304,7 @@ def _cell(value: Any, unit: str) -> str:
         return GAP
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return str(value)
-    shown, scale = SHOWN.get(unit, (unit, 1.0))
+    shown, scale = DISPLAY_UNITS.get(unit, (unit, 1.0))
     return f"{number(value, scale, digits=6)} {shown}".rstrip()
 
 

@@ -1,4 +1,4 @@
-"""From trajectories to the one result object."""
+"""Builds the result object of a comparison from trajectories."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from looping_pendulum.compare.result import (
     WallTime,
 )
 from looping_pendulum.compare.stories import missing_physics, story
-from looping_pendulum.compare.tolerances import NOT_RUN, judge
+from looping_pendulum.compare.tolerances import NOT_RUN_STATUSES, judge
 from looping_pendulum.compare.watching import why_not_comparable
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.engines.trajectory import Provenance, Trajectory, supplies_as_rows
@@ -43,35 +43,35 @@ from looping_pendulum.scenarios.scenario import Scenario
 
 
 class ComparedEventRow(Protocol):
-    """One row of a measured event table, as `scenarios.measured` reads it."""
+    """Protocol of one row of a measured event table; `scenarios.measured` reads such rows."""
 
     @property
     def quantity(self) -> str:
-        """Name, "x1_extremum"."""
+        """Name of the quantity, for example "x1_extremum"."""
 
     @property
     def index(self) -> int:
-        """Which one, from 1."""
+        """Number of the event among those of its kind, from 1."""
 
     @property
     def measured(self) -> float | None:
-        """SI, None where not measured."""
+        """Measured value, SI; None where not measured."""
 
     @property
     def paper_numerical(self) -> float | None:
-        """The paper's own simulation, SI."""
+        """Value of the paper's own simulation, SI."""
 
     @property
     def unit(self) -> str:
-        """SI unit."""
+        """SI unit of both values."""
 
 
 class ComparedEventTable(Protocol):
-    """A measured event table."""
+    """Protocol of a measured event table."""
 
     @property
     def rows(self) -> Sequence[ComparedEventRow]:
-        """In the order of the source."""
+        """Rows in the order of the source."""
 
 
 def compare(
@@ -82,13 +82,13 @@ def compare(
     Parameters
     ----------
     reference
-        The reference's `Trajectory` at exactly the times it is given [s], rising; its events are the whole run's.
+        Function that returns the reference's `Trajectory` at given times [s], ascending; its events are those of the whole run.
     trajectories
-        One per engine, failed and missing ones included: they keep their row.
+        One per engine, including failed and missing ones: they keep their row.
     """
     grid: Array = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL
     reference_run = reference(grid)
-    true = reference_landmarks(reference, grid)
+    exact_landmarks = reference_landmarks(reference, grid)
     sampled = SampledReference(reference, scenario.parameters)
     aligned = tuple(align(first_samples(run, finite_length(run)), reference) for run in trajectories)
     engines = tuple(
@@ -104,15 +104,15 @@ def compare(
         reference=ReferenceResult(
             engine=reference_run.engine,
             variant=reference_run.variant,
-            landmarks=true,
-            sampled=sampled.beside(),
+            landmarks=exact_landmarks,
+            sampled=sampled.landmarks_beside(),
             events=tuple((event.name, float(event.time)) for event in reference_run.events),
             end_time=float(reference_run.t[finite_length(reference_run) - 1]),
             provenance=_provenance(reference_run.provenance),
         ),
         engines=engines,
         tolerances=judge(scenario.tolerances, engines),
-        measured=() if measured is None else _measured(measured, true, engines),
+        measured=() if measured is None else _measured(measured, exact_landmarks, engines),
         measured_source="" if scenario.measured is None else scenario.measured.source,
         clock=Clock(
             written=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
@@ -130,10 +130,10 @@ def _engine(
     reference_run: Trajectory,
     sampled: SampledReference,
 ) -> EngineResult:
-    own, true = run_landmarks(run, scenario.parameters), sampled.beside(aligned.run)
+    own, expected = run_landmarks(run, scenario.parameters), sampled.landmarks_beside(aligned.run)
     not_comparable = why_not_comparable(aligned.run, own, sampled)
-    in_tube = measure.tube(aligned, reference)
-    found = measure.departures(aligned, reference_run.events)
+    tube = measure.evaluate_tube(aligned, reference)
+    departures = measure.departures(aligned, reference_run.events)
     provenance = _provenance(run.provenance)
     return EngineResult(
         engine=run.engine,
@@ -142,20 +142,20 @@ def _engine(
         status=run.status.name,
         status_sentence=run.status.value,
         ok=run.status.ok,
-        available=run.status not in NOT_RUN,
+        available=run.status not in NOT_RUN_STATUSES,
         message=run.message,
         samples=len(run.t),
         end_time=float(aligned.t[-1]) if len(aligned.t) else None,
         landmarks=own,
-        metrics=measure.metrics(aligned, scenario.parameters, own, true, in_tube, comparable=not not_comparable),
+        metrics=measure.metrics(aligned, scenario.parameters, own, expected, tube, comparable=not not_comparable),
         not_comparable=not_comparable,
-        tube=in_tube,
-        departures=found,
-        growth_rate=measure.growth_rate(found),
+        tube=tube,
+        departures=departures,
+        growth_rate=measure.growth_rate(departures),
         outside_range=run.outside_range,
         additions=run.additions,
         lacks=missing_physics(provenance.supplies, scenario.parameters, run.lacks),
-        story=story(aligned.run, scenario.parameters, provenance.supplies, found, own, true, not_comparable),
+        story=story(aligned.run, scenario.parameters, provenance.supplies, departures, own, expected, not_comparable),
         provenance=provenance,
     )
 
@@ -180,7 +180,9 @@ def _wall_time(run: Trajectory) -> WallTime:
     )
 
 
-def _measured(table: ComparedEventTable, true: Landmarks, engines: tuple[EngineResult, ...]) -> tuple[MeasuredRow, ...]:
+def _measured(
+    table: ComparedEventTable, exact_landmarks: Landmarks, engines: tuple[EngineResult, ...]
+) -> tuple[MeasuredRow, ...]:
     return tuple(
         MeasuredRow(
             quantity=row.quantity,
@@ -188,7 +190,7 @@ def _measured(table: ComparedEventTable, true: Landmarks, engines: tuple[EngineR
             unit=row.unit,
             measured=plain(row.measured),
             paper_numerical=plain(row.paper_numerical),
-            reference=event_value(true, row.quantity, row.index),
+            reference=event_value(exact_landmarks, row.quantity, row.index),
             engines=tuple(event_value(e.landmarks, row.quantity, row.index) for e in engines),
         )
         for row in table.rows

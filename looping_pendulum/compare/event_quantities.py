@@ -1,4 +1,4 @@
-"""What an event table may hold: each quantity's name, what it is, and how it is read from a run's landmarks."""
+"""Quantities that an event table may hold, and how each is read from a run's landmarks."""
 
 from __future__ import annotations
 
@@ -8,85 +8,99 @@ from types import MappingProxyType
 
 from looping_pendulum.compare.result import Landmarks
 
-Value = Callable[[Landmarks, int], float | None]
-"""Landmarks and which one, from 1 -> value [SI]; None where the run has none."""
+ReadQuantity = Callable[[Landmarks, int], float | None]
+"""Function of a run's landmarks and an index from 1 that returns the value [SI], or None where the run has none."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EventQuantity:
-    """One quantity of an event table."""
+    """One quantity of an event table, such as the time of a stop."""
 
     kind: str
-    """"time", "height" (change of the heavy mass's), "drop" (the same, downward), "length" or "angle"."""
-    value: Value
-    moment: str
-    """The time at which it is measured, as the name of a quantity; a time names itself."""
+    """"time", "height" (of the heavy mass, less its height at release), "drop" (the same, downward), "length" or "angle"."""
+    value: ReadQuantity
+    measured_at: str
+    """Name of the quantity that is the time at which this one is measured; a time names itself."""
     several: bool = False
-    """Whether a run can have more than one."""
+    """Whether a run can have more than one, told apart by their index."""
 
     @property
     def unit(self) -> str:
-        """SI unit."""
+        """Return the SI unit."""
         return {"time": "s", "angle": "rad"}.get(self.kind, "m")
 
 
-def _stop_time(found: Landmarks, index: int) -> float | None:
-    return found.stops[index - 1].time if index <= len(found.stops) else None
+def _stop_time(landmarks: Landmarks, index: int) -> float | None:
+    return landmarks.stops[index - 1].time if index <= len(landmarks.stops) else None
 
 
-def _height_at_stop(found: Landmarks, index: int) -> float | None:
-    return found.stops[index - 1].height_change if index <= len(found.stops) else None
+def _height_at_stop(landmarks: Landmarks, index: int) -> float | None:
+    return landmarks.stops[index - 1].height_change if index <= len(landmarks.stops) else None
 
 
-def _break_away(found: Landmarks, index: int) -> float | None:
-    return found.slip_onsets[index - 1] if index <= len(found.slip_onsets) else None
+def _slip_onset_time(landmarks: Landmarks, index: int) -> float | None:
+    return landmarks.slip_onsets[index - 1] if index <= len(landmarks.slip_onsets) else None
 
 
-def _last_break_away(found: Landmarks, index: int) -> float | None:
-    halt = found.halting_time
-    before = [t for t in found.slip_onsets if halt is not None and t < halt]
+def _last_slip_onset_time(landmarks: Landmarks, index: int) -> float | None:
+    halt = landmarks.halting_time
+    before = [t for t in landmarks.slip_onsets if halt is not None and t < halt]
     return before[-1] if before else None
 
 
-def _x1_extremum(found: Landmarks, index: int) -> float | None:
-    return found.x1_extrema[index - 1].time if index <= len(found.x1_extrema) else None
+def _x1_extremum(landmarks: Landmarks, index: int) -> float | None:
+    return landmarks.x1_extrema[index - 1].time if index <= len(landmarks.x1_extrema) else None
 
 
-def _y1_extremum(found: Landmarks, index: int) -> float | None:
-    return found.y1_extrema[index - 1].time if index <= len(found.y1_extrema) else None
+def _y1_extremum(landmarks: Landmarks, index: int) -> float | None:
+    return landmarks.y1_extrema[index - 1].time if index <= len(landmarks.y1_extrema) else None
 
 
-def _height_at_halt(found: Landmarks, index: int) -> float | None:
-    return None if found.drop_at_halt is None else -found.drop_at_halt
+def _height_at_halt(landmarks: Landmarks, index: int) -> float | None:
+    return None if landmarks.drop_at_halt is None else -landmarks.drop_at_halt
 
 
 EVENT_QUANTITIES = MappingProxyType(
     {
-        "x1_extremum": EventQuantity(kind="time", value=_x1_extremum, moment="x1_extremum", several=True),
-        "y1_extremum": EventQuantity(kind="time", value=_y1_extremum, moment="y1_extremum", several=True),
-        "stop_time": EventQuantity(kind="time", value=_stop_time, moment="stop_time", several=True),
-        "height_change_at_stop": EventQuantity(kind="height", value=_height_at_stop, moment="stop_time", several=True),
-        "break_away_time": EventQuantity(kind="time", value=_break_away, moment="break_away_time", several=True),
-        "t_A": EventQuantity(kind="time", value=lambda f, _: _stop_time(f, 1), moment="t_A"),
-        "height_change_at_A": EventQuantity(kind="height", value=lambda f, _: _height_at_stop(f, 1), moment="t_A"),
-        "t_B": EventQuantity(kind="time", value=lambda f, _: _stop_time(f, 2), moment="t_B"),
-        "height_change_at_B": EventQuantity(kind="height", value=lambda f, _: _height_at_stop(f, 2), moment="t_B"),
-        "t_C": EventQuantity(kind="time", value=_last_break_away, moment="t_C"),
-        "halting_time": EventQuantity(kind="time", value=lambda f, _: f.halting_time, moment="halting_time"),
-        "height_change_at_halt": EventQuantity(kind="height", value=_height_at_halt, moment="halting_time"),
-        "drop_at_halt": EventQuantity(kind="drop", value=lambda f, _: f.drop_at_halt, moment="halting_time"),
-        "wrap_angle_at_halt": EventQuantity(kind="angle", value=lambda f, _: f.wrap_angle_at_halt, moment="halting_time"),
-        "free_length_at_halt": EventQuantity(kind="length", value=lambda f, _: f.free_length_at_halt, moment="halting_time"),
+        "x1_extremum": EventQuantity(kind="time", value=_x1_extremum, measured_at="x1_extremum", several=True),
+        "y1_extremum": EventQuantity(kind="time", value=_y1_extremum, measured_at="y1_extremum", several=True),
+        "stop_time": EventQuantity(kind="time", value=_stop_time, measured_at="stop_time", several=True),
+        "height_change_at_stop": EventQuantity(kind="height", value=_height_at_stop, measured_at="stop_time", several=True),
+        "slip_onset_time": EventQuantity(kind="time", value=_slip_onset_time, measured_at="slip_onset_time", several=True),
+        "t_A": EventQuantity(kind="time", value=lambda landmarks, _: _stop_time(landmarks, 1), measured_at="t_A"),
+        "height_change_at_A": EventQuantity(
+            kind="height", value=lambda landmarks, _: _height_at_stop(landmarks, 1), measured_at="t_A"
+        ),
+        "t_B": EventQuantity(kind="time", value=lambda landmarks, _: _stop_time(landmarks, 2), measured_at="t_B"),
+        "height_change_at_B": EventQuantity(
+            kind="height", value=lambda landmarks, _: _height_at_stop(landmarks, 2), measured_at="t_B"
+        ),
+        "t_C": EventQuantity(kind="time", value=_last_slip_onset_time, measured_at="t_C"),
+        "halting_time": EventQuantity(
+            kind="time", value=lambda landmarks, _: landmarks.halting_time, measured_at="halting_time"
+        ),
+        "height_change_at_halt": EventQuantity(kind="height", value=_height_at_halt, measured_at="halting_time"),
+        "drop_at_halt": EventQuantity(
+            kind="drop", value=lambda landmarks, _: landmarks.drop_at_halt, measured_at="halting_time"
+        ),
+        "wrap_angle_at_halt": EventQuantity(
+            kind="angle", value=lambda landmarks, _: landmarks.wrap_angle_at_halt, measured_at="halting_time"
+        ),
+        "free_length_at_halt": EventQuantity(
+            kind="length", value=lambda landmarks, _: landmarks.free_length_at_halt, measured_at="halting_time"
+        ),
         "time_light_reaches_rod": EventQuantity(
-            kind="time", value=lambda f, _: f.light_reaches_rod, moment="time_light_reaches_rod"
+            kind="time", value=lambda landmarks, _: landmarks.light_reaches_rod, measured_at="time_light_reaches_rod"
         ),
     }
 )
-"""By name. A and B are the first two stops of the heavy mass, C is the break-away before the halt: the start of the final
-plunge. Stops and break-aways are also there by number. The halt is the start of the rest that lasts to the end."""
+"""Event quantity by name.
+
+As in the paper, A and B are the first two stops of the heavy mass, C is the last slip onset before the halt: the start of
+the final plunge. Stops and slip onsets are also there by number. The halt is the start of the rest that lasts to the end."""
 
 
-def event_value(found: Landmarks, quantity: str, index: int) -> float | None:
-    """Value [SI] of a quantity of an event table; None where the run has none, or the quantity is not known."""
+def event_value(landmarks: Landmarks, quantity: str, index: int) -> float | None:
+    """Return the value [SI] of a quantity of an event table; None where the run has none, or the quantity is not known."""
     known = EVENT_QUANTITIES.get(quantity)
-    return None if known is None or index < 1 else known.value(found, index)
+    return None if known is None or index < 1 else known.value(landmarks, index)

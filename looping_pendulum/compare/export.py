@@ -1,4 +1,4 @@
-"""Trajectories as CSV."""
+"""Writes trajectories as CSV."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Trajectory
-from looping_pendulum.files import file_stem, file_stems, write_whole
+from looping_pendulum.files import file_stem, file_stems, write_atomically
 from looping_pendulum.reference_ode.transitions import Mode
 
-__all__ = ["CSV_COLUMNS", "file_stem", "trajectory_csv", "write_whole"]
+__all__ = ["CSV_COLUMNS", "file_stem", "trajectory_csv", "write_atomically"]
 
 CSV_COLUMNS: tuple[tuple[str, Callable[[Trajectory], np.ndarray]], ...] = (
     ("t [s]", lambda run: run.t),
@@ -31,11 +31,11 @@ CSV_COLUMNS: tuple[tuple[str, Callable[[Trajectory], np.ndarray]], ...] = (
     ("light_tension [N]", lambda run: unknown_as_nan(run.light_tension, run)),
     ("heavy_tension [N]", lambda run: unknown_as_nan(run.heavy_tension, run)),
 )
-"""Header with unit, and what stands under it; a last column ``mode`` has the mode's name."""
+"""Header with unit, and the function that gives the column; a last column ``mode`` has the name of the mode."""
 
 
 def trajectory_csv(run: Trajectory) -> str:
-    """Every sample as one line, nine significant digits (a nanometre in a metre); an unknown value is an empty cell."""
+    """Return CSV text, one line per sample, with nine significant digits (a nanometre in a metre); unknown values are empty."""
     columns = np.stack([values(run) for _, values in CSV_COLUMNS], axis=1)
     out = io.StringIO()
     out.write(",".join([*(name for name, _ in CSV_COLUMNS), "mode"]) + "\n")
@@ -47,10 +47,10 @@ def trajectory_csv(run: Trajectory) -> str:
 
 
 def trajectory_files(result: ComparisonResult) -> list[str]:
-    """Name of the CSV file of each engine's trajectory, no two alike."""
+    """Return a distinct name for the CSV file of each engine's trajectory."""
     return [f"{stem}.csv" for stem in file_stems([("reference",), *((e.label, e.profile) for e in result.engines)])[1:]]
 
 
 def unknown_as_nan(values: np.ndarray | None, run: Trajectory) -> np.ndarray:
-    """Return ``values`` of a run, shape (n,), or NaN at every sample where the engine does not say them."""
+    """Return ``values`` of a run, shape (n,), or NaN at every sample if the engine does not report them."""
     return np.full(len(run.t), np.nan) if values is None else values

@@ -1,4 +1,4 @@
-"""The main job in one call: take a scenario, run the engines, hold them against the reference."""
+"""Runs engines on a scenario and compares them with the reference, in one call."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.engines.isolation import TIME_LIMIT, Progress, run_all
-from looping_pendulum.engines.limits import with_variants
+from looping_pendulum.engines.limits import expand_tolerances
 from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
-from looping_pendulum.engines.registry import challengers, select
+from looping_pendulum.engines.registry import main_engines, select
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.scenarios.measured import MeasuredEventTable, find_data, read_event_table
 from looping_pendulum.scenarios.scenario import Scenario
 
 
 def chosen_engines(names: Iterable[str], profile: Profile) -> list[Engine]:
-    """Engines that ``names`` mean, or every engine but the reference if there are none."""
+    """Return the engines that ``names`` select, or every engine but the reference if there are no names."""
     names = tuple(names)
-    return select(names, profile) if names else challengers(profile)
+    return select(names, profile) if names else main_engines(profile)
 
 
 def compare_engines(
@@ -43,19 +43,19 @@ def compare_engines(
     Parameters
     ----------
     scenario
-        What to rebuild; `scenarios.load` reads one.
+        Scenario to run; `scenarios.load` reads one.
     engines
         "pymunk" for all variants of an engine, "mujoco:capstan" for one; none means all.
     profile
         "quick" or "accurate".
     data_folder
-        Where measured event tables lie; also looked for in ``$LOOPING_PENDULUM_DATA``.
+        Folder of measured event tables; they are also looked for in ``$LOOPING_PENDULUM_DATA``.
     jobs
-        Runs at once; one per core if None.
+        Number of runs at the same time; one per core if None.
     time_limit, memory_limit
-        Of each run [s], [bytes].
+        Limits of each run [s], [bytes].
     progress, finished
-        Called as runs go on, from other threads.
+        Callbacks for the progress of runs and for each run that ends; they are called from other threads.
 
     Returns
     -------
@@ -70,10 +70,10 @@ def compare_engines(
         If a tolerance names an engine that is not known.
     """
     profile = Profile(profile)
-    scenario = with_variants(scenario, profile)
+    scenario = expand_tolerances(scenario, profile)
     chosen = chosen_engines(engines, profile)
     reference = Reference(scenario)
-    measured = measured_table(scenario, data_folder)  # before the runs: a faulty table must not cost them
+    measured = measured_table(scenario, data_folder)  # Read before the runs, so that a faulty table does not waste them.
     runs = run_all(
         chosen,
         scenario,
@@ -88,7 +88,7 @@ def compare_engines(
 
 
 def measured_table(scenario: Scenario, data_folder: Path | None = None) -> MeasuredEventTable | None:
-    """Return the measured event table of ``scenario``, None if it has none or its file is not at hand."""
+    """Return the measured event table of ``scenario``, or None if it has none or its file cannot be found."""
     if scenario.measured is None:
         return None
     path = find_data(scenario.measured.file, data_folder)

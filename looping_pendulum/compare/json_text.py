@@ -1,4 +1,4 @@
-"""Results as JSON and back; the layout is documented in `result`."""
+"""Writes results as JSON and reads them back; the layout is documented in `result`."""
 
 from __future__ import annotations
 
@@ -13,17 +13,24 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from looping_pendulum.compare.result import SCHEMA_ID, SCHEMA_VERSION, ResultError
+from looping_pendulum.errors import ResultError
 from looping_pendulum.files import utf8
 from looping_pendulum.scenarios.document import quote, shorten
 
 T = TypeVar("T")
 
-AGAIN = "write it again with `looping-pendulum compare`"
+REWRITE_HINT = "write it again with `looping-pendulum compare`"
 RENAMED_IN = 3
-"""Version of both schemas (`compare.result`, `compare.convergence.result`) from which on the names of `RENAMED` are new."""
-RENAMED = {"truth": "reference", "truth_values": "reference_values", "break_aways": "slip_onsets", "break_away": "slip_onset"}
-"""Key or event of an older file -> its name now."""
+"""Version of both schemas (`compare.result`, `compare.convergence.result`) that introduced the names of `RENAMED`."""
+RENAMED = {
+    "truth": "reference",
+    "truth_values": "reference_values",
+    "break_aways": "slip_onsets",
+    "break_away": "slip_onset",
+    "break_away_time": "slip_onset_time",
+    "halting_time_blur": "halting_time_uncertainty",
+}
+"""Key, event or event quantity as an older file names it -> its name now."""
 
 
 def plain(value: Any) -> Any:
@@ -48,13 +55,13 @@ def plain(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, str):
-        return utf8(value).decode()  # half a character is no text: it is written as its escape
+        return utf8(value).decode()  # half of a surrogate pair is written as its escape
     if value is None or isinstance(value, (bool, int)):
         return value
     return str(value)
 
 
-def dump(result: Any, schema_id: str = SCHEMA_ID, version: int = SCHEMA_VERSION) -> str:
+def dump(result: Any, schema_id: str, version: int) -> str:
     """Write a result, a dataclass, as JSON text."""
     tree = {"schema": {"id": schema_id, "version": version}} | plain(result)
     return json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
@@ -63,22 +70,28 @@ def dump(result: Any, schema_id: str = SCHEMA_ID, version: int = SCHEMA_VERSION)
 def load(
     cls: type[T],
     text: str,
-    schema_id: str = SCHEMA_ID,
-    version: int = SCHEMA_VERSION,
+    schema_id: str,
+    version: int,
     *,
     file: str = "result.json",
-    again: str = AGAIN,
+    rewrite_hint: str = REWRITE_HINT,
 ) -> T:
-    """Read `dump`'s text back as ``cls``; ``file`` and ``again``, a way to write it again, are for the errors."""
+    """Read `dump`'s text back as ``cls``.
+
+    Parameters
+    ----------
+    file, rewrite_hint
+        Name of the file and a way to write it again, both for the messages of errors.
+    """
     try:
         tree = json.loads(text, parse_int=_integer, parse_float=_finite, parse_constant=_finite)
         _refuse_unwritable(tree)
     except json.JSONDecodeError as error:
-        raise ResultError(f"{file}: line {error.lineno}: {error.msg}; {again}") from None
+        raise ResultError(f"{file}: line {error.lineno}: {error.msg}; {rewrite_hint}") from None
     except ValueError as error:
-        raise ResultError(f"{file}: {error}; {again}") from None
+        raise ResultError(f"{file}: {error}; {rewrite_hint}") from None
     except RecursionError:
-        raise ResultError(f"{file}: found values within values without end, needed a result; {again}") from None
+        raise ResultError(f"{file}: found nesting without end, needed a result; {rewrite_hint}") from None
     schema = tree.pop("schema", None) if isinstance(tree, dict) else None
     if not isinstance(schema, dict) or schema.get("id") != schema_id:
         raise ResultError(f"{file}: schema: found {quote(schema)}, needed the id {schema_id!r}")
@@ -90,11 +103,11 @@ def load(
     try:
         return typing.cast(T, _build(cls, tree, ""))
     except ValueError as error:
-        raise ResultError(f"{file}: not as documented: {error}; {again}") from None
+        raise ResultError(f"{file}: not as documented: {error}; {rewrite_hint}") from None
 
 
 def _renamed(value: Any) -> Any:
-    """Return what an older file holds under the names of today."""
+    """Return the content of an older file with today's names."""
     if isinstance(value, dict):
         return {RENAMED.get(key, key): _renamed(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -102,15 +115,15 @@ def _renamed(value: Any) -> Any:
     return RENAMED.get(value, value) if isinstance(value, str) else value
 
 
-DEEPEST = 64
-"""Levels of nesting; a result needs eight, and an engine's settings a few more."""
-LONGEST_INTEGER = 300
-"""Digits; JSON allows any number of them, but one of more is no floating-point number, either."""
+MAX_NESTING = 64
+"""Largest number of nested levels; a result needs eight, and an engine's settings a few more."""
+MAX_INTEGER_DIGITS = 300
+"""Largest number of digits of an integer: one with more could not be a floating-point number either."""
 
 
 def _integer(digits: str) -> int:
-    if len(digits) > LONGEST_INTEGER:
-        raise ValueError(f"found a whole number of {len(digits)} digits, needed at most {LONGEST_INTEGER}")
+    if len(digits) > MAX_INTEGER_DIGITS:
+        raise ValueError(f"found a whole number of {len(digits)} digits, needed at most {MAX_INTEGER_DIGITS}")
     return int(digits)
 
 
@@ -122,9 +135,9 @@ def _finite(digits: str) -> float:
 
 
 def _refuse_unwritable(tree: Any) -> None:
-    """Refuse what could be read, but neither gone through nor written again: bottomless nesting, and half characters."""
+    """Refuse what could be read but not traversed or written again: very deep nesting, and halves of surrogate pairs."""
     level = [tree]
-    for _ in range(DEEPEST):
+    for _ in range(MAX_NESTING):
         strings = [each for each in level if isinstance(each, str)]
         strings += [key for each in level if isinstance(each, dict) for key in each]
         half = next((c for text in strings for c in text if "\ud800" <= c <= "\udfff"), None)
@@ -135,14 +148,14 @@ def _refuse_unwritable(tree: Any) -> None:
         ]
         if not level:
             return
-    raise ValueError(f"found more than {DEEPEST} levels of nesting, needed a result")
+    raise ValueError(f"found more than {MAX_NESTING} levels of nesting, needed a result")
 
 
 def _has_no_default(field: dataclasses.Field[Any]) -> bool:
     return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
 
 
-_WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
+_TYPE_NAMES = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 
 
 def _build(kind: Any, value: Any, where: str) -> Any:
@@ -170,8 +183,8 @@ def _build(kind: Any, value: Any, where: str) -> Any:
         return kind(value)
     if kind is float:
         whole = isinstance(value, int) and not isinstance(value, bool)
-        return float(value if whole else _checked(float, _WORDS[float], value, where))
-    return _checked(kind, _WORDS[kind], value, where)
+        return float(value if whole else _checked(float, _TYPE_NAMES[float], value, where))
+    return _checked(kind, _TYPE_NAMES[kind], value, where)
 
 
 def _build_dataclass(kind: Any, group: dict[str, Any], where: str) -> Any:
@@ -180,14 +193,14 @@ def _build_dataclass(kind: Any, group: dict[str, Any], where: str) -> Any:
     for f in fields:
         if f.name not in group and _has_no_default(f):
             raise ValueError(f"{where}: found no {f.name!r}, needed it".removeprefix(": "))
-    # a key with a default may be missing: the file is older than the key
+    # A key with a default may be missing, in a file that is older than the key.
     return kind(
         **{f.name: _build(hints[f.name], group[f.name], f"{where}.{f.name}".lstrip(".")) for f in fields if f.name in group}
     )
 
 
 def _checked(kind: type[T], words: str, value: Any, where: str) -> T:
-    """Return ``value`` if it is of the ``kind``; true and false are no numbers."""
+    """Return ``value`` if it is of the ``kind``; true and false do not count as numbers."""
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         raise ValueError(f"{where or 'the file'}: found {quote(value)}, needed {words}")
     return value

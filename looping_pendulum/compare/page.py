@@ -10,11 +10,11 @@ import numpy as np
 from looping_pendulum.compare import report
 from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.baseline import ResultChanges
-from looping_pendulum.compare.metrics import THRESHOLDS
-from looping_pendulum.compare.paper_table import quantity_words
-from looping_pendulum.compare.plots import FLOOR, PRINTED_HALF_DIGIT, measured_drops
+from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS
+from looping_pendulum.compare.paper_table import quantity_label
+from looping_pendulum.compare.plots import MIN_DRAWN_DEVIATION, PRINTED_HALF_DIGIT, measured_drops
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, ResultSamples
-from looping_pendulum.compare.words import told_events
+from looping_pendulum.compare.words import events_to_show
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.figures import (
     INK,
@@ -34,10 +34,10 @@ from looping_pendulum.pages.glossary import glossary
 from looping_pendulum.pages.palette import Style, styles
 from looping_pendulum.reference_ode.geometry import Array
 
-POINTS = 600
+MAX_LINE_POINTS = 600
 """Most points of one line: a page with every variant stays below 6 MB."""
 TIME = "time since release [s]"
-EVENTS_SHOWN = 50.0
+MAX_SHOWN_DIFFERENCE = 50.0
 """Differences of event times that the figure shows at first [ms]; one that is further off would squeeze the others."""
 
 
@@ -49,7 +49,7 @@ def render(result: ComparisonResult, changes: ResultChanges | None = None) -> st
         figures(result),
         report.after_figures(result),
         glossary("comparison"),
-        f"Lines join at most {POINTS} samples of a run; every number on this page comes from all of them.",
+        f"Lines join at most {MAX_LINE_POINTS} samples of a run; every number on this page comes from all of them.",
     )
 
 
@@ -101,7 +101,7 @@ def drop_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) 
     for e, a, style in shown:
         name, times = _name(result, e), _line(a.t)
         traces.append(line(name, times, _line(a.run.heavy_drop), style, legendgroup=e.label))
-        off = np.where(np.abs(a.heavy_deviation) > FLOOR, np.abs(a.heavy_deviation) * 1e3, np.nan)
+        off = np.where(np.abs(a.heavy_deviation) > MIN_DRAWN_DEVIATION, np.abs(a.heavy_deviation) * 1e3, np.nan)
         traces.append(line(name, times, _line(off, 5), style, legendgroup=e.label, showlegend=False, yaxis="y2"))
     measured = measured_drops(result)
     if measured:
@@ -125,18 +125,18 @@ def divergence_figure(result: ComparisonResult, samples: ResultSamples, shown: S
     """Distance from the reference's light mass on a log axis, with the reference's events."""
     traces = []
     for e, a, style in shown:
-        distance = np.where(a.distance > FLOOR, a.distance * 1e3, np.nan)
+        distance = np.where(a.distance > MIN_DRAWN_DEVIATION, a.distance * 1e3, np.nan)
         traces.append(line(_name(result, e), _line(a.t), _line(distance, 5), style))
-    events = [(name, time) for name, time in told_events(result.reference.events) if time <= result.duration]
+    events = [(name, time) for name, time in events_to_show(result.reference.events) if time <= result.duration]
     told = [vertical(time, name.replace("_", " ")) for name, time in events]
     return Figure(
         id="divergence",
-        caption="Distance of each engine's light mass from the reference's, and the reference's events; dotted: 1 mm and 10 mm.",
+        caption="Distance of each engine's light mass from the reference's, with the reference's events; dotted: 1 mm, 10 mm.",
         traces=tuple(traces),
         layout={
             "xaxis": {"title": {"text": TIME}, "range": [0, result.duration]},
             "yaxis": {"title": {"text": "distance [mm]"}, "type": "log", "tickformat": "~g"},
-            "shapes": [*(shape for shape, _ in told), *(horizontal(1e3 * threshold) for threshold in THRESHOLDS)],
+            "shapes": [*(shape for shape, _ in told), *(horizontal(1e3 * threshold) for threshold in DEPARTURE_THRESHOLDS)],
             "annotations": [word for _, word in told],
             "margin": {"t": 90},
             "showlegend": True,
@@ -148,7 +148,7 @@ def divergence_figure(result: ComparisonResult, samples: ResultSamples, shown: S
 def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
     """Event times less the measured ones."""
     rows = [row for row in result.measured if row.unit == "s" and row.measured is not None]
-    names = [quantity_words(row.quantity, row.index) for row in rows]
+    names = [quantity_label(row.quantity, row.index) for row in rows]
 
     def less_measured(values: Iterable[float | None]) -> list[float | None]:
         pairs = zip(values, (row.measured for row in rows), strict=True)
@@ -164,13 +164,13 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
             style = look[engine.label]
             traces.append(points(_name(result, engine), times, names, run_colour(style), SYMBOLS[style.marker]))
     off = [abs(x) for trace in traces for x in trace["x"] if x is not None]
-    reach = min(1.1 * max([*off, 1e3 * PRINTED_HALF_DIGIT]), EVENTS_SHOWN)
+    reach = min(1.1 * max([*off, 1e3 * PRINTED_HALF_DIGIT]), MAX_SHOWN_DIFFERENCE)
     half = 1e3 * PRINTED_HALF_DIGIT
     digit = {"type": "rect", "x0": -half, "x1": half, "yref": "paper", "y0": 0, "y1": 1, "fillcolor": LINE, "opacity": 0.5}
     return Figure(
         id="events",
         caption="Event times less the measured ones; grey: half of the last digit that the paper prints. "
-        f"Events more than {EVENTS_SHOWN:g} ms off show with Autoscale.",
+        f"Events more than {MAX_SHOWN_DIFFERENCE:g} ms off show with Autoscale.",
         traces=tuple(traces),
         layout={
             "xaxis": {"title": {"text": "time less measured time [ms]"}, "range": [-reach, reach]},
@@ -197,5 +197,5 @@ def _name(result: ComparisonResult, engine: EngineResult) -> str:
 
 def _line(values: Array, digits: int = 6) -> list[float | None]:
     """Evenly thinned ``values`` to ``digits`` significant digits, None where they are not finite."""
-    stride = -(-len(values) // POINTS)
+    stride = -(-len(values) // MAX_LINE_POINTS)
     return plain(values[::stride], digits)

@@ -1,4 +1,4 @@
-"""Moments side by side: measurement, the paper's own numbers, the reference and each engine."""
+"""Renders tables of event times and lengths: measurement, the paper's simulation, the reference and each engine."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 DECIMALS = {"s": 4, "m": 4, "rad": 3}
 
 
-def quantity_words(quantity: str, index: int) -> str:
-    """("x1_extremum", 3) -> "x1 extremum 3"; the number only where there are several."""
+def quantity_label(quantity: str, index: int) -> str:
+    """Return a label, ("x1_extremum", 3) -> "x1 extremum 3"; the number only where there can be several."""
     several = quantity in EVENT_QUANTITIES and EVENT_QUANTITIES[quantity].several
     return f"{quantity.replace('_', ' ')} {index}" if several else quantity.replace("_", " ")
 
@@ -21,8 +21,8 @@ def render(result: ComparisonResult) -> str:
     """Return the side-by-side table, or how to provide the measurements."""
     if not result.measured:
         return (
-            f"This trial was measured ({result.measured_source}), but its table of events is not part of the package.\n"
-            "Give the folder that holds it with `--data DIR` or in `$LOOPING_PENDULUM_DATA`.\n"
+            f"This trial was measured ({result.measured_source}), but its table of measured events is not in the package.\n"
+            "Give the folder that contains it with `--data DIR` or in `$LOOPING_PENDULUM_DATA`.\n"
         )
     head = ["quantity", "unit", "measured", "paper's numerical", "reference", *(result.short_name(e) for e in result.engines)]
     rows = [_row(row) for row in result.measured]
@@ -37,9 +37,9 @@ def render(result: ComparisonResult) -> str:
 
 def _row(row: MeasuredRow) -> list[str]:
     base = row.paper_numerical if row.measured is None else row.measured
-    cells = [quantity_words(row.quantity, row.index), row.unit, fixed(row.measured, 2)]
+    cells = [quantity_label(row.quantity, row.index), row.unit, fixed(row.measured, 2)]
     if row.measured is None:
-        cells.append(number(row.paper_numerical, digits=4))  # as printed: the paper gives these more digits
+        cells.append(number(row.paper_numerical, digits=4))  # Shown as printed: the paper gives these values more digits.
     else:
         cells.append(_with_difference(row.paper_numerical, base, 2))
     return cells + [_with_difference(v, base, DECIMALS.get(row.unit, 4)) for v in (row.reference, *row.engines)]
@@ -52,7 +52,7 @@ def _with_difference(value: float | None, base: float | None, decimals: int) -> 
 
 
 def _summary(result: ComparisonResult) -> list[str]:
-    """Root mean square difference from the measured times, per column, over the times that the column has."""
+    """Return, per column, the root mean square difference from the measured times, over the times that the column has."""
     rows = [r for r in result.measured if r.unit == "s" and r.measured is not None]
     columns = [[r.paper_numerical for r in rows], [r.reference for r in rows]]
     columns += [[r.engines[i] for r in rows] for i in range(len(result.engines))]
@@ -67,35 +67,35 @@ def _summary(result: ComparisonResult) -> list[str]:
     return ["RMS difference of the times", "ms", GAP, *cells]
 
 
-def moments(result: ComparisonResult) -> str:
-    """Stops, break-aways and extrema of the reference and each engine, as times."""
+def events_table(result: ComparisonResult) -> str:
+    """Return a table of the times of stops, slip onsets and extrema of the reference and each engine."""
     reference = result.reference.sampled
-    marks = [reference, *(e.landmarks for e in result.engines)]
+    landmarks = [reference, *(e.landmarks for e in result.engines)]
     ends = [e.end_time or 0.0 for e in result.engines]
-    rows = _series("stop", [[s.time for s in m.stops] for m in marks], ends)
-    rows += _series("slips again", [list(m.slip_onsets) for m in marks], ends)
-    rows += _series("x1 extremum", [_times(m.x1_extrema) for m in marks], ends)
-    rows += _series("y1 extremum", [_times(m.y1_extrema) for m in marks], ends)
+    rows = _series("stop", [[s.time for s in m.stops] for m in landmarks], ends)
+    rows += _series("slip onset", [list(m.slip_onsets) for m in landmarks], ends)
+    rows += _series("x1 extremum", [_times(m.x1_extrema) for m in landmarks], ends)
+    rows += _series("y1 extremum", [_times(m.y1_extrema) for m in landmarks], ends)
     if reference.light_reaches_rod is not None:
-        reached = [[] if m.light_reaches_rod is None else [m.light_reaches_rod] for m in marks]
+        reached = [[] if m.light_reaches_rod is None else [m.light_reaches_rod] for m in landmarks]
         rows += _series("light mass reaches rod", reached, ends)
     if not rows:
         return ""
-    head = ["moment", "reference [s]", *(f"{result.short_name(e)} [ms later]" for e in result.engines)]
+    head = ["event", "reference [s]", *(f"{result.short_name(e)} [ms later]" for e in result.engines)]
     note = (
-        "Moments of the reference, and how much later (+) or earlier (-) each engine has them, both read from samples in the\n"
-        "same way. A moment that the reference does not have is given as a time; *after its end*: the run ends before that.\n"
-        "An engine's run ends a little early, at a free length of its own choosing.\n\n"
+        "Event times of the reference, and how much later (+) or earlier (-) they are in each engine; both are read from\n"
+        "samples in the same way. An event that the reference does not have is given as a time; *after its end*: the run ends\n"
+        "before the event. An engine's run ends a little before the light mass reaches the rod, at a small free length.\n\n"
     )
     return note + table(head, rows)
 
 
-def _times(found: tuple[Extremum, ...]) -> list[float]:
-    return [e.time for e in found]
+def _times(extrema: tuple[Extremum, ...]) -> list[float]:
+    return [e.time for e in extrema]
 
 
 def _series(what: str, columns: list[list[float]], ends: list[float]) -> list[list[str]]:
-    """Rows of one kind of moment: the reference's times first, then each engine's, whose runs end at ``ends`` [s]."""
+    """Return the rows of one kind of event: times of the reference and of each engine, whose runs end at ``ends`` [s]."""
     rows = []
     for i in range(max(len(c) for c in columns)):
         values = [c[i] if i < len(c) else None for c in columns]

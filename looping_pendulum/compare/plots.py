@@ -13,19 +13,19 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from looping_pendulum.compare.align import Aligned
-from looping_pendulum.compare.metrics import THRESHOLDS
-from looping_pendulum.compare.paper_table import quantity_words
+from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS
+from looping_pendulum.compare.paper_table import quantity_label
 from looping_pendulum.compare.result import ComparisonResult, ResultSamples
-from looping_pendulum.compare.words import told_events
-from looping_pendulum.files import decoration, utf8
+from looping_pendulum.compare.words import events_to_show
+from looping_pendulum.files import optional_output, utf8
 from looping_pendulum.pages.palette import Style, styles
 
 PRINTED_HALF_DIGIT = 0.005
 """Bars of the paper's values: half of the last digit printed, in s and in m; the paper states no uncertainty."""
 GREY = "0.55"
-LONGEST_LABEL = 50
+MAX_LABEL_LENGTH = 50
 """Characters of a name that a figure shows: a longer one would leave no room for the axes."""
-FLOOR = 1e-8
+MIN_DRAWN_DEVIATION = 1e-8
 """Deviations below this [m] are not drawn on the log axis: they would squeeze the visible ones."""
 
 
@@ -44,18 +44,18 @@ def draw(result: ComparisonResult) -> dict[str, tuple[str, bytes]]:
             ),
         )
         for name, caption, make in panels:
-            with decoration(f"figures/{name}"):
+            with optional_output(f"figures/{name}"):
                 figures[name] = caption, png(make(result, result.samples, look))
     if any(row.unit == "s" and row.measured is not None for row in result.measured):
         caption = "Event times less the measured ones; grey bars: half of the last digit that the paper prints."
-        with decoration("figures/events.png"):
+        with optional_output("figures/events.png"):
             figures["events.png"] = caption, png(events_figure(result, look))
     return figures
 
 
 def path_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> Figure:
     """Path of the light mass, equal axes."""
-    figure, (axes,) = figure_of(7.0, 6.4)
+    figure, (axes,) = make_figure(7.0, 6.4)
     reference = samples.reference
     axes.plot(*reference.light_position.T, color="black", lw=2.4, label="reference", zorder=2)
     for aligned in _drawn(samples):
@@ -66,7 +66,7 @@ def path_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str
     _halts(axes, result, samples, look)
     _widen(axes)
     axes.set_aspect("equal")
-    axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{literal(result.scenario)}: path of the light mass")
+    axes.set(xlabel="x [m]", ylabel="y [m]", title=f"{without_mathtext(result.scenario)}: path of the light mass")
     legend_below(figure)
     return figure
 
@@ -96,7 +96,7 @@ def _halts(axes: Axes, result: ComparisonResult, samples: ResultSamples, look: d
 
 def drop_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> Figure:
     """Drop of the heavy mass against time, deviation panel below."""
-    figure, (top, below) = figure_of(8.0, 6.8, rows=(3, 2))
+    figure, (top, below) = make_figure(8.0, 6.8, rows=(3, 2))
     top.plot(samples.reference.t, samples.reference.heavy_drop, color="black", lw=2.4, label="reference", zorder=2)
     for aligned in _drawn(samples):
         line = _line(look[aligned.run.label])
@@ -110,7 +110,7 @@ def drop_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str
         top.errorbar(t, drop, xerr=bar, yerr=bar, label="measured", zorder=5, **how)  # type: ignore[arg-type]
     least, most = top.get_ylim()
     top.set_ylim(max(most, 0.01), min(least, -0.001))  # down is down; a clamped mass is drawn at rest, not as its rounding
-    top.set(ylabel="drop of the heavy mass [m]", title=f"{literal(result.scenario)}: heavy mass")
+    top.set(ylabel="drop of the heavy mass [m]", title=f"{without_mathtext(result.scenario)}: heavy mass")
     below.axhline(0, color="black", lw=1.2)
     below.set_yscale("symlog", linthresh=0.1)
     below.set_ylim(min(below.get_ylim()[0], -0.2), max(below.get_ylim()[1], 0.2))
@@ -131,29 +131,29 @@ def measured_drops(result: ComparisonResult) -> list[tuple[float, float]]:
 
 def divergence_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> Figure:
     """Distance from the reference's light mass on a log axis, with the reference's events."""
-    figure, (axes,) = figure_of(8.0, 5.4)
-    largest, smallest = THRESHOLDS[1], THRESHOLDS[0]
+    figure, (axes,) = make_figure(8.0, 5.4)
+    largest, smallest = DEPARTURE_THRESHOLDS[1], DEPARTURE_THRESHOLDS[0]
     for aligned in _drawn(samples):
-        distance = np.where(aligned.distance > FLOOR, aligned.distance, np.nan)
+        distance = np.where(aligned.distance > MIN_DRAWN_DEVIATION, aligned.distance, np.nan)
         seen = bool(np.isfinite(distance).any())
-        label = _name(aligned, result) if seen else f"{_name(aligned, result)} (below {FLOOR * 1e3:g} mm)"
+        label = _name(aligned, result) if seen else f"{_name(aligned, result)} (below {MIN_DRAWN_DEVIATION * 1e3:g} mm)"
         axes.plot(aligned.t, distance * 1e3, **_line(look[aligned.run.label]), label=label, zorder=3)
         if seen:
             largest = max(largest, float(np.nanmax(distance)))
             smallest = min(smallest, float(np.nanpercentile(distance, 5)))
-    for threshold in THRESHOLDS:
+    for threshold in DEPARTURE_THRESHOLDS:
         axes.axhline(threshold * 1e3, color=GREY, lw=0.8, dashes=(1, 2))
     axes.set_yscale("log")
     axes.set_ylim(smallest * 1e3 / 2, largest * 1e3 * 2)
     axes.set_xlim(0, result.duration)
     axes.yaxis.set_major_formatter("{x:g}")
-    for name, time in told_events(result.reference.events):
+    for name, time in events_to_show(result.reference.events):
         if time <= result.duration:
             axes.axvline(time, color=GREY, lw=0.9, zorder=1)
             place, text = axes.get_xaxis_transform(), name.replace("_", " ")
             axes.text(time, 1.01, text, transform=place, rotation=40, ha="left", va="bottom", fontsize=8, color="0.25")
     axes.set(xlabel="time since release [s]", ylabel="distance from the reference's light mass [mm]")
-    axes.set_title(f"{literal(result.scenario)}: divergence", pad=58)  # room for the events' names
+    axes.set_title(f"{without_mathtext(result.scenario)}: divergence", pad=58)  # room for the events' names
     legend_below(figure)
     return figure
 
@@ -161,7 +161,7 @@ def divergence_figure(result: ComparisonResult, samples: ResultSamples, look: di
 def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
     """Event times less the measured ones."""
     rows = [row for row in result.measured if row.unit == "s" and row.measured is not None]
-    figure, (axes,) = figure_of(8.0, 2.2 + 0.36 * len(rows))
+    figure, (axes,) = make_figure(8.0, 2.2 + 0.36 * len(rows))
     y = np.arange(len(rows), dtype=float)
     bar = PRINTED_HALF_DIGIT * 1e3
     axes.errorbar(np.zeros(len(rows)), y, xerr=bar, fmt="none", ecolor="0.8", elinewidth=9, label="measured", zorder=1)
@@ -181,15 +181,24 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
         engine = result.engines[i]
         style = look[engine.label]
         offset = -0.04 + 0.36 * place / max(len(shown) - 1, 1)
-        points([r.engines[i] for r in rows], offset, literal(engine.label), marker=style.marker, color=style.colour, ms=4.5)
-    axes.set_yticks(y, [quantity_words(r.quantity, r.index) for r in rows])
+        points(
+            [r.engines[i] for r in rows],
+            offset,
+            without_mathtext(engine.label),
+            marker=style.marker,
+            color=style.colour,
+            ms=4.5,
+        )
+    axes.set_yticks(y, [quantity_label(r.quantity, r.index) for r in rows])
     axes.invert_yaxis()
     axes.set_xscale("symlog", linthresh=20)
     limits = axes.get_xlim()
     axes.set_xticks([-500, -100, -20, -10, 0, 10, 20, 100, 500])
     axes.set_xlim(limits)
     axes.xaxis.set_major_formatter("{x:g}")
-    axes.set(xlabel="time less measured time [ms] (linear within ±20)", title=f"{literal(result.scenario)}: event times")
+    axes.set(
+        xlabel="time less measured time [ms] (linear within ±20)", title=f"{without_mathtext(result.scenario)}: event times"
+    )
     legend_below(figure)
     return figure
 
@@ -200,13 +209,15 @@ def _drawn(samples: ResultSamples) -> list[Aligned]:
 
 def _name(aligned: Aligned, result: ComparisonResult) -> str:
     run = aligned.run
-    return literal(next(result.short_name(e) for e in result.engines if (e.label, e.profile) == (run.label, run.profile)))
+    return without_mathtext(
+        next(result.short_name(e) for e in result.engines if (e.label, e.profile) == (run.label, run.profile))
+    )
 
 
-def literal(text: str) -> str:
+def without_mathtext(text: str) -> str:
     """``text`` as matplotlib shows it literally: it takes what stands between two $ for a formula, and no half characters."""
     shown = utf8(text).decode()
-    return (shown if len(shown) <= LONGEST_LABEL else f"{shown[:LONGEST_LABEL]}...").replace("$", r"\$")
+    return (shown if len(shown) <= MAX_LABEL_LENGTH else f"{shown[:MAX_LABEL_LENGTH]}...").replace("$", r"\$")
 
 
 def _line(style: Style) -> dict[str, Any]:
@@ -214,7 +225,7 @@ def _line(style: Style) -> dict[str, Any]:
     return {"color": style.colour, "lw": 1.4, **dashes}
 
 
-def figure_of(width: float, height: float, rows: tuple[int, ...] = (1,)) -> tuple[Figure, tuple[Axes, ...]]:
+def make_figure(width: float, height: float, rows: tuple[int, ...] = (1,)) -> tuple[Figure, tuple[Axes, ...]]:
     """Make a figure [inches] of axes below each other, with the ratio of their heights."""
     figure = Figure(figsize=(width, height), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)

@@ -1,10 +1,10 @@
-"""What a comparison found: frozen, free of NaN (a missing number is None), and the same JSON for the same input.
+"""Result of a comparison: frozen, free of NaN (a missing number is None), and the same JSON for the same input.
 
 `result.json` is this tree of dataclasses, one JSON object per dataclass and one key per field, in the order below; the text
 under a field is its documentation. Units are SI and radians throughout. One key is added, ``schema``, the first: it holds
 `SCHEMA_ID` and `SCHEMA_VERSION`. One is left out: `ComparisonResult.samples`, the trajectories, are written as CSV instead.
 Everything that differs between two runs of the same input (times of day, wall times) is in the last block, ``clock``.
-A reader must refuse another id and a higher version; a version grows when a key changes its meaning or goes away.
+A reader must refuse another id and a higher version; a version grows when a key changes its name or meaning or goes away.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from looping_pendulum.errors import HarnessError
+from looping_pendulum.compare.json_text import dump, load
+from looping_pendulum.pages.notebook import ShownInNotebook
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.align import Aligned
@@ -23,13 +24,9 @@ SCHEMA_ID = "looping-pendulum/comparison"
 SCHEMA_VERSION = 3
 
 
-class ResultError(HarnessError, ValueError):
-    """A file is not a comparison result that this version can read."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Stop:
-    """The heavy mass's speed reached zero."""
+    """An instant at which the heavy mass's speed is zero."""
 
     time: float
     """[s]"""
@@ -39,7 +36,7 @@ class Stop:
 
 @dataclass(frozen=True, kw_only=True)
 class Extremum:
-    """A coordinate turned."""
+    """An extremum of a coordinate."""
 
     time: float
     """[s]"""
@@ -49,102 +46,102 @@ class Extremum:
 
 @dataclass(frozen=True, kw_only=True)
 class HaltingTimeAt:
-    """The halting time that one resolution gives."""
+    """The halting time that the detector finds with one resolution."""
 
     resolution: float
-    """Motion of the string that does not count as sliding [m]."""
+    """Largest motion of the string that does not count as sliding [m]."""
     time: float | None
     """[s]; None if the string slid by more until the end of the run."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rebound:
-    """What the string still does after its first rest, the time from which on it stays within `slides.COARSE`."""
+    """Motion of the string after its first rest, from which on it stays within `slides.FIRST_REST_RESOLUTION`."""
 
     travel: float
-    """Between the two furthest places it takes [m]."""
+    """Distance between the extreme positions [m]."""
     speed: float
-    """Largest, over one sample interval [m/s]."""
+    """Largest mean speed over one sample interval [m/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Landmarks:
-    """The moments of one run, and the apparatus at them."""
+    """Landmarks of one run: times of events, and the state of the apparatus at the halt."""
 
     stops: tuple[Stop, ...] = ()
-    """When the sliding of the string stops: it turns, or rests."""
+    """Stops of the string: it turns, or comes to rest."""
     slip_onsets: tuple[float, ...] = ()
-    """When a resting string began to slide again [s]."""
+    """Times at which a string at rest began to slide again [s]."""
     halting_time: float | None = None
-    """When the string stops sliding and does not slide again until the light mass reaches the rod, or the run ends [s].
+    """Time at which the string stops sliding for good: until the light mass reaches the rod, or the run ends [s].
 
-    Read from samples with the resolution `slides.RESOLUTION`; the reference's own events know it to rounding.
+    Read from samples with the resolution `slides.RESOLUTION`; the reference's own events give it to rounding.
     """
     halting_confirmed: bool = False
-    """Whether that rest was seen to last until the light mass reached the rod; else the run was cut while the mass rested."""
+    """Whether that rest lasted until the light mass reached the rod; if not, the run was cut during the rest."""
     halting_times: tuple[HaltingTimeAt, ...] = ()
-    """The same at several resolutions, the finest first; empty where events say it."""
-    halting_time_blur: float | None = None
-    """How far the halting time moves if `slides.RESOLUTION` is a quarter finer or coarser [s]; None: it is then lost."""
+    """Halting times with several resolutions, the finest first; empty for landmarks that come from exact events."""
+    halting_time_uncertainty: float | None = None
+    """How far the halting time moves [s] if `slides.RESOLUTION` is a quarter larger or smaller; None: no halt then."""
     rebound: Rebound | None = None
-    """None where the string never comes to rest."""
+    """Motion after the first rest; None where the string never comes to rest."""
     drop_at_halt: float | None = None
-    """How far the heavy mass is below its release [m]."""
+    """How far the heavy mass is below its height at release, at the halt [m]."""
     wrap_angle_at_halt: float | None = None
-    """[rad]"""
+    """Wrap angle at the halt [rad]."""
     free_length_at_halt: float | None = None
-    """[m]"""
+    """Free length at the halt [m]."""
     light_reaches_rod: float | None = None
-    """[s]; an engine's run ends at a small free length of its own choosing, so it is early by that much."""
+    """Time at which the light mass reaches the rod [s]; an engine's run ends a little early, at a small free length."""
     x1_extrema: tuple[Extremum, ...] = ()
-    """Turns of the light mass's x."""
+    """Extrema of the light mass's x."""
     y1_extrema: tuple[Extremum, ...] = ()
-    """Turns of the light mass's y."""
+    """Extrema of the light mass's y."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tube:
-    """Which samples have a point of the reference within a time and a distance."""
+    """Result of the tube test: how many samples have a point of the reference nearby in time and distance."""
 
     half_time: float
-    """[s]"""
+    """Half-width of the tube in time [s]."""
     half_width: float
-    """[m]"""
+    """Half-width of the tube in distance [m]."""
     compared: int
     """Samples that were tested: those before the reference's end."""
     fraction: float | None = None
-    """Share of them inside."""
+    """Share of the tested samples that are inside; None if none was tested."""
     first_exit: float | None = None
     """Time of the first sample outside [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Departure:
-    """When a run first is further from the reference than a threshold, and what the reference was doing."""
+    """First time at which a run is further from the reference than a threshold, and the state of the reference then."""
 
     threshold: float
-    """[m]"""
+    """Deviation that was exceeded [m]."""
     time: float
-    """[s]"""
+    """Time of the first sample beyond it [s]."""
     mode: str
-    """Mode of the reference then."""
+    """Mode of the reference at that time, in words."""
     after: str
-    """Last event of the reference before, "release" if none."""
+    """Last event of the reference before that time; "release" if there was none."""
     after_time: float
-    """When that was [s]."""
+    """Time of that event [s]."""
     along: float
-    """Deviation of the free length then [m]: positive where the engine's light mass is further out; 0 without a string."""
+    """Deviation of the free length at that time [m]: positive where the engine is further out; 0 without a string."""
     across: float
-    """Deviation of the wrap angle then, times the free length [m]: positive where the engine's light mass is ahead."""
+    """Deviation of the wrap angle, times the free length, at that time [m]: positive where the engine is ahead."""
     heavy: float
-    """Deviation of the heavy mass's height then [m]."""
+    """Deviation of the heavy mass's height at that time [m]."""
     stretch: float | None = None
-    """Largest string stretch up to then [m]."""
+    """Largest stretch of the string up to that time [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SupplyEntry:
-    """One piece of physics and who supplies it."""
+    """A piece of physics and who supplies it."""
 
     what: str
     by: str
@@ -154,11 +151,11 @@ class SupplyEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class RunProvenance:
-    """What made a run."""
+    """Versions, settings and suppliers of physics that a run was made with."""
 
     versions: dict[str, str]
     settings: dict[str, Any]
-    """SI."""
+    """Settings of the engine, SI."""
     supplies: tuple[SupplyEntry, ...]
     seed: int | None = None
 
@@ -170,14 +167,14 @@ class ReferenceResult:
     engine: str
     variant: str
     landmarks: Landmarks
-    """By its own events, to rounding."""
+    """Landmarks from the reference's own events, exact to rounding."""
     events: tuple[tuple[str, float], ...]
-    """(name, time [s])"""
+    """Events as (name, time [s])."""
     end_time: float
     """Last time [s] that the reference covers, at most the scenario's duration."""
     provenance: RunProvenance
     sampled: Landmarks = Landmarks()
-    """Landmarks of the reference's samples, by the detector that reads the engines': what their errors are taken against."""
+    """Landmarks from the reference's samples, by the detector that reads the engines; their errors are relative to it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,31 +187,31 @@ class EngineResult:
     status: str
     """Name of the `RunStatus`, "FINISHED"."""
     status_sentence: str
-    """Its sentence."""
+    """Sentence of that status."""
     ok: bool
     """Whether the run came to its proper end."""
     available: bool
-    """False where there was nothing to run: engine missing, scenario not representable, interrupted."""
+    """False where no run was made or finished: engine missing, scenario not representable, interrupted."""
     message: str
     samples: int
     end_time: float | None
-    """Last finite sample [s]."""
+    """Time of the last finite sample [s]."""
     landmarks: Landmarks
     metrics: dict[str, float | None]
     """Metric name -> value, SI; None where the run or the reference ends too soon or the metric does not apply."""
     not_comparable: str = ""
-    """Why this run's halt cannot be held against the reference's, which has one; empty: it can, or neither has one."""
+    """Why this run's halting time cannot be compared with the reference's; empty: it can, or neither halts."""
     lacks: tuple[str, ...] = ()
-    """Names of the physics that the scenario has and this run went without, "static_friction"; empty: it had all."""
+    """Names of the physics that the scenario has and this run did not, such as "static_friction"; empty: it had all."""
     additions: tuple[str, ...] = ()
-    """What the adapter puts in beyond the engine, each as a sentence with its measured worth."""
+    """Corrections that the adapter adds to the engine, each as a sentence with its measured effect."""
     outside_range: tuple[str, ...] = ()
-    """What of the scenario lies outside the range in which this variant's accuracy was measured, each as a phrase."""
+    """Quantities of the scenario outside the range in which this variant's accuracy was measured, each as a phrase."""
     tube: Tube
     departures: tuple[Departure, ...]
-    """One per threshold that was passed, in the order of time."""
+    """One departure per threshold that was exceeded, in order of time."""
     growth_rate: float | None
-    """Rate at which the deviation grew from the first threshold to the last, as an exponential's [1/s]."""
+    """Rate [1/s] of the exponential that grows from the first exceeded threshold to the last."""
     story: str
     """Where, when and why it departs, in one or two sentences."""
     provenance: RunProvenance
@@ -226,7 +223,7 @@ class EngineResult:
 
 
 class ToleranceOutcome(StrEnum):
-    """What became of one tolerance."""
+    """Outcome of one tolerance."""
 
     PASSED = "pass"
     FAILED = "fail"
@@ -236,32 +233,32 @@ class ToleranceOutcome(StrEnum):
 
     @property
     def good(self) -> bool:
-        """Whether it leaves the comparison within tolerance. An unexpected pass does not: its reason is out of date."""
+        """Whether the comparison stays within tolerance; an unexpected pass does not: its reason is out of date."""
         return self not in (ToleranceOutcome.FAILED, ToleranceOutcome.UNEXPECTED_PASS)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ToleranceResult:
-    """One tolerance of the scenario, judged."""
+    """A tolerance of the scenario with the value of its metric and the outcome."""
 
     engine: str
     """Engine and variant."""
     profile: str
     metric: str
     limit: float
-    """SI."""
+    """Limit of the metric, SI."""
     value: float | None
     outcome: ToleranceOutcome
     explanation: str
-    """Why this outcome, where the numbers do not say it."""
+    """Reason for the outcome, where value and limit do not show it."""
     reason: str
-    """Why the limit is what it is."""
+    """Reason for the limit, from the scenario."""
     expected_failure: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredRow:
-    """One row of the measured event table, with what the reference and the engines say."""
+    """A row of the measured event table, with the values of the reference and of the engines."""
 
     quantity: str
     index: int
@@ -275,7 +272,7 @@ class MeasuredRow:
 
 @dataclass(frozen=True, kw_only=True)
 class InferredEntry:
-    """Parameters that the source does not print."""
+    """Parameters that the source does not print, and how they were inferred."""
 
     parameters: tuple[str, ...]
     how: str
@@ -284,7 +281,7 @@ class InferredEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class WallTime:
-    """What one run cost."""
+    """Wall time of one run."""
 
     engine: str
     """Engine and variant."""
@@ -312,7 +309,7 @@ class ResultSamples:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ComparisonResult:
+class ComparisonResult(ShownInNotebook):
     """One scenario, one reference, several engines."""
 
     scenario: str
@@ -331,18 +328,18 @@ class ComparisonResult:
     measured_source: str
     """Where the scenario says its measured event table comes from; empty if it has none."""
     run_keys: tuple[str, ...] = ()
-    """Name of each engine's run, equal for equal settings, scenario, versions and adapter; empty if unknown."""
+    """Key of each engine's run in the cache, equal for equal settings, scenario, versions and adapter; empty if unknown."""
     clock: Clock
     samples: ResultSamples | None = field(default=None, compare=False, repr=False)
     """None if read from JSON."""
 
     @property
     def within_tolerance(self) -> bool:
-        """Whether no tolerance is broken and no run broke off unexpectedly: what the exit code says."""
+        """Whether no tolerance fails and no run broke off unexpectedly; the exit code says the same."""
         return all(t.outcome.good for t in self.tolerances) and not any(self.broke_off(e) for e in self.engines)
 
     def short_name(self, engine: EngineResult) -> str:
-        """Label of ``engine``, with its profile if one label was run with several."""
+        """Return the label of ``engine``, with its profile if the engine was run with several."""
         same = sum(e.label == engine.label for e in self.engines)
         return engine.label if same == 1 else f"{engine.label} ({engine.profile})"
 
@@ -354,18 +351,9 @@ class ComparisonResult:
         """Whether ``engine``'s run failed although no tolerance of it declares an expected failure."""
         return engine.available and not engine.ok and not any(t.expected_failure for t in self.judged(engine))
 
-    def _repr_html_(self) -> str:
-        """Show verdict, table and stories in a notebook."""
-        from looping_pendulum.compare.report import before_figures
-        from looping_pendulum.pages.markdown import html
-
-        return str(html("\n\n".join(before_figures(self))))
-
     def to_json(self) -> str:
-        """Text of ``result.json``; everything but ``clock`` is the same for the same input."""
-        from looping_pendulum.compare.json_text import dump
-
-        return dump(self)
+        """Return the text of ``result.json``; everything but ``clock`` is the same for the same input."""
+        return dump(self, SCHEMA_ID, SCHEMA_VERSION)
 
     @classmethod
     def from_json(cls, text: str) -> ComparisonResult:
@@ -374,8 +362,6 @@ class ComparisonResult:
         Raises
         ------
         ResultError
-            If it is something else, or from a later version.
+            If the text is not such a result, or is of a later version.
         """
-        from looping_pendulum.compare.json_text import load
-
-        return load(cls, text)
+        return load(cls, text, SCHEMA_ID, SCHEMA_VERSION)

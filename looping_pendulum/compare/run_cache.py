@@ -1,4 +1,4 @@
-"""Many runs, each in a process of its own, kept on disk as they end: an interrupted study goes on where it was."""
+"""Makes many runs, each in a process of its own, and caches each on disk when it ends, so that a study can be resumed."""
 
 from __future__ import annotations
 
@@ -15,13 +15,12 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
 
 import numpy as np
 
 from looping_pendulum import __version__
-from looping_pendulum.compare.export import file_stem, unknown_as_nan, write_whole
+from looping_pendulum.compare.export import file_stem, unknown_as_nan, write_atomically
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.engines.isolation import POLL_INTERVAL, run_isolated
 from looping_pendulum.engines.job import identity
@@ -30,58 +29,61 @@ from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.trajectory import COLUMNS, RunStatus, Trajectory, from_samples
 from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.versions import installed_version
 
-NOT_KEPT = (RunStatus.INTERRUPTED, RunStatus.MISSING, RunStatus.MEMORY_LIMIT)
-"""Ends after which a run is worth another try."""
-STEEPEST = 3.0
-"""Largest power of the refinement with which costs are taken to grow."""
-FIRST_GUESS = 10.0
-"""Most that a cost is taken to grow to the second rung, while nothing says how it grows."""
+NOT_CACHED = (RunStatus.INTERRUPTED, RunStatus.MISSING, RunStatus.MEMORY_LIMIT)
+"""Statuses of runs that are not cached, because another try may succeed."""
+MAX_COST_EXPONENT = 3.0
+"""Largest exponent with which the cost of a run is expected to grow with refinement."""
+MAX_FIRST_COST_FACTOR = 10.0
+"""Largest factor by which the cost is expected to grow to the second rung, while one rung alone is known."""
 
 
 class DamagedRunWarning(UserWarning):
-    """A kept run cannot be read, so it is made again."""
+    """A cached run cannot be read, so it is made again."""
 
 
 Progress = Callable[[float, str], None]
-"""Called with the share of the work that is done, 0 to 1, and what goes on."""
+"""Callback that is given the share of the work that is done, 0 to 1, and a description of what is running."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunTask:
-    """One run to be made."""
+    """A run to be made."""
 
     key: str
     engine: Engine
     scenario: Scenario
     what: str
-    """For the progress bar."""
+    """Description of the run for the progress bar."""
     like: str = ""
-    """Key of a run that costs as much, as far as one knows beforehand."""
+    """Key of a run whose cost is the best estimate of this one's without coarser rungs."""
     size: float = 1.0
-    """Of a rung's setting; falls as the ladder gets finer."""
+    """Size of a rung; decreases with refinement."""
     coarser: tuple[tuple[str, float], ...] = ()
-    """Keys and sizes of the rungs above it, from coarse to fine."""
+    """Keys and sizes of the coarser rungs, from coarse to fine."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EndedRun:
-    """What became of a task."""
+    """A run that has ended, or that was left out."""
 
     run: Trajectory | None
     """None if it was left out."""
     seconds: float | None
-    """Wall time, start of the process included."""
+    """Wall time, including the start of the process [s]."""
     expected: float | None = None
-    """Wall time that it was expected to take, where that was above the budget."""
+    """Expected wall time [s] of a run that was left out because it is above the budget."""
 
 
 def run_key(engine: Engine, scenario: Scenario) -> str:
-    """Name of a run: the same for the same settings, scenario, versions and adapter.
+    """Return the key of a run: the same for the same settings, scenario, versions and adapter.
 
-    The adapter's own folder is part of it; code that adapters share is by the version of this package alone.
+    It includes a digest of the adapter's own folder; code that adapters share is represented by the version of this package.
     """
-    versions = {package: _version(package) for package in engine.abilities.packages} | {"looping-pendulum": __version__}
+    versions = {package: installed_version(package) for package in engine.abilities.packages} | {
+        "looping-pendulum": __version__
+    }
     state = {name: plain(value) for name, value in getattr(engine, "__dict__", {}).items() if name != "abilities"}
     what = {
         "class": f"{type(engine).__module__}.{type(engine).__qualname__}",
@@ -96,7 +98,7 @@ def run_key(engine: Engine, scenario: Scenario) -> str:
 
 @cache
 def _source(module: str) -> str:
-    """Digest of the Python files beside ``module``, but for those that only say what to vary."""
+    """Return a digest of the Python files in the folder of ``module``, except studies.py, which only says what to vary."""
     file = getattr(sys.modules.get(module), "__file__", None)
     if file is None:
         return ""
@@ -104,25 +106,16 @@ def _source(module: str) -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
-@cache
-def _version(package: str) -> str:
-    """Version of what is imported as ``package``, which pip may call otherwise."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return ", ".join(version(name) for name in packages_distributions().get(package, ())) or "none"
-
-
 class RunCache:
-    """Ended runs, a file each."""
+    """Cache of ended runs, one file for each."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     def get(self, task: RunTask, time_limit: float) -> EndedRun | None:
-        """Return the kept run of ``task``; None if there is none, or one that a shorter time limit has cut.
+        """Return the cached run of ``task``; None if there is none, or if a shorter time limit has cut it.
 
-        A file that is damaged in whatever way is as none: the run is made again and takes its place.
+        A damaged file counts as none: the run is made again and replaces it.
         """
         path = self.folder / f"{task.key}.npz"
         if not path.is_file():
@@ -135,10 +128,10 @@ class RunCache:
 
     @staticmethod
     def _read(path: Path, task: RunTask, time_limit: float) -> EndedRun | None:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:  # of a damaged one np.load closes nothing
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:  # np.load leaves a damaged file open
             rows, said = np.asarray(file["rows"], dtype=float), json.loads(str(file["said"]))
         if not (rows.ndim == 2 and rows.shape[1] == len(COLUMNS) and (np.diff(rows[:, 0]) > 0).all()):
-            raise ValueError(f"{path}: found rows of shape {rows.shape}, needed {len(COLUMNS)} columns and times that grow")
+            raise ValueError(f"{path}: found rows of shape {rows.shape}, needed {len(COLUMNS)} columns and rising times")
         status = RunStatus[said["status"]]
         if status is RunStatus.TIME_LIMIT and said["time_limit"] < time_limit:
             return None
@@ -156,9 +149,9 @@ class RunCache:
         return EndedRun(run=replace(run, provenance=provenance), seconds=seconds)
 
     def put(self, task: RunTask, done: EndedRun, time_limit: float) -> None:
-        """Keep a run, unless its end says to try again."""
+        """Cache a run, unless another try may succeed."""
         run = done.run
-        if run is None or run.status in NOT_KEPT:
+        if run is None or run.status in NOT_CACHED:
             return
         said = {
             "status": run.status.name,
@@ -173,15 +166,15 @@ class RunCache:
         rows = np.column_stack([run.t, *parts, run.string_stretch, slip]).reshape(-1, len(COLUMNS))
         out = io.BytesIO()
         np.savez_compressed(out, rows=rows, said=np.array(json.dumps(said)))
-        write_whole(self.folder / f"{task.key}.npz", out.getvalue())
+        write_atomically(self.folder / f"{task.key}.npz", out.getvalue())
 
 
 class Runner:
-    """Makes runs side by side; what it knows of their cost decides what a budget leaves out."""
+    """Makes several runs at the same time; a budget leaves out those that are expected to cost too much."""
 
     def __init__(
         self,
-        kept: RunCache,
+        cache: RunCache,
         *,
         jobs: int | None,
         time_limit: float,
@@ -189,7 +182,7 @@ class Runner:
         memory_limit: int = MEMORY_LIMIT,
         progress: Progress | None = None,
     ) -> None:
-        self.kept, self.jobs, self.budget, self.progress = kept, jobs or os.cpu_count() or 1, budget, progress
+        self.cache, self.jobs, self.budget, self.progress = cache, jobs or os.cpu_count() or 1, budget, progress
         self.time_limit, self.memory_limit = time_limit, memory_limit
         self.done: dict[str, EndedRun] = {}
         self.cancelled = threading.Event()
@@ -197,12 +190,12 @@ class Runner:
         self._lock = threading.Lock()
 
     def run(self, tasks: Sequence[RunTask]) -> dict[str, EndedRun]:
-        """Make all runs in the order of ``tasks``; after an interrupt (Ctrl-C), return those that ended before it."""
+        """Make all runs in the order of ``tasks``; after an interrupt (Ctrl-C) return those that ended before it."""
         tasks = list({task.key: task for task in tasks}.values())
         for task in tasks:
-            found = self.kept.get(task, self.time_limit)
-            if found is not None:
-                self.done[task.key] = found
+            cached = self.cache.get(task, self.time_limit)
+            if cached is not None:
+                self.done[task.key] = cached
         waiting = [task for task in tasks if task.key not in self.done]
         queue = iter(waiting)
 
@@ -212,7 +205,7 @@ class Runner:
                     task = next(queue, None)
                 if task is None:
                     return
-                self._one(task)
+                self._make(task)
 
         with ThreadPoolExecutor(max_workers=self.jobs) as pool:
             futures = [pool.submit(work) for _ in range(self.jobs)]
@@ -226,7 +219,7 @@ class Runner:
                 future.result()
         return self.done
 
-    def _one(self, task: RunTask) -> None:
+    def _make(self, task: RunTask) -> None:
         expected = self.expected(task)
         if self.budget is not None and expected is not None and expected > self.budget:
             self.done[task.key] = EndedRun(run=None, seconds=None, expected=expected)
@@ -243,14 +236,14 @@ class Runner:
             cancelled=self.cancelled,
         )
         done = EndedRun(run=run, seconds=time.perf_counter() - started)
-        self.kept.put(task, done, self.time_limit)
+        self.cache.put(task, done, self.time_limit)
         with self._lock:
             del self._running[task.key]
         if run.status is not RunStatus.INTERRUPTED:
             self.done[task.key] = done
 
     def expected(self, task: RunTask) -> float | None:
-        """Wall time [s] that ``task`` is expected to take, from coarser rungs or from the variant's own run; None: no idea."""
+        """Return the expected wall time [s] of ``task``, from coarser rungs or from the variant's own run; None if unknown."""
         known = [(size, cost) for key, size in task.coarser if (cost := self._cost(key)) is not None]
         if not known:
             return self._cost(task.like)
@@ -258,9 +251,9 @@ class Runner:
         if task.size <= 0:
             return cost
         if len(known) == 1:
-            return float(cost * min(size / task.size, FIRST_GUESS))
+            return float(cost * min(size / task.size, MAX_FIRST_COST_FACTOR))
         before, earlier = known[-2]
-        power = min(max(math.log(cost / earlier) / math.log(before / size), 0.0), STEEPEST)
+        power = min(max(math.log(cost / earlier) / math.log(before / size), 0.0), MAX_COST_EXPONENT)
         return float(cost * (size / task.size) ** power)
 
     def _cost(self, key: str) -> float | None:
@@ -286,6 +279,6 @@ class Runner:
                 weight, share = self.expected(task) or usual, running.get(task.key, 0.0)
                 weight = 0.0 if self.budget is not None and weight > self.budget and task.key not in running else weight
             total, finished = total + weight, finished + share * weight
-        going_on = ", ".join(task.what for task in tasks if task.key in running)
+        running_tasks = ", ".join(task.what for task in tasks if task.key in running)
         ended_runs = sum(task.key in self.done for task in tasks)
-        self.progress(finished / total if total else 1.0, f"{ended_runs} of {len(tasks)} runs; {going_on}")
+        self.progress(finished / total if total else 1.0, f"{ended_runs} of {len(tasks)} runs; {running_tasks}")

@@ -1,8 +1,8 @@
-"""Where the string slides over the rod and where it rests, read from positions alone.
+"""Detects from positions alone when the string slides over the rod and when it rests.
 
-One detector serves the reference and every engine, so that an engine with the exact motion gets exactly the reference's values.
-What it can resolve is stated in millimetres and milliseconds: a string that moves by less than `RESOLUTION` rests, and a rest
-shorter than `REST_TIME` is not told from a turn. Speeds are no criterion: a chain that creeps slowly but far is still sliding.
+The same detector serves the reference and every engine, so that an engine with the exact motion gets exactly the reference's
+values. Its resolution is a length and a time: a string that moves by less than `RESOLUTION` rests, and a rest shorter than
+`REST_TIME` cannot be distinguished from a turn. Speed is not a criterion: a chain that creeps slowly but far is still sliding.
 """
 
 from __future__ import annotations
@@ -16,51 +16,51 @@ from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.reference_ode.geometry import Array
 
 RESOLUTION = 1e-4
-"""Motion of the string that does not count as sliding [m]: a tenth of a millimetre, less than a pixel of a good video."""
+"""Largest motion of the string that does not count as sliding [m]: 0.1 mm, less than a pixel of a good video."""
 
 RESOLUTIONS = (1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
-"""Resolutions at which the halting time is given, so that a reader sees how much it depends on them [m]."""
+"""Resolutions [m] for which reports give the halting time, so that a reader sees how much it depends on them."""
 
-NEARBY = (0.8, 1.25)
-"""Shares of `RESOLUTION` between which a halting time must not depend on it, or it is blurred by as much as it does."""
+UNCERTAINTY_FACTORS = (0.8, 1.25)
+"""Factors on `RESOLUTION` that define the uncertainty of a halting time: the largest change that either of them makes."""
 
-COARSE = 1e-3
-"""A string that stays within this [m] for good has come to its first rest; what it does after that is its rebound."""
+FIRST_REST_RESOLUTION = 1e-3
+"""Resolution that defines the first rest [m]: from then on the string stays within it, and its motion is called rebound."""
 
 REST_TIME = 0.01
-"""Shortest rest [s] that is told from a turn: under 8 m/s^2 a turning mass stays within `RESOLUTION` for as long."""
+"""Shortest rest [s] that differs from a turn: at 8 m/s^2 a turning mass stays within `RESOLUTION` for as long."""
 
 MIN_REST = 0.05
-"""A rest must be watched for this long [s] to be called halting where the run was cut: a turn at its very end is none."""
+"""Shortest rest [s] at the end of a run that was cut that counts as a halt: the last samples before a turn must not."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rest:
-    """The string came to a stop: it turned, or it rested."""
+    """A stop of the string: the rest that follows its sliding, or the instant at which it turns."""
 
     stop: float
-    """When its sliding ended [s]."""
+    """Time at which the sliding ended [s]."""
     first: int
-    """First sample of the rest; of a turn, the sample nearest to it."""
+    """Index of the first sample of the rest; for a turn, of the sample nearest to it."""
     last: int
-    """Last sample of the rest; equal to `first` for a turn."""
+    """Index of the last sample of the rest; equal to `first` for a turn."""
 
 
-def slid(run: Trajectory, count: int) -> Array:
-    """How far the string has slid towards the heavy mass [m] in the first ``count`` samples of ``run``.
+def slip_distance(run: Trajectory, count: int) -> Array:
+    """Return how far the string has slid towards the heavy mass [m] in the first ``count`` samples of ``run``.
 
-    The engine's own reading where it has one; else the heavy mass's drop, which is the same for a string that does not stretch.
+    Uses the engine's own value where it reports one; otherwise the heavy mass's drop, which equals it if the string is rigid.
     """
     if run.string_slip is not None and np.isfinite(run.string_slip[:count]).all():
         return np.asarray(run.string_slip[:count])
     return np.asarray(run.heavy_drop[:count])
 
 
-def turns(values: Array, band: float) -> list[int]:
-    """Indices of the extrema at which ``values`` turn back by more than ``band``."""
-    found: list[int] = []
+def turning_points(values: Array, band: float) -> list[int]:
+    """Return the indices of the extrema after which ``values`` turn back by more than ``band``."""
+    extrema: list[int] = []
     best = start = 0
-    rising = 0
+    rising = 0  # +1 or -1 once the values have left the band about the first one
     for i in range(1, len(values)):
         if rising == 0:
             if abs(values[i] - values[start]) > band:
@@ -69,68 +69,70 @@ def turns(values: Array, band: float) -> list[int]:
         elif rising * (values[i] - values[best]) > 0:
             best = i
         elif rising * (values[best] - values[i]) > band:
-            found.append(best)
+            extrema.append(best)
             rising, best = -rising, i
-    return found
+    return extrema
 
 
-def resting(place: Array, resolution: float) -> Array:
-    """Which samples lie in a stretch of `REST_TIME` in which the string moves by at most ``resolution`` [m], shape (n,)."""
+def resting_samples(place: Array, resolution: float) -> Array:
+    """Mark the samples of every interval of `REST_TIME` in which the string moves by at most ``resolution`` [m], shape (n,)."""
     width = round(REST_TIME / SAMPLE_INTERVAL) + 1
-    rests = np.zeros(len(place), dtype=bool)
+    still = np.zeros(len(place), dtype=bool)
     if len(place) < width:
-        return rests
+        return still
     windows = np.lib.stride_tricks.sliding_window_view(place, width)
     for start in np.flatnonzero(np.ptp(windows, axis=1) <= resolution):
-        rests[start : start + width] = True
-    return rests
+        still[start : start + width] = True
+    return still
 
 
-def final_rest(place: Array, resolution: float) -> int:
-    """First sample from which on the string moves by no more than ``resolution`` [m]."""
+def final_rest_start(place: Array, resolution: float) -> int:
+    """Return the index of the first sample from which on the string moves by at most ``resolution`` [m]."""
     backwards = place[::-1]
     spread = np.maximum.accumulate(backwards) - np.minimum.accumulate(backwards)
     return len(place) - int(np.searchsorted(spread, resolution, side="right"))
 
 
 def stop_time(t: Array, place: Array, first: int, resolution: float) -> float:
-    """When the sliding ends that has at most the resolution left to go at sample ``first``, and more at the one before it [s].
+    """Return the time [s] at which the sliding ends.
 
-    The apex of the parabola through the last three samples before the stop: friction flips or sets in there, so that samples
-    beyond it would bias it. They are the first three whose apex comes before the next sample. Sample ``first`` may already lie
-    beyond the stop, the one before it may not; without one before it, the string rests since the release.
+    At sample ``first`` the string has at most ``resolution`` left to slide, and at the sample before it more. The stop is the
+    apex of the parabola through three samples before it: friction reverses or sets in there, so later samples would bias it.
+    They are the first three whose apex comes before the next sample. Sample ``first`` may already lie after the stop, the one
+    before it may not. If ``first`` is 0, the string rests since the release.
 
-    A string that friction stops needs twice the time that it would take at the speed it has. One that is not there after three
-    times that time creeps to rest ever more slowly: it has no end, and counts as stopped from sample ``first`` on.
+    Friction stops a string in twice the time that the remaining distance would take at its present speed. A string that needs
+    more than three times that time creeps to rest ever more slowly; its stop has no definite time and is taken at ``first``.
     """
     if first == 0:
         return float(t[0])
     sliding = first - 1
-    speed_left = abs(place[first] - place[sliding]) / (t[first] - t[sliding])
+    last_speed = abs(place[first] - place[sliding]) / (t[first] - t[sliding])
     for k in range(max(first - 2, 2), len(t) - 1):
-        if speed_left * (t[k] - t[first]) > 3 * resolution:
+        if last_speed * (t[k] - t[first]) > 3 * resolution:
             break
-        way = 1.0 if place[k - 1] >= place[k - 2] else -1.0
-        before = way * (place[k - 1] - place[k - 2]) / (t[k - 1] - t[k - 2])
-        speed = way * (place[k] - place[k - 1]) / (t[k] - t[k - 1])
-        if speed <= 0 and k - 1 >= sliding:  # it turned since, or rests since
+        direction = 1.0 if place[k - 1] >= place[k - 2] else -1.0
+        speed_before = direction * (place[k - 1] - place[k - 2]) / (t[k - 1] - t[k - 2])
+        speed = direction * (place[k] - place[k - 1]) / (t[k] - t[k - 1])
+        if speed <= 0 and k - 1 >= sliding:  # It has turned or come to rest between the samples.
             return float(t[k - 1])
-        if 0 < speed < before:
-            apex = 0.5 * (t[k] + t[k - 1]) + speed * 0.5 * (t[k] - t[k - 2]) / (before - speed)
+        if 0 < speed < speed_before:
+            apex = 0.5 * (t[k] + t[k - 1]) + speed * 0.5 * (t[k] - t[k - 2]) / (speed_before - speed)
             if t[sliding] <= apex <= t[k + 1]:
                 return float(apex)
     return float(t[first])
 
 
 def slip_onset(t: Array, place: Array, rest: Rest, power: int) -> float | None:
-    """When a string at rest began to slide again [s]; None if it only turned there, or did not move again.
+    """Return when a string at rest began to slide again [s]; None if it only turned there, or did not move again.
 
-    The distance slid grows as the time's ``power``; the line through its root at two distances is carried back to zero. Good to
-    some 3 ms: the power law is only the leading term, and the resolution hides the start.
+    The distance grows as the time since the onset to the ``power``: its root is a straight line, which is extrapolated to zero
+    from two distances. Accurate to about 3 ms: the power law is only the leading term, and the resolution hides the start.
     """
     if rest.last == rest.first:
         return None
     moved = np.abs(place[rest.last :] - np.median(place[rest.first : rest.last + 1]))
+    # Two distances whose ratio is 8: with the cubic law their roots differ by a factor of 2.
     near, far = (np.flatnonzero(moved > times * RESOLUTION) for times in (1, 8))
     if not len(far):
         return None
@@ -142,34 +144,34 @@ def slip_onset(t: Array, place: Array, rest: Rest, power: int) -> float | None:
     return max(onset, rest.stop) if onset - rest.stop >= REST_TIME else None
 
 
-def rests(t: Array, place: Array, resolution: float = RESOLUTION) -> list[Rest]:
-    """Every stop of the string, in the order of time: turns, and rests of at least `REST_TIME`.
+def find_rests(t: Array, place: Array, resolution: float = RESOLUTION) -> list[Rest]:
+    """Return every stop of the string in order of time: turns, and rests of at least `REST_TIME`.
 
-    A rest that lasts since the release is the first of the list, with a stop at the first sample's time.
+    A rest that lasts since the release comes first, with its stop at the time of the first sample.
     """
-    still = resting(place, resolution)
+    still = resting_samples(place, resolution)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
-    found = [
+    stops = [
         Rest(stop=stop_time(t, place, int(first), resolution), first=int(first), last=int(end) - 1)
         for first, end in zip(edges[::2], edges[1::2], strict=True)
     ]
-    for turn in turns(place, resolution):
+    for turn in turning_points(place, resolution):
         if not still[turn]:
             near = turn - 1
             while near > 0 and abs(place[near] - place[turn]) <= resolution:
                 near -= 1
-            found.append(Rest(stop=stop_time(t, place, near + 1, resolution), first=turn, last=turn))
-    return sorted(found, key=lambda rest: rest.stop)
+            stops.append(Rest(stop=stop_time(t, place, near + 1, resolution), first=turn, last=turn))
+    return sorted(stops, key=lambda rest: rest.stop)
 
 
 def halting_time(t: Array, place: Array, resolution: float, *, ended: bool) -> float | None:
-    """Start of the rest that lasts to the last sample [s]: from there on the string moves by at most ``resolution`` [m].
+    """Return the start [s] of the final rest, in which the string moves by at most ``resolution`` [m].
 
-    None if there is none, or if it was not watched long enough: `MIN_REST` where the run was cut, `REST_TIME` where it
+    None if there is no such rest, or if it is too short: `MIN_REST` is needed where the run was cut, `REST_TIME` where it
     ``ended`` because the light mass reached the rod.
     """
     if len(t) < 3:
         return None
-    first = final_rest(place, resolution)
+    first = final_rest_start(place, resolution)
     time = stop_time(t, place, first, resolution)
     return time if t[-1] - time >= (REST_TIME if ended else MIN_REST) else None

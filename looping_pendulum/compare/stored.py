@@ -1,4 +1,4 @@
-"""A comparison read back from its folder, trajectories included, so that a page can be made anew without running engines."""
+"""Reads a comparison back from its folder, with its trajectories, so that a page can be made without running engines."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from looping_pendulum.compare.align import SAME_TIME, align
 from looping_pendulum.compare.export import CSV_COLUMNS, trajectory_files
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.compare.result import ComparisonResult, ResultError, ResultSamples, RunProvenance
+from looping_pendulum.compare.result import ComparisonResult, ResultSamples, RunProvenance
 from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.trajectory import (
@@ -25,18 +25,19 @@ from looping_pendulum.engines.trajectory import (
     Trajectory,
     TrajectoryEvent,
 )
+from looping_pendulum.errors import ResultError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios.scenario import Scenario
 
-TRIED_AGAIN = (RunStatus.INTERRUPTED, RunStatus.TIME_LIMIT, RunStatus.MEMORY_LIMIT)
-"""Ends after which a run is worth another try."""
+RETRIED_STATUSES = (RunStatus.INTERRUPTED, RunStatus.TIME_LIMIT, RunStatus.MEMORY_LIMIT)
+"""Statuses of runs that are made again, because another try may succeed."""
 
 
 def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine]) -> ComparisonResult | None:
-    """Return what `write` left in ``folder`` if it is of just these ``engines`` on this ``scenario``, trajectories included.
+    """Return the comparison in ``folder``, with trajectories, if it is of these ``engines`` on this ``scenario``.
 
-    None if there is nothing, if it is of another input or version, if a run was cut short, or if a file cannot be read.
+    None if there is none, if it is of another input or version, if a run was cut short, or if a file cannot be read.
     """
     try:
         result = ComparisonResult.from_json((folder / "result.json").read_text(encoding="utf-8"))
@@ -45,7 +46,7 @@ def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine]) -
             return None
         if result.run_keys != tuple(run_key(engine, scenario) for engine in engines):
             return None
-        if any(RunStatus[engine.status] in TRIED_AGAIN for engine in result.engines):
+        if any(RunStatus[engine.status] in RETRIED_STATUSES for engine in result.engines):
             return None
         return replace(result, samples=_samples(result, folder / "trajectories"))
     except (OSError, ValueError, KeyError, IndexError, ResultError):
@@ -54,15 +55,15 @@ def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine]) -
 
 def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
     """Read the trajectories of ``result`` from their CSV files."""
-    true = result.reference
+    exact = result.reference
     reference = _trajectory(
         folder / "reference.csv",
-        engine=true.engine,
-        variant=true.variant,
+        engine=exact.engine,
+        variant=exact.variant,
         profile="",
         scenario=result.scenario,
-        events=tuple(TrajectoryEvent(name=name, time=time) for name, time in true.events),
-        provenance=_provenance(true.provenance),
+        events=tuple(TrajectoryEvent(name=name, time=time) for name, time in exact.events),
+        provenance=_provenance(exact.provenance),
     )
 
     def at(times: Array) -> Trajectory:
@@ -86,7 +87,7 @@ def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
 
 
 def _trajectory(path: Path | None, **fields: Any) -> Trajectory:
-    """Read what `export.trajectory_csv` wrote; without a file, a run without samples."""
+    """Read a file that `export.trajectory_csv` wrote; without a path, return a run without samples."""
     lines = [] if path is None else path.read_text(encoding="utf-8").splitlines()
     head = [name for name, _ in CSV_COLUMNS]
     if lines and lines[0].split(",") != [*head, "mode"]:
@@ -119,13 +120,13 @@ def _trajectory(path: Path | None, **fields: Any) -> Trajectory:
     )
 
 
-def _rows(run: Trajectory, place: np.ndarray) -> Trajectory:
-    """``run`` at the samples ``place``."""
+def _rows(run: Trajectory, indices: np.ndarray) -> Trajectory:
+    """Return ``run`` at the samples ``indices``."""
     names = ("t", "light_position", "light_velocity", "heavy_position", "heavy_velocity", "free_length", "wrap_angle", "mode")
-    changed: dict[str, Any] = {name: getattr(run, name)[place] for name in (*names, "string_stretch")}
+    changed: dict[str, Any] = {name: getattr(run, name)[indices] for name in (*names, "string_stretch")}
     return replace(run, **changed)
 
 
-def _provenance(told: RunProvenance) -> Provenance:
-    supplies = {s.what.replace(" ", "_"): Supply(by=Supplier(s.by), how=s.how) for s in told.supplies}
-    return Provenance(versions=told.versions, settings=told.settings, supplies=Supplies(**supplies), seed=told.seed)
+def _provenance(stored: RunProvenance) -> Provenance:
+    supplies = {s.what.replace(" ", "_"): Supply(by=Supplier(s.by), how=s.how) for s in stored.supplies}
+    return Provenance(versions=stored.versions, settings=stored.settings, supplies=Supplies(**supplies), seed=stored.seed)

@@ -1,4 +1,4 @@
-"""Markdown tables for people."""
+"""Renders Markdown tables."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["GAP", "fixed", "number", "signed", "table"]
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:
-    """Markdown table; the first ``left`` columns are text, the others numbers."""
+    """Return a Markdown table; the first ``left`` columns are aligned left as text, the others right as numbers."""
     align = ["---"] * left + ["---:"] * (len(head) - left)
     lines = [head, align, *([_cell(c) for c in row] for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"

@@ -1,4 +1,4 @@
-"""A scenario's tolerances, judged: kept, broken, broken as expected, kept against expectation, or not run."""
+"""Judges a scenario's tolerances: passed, failed, failed as expected, passed unexpectedly, or not run."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from looping_pendulum.compare.result import EngineResult, ToleranceOutcome, Tole
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.scenarios.scenario import Tolerance
 
-AT_LEAST = frozenset({"tube_fraction", "simulated_time"})
-"""Metrics that are good when large: their limit is the smallest value allowed."""
+LOWER_LIMIT_METRICS = frozenset({"tube_fraction", "simulated_time"})
+"""Metrics whose limit is the smallest value allowed; of all others the magnitude must be at most the limit."""
 
-NOT_RUN = frozenset({RunStatus.MISSING, RunStatus.UNSUPPORTED, RunStatus.INTERRUPTED})
-"""Statuses that say nothing against an engine: the gap is shown and does not fail."""
+NOT_RUN_STATUSES = frozenset({RunStatus.MISSING, RunStatus.UNSUPPORTED, RunStatus.INTERRUPTED})
+"""Statuses of a run that was not made or not finished for reasons outside the engine: its tolerances neither pass nor fail."""
 
 
 def judge(tolerances: Iterable[Tolerance], engines: Iterable[EngineResult]) -> tuple[ToleranceResult, ...]:
     """Judge each tolerance whose engine and profile are among ``engines``.
 
-    One of an engine that was not asked for says nothing and is left out.
+    Tolerances of engines that were not run are left out.
     """
     runs = {(e.label, e.profile): e for e in engines}
-    return tuple(judge_one(t, runs[t.engine, t.profile]) for t in tolerances if (t.engine, t.profile) in runs)
+    return tuple(judge_tolerance(t, runs[t.engine, t.profile]) for t in tolerances if (t.engine, t.profile) in runs)
 
 
-def judge_one(tolerance: Tolerance, run: EngineResult) -> ToleranceResult:
+def judge_tolerance(tolerance: Tolerance, run: EngineResult) -> ToleranceResult:
     """Judge one tolerance against its engine's run."""
     value = run.metrics[tolerance.metric]
     outcome, explanation = _outcome(tolerance, run, value)
@@ -44,23 +44,23 @@ def judge_one(tolerance: Tolerance, run: EngineResult) -> ToleranceResult:
 def _outcome(tolerance: Tolerance, run: EngineResult, value: float | None) -> tuple[ToleranceOutcome, str]:
     if value is None and not run.available:
         return ToleranceOutcome.NOT_RUN, run.status_sentence
-    kept = value is not None and _keeps(tolerance, value)
+    passes = value is not None and _passes(tolerance, value)
     if tolerance.expected_failure:
-        if kept:
-            return ToleranceOutcome.UNEXPECTED_PASS, "kept although it was declared out of reach: correct the scenario"
+        if passes:
+            return ToleranceOutcome.UNEXPECTED_PASS, "passes although a failure is expected; correct the scenario"
         return ToleranceOutcome.EXPECTED_FAILURE, tolerance.expected_failure
-    if kept:
+    if passes:
         return ToleranceOutcome.PASSED, ""
-    return ToleranceOutcome.FAILED, "" if value is not None else _no_value(run)
+    return ToleranceOutcome.FAILED, "" if value is not None else _why_no_value(run)
 
 
-def _keeps(tolerance: Tolerance, value: float) -> bool:
-    return value >= tolerance.limit if tolerance.metric in AT_LEAST else abs(value) <= tolerance.limit
+def _passes(tolerance: Tolerance, value: float) -> bool:
+    return value >= tolerance.limit if tolerance.metric in LOWER_LIMIT_METRICS else abs(value) <= tolerance.limit
 
 
-def _no_value(run: EngineResult) -> str:
+def _why_no_value(run: EngineResult) -> str:
     if not run.ok:
         return f"no value: {run.status_sentence}"
     if run.not_comparable:
         return f"no value: {run.not_comparable}"
-    return "no value: the run or the reference does not reach what it measures"
+    return "no value: the run or the reference ends before the time at which the metric is taken"

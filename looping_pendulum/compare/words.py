@@ -1,4 +1,4 @@
-"""Names that the program uses, in words for people."""
+"""Plain-language descriptions of the names of events, modes and physics."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from looping_pendulum.compare.align import SAME_TIME
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE
 from looping_pendulum.reference_ode.transitions import Mode
 
-EVENT_WORDS = {
+EVENT_DESCRIPTIONS = {
     "release": "the release",
     "stop": "a stop of the heavy mass",
     "stick": "the string began to stick",
@@ -21,32 +21,35 @@ EVENT_WORDS = {
     "unwrapped": "the string left the rod",
 }
 
-PHYSICS_WORDS = {
+PHYSICS_DESCRIPTIONS = {
     "winding": "the winding",
     "friction_law": "the string's friction on the rod",
     "stick_slip": "sticking and slipping",
     "drag": "the drag",
     "static_friction": "a static friction other than the kinetic one",
 }
-"""Name of a piece of physics, as `Abilities.lacks` and `Supplies` have it -> words for it."""
+"""Name of a piece of physics, as in `Abilities.lacks` and `Supplies` -> its description."""
 
 
-def told_events(events: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:
-    """(name, time [s]) of the events worth telling, one per moment: a halt is also a stop and a stick, and says it best."""
+def events_to_show(events: Iterable[tuple[str, float]]) -> list[tuple[str, float]]:
+    """Return (name, time [s]) of the events that a reader should see.
+
+    Of simultaneous events only one is kept: a halt is also a stick and a stop, and is the most informative of the three.
+    """
     rank = {name: place for place, name in enumerate(("halt", "stick", "stop"))}
-    told: list[tuple[str, float]] = []
+    shown: list[tuple[str, float]] = []
     for name, time in sorted(events, key=lambda e: (e[1], rank.get(e[0], -1))):
-        if name == "release" or name not in EVENT_WORDS:
+        if name == "release" or name not in EVENT_DESCRIPTIONS:
             continue
-        if told and time - told[-1][1] < SAME_TIME and name in rank:
+        if shown and time - shown[-1][1] < SAME_TIME and name in rank:
             continue
-        told.append((name, time))
-    return told
+        shown.append((name, time))
+    return shown
 
 
-def mode_words(mode: int) -> str:
-    """Mode of the reference in plain words."""
-    words = {
+def mode_description(mode: int) -> str:
+    """Describe a mode of the reference in plain words."""
+    descriptions = {
         Mode.STICKING: "the string sticks to the rod",
         Mode.ROLLING: "the string sticks to the rod, which turns",
         Mode.SLIDING_DOWN: "the string slides and the heavy mass falls",
@@ -57,4 +60,4 @@ def mode_words(mode: int) -> str:
         Mode.FALLING: "both masses fall freely",
         Mode.ENDED: "the reference ends",
     }
-    return "the reference does not say its mode" if mode == UNKNOWN_MODE else words[Mode(mode)]
+    return "the mode of the reference is unknown" if mode == UNKNOWN_MODE else descriptions[Mode(mode)]

@@ -1,1 +1,1 @@
-"""Close the loop with measured data: read it, fit the model, name what the model lacks, and say how sure that is."""
+"""Compare the model with measured data: read them, fit the model, find what it lacks, and report how certain that is."""

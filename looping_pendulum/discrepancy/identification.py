@@ -1,4 +1,4 @@
-"""From fitted models to the one result object."""
+"""Turn the models that a search ends with into the result object."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from looping_pendulum.discrepancy.data.study import Study
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.event_tests import errors_by_unit
-from looping_pendulum.discrepancy.fit.likelihood import interval
+from looping_pendulum.discrepancy.fit.event_tests import event_rms_by_unit
+from looping_pendulum.discrepancy.fit.likelihood import likelihood_interval
 from looping_pendulum.discrepancy.listed.attribution import rms
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.result import (
@@ -41,68 +41,71 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Conclusion:
-    """What the search ended with."""
+    """Models and records that a search ended with."""
 
     before: CandidateModel
+    """The declared model, calibrated."""
     after: CandidateModel
+    """The repaired model; the declared one if nothing was added."""
     ties: tuple[CandidateModel, ...]
+    """Models that the data cannot tell apart, the best first."""
     rounds: tuple[Round, ...]
     experiments: tuple[Experiment, ...]
     unlisted: Unlisted | None = None
-    scaled: ScaledErrors | None = None
-    """Set if errors were scaled to contain a remainder."""
+    scaled_errors: ScaledErrors | None = None
+    """Errors that contain a remainder; None: the errors from the scatter of the tracked points sufficed."""
 
     @property
-    def enlarged(self) -> bool:
-        """Whether the models' errors contain it."""
-        return self.scaled is not None and bool(self.after.added)
+    def has_scaled_errors(self) -> bool:
+        """Whether the errors of `before` and `after` contain the remainder."""
+        return self.scaled_errors is not None and bool(self.after.added)
 
     @property
-    def lasting(self) -> float:
-        """Marks that count as one in the models' errors."""
-        return self.scaled.lasting if self.scaled and self.enlarged else 1.0
+    def autocorrelation_time(self) -> float:
+        """Autocorrelation time in the errors of `before` and `after` [points]; 1: the errors are independent."""
+        return self.scaled_errors.autocorrelation_time if self.scaled_errors and self.has_scaled_errors else 1.0
 
 
 def identification(
-    study: Study, data: Sequence[str], seed: int, verdict: Verdict, found: Conclusion, provenance: Mapping[str, str]
+    study: Study, data: Sequence[str], seed: int, verdict: Verdict, conclusion: Conclusion, provenance: Mapping[str, str]
 ) -> Identification:
-    """Put the result together."""
-    before, after = found.before, found.after
+    """Return the result; ``data`` says for each trial what was used of it."""
+    before, after = conclusion.before, conclusion.after
     effects = _effects(after)
-    ties = tuple(_effects(t) for t in found.ties)
+    ties = tuple(_effects(t) for t in conclusion.ties)
     return Identification(
         study=study.name,
         title=study.title,
         seed=seed,
         verdict=verdict,
-        sentence=_sentence(verdict, effects, ties, found),
+        sentence=_sentence(verdict, effects, ties, conclusion),
         effects=effects,
         ties=ties,
-        unlisted=found.unlisted,
-        remainder=_remainder(found),
-        next_experiments=found.experiments,
-        rounds=found.rounds,
-        errors=_errors(before, after, found.lasting),
+        unlisted=conclusion.unlisted,
+        remainder=_remainder(conclusion),
+        next_experiments=conclusion.experiments,
+        rounds=conclusion.rounds,
+        errors=_errors(before, after, conclusion.autocorrelation_time),
         events=_events(before, after),
         before=_fit_report(before),
         after=_fit_report(after),
-        judged_on="held-out trials" if before.unseen.fits else "held-out blocks of time",
+        judged_on="held-out trials" if before.held_out.fits else "held-out blocks of time",
         data=tuple(data),
         provenance=provenance,
         scenario=_scenario(study, after, effects),
-        pictures=_pictures(before, after, found.lasting),
+        trial_figures=_trial_figures(before, after, conclusion.autocorrelation_time),
     )
 
 
 def _effects(model: CandidateModel) -> tuple[IdentifiedEffect, ...]:
     values, errors = model.fit.values, model.fit.errors
-    # what its companions shape is seldom linear in the numbers
-    curved = {c.name: interval(model.fit, c.name) for c in model.added if c.companions}
-    return tuple(_effect(c, values, errors, curved.get(c.name)) for c in model.added)
+    # An effect whose further coefficients are fitted with it is seldom linear in them, so a standard error may mislead.
+    intervals = {c.name: likelihood_interval(model.fit, c.name) for c in model.added if c.companions}
+    return tuple(_identified_effect(c, values, errors, intervals.get(c.name)) for c in model.added)
 
 
-def _effect(
-    c: Candidate, values: Mapping[str, float], errors: Mapping[str, float], between: tuple[float, float] | None
+def _identified_effect(
+    c: Candidate, values: Mapping[str, float], errors: Mapping[str, float], interval: tuple[float, float] | None
 ) -> IdentifiedEffect:
     return IdentifiedEffect(
         name=c.name,
@@ -112,135 +115,156 @@ def _effect(
         formula=c.formula,
         source=c.source,
         parameter=c.parameter,
-        meaning=c.how.value,
+        meaning=c.role.value,
         value=values[c.name],
         error=errors[c.name],
-        interval=between,
-        null=c.null,
+        interval=interval,
+        null_value=c.null,
         unit=c.unit,
         companions=tuple((k.name, values[k.name], errors[k.name]) for k in c.companions),
     )
 
 
-def told(effect: IdentifiedEffect) -> str:
-    """One effect in words: "linear_drag = 0.00120 +/- 0.00003 kg/s"."""
-    known = f"{effect.name} = {uncertain(effect.value, effect.error, effect.unit)}"
+def effect_in_words(effect: IdentifiedEffect) -> str:
+    """Return an effect in words: "linear_drag = 0.00120 +/- 0.00003 kg/s"."""
+    text = f"{effect.name} = {uncertain(effect.value, effect.error, effect.unit)}"
     if effect.interval is None:
-        return known
+        return text
     low, high = (number(x) for x in effect.interval)
-    return f"{known} ({low} to {high} by likelihood)"
+    return f"{text} ({low} to {high} by likelihood)"
 
 
 def _sentence(
-    verdict: Verdict, effects: Sequence[IdentifiedEffect], ties: Sequence[Sequence[IdentifiedEffect]], found: Conclusion
+    verdict: Verdict, effects: Sequence[IdentifiedEffect], ties: Sequence[Sequence[IdentifiedEffect]], conclusion: Conclusion
 ) -> str:
+    """Return the verdict in words."""
     if verdict is Verdict.NO_MISSING_EFFECT:
         return "The declared model explains the data to their noise; nothing was added."
-    left = _left(found.before)
-    remainder = _remainder(found)
+    misfit = _misfit_in_words(conclusion.before)
+    remainder = _remainder(conclusion)
     if verdict is Verdict.IDENTIFIED:
-        added = " and ".join(told(e) for e in effects)
-        rest = f"but for a remainder: {_told_remainder(remainder)}" if remainder else "and nothing is left"
-        return f"{added} explains what the declared model leaves, {rest}. Without it, {left}."
-    if verdict is Verdict.AMBIGUOUS:
-        each = "; or ".join(" and ".join(told(e) for e in tie) for tie in ties)
-        rest = f" A remainder stays: {_told_remainder(remainder)}." if remainder else ""
-        return f"The declared model leaves something: {left}. These data cannot tell which explains it: {each}.{rest}"
-    if verdict is Verdict.INTERRUPTED:
-        return f"Interrupted; what was found until then stands below. With the declared model, {left or 'nothing is left'}."
-    if found.unlisted is not None:
-        force = found.unlisted
-        each = "; ".join(f"{p.side}: {p.formula} N" for p in force.profiles)
-        name = force.depends_on.replace("_", " ")
+        added = " and ".join(effect_in_words(e) for e in effects)
+        rest = f"but for a remainder: {_remainder_in_words(remainder)}" if remainder else "to their noise"
         return (
-            f"The declared model leaves something that no listed effect explains: {left}. A force on the {force.acts_on} "
-            f"that depends on the {name} s does ({each}): on data that no fit saw chi2 per value falls from "
-            f"{number(force.held_out_before)} to {number(force.held_out_after)}."
+            f"{added} {'explain' if len(effects) > 1 else 'explains'} the data {rest}. With the declared model alone, {misfit}."
         )
-    best = next((r for r in found.rounds[0].ranking if r.gain is not None), None) if found.rounds else None
+    if verdict is Verdict.AMBIGUOUS:
+        each = "; or ".join(" and ".join(effect_in_words(e) for e in tie) for tie in ties)
+        rest = f" A remainder stays: {_remainder_in_words(remainder)}." if remainder else ""
+        return (
+            f"The declared model does not explain the data: {misfit}. Several explanations fit them equally well: {each}.{rest}"
+        )
+    if verdict is Verdict.INTERRUPTED:
+        return f"Interrupted; the report has what was found until then. With the declared model, {misfit or 'no test fails'}."
+    unexplained = f"The declared model does not explain the data, and no effect of the library does: {misfit}."
+    if conclusion.unlisted is not None:
+        force = conclusion.unlisted
+        each = "; ".join(f"{p.side}: {p.formula} N" for p in force.profiles)
+        return (
+            f"{unexplained} A force on the {force.acts_on} as a function of the {force.depends_on.replace('_', ' ')} s does "
+            f"({each}): on held-out data chi2 per value falls from {number(force.held_out_chi2_before)} to "
+            f"{number(force.held_out_chi2_after)}."
+        )
+    rounds = conclusion.rounds
+    best = next((r for r in rounds[0].ranking if r.delta_bic is not None), None) if rounds else None
     nearest = f" The nearest is {best.name}, which does not pass: {best.reason}." if best else ""
     rest = ""
-    if found.scaled is not None:
-        errors = f"errors that contain what even the best explanation leaves ({amount(found.scaled.ratio)} times the scatter)"
-        asked = found.rounds and found.rounds[-1].errors_times != 1
-        rest = f" Nor does one by {errors}." if asked else f" By {errors} the declared model is not refuted."
-    return f"The declared model leaves something that no listed effect explains: {left}.{nearest}{rest} Nothing was added."
+    if conclusion.scaled_errors is not None:
+        scaled_round = rounds and rounds[-1].error_factor != 1
+        rest = (
+            " With errors that contain what even the best explanation leaves "
+            f"({amount(conclusion.scaled_errors.ratio)} times the scatter), "
+            + ("no effect passes either." if scaled_round else "the declared model is not refuted.")
+        )
+    return f"{unexplained}{nearest}{rest} Nothing was added."
 
 
-def _left(model: CandidateModel) -> str:
-    """In words what a model leaves; the tests with their numbers stand under the model in the report. Empty: nothing."""
-    tests, found = model.tests, []
+def _misfit_in_words(model: CandidateModel) -> str:
+    """Return in words how a model misses the data; empty if it passes all tests.
+
+    The report lists the failed tests with their values under each model.
+    """
+    tests = model.tests
+    phrases = []
     if tests.chi2_per_dof > tests.limit:
-        found.append(f"the residual is {amount(math.sqrt(tests.chi2_per_dof))} times as large as the noise")
-    if loud := sum(not group.quiet for group in tests.groups):
-        found.append(f"{loud} of the residual's {len(tests.groups)} parts show structure")
-    if tests.events is not None and not tests.events.quiet:
-        found.append(tests.events.told)
-    if not model.unseen.explained:
-        found.append(f"the data that no fit saw are off by {amount(math.sqrt(model.unseen.worst))} times the noise")
-    found += model.objections
-    return ", ".join(found) or "; ".join(model.alarms)
+        phrases.append(f"the residuals are {amount(math.sqrt(tests.chi2_per_dof))} times as large as the noise")
+    if failed := sum(not group.passes for group in tests.groups):
+        phrases.append(f"{failed} of {len(tests.groups)} parts of the residuals {'shows' if failed == 1 else 'show'} structure")
+    if tests.events is not None and not tests.events.passes:
+        phrases.append(tests.events.description)
+    if not model.held_out.passes:
+        phrases.append(f"the held-out data are off by {amount(math.sqrt(model.held_out.worst))} times the noise")
+    phrases += model.other_failures
+    return ", ".join(phrases) or "; ".join(model.failed_tests)
 
 
-def _remainder(found: Conclusion) -> Remainder | None:
-    if found.scaled is None:
+def _remainder(conclusion: Conclusion) -> Remainder | None:
+    scaled, after = conclusion.scaled_errors, conclusion.after
+    if scaled is None:
         return None
-    channel = found.after.fit.problem.data[0].channels[0]
     return Remainder(
-        rms=found.scaled.beyond(found.after.fit, found.after.unseen, enlarged=found.enlarged),
-        unit=channel.unit,
-        ratio=found.scaled.ratio,
-        lasting=found.scaled.lasting,
-        least=found.scaled.least,
+        rms=scaled.excess_rms(after.fit, after.held_out, scaled_errors=conclusion.has_scaled_errors),
+        unit=after.fit.problem.data[0].channels[0].unit,
+        birge_ratio=scaled.ratio,
+        autocorrelation_time=scaled.autocorrelation_time,
+        best_explanation=scaled.best_explanation,
     )
 
 
-def _told_remainder(remainder: Remainder) -> str:
+def _remainder_in_words(remainder: Remainder) -> str:
     rms = quantity(remainder.rms, remainder.unit)
     return (
-        f"marks are off by {rms} more than they scatter; nothing in the library explains that, "
-        f"and it was taken for errors of the marks (times {amount(remainder.ratio)}, lasting {amount(remainder.lasting)} marks)"
+        f"tracked points are off by {rms} more than they scatter; nothing in the library explains that, and it was taken for "
+        f"errors of the points, {amount(remainder.birge_ratio)} times their scatter, with an autocorrelation time of "
+        f"{amount(remainder.autocorrelation_time)} points"
     )
 
 
-def _errors(before: CandidateModel, after: CandidateModel, lasting: float) -> tuple[TrialError, ...]:
+def _errors(before: CandidateModel, after: CandidateModel, autocorrelation_time: float) -> tuple[TrialError, ...]:
+    """Return the errors of both models for every trial, or for all held-out blocks of time together."""
     rows = []
     for k, d in enumerate(before.fit.problem.data):
-        chi2 = [lasting * _chi2(m.fit, k) for m in (before, after)]
-        sizes = [rms(m.fit, k) for m in (before, after)]
-        units = [errors_by_unit(m.fit, k) for m in (before, after)]
-        rows.append(_trial_error(d.trial.name, False, sizes, chi2, units))
-    for i, name in enumerate(before.unseen.names if before.unseen.fits else ()):
-        chi2 = [m.unseen.chi2[i] for m in (before, after)]
-        units = [errors_by_unit(m.unseen.fits[i], 0) for m in (before, after)]
-        rows.append(_trial_error(name, True, [m.unseen.rms[i] for m in (before, after)], chi2, units))
-    if not before.unseen.fits:
-        sizes = [m.unseen.rms[0] for m in (before, after)]
-        rows.append(_trial_error("blocks of time", True, sizes, [m.unseen.chi2[0] for m in (before, after)], [{}, {}]))
+        # Scaled errors are larger by the root of the autocorrelation time, so that sums count independent points only; a mean
+        # square in event_rms of a single point's error has to undo that. Held-out tests have done so already.
+        chi2 = [autocorrelation_time * _chi2(m.fit, k) for m in (before, after)]
+        rms_values = [rms(m.fit, k) for m in (before, after)]
+        event_rms = [event_rms_by_unit(m.fit, k) for m in (before, after)]
+        rows.append(_trial_error(d.trial.name, False, rms_values, chi2, event_rms))
+    for i, name in enumerate(before.held_out.names if before.held_out.fits else ()):
+        chi2 = [m.held_out.chi2[i] for m in (before, after)]
+        event_rms = [event_rms_by_unit(m.held_out.fits[i], 0) for m in (before, after)]
+        rows.append(_trial_error(name, True, [m.held_out.rms[i] for m in (before, after)], chi2, event_rms))
+    if not before.held_out.fits:
+        rms_values = [m.held_out.rms[0] for m in (before, after)]
+        rows.append(_trial_error("blocks of time", True, rms_values, [m.held_out.chi2[0] for m in (before, after)], [{}, {}]))
     return tuple(rows)
 
 
 def _trial_error(
-    name: str, held_out: bool, sizes: Sequence[float | None], chi2: Sequence[float], units: Sequence[Mapping[str, float]]
+    name: str,
+    held_out: bool,
+    rms_values: Sequence[float | None],
+    chi2: Sequence[float],
+    event_rms: Sequence[Mapping[str, float]],
 ) -> TrialError:
     return TrialError(
         trial=name,
         held_out=held_out,
-        rms_before=sizes[0],
-        rms_after=sizes[1],
-        noise_before=math.sqrt(chi2[0]),
-        noise_after=math.sqrt(chi2[1]),
-        events_before=units[0],
-        events_after=units[1],
+        rms_before=rms_values[0],
+        rms_after=rms_values[1],
+        standardised_rms_before=math.sqrt(chi2[0]),
+        standardised_rms_after=math.sqrt(chi2[1]),
+        events_before=event_rms[0],
+        events_after=event_rms[1],
     )
 
 
 def _events(before: CandidateModel, after: CandidateModel) -> tuple[EventResidual, ...]:
     rows = []
-    for b, a, k, held_out in _pairs(before, after):
+    for b, a, k, held_out in _fits_of_trials(before, after):
         data = b.problem.data[k]
-        found = [fit.problem.predict_events(fit.x, k).tolist() for fit in (b, a)] if data.events else [[], []]
-        for row, first, last in zip(data.events, *found, strict=True):
+        predicted = [fit.problem.predict_events(fit.x, k).tolist() for fit in (b, a)] if data.events else [[], []]
+        for row, by_declared, by_repaired in zip(data.events, *predicted, strict=True):
             rows.append(
                 EventResidual(
                     trial=data.trial.name,
@@ -250,53 +274,55 @@ def _events(before: CandidateModel, after: CandidateModel) -> tuple[EventResidua
                     unit=row.unit,
                     measured=row.value,
                     sigma=row.sigma,
-                    before=first if math.isfinite(first) else None,
-                    after=last if math.isfinite(last) else None,
+                    before=by_declared if math.isfinite(by_declared) else None,
+                    after=by_repaired if math.isfinite(by_repaired) else None,
                 )
             )
     return tuple(rows)
 
 
 def _chi2(fit: Fit, k: int) -> float:
+    """Return chi-square per value of trial ``k``."""
     return float(np.mean(np.square(_standardised(fit, k))))
 
 
 def _standardised(fit: Fit, k: int) -> Array:
+    """Return the residuals of trial ``k`` in units of their standard errors."""
     d = fit.problem.data[k]
     return np.asarray((d.value - fit.problem.predict(fit.x, k)) / d.sigma)
 
 
 def _fit_report(model: CandidateModel) -> FitReport:
     fit = model.fit
-    values, errors, stuck = fit.values, fit.errors, set(fit.at_bounds)
+    values, errors, at_bounds = fit.values, fit.errors, set(fit.at_bounds)
     return FitReport(
-        numbers=tuple(
+        parameters=tuple(
             FittedParameter(
                 name=n.name,
                 value=values[n.name],
                 error=errors[n.name],
                 measured=n.start,
                 measured_error=n.scale if n.prior == 1.0 else None,
-                at_bound=n.name in stuck,
+                at_bound=n.name in at_bounds,
             )
-            for n in fit.problem.numbers
+            for n in fit.problem.free_parameters
         ),
         correlations=fit.correlations(),
-        condition=fit.condition,
+        condition_number=fit.condition,
         chi2_per_dof=model.tests.chi2_per_dof,
-        held_out=model.unseen.worst,
-        largest_score=abs(model.left[0].score) if model.left else 0.0,
-        alarms=model.alarms,
-        starts=model.starts,
+        held_out_chi2=model.held_out.worst,
+        largest_score=abs(model.remaining[0].score) if model.remaining else 0.0,
+        failed_tests=model.failed_tests,
+        start_costs=model.start_costs,
     )
 
 
 def _scenario(study: Study, model: CandidateModel, effects: Sequence[IdentifiedEffect]) -> str:
-    """The first training trial under the repaired model, as a scenario file."""
-    parameters, _ = model.fit.problem.setting(model.fit.x, 0)
+    """Return the first training trial under the repaired model as the text of a scenario file."""
+    parameters, _ = model.fit.problem.parameters_and_camera(model.fit.x, 0)
     d = model.fit.problem.data[0]
-    camera = ", ".join(told(e) for e in effects if e.acts_on == "camera")
-    added = ", ".join(told(e) for e in effects if e.acts_on != "camera") or "nothing"
+    camera = ", ".join(effect_in_words(e) for e in effects if e.acts_on == "camera")
+    added = ", ".join(effect_in_words(e) for e in effects if e.acts_on != "camera") or "nothing"
     text = f"Fitted to the trials of the study '{study.name}', as trial '{d.trial.name}'. Added to what was declared: {added}."
     if camera:
         text += f" The camera's own errors are no part of a scenario: {camera}."
@@ -311,31 +337,32 @@ def _scenario(study: Study, model: CandidateModel, effects: Sequence[IdentifiedE
     )
 
 
-def _pairs(before: CandidateModel, after: CandidateModel) -> list[tuple[Fit, Fit, int, bool]]:
-    """Fits before and after of every trial, which of theirs it is, and whether it was held out."""
+def _fits_of_trials(before: CandidateModel, after: CandidateModel) -> list[tuple[Fit, Fit, int, bool]]:
+    """Return (fit of the declared model, of the repaired one, index of the trial in them, whether held out) of every trial."""
     pairs = [(before.fit, after.fit, k, False) for k in range(len(before.fit.problem.data))]
-    return pairs + [(b, a, 0, True) for b, a in zip(before.unseen.fits, after.unseen.fits, strict=True)]
+    return pairs + [(b, a, 0, True) for b, a in zip(before.held_out.fits, after.held_out.fits, strict=True)]
 
 
-def _pictures(before: CandidateModel, after: CandidateModel, lasting: float) -> tuple[TrialFigure, ...]:
-    seen = [pair for pair in _pairs(before, after) if pair[0].problem.data[pair[2]].channels]
-    return tuple(_picture(*pair, math.sqrt(lasting)) for pair in seen)
+def _trial_figures(before: CandidateModel, after: CandidateModel, autocorrelation_time: float) -> tuple[TrialFigure, ...]:
+    tracked = [pair for pair in _fits_of_trials(before, after) if pair[0].problem.data[pair[2]].channels]
+    return tuple(_trial_figure(*pair, math.sqrt(autocorrelation_time)) for pair in tracked)
 
 
-def _picture(before: Fit, after: Fit, k: int, held_out: bool, times: float) -> TrialFigure:
+def _trial_figure(before: Fit, after: Fit, k: int, held_out: bool, factor: float) -> TrialFigure:
+    """Return the arrays of a trial's figure, residuals times ``factor``, the root of the autocorrelation time."""
     d = before.problem.data[k]
 
-    def split(values: Array) -> dict[str, Array]:
+    def by_channel(values: Array) -> dict[str, Array]:
         return {name: values[part] for name, part in d.slices.items()}
 
     return TrialFigure(
         trial=d.trial.name,
         held_out=held_out,
         channels=tuple(d.slices),
-        t=split(d.t),
-        measured=split(d.value),
-        before=split(before.problem.predict(before.x, k)),
-        after=split(after.problem.predict(after.x, k)),
-        residual_before=split(times * _standardised(before, k)),
-        residual_after=split(times * _standardised(after, k)),
+        t=by_channel(d.t),
+        measured=by_channel(d.value),
+        before=by_channel(before.problem.predict(before.x, k)),
+        after=by_channel(after.problem.predict(after.x, k)),
+        residual_before=by_channel(factor * _standardised(before, k)),
+        residual_after=by_channel(factor * _standardised(after, k)),
     )

@@ -1,4 +1,4 @@
-"""The loop: read, calibrate what is declared, search for what it lacks, conclude."""
+"""Identify the physics that a declared model lacks: read the data, calibrate, search, and put the result together."""
 
 from __future__ import annotations
 
@@ -6,36 +6,39 @@ import contextlib
 import math
 import platform
 import time
-from importlib.metadata import PackageNotFoundError, version
 
 from looping_pendulum import __version__
-from looping_pendulum.discrepancy.identification import Conclusion, identification
 from looping_pendulum.discrepancy.data.study import Study
+from looping_pendulum.discrepancy.identification import Conclusion, identification
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.next_experiment import best_experiments
 from looping_pendulum.discrepancy.result import Experiment, Identification, Verdict
-from looping_pendulum.discrepancy.search import Progress, Search
-from looping_pendulum.discrepancy.unlisted.description import unlisted
-from looping_pendulum.discrepancy.workers import Workers, available
+from looping_pendulum.discrepancy.search import ProgressCallback, Search
+from looping_pendulum.discrepancy.unlisted.description import describe_unlisted_force
+from looping_pendulum.discrepancy.workers import Workers, default_process_count
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.versions import MISSING, installed_version
 
-REPORTING = 0.97
-"""Share of the work after which only the report is made, whatever the time limit."""
+REPORT_SHARE = 0.97
+"""Share of the work from which on only the result is put together, which the time limit does not end."""
 
 
 class OutOfTimeError(HarnessError, TimeoutError):
-    """The time limit was over before anything was found."""
+    """The time limit was over before the declared model was calibrated."""
 
 
 class _OutOfTime(KeyboardInterrupt):
-    """The time limit is over: what was found is told as after Ctrl-C, and nothing on the way takes it for a fault."""
+    """The time limit is over: what was found is reported, as after Ctrl-C.
+
+    A KeyboardInterrupt is no Exception, so no handler of failed fits on the way catches it.
+    """
 
 
 def identify(
     study: Study,
     *,
     seed: int = 0,
-    progress: Progress = lambda what, share: None,
+    progress: ProgressCallback = lambda what, share: None,
     workers: int | None = None,
     time_limit: float | None = None,
 ) -> Identification:
@@ -44,14 +47,14 @@ def identify(
     Parameters
     ----------
     seed
-        Of the second start of the calibration; all else is the same for the same input.
+        Seed of the random second start of the calibration; nothing else is random.
     progress
-        Called now and then.
+        Called with a description of each step and the share of all work that is done.
     workers
-        Processes that share the work, this one included: the result is the same by any number. None: two, if there are as many
-        processors.
+        Number of processes that share the work, this one included; the result does not depend on it. None: two, if there are as
+        many processors.
     time_limit
-        After this long [s] the search ends with the step that it is at, as after Ctrl-C, and says so; None: never.
+        Time [s] after which the search ends at its next step, as after Ctrl-C, and the verdict says so; None: no limit.
 
     Raises
     ------
@@ -64,15 +67,15 @@ def identify(
     """
     deadline = math.inf if time_limit is None else time.monotonic() + time_limit
 
-    def watched(what: str, share: float) -> None:
-        if time.monotonic() > deadline and share < REPORTING:
+    def progress_within_limit(what: str, share: float) -> None:
+        if time.monotonic() > deadline and share < REPORT_SHARE:
             raise _OutOfTime
         progress(what, share)
 
     progress("reading", 0.0)
     try:
-        with Workers(available() if workers is None else workers) as team:
-            return _identify(study, seed, watched, team)
+        with Workers(default_process_count() if workers is None else workers) as team:
+            return _identify(study, seed, progress_within_limit, team)
     except _OutOfTime:
         message = (
             f"--time-limit: found no fit of the declared model within {time_limit:g} s; check the study's units and values"
@@ -80,47 +83,47 @@ def identify(
         raise OutOfTimeError(f"{message}, or allow more") from None
 
 
-def _identify(study: Study, seed: int, progress: Progress, workers: Workers) -> Identification:
+def _identify(study: Study, seed: int, progress: ProgressCallback, workers: Workers) -> Identification:
+    """Identify; an interrupt after the calibration ends the search, one before it is raised."""
     inputs = read_inputs(study)
     search = Search(inputs, seed, progress, workers)
     interrupted = False
     try:
         search.run()
     except KeyboardInterrupt:
-        if search.base is None:
+        if search.declared_model is None:
             raise
         interrupted = True
-    progress("reporting", REPORTING)
+    progress("reporting", REPORT_SHARE)
     verdict, model, ties = search.conclusion(interrupted)
-    assert search.base is not None
+    assert search.declared_model is not None
     experiments: tuple[Experiment, ...] = ()
     if len(ties) > 1:
         with contextlib.suppress(KeyboardInterrupt):
             experiments = best_experiments(study, [t.fit for t in ties], [t.names for t in ties])
-    force = unlisted(search.forces, search.formulas, search.base.unseen.worst) if verdict is Verdict.UNLISTED else None
+    force = None
+    if verdict is Verdict.UNLISTED:
+        force = describe_unlisted_force(search.forces, search.formulas, search.declared_model.held_out.worst)
     return identification(
         inputs.study,
         [o.summary() for _, o in inputs.observed],
         seed,
         verdict,
         Conclusion(
-            before=search.base,
+            before=search.declared_model,
             after=model,
             ties=ties,
             rounds=tuple(search.rounds),
             experiments=experiments,
             unlisted=force,
-            scaled=search.scaled,
+            scaled_errors=search.scaled_errors,
         ),
         _provenance(),
     )
 
 
 def _provenance() -> dict[str, str]:
-    found = {"looping-pendulum": __version__, "python": platform.python_version()}
-    for package in ("numpy", "scipy", "heyoka"):
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found
+    """Return package -> version."""
+    found = {package: installed_version(package) for package in ("numpy", "scipy", "heyoka")}
+    installed = {package: version for package, version in found.items() if version != MISSING}
+    return {"looping-pendulum": __version__, "python": platform.python_version()} | installed

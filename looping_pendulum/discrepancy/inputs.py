@@ -1,4 +1,4 @@
-"""Everything read from a study's files, made ready to be fitted."""
+"""Read all files of a study and make their data ready to be fitted."""
 
 from __future__ import annotations
 
@@ -6,27 +6,32 @@ from dataclasses import dataclass
 
 from looping_pendulum.discrepancy.data.observations import DataError, Observations
 from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
-from looping_pendulum.discrepancy.fit.event_prediction import check_events
-from looping_pendulum.discrepancy.fit.other_units import refuse_other_units
+from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
+from looping_pendulum.discrepancy.fit.other_units import refuse_wrong_units
 from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem, TrialData, free_parameters_of
-from looping_pendulum.discrepancy.fit.residual import data_of
+from looping_pendulum.discrepancy.fit.residual import trial_data
 from looping_pendulum.discrepancy.listed.candidates import Candidate, candidates
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Inputs:
-    """Everything read from a study's files."""
+    """All data of a study, its free parameters, and the candidates that could be added to its model."""
 
     study: Study
     observed: tuple[tuple[Trial, Observations], ...]
+    """Every trial with its observations as they were read."""
     training: tuple[TrialData, ...]
-    numbers: tuple[FreeParameter, ...]
-    held: tuple[tuple[TrialData, tuple[FreeParameter, ...]], ...]
+    """Data of the trials that are fitted."""
+    free_parameters: tuple[FreeParameter, ...]
+    """Parameters of the declared model that a fit of the training trials may change."""
+    held_out: tuple[tuple[TrialData, tuple[FreeParameter, ...]], ...]
+    """Data of each held-out trial, with the free parameters of that trial."""
     library: tuple[Candidate, ...]
+    """Everything that could be added to the declared model."""
 
 
 def read_inputs(study: Study) -> Inputs:
-    """Read every trial.
+    """Read every trial of a study.
 
     Raises
     ------
@@ -37,20 +42,22 @@ def read_inputs(study: Study) -> Inputs:
     for _, o in observed:
         if not o.used:
             raise DataError(f"{o.file}: found no measured value, needed at least one; leave this trial out")
-        check_events(o)
+        check_event_rows(o)
     training = tuple((t, o) for t, o in observed if not t.held_out)
-    numbers = free_parameters_of(study, training)
+    free_parameters = free_parameters_of(study, training)
+    # A camera error can be a candidate only if it shows in every training trial.
     cameras = [set(study.camera_priors(t, o)) for t, o in training]
     shared = [n for n in study.camera_priors(*training[0]) if all(n in c for c in cameras)]
-    data = tuple(data_of(t, o) for t, o in training)
-    held = tuple((data_of(t, o), free_parameters_of(study, [(t, o)])) for t, o in observed if t.held_out)
-    for part, own in ((data, numbers), *(((one,), few) for one, few in held)):
-        refuse_other_units(Problem(study, part, own))
+    data = tuple(trial_data(t, o) for t, o in training)
+    held_out = tuple((trial_data(t, o), free_parameters_of(study, [(t, o)])) for t, o in observed if t.held_out)
+    refuse_wrong_units(Problem(study, data, free_parameters))
+    for trial, parameters in held_out:
+        refuse_wrong_units(Problem(study, (trial,), parameters))
     return Inputs(
         study=study,
         observed=observed,
         training=data,
-        numbers=numbers,
-        held=held,
-        library=candidates(study, numbers, shared),
+        free_parameters=free_parameters,
+        held_out=held_out,
+        library=candidates(study, free_parameters, shared),
     )

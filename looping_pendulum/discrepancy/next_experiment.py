@@ -1,4 +1,4 @@
-"""The trial, within the experimenter's limits, that would best tell tied explanations apart."""
+"""Find the trial, within the experimenter's limits, that would best tell tied explanations apart."""
 
 from __future__ import annotations
 
@@ -18,25 +18,33 @@ from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 
-ANGLES, RATIOS = 5, 3
-"""How many values of each are tried between the limits."""
-LISTED = 3
-FRAME_RATE, DURATION, NOISE = 240.0, 1.0, 1e-3
-"""Of the imagined trial [Hz, s, m], where the study's own trials do not say."""
-NAME = "next"
+ANGLE_COUNT = 5
+"""Release angles that are tried between the limits."""
+RATIO_COUNT = 3
+"""Mass ratios that are tried between the limits."""
+MAX_EXPERIMENTS = 3
+"""Trials that are proposed."""
+FRAME_RATE = 240.0
+"""Frame rate of a proposed trial [Hz]."""
+DURATION = 1.0
+"""Duration of a proposed trial [s]."""
+NOISE = 1e-3
+"""Standard error of a coordinate in a proposed trial [m]."""
+TRIAL_NAME = "next"
+"""Name of a proposed trial in the problems that are built of it."""
 
 
 def best_experiments(study: Study, fits: Sequence[Fit], names: Sequence[tuple[str, ...]]) -> tuple[Experiment, ...]:
-    """Rank imagined trials by the distance between the first two explanations, in units of noise, after refitting all else.
+    """Rank possible trials by the distance between the two closest explanations, in units of noise, after a refit of all else.
 
     Parameters
     ----------
     fits
         Tied explanations, the best first.
     names
-        What each has that the declared model has not.
+        Names of the effects that each explanation adds to the declared model.
     """
-    found = []
+    experiments = []
     for trial in _trials(study, fits[0]):
         try:
             pairs = [(_distance(study, trial, a, b), (i, j)) for (i, a), (j, b) in itertools.combinations(enumerate(fits), 2)]
@@ -44,83 +52,87 @@ def best_experiments(study: Study, fits: Sequence[Fit], names: Sequence[tuple[st
             continue
         distance, (i, j) = min(pairs)
         masses = [known.value for p in ("heavy_mass", "light_mass") if (known := study.estimate(p, trial)) is not None]
-        found.append(
+        experiments.append(
             Experiment(
                 release=trial.release.value,
-                release_angle=trial.own["release_angle"].value if "release_angle" in trial.own else math.pi,
+                release_angle=trial.estimates["release_angle"].value if "release_angle" in trial.estimates else math.pi,
                 mass_ratio=masses[0] / masses[-1],
                 distance=distance,
                 tells_apart=("+".join(names[i]), "+".join(names[j])),
             )
         )
-    return tuple(sorted(found, key=lambda e: -e.distance)[:LISTED])
+    return tuple(sorted(experiments, key=lambda e: -e.distance)[:MAX_EXPERIMENTS])
 
 
 def _trials(study: Study, fit: Fit) -> Iterator[Trial]:
-    """Imagined trials: the first one's apparatus, with another release or heavy mass."""
-    like = next((t for t in study.training if t.release is Release.LOOPING), None)
-    light = study.estimate("light_mass", like) if like else None
-    if like is None or light is None:
+    """Yield possible trials: the apparatus of the first training trial, with another release or heavy mass."""
+    template = next((t for t in study.training if t.release is Release.LOOPING), None)
+    light = study.estimate("light_mass", template) if template else None
+    if template is None or light is None:
         return
-    angles = np.linspace(*(study.limits.release_angle or (math.radians(60), math.radians(130))), ANGLES)
-    ratios = np.geomspace(*(study.limits.mass_ratio or (4.0, 10.0)), RATIOS)
+    angles = np.linspace(*(study.limits.release_angle or (math.radians(60), math.radians(130))), ANGLE_COUNT)
+    ratios = np.geomspace(*(study.limits.mass_ratio or (4.0, 10.0)), RATIO_COUNT)
     for release, ratio in itertools.product(study.limits.releases, ratios):
+        # a drop has no string, and where the heavy mass is held its mass does not matter
         if release is Release.DROP or (release is Release.HELD and ratio != ratios[0]):
             continue
         for angle in angles if release is not Release.VERTICAL else angles[:1]:
-            own = dict(like.own)
-            heavy = like.own.get("heavy_mass") or study.apparatus.get("heavy_mass")
-            own["heavy_mass"] = Estimate(value=float(ratio) * light.value, sigma=_relative(heavy) * float(ratio) * light.value)
+            own = dict(template.estimates)
+            heavy = template.estimates.get("heavy_mass") or study.apparatus.get("heavy_mass")
+            own["heavy_mass"] = Estimate(
+                value=float(ratio) * light.value, sigma=_relative_error(heavy) * float(ratio) * light.value
+            )
             angle_known = own.pop("release_angle", None) or Estimate(value=0.0, sigma=math.radians(1))
             if release is not Release.VERTICAL:
                 own["release_angle"] = Estimate(value=float(angle), sigma=angle_known.sigma or math.radians(0.5))
             else:
-                length = study.estimate("free_length", like)
+                length = study.estimate("free_length", template)
                 assert length is not None
                 own["free_length"] = Estimate(value=length.value, sigma=length.sigma or 1e-3)
-            yield dataclasses.replace(like, name=NAME, release=release, own=own, held_out=False)
+            yield dataclasses.replace(template, name=TRIAL_NAME, release=release, estimates=own, held_out=False)
 
 
-def _relative(known: Estimate | None) -> float:
+def _relative_error(known: Estimate | None) -> float:
+    """Return the relative standard error of an estimate; half a percent where none is stated."""
     return known.sigma / known.value if known and known.sigma else 0.005
 
 
-def _distance(study: Study, trial: Trial, one: Fit, other: Fit) -> float:
-    """Mahalanobis distance of the two predictions; what either would refit to the new trial counts as uncertainty."""
-    wider = dataclasses.replace(study, trials=(*study.trials, trial))
+def _distance(study: Study, trial: Trial, first: Fit, second: Fit) -> float:
+    """Return the Mahalanobis distance of two fits' predictions; what a refit to the new trial would change is uncertainty."""
+    extended = dataclasses.replace(study, trials=(*study.trials, trial))
     t = np.arange(1, int(DURATION * FRAME_RATE)) / FRAME_RATE
     channels = tuple(Channel(name=n, t=t, value=np.zeros(len(t))) for n in ("light_x", "light_y", "heavy_x", "heavy_y"))
-    observations = Observations(name=NAME, file=NAME, channels=channels)
+    observations = Observations(name=TRIAL_NAME, file=TRIAL_NAME, channels=channels)
     data = TrialData(trial=trial, channels=channels, sigma=np.full(4 * len(t), NOISE))
-    own = free_parameters_of(wider, [(trial, observations)])
-    problem, x, covariance = _placed(wider, data, own, one)
+    own = free_parameters_of(extended, [(trial, observations)])
+    problem, x, covariance = _problem_of_trial(extended, data, own, first)
     predicted = problem.predict(x, 0)
-    rival, y, _ = _placed(wider, data, own, other)
-    apart = (predicted - rival.predict(y, 0)) / data.sigma
-    if not np.all(np.isfinite(apart)):
-        raise DataError("the rival predictions are not finite")
-    jacobian = problem.jacobian(x)[: len(apart)]
-    # (I + J C J')^-1 by Woodbury
-    inner = np.linalg.pinv(covariance, hermitian=True) + jacobian.T @ jacobian
-    projected = jacobian.T @ apart
-    square = float(apart @ apart - projected @ np.linalg.solve(inner, projected))
+    other_problem, other_x, _ = _problem_of_trial(extended, data, own, second)
+    difference = (predicted - other_problem.predict(other_x, 0)) / data.sigma
+    if not np.all(np.isfinite(difference)):
+        raise DataError("the predictions are not finite")
+    jacobian = problem.jacobian(x)[: len(difference)]
+    # d' (I + J C J')^-1 d by the Woodbury identity, which inverts a matrix of the size of the parameters, not of the data
+    information = np.linalg.pinv(covariance, hermitian=True) + jacobian.T @ jacobian
+    projected = jacobian.T @ difference
+    square = float(difference @ difference - projected @ np.linalg.solve(information, projected))
     return math.sqrt(max(square, 0.0))
 
 
-def _placed(study: Study, data: TrialData, own: Sequence[FreeParameter], fit: Fit) -> tuple[Problem, Array, Array]:
-    """Problem of the imagined trial under one explanation, with what its fit says of each number and how surely."""
-    known = {n.name: i for i, n in enumerate(fit.problem.numbers)}
-    library = {n.name for n in own}
+def _problem_of_trial(study: Study, data: TrialData, own: Sequence[FreeParameter], fit: Fit) -> tuple[Problem, Array, Array]:
+    """Return the problem of a possible trial under one explanation, and the values and covariance of its fit's parameters."""
+    index = {n.name: i for i, n in enumerate(fit.problem.free_parameters)}
+    own_names = {n.name for n in own}
     added = [
-        dataclasses.replace(n, trials=(*n.trials, NAME))
-        for n in fit.problem.numbers
-        if "." not in n.name and n.name not in library
+        dataclasses.replace(n, trials=(*n.trials, TRIAL_NAME))
+        for n in fit.problem.free_parameters
+        if "." not in n.name and n.name not in own_names
     ]
-    numbers = [*own, *added]
-    x = np.zeros(len(numbers))
-    covariance = np.diag([(n.prior or 10.0) ** 2 for n in numbers])
-    here = [i for i, n in enumerate(numbers) if n.name in known]
-    there = [known[numbers[i].name] for i in here]
-    x[here] = fit.x[there]
-    covariance[np.ix_(here, here)] = fit.covariance[np.ix_(there, there)]
-    return Problem(study, [data], numbers), x, covariance
+    parameters = [*own, *added]
+    x = np.zeros(len(parameters))
+    covariance = np.diag([(n.prior or 10.0) ** 2 for n in parameters])
+    shared = [i for i, n in enumerate(parameters) if n.name in index]
+    in_fit = [index[parameters[i].name] for i in shared]
+    x[shared] = fit.x[in_fit]
+    covariance[np.ix_(shared, shared)] = fit.covariance[np.ix_(in_fit, in_fit)]
+    return Problem(study, [data], parameters), x, covariance

@@ -1,38 +1,38 @@
-"""What identification found, as plain data: the one object that the report, the figures and verdict.json are made of.
+"""The result of an identification as plain data: the report, the figures and verdict.json are made of this one object.
 
-Layout of ``verdict.json``: ``schema`` {id, version}, then the fields of `Identification` by their names, as documented there;
-SI and radians; null for what is not known or not finite. Fields marked `compare=False` (arrays for figures) are left out.
+SI and radians throughout, unless a unit is given. `verdict_file` writes it as verdict.json.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
 
-from looping_pendulum.compare.json_text import plain
+from looping_pendulum.pages.notebook import ShownInNotebook
 from looping_pendulum.reference_ode.geometry import Array
-
-SCHEMA_ID = "looping-pendulum/identification"
-SCHEMA_VERSION = 2
 
 
 class Verdict(StrEnum):
     """What the data say about the declared model."""
 
     NO_MISSING_EFFECT = "no_missing_effect"
+    """The declared model explains the data to their noise."""
     IDENTIFIED = "identified"
+    """One effect, or two, explain the data better than all others do, and held-out data, too."""
     AMBIGUOUS = "ambiguous"
+    """Several explanations fit equally well."""
     UNLISTED = "unlisted"
+    """No effect of the library explains the data, but an unknown force as a function of one coordinate does."""
     UNEXPLAINED = "unexplained"
+    """The declared model does not explain the data, and nothing that was tried does."""
     INTERRUPTED = "interrupted"
+    """The search was ended by Ctrl-C or by its time limit."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifiedEffect:
-    """One effect that the declared model lacks or has wrong."""
+    """One effect that the declared model lacks or has wrong, with its fitted value."""
 
     name: str
     kind: str
@@ -42,73 +42,82 @@ class IdentifiedEffect:
     source: str
     parameter: str
     meaning: str
-    """How the value enters: "is", "multiplies"."""
+    """How the value enters: it "is" the parameter, or "multiplies" it."""
     value: float
+    """Fitted value [unit]."""
     error: float
-    """Standard error."""
+    """Standard error [unit]."""
     interval: tuple[float, float] | None
-    """Where the cost rises by nine, all else refitted, as at three standard errors; None: the model is nearly linear in it."""
-    null: float
-    """Value at which the effect is absent."""
+    """Profile-likelihood interval [unit]: at its ends the cost, all else refitted, is larger by nine, as at three standard
+    errors of a linear model. None: the model is nearly linear in the value."""
+    null_value: float
+    """Value at which the effect is absent [unit]."""
     unit: str
     companions: tuple[tuple[str, float, float], ...]
-    """Further coefficients of the effect, fitted with it: name, value, standard error [SI]."""
+    """Further coefficients that were fitted with the effect: name, value, standard error [SI]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RankedCandidate:
-    """One candidate in one round."""
+    """How one candidate did in one round."""
 
     name: str
     kind: str
     score: float
-    """z of its sensitivity against what the model leaves."""
-    gain: float | None
-    """On the Bayesian information criterion; None: not refitted."""
+    """z of a score test: the candidate's sensitivity against the residuals of the model without it."""
+    delta_bic: float | None
+    """Decrease of the Bayesian information criterion by adding the candidate; None: the candidate was not refitted."""
     value: float | None
+    """Fitted value [SI]."""
     error: float | None
-    held_out: float | None
-    """Largest chi2 per value on data that no fit saw; None: not judged."""
+    """Standard error [SI]."""
+    held_out_chi2: float | None
+    """Largest chi2 per value on held-out data; None: the refit was not judged."""
     passes: bool
     reason: str
-    """Why it does not pass; empty if it does."""
+    """Why the candidate does not pass; empty if it does."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Round:
-    """One addition: what the model had, and how the candidates did."""
+    """One round of the search, which tries to add one effect."""
 
     added_before: tuple[str, ...]
+    """Effects that earlier rounds added to the declared model."""
     ranking: tuple[RankedCandidate, ...]
-    """Best first."""
+    """All candidates, the best first."""
     best: str
     runner_up: str
     margin: float | None
-    """Gain of the best less that of the runner-up."""
-    errors_times: float = 1.0
-    """By how much the marks' standard errors were multiplied, so that they contain the remainder."""
+    """Delta BIC of the best less that of the runner-up."""
+    error_factor: float = 1.0
+    """Factor on the standard errors of the tracked points, so that they contain the remainder."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrialError:
-    """How far a model is from one trial."""
+    """How far the declared and the repaired model are from one trial."""
 
     trial: str
     held_out: bool
     rms_before: float | None
-    """Residual of the declared model after calibration, of the light mass's place where it was seen [m]; None: only events."""
+    """RMS residual of the calibrated declared model [m]: of the light mass's position where it was tracked, else of all
+    channels; None: the trial has only events."""
     rms_after: float | None
-    noise_before: float
-    """Root mean square in units of the noise."""
-    noise_after: float
+    """The same of the repaired model [m]."""
+    standardised_rms_before: float
+    """RMS residual of the calibrated declared model in units of the noise; 1 is the best possible."""
+    standardised_rms_after: float
+    """The same of the repaired model."""
     events_before: Mapping[str, float]
-    """SI unit -> root mean square of measured less predicted events of that unit."""
+    """SI unit -> RMS of measured less predicted events of that unit, by the calibrated declared model."""
     events_after: Mapping[str, float]
+    """The same by the repaired model."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EventResidual:
-    """One measured event beside both models."""
+    """One measured event beside the predictions of both models."""
 
     trial: str
     held_out: bool
@@ -116,105 +125,117 @@ class EventResidual:
     index: int
     unit: str
     measured: float
-    """[unit]"""
+    """Measured value [unit]."""
     sigma: float
     """Standard error [unit]."""
     before: float | None
-    """What the declared model says after its calibration [unit]; None: it does not happen in its run."""
+    """Prediction of the calibrated declared model [unit]; None: the event does not happen in its run."""
     after: float | None
+    """The same of the repaired model."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FittedParameter:
-    """One number of the fit."""
+    """One parameter of a fit."""
 
     name: str
     value: float
+    """Fitted value [SI]."""
     error: float
+    """Standard error [SI]."""
     measured: float
-    """What was measured or where the fit began."""
+    """Measured value, or the start value where nothing was measured [SI]."""
     measured_error: float | None
+    """Standard error of the measured value [SI]; None: nothing was measured."""
     at_bound: bool
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitReport:
-    """How a fit went."""
+    """Parameters and diagnostics of a fit."""
 
-    numbers: tuple[FittedParameter, ...]
+    parameters: tuple[FittedParameter, ...]
     correlations: tuple[tuple[str, str, float], ...]
-    """Pairs above 0.9 in size."""
-    condition: float
-    """Of the scaled Jacobian."""
+    """Pairs of parameters whose correlation exceeds 0.9 in size: two names, and the correlation."""
+    condition_number: float
+    """Condition number of the scaled Jacobian."""
     chi2_per_dof: float
-    held_out: float
-    """Largest chi2 per value on data that no fit saw."""
+    """Chi-square per degree of freedom (reduced chi-square)."""
+    held_out_chi2: float
+    """Largest chi2 per value on held-out data."""
     largest_score: float
-    """Of any candidate that was left."""
-    alarms: tuple[str, ...]
-    """What is not quiet; empty: nothing is left."""
-    starts: tuple[float, ...]
-    """Costs that the starts ended at."""
+    """Largest |z| of the candidates that could still be added."""
+    failed_tests: tuple[str, ...]
+    """Tests that the model fails, with their values; empty: the model explains the data to their noise."""
+    start_costs: tuple[float, ...]
+    """Cost (sum of squared standardised residuals) at which the fit from each start ended."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """A trial that would separate what is tied."""
+    """A trial that would separate tied explanations."""
 
     release: str
     release_angle: float
-    """[rad]"""
+    """Angle of release [rad]."""
     mass_ratio: float
-    """M2/M1"""
+    """Heavy over light mass, M2/M1."""
     distance: float
-    """Expected distance between the tied explanations [units of noise], after all else is fitted to the new trial."""
+    """Expected distance between the two closest of the tied explanations [units of noise], all else fitted to the new trial."""
     tells_apart: tuple[str, str]
+    """The two explanations that the trial separates least well."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForceProfile:
-    """An unknown force on one side, as a function of one coordinate."""
+    """An unknown force in one direction, as a function of one coordinate."""
 
     side: str
     """"along" the light mass's string towards the rod, "across" it, or on the "heavy" mass upward."""
     coordinate: tuple[float, ...]
+    """Coordinates of the points of the profile [`Unlisted.unit`]."""
     value: tuple[float, ...]
-    """[N], or [N s/m] if multiplied by a speed."""
+    """Force at each point, as radial basis functions [N], or [N s/m] if multiplied by a speed."""
     error: tuple[float, ...]
     """Standard error of each value."""
     largest: float
+    """Value of largest size of the formula, or of the radial basis functions where no formula is accepted."""
     largest_at: float
     """Coordinate of the largest value."""
-    sure_from: float | None
-    sure_to: float | None
-    """Where it exceeds two standard errors; None: nowhere."""
+    significant_from: float | None
+    """Smallest coordinate at which the force exceeds two standard errors; None: nowhere."""
+    significant_to: float | None
+    """Largest coordinate at which the force exceeds two standard errors; None: nowhere."""
     formula: str
-    """What acts on this side in the model that goes on: the refitted formula, or words for the bumps where none stands; s is
-    the coordinate, u and w the light mass's speeds."""
-    written: tuple[float, ...] | None
-    """Values of the refitted formula along the coordinate; None: none stands."""
+    """Force in this direction in the repaired model: the refitted formula, or words for the radial basis functions where no
+    formula is accepted; s is the coordinate, u and w the light mass's speeds."""
+    fitted_formula_values: tuple[float, ...] | None
+    """Values of the refitted formula along the coordinate; None: no formula is accepted."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class OtherClosure:
-    """Another form of the unknown force that was refitted."""
+    """Another closure (coordinate, factor and mass) of the unknown force that was refitted."""
 
     acts_on: str
     depends_on: str
     multiplied_by: str
-    gain: float
-    held_out: float
+    twice_log_bayes_factor: float
+    """Twice the log of the Bayes factor over the declared model, by the linearised model."""
+    held_out_chi2: float
+    """Largest chi2 per value on held-out data."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FormulaParameter:
-    """One number of a formula, fitted to the trajectories together with all numbers of the declared model."""
+    """One parameter of a formula, fitted to the trajectories together with all parameters of the declared model."""
 
     name: str
-    """"place", "width", or the side and what it is there: "across_height"."""
+    """"place", "width", or the side and what the parameter is there: "across_height"."""
     value: float
+    """Fitted value [unit]."""
     error: float
-    """Standard error."""
+    """Standard error [unit]."""
     unit: str
 
 
@@ -225,62 +246,68 @@ class Formula:
     form: str
     depends_on: str
     multiplied_by: str
-    numbers: tuple[FormulaParameter, ...]
-    gain: float
-    """On the Bayesian information criterion, over the declared model."""
-    gain_of_bumps: float
-    """The same of the bumps that it came from, by the number of weights that the data set."""
-    held_out: float | None
-    """Largest chi2 per value on data that no fit saw; None: not judged, for it gains less."""
-    held_out_of_bumps: float
-    stands: bool
-    """Whether it gains more than its bumps and explains unseen data as well as the best bumps of all do."""
+    parameters: tuple[FormulaParameter, ...]
+    delta_bic: float
+    """Decrease of the Bayesian information criterion from the declared model to the formula."""
+    delta_bic_of_profile: float
+    """The same of the radial basis functions that the formula was fitted to, by their effective number of parameters."""
+    held_out_chi2: float | None
+    """Largest chi2 per value on held-out data; None: not judged, since a better formula was accepted or its delta BIC is too
+    far behind."""
+    held_out_chi2_of_profile: float
+    """The same of the radial basis functions that the formula was fitted to."""
+    accepted: bool
+    """Whether the formula has a larger delta BIC than its radial basis functions, and explains held-out data as well as the
+    best of all radial basis functions do."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unlisted:
-    """A force that no listed effect is."""
+    """An unknown force, which no effect of the library is."""
 
     acts_on: str
     depends_on: str
     multiplied_by: str
+    """Factor of the force beside the function of the coordinate: "constant", or a speed."""
     unit: str
-    """Of the coordinate."""
+    """Unit of the coordinate."""
     profiles: tuple[ForceProfile, ...]
+    """The force in each direction in which it acts."""
     formula: Formula | None
-    """The formula that the model goes on with; None: no simple formula explains unseen data as well as the bumps."""
+    """Formula in the repaired model; None: no simple formula explains held-out data as well as the radial basis functions."""
     formulas: tuple[Formula, ...]
     """Every formula that was refitted, the best first."""
     phase: str
-    """When most of it acts."""
-    gain: float
-    """Twice the log evidence over the declared model."""
-    held_out_before: float
-    """Largest chi2 per value of data that no fit saw."""
-    held_out_after: float
-    others: tuple[OtherClosure, ...]
-    """Refitted forms that explain unseen data less well."""
+    """Phase of the motion in which most of the force acts."""
+    twice_log_bayes_factor: float
+    """Twice the log of the Bayes factor over the declared model, by the linearised model."""
+    held_out_chi2_before: float
+    """Largest chi2 per value on held-out data of the declared model."""
+    held_out_chi2_after: float
+    """The same of the repaired model."""
+    other_closures: tuple[OtherClosure, ...]
+    """Other closures that were refitted."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Remainder:
-    """What no explanation removes, taken for errors of the marks that last longer than a frame."""
+    """What no explanation removes, taken for autocorrelated errors of the tracked points."""
 
     rms: float
-    """By how much marks are off the repaired model beyond their scatter [SI]."""
+    """By how much tracked points are off the repaired model beyond their scatter [unit]."""
     unit: str
-    """Of `rms`."""
-    ratio: float
-    """Of the marks' errors that explain what is left to their scatter (Birge's ratio)."""
-    lasting: float
-    """Marks over which they keep their sign: n marks count as n / lasting."""
-    least: str
-    """Explanation that leaves least; the errors are from it."""
+    """SI unit of `rms`."""
+    birge_ratio: float
+    """Errors of the tracked points that explain the residuals, over their scatter (Birge ratio)."""
+    autocorrelation_time: float
+    """Integrated autocorrelation time of the residuals [points]: n points count as n / autocorrelation_time."""
+    best_explanation: str
+    """Explanation with the smallest misfit; the errors are estimated from its residuals."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrialFigure:
-    """One trial's arrays for the figures; residuals in units of noise."""
+    """Arrays of one trial for the figures: channel -> values; residuals in units of noise."""
 
     trial: str
     held_out: bool
@@ -294,8 +321,8 @@ class TrialFigure:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Identification:
-    """Everything that identification found."""
+class Identification(ShownInNotebook):
+    """Everything that an identification yields."""
 
     study: str
     title: str
@@ -304,45 +331,35 @@ class Identification:
     sentence: str
     """The verdict in words."""
     effects: tuple[IdentifiedEffect, ...]
-    """Added to the model; if ambiguous, one of the tied explanations, the best."""
+    """Effects that were added to the model; if ambiguous, the best of the tied explanations."""
     ties: tuple[tuple[IdentifiedEffect, ...], ...]
-    """Every explanation that these data cannot tell from the best, the best included; empty unless ambiguous."""
+    """Every explanation that these data cannot tell from the best, including the best; empty unless ambiguous."""
     unlisted: Unlisted | None
     """The unknown force, if the verdict is unlisted."""
     remainder: Remainder | None
-    """What even the best explanation leaves; None if data are explained to their noise, or were not asked for it."""
+    """What even the best explanation leaves; None: the data are explained to their noise, or it was not estimated."""
     next_experiments: tuple[Experiment, ...]
-    """Best first."""
+    """Trials that would separate tied explanations, the best first."""
     rounds: tuple[Round, ...]
     errors: tuple[TrialError, ...]
     events: tuple[EventResidual, ...]
     """Every row of every event table."""
     before: FitReport
+    """Fit of the declared model."""
     after: FitReport
+    """Fit of the repaired model."""
     judged_on: str
-    """What no fit saw: "held-out trials" or "held-out blocks of time"."""
+    """Kind of held-out data: "held-out trials" or "held-out blocks of time"."""
     data: tuple[str, ...]
-    """What was used of each trial, and what not and why."""
+    """For each trial, how many values were used, and which were not and why."""
     provenance: Mapping[str, str]
-    """Versions."""
+    """Package -> version."""
     scenario: str = field(compare=False)
     """The repaired model of the first trial as a scenario file."""
-    pictures: tuple[TrialFigure, ...] = field(default=(), compare=False)
+    trial_figures: tuple[TrialFigure, ...] = field(default=(), compare=False)
+    """Arrays for the figure of each trial that was tracked."""
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the added effects."""
         return tuple(e.name for e in self.effects)
-
-    def _repr_html_(self) -> str:
-        """Show verdict, what was added and the errors in a notebook."""
-        from looping_pendulum.discrepancy.report.markdown import before_figures
-        from looping_pendulum.pages.markdown import html
-
-        return str(html("\n\n".join(before_figures(self))))
-
-
-def dump(result: Identification) -> str:
-    """Write a result as JSON text."""
-    tree: dict[str, Any] = {"schema": {"id": SCHEMA_ID, "version": SCHEMA_VERSION}} | plain(result)
-    return json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"

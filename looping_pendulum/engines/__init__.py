@@ -1,1 +1,1 @@
-"""Physics engines that rebuild the apparatus, each behind one shape; `protocol` has the shape, `registry` the list."""
+"""Adapters that build the apparatus in physics engines; `protocol` defines their interface, `registry` lists them."""

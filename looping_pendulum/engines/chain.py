@@ -1,4 +1,4 @@
-"""The string as a chain of links, and what a chain must correct to stand for a string: shared by the chain engines."""
+"""The string as a chain of links, with the corrections that it needs to represent a string: shared by all chain engines."""
 
 from __future__ import annotations
 
@@ -14,9 +14,12 @@ from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters
 
 MASS_FRACTION = 0.01
-"""Mass of the whole chain as a fraction of the light mass; the model's string has none."""
+"""Mass of the whole chain as a fraction of the light mass; the reference's string has no mass."""
 MASS_COMPENSATION = 0.4
-"""Share of the chain's mass taken off the light mass: the free part swings with it (a third, and the sliding part)."""
+"""Fraction of the chain's mass that is subtracted from the light mass, because the free part of the chain swings with it.
+
+A third is the inertia of a rod that turns about its end; the rest is the part that slides.
+"""
 
 ONE_COEFFICIENT = (
     "one Coulomb coefficient only: where static_friction differs from kinetic_friction, the kinetic one acts in both"
@@ -25,27 +28,31 @@ STRAIGHT_STRING = "straight string has no mass and stays straight: no waves run 
 NO_STOP = (
     "the rig does not stop where the string leaves the rod (wrap angle 0) or the heavy mass reaches it, as the reference does"
 )
-"""Limits that chains share."""
+"""Sentences on limits that several chain variants share."""
 BEADS_WEIGH = "beads on the rod weigh something, {:.2g} % of the light mass each; nothing is taken off the masses for them"
-"""An addition that bead chains share."""
+"""Sentence on an addition that all bead chains share; it takes the mass of a bead in percent of the light mass."""
 
-COMES = 0.2
-"""A bead comes when its place on the straight string is this near to the rod's polygon, in R bend^2: the place comes nearer
-by 1 while the string is wound, or slides, by one link."""
-GOES = 0.5
-"""The outermost bead goes when the string without it would pass the polygon at this distance, in R bend^2; more than `COMES`,
-so that none flickers."""
-LEAST_BEADS = 2
-"""Beads that always stay."""
-LEAST_LENGTH = 1.5
-"""A straight part shorter than this gets no more beads, in links."""
+ADD_THRESHOLD = 0.2
+"""A bead is added when its position on the straight string is this near to the rod's polygon, in units of R bend^2.
 
-Place = Sequence[float] | Array
-"""x and y [m]."""
+In these units the position approaches the polygon by 1 while the string is wound, or slides, by one link.
+"""
+REMOVE_THRESHOLD = 0.5
+"""The outermost bead is removed when the string without it would pass the polygon at this distance, in units of R bend^2.
+
+It is larger than `ADD_THRESHOLD`, so that no bead is added and removed in turn.
+"""
+MIN_BEADS = 2
+"""Number of beads that always remain."""
+MIN_STRAIGHT_LINKS = 1.5
+"""Length, in links, below which a straight part of the string gets no more beads."""
+
+Point = Sequence[float] | Array
+"""Coordinates x and y [m]."""
 
 
 def bead_supplies(rod: str, stick_slip: str) -> Supplies:
-    """Who supplies what in a chain whose beads come and go, over a ``rod`` of this shape."""
+    """Return who supplies which physics in a chain with a variable number of beads, over a ``rod`` of this shape."""
     return Supplies(
         winding=Supply(
             by=Supplier.ENGINE,
@@ -61,17 +68,17 @@ def bead_supplies(rod: str, stick_slip: str) -> Supplies:
     )
 
 
-def next_place(bead: Place, mass: Place, link_length: float) -> tuple[float, float]:
-    """Where the next bead would be on the straight string from ``bead`` to ``mass``: a link of this length [m] further."""
+def next_bead_position(bead: Point, mass: Point, link_length: float) -> tuple[float, float]:
+    """Return where the next bead would be on the straight string from ``bead`` to ``mass``: ``link_length`` [m] further."""
     (x, y), (mass_x, mass_y) = bead, mass
-    share = link_length / math.hypot(mass_x - x, mass_y - y)
-    return x + share * (mass_x - x), y + share * (mass_y - y)
+    fraction = link_length / math.hypot(mass_x - x, mass_y - y)
+    return x + fraction * (mass_x - x), y + fraction * (mass_y - y)
 
 
-class StraightParts:
-    """When a bead comes or goes where a straight part of the string meets the rod.
+class BeadCountRule:
+    """Rule for adding or removing a bead where a straight part of the string meets the rod.
 
-    A bead on a straight part carries nothing sideways, so one that comes or goes there changes no force.
+    A bead on a straight part bears no transverse force, so adding or removing one there changes no force.
 
     Parameters
     ----------
@@ -85,35 +92,36 @@ class StraightParts:
 
     def __init__(self, rod_radius: float, bend: float, node_radius: float) -> None:
         self.link_length = rod_radius * bend
-        lift = rod_radius * bend**2
-        self._comes, self._goes = ((node_radius + share * lift) ** 2 for share in (COMES, GOES))
+        unit = rod_radius * bend**2
+        self._add_below, self._remove_above = ((node_radius + n * unit) ** 2 for n in (ADD_THRESHOLD, REMOVE_THRESHOLD))
 
-    def change(self, mass: Place, outermost: Place, following: Place, rest_length: float, beads: int) -> int:
-        """How many of the ``beads`` come (1) or go (-1) between ``mass`` and the ``outermost``; ``following`` is next to that.
+    def bead_count_change(self, mass: Point, outermost: Point, following: Point, rest_length: float, beads: int) -> int:
+        """Return 1 to add a bead between ``mass`` and the ``outermost`` bead, -1 to remove the latter, 0 to change nothing.
 
-        ``rest_length`` [m] is the straight part's own.
+        ``following`` is the bead next to the outermost one, ``rest_length`` [m] that of the straight part, and ``beads`` the
+        present number of beads.
         """
-        x, y = next_place(outermost, mass, self.link_length)
-        if x * x + y * y < self._comes:
-            return 1 if rest_length > LEAST_LENGTH * self.link_length else 0
-        if beads > LEAST_BEADS:
-            x, y = next_place(following, mass, self.link_length)
-            return -1 if x * x + y * y > self._goes else 0
+        x, y = next_bead_position(outermost, mass, self.link_length)
+        if x * x + y * y < self._add_below:
+            return 1 if rest_length > MIN_STRAIGHT_LINKS * self.link_length else 0
+        if beads > MIN_BEADS:
+            x, y = next_bead_position(following, mass, self.link_length)
+            return -1 if x * x + y * y > self._remove_above else 0
         return 0
 
 
 class SlipGauge:
-    """How far the string has slid over the rod, read from a chain's nodes.
+    """Measures how far the string has slid over the rod, from the positions of a chain's nodes.
 
-    The rest length that hangs below the rod's centre tells it: none of it lies on the rod, and what the string stretches by is
-    no part of it. A polygon's corner that passes there changes it by less than R bend^3.
+    The slip is the change of the rest length that hangs below the rod's centre: none of that part lies on the rod, and the
+    string's stretch does not count in it. A corner of the polygon that passes there changes it by less than R bend^3.
     """
 
     def __init__(self) -> None:
         self._at_release: float | None = None
 
-    def read(self, places: Sequence[Place], rest_lengths: Sequence[float]) -> float:
-        """Slip since the first reading [m], positive where the string moved towards the heavy mass; NaN: it cannot be told.
+    def read(self, places: Sequence[Point], rest_lengths: Sequence[float]) -> float:
+        """Return the slip since the first reading [m], positive towards the heavy mass; NaN if it cannot be determined.
 
         ``places`` run from the light mass over every node to the heavy mass, ``rest_lengths`` [m] belong to the links between.
         """
@@ -123,10 +131,10 @@ class SlipGauge:
         return hanging - self._at_release
 
 
-def hanging_rest_length(places: Sequence[Place], rest_lengths: Sequence[float]) -> float:
-    """Rest length [m] from the heavy mass up to where the string first reaches the height of the rod's centre.
+def hanging_rest_length(places: Sequence[Point], rest_lengths: Sequence[float]) -> float:
+    """Return the rest length [m] from the heavy mass up to where the string first reaches the height of the rod's centre.
 
-    NaN where the heavy mass is not below that height. Arguments as for `SlipGauge.read`.
+    It is NaN where the heavy mass is not below that height. Arguments as for `SlipGauge.read`.
     """
     lower = places[-1][1]
     if not lower < 0:
@@ -142,7 +150,7 @@ def hanging_rest_length(places: Sequence[Place], rest_lengths: Sequence[float]) 
 
 
 def polygon_friction(friction: float, bend: float) -> float:
-    """Contact friction with which a polygon of corners ``bend`` [rad] obeys the capstan law of a circle.
+    """Return the contact friction with which a polygon of corners ``bend`` [rad] obeys the capstan law of a circle.
 
     A massless chain that slides over a corner of angle b under Coulomb contact friction m has the tension ratio
     (1 + m tan(b/2)) / (1 - m tan(b/2)); setting that to exp(mu b) gives m = tanh(mu b / 2) / tan(b / 2).
@@ -151,7 +159,7 @@ def polygon_friction(friction: float, bend: float) -> float:
 
 
 def polygon_radius(rod_radius: float, bend: Any) -> Any:
-    """Radius [m] on which nodes must lie so that links bent by ``bend`` [rad] (a number or an array) wind up R per radian.
+    """Return the radius [m] on which nodes must lie so that links bent by ``bend`` [rad] (float or array) wind up R per radian.
 
     A link of length h = R b turns the string by b where its nodes lie on the radius h / (2 sin(b/2)). The straight string then
     pivots about its last node from -b/2 to b/2, and its mean distance from the centre is then that times sin(b/2) / (b/2) = R.
@@ -160,7 +168,10 @@ def polygon_radius(rod_radius: float, bend: Any) -> Any:
 
 
 def point_on_string(parameters: Parameters, arc: float, node_radius: float) -> tuple[float, float]:
-    """Where the taut string is at release, ``arc`` [m] from the light mass; its wound part lies on ``node_radius`` [m]."""
+    """Return the point of the taut string at release that is ``arc`` [m] from the light mass, along the string.
+
+    Its wound part lies on a circle of ``node_radius`` [m].
+    """
     p = parameters
     wound_arc = arc - p.free_length
     if wound_arc < 0:

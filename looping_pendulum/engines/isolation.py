@@ -1,6 +1,6 @@
-"""Each run in a process of its own, with limits: an engine that crashes, hangs or eats memory takes nothing else with it.
+"""Run each engine in a process of its own, with limits, so that one that crashes, hangs or fills the memory harms no other run.
 
-The worker (`worker.py`) appends every sample to a file as it is made, so the parent keeps what a dead run had computed.
+The worker (`worker.py`) appends every sample to a file as it is computed, so the parent keeps the samples of a run that died.
 Whatever the engine prints, from Python or from C, goes to another file.
 """
 
@@ -20,42 +20,45 @@ import numpy as np
 
 from looping_pendulum.engines import memory
 from looping_pendulum.engines.job import RESULT, ROW_BYTES, SAMPLES, EngineJob, identity, read_rows
-from looping_pendulum.engines.memory import MEMORY_LIMIT, held_memory, show_memory
+from looping_pendulum.engines.memory import MEMORY_LIMIT, format_memory, memory_in_use
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, declared
 from looping_pendulum.engines.registry import how_to_get, missing_packages
 from looping_pendulum.engines.trajectory import COLUMNS, RunStatus, Trajectory, from_samples
 from looping_pendulum.process_start import OUTPUT
-from looping_pendulum.processes import Supervised
+from looping_pendulum.processes import SupervisedProcess
 from looping_pendulum.scenarios.scenario import Scenario
 
 TIME_LIMIT = 900.0
-"""Default limit on one run [s]."""
+"""Default time limit of one run [s]."""
 POLL_INTERVAL = 0.05
-"""Time between two looks at a worker [s]."""
+"""Time between two checks of a worker [s]."""
 OUTPUT_LIMIT = 2**24
-"""An engine that has printed more than this is not kept: the file starts anew [bytes]."""
-OUTPUT_KEPT = 2**16
-"""How much of the end of what an engine printed comes back [bytes]."""
+"""Size at which the file of an engine's output is emptied, so that it cannot fill the disk [bytes]."""
+MAX_RETURNED_OUTPUT = 2**16
+"""How much of the end of an engine's output is returned [bytes]."""
 ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
     "PYTHONFAULTHANDLER": "1",
-    "PYTHONUNBUFFERED": "1",  # what was printed before a crash is there
+    "PYTHONUNBUFFERED": "1",  # so that what was printed before a crash is in the file
 }
-"""Variables of a worker."""
+"""Environment variables of a worker.
+
+One thread each: as many runs go on at once as there are cores.
+"""
 
 Progress = Callable[[Engine, float], None]
-"""Called with an engine and the share of its run that is done, 0 to 1."""
+"""Function that is called with an engine and the completed fraction of its run, 0 to 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunLimits:
-    """What one run may take."""
+    """Limits of one run."""
 
     time: float = TIME_LIMIT
-    """[s]"""
+    """Wall time [s]."""
     memory: int = MEMORY_LIMIT
-    """What the worker may hold [bytes]; not watched where the system does not tell (Windows)."""
+    """Memory of the worker [bytes]; not enforced where the system does not report it (Windows)."""
 
 
 def run_isolated(
@@ -67,35 +70,41 @@ def run_isolated(
     progress: Progress | None = None,
     cancelled: threading.Event | None = None,
 ) -> Trajectory:
-    """Run ``engine`` on ``scenario`` in a process of its own; whatever happens there, return a trajectory that says so.
+    """Run ``engine`` on ``scenario`` in a process of its own.
 
-    ``time_limit`` is in s, ``memory_limit`` in bytes.
+    Whatever happens there, this returns a trajectory, whose status says how the run ended. ``time_limit`` is in s,
+    ``memory_limit`` in bytes.
     """
     missing = missing_packages(engine)
     if missing:
-        return _without_run(engine, scenario, RunStatus.MISSING, f"get it: {how_to_get(missing[0])}")
+        return _empty_trajectory(engine, scenario, RunStatus.MISSING, f"get it: {how_to_get(missing[0])}")
     unsupported = engine.abilities.unsupported(scenario.parameters)
     if unsupported:
-        return _without_run(engine, scenario, RunStatus.UNSUPPORTED, unsupported)
+        return _empty_trajectory(engine, scenario, RunStatus.UNSUPPORTED, unsupported)
     try:
         job = pickle.dumps(EngineJob(engine=engine, scenario=scenario))
     except Exception as error:
-        why = f"it cannot travel to its process: {type(error).__name__}: {error}"
-        return _without_run(engine, scenario, RunStatus.FAILED, why)
+        why = f"it cannot be pickled for its process: {type(error).__name__}: {error}"
+        return _empty_trajectory(engine, scenario, RunStatus.FAILED, why)
     limits = RunLimits(time=time_limit, memory=memory_limit)
-    process = Supervised("looping_pendulum.engines.worker:main", job, ENVIRONMENT)
+    process = SupervisedProcess("looping_pendulum.engines.worker:main", job, ENVIRONMENT)
     try:
-        status, message = _watch(process, engine, scenario, limits, progress, cancelled)
-        process.end()
+        status, message = _wait_for_worker(process, engine, scenario, limits, progress, cancelled)
+        process.end()  # before the result is read: a process that the engine started may still write to the folder
         return _result(process, engine, scenario, status, message)
     finally:
         process.close()
 
 
-def _result(process: Supervised, engine: Engine, scenario: Scenario, status: RunStatus | None, message: str) -> Trajectory:
-    """Return what an ended worker has left in its folder."""
+def _result(
+    process: SupervisedProcess, engine: Engine, scenario: Scenario, status: RunStatus | None, message: str
+) -> Trajectory:
+    """Return the trajectory of a worker that has ended, from the files in its folder.
+
+    ``status`` is None if the worker ended by itself and should have written its result.
+    """
     folder = process.folder
-    output = _tail(folder / OUTPUT)
+    output = _end_of_file(folder / OUTPUT)
     if status is None:
         try:
             trajectory: Trajectory = pickle.loads((folder / RESULT).read_bytes())
@@ -124,14 +133,15 @@ def run_all(
     progress: Progress | None = None,
     finished: Callable[[Trajectory], None] | None = None,
 ) -> list[Trajectory]:
-    """Run several engines side by side, at most ``jobs`` at once (default: one per core); results in the order of ``engines``.
+    """Run several engines in parallel, at most ``jobs`` at once (default: one per core), and return them in that order.
 
-    Each run may take ``time_limit`` [s] and ``memory_limit`` [bytes].
-    An interrupt (Ctrl-C) stops all that still run; their trajectories come back as INTERRUPTED with what they had.
+    Each run may take ``time_limit`` [s] and ``memory_limit`` [bytes]. ``finished`` is called with each trajectory, from the
+    thread that waited for it. An interrupt (Ctrl-C) stops all runs that still go on; their trajectories have the status
+    INTERRUPTED and the samples computed so far.
     """
     cancelled = threading.Event()
 
-    def one(engine: Engine) -> Trajectory:
+    def run_one(engine: Engine) -> Trajectory:
         trajectory = run_isolated(
             engine, scenario, time_limit=time_limit, memory_limit=memory_limit, progress=progress, cancelled=cancelled
         )
@@ -140,7 +150,7 @@ def run_all(
         return trajectory
 
     with ThreadPoolExecutor(max_workers=jobs or os.cpu_count() or 1) as pool:
-        futures = [pool.submit(one, engine) for engine in engines]
+        futures = [pool.submit(run_one, engine) for engine in engines]
         while not all(future.done() for future in futures):
             try:
                 time.sleep(POLL_INTERVAL)
@@ -149,65 +159,69 @@ def run_all(
         return [future.result() for future in futures]
 
 
-def _watch(
-    process: Supervised,
+def _wait_for_worker(
+    process: SupervisedProcess,
     engine: Engine,
     scenario: Scenario,
     limits: RunLimits,
     progress: Progress | None,
     cancelled: threading.Event | None,
 ) -> tuple[RunStatus | None, str]:
-    """Wait for a worker; return (None, "") if it ended by itself with success."""
-    samples, printed = process.folder / SAMPLES, process.folder / OUTPUT
+    """Wait until a worker has ended or exceeded a limit; return its status and a message.
+
+    They are (None, "") if it ended by itself with success: its result then tells the status.
+    """
+    samples, output = process.folder / SAMPLES, process.folder / OUTPUT
     expected = max(1, round(scenario.duration / SAMPLE_INTERVAL) + 1)
     deadline = time.monotonic() + limits.time
-    next_look = 0.0
+    next_memory_check = 0.0
     while not process.wait(POLL_INTERVAL):
         now = time.monotonic()
         if cancelled is not None and cancelled.is_set():
             return RunStatus.INTERRUPTED, ""
         if now > deadline:
             return RunStatus.TIME_LIMIT, f"limit {limits.time:g} s"
-        if now >= next_look and process.pid is not None:
-            next_look = now + memory.POLL_INTERVAL
-            held = held_memory(process.pid)
+        if now >= next_memory_check and process.pid is not None:
+            next_memory_check = now + memory.POLL_INTERVAL
+            held = memory_in_use(process.pid)
             if held is not None and held > limits.memory:
-                return RunStatus.MEMORY_LIMIT, f"held {show_memory(held)}, limit {show_memory(limits.memory)}"
-        if _size(printed) > OUTPUT_LIMIT:
-            os.truncate(printed, 0)
+                return RunStatus.MEMORY_LIMIT, f"held {format_memory(held)}, limit {format_memory(limits.memory)}"
+        if _size(output) > OUTPUT_LIMIT:  # the worker appends, so it goes on writing at the file's new end
+            os.truncate(output, 0)
         if progress is not None:
             progress(engine, min(1.0, _size(samples) / ROW_BYTES / expected))
     if progress is not None:
         progress(engine, 1.0)
     code = process.returncode
-    if process.fault:
-        return RunStatus.CRASHED, f"its process could not begin: {process.fault}"
+    if process.start_error:
+        return RunStatus.CRASHED, f"its process could not start: {process.start_error}"
     if code is not None and code < 0:
         name = signal.Signals(-code).name
-        hint = "; not by us: was the machine out of memory?" if name == "SIGKILL" else ""
+        hint = "; this program did not send it: was the machine out of memory?" if name == "SIGKILL" else ""
         return RunStatus.CRASHED, f"killed by signal {name}{hint}"
     return (None, "") if code == 0 else (RunStatus.CRASHED, f"exit status {code}")
 
 
 def _size(path: Path) -> int:
-    """Size of a file [bytes]; 0 if it is not there (yet)."""
+    """Return the size of a file [bytes]; 0 if it does not exist (yet)."""
     try:
         return path.stat().st_size
     except OSError:
         return 0
 
 
-def _tail(path: Path) -> str:
-    """Return the last `OUTPUT_KEPT` bytes of a file as text; nothing if it is not there."""
+def _end_of_file(path: Path) -> str:
+    """Return the last `MAX_RETURNED_OUTPUT` bytes of a file as text; empty if it does not exist."""
     try:
         with path.open("rb") as file:
-            file.seek(max(0, _size(path) - OUTPUT_KEPT))
+            file.seek(max(0, _size(path) - MAX_RETURNED_OUTPUT))
             return file.read().decode(errors="replace")
     except OSError:
         return ""
 
 
-def _without_run(engine: Engine, scenario: Scenario, status: RunStatus, message: str) -> Trajectory:
+def _empty_trajectory(engine: Engine, scenario: Scenario, status: RunStatus, message: str) -> Trajectory:
+    """Return a trajectory without samples, of an engine that could not be started."""
     return from_samples(
         np.empty((0, len(COLUMNS))),
         parameters=scenario.parameters,

@@ -1,6 +1,6 @@
-"""What travels to an engine's process and back: its job, the samples as they are made, and who made them.
+"""Data exchanged with an engine's process: its job, and the samples as they are computed.
 
-Each run starts a process that imports this, and little else.
+Every run starts a process that imports this module, so it imports little else.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.engines.protocol import Engine, declared
-from looping_pendulum.engines.trajectory import COLUMNS, Provenance, whole_row
+from looping_pendulum.engines.trajectory import COLUMNS, Provenance, padded_row
 from looping_pendulum.scenarios.scenario import Scenario
 
 ROW_BYTES = 8 * len(COLUMNS)
+"""Size of one row of a recorder's file: 8-byte floats [bytes]."""
 
 SAMPLES, RESULT = "samples.bin", "trajectory.pickle"
-"""Files in a worker's folder: samples as they are made, and what the engine returned."""
+"""Files in a worker's folder: the samples as they are computed, and the pickled trajectory that the engine returned."""
 
 
 class FileRecorder:
@@ -30,11 +31,11 @@ class FileRecorder:
         self._file = path.open("ab", buffering=0)
 
     def add(self, row: Sequence[float]) -> None:
-        """Keep one row of `COLUMNS`; one of another length would make all later rows be read wrongly, and is refused."""
-        self._file.write(np.array(whole_row(row), dtype=float).tobytes())
+        """Store one row of `COLUMNS`; one of another length is refused, because all later rows would be read wrongly."""
+        self._file.write(np.array(padded_row(row), dtype=float).tobytes())
 
     def rows(self) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-        """All rows kept so far, shape (n, len(COLUMNS))."""
+        """Return all rows stored so far, shape (n, len(COLUMNS))."""
         return read_rows(self._path)
 
     def close(self) -> None:
@@ -43,22 +44,22 @@ class FileRecorder:
 
 
 def read_rows(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """Whole rows of a recorder's file; a half-written last one is left out."""
+    """Return the complete rows of a recorder's file; a half-written last one is left out."""
     data = path.read_bytes() if path.exists() else b""
-    whole = len(data) // ROW_BYTES
-    return np.frombuffer(data[: whole * ROW_BYTES], dtype=float).reshape(whole, len(COLUMNS)).copy()
+    rows = len(data) // ROW_BYTES
+    return np.frombuffer(data[: rows * ROW_BYTES], dtype=float).reshape(rows, len(COLUMNS)).copy()
 
 
 @dataclass(frozen=True, kw_only=True)
 class EngineJob:
-    """What a worker is asked to do; it travels to it as a pickle."""
+    """The task of a worker, sent to it as a pickle."""
 
     engine: Engine
     scenario: Scenario
 
 
 def identity(engine: Engine, scenario: Scenario) -> dict[str, Any]:
-    """Fields that name a run, for a trajectory that its engine could not make itself."""
+    """Return the fields that name a run, for a trajectory that its engine could not return itself."""
     provenance = Provenance(versions={}, settings=vars(engine.settings), supplies=engine.abilities.supplies)
     return {
         "engine": engine.name,

@@ -1,12 +1,10 @@
-"""The one shape that every engine has, the reference included."""
+"""The interface of every engine, the reference included, and the time loop that stepped engines share."""
 
 from __future__ import annotations
 
 import abc
 import copy
 import dataclasses
-import functools
-import importlib.metadata
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +24,7 @@ from looping_pendulum.engines.trajectory import (
     Supply,
     Trajectory,
     from_samples,
-    whole_row,
+    padded_row,
 )
 from looping_pendulum.engines.validated import ValidatedRange, outside_range
 from looping_pendulum.errors import EngineError
@@ -34,52 +32,56 @@ from looping_pendulum.reference_ode.effects import Effect, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.versions import installed_version
 
 SAMPLE_INTERVAL = 1e-3
-"""Time between samples [s]; every engine's step divides it, so that nothing is ever resampled."""
+"""Time between samples [s]; every engine's step divides it, so that no trajectory is ever resampled."""
 
-STRETCH_BUDGET = 0.05
-"""A string longer than its rest length by more than this fraction ends a run: it no longer is the apparatus."""
-REACH = 2.0
-"""A mass farther from the rod than so many string lengths ends a run: a chain of rigid links breaks down without stretching."""
+MAX_STRETCH_FRACTION = 0.05
+"""Stretch of the string, as a fraction of its rest length, that ends a run: beyond it the rig no longer is the apparatus."""
+MAX_DISTANCE_FACTOR = 2.0
+"""Distance of a mass from the rod, in string lengths, that ends a run.
+
+It catches chains of rigid links, which break down without stretching.
+"""
 
 
 FORCES_AND_RELEASE = frozenset({EffectKind.FORCE, EffectKind.CLOSURE, EffectKind.RELEASE})
-"""What reaches an engine that applies the effects' forces and starts with the release's velocities."""
+"""Kinds of effects that reach an engine which applies the effects' forces and starts with the release's velocities."""
 
 APPLIED_DRAG = Supply(by=Supplier.ADAPTER, how="the reference's formulas as applied forces")
-"""Who supplies the drag in an engine that applies the effects' forces."""
-
+"""Supplier of the drag in an engine that applies the effects' forces."""
 
 STATIC_FRICTION = "static_friction"
+"""Name of a static friction other than the kinetic one among the physics that an engine lacks (`Abilities.lacks`)."""
 
 
-def needed_physics(parameters: Parameters) -> tuple[str, ...]:
-    """Pieces of physics, of those that `Supplies` names, that a scenario with ``parameters`` has at all."""
+def physics_of(parameters: Parameters) -> tuple[str, ...]:
+    """Return which pieces of physics named in `Supplies` a scenario with ``parameters`` contains."""
     c = parameters.coefficients
-    needed: list[str] = []
+    pieces: list[str] = []
     if parameters.release is not Release.DROP:
-        needed.append("winding")
+        pieces.append("winding")
     if parameters.release in (Release.LOOPING, Release.VERTICAL) and c["kinetic_friction"] > 0:
-        needed += ["friction_law", "stick_slip"]
+        pieces += ["friction_law", "stick_slip"]
     if any(value > 0 for name, value in c.items() if name.endswith("_drag")):
-        needed.append("drag")
-    return tuple(needed)
+        pieces.append("drag")
+    return tuple(pieces)
 
 
-def needs_static_friction(parameters: Parameters) -> bool:
-    """Whether the string may stick with more friction than it slides with, as ``parameters`` say it."""
+def has_own_static_friction(parameters: Parameters) -> bool:
+    """Return whether the string slides over the rod and its static friction differs from the kinetic one."""
     c = parameters.coefficients
     return parameters.release in (Release.LOOPING, Release.VERTICAL) and c["static_friction"] != c["kinetic_friction"]
 
 
 class Profile(StrEnum):
-    """How much a run may cost."""
+    """Set of numerical settings, by how much a run may cost."""
 
     QUICK = "quick"
-    """Seconds: for a first look and for the tests."""
+    """Seconds per run: for everyday use and for the tests."""
     ACCURATE = "accurate"
-    """Minutes: the best that the adapter knows."""
+    """Minutes per run: the most accurate settings that the adapter has."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +91,7 @@ class Abilities:
     releases: frozenset[Release]
     """Releases that it can represent."""
     supplies: Supplies
+    """Who supplies which physics."""
     packages: tuple[str, ...]
     """Packages that it needs, as Python imports them: "pydrake", which pip calls "drake"."""
     summary: str
@@ -103,40 +106,43 @@ class Abilities:
     known_failures: Mapping[str, str] = field(default_factory=dict)
     """Checks of `engines.conformance` that it fails -> the measured reason: strict expected failures."""
     static_friction: bool = False
-    """Whether a static friction other than the kinetic one reaches it; one that takes `EffectKind.STRING_LAW` has it anyway."""
+    """Whether the variant has a static friction other than the kinetic one; with `EffectKind.STRING_LAW` it has one anyway."""
     additions: tuple[str, ...] = ()
-    """What the adapter puts in beyond the engine, each with its measured worth."""
+    """What the adapter adds beyond the engine, each with its measured effect on the error."""
     validated: tuple[ValidatedRange, ...] = ()
-    """Over which scenarios its accuracy was measured, per profile, and what it was."""
+    """Ranges of scenarios over which its accuracy was measured, per profile, with the errors."""
     main: bool = True
-    """Whether a comparison that names no engine runs it; the others are for studies, and catastrophic ones among them."""
+    """Whether a comparison that names no engine runs it; the other variants are for studies, and some fail badly on purpose."""
 
     def unsupported(self, parameters: Parameters) -> str:
-        """Return what of ``parameters`` this variant cannot represent; empty: nothing."""
+        """Return which part of ``parameters`` this variant cannot represent; empty: none."""
         if parameters.release not in self.releases:
             return f"release {parameters.release.value!r}"
-        beyond = (e for e in parameters.effects if not e.in_base_model and not self.reaches(e))
-        return ", ".join(f"effect {e.name!r} ({e.kind.value})" for e in beyond)
+        unreached = (e for e in parameters.effects if not e.in_base_model and not self.reaches(e))
+        return ", ".join(f"effect {e.name!r} ({e.kind.value})" for e in unreached)
 
     def lacks(self, parameters: Parameters) -> tuple[str, ...]:
-        """Names of the physics that ``parameters`` have and this variant runs without, among `needed_physics`."""
-        lacking = [what for what in needed_physics(parameters) if getattr(self.supplies, what).by is Supplier.NOBODY]
-        if needs_static_friction(parameters) and not (self.static_friction or EffectKind.STRING_LAW in self.effect_kinds):
+        """Return the names of the physics that ``parameters`` contain and this variant runs without."""
+        lacking = [piece for piece in physics_of(parameters) if getattr(self.supplies, piece).by is Supplier.NOBODY]
+        if has_own_static_friction(parameters) and not (self.static_friction or EffectKind.STRING_LAW in self.effect_kinds):
             lacking.append(STATIC_FRICTION)
         return tuple(lacking)
 
     def outside_range(self, profile: str, parameters: Parameters) -> tuple[str, ...]:
-        """Return what of ``parameters`` lies outside the range in which ``profile``'s accuracy was measured; empty: nothing."""
+        """Return which quantities of ``parameters`` lie outside the range in which ``profile``'s accuracy was measured."""
         return outside_range(self.validated, profile, parameters)
 
     def reaches(self, effect: Effect) -> bool:
-        """Whether ``effect`` reaches this variant; one that adds variables to the state is a property whatever its kind."""
+        """Return whether ``effect`` reaches this variant.
+
+        An effect that adds variables to the state needs `EffectKind.PROPERTY` besides its own kind.
+        """
         kinds = {effect.kind, EffectKind.PROPERTY} if effect.variables else {effect.kind}
         return kinds <= self.effect_kinds
 
 
 def declared(engine: Engine, parameters: Parameters) -> dict[str, Any]:
-    """Return the fields of a `Trajectory` that follow from what ``engine`` declares of itself, whatever its run does."""
+    """Return the fields of a `Trajectory` that follow from the declarations of ``engine``, independently of its run."""
     return {
         "lacks": engine.abilities.lacks(parameters),
         "additions": engine.abilities.additions,
@@ -145,60 +151,64 @@ def declared(engine: Engine, parameters: Parameters) -> dict[str, Any]:
 
 
 class Recorder(Protocol):
-    """Where samples go as they are made, so that a crash loses none; see `isolation.FileRecorder`."""
+    """Stores samples as they are computed, so that a crash loses none; see `job.FileRecorder`."""
 
     def add(self, row: Sequence[float]) -> None:
-        """Keep one row of `COLUMNS`."""
+        """Store one row of `COLUMNS`."""
 
     def rows(self) -> Array:
-        """All rows kept so far, shape (n, len(COLUMNS))."""
+        """Return all rows stored so far, shape (n, len(COLUMNS))."""
 
 
 class MemoryRecorder:
-    """Keeps samples in this process."""
+    """Stores samples in the memory of this process."""
 
     def __init__(self) -> None:
         self._rows: list[tuple[float, ...]] = []
 
     def add(self, row: Sequence[float]) -> None:
-        """Keep one row of `COLUMNS`."""
-        self._rows.append(tuple(whole_row(row)))
+        """Store one row of `COLUMNS`."""
+        self._rows.append(tuple(padded_row(row)))
 
     def rows(self) -> Array:
-        """All rows kept so far, shape (n, len(COLUMNS))."""
+        """Return all rows stored so far, shape (n, len(COLUMNS))."""
         return np.array(self._rows, dtype=float).reshape(-1, len(COLUMNS))
 
 
 @runtime_checkable
 class Engine(Protocol):
-    """Simulates scenarios. Making one imports nothing; its package is imported by `simulate`."""
+    """Simulates scenarios.
+
+    Constructing an engine imports nothing of its package; `simulate` imports it. So an engine can be listed where its package
+    is missing, and can be pickled for the process in which it runs.
+    """
 
     name: str
     variant: str
     profile: Profile
     abilities: Abilities
     settings: Any
-    """A frozen dataclass of every numerical setting that changes the answer, SI."""
+    """A frozen dataclass of every numerical setting that changes the result, SI."""
 
     def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
         """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
 
     def studies(self) -> Studies:
-        """What can be varied of this variant, with its settings as the middle of it."""
+        """Return what can be varied of this variant, starting from its settings."""
 
 
 class Rig(Protocol):
-    """The apparatus, built in one engine."""
+    """The apparatus as built in one engine, ready to be stepped."""
 
     def advance(self) -> None:
         """Step the engine through one `SAMPLE_INTERVAL`, applying the effects' forces at every step."""
 
     def read(self) -> tuple[float, ...]:
-        """Positions [m], velocities [m/s], string stretch and, where known, string slip [m]: `COLUMNS` without the time."""
+        """Return positions [m], velocities [m/s], string stretch and, if known, string slip [m]: `COLUMNS` without the time."""
 
 
 class SteppedEngine(abc.ABC):
-    """An engine that steps through time: an adapter says how to build its rig, and the loop is here."""
+    """An engine that steps through time: the adapter builds the rig, and this class has the time loop."""
 
     name: str
     variant: str
@@ -212,10 +222,10 @@ class SteppedEngine(abc.ABC):
 
     @abc.abstractmethod
     def versions(self) -> dict[str, str]:
-        """Package -> version of what `simulate` uses."""
+        """Return the version of each package that `simulate` uses."""
 
     def end_length(self, scenario: Scenario) -> float:
-        """Free length [m] at which the run ends; an adapter raises it where its rig cannot follow further."""
+        """Return the free length [m] at which the run ends; an adapter raises it where its rig cannot follow further."""
         return max(scenario.parameters.end_length, 4e-3)
 
     def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
@@ -244,18 +254,18 @@ class SteppedEngine(abc.ABC):
         return changed
 
     def studies(self) -> Studies:
-        """What can be varied of this variant; an adapter that has nothing to vary keeps this."""
+        """Return what can be varied of this variant; an adapter that has nothing to vary keeps this."""
         return Studies()
 
     def provenance(self) -> Provenance:
-        """Versions, settings and suppliers of this engine's runs."""
+        """Return versions, settings and suppliers of this engine's runs."""
         return Provenance(
             versions=self.versions(), settings=dataclasses.asdict(self.settings), supplies=self.abilities.supplies
         )
 
 
 class TunedEngine(SteppedEngine):
-    """A stepped engine of one package, with settings of its own for each profile.
+    """A stepped engine of a single package, with default settings for each profile.
 
     Parameters
     ----------
@@ -267,31 +277,25 @@ class TunedEngine(SteppedEngine):
 
     distribution: ClassVar[str]
     """The engine's package, as pip names it."""
-    tuned: ClassVar[Mapping[Profile, Any]]
+    settings_by_profile: ClassVar[Mapping[Profile, Any]]
     """Profile -> settings."""
 
     def __init__(self, *, profile: Profile = Profile.QUICK, settings: Any = None) -> None:
         self.profile = profile
-        self.settings = settings if settings is not None else self.tuned[profile]
+        self.settings = settings if settings is not None else self.settings_by_profile[profile]
 
     def versions(self) -> dict[str, str]:
-        """Version of the engine's package."""
+        """Return the version of the engine's package."""
         return {self.distribution: installed_version(self.distribution)}
 
 
-@functools.cache
-def installed_version(distribution: str) -> str:
-    """Version of an installed package, read once: looking it up takes longer than a short run."""
-    return importlib.metadata.version(distribution)
-
-
 def steps_per_sample(time_step: float) -> int:
-    """Steps of ``time_step`` [s] in one `SAMPLE_INTERVAL`.
+    """Return the number of steps of ``time_step`` [s] in one `SAMPLE_INTERVAL`.
 
     Raises
     ------
     EngineError
-        If it is no whole number.
+        If it is not a whole number.
     """
     steps = round(SAMPLE_INTERVAL / time_step)
     if steps < 1 or not math.isclose(steps * time_step, SAMPLE_INTERVAL, rel_tol=1e-9):
@@ -303,12 +307,12 @@ def steps_per_sample(time_step: float) -> int:
 
 
 def groups_per_sample(time_step: float, steps_per_group: int) -> int:
-    """Groups of steps of ``time_step`` [s] in one `SAMPLE_INTERVAL`.
+    """Return the number of groups of steps of ``time_step`` [s] in one `SAMPLE_INTERVAL`.
 
     Raises
     ------
     EngineError
-        If steps or groups are no whole number.
+        If the number of steps or of groups is not a whole number.
     """
     steps = steps_per_sample(time_step)
     if steps % steps_per_group:
@@ -320,23 +324,25 @@ def groups_per_sample(time_step: float, steps_per_group: int) -> int:
 
 
 def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequence[float]], None]) -> RunStatus:
-    """Advance ``rig`` sample by sample; say how it ended."""
+    """Advance ``rig`` sample by sample, pass each sample to ``add``, and return how the run ended."""
     p = scenario.parameters
     has_string = p.release is not Release.DROP
     end_distance = math.hypot(end_length, p.rod_radius)
-    stretch_limit, reach = STRETCH_BUDGET * p.string_length, REACH * p.string_length
+    max_stretch, max_distance = MAX_STRETCH_FRACTION * p.string_length, MAX_DISTANCE_FACTOR * p.string_length
     row = rig.read()
     add((0.0, *row))
     for sample in range(1, round(scenario.duration / SAMPLE_INTERVAL) + 1):
         rig.advance()
         row = rig.read()
-        if not all(math.isfinite(value) for value in row[:8]):
+        if not all(math.isfinite(value) for value in row[:8]):  # positions and velocities; stretch and slip may be NaN
             return RunStatus.NOT_FINITE
-        if has_string and max(math.hypot(*row[:2]), math.hypot(*row[4:6])) > reach:
+        if has_string and max(math.hypot(*row[:2]), math.hypot(*row[4:6])) > max_distance:
             return RunStatus.OUT_OF_REACH
         if has_string and math.hypot(row[0], row[1]) <= end_distance:
-            return RunStatus.LIGHT_REACHED_ROD  # somewhere in this interval: a rig that stopped there has no sample at its end
+            return (
+                RunStatus.LIGHT_REACHED_ROD
+            )  # inside this interval, and the rig may have stopped there: so its end is no sample
         add((sample * SAMPLE_INTERVAL, *row))
-        if has_string and row[8] > stretch_limit:
+        if has_string and row[8] > max_stretch:
             return RunStatus.STRING_DRIFT
     return RunStatus.FINISHED

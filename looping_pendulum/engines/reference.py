@@ -1,4 +1,4 @@
-"""The exact hybrid model as an engine, and as the reference that every other engine is held against."""
+"""The exact hybrid model as an engine, and as the reference that every other engine is compared with."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from looping_pendulum.engines.protocol import (
     MemoryRecorder,
     Profile,
     Recorder,
-    installed_version,
 )
 from looping_pendulum.engines.studies import Ladder, Studies
 from looping_pendulum.engines.trajectory import (
@@ -35,8 +34,10 @@ from looping_pendulum.reference_ode.solution import Run, Samples
 from looping_pendulum.reference_ode.solve import DURATION, available_integrators, solve, solve_at
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.versions import installed_version
 
 TOLERANCES = {Profile.QUICK: 1e-9, Profile.ACCURATE: 1e-12}
+"""Relative tolerance of an integration step, by profile."""
 
 SUPPLIES = Supplies(
     winding=Supply(by=Supplier.ENGINE, how="wrap angle is a coordinate"),
@@ -45,17 +46,16 @@ SUPPLIES = Supplies(
     drag=Supply(by=Supplier.ENGINE, how="the effects' forces in the equations of motion"),
 )
 
-
 LADDER = (1e-6, 1e-8, 1e-10, 1e-12)
-"""Tolerances of a step, from coarse to fine."""
+"""Relative tolerances of an integration step for a convergence study, from coarse to fine."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReferenceSettings:
-    """Numerics of a reference run."""
+    """Numerical settings of a reference run."""
 
     tolerance: float
-    """Relative tolerance of a step."""
+    """Relative tolerance of an integration step."""
     integrator: str
     """"heyoka" or "scipy"."""
 
@@ -86,7 +86,7 @@ class ReferenceEngine:
         samples = solve_at(
             scenario.parameters,
             times,
-            duration=max(DURATION, scenario.duration),  # whether a stop is the halt shows only at the run's end
+            duration=max(DURATION, scenario.duration),  # only a run to its end shows whether a stop is the halt
             tolerance=self.settings.tolerance,
             integrator="auto" if self.settings.integrator == available_integrators()[0] else self.settings.integrator,
         )
@@ -97,12 +97,12 @@ class ReferenceEngine:
         return trajectory
 
     def studies(self) -> Studies:
-        """One ladder: the tolerance of a step."""
+        """Return one ladder: the tolerance of a step."""
         rungs = tuple(ReferenceEngine(self.variant, self.profile, tolerance=value) for value in LADDER)
         return Studies(ladders=(Ladder(setting="tolerance", unit="", values=LADDER, engines=rungs),))
 
     def provenance(self) -> Provenance:
-        """Versions, settings and suppliers of this engine's runs."""
+        """Return versions, settings and suppliers of this engine's runs."""
         packages = {"numpy", "scipy", *self.abilities.packages}
         return Provenance(
             versions={name: installed_version(name) for name in sorted(packages)},
@@ -112,7 +112,7 @@ class ReferenceEngine:
 
 
 class Reference:
-    """The reference's run of one scenario, to be sampled at whatever times an engine has: no engine is ever resampled."""
+    """The reference's solution of one scenario; it is sampled at an engine's times, so that no engine is ever resampled."""
 
     def __init__(self, scenario: Scenario, profile: Profile = Profile.ACCURATE) -> None:
         self.scenario = scenario
@@ -128,8 +128,8 @@ class Reference:
 
 
 def event_names(run: Run) -> tuple[TrajectoryEvent, ...]:
-    """What happened in a run, in words that reports use: stop, stick, slip_onset, slack, taut, halt, light_reaches_rod ..."""
-    named: list[TrajectoryEvent] = []
+    """Return the events of a run by the names in reports: stop, stick, slip_onset, slack, taut, halt, light_reaches_rod ..."""
+    trajectory_events: list[TrajectoryEvent] = []
     for event in run.events:
         if event.event in PHASE_EVENTS:
             continue
@@ -139,21 +139,21 @@ def event_names(run: Run) -> tuple[TrajectoryEvent, ...]:
             Event.SLIP_ONSET_DOWN: "slip_onset",
             Event.SLIP_ONSET_UP: "slip_onset",
         }.get(event.event, str(event.event))
-        named.append(TrajectoryEvent(time=event.time, name=name))
+        trajectory_events.append(TrajectoryEvent(time=event.time, name=name))
         if event.mode_after is Mode.STICKING:
-            named.append(TrajectoryEvent(time=event.time, name="stick"))
+            trajectory_events.append(TrajectoryEvent(time=event.time, name="stick"))
     if run.halt is not None:
-        named.append(TrajectoryEvent(time=run.halt.time, name="halt"))
-    return tuple(sorted(named, key=lambda e: e.time))
+        trajectory_events.append(TrajectoryEvent(time=run.halt.time, name="halt"))
+    return tuple(sorted(trajectory_events, key=lambda e: e.time))
 
 
 def engines(profile: Profile) -> list[Engine]:
-    """The reference with each integrator that is installed or could be."""
+    """Return the reference with each integrator, installed or not."""
     return [ReferenceEngine("heyoka", profile), ReferenceEngine("scipy", profile)]
 
 
 def _rows(samples: Samples) -> Array:
-    """Rows of `trajectory.COLUMNS`; the model's string does not stretch."""
+    """Return the rows of `trajectory.COLUMNS`; the string of the model does not stretch."""
     parts = (samples.light_position, samples.light_velocity, samples.heavy_position, samples.heavy_velocity)
     return np.column_stack([samples.t, *parts, np.zeros(len(samples.t))])
 
@@ -161,8 +161,9 @@ def _rows(samples: Samples) -> Array:
 def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine, wall_time: float) -> Trajectory:
     run = samples.run
     without_string = scenario.parameters.release is Release.DROP
-    nothing = np.full(len(samples.t), math.nan)
+    nan = np.full(len(samples.t), math.nan)
     light_tension, heavy_tension = samples.tensions
+    # The clamp holds the heavy mass, so the tension above it is not determined by the motion.
     heavy_tension = np.where(np.isin(samples.mode, (Mode.CLAMPED, Mode.CLAMPED_SLACK)), math.nan, heavy_tension)
     reached = run.end.event is Event.LIGHT_REACHES_ROD and run.end_time <= scenario.duration
     return from_samples(
@@ -172,8 +173,8 @@ def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine, w
         variant=engine.variant,
         profile=engine.profile.value,
         scenario=scenario.name,
-        free_length=nothing if without_string else samples.state.free_length,
-        wrap_angle=nothing if without_string else samples.state.wrap_angle,
+        free_length=nan if without_string else samples.state.free_length,
+        wrap_angle=nan if without_string else samples.state.wrap_angle,
         mode=samples.mode,
         light_tension=light_tension,
         heavy_tension=heavy_tension,
@@ -186,7 +187,7 @@ def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine, w
 
 
 def _provenance(engine: ReferenceEngine, run: Run) -> Provenance:
-    """What made a run; of one that was handed to another integrator, that, and why."""
+    """Return the provenance of a run; if another integrator finished it, with that integrator and the reason."""
     provenance = engine.provenance()
     if not run.handed_over:
         return provenance

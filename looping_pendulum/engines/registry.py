@@ -1,4 +1,4 @@
-"""Which engines there are, which of them are installed here, and which a user means."""
+"""List all engines, find out which of them are installed, and select those that a user names."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ ENTRY_POINTS = "looping_pendulum.engines"
 """Group of entry points by which other packages offer adapters: name -> module, as in `ADAPTERS`."""
 
 ENGINE_MEMBERS = ("name", "variant", "profile", "abilities", "settings", "simulate", "studies")
-"""What an engine must have (`protocol.Engine`)."""
+"""Attributes and methods that an engine must have (`protocol.Engine`)."""
 
-EVERYTHING = "all"
-"""What a user writes for every variant, those that are only for studies too."""
+ALL_VARIANTS = "all"
+"""Name by which a user selects every variant, including those that are only for studies."""
 
 HOW_TO_GET = {
     "pydrake": 'pip install "looping-pendulum[drake]", which is pip install "drake>=1.51"',
@@ -40,6 +40,7 @@ HOW_TO_GET = {
     "pybullet": "use Python 3.11, where `pip install pybullet` finds a wheel; above it pip compiles for many minutes",
     "scipy": "pip install scipy",
 }
+"""Package, as Python imports it -> how to install it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,29 +48,30 @@ class AdapterModule:
     """An adapter: a module with ``engines(profile) -> list[Engine]``."""
 
     name: str
-    """What its engines are called."""
+    """Name of its engines."""
     module: str
+    """Import path of the module."""
     package: str = ""
-    """Distribution that offers it; empty for our own."""
+    """Distribution that offers it; empty for the adapters of this package."""
 
 
 class AdapterWarning(UserWarning):
-    """Another package's adapter is left out; the message says why and what to do."""
+    """Another package's adapter cannot be used and is skipped; the message says why and what to do."""
 
 
 def label(engine: Engine) -> str:
-    """Engine and variant, "pymunk:chain"."""
+    """Return engine and variant as one name, "pymunk:chain"."""
     return f"{engine.name}:{engine.variant}"
 
 
 def how_to_get(package: str) -> str:
-    """How to install a package that an engine needs."""
+    """Return how to install a package that an engine needs."""
     return HOW_TO_GET.get(package, f"pip install {package}")
 
 
 @cache
-def offers() -> tuple[AdapterModule, ...]:
-    """Our own adapters, and those of other packages by name."""
+def adapter_modules() -> tuple[AdapterModule, ...]:
+    """Return the adapters of this package, then those of other packages in the order of their names."""
     points = entry_points(group=ENTRY_POINTS)
     others = {(point.name, point.value, point.dist.name if point.dist else "") for point in points}
     own = (AdapterModule(name=name, module=module) for name, module in ADAPTERS.items())
@@ -77,68 +79,69 @@ def offers() -> tuple[AdapterModule, ...]:
 
 
 def all_engines(profile: Profile) -> list[Engine]:
-    """Every engine variant with its settings for ``profile``, installed or not.
+    """Return every engine variant with its settings for ``profile``, installed or not.
 
-    Another package's adapter that cannot be used is left out with an `AdapterWarning`: it must not cost the others' results.
+    Another package's adapter that cannot be used is skipped with an `AdapterWarning`: it must not cost the others' results.
     """
-    engines, faults = loaded(profile)
-    _warn_of(faults)
+    engines, faults = load_engines(profile)
+    _warn(faults)
     return engines
 
 
-def _warn_of(faults: dict[str, str]) -> None:
+def _warn(faults: dict[str, str]) -> None:
+    """Warn of each adapter that cannot be used."""
     for fault in faults.values():
         warnings.warn(fault, AdapterWarning, stacklevel=3)
 
 
-def suppliers() -> dict[str, str]:
-    """Engine name -> distribution that offers its adapter, for those of other packages."""
-    return {offer.name: offer.package for offer in offers() if offer.name not in ADAPTERS}
+def adapter_packages() -> dict[str, str]:
+    """Map the name of each engine of another package to the distribution that offers its adapter."""
+    return {adapter.name: adapter.package for adapter in adapter_modules() if adapter.name not in ADAPTERS}
 
 
-def loaded(profile: Profile) -> tuple[list[Engine], dict[str, str]]:
-    """Return all engines, and per adapter of another package that cannot be used one line that says why."""
+def load_engines(profile: Profile) -> tuple[list[Engine], dict[str, str]]:
+    """Return all engines, and for each adapter of another package that cannot be used one line that says why."""
     engines: list[Engine] = []
     faults: dict[str, str] = {}
-    for offer in offers():
-        if not offer.package and offer.name in ADAPTERS:
-            engines += import_module(offer.module).engines(profile)
+    for adapter in adapter_modules():
+        if not adapter.package and adapter.name in ADAPTERS:
+            engines += import_module(adapter.module).engines(profile)
             continue
         taken = {engine.name for engine in engines} | ADAPTERS.keys()
         try:
-            engines += _from_elsewhere(offer, profile, taken)
-        except (Exception, SystemExit) as error:
+            engines += _engines_of_other_package(adapter, profile, taken)
+        except (Exception, SystemExit) as error:  # foreign code may raise anything, and must not end this program
             why = str(error) if isinstance(error, EngineError) else f"{type(error).__name__}: {error}"
-            faults[offer.name] = (
-                f"engine {offer.name!r} is left out: adapter {offer.module} of the package {offer.package or '?'}: "
+            faults[adapter.name] = (
+                f"engine {adapter.name!r} is left out: adapter {adapter.module} of the package {adapter.package or '?'}: "
                 f"{' '.join(why.split())}; mend or uninstall that package"
             )
     return engines, faults
 
 
-def _from_elsewhere(offer: AdapterModule, profile: Profile, taken: Collection[str]) -> list[Engine]:
-    """Engines of another package's adapter, checked for what the others' results depend on."""
-    if offer.name in taken:
-        raise EngineError(f"the name {offer.name!r} is taken; needed another entry point name")
-    found = list(import_module(offer.module).engines(profile))
-    for engine in found:
+def _engines_of_other_package(adapter: AdapterModule, profile: Profile, taken: Collection[str]) -> list[Engine]:
+    """Return the engines of another package's adapter, after checking what the other engines' results depend on."""
+    if adapter.name in taken:
+        raise EngineError(f"the name {adapter.name!r} is taken; needed another entry point name")
+    engines = list(import_module(adapter.module).engines(profile))
+    for engine in engines:
         if not isinstance(engine, Engine):
             lacking = [name for name in ENGINE_MEMBERS if not hasattr(engine, name)]
             raise EngineError(f"engines() gave {type(engine).__name__} without {', '.join(lacking)}; see engines/protocol.py")
-        if engine.name != offer.name:
-            raise EngineError(f"engines() gave one called {engine.name!r}; needed the entry point's name, {offer.name!r}")
+        if engine.name != adapter.name:
+            raise EngineError(f"engines() gave one called {engine.name!r}; needed the entry point's name, {adapter.name!r}")
         if not dataclasses.is_dataclass(engine.settings):
             raise EngineError(f"{label(engine)}: settings are {type(engine.settings).__name__}, needed a frozen dataclass")
         if not isinstance(engine.abilities, Abilities):
             raise EngineError(f"{label(engine)}: abilities are {type(engine.abilities).__name__}, needed Abilities")
-    labels = [label(engine) for engine in found]
+    labels = [label(engine) for engine in engines]
     if len(set(labels)) < len(labels):
         raise EngineError(f"engines() gave two of one name among {', '.join(labels)}")
-    return found
+    return engines
 
 
-def unknown(name: str, engines: Iterable[Engine]) -> str:
-    """Say that none of ``engines`` is called ``name``, with the nearest name and all of them."""
+def unknown_engine_message(name: str, engines: Iterable[Engine]) -> str:
+    """Return a message that none of ``engines`` is called ``name``, with the nearest name and a list of all."""
     engines = tuple(engines)
     known = [label(engine) for engine in engines]
     near = difflib.get_close_matches(name, [*{engine.name for engine in engines}, *known], n=1)
@@ -147,42 +150,42 @@ def unknown(name: str, engines: Iterable[Engine]) -> str:
 
 
 def missing_packages(engine: Engine) -> tuple[str, ...]:
-    """Packages that ``engine`` needs and that are not installed here."""
+    """Return the packages that ``engine`` needs and that are not installed."""
     return tuple(package for package in engine.abilities.packages if not _importable(package))
 
 
 def _importable(package: str) -> bool:
     try:
         return find_spec(package) is not None
-    except (ImportError, ValueError):  # of "a.b" without "a"; of a module that is half imported
+    except (ImportError, ValueError):  # for "a.b" if "a" is missing, and for a module that is only partly imported
         return False
 
 
-def challengers(profile: Profile) -> list[Engine]:
-    """Engines that are held against the reference where none is named: the main variants."""
+def main_engines(profile: Profile) -> list[Engine]:
+    """Return the engines that are compared with the reference if none is named: all main variants."""
     return [engine for engine in all_engines(profile) if engine.name != "reference" and engine.abilities.main]
 
 
-def select(wanted: Iterable[str], profile: Profile) -> list[Engine]:
-    """Engines named by ``wanted``: "pymunk" for all variants of one, "mujoco:capstan" for one variant, "all" for all.
+def select(names: Iterable[str], profile: Profile) -> list[Engine]:
+    """Return the engines with these ``names``: "pymunk" for all its variants, "mujoco:capstan" for one variant, "all" for all.
 
     Raises
     ------
     EngineError
-        If a name is not known (the message lists those that are), or that of an adapter which cannot be used.
+        If a name is not known (the message lists those that are), or if it is that of an adapter which cannot be used.
     """
-    wanted = tuple(wanted)
-    engines, faults = loaded(profile)
-    if EVERYTHING in wanted:
-        _warn_of(faults)
+    names = tuple(names)
+    engines, faults = load_engines(profile)
+    if ALL_VARIANTS in names:
+        _warn(faults)
     chosen: list[Engine] = []
-    for name in wanted:
+    for name in names:
         if name.partition(":")[0] in faults.keys() - ADAPTERS.keys():
             raise EngineError(f"--engine: {faults[name.partition(':')[0]]}")
-        found = [engine for engine in engines if name in (engine.name, label(engine))]
-        if name == EVERYTHING:
-            found = [engine for engine in engines if engine.name != "reference"]
-        if not found:
-            raise EngineError(f"--engine: {unknown(name, engines)}")
-        chosen += [engine for engine in found if engine not in chosen]
+        matches = [engine for engine in engines if name in (engine.name, label(engine))]
+        if name == ALL_VARIANTS:
+            matches = [engine for engine in engines if engine.name != "reference"]
+        if not matches:
+            raise EngineError(f"--engine: {unknown_engine_message(name, engines)}")
+        chosen += [engine for engine in matches if engine not in chosen]
     return chosen

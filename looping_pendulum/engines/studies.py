@@ -1,7 +1,7 @@
-"""What each variant lets others vary, as data: ladders of refinement, hidden defaults, and choices that the adapter made.
+"""Data classes for what can be varied of a variant: ladders of refinement, hidden defaults, and choices of the adapter.
 
-A difference between an engine and the reference is *not converged* where a finer rung changes it, *adapter's choice* where another
-choice as reasonable changes it, and *a different model* where neither does. `compare.convergence` runs these studies.
+A difference between an engine and the reference is *not converged* if a finer rung changes it, *adapter's choice* if another
+equally reasonable choice changes it, and *a different model* if neither does. `compare.convergence` runs these studies.
 """
 
 from __future__ import annotations
@@ -13,37 +13,37 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from looping_pendulum.engines.protocol import Engine
 
-Adjusted = Callable[..., "Engine"]
-"""``adjusted(**changes)``: a variant with some settings changed."""
+WithSettings = Callable[..., "Engine"]
+"""Type of a function ``with_settings(**changes)`` that returns a variant with some settings changed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ladder:
-    """One numerical setting, refined rung by rung; all else follows the variant's rule or stays."""
+    """One numerical setting, refined rung by rung; all other settings stay, except those that ``follows`` names."""
 
     setting: str
     """Name of the field of the variant's settings."""
     unit: str
     """SI unit; '' for a pure number."""
     values: tuple[float, ...]
-    """From coarse to fine."""
+    """Values of the setting, from coarse to fine."""
     engines: tuple[Engine, ...]
     """The variant at each value."""
     follows: str = ""
-    """What moves along with it, and why; empty: nothing."""
+    """Which other settings change along with it, and why; empty: none."""
 
     def __post_init__(self) -> None:
-        """Refuse a ladder whose rungs and engines differ in number."""
+        """Refuse a ladder whose numbers of values and engines differ."""
         if len(self.values) != len(self.engines):
             raise ValueError(f"ladder {self.setting}: {len(self.values)} values for {len(self.engines)} engines")
 
 
 @dataclass(frozen=True, kw_only=True)
 class HiddenDefault:
-    """A setting of the engine that changes the answer and that nobody is asked for."""
+    """A setting of the engine that changes the result and that its users are not asked for."""
 
     setting: str
-    """As the engine calls it."""
+    """Name of the setting in the engine."""
     default: str
     """The engine's value, with unit."""
     ours: str
@@ -56,31 +56,34 @@ class HiddenDefault:
 
 @dataclass(frozen=True, kw_only=True)
 class AdapterChoice:
-    """Something that the adapter decides and that could be decided otherwise with as good a reason."""
+    """A decision of the adapter that could be made otherwise with equally good reason."""
 
     what: str
+    """What is decided."""
     ours: str
+    """How the adapter decides it."""
     instead: str
+    """The other choice."""
     engine: Engine
     """The variant with the other choice."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Studies:
-    """Everything that can be varied of one variant."""
+    """All that can be varied of one variant."""
 
     ladders: tuple[Ladder, ...] = ()
     defaults: tuple[HiddenDefault, ...] = ()
     choices: tuple[AdapterChoice, ...] = ()
 
 
-def ladder(adjusted: Adjusted, setting: str, unit: str, rungs: Iterable[dict[str, Any]], follows: str = "") -> Ladder:
-    """Make a ladder of one engine per rung; a rung is its changes, ``setting`` among them."""
-    steps = tuple(rungs)
+def ladder(with_settings: WithSettings, setting: str, unit: str, rungs: Iterable[dict[str, Any]], follows: str = "") -> Ladder:
+    """Return a ladder with one engine per rung; a rung is a dict of changed settings, ``setting`` among them."""
+    changes_per_rung = tuple(rungs)
     return Ladder(
         setting=setting,
         unit=unit,
-        values=tuple(changes[setting] for changes in steps),
-        engines=tuple(adjusted(**changes) for changes in steps),
+        values=tuple(changes[setting] for changes in changes_per_rung),
+        engines=tuple(with_settings(**changes) for changes in changes_per_rung),
         follows=follows,
     )

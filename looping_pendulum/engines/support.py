@@ -1,4 +1,4 @@
-"""Which engine variant can run which shipped scenario and effect, from what the variants declare of themselves."""
+"""Tables of which engine variant can run which shipped scenario and effect, from the declarations of the variants."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios import loader
 
 COMMAND = "looping-pendulum engines --support --markdown > docs/support.md"
-"""What writes the page again."""
+"""Command that writes the page docs/support.md."""
 
 YES = "yes"
+"""Cell of a scenario that a variant represents completely."""
 
 ERRORS = {
     "rms_0.35s": "RMS to 0.35 s [mm]",
     "rms_0.7s": "RMS to 0.7 s [mm]",
     "halting_time_error": "halting time [ms]",
 }
-"""What of `ValidatedRange.errors` is shown, and as what: median / 90 % / worst."""
+"""Key of `ValidatedRange.errors` -> column header; its cells are median / 90 % / worst."""
 
 Table = tuple[list[str], list[list[str]]]
 """Header and rows."""
 
 
 def tables(engines: Sequence[Engine]) -> list[Table]:
-    """Scenarios, effects beyond the paper's model, who supplies what, what adapters add, and where accuracy was measured."""
+    """Return the tables of scenarios, effects beyond the paper's model, suppliers, additions, and measured accuracy."""
     return [
         scenario_table(engines),
         effect_table(engines),
@@ -41,24 +42,24 @@ def tables(engines: Sequence[Engine]) -> list[Table]:
 
 
 def scenario_table(engines: Sequence[Engine]) -> Table:
-    """A row per variant, a column per shipped scenario: "yes", or what of it the variant cannot represent or goes without."""
+    """Return a row per variant and a column per shipped scenario: "yes", or what the variant cannot represent or lacks."""
     scenarios = [loader.load(name) for name in loader.shipped()]
     rows = []
     for engine in engines:
-        rows.append([label(engine), kind(engine), *(_how_much_of(engine, scenario.parameters) for scenario in scenarios)])
+        rows.append([label(engine), kind(engine), *(_scenario_cell(engine, scenario.parameters) for scenario in scenarios)])
     return ["variant", "kind", *(scenario.name for scenario in scenarios)], rows
 
 
-def _how_much_of(engine: Engine, parameters: Parameters) -> str:
-    """How much of a scenario with ``parameters`` the variant has."""
+def _scenario_cell(engine: Engine, parameters: Parameters) -> str:
+    """Return whether the variant can run a scenario with ``parameters``, and without which physics."""
     unsupported, lacks = engine.abilities.unsupported(parameters), engine.abilities.lacks(parameters)
     if unsupported:
         return f"no: {unsupported}"
-    return f"without {', '.join(what.replace('_', ' ') for what in lacks)}" if lacks else YES
+    return f"without {', '.join(piece.replace('_', ' ') for piece in lacks)}" if lacks else YES
 
 
 def effect_table(engines: Sequence[Engine]) -> Table:
-    """A row per effect beyond the paper's model, with the variants that it does not reach."""
+    """Return a row per effect beyond the paper's model, with the variants that it does not reach."""
     rows = []
     for effect in EFFECTS.values():
         if not effect.in_base_model:
@@ -69,29 +70,29 @@ def effect_table(engines: Sequence[Engine]) -> Table:
 
 
 def supply_table(engines: Sequence[Engine]) -> Table:
-    """A row per variant: who supplies winding, friction law, stick-slip and drag, and what the variant cannot do."""
-    whats = [what for what, _, _ in supplies_as_rows(engines[0].abilities.supplies)] if engines else []
+    """Return a row per variant: who supplies winding, friction law, stick-slip and drag, and what the variant cannot do."""
+    physics = [piece for piece, _, _ in supplies_as_rows(engines[0].abilities.supplies)] if engines else []
     rows = []
     for engine in engines:
         by = [by for _, by, _ in supplies_as_rows(engine.abilities.supplies)]
         rows.append([label(engine), *by, engine.abilities.summary, "; ".join(engine.abilities.limits) or "-"])
-    return ["variant", *whats, "what it is", "limits"], rows
+    return ["variant", *physics, "what it is", "limits"], rows
 
 
 def addition_table(engines: Sequence[Engine]) -> Table:
-    """A row for everything that an adapter adds beyond its engine."""
-    return ["variant", "what the adapter adds"], [[label(e), what] for e in engines for what in e.abilities.additions]
+    """Return a row for each addition of an adapter beyond its engine."""
+    return ["variant", "what the adapter adds"], [[label(e), addition] for e in engines for addition in e.abilities.additions]
 
 
 def accuracy_tables(engines: Sequence[Engine]) -> list[Table]:
-    """Two tables with a row per variant and profile: how far off it was over random scenarios, and how far those reached."""
-    stated = [(label(engine), each) for engine in engines for each in engine.abilities.validated]
+    """Return two tables with a row per variant and profile: errors over random scenarios, and the ranges of these scenarios."""
+    labelled_ranges = [(label(engine), each) for engine in engines for each in engine.abilities.validated]
     errors: list[list[str]] = []
     ranges: list[list[str]] = []
-    for name, validated in stated:
-        ended = f"{validated.scenarios - validated.failed} of {validated.scenarios}"
-        errors.append([name, validated.profile, ended, *(_spread(validated.errors.get(what)) for what in ERRORS)])
-        ranges.append([name, validated.profile, *(_reach(q, validated.bounds.get(q.name)) for q in QUANTITIES)])
+    for name, validated in labelled_ranges:
+        ended_properly = f"{validated.scenarios - validated.failed} of {validated.scenarios}"
+        errors.append([name, validated.profile, ended_properly, *(_spread_cell(validated.errors.get(key)) for key in ERRORS)])
+        ranges.append([name, validated.profile, *(_range_cell(q, validated.bounds.get(q.name)) for q in QUANTITIES)])
     headers = [f"{q.name} [{q.unit}]" if q.unit else q.name for q in QUANTITIES]
     return [
         (["variant", "profile", "ended properly", *ERRORS.values()], errors),
@@ -99,32 +100,33 @@ def accuracy_tables(engines: Sequence[Engine]) -> list[Table]:
     ]
 
 
-def _spread(spread: Spread | None) -> str:
-    """Median, 90 % and worst, in thousandths of the SI unit."""
+def _spread_cell(spread: Spread | None) -> str:
+    """Return median, 90 % and worst, in thousandths of the SI unit (mm or ms)."""
     if spread is None:
         return "-"
     return " / ".join(amount(value, 1e3) for value in (spread.median, spread.ninety, spread.worst))
 
 
-def _reach(quantity: ValidatedQuantity, bounds: tuple[float, float] | None) -> str:
+def _range_cell(quantity: ValidatedQuantity, bounds: tuple[float, float] | None) -> str:
+    """Return the bounds of one quantity in the unit in which it is shown."""
     return "-" if bounds is None else " to ".join(amount(value, quantity.per_unit, 3) for value in bounds)
 
 
 def kind(engine: Engine) -> str:
-    """Whether a comparison runs the variant unasked."""
+    """Return "reference", "main" if a comparison runs the variant unasked, or "study"."""
     return "reference" if engine.name == "reference" else "main" if engine.abilities.main else "study"
 
 
 def page(engines: Sequence[Engine]) -> str:
-    """Return the tables as a page of Markdown."""
+    """Return the page docs/support.md: all tables as Markdown."""
     scenarios, effects, supplies, additions, errors, ranges = (_markdown(*each) for each in tables(engines))
     return f"""# Which engine can run what
 
-Written by `{COMMAND}` from what every variant declares of
-itself (`Abilities` in `looping_pendulum/engines/protocol.py`); do not edit it by hand.
-*main*: `compare` runs the variant unasked; *study*: only if named, or with `-e all`.
-A scenario or an effect that a variant cannot represent is a gap in its row of every report. Physics of the paper's model that a
-variant goes without (*without ...*) is declared beside its result: it is run, and its report names what is missing.
+`{COMMAND}` writes this page from what every variant declares
+(`Abilities` in `looping_pendulum/engines/protocol.py`); do not edit it by hand. The [glossary](glossary.md) explains the terms.
+`compare` runs variants of the kind *main* by default, and those of the kind *study* only if they are named, or with `-e all`.
+If a variant cannot represent a scenario or an effect, its row of every report is a gap. If it only lacks physics of the paper's
+model (*without ...*), it is run, and its report names what is missing.
 
 ## Shipped scenarios
 
@@ -134,24 +136,27 @@ variant goes without (*without ...*) is declared beside its result: it is run, a
 {effects}
 ## Who supplies what
 
-A law that an adapter feeds in is no evidence for that law.
+If an adapter supplies a law, the run is no evidence for that law.
 
 {supplies}
-What the adapter adds beyond its engine, with what it is worth on the 10:1 trial (quick profile) where that was measured:
+The next table lists what the adapters add to their engines, and, where it was measured, how much each addition changes the
+result of the 10:1 trial (profile `quick`):
 
 {additions}
 ## Where the accuracy was measured
 
-On seeded random scenarios (`python -m benchmarks.engine_range`; every run stands in docs/data/engine_range.json): how far the
-light mass was from the reference's, root mean square up to that time or to the end of the run if that is earlier, as median /
-90 % / worst of the scenarios whose run ended properly. `compare` says so where a scenario lies outside the range.
+The accuracy was measured on seeded random scenarios (`python -m benchmarks.engine_range`; docs/data/engine_range.json holds
+every run). The table gives the root mean square distance of the light mass from the reference's up to that time, or to the end
+of the run if that is earlier, as median / 90 % / worst of the scenarios whose run ended properly. `compare` reports if a
+scenario lies outside the range.
 
 {errors}
-The scenarios reached:
+The scenarios covered these ranges:
 
 {ranges}"""
 
 
 def _markdown(header: list[str], rows: list[list[str]]) -> str:
+    """Return a table in Markdown."""
     lines = [header, ["---"] * len(header), *([cell.replace("|", "\\|") for cell in row] for row in rows)]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)

@@ -1,4 +1,4 @@
-"""What every engine returns: samples of the motion, how the run ended, and who supplied which physics."""
+"""The result of every engine: samples of the motion, how the run ended, and who supplied which physics."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.errors import EngineError
+from looping_pendulum.pages.notebook import ShownInNotebook
 from looping_pendulum.reference_ode.geometry import Array, string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
@@ -20,20 +21,20 @@ COLUMNS = (
     *("t", "light_x", "light_y", "light_vx", "light_vy", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "string_stretch"),
     "string_slip",
 )
-"""What an adapter reads back at each sample, SI: positions from the rod's centre, x right and y up.
+"""Values that an adapter reads at each sample, SI: positions from the rod's centre, x right and y up.
 
 An engine that does not know the last one leaves it out.
 """
 
 OPTIONAL_COLUMNS = 1
-"""How many of the last `COLUMNS` a reading may leave out."""
+"""How many of the last `COLUMNS` a sample may leave out."""
 
 UNKNOWN_MODE = -1
-"""Mode of a sample whose engine does not say whether the string slides or sticks."""
+"""Mode of a sample whose engine does not report whether the string slides or sticks."""
 
 
 class RunStatus(StrEnum):
-    """How a run ended; the value is what a user reads."""
+    """How a run ended; the value is the sentence that a user reads."""
 
     FINISHED = "ran for the scenario's whole duration"
     LIGHT_REACHED_ROD = "ran until the light mass reached the rod"
@@ -50,12 +51,15 @@ class RunStatus(StrEnum):
 
     @property
     def ok(self) -> bool:
-        """Whether the run came to its proper end."""
+        """Return whether the run came to its proper end."""
         return self in (RunStatus.FINISHED, RunStatus.LIGHT_REACHED_ROD)
 
 
 class Supplier(StrEnum):
-    """Who supplies a piece of physics: a law that an adapter feeds in is no evidence for that law."""
+    """Who supplies a piece of physics.
+
+    It matters because a result with a law that the adapter computes is no evidence that the engine obeys this law.
+    """
 
     ENGINE = "engine"
     ADAPTER = "adapter"
@@ -64,15 +68,16 @@ class Supplier(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Supply:
-    """One piece of physics, who supplies it, and by what."""
+    """Who supplies one piece of physics, and how."""
 
     by: Supplier
     how: str
+    """By which means, in a few words."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Supplies:
-    """Who supplies the physics in which engines and adapters differ."""
+    """Suppliers of the physics in which engines and adapters differ."""
 
     winding: Supply
     friction_law: Supply
@@ -82,27 +87,27 @@ class Supplies:
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
-    """What made a trajectory."""
+    """Versions, settings and suppliers with which a trajectory was computed."""
 
     versions: dict[str, str]
     """Package -> version."""
     settings: dict[str, Any]
-    """Every numerical setting that changes the answer, SI."""
+    """Every numerical setting that changes the result, SI."""
     supplies: Supplies
     seed: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryEvent:
-    """Something that happened at one time."""
+    """An event of a run, such as a stop or the start of slack."""
 
     time: float
-    """[s]"""
+    """Time of the event [s]."""
     name: str
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trajectory:
+class Trajectory(ShownInNotebook):
     """The motion that one engine computed. A failed run keeps what it has."""
 
     engine: str
@@ -114,21 +119,21 @@ class Trajectory:
     light_position: Array
     """Light mass from the rod's centre, x right and y up [m], shape (n, 2)."""
     light_velocity: Array
-    """[m/s], shape (n, 2)."""
+    """Velocity of the light mass [m/s], shape (n, 2)."""
     heavy_position: Array
-    """[m], shape (n, 2)."""
+    """Heavy mass from the rod's centre [m], shape (n, 2)."""
     heavy_velocity: Array
-    """[m/s], shape (n, 2)."""
+    """Velocity of the heavy mass [m/s], shape (n, 2)."""
     free_length: Array
-    """Straight string to the light mass, from its position [m], shape (n,); NaN without a string."""
+    """Length of the straight string to the light mass, from its position [m], shape (n,); NaN without a string."""
     wrap_angle: Array
-    """Turns counted [rad], shape (n,); NaN without a string."""
+    """Angle of string on the rod, with full turns counted [rad], shape (n,); NaN without a string."""
     string_stretch: Array
-    """How much longer than its rest length the string is [m], shape (n,); NaN where the engine cannot say."""
+    """How much longer than its rest length the string is [m], shape (n,); NaN where the engine does not report it."""
     string_slip: Array | None = None
     """How far the string has slid over the rod, positive towards the heavy mass [m], shape (n,), where known."""
     mode: NDArray[np.int8]
-    """Value of `reference_ode.transitions.Mode` per sample, `UNKNOWN_MODE` where the engine does not say."""
+    """Value of `reference_ode.transitions.Mode` per sample, `UNKNOWN_MODE` where the engine does not report it."""
     light_tension: Array | None = None
     """Tension in the free string [N], shape (n,), where known."""
     heavy_tension: Array | None = None
@@ -136,27 +141,27 @@ class Trajectory:
     events: tuple[TrajectoryEvent, ...] = ()
     status: RunStatus = RunStatus.FINISHED
     message: str = ""
-    """What the engine said about its end, if it failed."""
+    """Details of how the run ended, if it failed."""
     provenance: Provenance
     lacks: tuple[str, ...] = ()
-    """Physics of the scenario that the run went without, as `Abilities.lacks` names it."""
+    """Physics of the scenario that the run went without, as returned by `Abilities.lacks`."""
     additions: tuple[str, ...] = ()
-    """What the adapter put in beyond the engine, as `Abilities.additions`."""
+    """What the adapter added beyond the engine, from `Abilities.additions`."""
     outside_range: tuple[str, ...] = ()
-    """What of the scenario lies outside the range in which the engine's accuracy was measured, as `Abilities.outside_range`."""
+    """Quantities of the scenario outside the range in which the engine's accuracy was measured (`Abilities.outside_range`)."""
     wall_time: float = float("nan")
-    """Seconds that the simulation took, building and starting apart."""
+    """Wall time of the simulation, without building and starting it [s]."""
     output: str = field(default="", repr=False)
-    """What the engine printed."""
+    """Text that the engine printed."""
 
     @property
     def label(self) -> str:
-        """Engine and variant, "pymunk:chain"."""
+        """Return engine and variant as one name, "pymunk:chain"."""
         return f"{self.engine}:{self.variant}"
 
     @property
     def heavy_drop(self) -> Array:
-        """How far the heavy mass is below its release [m], shape (n,)."""
+        """Return how far the heavy mass is below its release [m], shape (n,)."""
         if len(self.t) == 0:
             return np.empty(0)
         return np.asarray(self.heavy_position[0, 1] - self.heavy_position[:, 1])
@@ -173,36 +178,31 @@ class Trajectory:
             raise EngineError(f"{self.label}: {self.status.value}. {self.message}".strip())
         return self
 
-    def _repr_html_(self) -> str:
-        """Show this in a notebook."""
-        from looping_pendulum.engines.notebook import html
 
-        return html(self)
-
-
-def whole_row(row: Sequence[float]) -> Sequence[float]:
-    """Return ``row`` of `COLUMNS` with NaN in place of the optional ones that it leaves out.
+def padded_row(row: Sequence[float]) -> Sequence[float]:
+    """Return ``row`` of `COLUMNS`, with NaN in place of the optional columns that it leaves out.
 
     Raises
     ------
     EngineError
-        If it is shorter or longer than that.
+        If it has too few or too many values.
     """
-    _refuse_width(len(row))
+    _check_column_count(len(row))
     return (*row, *[math.nan] * (len(COLUMNS) - len(row)))
 
 
-def _refuse_width(count: int) -> None:
-    least = len(COLUMNS) - OPTIONAL_COLUMNS
-    if not least <= count <= len(COLUMNS):
+def _check_column_count(count: int) -> None:
+    """Raise an EngineError if a sample cannot have ``count`` values."""
+    min_count = len(COLUMNS) - OPTIONAL_COLUMNS
+    if not min_count <= count <= len(COLUMNS):
         raise EngineError(
-            f"a sample: found {count} values with its time, needed {least} or {len(COLUMNS)}: {', '.join(COLUMNS)}; "
+            f"a sample: found {count} values with its time, needed {min_count} or {len(COLUMNS)}: {', '.join(COLUMNS)}; "
             "a rig's read() gives all but t, and may leave out the last"
         )
 
 
 def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Trajectory:
-    """Make a trajectory of rows of `COLUMNS`; wrap angle and free length follow from the positions.
+    """Return a trajectory made from rows of `COLUMNS`; wrap angle and free length are computed from the positions.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Tr
     EngineError
         If a sample has another number of values.
     """
-    _refuse_width(samples.shape[1])
+    _check_column_count(samples.shape[1])
     slip = samples[:, 10] if samples.shape[1] > 10 else np.empty(0)
     light = samples[:, 1:3]
     free_length, wrap_angle = string_coordinates(light, parameters.rod_radius, parameters.release_angle)
@@ -238,7 +238,7 @@ def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Tr
 
 
 def supplies_as_rows(supplies: Supplies) -> list[tuple[str, str, str]]:
-    """(piece of physics, who, how) for tables."""
+    """Return a row (piece of physics, supplier, how) for each piece, for tables."""
     return [
         (f.name.replace("_", " "), s.by.value, s.how) for f in dataclasses.fields(supplies) if (s := getattr(supplies, f.name))
     ]

@@ -1,4 +1,4 @@
-"""Over which scenarios a variant's accuracy was measured, how good it was there, and whether a scenario is one of them.
+"""Ranges of scenarios over which a variant's accuracy was measured, the errors there, and whether a scenario is inside.
 
 `benchmarks.engine_range` measures it on seeded random scenarios and writes `validated.json`; a third party's engine may declare
 its own in `Abilities.validated`.
@@ -18,30 +18,31 @@ from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 FILE = "validated.json"
-"""Beside this module: what `benchmarks.engine_range` measured of the variants that ship."""
-SLACK = 1e-9
-"""Relative slack of a bound, so that a scenario at the very edge of the range is inside it."""
+"""File beside this module with what `benchmarks.engine_range` measured of the shipped variants."""
+ROUNDING_MARGIN = 1e-9
+"""Relative margin of a bound, so that rounding does not put a scenario at the very edge outside the range."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ValidatedQuantity:
-    """A number of a scenario that decides how hard it is for an engine."""
+    """A quantity of a scenario that determines how difficult it is for an engine."""
 
     name: str
     unit: str
-    """As shown; empty: a pure number."""
+    """Unit in which it is shown; empty: a pure number."""
     per_unit: float
-    """How many of the shown unit make one SI unit."""
+    """Shown units per SI unit."""
     of: Callable[[Parameters], float | None]
-    """SI; None: the scenario has no such quantity."""
+    """Function that returns its value [SI]; None: the scenario has no such quantity."""
 
 
 def _drag(name: str, mass: Callable[[Parameters], float], power: int) -> Callable[[Parameters], float]:
-    """Drag over inertia on a way of one free length: coefficient times length to ``power`` over mass."""
+    """Return a function for the ratio of drag to inertia on a path of one free length: coefficient * length**power / mass."""
     return lambda p: p.coefficients[name] * p.free_length**power / mass(p)
 
 
-def _static_over_kinetic(p: Parameters) -> float | None:
+def _friction_ratio(p: Parameters) -> float | None:
+    """Return static over kinetic friction; None without friction."""
     kinetic, static = p.coefficients["kinetic_friction"], p.coefficients["static_friction"]
     return static / kinetic if kinetic > 0 else None
 
@@ -58,7 +59,7 @@ QUANTITIES: tuple[ValidatedQuantity, ...] = (
     ValidatedQuantity(name="rod radius", unit="mm", per_unit=1e3, of=lambda p: p.rod_radius),
     ValidatedQuantity(name="free length", unit="cm", per_unit=1e2, of=lambda p: p.free_length),
     ValidatedQuantity(name="kinetic friction", unit="", per_unit=1.0, of=lambda p: p.coefficients["kinetic_friction"]),
-    ValidatedQuantity(name="static over kinetic friction", unit="", per_unit=1.0, of=_static_over_kinetic),
+    ValidatedQuantity(name="static over kinetic friction", unit="", per_unit=1.0, of=_friction_ratio),
     ValidatedQuantity(name="light mass's drag l/M1", unit="", per_unit=1.0, of=_drag("light_drag", lambda p: p.light_mass, 1)),
     ValidatedQuantity(name="heavy mass's drag l/M2", unit="", per_unit=1.0, of=_drag("heavy_drag", lambda p: p.heavy_mass, 1)),
     ValidatedQuantity(name="string's drag l^2/M1", unit="", per_unit=1.0, of=_drag("string_drag", lambda p: p.light_mass, 2)),
@@ -67,36 +68,37 @@ QUANTITIES: tuple[ValidatedQuantity, ...] = (
 
 @dataclass(frozen=True, kw_only=True)
 class Spread:
-    """Of one error over the scenarios, SI."""
+    """Distribution of one error over the scenarios [SI]."""
 
     count: int
-    """Scenarios in which it could be measured."""
+    """Number of scenarios in which it could be measured."""
     median: float
     ninety: float
-    """90 % of the scenarios are at most this far off."""
+    """90th percentile: 90 % of the scenarios have at most this error."""
     worst: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class ValidatedRange:
-    """The scenarios over which one profile's accuracy was measured, and what it was."""
+    """The range of scenarios over which one profile's accuracy was measured, and the errors there."""
 
     profile: str
     scenarios: int
-    """How many were run."""
+    """Number of scenarios that were run."""
     failed: int
-    """Runs among them that did not come to their proper end; they are in no `errors`."""
+    """Number of runs that did not come to their proper end; `errors` does not include them."""
     releases: frozenset[Release]
     bounds: Mapping[str, tuple[float, float]]
-    """Name of a `ValidatedQuantity` -> least and largest value measured, SI."""
+    """Name of a `ValidatedQuantity` -> smallest and largest value among the scenarios [SI]."""
     errors: Mapping[str, Spread]
-    """What -> how far off: "rms_0.35s" and "rms_0.7s" [m], each to the end of the run if that is earlier."""
+    """Name of an error -> its distribution: "rms_0.35s" and "rms_0.7s" [m], each to the end of the run if that is earlier."""
 
 
 def outside_range(validated: Sequence[ValidatedRange], profile: str, parameters: Parameters) -> tuple[str, ...]:
-    """Return what of ``parameters`` lies outside the range over which a variant's ``profile`` was measured; empty: nothing.
+    """Return the quantities of ``parameters`` outside the range over which a variant's ``profile`` was measured.
 
-    Each is a phrase such as "mass ratio M2/M1 30 (measured: 1.6 to 19)". A variant that states no range gives nothing.
+    Each is a phrase such as "mass ratio M2/M1 30 (measured: 1.6 to 19)". A variant that states no range gives none. If it
+    states several ranges, the one with the fewest quantities outside counts.
     """
     known = [each for each in validated if each.profile == profile]
     if not known:
@@ -107,33 +109,34 @@ def outside_range(validated: Sequence[ValidatedRange], profile: str, parameters:
 
 
 def _outside(validated: ValidatedRange, parameters: Parameters) -> tuple[str, ...]:
-    found = []
+    """Return a phrase for each quantity outside one range."""
+    phrases = []
     for quantity in QUANTITIES:
         bounds, value = validated.bounds.get(quantity.name), quantity.of(parameters)
         if bounds is None or value is None:
             continue
         low, high = bounds
-        if not low * (1 - SLACK) <= value <= high * (1 + SLACK):
+        if not low * (1 - ROUNDING_MARGIN) <= value <= high * (1 + ROUNDING_MARGIN):
             shown = " ".join([amount(value, quantity.per_unit, 3), *([quantity.unit] if quantity.unit else [])])
             measured = f"{amount(low, quantity.per_unit, 3)} to {amount(high, quantity.per_unit, 3)}"
-            found.append(f"{quantity.name} {shown} (measured: {measured})")
-    return tuple(found)
+            phrases.append(f"{quantity.name} {shown} (measured: {measured})")
+    return tuple(phrases)
 
 
 def shipped_range(label: str) -> tuple[ValidatedRange, ...]:
-    """What was measured of the variant ``label``, "mujoco:beads"; empty: nothing."""
-    return _shipped().get(label, ())
+    """Return the measured ranges of the variant ``label``, "mujoco:beads"; empty: none was measured."""
+    return _shipped_ranges().get(label, ())
 
 
 @cache
-def _shipped() -> dict[str, tuple[ValidatedRange, ...]]:
+def _shipped_ranges() -> dict[str, tuple[ValidatedRange, ...]]:
     path = files(__package__).joinpath(FILE)
     tree = json.loads(path.read_text(encoding="utf-8"))
     return {label: tuple(from_plain(each) for each in ranges) for label, ranges in tree.items()}
 
 
 def to_plain(validated: ValidatedRange) -> dict[str, Any]:
-    """``validated`` as JSON has it."""
+    """Return ``validated`` as plain data for JSON."""
     return {
         "profile": validated.profile,
         "scenarios": validated.scenarios,
@@ -145,7 +148,7 @@ def to_plain(validated: ValidatedRange) -> dict[str, Any]:
 
 
 def from_plain(tree: dict[str, Any]) -> ValidatedRange:
-    """Read `to_plain`'s tree back."""
+    """Return the range that `to_plain` wrote as ``tree``."""
     return ValidatedRange(
         profile=tree["profile"],
         scenarios=tree["scenarios"],

@@ -1,4 +1,4 @@
-"""The process in which one engine runs (see `isolation`)."""
+"""Main function of the process in which one engine runs (see `isolation`)."""
 
 from __future__ import annotations
 
@@ -8,28 +8,30 @@ from dataclasses import replace
 from pathlib import Path
 
 from looping_pendulum.engines.job import RESULT, SAMPLES, EngineJob, FileRecorder, identity
-from looping_pendulum.engines.returned import checked
+from looping_pendulum.engines.result_check import validate_trajectory
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory, from_samples
 from looping_pendulum.process_start import JOB
 
 
-def main(place: str) -> None:
-    """Run the job that lies in the folder ``place`` and leave the trajectory beside it."""
-    folder = Path(place)
+def main(folder_path: str) -> None:
+    """Run the job in the folder at ``folder_path`` and write the trajectory to the same folder."""
+    folder = Path(folder_path)
     job: EngineJob = pickle.loads((folder / JOB).read_bytes())
     recorder = FileRecorder(folder / SAMPLES)
     try:
-        trajectory = checked(job.engine.simulate(job.scenario, recorder), job.engine, job.scenario)
+        trajectory = validate_trajectory(job.engine.simulate(job.scenario, recorder), job.engine, job.scenario)
         result = pickle.dumps(replace(trajectory, output=""))
-    except Exception as error:
+    except Exception as error:  # foreign code may raise anything; the parent gets it as a failed run
         traceback.print_exc()
-        result = pickle.dumps(_failed(job, recorder, error))
-    finished = folder / "trajectory.part"
-    finished.write_bytes(result)
-    finished.rename(folder / RESULT)
+        result = pickle.dumps(_failed_trajectory(job, recorder, error))
+    # Renaming is atomic, so the parent never reads half a result.
+    partial = folder / "trajectory.part"
+    partial.write_bytes(result)
+    partial.rename(folder / RESULT)
 
 
-def _failed(job: EngineJob, recorder: FileRecorder, error: Exception) -> Trajectory:
+def _failed_trajectory(job: EngineJob, recorder: FileRecorder, error: Exception) -> Trajectory:
+    """Return a trajectory of the samples recorded before ``error``."""
     return from_samples(
         recorder.rows(),
         parameters=job.scenario.parameters,

@@ -1,5 +1,5 @@
-"""What every HTML page of this project shares: its shell, its palette, its tables and figures. Knows no physics.
+"""Parts that all HTML pages of this project share: shell, palette, tables, figures, number formats. No physics.
 
-A page is one file that works offline: styles, scripts and data stand in it, and its own security policy allows no request.
-Every text is escaped on its way in (Jinja2's autoescape, `markdown.html`, `shell.embedded`), so a hostile name shows as text.
+A page is one file that works offline: it embeds styles, scripts and data, and its security policy allows no requests. Every
+text is escaped (Jinja2's autoescape, `markdown.html`, `shell.embedded`), so that a hostile name is shown as text.
 """

@@ -1,4 +1,7 @@
-"""Markdown of our reports as HTML. Names in it come from scenarios and files, so it can neither run nor fetch anything."""
+"""Converts the Markdown of reports to HTML.
+
+Names in it come from scenarios and files, so the result must not be able to run or fetch anything.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,9 @@ from markupsafe import Markup
 
 
 def html(text: str) -> Markup:
-    """Return ``text`` as HTML: headings, paragraphs, lists, tables, code, emphasis. HTML, links and images in it stay text."""
+    """Return ``text`` as HTML: headings, paragraphs, lists, tables, code, emphasis. HTML, links and images remain text."""
     rendered: str = _parser().render(text)
-    # a scrolling box of its own, reachable by keyboard: a wide table must not make a phone's page scroll sideways
+    # Each table scrolls in a box of its own, reachable by keyboard, so that a wide one does not make the whole page scroll.
     rendered = rendered.replace("<table>", '<div class="table" tabindex="0" role="region" aria-label="table"><table>')
     return Markup(rendered.replace("</table>", "</table></div>"))
 

@@ -1,26 +1,37 @@
-"""How results show themselves in a notebook: a short text with tables, as HTML in which nothing can run."""
+"""Formats results for notebooks: a short text with tables, as HTML in which nothing can run."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-
-from looping_pendulum.pages.markdown import html
+from importlib import import_module
 
 SPECIAL = str.maketrans({c: f"\\{c}" for c in "\\`*_[]|<>"})
-"""Characters that Markdown reads as more than themselves."""
+"""Characters that have a meaning in Markdown -> their escapes."""
 
 
 def plain(text: str) -> str:
-    """``text`` on one line, for Markdown, with nothing in it that Markdown would read."""
+    """Return ``text`` on one line with the characters escaped that have a meaning in Markdown."""
     return " ".join(text.split()).translate(SPECIAL)
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Markdown table of plain text."""
+    """Return a Markdown table of plain text."""
     lines = [[plain(cell) for cell in head], ["---"] * len(head), *([plain(cell) for cell in row] for row in rows)]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def shown(title: str, note: str, *parts: str) -> str:
-    """HTML of a title, a sentence or two, and Markdown ``parts``."""
+def notebook_html(title: str, note: str, *parts: str) -> str:
+    """Return the HTML of a title, a note in plain text, and Markdown ``parts``."""
+    # Here, for results of every layer import this file, and few of them are ever shown.
+    from looping_pendulum.pages.markdown import html
+
     return str(html("\n\n".join([f"**{plain(title)}**", *([plain(note)] if note.strip() else []), *parts])))
+
+
+class ShownInNotebook:
+    """A result that a notebook shows as HTML."""
+
+    def _repr_html_(self) -> str:
+        """Return the HTML that a notebook shows."""
+        # By its name: that module knows the reports, which stand above the results that they show.
+        return str(import_module("looping_pendulum.notebook").html(self))

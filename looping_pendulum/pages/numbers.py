@@ -1,4 +1,4 @@
-"""Numbers as a person writes them: two or three digits that mean something, a unit that suits the size, no exponent."""
+"""Formats numbers for readers: two or three significant digits, a unit that suits the size, no exponent."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 GAP = "–"
-"""Stands where there is no number."""
+"""Text in place of a missing number."""
 
 PLAIN_EXPONENTS = range(-4, 7)
 """Powers of ten of a number's first digit at which it is written without an exponent: 0.0001 to 9999999."""
 
-MOST_DIGITS = 6
-"""Of a value whose error is very small."""
+MAX_DIGITS = 6
+"""Largest number of significant digits of a value whose error is very small."""
 
 
 def number(value: float | None, scale: float = 1.0, digits: int = 3) -> str:
@@ -34,7 +34,7 @@ def number(value: float | None, scale: float = 1.0, digits: int = 3) -> str:
 
 
 def amount(value: float | None, scale: float = 1.0, digits: int = 2) -> str:
-    """Like `number`, but without an exponent, all digits left of the point stay: 262 where two are asked for, not 260."""
+    """Format like `number`, but keep all digits before the decimal point: 262 with ``digits=2``, not 260."""
     if value is None or not 1 <= abs(value * scale) < 10.0**PLAIN_EXPONENTS.stop:
         return number(value, scale, digits)
     size = round(float(value) * scale, max(0, digits - 1 - math.floor(math.log10(abs(value * scale)))))
@@ -42,7 +42,7 @@ def amount(value: float | None, scale: float = 1.0, digits: int = 2) -> str:
 
 
 def signed(value: float | None, scale: float = 1.0, digits: int = 3) -> str:
-    """Like `number`, always with a sign."""
+    """Format like `number`, with a sign for positive values too."""
     text = number(value, scale, digits)
     return f"+{text}" if value is not None and value * scale > 0 else text
 
@@ -57,14 +57,14 @@ class _Step:
     """A unit that a quantity may be written in."""
 
     size: float
-    """In the SI unit."""
+    """Size of the unit in the SI unit."""
     name: str
     least: float = 1.0
-    """Smallest number that is written in this unit; below it the next smaller unit takes over."""
+    """Smallest number that is written in this unit; smaller ones use the next smaller unit."""
 
 
 def _metric(unit: str) -> tuple[_Step, ...]:
-    """Steps of a unit: thousandths are kept down to 0.01, since people read 0.053 mm more easily than 53 µm."""
+    """Return the steps of a unit; thousandths are used down to 0.01, since 0.053 mm is easier to read than 53 µm."""
     return (_Step(1.0, unit), _Step(1e-3, f"m{unit}", 0.01), _Step(1e-6, f"µ{unit}", 0.01), _Step(1e-9, f"n{unit}", 0.0))
 
 
@@ -76,7 +76,7 @@ _STEPS = {
     "kg": (_Step(1.0, "kg"), _Step(1e-3, "g", 0.01), _Step(1e-6, "mg", 0.0)),
     "rad": (_Step(math.pi / 180, "deg", 0.01), _Step(1e-6, "µrad", 0.01), _Step(1e-9, "nrad", 0.0)),
 }
-"""SI unit -> units to write it in, the largest first."""
+"""SI unit -> units in which it is written, the largest first."""
 
 
 def quantity(value: float | None, unit: str, digits: int = 2, *, sign: bool = False) -> str:
@@ -121,8 +121,8 @@ def uncertain(value: float | None, error: float | None, unit: str = "") -> str:
     largest = max(abs(value), error)
     power = math.floor(math.log10(largest))
     last = math.floor(math.log10(float(f"{error:.1e}"))) - 1
-    if power - last > MOST_DIGITS:  # more digits would be read by nobody
-        text = f"{number(value, digits=MOST_DIGITS)} +/- {number(error, digits=2)}"
+    if power - last > MAX_DIGITS:  # more digits would not be readable
+        text = f"{number(value, digits=MAX_DIGITS)} +/- {number(error, digits=2)}"
     elif power in PLAIN_EXPONENTS:
         text = " +/- ".join(f"{round(x, -last):.{max(0, -last)}f}" for x in (value, error))
     else:

@@ -1,4 +1,4 @@
-"""Colours, dashes and markers that tell runs apart, for the eye that sees no red or green too, on light and dark ground."""
+"""Colours, dashes and markers that distinguish runs, also for colour-blind readers, on light and dark backgrounds."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from looping_pendulum.files import utf8
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's colour-blind-safe palette without black (the reference) and yellow (faint on white)."""
 DARK_COLOURS = ("#4DA3E0", "#FF8A3D", "#2CC9A0", "#E8A0CB", "#F7BF3E", "#9AD8FF")
-"""The same hues in the same order, lighter, for a dark ground."""
+"""The same hues in the same order, lighter, for a dark background."""
 DASHES: tuple[tuple[float, ...], ...] = ((1, 0), (6, 2), (2, 1.5), (6, 2, 1.5, 2), (9, 3), (4, 1.5, 1, 1.5, 1, 1.5))
 """Lengths of strokes and gaps, in line widths or points."""
 MARKERS = "osD^vP"
@@ -20,17 +20,17 @@ MARKERS = "osD^vP"
 
 @dataclass(frozen=True, kw_only=True)
 class Style:
-    """How one engine is drawn everywhere."""
+    """Appearance of an engine in all figures."""
 
     colour: str
     dashes: tuple[float, ...]
     marker: str
     slot: int
-    """Place of the colour in `COLOURS`; pages name it ``var(--run-SLOT)``, which follows the ground."""
+    """Index of the colour in `COLOURS`; pages use ``var(--run-SLOT)``, which depends on the background."""
 
 
 def styles(labels: Iterable[str]) -> dict[str, Style]:
-    """Colour, dashes and marker per label: by the label's checksum; a later label (in order) gives way if they clash."""
+    """Return a style per label, chosen by its checksum; of labels with the same one, later ones take the next free."""
     taken: dict[int, str] = {}
     for label in sorted(set(labels)):
         wanted = zlib.crc32(utf8(label)) % len(COLOURS)
@@ -49,7 +49,7 @@ def styles(labels: Iterable[str]) -> dict[str, Style]:
 
 
 def colour_rules() -> str:
-    """CSS custom properties ``--run-0`` and so on, for both grounds."""
+    """Return the CSS custom properties ``--run-0`` and so on, for both backgrounds."""
 
     def rules(colours: tuple[str, ...]) -> str:
         return " ".join(f"--run-{slot}: {colour};" for slot, colour in enumerate(colours))

@@ -1,4 +1,4 @@
-"""A report as a page: its Markdown sections as HTML with sortable tables, and its figures as plotly draws them."""
+"""Renders a report as a page: its Markdown sections as HTML with sortable tables, and its figures with plotly."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from markupsafe import Markup
 
 from looping_pendulum.pages import markdown
 from looping_pendulum.pages.figures import Figure, plotly_source
-from looping_pendulum.pages.shell import KIT, asset, page
+from looping_pendulum.pages.shell import SHARED_PACKAGE, asset, page
 
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """One section of a report."""
+    """A section of a report."""
 
     id: str
     title: str
@@ -33,19 +33,19 @@ def render(
         Markdown sections above and below the figures, each with its heading first; the first is the page's own title.
         Empty ones are left out.
     words
-        Word -> meaning, for a reader who is new to them.
+        Term -> meaning, for readers who do not know it.
     note
-        A sentence on all figures.
+        A sentence about all figures.
     """
     head, *above = [markdown.html(text) for text in before if text]
-    scripts = [asset(KIT, "tables.js")]
+    scripts = [asset(SHARED_PACKAGE, "tables.js")]
     if figures:
-        scripts += [plotly_source(), asset(KIT, "figures.js")]
+        scripts += [plotly_source(), asset(SHARED_PACKAGE, "figures.js")]
     return page(
-        KIT,
+        SHARED_PACKAGE,
         "report.html",
         title=title,
-        styles=[(KIT, "report.css")],
+        styles=[(SHARED_PACKAGE, "report.css")],
         scripts=scripts,
         data={"figures": [figure.as_dict() for figure in figures]},
         head=head,
@@ -58,7 +58,7 @@ def render(
 
 
 def _section(html: Markup, name: str) -> Section:
-    """Take a section's heading, for the table of contents."""
+    """Separate a section's heading from its body, for the table of contents."""
     found = re.match(r"<h2>(.*?)</h2>\n?", html, re.DOTALL)
     if found is None:
         return Section(id=name, title="", body=html)

@@ -1,4 +1,4 @@
-"""One self-contained HTML file from a template, styles, scripts and data."""
+"""Builds one self-contained HTML file from a template, styles, scripts and data."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from markupsafe import Markup
 
 from looping_pendulum.pages.palette import colour_rules
 
-KIT = "looping_pendulum.pages"
-"""Package whose ``assets`` hold what pages share."""
+SHARED_PACKAGE = "looping_pendulum.pages"
+"""Package whose ``assets`` folder holds the files that all pages share."""
 
 
 @cache
 def asset(package: str, name: str) -> str:
-    """Text of a file in the folder ``assets`` of ``package``."""
+    """Return the text of a file in the folder ``assets`` of ``package``."""
     return _assets(package).joinpath(name).read_text(encoding="utf-8")
 
 
 def embedded(data: Any) -> str:
-    """``data`` as JSON that is safe inside a script element: no text in it can end the element or open another."""
+    """Return ``data`` as JSON that is safe inside a script element: no text in it can end the element or open another."""
     text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")
@@ -44,27 +44,28 @@ def page(
     data: Mapping[str, Any] | None = None,
     **context: Any,
 ) -> str:
-    """Render ``template`` of ``package``'s assets, which extends the kit's ``base.html``.
+    """Render ``template`` of ``package``'s assets, which extends the shared ``base.html``.
 
     Parameters
     ----------
     styles
-        (package, file) of style sheets beside the kit's own.
+        (package, file) of style sheets in addition to the shared one.
     scripts
-        Sources of scripts, run in this order at the end of the body. Nothing else runs: the page's policy names them by hash.
+        Sources of scripts, run in this order at the end of the body. Nothing else can run, since the security policy
+        lists them by hash.
     data
-        Id -> what a script finds as JSON in the element of that id.
+        Id of an element -> data that scripts read from it as JSON.
     context
-        What the template asks for; text is escaped.
+        Variables of the template; text is escaped.
     """
-    theme = asset(KIT, "theme.js")
-    sheets = [asset(KIT, "base.css"), colour_rules(), *(asset(*sheet) for sheet in styles)]
+    theme = asset(SHARED_PACKAGE, "theme.js")
+    sheets = [asset(SHARED_PACKAGE, "base.css"), colour_rules(), *(asset(*sheet) for sheet in styles)]
     return _compiled(package, template).render(
         title=title,
         policy=Markup(_policy([theme, *scripts])),
         sheet=Markup("\n".join(sheets)),
         theme=Markup(theme),
-        scripts=[Markup(_closed_to_markup(source)) for source in scripts],
+        scripts=[Markup(_checked_script(source)) for source in scripts],
         data={name: Markup(embedded(value)) for name, value in (data or {}).items()},
         **context,
     )
@@ -72,7 +73,7 @@ def page(
 
 @cache
 def _compiled(package: str, template: str) -> Template:
-    sources = {"base.html": asset(KIT, "base.html"), template: asset(package, template)}
+    sources = {"base.html": asset(SHARED_PACKAGE, "base.html"), template: asset(package, template)}
     environment = Environment(loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     return environment.get_template(template)
 
@@ -81,16 +82,18 @@ def _assets(package: str) -> Traversable:
     return files(package) / "assets"
 
 
-@lru_cache(maxsize=8)  # plotly.js, which stands in every report, has megabytes
-def _closed_to_markup(source: str) -> str:
-    """Return ``source``, which must not end its own element."""
+@lru_cache(maxsize=8)  # plotly.js, which every report embeds, has megabytes
+def _checked_script(source: str) -> str:
+    """Return ``source`` after checking that it cannot end its own script element."""
     if "</script" in source.lower() or "<!--" in source:
-        raise ValueError("a page's script holds '</script' or '<!--', which would end it early; split that string in two")
+        raise ValueError(
+            "a page's script holds '</script' or '<!--', which would end its element early; split that string in two"
+        )
     return source
 
 
 def _policy(scripts: Sequence[str]) -> str:
-    """Content security policy: no request at all, and only ``scripts`` run."""
+    """Return the content security policy: no requests at all, and only ``scripts`` may run."""
     run = " ".join(f"'sha256-{_digest(source)}'" for source in scripts)
     return f"default-src 'none'; style-src 'unsafe-inline'; img-src data: blob:; script-src {run}"
 

@@ -1,1 +1,1 @@
-"""The exact hybrid model of the looping pendulum."""
+"""The exact model of the looping pendulum: differential equations in several modes, with events between them."""

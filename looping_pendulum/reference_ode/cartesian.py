@@ -1,4 +1,4 @@
-"""The one path by which the effects' forces, and a push at release, reach engines that work in x and y."""
+"""Forces of the effects, and the velocities at release, in x and y, as engines need them."""
 
 from __future__ import annotations
 
@@ -8,21 +8,22 @@ from collections.abc import Callable
 from looping_pendulum.reference_ode import effects
 from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.effects import GRAVITY, EffectKind, Kinematics
-from looping_pendulum.reference_ode.geometry import light_velocity, string_followed
+from looping_pendulum.reference_ode.geometry import light_velocity, next_string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters
 
 RELEASE_TOLERANCE = 1e-12
-"""Asked for by the reference's constructor; nothing is integrated here."""
+"""Tolerance that the constructor of `Driver` requires; it has no effect, as nothing is integrated here."""
 
 CartesianForce = Callable[[float, float, float, float, float, float], tuple[float, float, float]]
+"""(time, x, y, vx, vy, heavy_vy) -> (fx, fy, heavy_fy), SI."""
 
 
 def cartesian_force(parameters: Parameters) -> CartesianForce | None:
     """Return ``force(time, x, y, vx, vy, heavy_vy) -> (fx, fy, heavy_fy)`` [N], or None where no such force acts.
 
-    Gravity is left out (every engine has its own), and so is the string's law on the rod. Positions [m] are from the rod's
-    centre, velocities in m/s. The formulas are the reference's own. The function counts the light mass's turns, so it must be
-    called in the order of time, more than twice a turn.
+    Gravity is left out (every engine has its own), and so is the law of the string on the rod. Positions [m] are from the rod's
+    centre, velocities in m/s. The formulas are those of the reference. The function counts the turns of the light mass, so it
+    must be called in the order of time, more than twice a turn.
     """
     p, radius = parameters.values(), parameters.rod_radius
     acting = tuple(
@@ -40,8 +41,9 @@ def cartesian_force(parameters: Parameters) -> CartesianForce | None:
 
     def force(time: float, x: float, y: float, vx: float, vy: float, heavy_vy: float) -> tuple[float, float, float]:
         nonlocal last_angle
-        free_length, last_angle = string_followed(x, y, radius, last_angle)
+        free_length, last_angle = next_string_coordinates(x, y, radius, last_angle)
         cosine, sine = math.cos(last_angle), math.sin(last_angle)
+        # Components along -e1 and t1, the directions of `Kinematics`
         retreat, across = vy * cosine - vx * sine, -(vx * cosine + vy * sine)
         k = Kinematics(time, free_length, last_angle, retreat, across, abs(across), math.hypot(vx, vy), heavy_vy, abs(heavy_vy))
         along_force, across_force = effects.force_on_light_mass(math, k, p, on_light)
@@ -55,10 +57,9 @@ def cartesian_force(parameters: Parameters) -> CartesianForce | None:
 
 
 def release_velocity(parameters: Parameters) -> tuple[float, float, float]:
-    """Velocities just after release [m/s]: x and y of the light mass, y of the heavy one.
+    """Return the velocities just after release [m/s]: x and y of the light mass, y of the heavy one.
 
-    They are the reference's own: at rest unless the light mass is pushed; of a push that pulls at a taut string both masses get
-    what the reference gives them.
+    They are those of the reference: zero unless the light mass is pushed. A push that pulls at a taut string moves both masses.
     """
     state = Driver(parameters, 0.0, RELEASE_TOLERANCE, "scipy").y
     return (*light_velocity(math, state.wrap_angle, state.retreat_speed, state.across_speed), state.heavy_speed)

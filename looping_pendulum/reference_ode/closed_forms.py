@@ -1,4 +1,4 @@
-"""Exact solutions of special cases: the first in the order of trust, and the oracle of every solver and engine."""
+"""Exact solutions of special cases, with which the tests compare every solver and engine."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from looping_pendulum.reference_ode.geometry import Array, light_velocity
 from looping_pendulum.reference_ode.parameters import Parameters
 
 HELD_PERIOD_NODES = 200
+"""Nodes of the midpoint rule in `held_period`, which converges to rounding with far fewer."""
 
 
 def atwood_acceleration(parameters: Parameters) -> float:
-    """Downward acceleration of the heavy mass, both masses hanging, no drag [m/s^2] (paper, eq. for y2(t)).
+    """Return the downward acceleration of the heavy mass, both masses hanging, no drag [m/s^2] (paper, eq. for y2(t)).
 
-    g (M2 - M1 e^{mu pi}) / (M2 + M1 e^{mu pi}); zero if the rod holds the string.
+    It is g (M2 - M1 e^{mu pi}) / (M2 + M1 e^{mu pi}), or zero if the rod holds the string.
     """
     c, pi = parameters.coefficients, math.pi
     if parameters.heavy_mass <= parameters.light_mass * math.exp(c["static_friction"] * pi):
@@ -25,29 +26,30 @@ def atwood_acceleration(parameters: Parameters) -> float:
 
 
 def free_fall(t: Array, *, mass: float, drag: float, gravity: float) -> Array:
-    """Distance fallen from rest after ``t`` [s] under quadratic drag ``drag`` [kg/m]; shape of ``t`` [m].
+    """Return the distance fallen from rest after ``t`` [s] under quadratic drag ``drag`` [kg/m]; shape of ``t`` [m].
 
-    (m / gamma) ln cosh(sqrt(g gamma / m) t), or g t^2 / 2 without drag.
+    It is (m / gamma) ln cosh(sqrt(g gamma / m) t), or g t^2 / 2 without drag.
     """
-    if drag == 0:  # as written
+    if drag == 0:  # exactly, as it is given, not computed
         return 0.5 * gravity * t**2
     x = math.sqrt(gravity * drag / mass) * t
     return mass / drag * (np.logaddexp(x, -x) - math.log(2))
 
 
 def spiral(wrap_angle: Array, *, halt_length: float, halt_angle: float, rod_radius: float) -> tuple[Array, Array]:
-    """Path of the light mass once the heavy one has halted, in polar coordinates (rho [m], psi [rad]) (paper, appendix B).
+    """Return the path of the light mass once the heavy one has halted, as polar coordinates (rho [m], psi [rad]).
 
-    rho = sqrt(R^2 + l^2) and psi = theta + arctan(l / R), with l + R theta constant.
+    From the paper, appendix B: rho = sqrt(R^2 + l^2) and psi = theta + arctan(l / R), with l + R theta constant.
     """
     free_length = halt_length + rod_radius * (halt_angle - wrap_angle)
     return np.hypot(rod_radius, free_length), wrap_angle + np.arctan2(free_length, rod_radius)
 
 
 def halted_free_length(t: Array, *, halt_length: float, halt_time: float, end_time: float) -> Array:
-    """Free length after the halt, gravity and drag neglected [m]: l_halt sqrt((t_end - t) / (t_end - t_halt)) (paper, eq. l0).
+    """Return the free length after the halt, gravity and drag neglected [m] (paper, eq. l0).
 
-    Exact without gravity and drag; the paper finds it within a few percent with them.
+    It is l_halt sqrt((t_end - t) / (t_end - t_halt)): exact without gravity and drag; with them the paper finds it to be right
+    within a few percent.
     """
     return halt_length * np.sqrt((end_time - t) / (end_time - halt_time))
 
@@ -55,13 +57,13 @@ def halted_free_length(t: Array, *, halt_length: float, halt_time: float, end_ti
 def halted_wrap_angle(
     t: Array, *, halt_length: float, halt_angle: float, halt_time: float, end_time: float, rod_radius: float
 ) -> Array:
-    """Wrap angle that goes with `halted_free_length` [rad] (paper, eq. theta0)."""
+    """Return the wrap angle that goes with `halted_free_length` [rad] (paper, eq. theta0)."""
     free_length = halted_free_length(t, halt_length=halt_length, halt_time=halt_time, end_time=end_time)
     return halt_angle + (halt_length - free_length) / rod_radius
 
 
 def held_period(parameters: Parameters) -> float:
-    """Period of the held pendulum, whose string winds on and off the rod, without drag [s].
+    """Return the period of the held pendulum, whose string winds on and off the rod, without drag [s].
 
     From the energy integral: with the heavy mass clamped l + R theta is constant, w = l theta' is the light mass's speed, and
     T = 2 times the integral of l / w over theta between the turning points. In s (theta = middle - half cos s) the integrand is
@@ -92,14 +94,14 @@ def held_period(parameters: Parameters) -> float:
 
 
 def simple_pendulum_period(length: float, amplitude: float, gravity: float) -> float:
-    """Period of a pendulum on a thin pivot, any amplitude [rad]: 4 sqrt(l / g) K(sin^2(A / 2)) [s]."""
+    """Return the period of a pendulum on a thin pivot, any amplitude [rad]: 4 sqrt(l / g) K(sin^2(A / 2)) [s]."""
     from scipy.special import ellipk
 
     return float(4 * math.sqrt(length / gravity) * ellipk(math.sin(amplitude / 2) ** 2))
 
 
 def release_acceleration(parameters: Parameters) -> tuple[float, float, float]:
-    """Accelerations of a looping release at t = 0: light mass x and y, heavy mass y [m/s^2].
+    """Return the accelerations of a looping release at t = 0: light mass x and y, heavy mass y [m/s^2].
 
     From rest, at the wrap angle theta, with E = exp(mu theta) the ratio of the tensions over a rod on which the string slides:
     M1 u' = -M1 g cos(theta) - T1 along the string, M2 u' = T1 E - M2 g, and g sin(theta) across it. Drag is zero at rest.

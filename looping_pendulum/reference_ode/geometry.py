@@ -1,4 +1,4 @@
-"""Where things are: string coordinates (free length l, wrap angle theta) to x and y, and back. Origin: the rod's centre."""
+"""Convert string coordinates (free length l, wrap angle theta) to x and y, and back. The origin is the rod's centre."""
 
 from __future__ import annotations
 
@@ -12,21 +12,25 @@ Array = NDArray[np.float64]
 
 
 def light_position(xp: Any, free_length: Any, wrap_angle: Any, rod_radius: Any) -> tuple[Any, Any]:
-    """Light mass (x, y) [m]: R cos(theta) - l sin(theta), R sin(theta) + l cos(theta) (paper, sec. II)."""
+    """Return the position (x, y) of the light mass [m] (paper, sec. II).
+
+    It is x = R cos(theta) - l sin(theta), y = R sin(theta) + l cos(theta).
+    """
     cosine, sine = xp.cos(wrap_angle), xp.sin(wrap_angle)
     return rod_radius * cosine - free_length * sine, rod_radius * sine + free_length * cosine
 
 
 def light_velocity(xp: Any, wrap_angle: Any, retreat_speed: Any, across_speed: Any) -> tuple[Any, Any]:
-    """Light mass velocity (x, y) [m/s]: -u e1 + w t1 (paper, eq. v1)."""
+    """Return the velocity (x, y) of the light mass [m/s]: -u e1 + w t1 (paper, eq. v1)."""
     cosine, sine = xp.cos(wrap_angle), xp.sin(wrap_angle)
     return -retreat_speed * sine - across_speed * cosine, retreat_speed * cosine - across_speed * sine
 
 
-def string_followed(x: float, y: float, rod_radius: float, wrap_angle: float) -> tuple[float, float]:
-    """Free length [m], at least 1e-8, and wrap angle [rad] of one position, turns counted on from ``wrap_angle``.
+def next_string_coordinates(x: float, y: float, rod_radius: float, wrap_angle: float) -> tuple[float, float]:
+    """Return free length [m], at least 1e-8, and wrap angle [rad] of one position of the light mass.
 
-    As :func:`string_coordinates`, step by step: ``wrap_angle`` is that of less than half a turn ago.
+    This is :func:`string_coordinates` step by step: ``wrap_angle`` is that of less than half a turn ago, from which turns are
+    counted on.
     """
     free_length = math.sqrt(max(x * x + y * y - rod_radius * rod_radius, 1e-16))
     angle = math.atan2(y, x) - math.atan2(free_length, rod_radius)
@@ -34,9 +38,9 @@ def string_followed(x: float, y: float, rod_radius: float, wrap_angle: float) ->
 
 
 def string_coordinates(light_position: Array, rod_radius: float, release_angle: float) -> tuple[Array, Array]:
-    """Free length [m] and wrap angle [rad], turns counted, of a light mass seen at ``light_position`` (n, 2) [m].
+    """Return free length [m] and wrap angle [rad], turns counted, of a light mass at ``light_position`` (n, 2) [m].
 
-    The inverse of :func:`light_position` for a taut string. Samples must be closer than half a turn.
+    This is the inverse of :func:`light_position` for a taut string. Samples must be closer than half a turn.
     """
     x, y = light_position[:, 0], light_position[:, 1]
     free_length = np.sqrt(np.maximum(x * x + y * y - rod_radius**2, 0.0))

@@ -1,4 +1,4 @@
-"""Integrate one mode with heyoka: Taylor series of high order, compiled once per mode, tolerance and set of effects."""
+"""Integrate one mode with heyoka: Taylor series of high order, compiled once for each mode, tolerance and set of effects."""
 
 from __future__ import annotations
 
@@ -13,32 +13,43 @@ from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
-from looping_pendulum.reference_ode.solution import Part, Segment
-from looping_pendulum.reference_ode.state import Effects, Signs, State, complete, follow, meaning, variables
+from looping_pendulum.reference_ode.solution import Segment, SegmentSamples
+from looping_pendulum.reference_ode.state import (
+    Effects,
+    Signs,
+    State,
+    event_in_phase,
+    fill_in_heavy_speed,
+    full_state,
+    variables,
+)
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
 NAME = "heyoka"
 MAX_STEPS = 20_000
+"""Number of steps in one mode after which heyoka gives up."""
 
 
 class ModeEquations:
-    """The equations of one mode as heyoka's expressions."""
+    """Equations and event functions of one mode as heyoka expressions."""
 
     def __init__(self, mode: Mode, effects: Effects, parameter_names: tuple[str, ...]) -> None:
         hy = load_heyoka()
 
         self.names = names = variables(mode, effects)
         self.variables = dict(zip(names, hy.make_vars(*names), strict=True))
-        y, t = complete(mode, **self.variables), hy.time
+        y, t = full_state(mode, **self.variables), hy.time
         signs = Signs(*(hy.par[i] for i in range(len(Signs._fields))))
         offset = len(Signs._fields)
         self.parameters = {name: hy.par[offset + i] for i, name in enumerate(parameter_names)}
-        """After the signs, the numbers that ``parameter_names`` names."""
-        absent = {c.name: c.null for effect in EFFECTS.values() for c in effect.coefficients}  # constants, so they fold away
+        """Name -> heyoka parameter; in heyoka's parameter array those of ``parameter_names`` follow the signs."""
+        # Coefficients of absent effects are constants, so that heyoka folds their terms away
+        absent = {c.name: c.null for effect in EFFECTS.values() for c in effect.coefficients}
         p = SimpleNamespace(**(absent | self.parameters))
         rates = equations.rates(hy, mode, t, y, signs, p, effects)
+        # A rate that is constant is a Python float; the sum makes it an expression
         self.system = [(self.variables[name], hy.expression(0.0) + getattr(rates, name)) for name in names]
-        self.watched = equations.event_functions(hy, mode, t, y, signs, p, effects)
+        self.event_functions = equations.event_functions(hy, mode, t, y, signs, p, effects)
         self.rows = np.array([State._fields.index(name) for name in names])
 
 
@@ -48,15 +59,15 @@ class _IntegratorOfMode:
     def __init__(self, mode: Mode, effects: Effects, tolerance: float, parameter_names: tuple[str, ...]) -> None:
         hy = load_heyoka()
 
-        written = ModeEquations(mode, effects, parameter_names)
-        self.mode, self.names, self.rows = mode, written.names, written.rows
-        self.events = tuple(written.watched)
+        mode_equations = ModeEquations(mode, effects, parameter_names)
+        self.mode, self.names, self.rows = mode, mode_equations.names, mode_equations.rows
+        self.events = tuple(mode_equations.event_functions)
         falling = hy.event_direction.negative
         self.integrator = hy.taylor_adaptive(
-            written.system,
+            mode_equations.system,
             [1.0] * len(self.names),
             tol=tolerance,
-            t_events=[hy.t_event(function, direction=falling) for function in written.watched.values()],
+            t_events=[hy.t_event(function, direction=falling) for function in mode_equations.event_functions.values()],
         )
         self.success, self.time_limit = hy.taylor_outcome.success, hy.taylor_outcome.time_limit
         self.powers = np.arange(self.integrator.order + 1)
@@ -69,19 +80,19 @@ def _compiled(mode: Mode, effects: Effects, tolerance: float, parameter_names: t
 
 @lru_cache(maxsize=64)
 def _in_the_equations(effects: Effects) -> Effects:
-    """Effects that change an equation: a motion at release needs nothing compiled."""
+    """Return the effects that change an equation, which a motion at release does not."""
     return tuple(effect for effect in effects if effect.kind is not EffectKind.RELEASE)
 
 
 @lru_cache(maxsize=64)
 def _parameter_names(known: tuple[str, ...], effects: Effects) -> tuple[str, ...]:
-    """Numbers that a compiled integrator takes: not those of effects that are absent."""
+    """Return the names of the parameters that a compiled integrator takes, without those of absent effects."""
     absent = {c.name for effect in EFFECTS.values() if effect not in effects for c in effect.coefficients}
     return tuple(sorted(set(known) - absent - {"release"}))
 
 
 class HeyokaIntegrator:
-    """Runs a mode until one of its events."""
+    """Integrates a mode until one of its events."""
 
     def __init__(self, values: SimpleNamespace, effects: Effects, tolerance: float) -> None:
         self._effects = _in_the_equations(effects)
@@ -105,7 +116,7 @@ class HeyokaIntegrator:
         event = Event.TIME_UP
         for _ in range(MAX_STEPS):
             outcome, _ = taylor.step(write_tc=True)
-            series.append(taylor.tc.copy())
+            series.append(taylor.tc.copy())  # the next step overwrites them
             times.append(taylor.time)
             if outcome != run.success:
                 event = self._event(run, outcome, signs)
@@ -118,48 +129,60 @@ class HeyokaIntegrator:
 
     def advance_sampled(
         self, mode: Mode, t: float, y: State, signs: Signs, until: float, times: Array
-    ) -> tuple[Event, float, State, Part]:
-        """As `advance`, but return samples at those ``times`` [s] after ``t`` that it reaches: half the work of a segment."""
+    ) -> tuple[Event, float, State, SegmentSamples]:
+        """Do the same as `advance`, but return samples at those ``times`` [s] after ``t`` that it reaches.
+
+        This is half the work of a segment.
+        """
         run = self._start(mode, t, y, signs)
         taylor = run.integrator
         outcome, *_, rows = taylor.propagate_grid(np.concatenate([[t], times]), max_steps=MAX_STEPS)
         if outcome == run.time_limit and taylor.time < until:
             outcome = taylor.propagate_until(until, max_steps=MAX_STEPS)[0]
         event = Event.TIME_UP if outcome == run.time_limit else self._event(run, outcome, signs)
-        values = _full(run, rows[1:].T)
-        return event, taylor.time, self._final(run), Part(mode=mode, signs=signs, t=times[: values.shape[1]], values=values)
+        values = _full(run, rows[1:].T)  # the first row is the start itself
+        return (
+            event,
+            taylor.time,
+            self._final(run),
+            SegmentSamples(mode=mode, signs=signs, t=times[: values.shape[1]], values=values),
+        )
 
     def _start(self, mode: Mode, t: float, y: State, signs: Signs) -> _IntegratorOfMode:
+        """Return the compiled integrator of ``mode``, set to this time, state and these parameters."""
         run = _compiled(mode, self._effects, self._tolerance, self._names)
         taylor = run.integrator
         taylor.time = t
         taylor.state[:] = [y[i] for i in run.rows]
+        # heyoka knows no parameters beyond the last one that occurs in the equations
         taylor.pars[:] = [*signs, *self._numbers][: len(taylor.pars)]
-        taylor.reset_cooldowns()
+        taylor.reset_cooldowns()  # else heyoka would ignore events just after those of an earlier run
         return run
 
     @staticmethod
     def _final(run: _IntegratorOfMode) -> State:
-        return complete(run.mode, **dict(zip(run.names, run.integrator.state.tolist(), strict=True)))
+        """Return the state at which the integrator stands."""
+        return full_state(run.mode, **dict(zip(run.names, run.integrator.state.tolist(), strict=True)))
 
     def _event(self, run: _IntegratorOfMode, outcome: Any, signs: Signs) -> Event:
+        """Return the event at which the integrator stopped: heyoka numbers terminal events -1, -2, ... in their order."""
         number = -int(getattr(outcome, "value", outcome)) - 1
         if not 0 <= number < len(run.events):
             state = ", ".join(f"{value:g}" for value in run.integrator.state)
             raise IntegratorGaveUpError(f"{run.mode.name.lower()}: integration broke down ({outcome}) at state {state}")
-        return meaning(run.events[number], signs)
+        return event_in_phase(run.events[number], signs)
 
 
 def _segment(run: _IntegratorOfMode, signs: Signs, series: list[Any], times: list[float]) -> Segment:
-    """Turn Taylor series in time into polynomials in the fraction of each step."""
+    """Return the segment of Taylor series in time, as polynomials in the fraction of each step."""
     edges = np.array(times)
     scale = np.diff(edges)[:, None] ** run.powers
     return Segment(mode=run.mode, signs=signs, times=edges, coefficients=_full(run, np.array(series) * scale[:, None, :]))
 
 
 def _full(run: _IntegratorOfMode, variables: Array) -> Array:
-    """Fill in the entries of the state that the mode implies, along the last axis but one."""
+    """Return whole states, along the last axis but one, from the variables of the mode."""
     full = np.zeros((*variables.shape[:-2], len(State._fields), variables.shape[-1]))
     full[..., run.rows, :] = variables
-    follow(run.mode, run.names, full)
+    fill_in_heavy_speed(run.mode, run.names, full)
     return full

@@ -1,4 +1,4 @@
-"""What a run must conserve."""
+"""Quantities that a run must conserve."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from looping_pendulum.reference_ode.parameters import Parameters
 def mechanical_energy(
     parameters: Parameters, light_position: Array, light_velocity: Array, heavy_position: Array, heavy_velocity: Array
 ) -> Array:
-    """Kinetic and potential energy of both masses [J], shape (n,); arguments (n, 2), SI.
+    """Return the kinetic and potential energy of both masses [J], shape (n,); arguments (n, 2), SI.
 
-    Constant without friction and drag.
+    It is constant without friction and drag.
     """
     gravity = parameters.coefficients["gravity"]
     light = 0.5 * np.sum(light_velocity**2, axis=1) + gravity * light_position[:, 1]

@@ -1,9 +1,9 @@
-"""How fast neighbouring motions part: the tangent map of a whole run, saltation at its events included, and its exponents.
+"""Growth of small differences: the tangent map of a whole run, with saltation at its events, and its Lyapunov exponents.
 
-Nearness is measured in what can be seen: the places of both masses over the release's free length l0, and their velocities over
+The norm is of observable quantities: the positions of both masses over the free length l0 at release, and their velocities over
 sqrt(g l0), squared and added. The tangent map takes a small difference at the release to the difference at the same later time;
-its largest singular value is the greatest growth, and ln(growth) / t the finite-time Lyapunov exponent [1/s]. A stop that
-holds takes one direction away for good, whose exponent is then minus infinity.
+its largest singular value is the greatest growth, and ln(growth) / t the finite-time Lyapunov exponent [1/s]. A stop
+after which the rod holds the string takes one direction away for good; its exponent is then minus infinity.
 """
 
 from __future__ import annotations
@@ -23,32 +23,32 @@ from looping_pendulum.reference_ode.effects import GRAVITY
 from looping_pendulum.reference_ode.geometry import Array, light_position, light_velocity
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.sensitivity import DualDriver
-from looping_pendulum.reference_ode.solution import Run, Samples, join
+from looping_pendulum.reference_ode.solution import Run, Samples, join_samples
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators
-from looping_pendulum.reference_ode.state import State, own_variables, variables, winds
+from looping_pendulum.reference_ode.state import State, extra_variables, string_has_thickness, variables
 
-SEEN = ("x1", "y1", "vx1", "vy1", "y2", "vy2")
-"""What nearness is measured in: place and velocity of the light mass, height and speed of the heavy one."""
-LOST = 1e-13
-"""Growth over the largest one at that time that is none but for rounding: a direction that a stop has taken away for good."""
+OBSERVABLES = ("x1", "y1", "vx1", "vy1", "y2", "vy2")
+"""Quantities in the norm: position and velocity of the light mass, height and speed of the heavy one."""
+MIN_RELATIVE_GROWTH = 1e-13
+"""Growth, relative to the largest at that time, that is zero but for rounding: a stop has taken the direction away."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stretching:
-    """Tangent map of a run at the times of its n samples. SI, but for what is said to be scaled."""
+class TangentMap:
+    """Tangent map of a run at the times of its n samples. SI, unless said to be scaled."""
 
     samples: Samples
     """The run itself."""
     names: tuple[str, ...]
-    """The m entries of the state that are free at release."""
+    """The m entries of the state that can differ at release."""
     start: Array
-    """Derivatives of the state at release by themselves, shape (len(State), m): a taut string carries the heavy mass along."""
+    """Derivatives of the state at release by ``names``, shape (len(State), m): a taut string carries the heavy mass along."""
     state: Array
-    """Derivatives of every entry of the state by those at release, at fixed time, shape (n, len(State), m)."""
+    """Derivatives of every entry of the state by ``names`` at release, at fixed time, shape (n, len(State), m)."""
 
     @cached_property
     def scales(self) -> Array:
-        """What each of `SEEN` is divided by: l0 [m] for a place, sqrt(g l0) [m/s] for a velocity."""
+        """Scales by which `OBSERVABLES` are divided: l0 [m] for a position, sqrt(g l0) [m/s] for a velocity."""
         p = self.samples.run.parameters
         length, gravity = p.free_length, p.coefficients["gravity"] or GRAVITY.coefficients[0].default
         speed = math.sqrt(gravity * length)
@@ -56,18 +56,22 @@ class Stretching:
 
     @cached_property
     def matrices(self) -> Array:
-        """Tangent maps from unit differences at release to scaled differences in `SEEN`, shape (n, 6, m)."""
+        """Tangent maps from unit differences at release to scaled differences in `OBSERVABLES`, shape (n, 6, m)."""
         p = self.samples.run.parameters
-        start = _seen(self.samples.run.events[0].state, self.start, p) / self.scales[:, None]
+        start = _observable_derivatives(self.samples.run.events[0].state, self.start, p) / self.scales[:, None]
+        # start = Q R: multiplied by the inverse of R, differences at release are orthonormal in the norm
         _, upper = np.linalg.qr(start)
-        then = [_seen(State(*row), slopes, p) for row, slopes in zip(np.array(self.samples.state).T, self.state, strict=True)]
-        return np.array(then).reshape(-1, len(SEEN), len(self.names)) / self.scales[:, None] @ np.linalg.inv(upper)
+        then = [
+            _observable_derivatives(State(*row), derivatives, p)
+            for row, derivatives in zip(np.array(self.samples.state).T, self.state, strict=True)
+        ]
+        return np.array(then).reshape(-1, len(OBSERVABLES), len(self.names)) / self.scales[:, None] @ np.linalg.inv(upper)
 
     @cached_property
     def growth(self) -> Array:
-        """Singular values of `matrices`, largest first, shape (n, m); 0 where a direction is `LOST`."""
+        """Singular values of `matrices`, largest first, shape (n, m); 0 where below `MIN_RELATIVE_GROWTH`."""
         values = np.asarray(np.linalg.svd(self.matrices, compute_uv=False), dtype=float)
-        return np.where(values <= LOST * values[:, :1], 0.0, values)
+        return np.where(values <= MIN_RELATIVE_GROWTH * values[:, :1], 0.0, values)
 
     @cached_property
     def exponents(self) -> Array:
@@ -76,13 +80,13 @@ class Stretching:
             return np.log(self.growth) / self.samples.t[:, None]
 
 
-def solve_stretching(
+def solve_tangent_map(
     parameters: Parameters, t: Array, *, duration: float = DURATION, tolerance: float = TOLERANCE
-) -> Stretching:
-    """Run as `solve_at` does and follow every small difference at release to the times ``t`` [s], ascending.
+) -> TangentMap:
+    """Solve as `solve_at` does and follow every small difference at release to the times ``t`` [s], ascending.
 
-    The differences are those that the mode of the release lets exist: of a taut string free length, wrap angle and the two
-    speeds (along the string, in the direction in which it begins to slide). The string's length never differs. Times after the
+    The differences are those that the mode at release allows: with a taut string in free length, wrap angle and the two speeds
+    (along the string, in the direction in which it begins to slide). The length of the string never differs. Times after the
     run's end are left out.
 
     Raises
@@ -90,37 +94,37 @@ def solve_stretching(
     MissingPackageError
         If heyoka is not installed.
     ParameterError
-        If an effect has a state of its own or thickens the rod: the norm is that of two points in a plane.
+        If an effect adds state variables or thickens the rod: the norm is that of two points in a plane.
     SensitivityError
-        If an event is only touched: there the tangent map does not exist.
+        If an event is only grazed: there the tangent map does not exist.
     """
     if "heyoka" not in available_integrators():
         raise MissingPackageError("exponents need heyoka, which is not installed: `pip install heyoka` (Linux x86-64)")
-    own = own_variables(parameters.effects)
-    if own or winds(parameters.effects):
+    own = extra_variables(parameters.effects)
+    if own or string_has_thickness(parameters.effects):
         names = ", ".join(e.name for e in parameters.effects if e.variables or e.winding)
-        raise ParameterError(f"effects: found {names}, needed effects without a state or a winding of their own")
-    driver = _SeededDriver(parameters, duration, tolerance)
+        raise ParameterError(f"effects: found {names}, needed effects that neither add state variables nor thicken the rod")
+    driver = _ReleaseStateDriver(parameters, duration, tolerance)
     released, count = driver.y, len(driver.seeded)
     parts = driver.run_sampled(np.asarray(t, dtype=float))
-    run = Run(**(driver.record() | {"events": driver.plain_events()}))
-    samples = join(run, parts)
-    start = np.array([dual.slopes(v, count) for v in released])
-    first = np.repeat(start[:, :, None], len(parts[0].t), axis=2)  # within `driver.START` of the release
-    slopes = np.concatenate([first, *driver.variational.derivatives], axis=2)
-    return Stretching(samples=samples, names=driver.seeded, start=start, state=slopes.transpose(2, 0, 1))
+    run = Run(**(driver.record() | {"events": driver.events_without_derivatives()}))
+    samples = join_samples(run, parts)
+    start = np.array([dual.derivatives_of(v, count) for v in released])
+    first = np.repeat(start[:, :, None], len(parts[0].t), axis=2)  # within `driver.REST_SERIES_DURATION` of the release
+    derivatives = np.concatenate([first, *driver.variational.derivatives], axis=2)
+    return TangentMap(samples=samples, names=driver.seeded, start=start, state=derivatives.transpose(2, 0, 1))
 
 
-class _SeededDriver(DualDriver):
-    """The driver with dual numbers whose derivatives are by the entries of the state at release."""
+class _ReleaseStateDriver(DualDriver):
+    """The driver with dual numbers, their derivatives by the entries of the state at release."""
 
     def __init__(self, parameters: Parameters, duration: float, tolerance: float) -> None:
         mode = Driver(parameters, duration, tolerance, "heyoka").mode
         self.seeded = tuple(name for name in variables(mode, parameters.effects) if name != "slack")  # 0 at every release
         super().__init__(parameters, duration, tolerance, len(self.seeded))
 
-    def _released_state(self) -> State:
-        y = super()._released_state()._asdict()
+    def _release_state(self) -> State:
+        y = super()._release_state()._asdict()
         for name, unit in zip(self.seeded, np.eye(len(self.seeded)), strict=True):
             y[name] = Dual(float(y[name]), unit)
         if "retreat_speed" in self.seeded and "heavy_speed" not in self.seeded:
@@ -128,14 +132,14 @@ class _SeededDriver(DualDriver):
         return State(**y)
 
 
-def _seen(y: State, slopes: Array, p: Parameters) -> Array:
-    """Derivatives of `SEEN` where those of the state ``y`` are ``slopes``, shape (len(State), m)."""
-    moving = State(*(Dual(float(v), row) for v, row in zip(y, slopes, strict=True)))
-    height = moving.free_length + p.rod_radius * moving.wrap_angle + moving.slack
+def _observable_derivatives(y: State, derivatives: Array, p: Parameters) -> Array:
+    """Return the derivatives of `OBSERVABLES` where those of the state ``y`` are ``slopes``, shape (len(State), m)."""
+    dual_state = State(*(Dual(float(v), row) for v, row in zip(y, derivatives, strict=True)))
+    height = dual_state.free_length + p.rod_radius * dual_state.wrap_angle + dual_state.slack
     quantities: list[Any] = [
-        *light_position(dual, moving.free_length, moving.wrap_angle, p.rod_radius),
-        *light_velocity(dual, moving.wrap_angle, moving.retreat_speed, moving.across_speed),
+        *light_position(dual, dual_state.free_length, dual_state.wrap_angle, p.rod_radius),
+        *light_velocity(dual, dual_state.wrap_angle, dual_state.retreat_speed, dual_state.across_speed),
         height,
-        moving.heavy_speed,
+        dual_state.heavy_speed,
     ]
-    return np.array([dual.slopes(q, slopes.shape[1]) for q in quantities])
+    return np.array([dual.derivatives_of(q, derivatives.shape[1]) for q in quantities])

@@ -1,4 +1,4 @@
-"""What a trial is made of: apparatus, release and the coefficients of the effects that act. Physics only, SI and radians."""
+"""Parameters of a run: apparatus, release and the coefficients of the effects that act. Physics only, SI and radians."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from typing import Any, cast
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Effect
-from looping_pendulum.reference_ode.effects.properties import LEAST_LOSS_TIME
+from looping_pendulum.reference_ode.effects.properties import MIN_LOSS_TIME
 
-LARGEST = 1e9
-"""Largest length [m] or mass [kg] that is taken for one: far above any apparatus, and its squares stay finite."""
+MAX_LENGTH_OR_MASS = 1e9
+"""Largest length [m] or mass [kg] that is accepted: far above any apparatus, while its square stays finite."""
 POINT_MASS_END = 1 / 3
 """Free length, in rod radii, at which a light mass without a radius counts as having reached the rod.
 
@@ -27,17 +27,20 @@ bounds, and so lift the heavy mass again over the last tenths of a millimetre, w
 
 
 def touching_length(light_radius: Any, rod_radius: Any) -> Any:
-    """Free length at which the surface of a light mass touches the rod [m] (numbers or arrays)."""
+    """Return the free length at which the surface of a light mass touches the rod [m] (numbers or arrays)."""
     return (light_radius**2 + 2 * light_radius * rod_radius) ** 0.5
 
 
 def string_length(free_length: Any, rod_radius: Any, release_angle: Any, hanging_length: Any, heavy_swing: Any) -> Any:
-    """Whole string L = l + R theta + h [m] (paper, before eq. 1), less what a tilted heavy mass unwinds (numbers or arrays)."""
+    """Return the length of the whole string, L = l + R theta + h [m] (paper, before eq. 1), numbers or arrays.
+
+    A heavy mass that hangs at an angle unwinds R times ``heavy_swing`` of it.
+    """
     return free_length + rod_radius * (release_angle - heavy_swing) + hanging_length
 
 
 class Release(StrEnum):
-    """How one apparatus is let go."""
+    """How the apparatus is released."""
 
     LOOPING = "looping"
     """The light mass is held at the release angle, the string taut, and let go; the heavy mass is free."""
@@ -78,7 +81,7 @@ class Parameters:
     """Coefficient name -> value [SI] of the effects that act; those not named keep their default."""
 
     def __post_init__(self) -> None:
-        """Fill in default coefficients and refuse what cannot be."""
+        """Fill in default coefficients and refuse impossible values."""
         unknown = sorted(self.coefficients.keys() - _DEFAULTS.keys())
         if unknown:
             known = ", ".join(effect_library.COEFFICIENTS)
@@ -97,11 +100,13 @@ class Parameters:
         return _rebuild, (self.as_dict(),)
 
     def _refuse_impossible(self, coefficients: Iterable[str]) -> None:
-        """Refuse what cannot be; of the coefficients, these may have changed since they were found possible."""
+        """Refuse impossible values; of the coefficients, only those named ``coefficients`` are checked against their bounds."""
         for name in ("light_mass", "heavy_mass", "rod_radius", "free_length", "hanging_length"):
             value = getattr(self, name)
-            if not 0 < value <= LARGEST:
-                raise ParameterError(f"{name}: found {value:g}, needed a finite number above 0 and at most {LARGEST:g}")
+            if not 0 < value <= MAX_LENGTH_OR_MASS:
+                raise ParameterError(
+                    f"{name}: found {value:g}, needed a finite number above 0 and at most {MAX_LENGTH_OR_MASS:g}"
+                )
         if not (math.isfinite(self.light_radius) and self.light_radius >= 0):
             raise ParameterError(f"light_radius: found {self.light_radius:g}, needed 0 or more")
         if not 0 < self.release_angle < 2 * math.pi:
@@ -124,40 +129,40 @@ class Parameters:
 
     @property
     def end_length(self) -> float:
-        """Free length at which the light mass touches the rod [m]."""
+        """Free length at which the light mass touches the rod and the run ends [m]."""
         if not self.light_radius > 0:
             return POINT_MASS_END * self.rod_radius
         touching: float = touching_length(self.light_radius, self.rod_radius)
         return touching
 
     @property
-    def static_follows(self) -> bool:
-        """Whether the static friction is not a number of its own but the kinetic one's."""
+    def static_equals_kinetic(self) -> bool:
+        """Whether static and kinetic friction are equal; then `replace` changes both with ``kinetic_friction``."""
         return bool(self.coefficients["static_friction"] == self.coefficients["kinetic_friction"])
 
     @property
     def string_length(self) -> float:
-        """Whole string L = l + R theta + h [m] (paper, before eq. 1), less what a tilted heavy mass unwinds."""
+        """Length of the whole string, L = l + R theta + h [m] (paper, before eq. 1), less what a tilted heavy mass unwinds."""
         swing = self.coefficients["heavy_swing"]
         whole: float = string_length(self.free_length, self.rod_radius, self.release_angle, self.hanging_length, swing)
         return whole
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
-        """The effects that act here: the declared model's own, and any other with a coefficient off its null value."""
+        """Effects that act here: those of the paper's model, and any other with a coefficient off its null value."""
         return self.effects_with(frozenset())
 
     def effects_with(self, names: Collection[str]) -> tuple[Effect, ...]:
-        """`effects`, with those of the coefficients ``names`` even at their null value."""
-        return _acting(self._off_null.union(names), self.release)
+        """Return `effects`, and the effects of the coefficients ``names`` even at their null value."""
+        return _active_effects(self._active_coefficients.union(names), self.release)
 
     @cached_property
-    def _off_null(self) -> frozenset[str]:
+    def _active_coefficients(self) -> frozenset[str]:
         """Coefficients that are not at their null value."""
         return frozenset(name for name, value in self.coefficients.items() if value != _NULLS[name])
 
     def values(self) -> SimpleNamespace:
-        """Every number as an attribute, coefficients included: what the equations read. One object, not to be changed."""
+        """Return every parameter and coefficient as an attribute of one object, which the equations read; do not change it."""
         return self._values
 
     @cached_property
@@ -165,27 +170,28 @@ class Parameters:
         fields = {name: getattr(self, name) for name in _FIELDS}
         derived = {"end_length": self.end_length, "string_length": self.string_length}
         values = SimpleNamespace(**fields, **derived, **self._copied_coefficients())
-        values.string_loss_time = max(values.string_loss_time, LEAST_LOSS_TIME)
+        # Only the equations see the least damping: `coefficients` stay as given
+        values.string_loss_time = max(values.string_loss_time, MIN_LOSS_TIME)
         return values
 
     def replace(self, **changes: object) -> Parameters:
         """Return a copy with fields or coefficients changed (``replace(light_mass=0.02, kinetic_friction=0.3)``)."""
         if type(self) is Parameters and changes.keys() <= _NUMBERS:
-            return self._with_numbers(changes)
+            return self._replace_numbers(changes)
         coefficients = self._copied_coefficients()
-        if self.static_follows:
+        if self.static_equals_kinetic:
             del coefficients["static_friction"]
         for name in [n for n in changes if n in effect_library.COEFFICIENTS]:
             coefficients[name] = float(changes.pop(name))  # type: ignore[arg-type]
         return dataclasses.replace(self, coefficients=coefficients, **changes)  # type: ignore[arg-type]
 
-    def _with_numbers(self, changes: Mapping[str, Any]) -> Parameters:
-        """As `replace`; what does not change is not looked at again, as a fit asks for thousands of copies."""
+    def _replace_numbers(self, changes: Mapping[str, Any]) -> Parameters:
+        """Return the same as `replace`, without checking what does not change: a fit asks for thousands of copies."""
         coefficients = self._copied_coefficients()
         moved = {name: float(value) for name, value in changes.items() if name in coefficients}
-        if "kinetic_friction" in moved and self.static_follows:
+        if "kinetic_friction" in moved and self.static_equals_kinetic:
             moved.setdefault("static_friction", moved["kinetic_friction"])
-        copy = object.__new__(Parameters)
+        copy = object.__new__(Parameters)  # without __post_init__, which would check everything again
         fields = vars(copy)
         for name in _FIELDS:
             fields[name] = changes.get(name, getattr(self, name))
@@ -193,35 +199,35 @@ class Parameters:
             fields["release_angle"] = math.pi
         fields["coefficients"] = MappingProxyType(coefficients | moved)
         copy._refuse_impossible(moved)
-        off = frozenset(name for name, value in moved.items() if value != _NULLS[name])
-        fields["_off_null"] = self._off_null.difference(moved) | off
+        active = frozenset(name for name, value in moved.items() if value != _NULLS[name])
+        fields["_active_coefficients"] = self._active_coefficients.difference(moved) | active
         return copy
 
     def _copied_coefficients(self) -> dict[str, float]:
         return cast("MappingProxyType[str, float]", self.coefficients).copy()
 
     def as_dict(self) -> dict[str, object]:
-        """Plain data, for JSON and for another process."""
+        """Return plain data, for JSON and for another process."""
         data = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         return data | {"release": self.release.value, "coefficients": dict(self.coefficients)}
 
 
 _FIELDS = tuple(f.name for f in dataclasses.fields(Parameters) if f.name != "coefficients")
 _NUMBERS = frozenset({*_FIELDS, *effect_library.COEFFICIENTS} - {"release"})
-"""What `Parameters.replace` may change one by one."""
+"""Names of the numbers that `Parameters.replace` may change."""
 _DEFAULTS = {name: c.default for name, c in effect_library.COEFFICIENTS.items()}
 _NULLS = {name: c.null for name, c in effect_library.COEFFICIENTS.items()}
 _BOUNDS = {name: c.bounds for name, c in effect_library.COEFFICIENTS.items()}
 
 
 @lru_cache(maxsize=256)
-def _acting(off: frozenset[str], release: Release) -> tuple[Effect, ...]:
-    """Effects of the declared model, and those with a coefficient in ``off``, off its null value."""
-    names = set(off)
+def _active_effects(active_coefficients: frozenset[str], release: Release) -> tuple[Effect, ...]:
+    """Return the effects of the paper's model, and those that one of ``active_coefficients`` switches on."""
+    names = set(active_coefficients)
     return tuple(
         effect
         for effect in effect_library.EFFECTS.values()
-        if (effect.in_base_model or effect.acts(names)) and not (effect.needs_string and release is Release.DROP)
+        if (effect.in_base_model or effect.is_active(names)) and not (effect.needs_string and release is Release.DROP)
     )
 
 

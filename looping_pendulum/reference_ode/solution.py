@@ -1,4 +1,4 @@
-"""An exact run: what happened when, and where everything was, at any time to the integrator's accuracy."""
+"""A run of the reference: its events, and its state at any time to the integrator's accuracy."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from looping_pendulum.pages.notebook import ShownInNotebook
 from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.effects.types import TURN
 from looping_pendulum.reference_ode.geometry import Array, light_position, light_velocity
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.state import Signs, State, heavy_drop, own_variables, winding, winds
+from looping_pendulum.reference_ode.state import Signs, State, extra_variables, heavy_drop, string_has_thickness, winding
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 
-NO_SPEED = 1e-200
-"""A rod that turns faster than this turns [m/s]."""
+MAX_RESTING_ROD_SPEED = 1e-200
+"""Largest surface speed of a rod that counts as at rest [m/s]; it is above `driver.TINY_SPEED`, which stands for zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,34 +27,35 @@ class RunEvent:
     """One event of a run."""
 
     event: Event | None
-    """None: the release."""
+    """The event; None for the release."""
     time: float
+    """[s]"""
     mode_before: Mode
     mode_after: Mode
     state: State
-    """Just after the event."""
+    """State just after the event."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run:
-    """What happened in a run of the reference, from release to end."""
+class Run(ShownInNotebook):
+    """Events of a run of the reference, from release to end."""
 
     parameters: Parameters
     integrator: str
     tolerance: float
     events: tuple[RunEvent, ...]
-    """Every event in order, the release first and the end last."""
+    """All events in order, the release first and the end last."""
     handed_over: str = ""
-    """Why another integrator than the usual one solved this run; empty if it did not."""
+    """Why SciPy took over this run from heyoka; empty if it did not."""
 
     @property
     def end(self) -> RunEvent:
-        """How the run ended."""
+        """The event that ended the run."""
         return self.events[-1]
 
     @property
     def end_time(self) -> float:
-        """[s]"""
+        """Time at which the run ended [s]."""
         return self.end.time
 
     @property
@@ -65,11 +67,11 @@ class Run:
     def stops(self) -> tuple[float, ...]:
         """Times at which the heavy mass's speed becomes zero [s]; of a string that stretches, its sliding speed."""
         ends = (Event.STOP, Event.ROD_STOPS)
-        return tuple(e.time for e in self.events if e.event in ends and abs(e.state.rod_speed) < NO_SPEED)
+        return tuple(e.time for e in self.events if e.event in ends and abs(e.state.rod_speed) < MAX_RESTING_ROD_SPEED)
 
     @property
     def halt(self) -> RunEvent | None:
-        """What began the sticking that lasted until the light mass reached the rod; None without one."""
+        """The event that began the sticking that lasted until the light mass reached the rod; None without one."""
         if self.end.event is not Event.LIGHT_REACHES_ROD or self.end.mode_before is not Mode.STICKING:
             return None
         return next(e for e in reversed(self.events[:-1]) if e.event not in PHASE_EVENTS)
@@ -80,65 +82,62 @@ class Run:
         return None if self.halt is None else self.halt.time
 
     def heavy_drop(self, state: State) -> Array:
-        """How far the heavy mass is below its release [m] in states of this run (numbers or arrays)."""
-        overlap = _overlap(state) if winds(self.parameters.effects) else 0.0
+        """Return how far the heavy mass is below its release [m] in states of this run (numbers or arrays)."""
+        overlap = _overlap(state) if string_has_thickness(self.parameters.effects) else 0.0
         return np.asarray(heavy_drop(np, state, overlap, self.parameters.values(), self.parameters.effects))
-
-    def _repr_html_(self) -> str:
-        """Show this in a notebook."""
-        from looping_pendulum.reference_ode.notebook import html
-
-        return html(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Samples:
-    """A run at given times; arrays of shape (n,) or (n, 2), SI."""
+    """Samples of a run at n given times; arrays of shape (n,) or (n, 2), SI."""
 
     run: Run
     t: Array
+    """Times [s], shape (n,)."""
     state: State
+    """Entries of the state, arrays of shape (n,)."""
     mode: NDArray[np.int8]
+    """Mode of each sample, a number of `Mode`."""
     signs: Signs
-    """What the equations need beside the state, for each sample."""
+    """Signs and phases of each sample, which the equations need beside the state, arrays of shape (n,)."""
 
     @cached_property
     def light_position(self) -> Array:
-        """[m], shape (n, 2)."""
-        return _pairs(*light_mass_position(np, self.state, self._overlap, self.run.parameters))
+        """Position (x, y) of the light mass [m], shape (n, 2)."""
+        return _stack_xy(*light_mass_position(np, self.state, self._overlap, self.run.parameters))
 
     @cached_property
     def light_velocity(self) -> Array:
-        """[m/s], shape (n, 2)."""
+        """Velocity (x, y) of the light mass [m/s], shape (n, 2)."""
         s = self.state
-        return _pairs(*light_velocity(np, s.wrap_angle, s.retreat_speed, s.across_speed))
+        return _stack_xy(*light_velocity(np, s.wrap_angle, s.retreat_speed, s.across_speed))
 
     @cached_property
     def heavy_position(self) -> Array:
-        """[m], shape (n, 2)."""
-        return _pairs(*heavy_mass_position(np, self.state, self._overlap, self.run.parameters))
+        """Position (x, y) of the heavy mass [m], shape (n, 2)."""
+        return _stack_xy(*heavy_mass_position(np, self.state, self._overlap, self.run.parameters))
 
     @cached_property
     def heavy_velocity(self) -> Array:
-        """[m/s], shape (n, 2)."""
+        """Velocity (x, y) of the heavy mass [m/s], shape (n, 2)."""
         speed = self.state.heavy_speed
         if not self._swings:
-            return _pairs(0.0, speed)
+            return _stack_xy(0.0, speed)
         across, cosine, sine = self.state.heavy_across_speed, np.cos(self.state.heavy_tilt), np.sin(self.state.heavy_tilt)
-        return _pairs(across * cosine - speed * sine, across * sine + speed * cosine)
+        return _stack_xy(across * cosine - speed * sine, across * sine + speed * cosine)
 
     @cached_property
     def _overlap(self) -> Any:
-        """1 where the string lies on itself, else 0; only asked for where the string has a thickness."""
-        return _overlap(self.state) if winds(self.run.parameters.effects) else 0.0
+        """1 where the string lies on itself, else 0; 0 throughout if it has no thickness."""
+        return _overlap(self.state) if string_has_thickness(self.run.parameters.effects) else 0.0
 
     @cached_property
     def _swings(self) -> bool:
-        return "heavy_tilt" in own_variables(self.run.parameters.effects)
+        return "heavy_tilt" in extra_variables(self.run.parameters.effects)
 
     @cached_property
     def tensions(self) -> tuple[Array, Array]:
-        """Tension in the free string and above the heavy mass, arrays of shape (n,) [N]."""
+        """Tensions in the free string and above the heavy mass, arrays of shape (n,) [N]."""
         p, effects = self.run.parameters.values(), self.run.parameters.effects
         light, heavy = np.zeros(len(self.t)), np.zeros(len(self.t))
         for mode in map(Mode, np.unique(self.mode)):
@@ -148,25 +147,25 @@ class Samples:
         return light, heavy
 
 
-def _pairs(x: Any, y: Array) -> Array:
-    """Coordinates as rows, shape (n, 2); several times faster than `numpy.stack`."""
+def _stack_xy(x: Any, y: Array) -> Array:
+    """Return coordinates as rows, shape (n, 2); this is several times faster than `numpy.stack`."""
     pairs = np.empty((len(y), 2))
     pairs[:, 0], pairs[:, 1] = x, y
     return pairs
 
 
 def light_mass_position(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple[Any, Any]:
-    """Light mass (x, y) [m] in states ``s``; ``overlap``: 1 where the string lies on itself, else 0."""
-    if not winds(p.effects):
+    """Return the position (x, y) of the light mass [m]; ``overlap``: 1 where the string lies on itself, else 0."""
+    if not string_has_thickness(p.effects):
         return light_position(xp, s.free_length, s.wrap_angle, p.rod_radius)
     wound = winding(s, overlap, p.values(), p.effects)
     return light_position(xp, s.free_length + wound.foot, s.wrap_angle, wound.radius)
 
 
 def heavy_mass_position(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple[Any, Any]:
-    """Heavy mass (x, y) [m], as `light_mass_position`."""
+    """Return the position (x, y) of the heavy mass [m]; arguments as for `light_mass_position`."""
     height = -p.hanging_length - heavy_drop(xp, s, overlap, p.values(), p.effects)
-    if "heavy_tilt" not in own_variables(p.effects):
+    if "heavy_tilt" not in extra_variables(p.effects):
         return p.rod_radius, height
     length = p.rod_radius * (s.heavy_tilt - p.coefficients["heavy_swing"]) - height
     cosine, sine = xp.cos(s.heavy_tilt), xp.sin(s.heavy_tilt)
@@ -174,7 +173,7 @@ def heavy_mass_position(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple
 
 
 @dataclass(frozen=True, kw_only=True)
-class Part:
+class SegmentSamples:
     """Samples of a run between two events."""
 
     mode: Mode
@@ -186,17 +185,17 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """What an integrator did between two events: for each of its steps, a polynomial in the fraction of that step."""
+    """A run between two events: for each step of the integrator, a polynomial in the fraction of that step."""
 
     mode: Mode
     signs: Signs
     times: Array
     """Edges of the steps [s], shape (steps + 1,)."""
     coefficients: Array
-    """Ascending powers of x, 0 <= x <= 1, shape (steps, len(State), order + 1)."""
+    """Coefficients of ascending powers of x, 0 <= x <= 1, shape (steps, len(State), order + 1)."""
 
-    def sample(self, t: Array) -> Part:
-        """Evaluate the polynomials at times ``t`` [s] within the segment."""
+    def sample(self, t: Array) -> SegmentSamples:
+        """Return samples at times ``t`` [s] within the segment."""
         step = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.coefficients) - 1)
         start = self.times[step]
         x = (t - start) / (self.times[step + 1] - start)
@@ -204,7 +203,7 @@ class Segment:
         values = polynomials[:, :, -1]
         for power in range(polynomials.shape[2] - 2, -1, -1):
             values = values * x[:, None] + polynomials[:, :, power]
-        return Part(mode=self.mode, signs=self.signs, t=t, values=values.T)
+        return SegmentSamples(mode=self.mode, signs=self.signs, t=t, values=values.T)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,21 +223,22 @@ class Solution(Run):
         t = np.asarray(t, dtype=float)
         if t.size and not (t.min() >= 0 and t.max() <= self.end_time):
             raise ValueError(f"times from {t.min():g} to {t.max():g} s asked for; the run covers 0 to {self.end_time:g} s")
+        # Times may come in any order: they are sampled segment by segment, and the samples put back into that order
         starts = np.array([segment.times[0] for segment in self.segments])
         owner = np.searchsorted(starts, t, side="right") - 1
         order = np.argsort(owner, kind="stable")
         parts = [segment.sample(t[owner == i]) for i, segment in enumerate(self.segments)]
-        samples = join(self, parts)
-        return samples if np.array_equal(order, np.arange(len(t))) else _reordered(samples, np.argsort(order))
+        samples = join_samples(self, parts)
+        return samples if np.array_equal(order, np.arange(len(t))) else _reorder(samples, np.argsort(order))
 
 
 def _overlap(state: State) -> Array:
-    """1 where the string lies on itself, else 0."""
+    """Return 1 where the string lies on itself, else 0."""
     return np.asarray(np.asarray(state.wrap_angle) > TURN, dtype=float)
 
 
-def join(run: Run, parts: Sequence[Part]) -> Samples:
-    """Put the samples of a run's parts together."""
+def join_samples(run: Run, parts: Sequence[SegmentSamples]) -> Samples:
+    """Join samples between events, given in the order of time, to samples of the run."""
     counts = [len(part.t) for part in parts]
     values = np.concatenate([part.values for part in parts], axis=1)
     signs = np.repeat(np.array([part.signs for part in parts]), counts, axis=0)
@@ -251,7 +251,7 @@ def join(run: Run, parts: Sequence[Part]) -> Samples:
     )
 
 
-def _reordered(samples: Samples, index: NDArray[np.int64]) -> Samples:
+def _reorder(samples: Samples, index: NDArray[np.int64]) -> Samples:
     return Samples(
         run=samples.run,
         t=samples.t[index],

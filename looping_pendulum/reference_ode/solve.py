@@ -1,4 +1,4 @@
-"""Solve the hybrid model: the functions that everything else calls."""
+"""Solve the model: the functions that all other parts call."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from looping_pendulum.errors import HandedOverWarning, IntegratorGaveUpError, MissingPackageError
+from looping_pendulum.errors import IntegratorFallbackWarning, IntegratorGaveUpError, MissingPackageError
 from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.solution import Run, Samples, Solution, join
+from looping_pendulum.reference_ode.solution import Run, Samples, Solution, join_samples
 
 T = TypeVar("T")
 
 TOLERANCE = 1e-12
+"""Default relative tolerance of a step."""
 DURATION = 5.0
 """Default limit on the simulated time [s]; most runs end long before, when the light mass reaches the rod."""
 
@@ -26,7 +27,7 @@ DURATION = 5.0
 def solve(
     parameters: Parameters, *, duration: float = DURATION, tolerance: float = TOLERANCE, integrator: str = "auto"
 ) -> Solution:
-    """Integrate the hybrid model from its release until it ends or ``duration`` [s] is over.
+    """Integrate the equations of all modes from the release until the run ends or ``duration`` [s] is over.
 
     Parameters
     ----------
@@ -38,25 +39,25 @@ def solve(
         Relative tolerance of a step.
     integrator
         "heyoka", "scipy", or "auto": heyoka where it is installed; a run at which it gives up is handed to SciPy, with a
-        `HandedOverWarning`, and says so (`Run.handed_over`).
+        `IntegratorFallbackWarning`, and says so (`Run.handed_over`).
 
     Raises
     ------
     IntegrationError
-        If the run breaks down or its events do not end.
+        If the integration breaks down or the events do not end.
     MissingPackageError
         If heyoka is asked for by name and not installed.
     """
-    solution = solve_quietly(parameters, duration=duration, tolerance=tolerance, integrator=integrator)
-    _warn(solution)
+    solution = solve_without_warning(parameters, duration=duration, tolerance=tolerance, integrator=integrator)
+    _warn_if_handed_over(solution)
     return solution
 
 
-def solve_quietly(
+def solve_without_warning(
     parameters: Parameters, *, duration: float = DURATION, tolerance: float = TOLERANCE, integrator: str = "auto"
 ) -> Solution:
-    """As `solve`; that a run was handed over only its `Run.handed_over` says."""
-    record, segments = _driven(parameters, duration, tolerance, integrator, Driver.run_dense)
+    """Do the same as `solve` without a warning if SciPy takes over; `Run.handed_over` says so."""
+    record, segments = _run_driver(parameters, duration, tolerance, integrator, Driver.run_dense)
     return Solution(**record, segments=tuple(segments))
 
 
@@ -68,26 +69,26 @@ def solve_at(
     tolerance: float = TOLERANCE,
     integrator: str = "auto",
 ) -> Samples:
-    """Integrate as `solve` does, but only keep the samples at times ``t`` [s], ascending: faster where many runs are needed.
+    """Integrate as `solve` does, but keep only samples at times ``t`` [s], ascending; this is faster for many runs.
 
     Times after the run's end are left out, so the samples may be fewer than the times.
     """
     times = np.asarray(t, dtype=float)
-    record, parts = _driven(parameters, duration, tolerance, integrator, lambda driver: driver.run_sampled(times))
+    record, parts = _run_driver(parameters, duration, tolerance, integrator, lambda driver: driver.run_sampled(times))
     run = Run(**record)
-    _warn(run)
-    return join(run, parts)
+    _warn_if_handed_over(run)
+    return join_samples(run, parts)
 
 
-def _driven(
+def _run_driver(
     parameters: Parameters, duration: float, tolerance: float, integrator: str, drive: Callable[[Driver], T]
 ) -> tuple[dict[str, Any], T]:
-    """Drive a run to its end; return its record, and what ``drive`` returned.
+    """Run to the end; return the fields of the `Run`, and what ``drive`` returned.
 
-    Where the choice of the integrator is ours, and heyoka gives up, SciPy goes over the whole run: near some ends Taylor
-    steps become too short to arrive, and those of DOP853 do not.
+    With integrator "auto", if heyoka gives up, SciPy solves the whole run again: near some ends Taylor steps become too short
+    to arrive, while those of DOP853 do not.
     """
-    chosen = _chosen(integrator)
+    chosen = _resolve_integrator(integrator)
     driver = Driver(parameters, duration, tolerance, chosen)
     try:
         driven = drive(driver)
@@ -100,19 +101,19 @@ def _driven(
     return driver.record(), driven
 
 
-def _warn(run: Run) -> None:
+def _warn_if_handed_over(run: Run) -> None:
     if run.handed_over:
-        warnings.warn(HandedOverWarning(run.handed_over), stacklevel=3)
+        warnings.warn(IntegratorFallbackWarning(run.handed_over), stacklevel=3)
 
 
 @cache
 def available_integrators() -> tuple[str, ...]:
-    """Names that `solve` takes here, the default first."""
+    """Return the integrators that are installed, the default first."""
     return ("heyoka", "scipy") if find_spec("heyoka") else ("scipy",)
 
 
-def _chosen(integrator: str) -> str:
-    """Name of the integrator to use."""
+def _resolve_integrator(integrator: str) -> str:
+    """Return the name of the integrator to use; refuse one that is unknown or not installed."""
     name = available_integrators()[0] if integrator == "auto" else integrator
     if name not in ("heyoka", "scipy"):
         raise ValueError(f"integrator: found {integrator!r}, needed 'heyoka', 'scipy' or 'auto'")

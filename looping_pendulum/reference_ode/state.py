@@ -1,7 +1,8 @@
-"""The state of a run, which of its entries each mode and effect moves, and what the effects see of it.
+"""The state of a run: its variables, which of them each mode and effect moves, and the kinematics that the effects read.
 
-Paper's l and theta, but speeds chosen so that each mode is simple: free length l, wrap angle theta, u = l' + R theta' (the
-light mass's speed away from the rod along the string; the heavy mass's upward speed while taut), w = l theta'.
+The coordinates are the paper's free length l and wrap angle theta. The speeds are chosen so that the equations of each mode are
+simple: u = l' + R theta', the speed of the light mass away from the rod along the string, which is also the upward speed of the
+heavy mass while the string is taut; and w = l theta', the speed of the light mass across the string.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ Effects = tuple[Effect, ...]
 
 
 class State(NamedTuple):
-    """State of a run, or its rate of change. SI. Entries with a default belong to one effect each and are 0 without it."""
+    """State of a run, or its derivative by time. SI. Entries with a default belong to one effect each and are 0 without it."""
 
     free_length: Any
     wrap_angle: Any
     retreat_speed: Any
-    """u: of the light mass, along the string, away from the rod [m/s]."""
+    """u, speed of the light mass along the string, away from the rod [m/s]."""
     across_speed: Any
-    """w = l theta' [m/s]."""
+    """w = l theta', speed of the light mass across the string [m/s]."""
     heavy_speed: Any
     """Upward speed of the heavy mass [m/s], along its string if it swings; equal to u while taut (in the plane)."""
     slack: Any
@@ -35,17 +36,19 @@ class State(NamedTuple):
     heavy_across_speed: Any = 0.0
     """Speed of the heavy mass across its string [m/s]."""
     sideways: Any = 0.0
-    """Place of the light mass along the rod [m]."""
+    """Coordinate z of the light mass along the rod [m]."""
     sideways_speed: Any = 0.0
+    """z' [m/s]."""
     rod_speed: Any = 0.0
     """Speed of the rod's surface towards the light side [m/s]."""
     light_stretch: Any = 0.0
-    """Of the string on the light side of the rod [m]."""
+    """Stretch of the string on the light side of the rod [m]."""
     heavy_stretch: Any = 0.0
+    """Stretch of the string on the heavy side of the rod [m]."""
 
 
 class Signs(NamedTuple):
-    """Piecewise constants that keep the equations analytic between events."""
+    """Piecewise constants that keep the equations analytic between events: |x| is written as the sign of x times x."""
 
     slide: Any
     """+1 sliding up, -1 sliding down."""
@@ -54,102 +57,106 @@ class Signs(NamedTuple):
     heavy: Any
     """Sign of the heavy mass's speed while slack."""
     phase: Any
-    """0: wait until a return to zero becomes possible (SLOWS, CLOSES); 1: watch for the return (STOP, TAUT)."""
+    """0: speed or slack leaves zero, and its turning back is watched for (SLOWS, CLOSES); 1: its return to zero (STOP, TAUT).
+
+    The function of a return is zero where it starts, so it is watched for only once it can fall through zero again.
+    """
     overlap: Any = 0.0
     """1 beyond the first full turn, where the string lies on itself."""
     rod: Any = 0.0
     """Sign of the rod's speed; 0: its bearing holds it."""
     rod_phase: Any = 0.0
-    """As `phase`, for the rod: 0: wait for ROD_SLOWS; 1: watch for its return to rest."""
+    """The same as `phase`, for the speed of the rod: 0: ROD_SLOWS is watched for; 1: its return to rest is."""
 
 
-def meaning(event: Event, signs: Signs) -> Event:
-    """What ``event`` stands for in the phase that it happens in."""
+def event_in_phase(event: Event, signs: Signs) -> Event:
+    """Return the event that the function of ``event`` announces in the present phase: in phase 0 it is the turning back."""
     if event in (Event.ROD_CHANGES, Event.ROD_STOPS):
         return Event.ROD_SLOWS if signs.rod and signs.rod_phase == 0 else event
     return PHASE_ZERO.get(event, event) if signs.phase == 0 else event
 
 
 _RETREAT_SPEED, _HEAVY_SPEED = State._fields.index("retreat_speed"), State._fields.index("heavy_speed")
+# Entries of the state that change while the string is slack, while a taut string rests, and while it moves
 _BASE = State._fields[: State._fields.index("slack") + 1]
 _RESTING: tuple[str, ...] = ("free_length", "wrap_angle", "across_speed")
 _MOVING: tuple[str, ...] = ("free_length", "wrap_angle", "retreat_speed", "across_speed")
 
 
 @lru_cache(maxsize=256)
-def own_variables(effects: Effects) -> frozenset[str]:
-    """Entries of the state that only these effects move."""
+def extra_variables(effects: Effects) -> frozenset[str]:
+    """Return the entries of the state that these effects add."""
     return frozenset(name for effect in effects for name in effect.variables)
 
 
 @lru_cache(maxsize=512)
 def variables(mode: Mode, effects: Effects) -> tuple[str, ...]:
-    """Which entries of the state change in ``mode``; the others are zero, or the heavy speed that follows u."""
-    own = own_variables(effects)
+    """Return the entries of the state that are integrated in ``mode``; the others are 0, or the heavy speed, which equals u."""
+    own = extra_variables(effects)
     names = set(_BASE if mode.slack else _MOVING if mode.string_moves else _RESTING) | own
-    if "sideways" in own:  # then a string of fixed length still lets u change
+    if "sideways" in own:  # motion along the rod lets u change even where the string is held
         names |= {"retreat_speed", "heavy_speed"} if mode.string_moves else {"retreat_speed"}
-    if "light_stretch" in own:  # then its two ends move apart from each other
+    if "light_stretch" in own:  # the two ends of the string then move independently
         names |= set(_BASE)
     return tuple(name for name in State._fields if name in names)
 
 
-def complete(mode: Mode, **values: Any) -> State:
-    """Fill in the entries of the state that a mode implies."""
+def full_state(mode: Mode, **values: Any) -> State:
+    """Return the whole state from the entries that are integrated in ``mode``."""
     values.setdefault("retreat_speed", 0.0)
     values.setdefault("heavy_speed", values["retreat_speed"] if mode.string_moves else 0.0)
     values.setdefault("slack", 0.0)
     return State(**values)
 
 
-def follow(mode: Mode, names: tuple[str, ...], full: Array) -> None:
-    """Let the heavy speed be u, in an array of states (..., len(State), any), where it follows from it."""
+def fill_in_heavy_speed(mode: Mode, names: tuple[str, ...], full: Array) -> None:
+    """Set the heavy speed to u in an array of states, shape (..., len(State), any), where it is not integrated itself."""
     if mode.string_moves and "heavy_speed" not in names:
         full[..., _HEAVY_SPEED, :] = full[..., _RETREAT_SPEED, :]
 
 
 class Winding(NamedTuple):
-    """Shape of the rod with what is wound on it, where the string leaves."""
+    """Geometry of the wound rod at the place where the string leaves it."""
 
     radius: Any
     """Distance of the string's line from the rod's axis [m]."""
     foot: Any
-    """From the foot of the axis on that line to the place where the string leaves [m]."""
+    """Distance along that line from the point nearest the axis to the place where the string leaves [m]."""
     path: Any
-    """String from the top of the rod to the light mass, in the plane [m]."""
+    """Length of string from the top of the rod to the light mass, in the plane [m]."""
 
 
 @lru_cache(maxsize=256)
-def winds(effects: Effects) -> bool:
-    """Whether the string makes the rod thicker as it winds."""
+def string_has_thickness(effects: Effects) -> bool:
+    """Return whether the string makes the rod thicker as it winds."""
     return any(effect.winding is not None for effect in effects)
 
 
 def winding(y: State, overlap: Any, p: Any, effects: Effects) -> Winding:
-    """Shape of what is wound on the rod; ``overlap``: 1 beyond the first turn, else 0."""
+    """Return the geometry of the wound rod; ``overlap``: 1 beyond the first turn, else 0."""
     radius, foot, path = p.rod_radius, 0.0, y.free_length + p.rod_radius * y.wrap_angle
-    for effect in effects if winds(effects) else ():
+    for effect in effects if string_has_thickness(effects) else ():
         if effect.winding is not None:
-            growth, slope, more = effect.winding(overlap * (y.wrap_angle - TURN), p)
-            radius, foot, path = radius + growth, foot + overlap * slope, path + more + overlap * slope
+            growth, slope, integral = effect.winding(overlap * (y.wrap_angle - TURN), p)
+            radius, foot, path = radius + growth, foot + overlap * slope, path + integral + overlap * slope
     return Winding(radius, foot, path)
 
 
 def string_path(xp: Any, y: State, overlap: Any, p: Any, effects: Effects) -> Any:
-    """String from the top of the rod to the light mass [m]."""
+    """Return the length of string from the top of the rod to the light mass, which may be out of the plane [m]."""
     path = winding(y, overlap, p, effects).path
-    return xp.sqrt(path * path + y.sideways * y.sideways) if "sideways" in own_variables(effects) else path
+    return xp.sqrt(path * path + y.sideways * y.sideways) if "sideways" in extra_variables(effects) else path
 
 
 def heavy_drop(xp: Any, y: State, overlap: Any, p: Any, effects: Effects) -> Any:
-    """How far the heavy mass is below its release [m]: what the light side has lost of the string, slack included."""
+    """Return how far the heavy mass is below its release [m]: the length that the light side has lost, slack included."""
     path = string_path(xp, y, overlap, p, effects) + y.slack
     return p.free_length + p.rod_radius * p.release_angle - path
 
 
 def kinematics(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effects: Effects) -> Kinematics:
-    """What the effects may depend on, with absolute values written through their signs."""
-    own = own_variables(effects)
+    """Return what the effects may depend on, with absolute values written as a sign times a value."""
+    own = extra_variables(effects)
     across_size = signs.across * y.across_speed
     if mode.sliding:
         heavy_size = signs.slide * y.heavy_speed
@@ -162,9 +169,10 @@ def kinematics(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effe
     square = y.retreat_speed * y.retreat_speed + y.across_speed * y.across_speed
     if "sideways" in own:
         square = square + y.sideways_speed * y.sideways_speed
+    # Where only the speed across the string differs from zero, its size needs no root, which is not analytic at 0
     along_moves = mode.string_moves or mode.slack or "sideways" in own or "light_stretch" in own
     speed = xp.sqrt(square) if along_moves else across_size
-    if "light_stretch" in own:
+    if "light_stretch" in own:  # no event marks its change of sign, so |u2| is rounded off at 0
         heavy_size = xp.sqrt(y.heavy_speed * y.heavy_speed + REST_SPEED * REST_SPEED)
     k = Kinematics(
         time=t,
@@ -178,28 +186,29 @@ def kinematics(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effe
         heavy_speed_size=heavy_size,
         overlap=signs.overlap,
     )
-    return _of_own_variables(xp, mode, y, signs, p, effects, k) if own or _needs_hanging(effects) else k
+    return _with_extra_variables(xp, mode, y, signs, p, effects, k) if own or _needs_hanging_length(effects) else k
 
 
 @lru_cache(maxsize=256)
-def _needs_hanging(effects: Effects) -> bool:
+def _needs_hanging_length(effects: Effects) -> bool:
+    """Return whether an effect reads the length of string on the heavy side."""
     return any(effect.inertia_of_heavy_mass is not None for effect in effects)
 
 
-def _of_own_variables(xp: Any, mode: Mode, y: State, signs: Signs, p: Any, effects: Effects, k: Kinematics) -> Kinematics:
-    """Add what only some effects move or read."""
-    heavy_size = slip = k.heavy_speed_size
-    own = own_variables(effects)
+def _with_extra_variables(xp: Any, mode: Mode, y: State, signs: Signs, p: Any, effects: Effects, k: Kinematics) -> Kinematics:
+    """Return ``k`` with the quantities that only some effects read."""
+    heavy_size = slip_speed = k.heavy_speed_size
+    own = extra_variables(effects)
     if "heavy_tilt" in own:
         across = y.heavy_across_speed
         heavy_size = xp.sqrt(y.heavy_speed * y.heavy_speed + across * across + REST_SPEED * REST_SPEED)
     if "rod_speed" in own:
-        slip = signs.slide * (y.heavy_speed - y.rod_speed) if mode.sliding else 0.0
+        slip_speed = signs.slide * (y.heavy_speed - y.rod_speed) if mode.sliding else 0.0
         if mode.sliding and "heavy_tilt" not in own:
             heavy_size = xp.sqrt(y.heavy_speed * y.heavy_speed + REST_SPEED * REST_SPEED)
     return k._replace(
         heavy_speed_size=heavy_size,
-        sliding_speed=slip,
+        sliding_speed=slip_speed,
         hanging_length=p.string_length - string_path(xp, y, signs.overlap, p, effects) - y.slack,
         heavy_tilt=y.heavy_tilt,
         heavy_across_speed=y.heavy_across_speed,

@@ -1,6 +1,6 @@
-"""Scenarios: files with units written out, and the frozen types that engines see.
+"""Scenarios: YAML files with units, and the frozen data classes that engines take.
 
-Loading needs pydantic and pint, which engines do not: the functions here are imported when they are first asked for.
+Loading needs pydantic and pint, which engines do not need, so the functions here are imported on first use.
 """
 
 from __future__ import annotations

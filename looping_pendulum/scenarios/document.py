@@ -1,6 +1,7 @@
-"""YAML text to plain data whose scalars are still text, with the line of every key.
+"""Read YAML text into plain data whose scalars are still text, with the line number of every key.
 
-Stricter than YAML: no anchors (so no alias bombs), no tags, no key twice, and only as deep and as long as a scenario can be.
+It is stricter than YAML: it allows no anchors (so no alias bombs), no tags and no duplicate keys, and it limits size and
+nesting.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ from looping_pendulum.errors import ScenarioError
 from looping_pendulum.errors import one_line as one_line
 from looping_pendulum.errors import shorten as shorten
 
-LARGEST_FILE = 64 * 1024
-"""[bytes]; many times a long scenario, and still read within a second or two."""
-DEEPEST = 12
-"""Levels of nesting; a scenario needs five."""
+MAX_FILE_SIZE = 64 * 1024
+"""Largest file that is read [bytes]: many times a long scenario, and still read within a second or two."""
+MAX_DEPTH = 12
+"""Largest number of nesting levels; a scenario needs five."""
 _NULLS = frozenset({"", "~", "null", "Null", "NULL"})
 _TAGS = {
     yaml.ScalarNode: "tag:yaml.org,2002:str",
@@ -26,49 +27,52 @@ _TAGS = {
 }
 
 Path = tuple[str | int, ...]
+"""Keys and list indices that lead to a value of a document."""
 
 
-class EmptyDocument:
-    """What stands behind a key that has no value."""
+class EmptyValue:
+    """Value of a key that has none in the file."""
 
 
-NOTHING = EmptyDocument()
+EMPTY_VALUE = EmptyValue()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Document:
-    """A file's content, and where in the file it stands."""
+    """A file's content, with the line number of each value."""
 
     file: str
-    """What to call the file in an error."""
+    """Name of the file in error messages."""
     data: dict[str, Any]
+    """Content; every scalar is text."""
     lines: dict[Path, int] = field(repr=False)
+    """Path of a value -> its line, from 1."""
 
     def error(self, path: Path, message: str) -> ScenarioError:
         """Return an error about the key at ``path``, with the line of it or of the nearest group around it."""
-        known = next((path[:n] for n in range(len(path), 0, -1) if path[:n] in self.lines), ())
-        line = f":{self.lines[known]}" if known else ""
+        nearest = next((path[:n] for n in range(len(path), 0, -1) if path[:n] in self.lines), ())
+        line = f":{self.lines[nearest]}" if nearest else ""
         key = f" {key_text(path)}:" if path else ""
         return ScenarioError(one_line(f"{self.file}{line}:{key} {message}"))
 
 
 def key_text(path: Path) -> str:
-    """("inferred", 0, "how") -> "inferred[0].how"."""
+    """Return a path as text: ("inferred", 0, "how") as "inferred[0].how"."""
     text = ""
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else f".{shorten(part)}" if text else shorten(part)
     return text
 
 
-def quote(found: object) -> str:
-    """What the file has, as an error names it."""
-    if isinstance(found, EmptyDocument):
+def quote(value: object) -> str:
+    """Return a value of a file as error messages name it."""
+    if isinstance(value, EmptyValue):
         return "nothing"
-    if isinstance(found, dict):
+    if isinstance(value, dict):
         return "a group of keys"
-    if isinstance(found, list):
+    if isinstance(value, list):
         return "a list"
-    return f"'{shorten(str(found))}'"
+    return f"'{shorten(str(value))}'"
 
 
 def parse(raw: bytes, file: str) -> Document:
@@ -77,7 +81,7 @@ def parse(raw: bytes, file: str) -> Document:
     Raises
     ------
     ScenarioError
-        In one line, with the file and where possible the line.
+        If it is not YAML with keys at its top level; the message has the file and, if known, the line.
     """
     text = _decode(raw, file)
     try:
@@ -98,8 +102,9 @@ def parse(raw: bytes, file: str) -> Document:
 
 
 def _decode(raw: bytes, file: str) -> str:
-    if len(raw) > LARGEST_FILE:
-        size = f"more than {LARGEST_FILE // 1024} KiB"
+    """Return the text of a file, which must be small and in UTF-8."""
+    if len(raw) > MAX_FILE_SIZE:
+        size = f"more than {MAX_FILE_SIZE // 1024} KiB"
         raise ScenarioError(one_line(f"{file}: found {size}, needed a scenario of a few KiB; keep data in a file of its own"))
     try:
         return raw.decode("utf-8-sig")
@@ -110,7 +115,7 @@ def _decode(raw: bytes, file: str) -> str:
 
 
 class _Loader(yaml.BaseLoader):
-    """PyYAML's composer without anchors, tags and bottomless nesting; nothing is ever constructed."""
+    """PyYAML's composer that refuses anchors, tags and deep nesting; it constructs no objects."""
 
     def __init__(self, text: str, file: str) -> None:
         super().__init__(text)
@@ -118,7 +123,7 @@ class _Loader(yaml.BaseLoader):
         self.depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        composer: Any = self  # PyYAML's type stubs leave its parser untyped.
+        composer: Any = self  # PyYAML's type stubs leave its parser untyped
         event = composer.peek_event()
         line = event.start_mark.line + 1
         if getattr(event, "anchor", None) is not None:
@@ -127,8 +132,8 @@ class _Loader(yaml.BaseLoader):
             message = f"{self.file}:{line}: found the YAML anchor or alias '{name}', needed the value itself; write it out"
             raise ScenarioError(one_line(message))
         self.depth += 1
-        if self.depth > DEEPEST:
-            message = f"{self.file}:{line}: found more than {DEEPEST} levels of nesting, needed at most five"
+        if self.depth > MAX_DEPTH:
+            message = f"{self.file}:{line}: found more than {MAX_DEPTH} levels of nesting, needed at most five"
             raise ScenarioError(one_line(message))
         node = super().compose_node(parent, index)
         self.depth -= 1
@@ -139,10 +144,10 @@ class _Loader(yaml.BaseLoader):
 
 
 def _plain(node: yaml.Node, path: Path, lines: dict[Path, int], file: str) -> Any:
-    """Data of a node; notes the line of everything below it."""
+    """Return the data of a node, and store the line of everything below it in ``lines``."""
     if isinstance(node, yaml.ScalarNode):
-        _refuse_surrogates(node, file)
-        return NOTHING if node.style is None and node.value in _NULLS else node.value
+        _check_surrogates(node, file)
+        return EMPTY_VALUE if node.style is None and node.value in _NULLS else node.value
     if isinstance(node, yaml.SequenceNode):
         for i, item in enumerate(node.value):
             lines[*path, i] = item.start_mark.line + 1
@@ -152,7 +157,7 @@ def _plain(node: yaml.Node, path: Path, lines: dict[Path, int], file: str) -> An
         line = key.start_mark.line + 1
         if not isinstance(key, yaml.ScalarNode):
             raise ScenarioError(one_line(f"{file}:{line}: found a list or group as a key, needed a word"))
-        _refuse_surrogates(key, file)
+        _check_surrogates(key, file)
         here = (*path, key.value)
         if key.value in data:
             message = f"{file}:{line}: {key_text(here)}: found this key twice (first on line {lines[here]}), needed it once"
@@ -162,15 +167,16 @@ def _plain(node: yaml.Node, path: Path, lines: dict[Path, int], file: str) -> An
     return data
 
 
-def _refuse_surrogates(node: yaml.ScalarNode, file: str) -> None:
-    r"""Refuse half characters, which YAML lets one write as "\ud800": no file could hold the text that has one."""
-    half = next((c for c in node.value if "\ud800" <= c <= "\udfff"), None)
-    if half is not None:
-        message = f"{file}:{node.start_mark.line + 1}: found {half!a}, which is half a character, needed text; delete it"
+def _check_surrogates(node: yaml.ScalarNode, file: str) -> None:
+    r"""Refuse lone surrogates, which YAML can write as "\ud800": text with one cannot be written to a UTF-8 file."""
+    surrogate = next((c for c in node.value if "\ud800" <= c <= "\udfff"), None)
+    if surrogate is not None:
+        message = f"{file}:{node.start_mark.line + 1}: found {surrogate!a}, which is half a character, needed text; delete it"
         raise ScenarioError(one_line(message))
 
 
 def _yaml_error(error: yaml.MarkedYAMLError, file: str) -> str:
+    """Return PyYAML's error as one line for the author of the file."""
     mark = error.problem_mark or error.context_mark
     line = f":{mark.line + 1}" if mark else ""
     problem = " ".join((error.problem or error.context or "no YAML").split())

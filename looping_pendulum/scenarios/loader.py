@@ -1,4 +1,4 @@
-"""Scenario files to `Scenario` and back. Every fault is a `ScenarioError` of one line: file, line, key, found, needed."""
+"""Read scenario files into `Scenario`, and write them. Every error is a `ScenarioError` of one line: file, line, key, what."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios import document, schema
 from looping_pendulum.scenarios.document import Document, one_line
-from looping_pendulum.scenarios.faults import first_fault
 from looping_pendulum.scenarios.scenario import (
     FILE_KEYS,
     METRICS,
@@ -32,37 +31,39 @@ from looping_pendulum.scenarios.scenario import (
 )
 from looping_pendulum.scenarios.schema import ScenarioFile, json_schema
 from looping_pendulum.scenarios.units import show
+from looping_pendulum.scenarios.validation_errors import first_error
 
 __all__ = ["dump", "json_schema", "load", "load_text", "shipped"]
 
 AIR_DENSITY = 1.2
-"""Density of air [kg/m^3] where a drag shape does not give it (paper, sec. IV)."""
+"""Density of air [kg/m^3] for a drag shape that does not give it (paper, sec. IV)."""
 SUFFIXES = (".yaml", ".yml")
+"""File name extensions that are not part of a scenario's name."""
 
 
 def shipped() -> list[str]:
-    """Names of the scenarios that come with the package."""
+    """Return the names of the scenarios that come with the package."""
     return sorted(Path(entry.name).stem for entry in _folder().iterdir() if entry.name.endswith(".yaml"))
 
 
 def load(name_or_path: str | Path) -> Scenario:
-    """Load a shipped scenario by its name, or any by its path.
+    """Load a shipped scenario by its name, or any scenario by its path.
 
     Raises
     ------
     ScenarioError
-        If there is none, or if it is faulty.
+        If there is no such scenario, or if its file has an error.
     """
     raw, file, name = _read(name_or_path)
     return _scenario(_parse(raw, file), name)
 
 
 _parse = functools.lru_cache(maxsize=16)(document.parse)
-"""The same for a file's content that was read before: reading YAML takes nine tenths of loading it."""
+"""`document.parse` with a cache, because reading YAML takes nine tenths of the time of loading a scenario."""
 
 
 def source_text(name_or_path: str | Path) -> str:
-    """Text of a scenario's file, comments included, after checking that it loads.
+    """Return the text of a scenario's file, including comments, after checking that it loads.
 
     Raises
     ------
@@ -74,58 +75,60 @@ def source_text(name_or_path: str | Path) -> str:
 
 
 def _read(name_or_path: str | Path) -> tuple[bytes, str, str]:
-    """Raw text of a scenario's file, what errors call the file, and the scenario's name."""
+    """Return a scenario's file as bytes, the name of the file in errors, and the scenario's name."""
     if isinstance(name_or_path, str) and name_or_path in shipped():
         file = f"{name_or_path}.yaml"
         return (_folder() / file).read_bytes(), file, name_or_path
     path, shown = Path(name_or_path), os.fspath(name_or_path)
     try:
-        found = path.is_file()
-    except (OSError, ValueError):
-        found = False
-    if not found:
+        is_file = path.is_file()
+    except (OSError, ValueError):  # too long for the file system, or with a null character
+        is_file = False
+    if not is_file:
         raise ScenarioError(one_line(_not_found(path, shown)))
     try:
         with path.open("rb") as stream:
-            raw = stream.read(document.LARGEST_FILE + 1)
+            raw = stream.read(document.MAX_FILE_SIZE + 1)
     except OSError as error:
         raise ScenarioError(one_line(f"{shown}: cannot be read: {error.strerror}")) from None
     return raw, shown, path.stem
 
 
 def load_text(text: str, name: str) -> Scenario:
-    """Load a scenario from YAML text; ``name`` may end in ".yaml" and is what errors call the file.
+    """Load a scenario from YAML text; ``name`` may end in ".yaml" and names the file in errors.
 
     Raises
     ------
     ScenarioError
-        If it is faulty.
+        If the text has an error.
     """
     stem = Path(name).stem if name.endswith(SUFFIXES) else name
     return _scenario(document.parse(text.encode("utf-8", "surrogatepass"), name), stem)
 
 
 def _folder() -> Any:
+    """Return the folder of the shipped scenarios."""
     return resources.files("looping_pendulum.scenarios")
 
 
 def _not_found(path: Path, shown: str) -> str:
+    """Return the message that there is no such scenario, with the nearest name."""
     names = shipped()
-    wanted = path.stem if path.suffix in SUFFIXES else shown
-    near = difflib.get_close_matches(wanted, names, n=1, cutoff=0.5)
+    name = path.stem if path.suffix in SUFFIXES else shown
+    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     hint = f"did you mean '{near[0]}'? " if near else ""
     shown = shown or "''"
-    found = "found neither a file nor a shipped scenario of this name"
-    return f"{document.shorten(shown)}: {found}; {hint}shipped: {', '.join(names)}"
+    problem = "found neither a file nor a shipped scenario of this name"
+    return f"{document.shorten(shown)}: {problem}; {hint}shipped: {', '.join(names)}"
 
 
 def _scenario(doc: Document, name: str) -> Scenario:
-    """Check a document and make the scenario of it."""
+    """Validate a document and return its scenario."""
     model = schema.file_model()
     try:
         file = model.model_validate(doc.data)
     except ValidationError as error:
-        raise first_fault(error, doc, model) from None
+        raise first_error(error, doc, model) from None
     try:
         parameters = _parameters(file)
     except ParameterError as error:
@@ -144,7 +147,7 @@ def _scenario(doc: Document, name: str) -> Scenario:
 
 
 def _parameters(file: ScenarioFile) -> Parameters:
-    """Physics of a checked file; what it leaves out keeps the model's default."""
+    """Return the parameters of a validated file; those that it leaves out keep their default."""
     fields: dict[str, Any] = {}
     coefficients: dict[str, float] = file.effects.model_dump(exclude_none=True)
     for parameter, key in FILE_KEYS.items():
@@ -162,56 +165,62 @@ def _parameters(file: ScenarioFile) -> Parameters:
 
 
 def _tolerances(file: ScenarioFile) -> tuple[Tolerance, ...]:
-    found = []
+    """Return the tolerances of a validated file."""
+    tolerances: list[Tolerance] = []
     for engine, profiles in file.tolerances.items():
         for profile in PROFILES:
             limits = getattr(profiles, profile)
             given = limits.model_dump(by_alias=True, exclude_none=True) if limits else {}
-            found += [Tolerance(engine=engine, profile=profile, metric=metric, **limit) for metric, limit in given.items()]
-    return tuple(found)
+            tolerances += [Tolerance(engine=engine, profile=profile, metric=metric, **limit) for metric, limit in given.items()]
+    return tuple(tolerances)
 
 
 class _Dumper(yaml.SafeDumper):
-    """PyYAML's, but text with odd characters in double quotes: elsewhere it writes some line breaks that YAML then folds."""
+    """PyYAML's dumper, but with unprintable text in double quotes.
+
+    Outside them it writes some line breaks that YAML folds on reading, so that the text would change.
+    """
 
 
 def _text_node(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
-    odd = not text.replace("\n", " ").isprintable()
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"' if odd else None)
+    """Return the YAML node of a text."""
+    unprintable = not text.replace("\n", " ").isprintable()
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"' if unprintable else None)
 
 
 _Dumper.add_representer(str, _text_node)
 
 
 def dump(scenario: Scenario) -> str:
-    """Write ``scenario`` as YAML with units, which loads back to an equal one."""
+    """Return ``scenario`` as YAML with units; loading it gives an equal scenario."""
     p = scenario.parameters
     data: dict[str, Any] = {"title": scenario.title, "description": scenario.description}
     values = vars(p.values())
     for parameter, key in FILE_KEYS.items():
-        same = parameter == "static_friction" and values[parameter] == values["kinetic_friction"]
+        is_default = parameter == "static_friction" and values[parameter] == values["kinetic_friction"]
         vertical = parameter == "release_angle" and p.release is Release.VERTICAL
-        if same or vertical or (parameter == "light_radius" and not p.light_radius):
+        if is_default or vertical or (parameter == "light_radius" and not p.light_radius):
             continue
         group, _, name = key.rpartition(".")
-        (data.setdefault(group, {}) if group else data)[name] = _written(parameter, values[parameter])
+        (data.setdefault(group, {}) if group else data)[name] = _yaml_value(parameter, values[parameter])
     data["duration"] = show(scenario.duration, "s")
     known = effect_library.COEFFICIENTS
-    others = {n: _written(n, v) for n, v in p.coefficients.items() if n not in FILE_KEYS and v != known[n].default}
+    others = {n: _yaml_value(n, v) for n, v in p.coefficients.items() if n not in FILE_KEYS and v != known[n].default}
     measured = dataclasses.asdict(scenario.measured) if scenario.measured else {}
     inferred = [_inferred_entry(i) for i in scenario.inferred]
-    tail = {"effects": others, "inferred": inferred, "measured": measured, "tolerances": _tolerance_tree(scenario)}
-    data |= {key: value for key, value in tail.items() if value}
+    optional = {"effects": others, "inferred": inferred, "measured": measured, "tolerances": _tolerance_tree(scenario)}
+    data |= {key: value for key, value in optional.items() if value}
     return str(yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100))
 
 
 def _inferred_entry(inference: Inference) -> dict[str, Any]:
+    """Return an inference as a file has it; without a script the key is left out."""
     entry: dict[str, Any] = {"parameters": list(inference.parameters), "how": inference.how}
     return entry | ({"script": inference.script} if inference.script else {})
 
 
-def _written(parameter: str, value: Any) -> Any:
-    """Value of a parameter as a file has it."""
+def _yaml_value(parameter: str, value: Any) -> Any:
+    """Return the value of a parameter as a file has it, with its unit."""
     known = effect_library.COEFFICIENTS.get(parameter)
     units = {"light_mass": "kg", "heavy_mass": "kg", "release_angle": "rad", "release": None}
     unit = known.unit if known else units.get(parameter, "m")
@@ -221,6 +230,7 @@ def _written(parameter: str, value: Any) -> Any:
 
 
 def _tolerance_tree(scenario: Scenario) -> dict[str, Any]:
+    """Return the tolerances as nested groups: engine, profile, metric."""
     tree: dict[str, Any] = {}
     for t in scenario.tolerances:
         unit = METRICS[t.metric]

@@ -1,4 +1,4 @@
-"""A scenario as the engines see it: physics, how long to watch, and what counts as near enough."""
+"""Data classes of a scenario: its parameters, duration, tolerances and sources."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from looping_pendulum.errors import ScenarioError
+from looping_pendulum.pages.notebook import ShownInNotebook
 from looping_pendulum.reference_ode.parameters import Parameters
 
 METRICS = MappingProxyType(
@@ -49,17 +50,17 @@ FILE_KEYS = MappingProxyType(
 """Name of a parameter or coefficient -> where a scenario file writes it; any other coefficient stands under ``effects``."""
 
 PROFILES = ("quick", "accurate")
-"""Profiles that a tolerance may speak of."""
+"""Profiles for which a tolerance may be given."""
 
 
 def file_key(parameter: str) -> str:
-    """Where a scenario file writes a parameter or coefficient: "release_angle" -> "release.angle"."""
+    """Return the key of a parameter or coefficient in a scenario file: "release_angle" -> "release.angle"."""
     return FILE_KEYS.get(parameter, f"effects.{parameter}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tolerance:
-    """One limit that one engine's result must keep."""
+    """A limit on one metric of one engine's result."""
 
     engine: str
     """Engine and variant, "pymunk:chain"."""
@@ -70,12 +71,12 @@ class Tolerance:
     limit: float
     """Largest absolute value allowed, in the metric's SI unit; of the tube fraction, the smallest."""
     reason: str
-    """Why this much: its source."""
+    """Source of the limit."""
     expected_failure: str = ""
-    """Measured reason why it is not kept; then keeping it is the surprise. Empty: it must be kept."""
+    """Measured reason why the engine exceeds the limit; then keeping it counts as a failure. Empty: the limit must be kept."""
 
     def __post_init__(self) -> None:
-        """Refuse a limit that nothing could be judged by."""
+        """Refuse an unknown metric or profile, and a limit that is negative or not finite."""
         if self.metric not in METRICS:
             raise ScenarioError(f"tolerances: found metric {self.metric!r}, needed one of {', '.join(METRICS)}")
         if self.profile not in PROFILES:
@@ -86,27 +87,30 @@ class Tolerance:
 
 @dataclass(frozen=True, kw_only=True)
 class Inference:
-    """A value that the source does not print and somebody inferred."""
+    """Values that the source does not print, and that were inferred."""
 
     parameters: tuple[str, ...]
     """Keys as the scenario file writes them, "release.angle"."""
     how: str
+    """How they were inferred."""
     script: str
-    """Path of the script that inferred it, from the project's folder; empty for a value that was assumed."""
+    """Path of the script that inferred them, from the project's folder; empty for an assumption."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredTrial:
-    """Where the measured event table of this trial is, outside the package."""
+    """The file with the measured event table of this trial, which is not part of the package."""
 
     file: str
     """Path below a data folder, with forward slashes."""
     sha256: str
+    """Checksum of the file."""
     source: str
+    """Who measured it and where it is printed."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scenario:
+class Scenario(ShownInNotebook):
     """One apparatus, one release, and what is expected of an engine that rebuilds it."""
 
     name: str
@@ -114,14 +118,14 @@ class Scenario:
     description: str
     parameters: Parameters
     duration: float
-    """How long engines are watched [s]; a run ends sooner if the light mass reaches the rod."""
+    """Simulated time [s]; a run ends sooner if the light mass reaches the rod."""
     tolerances: tuple[Tolerance, ...] = ()
-    """By engine, then profile, then in the order of `METRICS`."""
+    """Limits, sorted by engine, then profile, then in the order of `METRICS`."""
     inferred: tuple[Inference, ...] = ()
     measured: MeasuredTrial | None = None
 
     def __post_init__(self) -> None:
-        """Put the tolerances in order, so that equal scenarios compare equal; refuse two limits on one number."""
+        """Sort the tolerances, so that equal scenarios compare equal; refuse two limits on the same metric."""
         order = {metric: i for i, metric in enumerate(METRICS)}
         keys = [(t.engine, PROFILES.index(t.profile), order[t.metric]) for t in self.tolerances]
         ordered = [t for _, t in sorted(zip(keys, self.tolerances, strict=True), key=lambda pair: pair[0])]
@@ -129,9 +133,3 @@ class Scenario:
         for one, other in zip(ordered, ordered[1:], strict=False):
             if (one.engine, one.profile, one.metric) == (other.engine, other.profile, other.metric):
                 raise ScenarioError(f"tolerances: {one.engine}, {one.profile}, {one.metric}: found two limits, needed one")
-
-    def _repr_html_(self) -> str:
-        """Show this in a notebook."""
-        from looping_pendulum.scenarios.notebook import html
-
-        return html(self)

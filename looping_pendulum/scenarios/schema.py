@@ -1,6 +1,7 @@
-"""The shape of a scenario file, as pydantic models: what keys there are, what each takes, and what to say otherwise.
+"""Pydantic models of a scenario file: its keys, what each takes, and the error messages.
 
-The models read plain data whose every scalar is still text (see `document`), so that a unit is never lost on the way.
+The models read plain data whose every scalar is still text (see `document`), so that units are not lost before validation.
+Their docstrings become descriptions in the JSON Schema for editors.
 """
 
 from __future__ import annotations
@@ -37,34 +38,36 @@ from looping_pendulum.scenarios.scenario import FILE_KEYS, METRICS, file_key
 from looping_pendulum.scenarios.units import QuantityKind, RangeError, UnitError
 
 NUMBER_PATTERN = r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"
-_WORDS = "x-words"
-LONGEST_DURATION = 3600.0
-"""[s]; an hour, far beyond any trial: a slip of the pen must not keep an engine busy for days."""
+"""Regular expression of a number, as JSON Schema takes it."""
+_QUANTITY_TEXT = "x-words"
+"""Temporary key of the JSON Schema for the kind of quantity; `_describe_units` moves its text into the description."""
+MAX_DURATION = 3600.0
+"""Longest duration [s]: an hour, far beyond any trial, so that a typing error does not keep an engine busy for days."""
 
 
-def fault(message: str, key: str = "") -> PydanticCustomError:
-    """Return an error whose text is for the user as it stands; ``key`` is the key at fault below the validated group."""
-    # pydantic cannot hold half characters, which come from files and terminals that are not UTF-8
+def input_error(message: str, key: str = "") -> PydanticCustomError:
+    """Return an error with a message for the user; ``key`` is the key below the validated group to which it refers."""
+    # one_line() also escapes lone surrogates, which pydantic cannot hold; they come from files and terminals that are not UTF-8
     return PydanticCustomError("scenario", "{message}", {"message": one_line(message), "key": key})
 
 
 class QuantityField:
-    """Pydantic's view of a `QuantityKind`: text with a unit in the file, a number [SI] in the program."""
+    """Field type for pydantic: text with a unit in the file, a number [SI] in the program."""
 
     def __init__(self, kind: QuantityKind) -> None:
         self.kind = kind
 
-    def read(self, found: object) -> float:
-        """Value [SI] of what the file has."""
-        detail, wanted = "", self.kind.words
-        if isinstance(found, str):
+    def read(self, value: object) -> float:
+        """Return the number [SI] for the value in the file."""
+        detail, expected = "", self.kind.noun
+        if isinstance(value, str):
             try:
-                return self.kind.parse(found)
+                return self.kind.parse(value)
             except RangeError:
-                wanted = self.kind.wanted
+                expected = self.kind.requirement
             except UnitError as error:
                 detail = f" ({error})" if str(error) else ""
-        raise fault(f"expected {wanted}, got {quote(found)}{detail}; write for example '{self.kind.way_out}'")
+        raise input_error(f"expected {expected}, got {quote(value)}{detail}; write for example '{self.kind.example_text}'")
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self.read, metadata={"kind": self.kind})
@@ -74,67 +77,77 @@ class QuantityField:
             bounds = {"minimum": self.kind.low, "maximum": self.kind.high}
             number = {"type": "number"} | {name: bound for name, bound in bounds.items() if math.isfinite(bound)}
             percent = {"type": "string", "pattern": rf"^{NUMBER_PATTERN} ?%$"}
-            return {"anyOf": [number, percent], "examples": [float(self.kind.way_out)], _WORDS: self.kind.wanted}
+            return {
+                "anyOf": [number, percent],
+                "examples": [float(self.kind.example_text)],
+                _QUANTITY_TEXT: self.kind.requirement,
+            }
         return {
             "type": "string",
             "pattern": rf"^{NUMBER_PATTERN} ?[A-Za-z°µ1].*$",
-            "examples": [self.kind.way_out],
-            _WORDS: f"{self.kind.wanted}, with its unit",
+            "examples": [self.kind.example_text],
+            _QUANTITY_TEXT: f"{self.kind.requirement}, with its unit",
         }
 
 
 def coefficient(name: str) -> QuantityField:
-    """Quantity of an effect's coefficient, with the bounds that the effect declares."""
+    """Return the field type of an effect's coefficient, with the bounds that the effect declares."""
     return _quantity_of(effect_library.COEFFICIENTS[name])
 
 
 def _quantity_of(c: Coefficient) -> QuantityField:
+    """Return the field type of a coefficient."""
     return QuantityField(QuantityKind(unit=c.unit, low=c.bounds[0], high=c.bounds[1]))
 
 
-def _text(found: object) -> str:
-    if isinstance(found, str):
-        return found
-    raise fault(f"expected text, got {quote(found)}; write for example 'two words'")
+def _text(value: object) -> str:
+    """Validate a text."""
+    if isinstance(value, str):
+        return value
+    raise input_error(f"expected text, got {quote(value)}; write for example 'two words'")
 
 
-def _choice(found: object, known: Iterable[str]) -> str:
+def _one_of(value: object, known: Iterable[str]) -> str:
+    """Validate a choice among ``known``."""
     known = tuple(known)
-    if isinstance(found, str) and found in known:
-        return found
-    raise fault(f"expected one of {', '.join(known)}, got {quote(found)}{suggest(str(found), known)}")
+    if isinstance(value, str) and value in known:
+        return value
+    raise input_error(f"expected one of {', '.join(known)}, got {quote(value)}{suggest(str(value), known)}")
 
 
-def _parameter_key(found: object) -> str:
+def _parameter_key(value: object) -> str:
+    """Validate a key of a scenario file, "release.angle"."""
     known = [*FILE_KEYS.values(), *(file_key(name) for name in effect_library.COEFFICIENTS)]
-    if isinstance(found, str) and found in known:
-        return found
-    near = suggest(found, known) if isinstance(found, str) else ""
-    raise fault(f"expected a key of this file such as 'release.angle', got {quote(found)}{near}")
+    if isinstance(value, str) and value in known:
+        return value
+    hint = suggest(value, known) if isinstance(value, str) else ""
+    raise input_error(f"expected a key of this file such as 'release.angle', got {quote(value)}{hint}")
 
 
-def _data_path(found: object) -> str:
-    parts = found.split("/") if isinstance(found, str) else []
-    if isinstance(found, str) and re.fullmatch(r"[\w.-]+(/[\w.-]+)*", found) and not {".", ".."} & set(parts):
-        return found
-    wanted = "a path below a data folder, with forward slashes and no '..'"
-    raise fault(f"expected {wanted}, got {quote(found)}; write for example 'paper/trial.csv'")
+def _data_path(value: object) -> str:
+    """Validate a path that cannot leave the data folder."""
+    parts = value.split("/") if isinstance(value, str) else []
+    if isinstance(value, str) and re.fullmatch(r"[\w.-]+(/[\w.-]+)*", value) and not {".", ".."} & set(parts):
+        return value
+    expected = "a path below a data folder, with forward slashes and no '..'"
+    raise input_error(f"expected {expected}, got {quote(value)}; write for example 'paper/trial.csv'")
 
 
-def _sha256(found: object) -> str:
-    if isinstance(found, str) and re.fullmatch(r"[0-9a-fA-F]{64}", found):
-        return found.lower()
-    raise fault(f"expected 64 hexadecimal digits, got {quote(found)}; copy what 'sha256sum FILE' prints")
+def _sha256(value: object) -> str:
+    """Validate a SHA-256 checksum."""
+    if isinstance(value, str) and re.fullmatch(r"[0-9a-fA-F]{64}", value):
+        return value.lower()
+    raise input_error(f"expected 64 hexadecimal digits, got {quote(value)}; copy what 'sha256sum FILE' prints")
 
 
-def suggest(found: str, known: Iterable[str]) -> str:
-    """Return "; did you mean 'radius'?", or nothing if nothing is near."""
-    near = difflib.get_close_matches(found, list(known), n=1, cutoff=0.6)
+def suggest(text: str, known: Iterable[str]) -> str:
+    """Return "; did you mean 'radius'?" for the nearest known word, or an empty text if none is near."""
+    near = difflib.get_close_matches(text, list(known), n=1, cutoff=0.6)
     return f"; did you mean '{near[0]}'?" if near else ""
 
 
-LENGTH = QuantityField(QuantityKind(unit="m", low=0.0, above_low=True))
-MASS = QuantityField(QuantityKind(unit="kg", low=0.0, above_low=True))
+LENGTH = QuantityField(QuantityKind(unit="m", low=0.0, exclusive_low=True))
+MASS = QuantityField(QuantityKind(unit="kg", low=0.0, exclusive_low=True))
 Text = Annotated[str, BeforeValidator(_text)]
 
 
@@ -149,23 +162,24 @@ class DragShape(Group):
 
     shape_factor: Annotated[float, QuantityField(QuantityKind(unit="", low=0.0, high=10.0, example="1.0"))]
     """Drag coefficient C: about 0.5 for a ball, 1 for a cylinder."""
-    area: Annotated[float, QuantityField(QuantityKind(unit="m**2", low=0.0, high=1.0, above_low=True))]
+    area: Annotated[float, QuantityField(QuantityKind(unit="m**2", low=0.0, high=1.0, exclusive_low=True))]
     """Area across the motion: pi r^2 for a ball, height times diameter for a cylinder."""
     air_density: Annotated[float, QuantityField(QuantityKind(unit="kg/m**3", low=0.0, high=2000.0))] | None = None
     """Density of the air; 1.2 kg/m^3 if not given."""
 
 
-def _drag_way(found: object) -> str:
-    return "<shape>" if isinstance(found, dict) else "<direct>"
+def _drag_form(value: object) -> str:
+    """Return the tag by which pydantic chooses between a drag coefficient and a shape."""
+    return "<shape>" if isinstance(value, dict) else "<direct>"
 
 
 LightDrag = Annotated[
     Annotated[float, coefficient("light_drag"), Tag("<direct>")] | Annotated[DragShape, Tag("<shape>")],
-    Discriminator(_drag_way),
+    Discriminator(_drag_form),
 ]
 HeavyDrag = Annotated[
     Annotated[float, coefficient("heavy_drag"), Tag("<direct>")] | Annotated[DragShape, Tag("<shape>")],
-    Discriminator(_drag_way),
+    Discriminator(_drag_form),
 ]
 
 
@@ -183,7 +197,7 @@ class LightGroup(Group):
 class HeavyGroup(Group):
     """The heavy mass, which falls and is caught."""
 
-    mass: Annotated[float, QuantityField(QuantityKind(unit="kg", low=0.0, above_low=True, example="100 g"))]
+    mass: Annotated[float, QuantityField(QuantityKind(unit="kg", low=0.0, exclusive_low=True, example="100 g"))]
     """Its mass M2."""
     drag: HeavyDrag | None = None
     """Quadratic drag coefficient gamma2, or the shape from which it follows."""
@@ -212,27 +226,34 @@ class ReleaseGroup(Group):
 
     kind: Annotated[
         str,
-        BeforeValidator(lambda found: _choice(found, parameters.Release)),
+        BeforeValidator(lambda value: _one_of(value, parameters.Release)),
         WithJsonSchema({"type": "string", "enum": [str(r.value) for r in parameters.Release]}),
     ] = parameters.Release.LOOPING.value
     """looping: as in the demonstration; vertical: both hang; held: the heavy mass is clamped; drop: no string."""
-    angle: Annotated[float, QuantityField(QuantityKind(unit="rad", low=0.0, high=2 * math.pi, above_low=True))] | None = None
-    """Angle of the string to the light mass: 0 deg is straight up, 90 deg is level, 180 deg is straight down."""
-    free_length: Annotated[float, QuantityField(QuantityKind(unit="m", low=0.0, above_low=True, example="58 cm"))]
-    """String from the rod to the light mass."""
-    hanging_length: Annotated[float, QuantityField(QuantityKind(unit="m", low=0.0, above_low=True, example="3 cm"))] | None = (
+    angle: Annotated[float, QuantityField(QuantityKind(unit="rad", low=0.0, high=2 * math.pi, exclusive_low=True))] | None = (
         None
     )
+    """Angle of the string to the light mass: 0 deg is straight up, 90 deg is level, 180 deg is straight down."""
+    free_length: Annotated[float, QuantityField(QuantityKind(unit="m", low=0.0, exclusive_low=True, example="58 cm"))]
+    """String from the rod to the light mass."""
+    hanging_length: (
+        Annotated[float, QuantityField(QuantityKind(unit="m", low=0.0, exclusive_low=True, example="3 cm"))] | None
+    ) = None
     """String from the rod to the heavy mass; 3 cm if not given."""
 
     @model_validator(mode="after")
-    def _angle_suits_kind(self) -> ReleaseGroup:
+    def _check_angle(self) -> ReleaseGroup:
+        """Require an angle, except for a vertical release, which hangs at 180 deg."""
         vertical = self.kind == parameters.Release.VERTICAL.value
         if self.angle is None and not vertical:
-            raise fault(f"missing, and a {self.kind} release needed an angle; write for example 'angle: 112 deg'", "angle")
+            raise input_error(
+                f"missing, and a {self.kind} release needed an angle; write for example 'angle: 112 deg'", "angle"
+            )
         if self.angle is not None and vertical and self.angle != math.pi:
             degrees = math.degrees(self.angle)
-            raise fault(f"found {degrees:g} deg, needed no angle: a vertical release hangs at 180 deg; leave it out", "angle")
+            raise input_error(
+                f"found {degrees:g} deg, needed no angle: a vertical release hangs at 180 deg; leave it out", "angle"
+            )
         return self
 
 
@@ -269,6 +290,7 @@ class Limit(Group):
 
 
 def _limit_of(unit: str) -> type[Limit]:
+    """Return the model of a limit on a metric with this SI unit."""
     example = {"m": "0.6 mm", "s": "8 ms", "rad": "0.01 rad", "": "0.003"}.get(unit, "")
     quantity = QuantityField(QuantityKind(unit=unit, low=0.0, example=example))
     return create_model(f"Limit of {unit or 'a number'}", __base__=Limit, limit=(Annotated[float, quantity], ...))
@@ -276,7 +298,7 @@ def _limit_of(unit: str) -> type[Limit]:
 
 _LIMITS = {unit: _limit_of(unit) for unit in dict.fromkeys(METRICS.values())}
 
-# Names such as rms_0.35s are no Python names, so they stand as aliases.
+# Names such as rms_0.35s are not valid Python names, so they are aliases of the fields.
 _METRIC_FIELDS: dict[str, Any] = {
     f"metric_{i}": (_LIMITS[unit] | None, Field(None, alias=name)) for i, (name, unit) in enumerate(METRICS.items())
 }
@@ -305,7 +327,7 @@ class ScenarioFile(Group):
     """Acceleration of free fall; 9.81 m/s^2 if not given."""
     release: ReleaseGroup
     duration: Annotated[
-        float, QuantityField(QuantityKind(unit="s", low=0.0, high=LONGEST_DURATION, above_low=True, example="1.05 s"))
+        float, QuantityField(QuantityKind(unit="s", low=0.0, high=MAX_DURATION, exclusive_low=True, example="1.05 s"))
     ]
     """How long to watch; a run ends sooner if the light mass reaches the rod."""
     inferred: list[InferredEntry] = []
@@ -318,12 +340,13 @@ class ScenarioFile(Group):
 
 
 def file_model() -> type[ScenarioFile]:
-    """Return the model of a whole file, with a key under ``effects`` for each coefficient that has no other home."""
+    """Return the model of a whole file, with a key under ``effects`` for each coefficient that is in no other group."""
     return _file_model(tuple(c for name, c in effect_library.COEFFICIENTS.items() if name not in FILE_KEYS))
 
 
 @functools.lru_cache(maxsize=8)
 def _file_model(others: tuple[Coefficient, ...]) -> type[ScenarioFile]:
+    """Return the model of a whole file with these coefficients under ``effects``; cached, because building it is slow."""
     fields: dict[str, Any] = {
         c.name: (Annotated[float, _quantity_of(c)] | None, Field(None, description=c.meaning)) for c in others
     }
@@ -332,7 +355,7 @@ def _file_model(others: tuple[Coefficient, ...]) -> type[ScenarioFile]:
 
 
 class _EditorSchema(GenerateJsonSchema):
-    """JSON Schema without nulls: a key is either given or left out."""
+    """Generator of a JSON Schema without null: a key is either given or left out."""
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
         return self.generate_inner(schema["schema"])
@@ -342,7 +365,7 @@ class _EditorSchema(GenerateJsonSchema):
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of a scenario file, for editors that complete and check YAML."""
+    """Return the JSON Schema (draft 2020-12) of a scenario file, for editors that complete and check YAML."""
     schema = file_model().model_json_schema(schema_generator=_EditorSchema)
     _describe_units(schema)
     return {"$schema": _EditorSchema.schema_dialect} | schema | {"title": "Looping pendulum scenario"}
@@ -351,8 +374,8 @@ def json_schema() -> dict[str, Any]:
 def _describe_units(schema: Any) -> None:
     """Add to the description of each quantity what kind of quantity it is."""
     if isinstance(schema, dict):
-        words = schema.pop(_WORDS, "")
-        if words:
-            schema["description"] = f"{schema.get('description', '')} Needed: {words}.".strip()
+        quantity = schema.pop(_QUANTITY_TEXT, "")
+        if quantity:
+            schema["description"] = f"{schema.get('description', '')} Needed: {quantity}.".strip()
     for inner in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
         _describe_units(inner)

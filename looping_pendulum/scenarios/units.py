@@ -1,4 +1,4 @@
-"""Numbers with their units written out: "6.25 mm" to 0.00625 and back, without a rounding error on the way."""
+"""Convert quantities with units to SI numbers and back, "6.25 mm" to 0.00625, without rounding errors in between."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ gibibyte = 1024 * mebibyte = GiB
 """
 """Units that a scenario or a limit on memory may use, for pint.
 
-A short list rather than pint's own: it loads in milliseconds, an angle is no plain number in it (so that "112" is no angle and
-"10 deg" no friction), and a slip of the pen is an unknown unit rather than a barn or a fortnight.
+The list is short, unlike pint's own: it loads in milliseconds, an angle is not a plain number in it (so that "112" is no angle
+and "10 deg" no friction), and a typing error is an unknown unit rather than a barn or a fortnight.
 """
 
-WORDS = {
+QUANTITY_NOUNS = {
     "": "a plain number",
     "m": "a length",
     "kg": "a mass",
@@ -70,7 +70,7 @@ WORDS = {
     "N/m": "a stiffness",
     "byte": "an amount of memory",
 }
-"""SI unit -> what a quantity in it is called."""
+"""SI unit -> name of a quantity in it, with its article."""
 
 EXAMPLES = {
     "": "0.34",
@@ -85,7 +85,7 @@ EXAMPLES = {
     "kg/m**3": "1.2 kg/m^3",
     "byte": "2 GiB",
 }
-"""SI unit -> a quantity in it as one would write it."""
+"""SI unit -> example of a quantity in it, as a user would write it."""
 
 COMMON = {
     ("%", ""): Decimal("0.01"),
@@ -96,32 +96,34 @@ COMMON = {
     ("deg", "rad"): Decimal(DEGREE),
     ("MiB", "byte"): Decimal(1024**2),
     ("GiB", "byte"): Decimal(1024**3),
-} | {(written, unit): Decimal(1) for unit in WORDS for written in (unit, unit.replace("**", "^"))}
-"""What is written, and the SI unit wanted -> how many of those it is, for what nearly all files write.
+} | {(text_unit, unit): Decimal(1) for unit in QUANTITY_NOUNS for text_unit in (unit, unit.replace("**", "^"))}
+"""(unit in the text, SI unit) -> conversion factor, for the units of nearly all files.
 
-pint says the same, but its import takes longer than a whole command does without it.
+pint gives the same factors, but importing it takes longer than a whole command without it.
 """
 
-_DIGITS = decimal.Context(prec=60, Emin=-9999, Emax=9999)
+_DECIMAL_CONTEXT = decimal.Context(prec=60, Emin=-9999, Emax=9999)
+"""Arithmetic with far more digits than a float has, so that only the final conversion to float rounds."""
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
-# One digit per exponent and a few factors: pint expands powers, and m^999999999 would fill the memory.
+# Only one digit per exponent and a few factors are allowed: pint expands powers, and m^999999999 would fill the memory.
 _FACTOR = r"[A-Za-zµ°%]{1,20}(?:(?:\^|\*\*)-?[1-9])?"
 _UNIT = re.compile(rf"(?:1 ?/ ?)?{_FACTOR}(?: ?[*/ ] ?{_FACTOR}){{0,5}}")
-_LONGEST = 80
+_MAX_LENGTH = 80
+"""Longest text that is read as a quantity [characters]."""
 _SPELLINGS = str.maketrans({"μ": "µ", "·": "*", "⋅": "*", "×": "*", "−": "-", "²": "^2", "³": "^3", "\u00a0": " "})
 
 
 class UnitError(ValueError):
-    """A text is not a quantity of the wanted kind; the message says why, unless that is plain to see."""
+    """A text is not a quantity of the required kind; the message says why, or is empty if that is obvious."""
 
 
 class RangeError(UnitError):
-    """A quantity is of the wanted kind but too large or too small."""
+    """A quantity is of the required kind, but too large or too small."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class QuantityKind:
-    """What sort of quantity a key takes."""
+    """Kind of quantity that a key takes: its SI unit and bounds."""
 
     unit: str
     """SI unit, as pint reads it; '' for a plain number."""
@@ -129,49 +131,50 @@ class QuantityKind:
     """Smallest value allowed [SI]."""
     high: float = math.inf
     """Largest value allowed [SI]."""
-    above_low: bool = False
+    exclusive_low: bool = False
     """Whether ``low`` itself is refused."""
     example: str = ""
+    """Example for messages; empty: that of `EXAMPLES`."""
 
     @property
-    def words(self) -> str:
-        """What to call it: "a length"."""
-        return WORDS.get(self.unit) or f"a quantity in {pretty(self.unit)}"
+    def noun(self) -> str:
+        """Return the name of the quantity with its article: "a length"."""
+        return QUANTITY_NOUNS.get(self.unit) or f"a quantity in {pretty(self.unit)}"
 
     @property
-    def wanted(self) -> str:
-        """The same with its bounds: "a length above 0"."""
-        words = self.words
-        shown = [show(bound, self.unit) if bound else "0" for bound in (self.low, self.high)]
+    def requirement(self) -> str:
+        """Return the name of the quantity with its bounds: "a length above 0"."""
+        noun, above = self.noun, self.exclusive_low
+        low, high = (show(bound, self.unit) if bound else "0" for bound in (self.low, self.high))
         if math.isfinite(self.low) and math.isfinite(self.high):
-            return f"{words} {'above' if self.above_low else 'from'} {shown[0]} {'up ' if self.above_low else ''}to {shown[1]}"
+            return f"{noun} {'above' if above else 'from'} {low} {'up ' if above else ''}to {high}"
         if math.isfinite(self.low):
-            return f"{words} above {shown[0]}" if self.above_low else f"{words} of {shown[0]} or more"
-        return words
+            return f"{noun} above {low}" if above else f"{noun} of {low} or more"
+        return noun
 
     @property
-    def way_out(self) -> str:
-        """A quantity of this kind, to copy."""
+    def example_text(self) -> str:
+        """Return an example of such a quantity, as a user would write it."""
         return self.example or EXAMPLES.get(self.unit) or f"1 {pretty(self.unit)}"
 
     def parse(self, text: str) -> float:
-        """Value [SI] of ``text``.
+        """Return the value [SI] of ``text``.
 
         Raises
         ------
         RangeError
             If it is out of bounds.
         UnitError
-            If it is no quantity of this dimension.
+            If it is not a quantity of this dimension.
         """
         value = to_si(text, self.unit)
-        if value > self.high or value < self.low or (self.above_low and value == self.low):
+        if value > self.high or value < self.low or (self.exclusive_low and value == self.low):
             raise RangeError("")
         return value
 
 
 def to_si(text: str, unit: str) -> float:
-    """Value of a text such as "6.25 mm" in the SI ``unit``, rounded once.
+    """Return the value of a text such as "6.25 mm" in the SI ``unit``, rounded only once.
 
     Raises
     ------
@@ -184,43 +187,43 @@ def to_si(text: str, unit: str) -> float:
         if re.match(r"[+-]?\.?(?:nan|inf)", text, re.IGNORECASE):
             raise UnitError("it must be finite")
         raise UnitError("")
-    written = unit_of(text)
-    if written.startswith(","):
+    text_unit = unit_text(text)
+    if text_unit.startswith(","):
         raise UnitError("write a decimal point, not a comma")
-    if len(text) > _LONGEST or (written and not _UNIT.fullmatch(written)):
+    if len(text) > _MAX_LENGTH or (text_unit and not _UNIT.fullmatch(text_unit)):
         raise UnitError("")
-    if not written and unit:
+    if not text_unit and unit:
         raise UnitError("the unit is missing")
-    value = float(_DIGITS.multiply(Decimal(number[0]), factor(written, unit)))
+    value = float(_DECIMAL_CONTEXT.multiply(Decimal(number[0]), factor(text_unit, unit)))
     if not math.isfinite(value):
         raise UnitError("it must be finite")
     return value
 
 
-def unit_of(text: str) -> str:
-    """What stands behind the number of a quantity: "mm" of "6.25 mm"; '' where nothing does, or where there is no number."""
+def unit_text(text: str) -> str:
+    """Return the text after the number of a quantity: "mm" of "6.25 mm"; '' if there is none, or no number."""
     text = text.strip().translate(_SPELLINGS)
     number = _NUMBER.match(text)
     return " ".join(text[number.end() :].split()) if number else ""
 
 
 @functools.lru_cache(maxsize=256)
-def factor(written: str, unit: str) -> Decimal:
-    """How many ``unit`` one ``written`` is.
+def factor(text_unit: str, unit: str) -> Decimal:
+    """Return the factor that converts a number in ``text_unit`` to ``unit``.
 
     Raises
     ------
     UnitError
-        If ``written`` is no unit, or one of another dimension.
+        If ``text_unit`` is not a unit, or is one of another dimension.
     """
-    if (written, unit) in COMMON:
-        return COMMON[written, unit]
+    if (text_unit, unit) in COMMON:
+        return COMMON[text_unit, unit]
     registry = _registry()
     import pint
 
     try:
-        with decimal.localcontext(_DIGITS):
-            one = registry.Quantity(Decimal(1), registry.parse_units(written))
+        with decimal.localcontext(_DECIMAL_CONTEXT):
+            one = registry.Quantity(Decimal(1), registry.parse_units(text_unit))
             return Decimal(one.to(registry.parse_units(unit)).magnitude)
     except pint.UndefinedUnitError as error:
         names = error.unit_names if isinstance(error.unit_names, str) else ", ".join(error.unit_names)
@@ -228,18 +231,21 @@ def factor(written: str, unit: str) -> Decimal:
     except pint.DimensionalityError:
         raise UnitError("") from None
     except (pint.PintError, ArithmeticError, ValueError, TypeError, AttributeError, AssertionError):
-        # Words that pint takes for numbers (nan), and units whose powers leave every range.
-        raise UnitError(f"{written!r} is no known unit") from None
+        # for words that pint reads as numbers (nan), and for units whose powers overflow
+        raise UnitError(f"{text_unit!r} is no known unit") from None
 
 
 def pretty(unit: str) -> str:
-    """Unit as people write it: "kg/m**2" to "kg/m^2"."""
+    """Return a unit in the usual notation: "kg/m**2" as "kg/m^2"."""
     return unit.replace("**", "^")
 
 
-def _in_unit(value: float, per_unit: Decimal, round_trips: Callable[[Decimal], bool]) -> Decimal | None:
-    """Shortest decimal that, times ``per_unit``, is exactly ``value`` again; None if it takes more than 17 digits."""
-    exact = _DIGITS.divide(Decimal(repr(value)), per_unit)
+def _shortest_decimal(value: float, per_unit: Decimal, round_trips: Callable[[Decimal], bool]) -> Decimal | None:
+    """Return the shortest decimal that gives exactly ``value`` when multiplied by ``per_unit``.
+
+    It is None if that takes more than 17 digits, which are enough for any float itself.
+    """
+    exact = _DECIMAL_CONTEXT.divide(Decimal(repr(value)), per_unit)
     for digits in range(1, 18):
         rounded = decimal.Context(prec=digits, Emin=-9999, Emax=9999).plus(exact)
         if round_trips(rounded):
@@ -248,28 +254,28 @@ def _in_unit(value: float, per_unit: Decimal, round_trips: Callable[[Decimal], b
 
 
 def show(value: float, unit: str) -> str:
-    """Write ``value`` [SI] with a handy unit so that `to_si` gives exactly it again: 0.00625, "m" to "6.25 mm"."""
-    handy = {
+    """Write ``value`` [SI] in a unit of convenient size, so that `to_si` returns exactly it: 0.00625, "m" as "6.25 mm"."""
+    convenient_unit = {
         "m": "mm" if abs(value) < 0.02 else "cm" if abs(value) < 1 else "m",
         "kg": "g" if abs(value) < 1 else "kg",
         "s": "ms" if 0 < abs(value) < 0.1 else "s",
         "rad": "deg",
     }.get(unit, pretty(unit))
-    for written in dict.fromkeys((handy, pretty(unit))):
-        per_unit = factor(written, unit) if written != pretty(unit) else Decimal(1)
+    for text_unit in dict.fromkeys((convenient_unit, pretty(unit))):
+        per_unit = factor(text_unit, unit) if text_unit != pretty(unit) else Decimal(1)
 
         def round_trips(number: Decimal, per_unit: Decimal = per_unit) -> bool:
-            return float(_DIGITS.multiply(number, per_unit)) == value
+            return float(_DECIMAL_CONTEXT.multiply(number, per_unit)) == value
 
-        number = _in_unit(value, per_unit, round_trips)
-        if number is not None and (written == pretty(unit) or len(number.as_tuple().digits) <= 12):
-            return f"{_digits(number)} {written}".rstrip()
+        number = _shortest_decimal(value, per_unit, round_trips)
+        if number is not None and (text_unit == pretty(unit) or len(number.as_tuple().digits) <= 12):
+            return f"{_decimal_text(number)} {text_unit}".rstrip()
     return f"{value!r} {pretty(unit)}".rstrip()
 
 
-def _digits(number: Decimal) -> str:
-    """Plain decimals unless they would be long: 0.0010 -> "0.001", 3.4E-12 -> "3.4e-12"."""
-    number = number.normalize(_DIGITS)
+def _decimal_text(number: Decimal) -> str:
+    """Return a number in plain decimals unless that would be long: 0.0010 as "0.001", 3.4E-12 as "3.4e-12"."""
+    number = number.normalize(_DECIMAL_CONTEXT)
     return format(number, "f") if -5 <= number.adjusted() < 15 else format(number, "e")
 
 
@@ -278,7 +284,7 @@ def _registry() -> Any:
     """Return the unit registry; pint is imported on use, since it takes longer than the rest of a scenario."""
     import pint
 
-    with decimal.localcontext(_DIGITS):
+    with decimal.localcontext(_DECIMAL_CONTEXT):
         registry: Any = pint.UnitRegistry(None, non_int_type=Decimal)
         registry.load_definitions(DEFINITIONS.strip().splitlines())
     return registry

@@ -1,4 +1,4 @@
-"""Maps: many exact runs over one to three parameters, on this machine or on a Dask cluster.
+"""Computes maps: many runs over one to three parameters, on this machine or on a Dask cluster.
 
 `load_map` reads a map file, `run_map` makes the map, `open_map` gives the finished one as an xarray Dataset.
 """
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["load_map", "open_map", "run_map", "shipped_maps"]
 
-_ELSEWHERE = {
+_LAZY_NAMES = {
     "load_map": ("looping_pendulum.sweep.map_file", "load"),
     "shipped_maps": ("looping_pendulum.sweep.map_file", "shipped"),
     "run_map": ("looping_pendulum.sweep.runner", "run_map"),
@@ -26,43 +26,44 @@ _ELSEWHERE = {
 
 
 def __getattr__(name: str) -> Any:
-    if name in _ELSEWHERE:
-        module, attribute = _ELSEWHERE[name]
+    if name in _LAZY_NAMES:
+        module, attribute = _LAZY_NAMES[name]
         return getattr(import_module(module), attribute)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def open_map(folder: Path | str) -> xarray.Dataset:
-    """Open the map in ``folder``; values are read from the disk as they are needed.
+    """Open the map in ``folder``; values are read from the disk when they are needed. A field with an older name is renamed.
 
     Returns
     -------
     xarray.Dataset
-        SI units; dimensions named by the parameters of a grid, or ``run`` of a sample. What is not yet computed is NaN, and
-        its ``end`` is -1.
+        SI units; dimensions named by the parameters of a grid, or ``run`` of a sample. Runs that are not computed yet are
+        NaN, and their ``end`` is -1.
 
     Raises
     ------
     MapError
-        If there is none, or if what is needed to read it is missing or damaged.
+        If there is no map, or if a file that is needed to read it is missing or damaged.
     """
     import xarray as xr
 
     from looping_pendulum.scenarios.document import one_line, shorten
     from looping_pendulum.sweep.plan import MapError
-    from looping_pendulum.sweep.store import STORE, coordinate_file
+    from looping_pendulum.sweep.store import RENAMED_FIELDS, STORE, coordinate_file
 
-    mend = "`looping-pendulum map` of the same file in that folder mends or names it"
+    repair = "`looping-pendulum map` with the same file and folder repairs it or says why not"
 
     path = Path(folder) / STORE
     if not (path / "zarr.json").is_file():
         raise MapError(f"{folder}: found no map, needed a folder that `looping-pendulum map` wrote")
     try:
         data: xr.Dataset = xr.open_zarr(path)
-    except Exception as error:  # of whatever kind a damaged file raises
+        data = data.rename({old: name for name, old in RENAMED_FIELDS.items() if old in data})
+    except Exception as error:  # a damaged file may raise any exception
         why = f"{type(error).__name__}: {shorten(' '.join(str(error).split()))}"
-        raise MapError(one_line(f"{path}: found it damaged ({why}); {mend}")) from None
+        raise MapError(one_line(f"{path}: found it damaged ({why}); {repair}")) from None
     for name in data.indexes:
         if not coordinate_file(path, str(name)).is_file():
-            raise MapError(one_line(f"{path}: found no values of {name}; {mend}"))
+            raise MapError(one_line(f"{path}: found no values of {name}; {repair}"))
     return data

@@ -1,6 +1,6 @@
-"""Where chunks are run: in this process, in processes of this machine, or on a Dask cluster.
+"""Executors of chunks: this process, processes of this machine, or a Dask cluster.
 
-Each executor takes tasks one by one, keeps only a few under way, and yields their results as they come, in any order.
+Each executor takes tasks one by one, submits only a few at a time, and yields results as they arrive, in any order.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from looping_pendulum.sweep.cells import CellResult, CellTask
 Solve = Callable[[CellTask], CellResult]
 
 SCHEMES = ("tcp", "tls", "ws", "wss")
-"""How Dask may speak to a scheduler."""
+"""Protocols with which Dask connects to a scheduler."""
 CONNECT_TIME = 5.0
-"""How long a scheduler may take to answer [s]."""
+"""Time limit for a scheduler to answer [s]."""
 WORKER_TIME = 15.0
-"""How long to wait for a cluster's first worker [s]."""
+"""Time limit for a cluster to have a worker [s]."""
 RETRIES = 3
-"""How often the cluster may try a chunk again."""
+"""Number of times that the cluster may repeat a failed chunk."""
 WINDOW_CHECK = 32
-"""Results between two looks at how many workers there are."""
+"""Number of results after which the number of workers is checked again."""
 
 
 def in_process(tasks: Iterator[CellTask], solve: Solve) -> Iterator[CellResult]:
-    """Run tasks here, one after another."""
+    """Run tasks in this process, one after another."""
     for task in tasks:
         yield solve(task)
 
@@ -71,12 +71,12 @@ def _in_pool(tasks: Iterator[CellTask], solve: Solve, jobs: int) -> Iterator[Cel
 
 
 def check_address(address: str) -> None:
-    """Refuse what cannot be the address of a scheduler; Dask itself takes ten seconds and a traceback for it.
+    """Refuse what cannot be the address of a scheduler; Dask itself would take ten seconds and raise an unclear error.
 
     Raises
     ------
     EngineError
-        If it is none.
+        If it cannot be one.
     """
     try:
         parts = urlsplit(address if "://" in address else f"tcp://{address}")
@@ -89,7 +89,7 @@ def check_address(address: str) -> None:
 
 
 def on_cluster(tasks: Iterator[CellTask], solve: Solve, address: str) -> Iterator[CellResult]:
-    """Run tasks on the workers of a Dask scheduler; a worker that dies only costs the chunks that it had.
+    """Run tasks on the workers of a Dask scheduler; if a worker dies, only its own chunks are computed again.
 
     Raises
     ------
@@ -108,11 +108,11 @@ def on_cluster(tasks: Iterator[CellTask], solve: Solve, address: str) -> Iterato
 
 
 class _Cluster:
-    """A connection to a scheduler, with its faults in words."""
+    """A connection to a scheduler that turns Dask's exceptions into our errors."""
 
     def __init__(self, address: str) -> None:
         self._address = address
-        self._under_way = self._seen = self._window = 0
+        self._submitted = self._results = self._window = 0
 
     def __enter__(self) -> _Cluster:
         try:
@@ -135,27 +135,27 @@ class _Cluster:
         return self
 
     def __exit__(self, *exception: Any) -> None:
-        self._client.close(timeout=CONNECT_TIME)  # and so drop what is still under way
+        self._client.close(timeout=CONNECT_TIME)  # this also cancels submitted tasks
 
     def collector(self) -> Any:
-        """What takes tasks under way and gives them back as they end."""
+        """Return Dask's iterator over submitted tasks in the order in which they end."""
         return self._distributed.as_completed(loop=self._client.loop)
 
     def begin(self, tasks: Iterator[CellTask], solve: Solve, running: Any) -> None:
-        """Send the first tasks."""
-        self._look()
+        """Submit the first tasks."""
+        self._update_window()
         self._submit(tasks, solve, running)
 
     def more(self, tasks: Iterator[CellTask], solve: Solve, running: Any) -> None:
-        """Send tasks in place of those that have ended."""
-        if self._seen % WINDOW_CHECK == 0:
-            self._look()
+        """Submit tasks in place of those that have ended."""
+        if self._results % WINDOW_CHECK == 0:
+            self._update_window()
         self._submit(tasks, solve, running)
 
     def result(self, future: Any) -> CellResult:
-        """Result of a task that has ended."""
-        self._under_way -= 1
-        self._seen += 1
+        """Return the result of a task that has ended."""
+        self._submitted -= 1
+        self._results += 1
         try:
             result: CellResult = future.result()
         except HarnessError:
@@ -163,15 +163,15 @@ class _Cluster:
         except Exception as error:
             why = f"{type(error).__name__}: {' '.join(str(error).split())}"
             message = f"--cluster: {self._address}: a chunk failed ({why}); what is finished is kept"
-            raise EngineError(one_line(f"{message}: mend the cluster and run the same command again")) from None
+            raise EngineError(one_line(f"{message}: repair the cluster and run the same command again")) from None
         future.release()
         return result
 
     def _submit(self, tasks: Iterator[CellTask], solve: Solve, running: Any) -> None:
-        for task in itertools.islice(tasks, max(0, self._window - self._under_way)):
+        for task in itertools.islice(tasks, max(0, self._window - self._submitted)):
             running.add(self._client.submit(solve, task, pure=False, retries=RETRIES))
-            self._under_way += 1
+            self._submitted += 1
 
-    def _look(self) -> None:
-        """Take twice as many chunks as the cluster has threads: none waits, and the scheduler holds few."""
+    def _update_window(self) -> None:
+        """Allow twice as many submitted chunks as the cluster has threads: no thread waits, and the scheduler holds few."""
         self._window = max(2, 2 * sum(self._client.nthreads().values()))

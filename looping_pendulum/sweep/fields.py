@@ -1,4 +1,4 @@
-"""What a map says of each run: names, units, and how a run may have ended."""
+"""Fields of a map: what it stores of each run, with units, and how a run may have ended."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from looping_pendulum.reference_ode.batch.result import ENDS
 from looping_pendulum.reference_ode.transitions import Event
 
 REFERENCE = "reference"
-"""Engine that is run in batches, in the chunk's own process."""
+"""Name of the exact model, which is run in batches, in the chunk's own process."""
 IMPOSSIBLE = "impossible"
-"""End of a run whose parameters contradict each other: it was not made."""
+"""Ending of a run that was not made because its parameters contradict each other."""
 ENDINGS: tuple[str, ...] = tuple(
     dict.fromkeys([*map(str, ENDS), IMPOSSIBLE, *(status.name.lower() for status in RunStatus if not status.ok)])
 )
-"""What `end` counts in."""
-WORDS = {
+"""Endings of a run; the field `end` is the index into this tuple."""
+ENDING_DESCRIPTIONS = {
     str(Event.LIGHT_REACHES_ROD): "the light mass reached the rod",
     str(Event.HEAVY_REACHES_ROD): "the heavy mass reached the rod",
     str(Event.UNWRAPPED): "the string left the rod",
@@ -28,9 +28,9 @@ WORDS = {
     "failed": "the run broke down",
     IMPOSSIBLE: "impossible parameters, not run",
 }
-"""How a run ended, in words."""
+"""Ending -> its description."""
 UNKNOWN_COUNT = -1
-"""A count that an engine does not tell."""
+"""Value of a count that an engine does not report."""
 
 Values = dict[str, NDArray[np.generic]]
 """Name of a field -> its values, shape (n,)."""
@@ -38,7 +38,7 @@ Values = dict[str, NDArray[np.generic]]
 
 @dataclass(frozen=True, kw_only=True)
 class Field:
-    """One number per run."""
+    """A field of a map: one value per run."""
 
     name: str
     unit: str
@@ -48,7 +48,7 @@ class Field:
 
     @property
     def fill(self) -> float:
-        """What stands where nothing was computed yet."""
+        """Value of runs that are not computed yet."""
         if self.dtype == "float64":
             return float("nan")
         return 0 if self.dtype == "uint64" else -1
@@ -70,7 +70,7 @@ FIELDS = (
     _real("wrap_angle", "rad", "wrap angle at the end of the run"),
     _real("free_length", "m", "free length at the end of the run"),
     _count("stops", "how often the heavy mass's speed became zero"),
-    _count("slip_count", "how often a sticking string broke away"),
+    _count("slip_count", "how often a string at rest on the rod began to slide again"),
     _count("slack_intervals", "how often the string was, or became, slack"),
     Field(name="end", unit="", dtype="int8", meaning="how the run ended"),
     _real("end_time", "s", "end of the run"),
@@ -79,5 +79,5 @@ FIELDS = (
 
 
 def end_code(ending: str) -> int:
-    """Index into `ENDINGS`."""
+    """Return the index of an ending in `ENDINGS`."""
     return ENDINGS.index(ending)

@@ -1,4 +1,4 @@
-"""Figures of a map: halting time over what was varied; how the other runs ended is grey and hatched."""
+"""Draws the figure of a map: halting time over the varied quantities; runs without a halt are grey, hatched by their ending."""
 
 from __future__ import annotations
 
@@ -19,27 +19,28 @@ from matplotlib.ticker import FormatStrFormatter, MaxNLocator
 from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode.transitions import Event
-from looping_pendulum.sweep.fields import ENDINGS, WORDS
+from looping_pendulum.sweep.fields import ENDING_DESCRIPTIONS, ENDINGS
 from looping_pendulum.sweep.plan import Axis, MapPlan, Sample
 
 COLOURS = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Black for the first engine, then Okabe and Ito's palette."""
 MAP = "viridis"
-"""Colour-blind-safe and, printed grey, still in order."""
+"""Matplotlib's colour map: safe for colour-blind readers, and monotone when printed in grey."""
 HATCHES = ("", "////", "....", "xxxx", "\\\\\\\\", "++++", "oo")
 MARKERS = ("x", "1", "+", "2", "3", "4", ".")
 GREYS = ("0.92", "0.82", "0.72", "0.88", "0.78", "0.68", "0.95")
-MOST_CELLS = 1500
-"""Values of one axis that are drawn; of more, every second, third, ..."""
-MOST_POINTS = 20000
-"""Runs of a sample that are drawn."""
-MOST_PANELS = 9
-NO_HALT = {**WORDS, str(Event.LIGHT_REACHES_ROD): "the light mass reached the rod, and M2 was not at rest"}
-"""How a run without a halt ended, in words."""
+MAX_CELLS = 1500
+"""Largest number of values of an axis that are drawn; of more, every second or third is."""
+MAX_POINTS = 20000
+"""Largest number of runs of a sample that are drawn."""
+MAX_PANELS = 9
+"""Largest number of panels, one for each value of a third quantity."""
+NO_HALT = {**ENDING_DESCRIPTIONS, str(Event.LIGHT_REACHES_ROD): "the light mass reached the rod, and M2 was not at rest"}
+"""Ending of a run without a halt -> its description."""
 
 
 def draw(plan: MapPlan, store: Path) -> dict[str, tuple[str, bytes]]:
-    """File name -> (caption, PNG)."""
+    """Draw the figure: file name -> (caption, PNG)."""
     with xr.open_zarr(store, chunks=None) as data:
         thin = data[["halting_time", "stops", "end"]].isel({dim: _thinned(n, plan) for dim, n in data.sizes.items()}).load()
     varied = [axis for axis in plan.design.axes if isinstance(plan.design, Sample) or len(axis.values) > 1]
@@ -48,13 +49,13 @@ def draw(plan: MapPlan, store: Path) -> dict[str, tuple[str, bytes]]:
         axis = varied[0] if varied else plan.design.axes[0]
         caption = f"Halting time and stops of the heavy mass over {axis.name}; grey: runs that do not halt.{drawn}"
         return {"halting_time.png": (caption, _png(_lines(plan, thin, axis)))}
-    figure = _strewn(plan, thin) if isinstance(plan.design, Sample) else _maps(plan, thin, varied)
+    figure = _scatter_panels(plan, thin) if isinstance(plan.design, Sample) else _maps(plan, thin, varied)
     caption = f"Halting time over {' and '.join(a.name for a in varied)}; grey: runs that do not halt, and how they end.{drawn}"
     return {"halting_time.png": (caption, _png(figure))}
 
 
 def _thinned(n: int, plan: MapPlan) -> slice:
-    most = MOST_POINTS if isinstance(plan.design, Sample) or len(plan.design.axes) == 1 else MOST_CELLS
+    most = MAX_POINTS if isinstance(plan.design, Sample) or len(plan.design.axes) == 1 else MAX_CELLS
     return slice(None, None, max(1, -(-n // most)))
 
 
@@ -81,7 +82,7 @@ def _of_engine(plan: MapPlan, data: xr.Dataset, i: int) -> xr.Dataset:
 
 
 def _lines(plan: MapPlan, data: xr.Dataset, axis: Axis) -> Figure:
-    """One varied quantity: halting time above, number of stops below; ticks mark runs that do not halt."""
+    """Draw one varied quantity: halting time above, number of stops below; ticks mark runs that do not halt."""
     figure = _figure(7.6, 5.6)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     few = data.sizes[next(iter(data["end"].dims[-1:]))] <= 200 and not isinstance(plan.design, Sample)
@@ -106,13 +107,13 @@ def _lines(plan: MapPlan, data: xr.Dataset, axis: Axis) -> Figure:
 
 
 def _maps(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Figure:
-    """Two varied quantities of a grid: a heat map; of a third one, a panel for each of some of its values."""
+    """Draw two varied quantities of a grid as a heat map, with a panel for each of some values of a third one."""
     panel_axis = min(varied, key=lambda a: len(a.values)) if len(varied) > 2 else None
     x, y = (axis for axis in varied if axis is not panel_axis)
-    chosen = [0] if panel_axis is None else _evenly(data.sizes[panel_axis.name], MOST_PANELS // len(plan.engines) or 1)
+    chosen = [0] if panel_axis is None else _evenly(data.sizes[panel_axis.name], MAX_PANELS // len(plan.engines) or 1)
     panels = [(i, j) for i in range(len(plan.engines)) for j in chosen]
     figure, grid, norm = _panels(len(panels), data)
-    seen: set[int] = set()
+    endings: set[int] = set()
     for axes, (i, j) in zip(grid, panels, strict=True):
         one = _of_engine(plan, data, i)
         title = [plan.engines[i]] if plan.several else []
@@ -120,12 +121,12 @@ def _maps(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Figure:
             title.append(f"{_label(panel_axis)} {_values(panel_axis, one)[j]:.4g}")
             one = one.isel({panel_axis.name: j})
         one = one.squeeze([d for d in one.dims if d not in (x.name, y.name)]).transpose(y.name, x.name)
-        seen |= _heat(axes, x, y, one, norm)
+        endings |= _heat(axes, x, y, one, norm)
         _scales(axes, x, y)
         axes.set_title(", ".join(title), fontsize="medium")
     handles = []
-    for code in sorted(seen):
-        grey, hatch = _look(code)
+    for code in sorted(endings):
+        grey, hatch = _grey_and_hatch(code)
         handles.append(Patch(facecolor=grey, edgecolor="0.45", hatch=hatch, lw=0, label=NO_HALT[ENDINGS[code]]))
     return _finish(figure, grid, norm, plan.title, handles)
 
@@ -139,7 +140,7 @@ def _heat(axes: Axes, x: Axis, y: Axis, one: xr.Dataset, norm: Normalize) -> set
     codes = {int(code) for code in np.unique(end[without])}
     for code in sorted(codes):
         here = without & (end == code)
-        grey, hatch = _look(code)
+        grey, hatch = _grey_and_hatch(code)
         shade = np.ma.masked_where(~here, np.full(here.shape, float(grey)))
         axes.pcolormesh(right, top, shade, cmap="gray", vmin=0, vmax=1)
         if hatch:
@@ -151,7 +152,7 @@ def _heat(axes: Axes, x: Axis, y: Axis, one: xr.Dataset, norm: Normalize) -> set
 
 
 def _edges(axis: Axis, centres: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centres of the cells with the outermost edges before and after them, and all edges."""
+    """Return the centres of the cells with the outermost edges before and after them, and all edges."""
     on = np.log(centres) if axis.logarithmic else centres
     between = (on[1:] + on[:-1]) / 2
     edges = np.concatenate([[on[0] - (between[0] - on[0])], between, [on[-1] + (on[-1] - between[-1])]])
@@ -159,20 +160,20 @@ def _edges(axis: Axis, centres: NDArray[np.float64]) -> tuple[NDArray[np.float64
     return np.concatenate([edges[:1], centres, edges[-1:]]), edges
 
 
-def _strewn(plan: MapPlan, data: xr.Dataset) -> Figure:
-    """A sample of two or three varied quantities: a panel for each pair of them."""
+def _scatter_panels(plan: MapPlan, data: xr.Dataset) -> Figure:
+    """Draw a sample of two or three varied quantities, a panel for each pair of them."""
     axes_of = plan.design.axes
     pairs = [(a, b) for n, a in enumerate(axes_of) for b in axes_of[n + 1 :]]
     panels = [(i, pair) for i in range(len(plan.engines)) for pair in pairs]
     figure, grid, norm = _panels(len(panels), data)
-    seen: set[int] = set()
+    endings: set[int] = set()
     for axes, (i, (x, y)) in zip(grid, panels, strict=True):
         one = _of_engine(plan, data, i)
         halt, end = one["halting_time"].values, one["end"].values
         halts = np.isfinite(halt)
         across, up = _values(x, one), _values(y, one)
         for code in np.unique(end[~halts]):
-            seen.add(int(code))
+            endings.add(int(code))
             here = ~halts & (end == code)
             axes.plot(across[here], up[here], MARKERS[code % len(MARKERS)], ms=3, color="0.6", mew=0.6, zorder=1)
         axes.scatter(across[halts], up[halts], c=halt[halts], s=5, cmap=MAP, norm=norm, linewidths=0, zorder=2)
@@ -181,32 +182,32 @@ def _strewn(plan: MapPlan, data: xr.Dataset) -> Figure:
             axes.set_title(plan.engines[i], fontsize="medium")
     handles = [
         Line2D([], [], ls="", marker=MARKERS[code % len(MARKERS)], color="0.6", label=NO_HALT[ENDINGS[code]])
-        for code in sorted(seen)
+        for code in sorted(endings)
     ]
     return _finish(figure, grid, norm, plan.title, handles)
 
 
-def _look(code: int) -> tuple[str, str]:
-    """Grey and hatch of an ending."""
+def _grey_and_hatch(code: int) -> tuple[str, str]:
+    """Return grey level and hatch of an ending."""
     return GREYS[code % len(GREYS)], HATCHES[code % len(HATCHES)]
 
 
 def _evenly(n: int, most: int) -> list[int]:
-    """At most ``most`` indices below ``n``, the first and the last among them."""
+    """Return at most ``most`` evenly spaced indices below ``n``, with the first and the last."""
     return sorted({round(i) for i in np.linspace(0, n - 1, min(n, most))})
 
 
 def _panels(count: int, data: xr.Dataset) -> tuple[Figure, list[Axes], Normalize]:
-    wide = 1 if count == 1 else 2 if count in (2, 4) else 3
-    rows = -(-count // wide)
-    figure = _figure(7.6 if wide == 1 else 3.9 * wide, 5.6 if wide == 1 else 3.5 * rows)
-    grid = list(figure.subplots(rows, wide, squeeze=False).ravel())
+    columns = 1 if count == 1 else 2 if count in (2, 4) else 3
+    rows = -(-count // columns)
+    figure = _figure(7.6 if columns == 1 else 3.9 * columns, 5.6 if columns == 1 else 3.5 * rows)
+    grid = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for axes in grid[count:]:
         axes.set_axis_off()
     halting = data["halting_time"].values
     halting = halting[np.isfinite(halting)]
     low, high = (halting.min(), halting.max()) if len(halting) else (1.0, 2.0)
-    # late halts are rare: on a linear scale most of a map would have one colour
+    # Late halts are rare: on a linear scale most of a map would have one colour.
     return figure, grid[:count], LogNorm(low, high) if high > 3 * low > 0 else Normalize(low, high)
 
 

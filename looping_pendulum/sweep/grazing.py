@@ -1,4 +1,4 @@
-"""Where, along a line of runs, the sequence of modes changes, and which event only just happens, or does not, there.
+"""Finds where, along a line of runs, the sequence of modes changes, and which event just begins or ceases to happen there.
 
 A change is found by bisection between neighbours of a scan. On one of its sides an event is missing. Its function, which would
 have had to fall through zero, has a least value on that side; that value goes to zero at the change: the event is grazed (the
@@ -23,85 +23,86 @@ from looping_pendulum.reference_ode.solve import TOLERANCE, solve
 from looping_pendulum.reference_ode.state import State
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 
-SAMPLES = 400
-"""At how many times of a segment the least values of a function are looked for, before they are refined."""
-INSIDE = 1e-3
-"""A least value nearer than this part of the interval to its end counts as at its end."""
-APART = 1e-4
-"""Two events of the same kind that are further apart in time [s] are not the same event of two neighbouring runs."""
-FEW = 1000
-"""So many runs are made one by one: a batch has to be compiled first."""
+SAMPLES_PER_SEGMENT = 400
+"""Number of times per segment at which the least value of an event function is looked for, before it is refined."""
+END_SHARE = 1e-3
+"""Distance from the end of an interval, as a share of it, within which a least value counts as at the end."""
+MIN_EVENT_SEPARATION = 1e-4
+"""Time difference [s] above which events of the same kind in two neighbouring runs are different events."""
+MAX_SINGLE_RUNS = 1000
+"""Largest number of runs that are made one by one; a batch has to be compiled first."""
 Sequence = tuple[tuple[Mode, ...], Event | None]
-"""Modes of a run, and how it ended."""
+"""Modes of a run in order, and the event that ended it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterLine:
-    """Runs that differ in one number."""
+    """A line of runs that differ in one parameter."""
 
     base: Parameters
     name: str
-    """Of the number: a field or coefficient of `Parameters`."""
+    """Name of the parameter: a field or coefficient of `Parameters`."""
     duration: float
     """Limit on the simulated time [s]."""
 
     def run(self, value: float) -> Solution:
-        """The run at ``value`` [SI], at the tolerance of `solve`."""
+        """Return the run at ``value`` [SI], with the tolerance of `solve`."""
         return solve(self.base.replace(**{self.name: value}), duration=self.duration)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SequenceChange:
-    """One place on a line where the sequence of modes changes."""
+    """A value of the parameter at which the sequence of modes changes."""
 
     low: float
-    """Values on its two sides [SI], as near as bisection came."""
+    """Values below (`low`) and above (`high`) the change [SI], as close as bisection came."""
     high: float
     sequences: tuple[Sequence, Sequence]
-    """Below and above."""
+    """Sequences of modes below and above."""
     halting_times: tuple[float | None, float | None]
-    """Below and above [s]."""
+    """Halting times below and above [s]."""
     event: Event
-    """What only just happens, or only just leads on to another mode."""
+    """Event that just begins or ceases to happen, or to lead to another mode."""
     kind: str
-    """"graze", "race" or "choice"."""
+    """"graze": the event function just reaches zero; "race": another event ends the mode first; "choice": the rod just holds
+    the string."""
     rival: Event
-    """What happens instead; the event itself for a choice."""
+    """Event that happens instead; for a choice, the event itself."""
     missing_below: bool
-    """Whether the event is missing (or the string held) below, not above."""
+    """Whether the event is missing (or the string held) below the change rather than above it."""
     position: int
-    """Of that event among those of the run that end a mode, the release being 0."""
+    """Index of that event among those that end a mode, the release being 0."""
     time: float
-    """When [s]."""
+    """Time of the event [s]."""
     quantity: float
-    """What passes zero there, where the event is missing: the least value of the event's function, or the margin."""
+    """Quantity that is zero at the change, on the side without the event: least value of its function, or the margin."""
     gap: float
-    """Largest distance between the masses' places of the two runs at equal times [m]."""
+    """Largest distance between the positions of a mass in the two runs at equal times [m]."""
 
 
 def sequence(run: Solution) -> Sequence:
-    """Modes of a run and how it ended."""
+    """Return the modes of a run and the event that ended it."""
     return run.modes, run.end.event
 
 
 def find_changes(line: ParameterLine, values: Array, *, width: float) -> list[SequenceChange]:
     """Find the changes between neighbouring ``values`` [SI], ascending, each to within ``width`` [SI].
 
-    Two changes between neighbours that cancel each other stay unseen; a finer scan shows whether there are any.
+    Two changes between neighbours that cancel each other are not found; a finer scan shows whether there are any.
     """
     codes = _codes(line, values)
-    differs = [i for i in range(len(values) - 1) if codes[i] != codes[i + 1]]
-    found: list[SequenceChange] = []
-    for i in differs:
+    different = [i for i in range(len(values) - 1) if codes[i] != codes[i + 1]]
+    changes: list[SequenceChange] = []
+    for i in different:
         low, high = float(values[i]), float(values[i + 1])
         for bracket in _brackets(line, low, high, sequence(line.run(low)), sequence(line.run(high)), width):
-            found.append(explain(line, *bracket))
-    return found
+            changes.append(explain(line, *bracket))
+    return changes
 
 
 def _codes(line: ParameterLine, values: Array) -> list[object]:
-    """Something for each run that tells their sequences apart."""
-    if len(values) <= FEW:
+    """Return a value for each run that is equal for runs with equal sequences."""
+    if len(values) <= MAX_SINGLE_RUNS:
         return [sequence(line.run(float(value))) for value in values]
     scanned = solve_batch(line.base, {line.name: values}, duration=line.duration, tolerance=TOLERANCE)
     return list(zip(scanned.sequence.tolist(), scanned.end.tolist(), strict=True))
@@ -110,7 +111,7 @@ def _codes(line: ParameterLine, values: Array) -> list[object]:
 def _brackets(
     line: ParameterLine, low: float, high: float, below: Sequence, above: Sequence, width: float
 ) -> Iterator[tuple[float, float]]:
-    """Halve until every change between ``low`` and ``high`` stands alone in a bracket of at most ``width``."""
+    """Bisect until every change between ``low`` and ``high`` has a bracket of its own, at most ``width`` wide."""
     middle = 0.5 * (low + high)
     if high - low <= width or middle in (low, high):
         yield low, high
@@ -123,26 +124,26 @@ def _brackets(
 
 
 def explain(line: ParameterLine, low: float, high: float) -> SequenceChange:
-    """Say which event makes the two runs differ, and evaluate what passes zero."""
+    """Return which event makes the two runs differ, and the quantity that passes zero there."""
     runs = line.run(low), line.run(high)
     lists = [_ending_modes(run) for run in runs]
     k = next(i for i, pair in enumerate(zip(*lists, strict=False)) if _differ(*pair))
-    here = lists[0][k], lists[1][k]
-    assert here[0].event is not None
-    assert here[1].event is not None
-    if here[0].event is here[1].event and abs(here[0].time - here[1].time) < APART:
-        held = 0 if here[0].mode_after is Mode.STICKING else 1
-        event, kind, missing = here[0].event, "choice", held
-        quantity = min(_margins(runs[held], here[held]))
-        rival, time = event, here[held].time
+    first = lists[0][k], lists[1][k]  # the first event in which the runs differ
+    assert first[0].event is not None
+    assert first[1].event is not None
+    if first[0].event is first[1].event and abs(first[0].time - first[1].time) < MIN_EVENT_SEPARATION:
+        held = 0 if first[0].mode_after is Mode.STICKING else 1
+        event, kind, missing = first[0].event, "choice", held
+        quantity = min(_margins(runs[held], first[held]))
+        rival, time = event, first[held].time
     else:
-        missing = 1 if here[0].time <= here[1].time else 0  # the earlier event is the one that the other run lacks
-        other = here[1 - missing].event
+        missing = 1 if first[0].time <= first[1].time else 0  # the earlier event is the one that the other run lacks
+        other = first[1 - missing].event
         assert other is not None
-        event, rival = other, here[missing].event or other
+        event, rival = other, first[missing].event or other
         start = lists[missing][k - 1].time
-        quantity, time, share = least_value(runs[missing], event, start, _until(event, here[1 - missing].time, here[missing]))
-        kind = "race" if share > 1 - INSIDE else "graze"
+        quantity, time, share = least_value(runs[missing], event, start, _until(event, first[1 - missing].time, first[missing]))
+        kind = "race" if share > 1 - END_SHARE else "graze"
     return SequenceChange(
         low=low,
         high=high,
@@ -160,16 +161,16 @@ def explain(line: ParameterLine, low: float, high: float) -> SequenceChange:
 
 
 def _differ(a: RunEvent, b: RunEvent) -> bool:
-    return (a.event, a.mode_after) != (b.event, b.mode_after) or abs(a.time - b.time) > APART
+    return (a.event, a.mode_after) != (b.event, b.mode_after) or abs(a.time - b.time) > MIN_EVENT_SEPARATION
 
 
 def _until(event: Event, time: float, ending: RunEvent) -> float:
-    """End of the interval in which ``event``, expected near ``time`` [s], is missing; the same event may come later."""
+    """Return the end of the interval in which ``event``, expected near ``time`` [s], is missing; it may occur again later."""
     return 0.5 * (time + ending.time) if ending.event is event else ending.time
 
 
 def approach(line: ParameterLine, change: SequenceChange, distances: Array) -> Array:
-    """What passes zero at ``change``, at these ``distances`` [SI] from it on the side where the event is missing."""
+    """Return the quantity that is zero at ``change``, at ``distances`` [SI] from it on the side where the event is missing."""
     values = change.low - distances if change.missing_below else change.high + distances
     return np.array([_quantity_at(line, change, float(value)) for value in values])
 
@@ -190,7 +191,7 @@ def _ending_modes(run: Solution) -> list[RunEvent]:
 
 
 def _margins(run: Solution, event: RunEvent) -> tuple[float, float]:
-    """How far the rod is from letting the string slide, at an event that stops it [N]."""
+    """Return by how much the rod holds the string against sliding down and up, at an event that stops it [N]."""
     p, effects = run.parameters.values(), run.parameters.effects
     signs = next(s.signs for s in reversed(run.segments) if s.times[0] < event.time)
     down, up = equations.holding_margins(math, event.time, event.state, signs, p, effects)
@@ -198,22 +199,22 @@ def _margins(run: Solution, event: RunEvent) -> tuple[float, float]:
 
 
 def least_value(run: Solution, event: Event, start: float, end: float) -> tuple[float, float, float]:
-    """Least value of the function of ``event`` between two times [s], when it is, and at which part of the interval.
+    """Return the least value of the function of ``event`` between two times [s], its time, and its share of the interval.
 
-    A slide starts from a stop, and slack from a pull: their functions are zero there, which does not count.
+    A slide starts from a stop, and slack from zero tension: the functions are zero there, which does not count.
     """
     from scipy.optimize import minimize_scalar
 
     best = (math.inf, end)
     from_zero = event in (Event.STOP, Event.TAUT)
     for segment in (s for s in run.segments if s.times[-1] > start and s.times[0] < end):
-        t = np.linspace(max(start, segment.times[0]), min(end, segment.times[-1]), SAMPLES)
-        values = _watched(run, segment, event, t)
+        t = np.linspace(max(start, segment.times[0]), min(end, segment.times[-1]), SAMPLES_PER_SEGMENT)
+        values = _event_function(run, segment, event, t)
         first_counts = not (from_zero and t[0] == start)  # exact: a segment begins at the very time of the event before it
         candidates = [(float(values[i]), float(t[i])) for i in ((0, -1) if first_counts else (-1,))]
         for i in 1 + np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])):
             refined = minimize_scalar(
-                lambda x, s=segment: float(_watched(run, s, event, np.array([x]))[0]),
+                lambda x, s=segment: float(_event_function(run, s, event, np.array([x]))[0]),
                 bounds=(t[i - 1], t[i + 1]),
                 method="bounded",
                 options={"xatol": 1e-13},
@@ -223,8 +224,8 @@ def least_value(run: Solution, event: Event, start: float, end: float) -> tuple[
     return best[0], best[1], (best[1] - start) / (end - start)
 
 
-def _watched(run: Solution, segment: Segment, event: Event, t: Array) -> Array:
-    """Function of ``event`` in a segment; of a stop or a pull itself, not of what has to come before it."""
+def _event_function(run: Solution, segment: Segment, event: Event, t: Array) -> Array:
+    """Evaluate the function of ``event`` in a segment, without the condition that a stop or a pull has to arm first."""
     y = State(*segment.sample(t).values)
     p, effects = run.parameters.values(), run.parameters.effects
     functions = equations.event_functions(np, segment.mode, t, y, segment.signs._replace(phase=1.0), p, effects)
@@ -232,8 +233,8 @@ def _watched(run: Solution, segment: Segment, event: Event, t: Array) -> Array:
 
 
 def gap(a: Solution, b: Solution) -> float:
-    """Largest distance between the masses' places at equal times [m], while both runs last."""
-    t = np.linspace(0.0, min(a.end_time, b.end_time), 10 * SAMPLES)[:-1]
+    """Return the largest distance between the positions of a mass at equal times [m], while both runs last."""
+    t = np.linspace(0.0, min(a.end_time, b.end_time), 10 * SAMPLES_PER_SEGMENT)[:-1]
     first, second = a.sample(t), b.sample(t)
     light, heavy = first.light_position - second.light_position, first.heavy_position - second.heavy_position
     return float(max(np.hypot(*light.T).max(), np.hypot(*heavy.T).max()))

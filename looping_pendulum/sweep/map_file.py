@@ -1,4 +1,4 @@
-"""Map files to `MapPlan`. Every fault is a `ScenarioError` of one line: file, line, key, found, needed."""
+"""Reads map files into `MapPlan`. Every fault is a `ScenarioError` of one line: file, line, key, found, needed."""
 
 from __future__ import annotations
 
@@ -18,27 +18,29 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE
 from looping_pendulum.scenarios import document, loader
 from looping_pendulum.scenarios.document import Document, one_line, quote, shorten
-from looping_pendulum.scenarios.faults import first_fault
 from looping_pendulum.scenarios.scenario import FILE_KEYS, Scenario
-from looping_pendulum.scenarios.schema import LONGEST_DURATION, Group, QuantityField, Text, fault, suggest
-from looping_pendulum.scenarios.units import QuantityKind, factor, unit_of
+from looping_pendulum.scenarios.schema import MAX_DURATION, Group, QuantityField, Text, input_error, suggest
+from looping_pendulum.scenarios.units import QuantityKind, factor, unit_text
+from looping_pendulum.scenarios.validation_errors import first_error
 from looping_pendulum.sweep.cells import engine_called
 from looping_pendulum.sweep.fields import REFERENCE
 from looping_pendulum.sweep.plan import Axis, Grid, MapPlan, Sample
-from looping_pendulum.sweep.quantities import MAY_MEET, Variable, variables
+from looping_pendulum.sweep.quantities import ALLOWED_OVERLAPS, Variable, variables
 
-MOST_AXES = 3
-LARGEST_MAP = 20_000_000
-"""Runs of the reference that are taken for meant; at 25 000 runs/s a quarter of an hour."""
-LARGEST_ENGINE_MAP = 20_000
-"""The same for engines, whose runs take seconds."""
+MAX_AXES = 3
+"""Largest number of quantities that a map varies."""
+MAX_RUNS = 20_000_000
+"""Largest number of runs of the reference without --max-runs: a quarter of an hour at 25 000 runs/s."""
+MAX_ENGINE_RUNS = 20_000
+"""Largest number of runs of engines without --max-runs; their runs take seconds."""
 TITLE_LIMIT = 200
+"""Largest number of characters of a title; a longer one is cut."""
 
 
 def _count(found: object) -> int:
     if isinstance(found, str) and found.isascii() and found.isdigit() and 0 < int(found[:10]) < 10**10 and len(found) < 11:
         return int(found)
-    raise fault(f"expected a whole number from 1, got {quote(found)}; write for example '100'")
+    raise input_error(f"expected a whole number from 1, got {quote(found)}; write for example '100'")
 
 
 def _seed(found: object) -> int:
@@ -49,7 +51,7 @@ def _one_of(*known: str) -> BeforeValidator:
     def choose(found: object) -> str:
         if isinstance(found, str) and found in known:
             return found
-        raise fault(f"expected one of {', '.join(known)}, got {quote(found)}{suggest(str(found), known)}")
+        raise input_error(f"expected one of {', '.join(known)}, got {quote(found)}{suggest(str(found), known)}")
 
     return BeforeValidator(choose)
 
@@ -57,7 +59,7 @@ def _one_of(*known: str) -> BeforeValidator:
 def _names(found: object) -> list[str]:
     listed = found if isinstance(found, list) else [found]
     if not listed or not all(isinstance(name, str) for name in listed):
-        raise fault(f"expected an engine or a list of them, got {quote(found)}; write for example 'reference'")
+        raise input_error(f"expected an engine or a list of them, got {quote(found)}; write for example 'reference'")
     return [str(name) for name in listed]
 
 
@@ -65,14 +67,14 @@ Count = Annotated[int, BeforeValidator(_count)]
 
 
 class SampleGroup(Group):
-    """Runs strewn evenly over the box of all parameters, instead of a grid."""
+    """Runs distributed evenly over the box of all parameters, instead of a grid."""
 
     method: Annotated[str, _one_of("sobol", "halton")] = "sobol"
     """Low-discrepancy sequence, scrambled: sobol (a power of 2 runs is best) or halton."""
     count: Count
     """Number of runs."""
     seed: Annotated[int, BeforeValidator(_seed)] = 0
-    """Of the scrambling."""
+    """Seed of the scrambling."""
 
 
 class MapFile(Group):
@@ -81,20 +83,20 @@ class MapFile(Group):
     title: Text
     """A few words."""
     description: Text = ""
-    """What question it answers."""
+    """Question that the map answers."""
     scenario: Text
     """Shipped scenario, or path of a file from this file's folder."""
     engine: Annotated[Any, BeforeValidator(_names)] = [REFERENCE]
     """reference, or a list of engines and variants; their runs take seconds each."""
     profile: Annotated[str, _one_of(*(p.value for p in Profile))] = Profile.QUICK.value
-    """Of the engines' settings; the reference has its tolerance."""
+    """Profile of the engines' settings; the reference has its tolerance."""
     parameters: Any
     """One to three quantities and their values."""
     sample: SampleGroup | None = None
     tolerance: Annotated[float, QuantityField(QuantityKind(unit="", low=1e-15, high=1e-3, example="1e-12"))] = TOLERANCE
     """Relative tolerance of a step of the reference."""
     duration: (
-        Annotated[float, QuantityField(QuantityKind(unit="s", low=0.0, high=LONGEST_DURATION, above_low=True, example="5 s"))]
+        Annotated[float, QuantityField(QuantityKind(unit="s", low=0.0, high=MAX_DURATION, exclusive_low=True, example="5 s"))]
         | None
     ) = None
     """Limit on the simulated time of a run; 5 s or the scenario's, whichever is longer."""
@@ -103,7 +105,7 @@ class MapFile(Group):
 
 
 def shipped() -> list[str]:
-    """Names of the maps that come with the package."""
+    """Return the names of the maps that come with the package."""
     return sorted(Path(entry.name).stem for entry in _folder().iterdir() if entry.name.endswith(".yaml"))
 
 
@@ -113,9 +115,9 @@ def load(name_or_path: str | Path) -> MapPlan:
     Raises
     ------
     ScenarioError
-        If there is none, or if it is faulty.
+        If there is no such file, or if it is faulty.
     EngineError, MissingPackageError
-        If it asks for an engine that is not there.
+        If it names an engine that is not known or not installed.
     """
     raw, file, name, folder = _read(name_or_path)
     return load_text(raw, file=file, name=name, folder=folder)
@@ -128,7 +130,7 @@ def load_text(raw: bytes | str, *, file: str = "map.yaml", name: str = "map", fo
     try:
         checked = MapFile.model_validate(doc.data)
     except ValidationError as error:
-        raise first_fault(error, doc, MapFile) from None
+        raise first_error(error, doc, MapFile) from None
     scenario = _scenario(doc, checked.scenario, folder)
     axes = _axes(doc, checked, scenario)
     plan = MapPlan(
@@ -155,19 +157,19 @@ def load_text(raw: bytes | str, *, file: str = "map.yaml", name: str = "map", fo
 
 
 def source_text(name_or_path: str | Path) -> str:
-    """Text of a map file, comments included, after checking that it loads. Raises as `load`."""
+    """Return the text of a map file, with its comments, after checking that it loads. Raises as `load`."""
     return load(name_or_path).text
 
 
-def refuse_typo(plan: MapPlan, most: int | None = None) -> None:
-    """Refuse a map that is larger than ``most`` runs, by default larger than anybody is likely to mean.
+def refuse_unintended_size(plan: MapPlan, most: int | None = None) -> None:
+    """Refuse a map of more than ``most`` runs, by default of more than anybody is likely to intend.
 
     Raises
     ------
     ScenarioError
-        If it is.
+        If it has more.
     """
-    usual = LARGEST_MAP if set(plan.engines) == {REFERENCE} else LARGEST_ENGINE_MAP
+    usual = MAX_RUNS if set(plan.engines) == {REFERENCE} else MAX_ENGINE_RUNS
     limit = usual if most is None else most
     if plan.runs > limit:
         sizes = " x ".join(f"{name} {size}" for name, size in zip(plan.design.dims, plan.design.shape, strict=True))
@@ -177,14 +179,14 @@ def refuse_typo(plan: MapPlan, most: int | None = None) -> None:
 
 
 def _read(name_or_path: str | Path) -> tuple[bytes, str, str, Path | None]:
-    """Raw text, what errors call the file, the map's name, and the folder of its file."""
+    """Return the raw text, the name of the file for errors, the map's name, and the folder of its file."""
     if isinstance(name_or_path, str) and name_or_path in shipped():
         file = f"{name_or_path}.yaml"
         return (_folder() / file).read_bytes(), file, name_or_path, None
     path = Path(name_or_path)
     try:
         with path.open("rb") as stream:
-            return stream.read(document.LARGEST_FILE + 1), str(path), path.stem, path.parent
+            return stream.read(document.MAX_FILE_SIZE + 1), str(path), path.stem, path.parent
     except FileNotFoundError:
         near = suggest(path.stem, shipped())
         message = f"{shorten(str(path))}: found neither a file nor a shipped map of this name{near}; shipped: "
@@ -206,7 +208,7 @@ def _scenario(doc: Document, name: str, folder: Path | None) -> Scenario:
 
 
 def _engines(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[str, ...]:
-    """Labels of the engines that the file means, each of them installed and able to run the scenario."""
+    """Return the labels of the engines that the file names, each installed and able to run the scenario."""
     profile = Profile(checked.profile)
     labels: list[str] = []
     for name in checked.engine:
@@ -230,10 +232,10 @@ def _engines(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[str, 
 
 def _axes(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[Axis, ...]:
     found = checked.parameters
-    if not isinstance(found, dict) or not 1 <= len(found) <= MOST_AXES:
+    if not isinstance(found, dict) or not 1 <= len(found) <= MAX_AXES:
         number = f"{len(found)} quantities" if isinstance(found, dict) else quote(found)
         example = "release_angle: {from: 60 deg, to: 130 deg, count: 71}"
-        raise doc.error(("parameters",), f"found {number}, needed one to {MOST_AXES}; write for example '{example}'")
+        raise doc.error(("parameters",), f"found {number}, needed one to {MAX_AXES}; write for example '{example}'")
     axes = []
     for key, content in found.items():
         variable = _variable(doc, key)
@@ -246,12 +248,12 @@ def _axes(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[Axis, ..
             below = error.context.get("key", "") if error.context else ""
             path = ("parameters", key, *((below,) if below else ()))
             raise doc.error(path, str(error)) from None
-    _refuse_meeting(doc, [axis.name for axis in axes], list(found))
+    _refuse_overlaps(doc, [axis.name for axis in axes], list(found))
     return tuple(axes)
 
 
 def _variable(doc: Document, key: str) -> Variable:
-    """Return what a key under ``parameters`` means: "release_angle", or as a scenario writes it, "release.angle"."""
+    """Return the quantity of a key under ``parameters``: "release_angle" or, as in a scenario file, "release.angle"."""
     known = variables()
     by_file_key = {file_key: name for name, file_key in FILE_KEYS.items() if name in known}
     name = by_file_key.get(key, key)
@@ -263,36 +265,36 @@ def _variable(doc: Document, key: str) -> Variable:
     raise doc.error(("parameters", key), message)
 
 
-def _refuse_meeting(doc: Document, names: list[str], keys: list[str]) -> None:
-    """Refuse two quantities that decide the same parameter."""
+def _refuse_overlaps(doc: Document, names: list[str], keys: list[str]) -> None:
+    """Refuse two quantities that set the same parameter."""
     known = variables()
     for i, second in enumerate(names):
         for first in names[:i]:
             both = sorted(set(known[first].sets) & set(known[second].sets))
-            if both and not {(first, second), (second, first)} & MAY_MEET:
+            if both and not {(first, second), (second, first)} & ALLOWED_OVERLAPS:
                 message = f"found beside {first}, which also sets {both[0]}, needed only one of them; leave one out"
                 raise doc.error(("parameters", keys[i]), message)
 
 
 def _axis(variable: Variable, content: object, *, sampled: bool) -> Axis:
-    """Check one quantity's values."""
+    """Read and check the values of one quantity."""
     quantity = QuantityField(variable.kind)
-    way_out = variable.kind.way_out
+    way_out = variable.kind.example_text
     group = {"values": content} if isinstance(content, list) else content
     example = f"{{from: {way_out}, to: ..., count: 50}}" if not sampled else f"{{from: {way_out}, to: ...}}"
     if not isinstance(group, dict):
-        raise fault(f"expected a range or a list of values, got {quote(content)}; write for example '{example}'")
+        raise input_error(f"expected a range or a list of values, got {quote(content)}; write for example '{example}'")
     keys = ("from", "to", "spacing") if sampled else ("from", "to", "count", "spacing", "values")
     for key in group:
         if key not in keys:
             why = " (a sample has one count for all, under 'sample')" if sampled and key in ("count", "values") else ""
-            raise fault(f"found an unknown key, needed one of: {', '.join(keys)}{why}{suggest(key, keys)}", key)
+            raise input_error(f"found an unknown key, needed one of: {', '.join(keys)}{why}{suggest(key, keys)}", key)
     logarithmic = _spacing(group.get("spacing", "linear"))
     if "values" in group:
         values, first = _listed(quantity, group)
     else:
         values, first = _range(quantity, group, logarithmic, sampled=sampled, example=example)
-    written = unit_of(first)
+    written = unit_text(first)
     return Axis(
         name=variable.name,
         unit=variable.kind.unit,
@@ -305,64 +307,66 @@ def _axis(variable: Variable, content: object, *, sampled: bool) -> Axis:
 
 
 def _spacing(found: object) -> bool:
-    """Whether values are spaced by a factor."""
+    """Return whether the values are spaced by a constant factor."""
     if found not in ("linear", "log"):
-        raise fault(f"expected linear or log, got {quote(found)}; leave it out for linear", "spacing")
+        raise input_error(f"expected linear or log, got {quote(found)}; leave it out for linear", "spacing")
     return found == "log"
 
 
 def _listed(quantity: QuantityField, group: dict[str, Any]) -> tuple[Array, str]:
-    """Values [SI] of a list, and the first as the file has it."""
+    """Return the values [SI] of a list, and the first as the file writes it."""
     if len(group) > 1:
         other = next(key for key in group if key != "values")
-        raise fault("found beside 'values', needed either these or a range; delete one", other)
+        raise input_error("found beside 'values', needed either these or a range; delete one", other)
     listed = group["values"]
     if not isinstance(listed, list):
-        raise fault(f"expected a list, got {quote(listed)}; write for example '[{quantity.kind.way_out}]'", "values")
+        raise input_error(f"expected a list, got {quote(listed)}; write for example '[{quantity.kind.example_text}]'", "values")
     if not listed:
-        raise fault(f"found an empty list, so an empty grid, needed a value; write '[{quantity.kind.way_out}]'", "values")
+        raise input_error(
+            f"found an empty list, so an empty grid, needed a value; write '[{quantity.kind.example_text}]'", "values"
+        )
     try:
         values = np.array([quantity.read(each) for each in listed])
     except PydanticCustomError as error:
-        raise fault(str(error), "values") from None
+        raise input_error(str(error), "values") from None
     if np.any(np.diff(values) <= 0):
-        raise fault("found values out of order or twice, needed each once, rising; sort them", "values")
+        raise input_error("found values out of order or twice, needed each once, rising; sort them", "values")
     return values, str(listed[0])
 
 
 def _range(
     quantity: QuantityField, group: dict[str, Any], logarithmic: bool, *, sampled: bool, example: str
 ) -> tuple[Array, str]:
-    """Values [SI] of a range (of a sample: its ends), and its start as the file has it."""
+    """Return the values [SI] of a range (for a sample, its ends), and its start as the file writes it."""
     ends = []
     for key in ("from", "to"):
         if key not in group:
-            raise fault(f"missing, needed {quantity.kind.wanted}; write for example '{example}'", key)
+            raise input_error(f"missing, needed {quantity.kind.requirement}; write for example '{example}'", key)
         try:
             ends.append(quantity.read(group[key]))
         except PydanticCustomError as error:
-            raise fault(str(error), key) from None
+            raise input_error(str(error), key) from None
     low, high = ends
     count = 2 if sampled else _counted(group, example)
     if not low < high and not (low == high and count == 1):
-        raise fault(f"found {quote(group['to'])}, needed more than 'from'; swap them, or list one under 'values'", "to")
+        raise input_error(f"found {quote(group['to'])}, needed more than 'from'; swap them, or list one under 'values'", "to")
     if logarithmic and low <= 0:
-        raise fault("found a start of 0 or less, needed one above 0 with 'spacing: log'", "from")
+        raise input_error("found a start of 0 or less, needed one above 0 with 'spacing: log'", "from")
     if count == 1 and low < high:
-        raise fault("found 1 value for a range of two ends, needed 2 or more; or list it under 'values'", "count")
+        raise input_error("found 1 value for a range of two ends, needed 2 or more; or list it under 'values'", "count")
     values = np.geomspace(low, high, count) if logarithmic else np.linspace(low, high, count)
     return values, str(group["from"])
 
 
 def _counted(group: dict[str, Any], example: str) -> int:
     if "count" not in group:
-        raise fault(f"missing, needed the number of values; write for example '{example}'", "count")
+        raise input_error(f"missing, needed the number of values; write for example '{example}'", "count")
     if group["count"] == "0":
-        raise fault("found 0, so an empty grid, needed 1 or more; write for example '50'", "count")
+        raise input_error("found 0, so an empty grid, needed 1 or more; write for example '50'", "count")
     try:
         count = _count(group["count"])
     except PydanticCustomError as error:
-        raise fault(str(error), "count") from None
-    if count > LARGEST_MAP:
-        raise fault(f"found {count} values of one quantity, needed at most {LARGEST_MAP}; lower it", "count")
+        raise input_error(str(error), "count") from None
+    if count > MAX_RUNS:
+        raise input_error(f"found {count} values of one quantity, needed at most {MAX_RUNS}; lower it", "count")
     return count

@@ -1,4 +1,4 @@
-"""What a map is: its axes, which runs it has, and how they are cut into chunks. Everything follows from the index of a run."""
+"""Plan of a map: its axes, its runs, and how these are cut into chunks. Everything follows from the index of a run."""
 
 from __future__ import annotations
 
@@ -20,11 +20,13 @@ from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.sweep.fields import REFERENCE
 from looping_pendulum.sweep.quantities import columns
 
-SMALLEST_CHUNK, LARGEST_CHUNK, CHUNKS = 256, 65536, 16
-"""Runs per chunk where the map file does not say: a 16th of the map within these bounds. A batch costs 0.04 s and 25 us per
-run, and writing a chunk 0.03 s."""
+MIN_CHUNK_RUNS, MAX_CHUNK_RUNS, CHUNKS_PER_MAP = 256, 65536, 16
+"""Bounds on the runs per chunk, and chunks per map, where the map file does not give the size of a chunk.
+
+A batch costs 0.04 s and 25 us per run, and writing a chunk 0.03 s.
+"""
 ENGINE_CHUNK = 4
-"""The same for engines, whose runs take seconds."""
+"""Runs per chunk of engines, whose runs take seconds."""
 
 
 class MapError(HarnessError, ValueError):
@@ -33,31 +35,31 @@ class MapError(HarnessError, ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Axis:
-    """One varied quantity."""
+    """A varied quantity of a map."""
 
     name: str
     unit: str
     """SI unit, as pint reads it; '' for a plain number."""
     written: str
-    """Unit in which the map file has it, for figures."""
+    """Unit in which the map file writes it, used for figures."""
     scale: float
-    """How many SI units one ``written`` is."""
+    """Size of the unit ``written`` in SI units."""
     meaning: str
     values: Array
     """Grid: every value [SI], ascending, shape (n,). Sample: lowest and highest value [SI], shape (2,)."""
     logarithmic: bool = False
 
-    def spread(self, share: Array) -> Array:
-        """Values [SI] at shares 0 to 1 of the way from the lowest to the highest."""
+    def interpolate(self, share: Array) -> Array:
+        """Return the values [SI] at ``share``, 0 to 1, of the way from the lowest to the highest."""
         low, high = float(self.values[0]), float(self.values[-1])
         if self.logarithmic:
             return np.asarray(low * (high / low) ** share)
         return np.asarray(low + (high - low) * share)
 
     def as_dict(self) -> dict[str, Any]:
-        """What decides the values, as plain data, the same on every processor.
+        """Return what determines the values as plain data, the same on every processor.
 
-        Values spaced by a factor are powers, whose last bits are the processor's; their ends are as written.
+        Logarithmic values are powers, whose last bits depend on the processor; so only their ends and their number are given.
         """
         ends = [float(self.values[0]), float(self.values[-1]), len(self.values)]
         return {
@@ -69,7 +71,7 @@ class Axis:
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
-    """Every combination of the axes' values."""
+    """Grid: every combination of the axes' values."""
 
     axes: tuple[Axis, ...]
 
@@ -83,8 +85,8 @@ class Grid:
         """Number of values of each axis."""
         return tuple(len(axis.values) for axis in self.axes)
 
-    def given(self, region: tuple[slice, ...]) -> dict[str, Array]:
-        """Values of the varied quantities in a region, by name, shape (n,) each, the last axis fastest."""
+    def values_in(self, region: tuple[slice, ...]) -> dict[str, Array]:
+        """Return the values of the varied quantities in a region, by name, shape (n,) each, the last axis fastest."""
         parts = [axis.values[where] for axis, where in zip(self.axes, region, strict=True)]
         mesh = np.meshgrid(*parts, indexing="ij")
         return {axis.name: values.ravel() for axis, values in zip(self.axes, mesh, strict=True)}
@@ -92,7 +94,7 @@ class Grid:
 
 @dataclass(frozen=True, kw_only=True)
 class Sample:
-    """Runs strewn evenly over the box of the axes (a low-discrepancy sequence)."""
+    """Sample: runs distributed evenly over the box of the axes (a low-discrepancy sequence)."""
 
     axes: tuple[Axis, ...]
     method: str
@@ -107,32 +109,34 @@ class Sample:
         """Number of runs."""
         return (self.count,)
 
-    def given(self, region: tuple[slice, ...]) -> dict[str, Array]:
-        """Values of the varied quantities in a region, by name, shape (n,) each."""
+    def values_in(self, region: tuple[slice, ...]) -> dict[str, Array]:
+        """Return the values of the varied quantities in a region, by name, shape (n,) each."""
         from scipy.stats import qmc
 
         start, stop = region[0].start, region[0].stop
         sampler = (qmc.Sobol if self.method == "sobol" else qmc.Halton)(len(self.axes), seed=self.seed)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # Sobol's balance needs a power of 2: said in the docs of maps
-            if start:  # SciPy cannot go forward by nothing
+            warnings.simplefilter(
+                "ignore", UserWarning
+            )  # Sobol' sequences are balanced only for powers of 2; the docs of maps say so
+            if start:  # SciPy cannot fast-forward by 0
                 sampler.fast_forward(start)
             shares = sampler.random(stop - start)
-        return {axis.name: axis.spread(shares[:, i]) for i, axis in enumerate(self.axes)}
+        return {axis.name: axis.interpolate(shares[:, i]) for i, axis in enumerate(self.axes)}
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorkUnit:
-    """The least that is computed, written and resumed: one engine on one chunk."""
+    """Unit of work: one engine on one chunk, which is computed, written and resumed as a whole."""
 
     index: int
     engine: int
     region: tuple[slice, ...]
-    """Of the design's dimensions."""
+    """Slices of the design's dimensions."""
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the region."""
+        """Shape of the region."""
         return tuple(where.stop - where.start for where in self.region)
 
     @property
@@ -147,7 +151,7 @@ class MapPlan:
 
     name: str
     file: str
-    """What errors call the file."""
+    """Name of the file in error messages."""
     text: str
     """The file's text."""
     title: str
@@ -178,7 +182,7 @@ class MapPlan:
 
     @cached_property
     def chunk_shape(self) -> tuple[int, ...]:
-        """Shape of a chunk in the design's dimensions: as many whole rows as fit."""
+        """Shape of a chunk in the design's dimensions, with as many whole rows as fit."""
         left = self.chunk or self._usual_chunk()
         shape: list[int] = []
         for n in reversed(self.design.shape):
@@ -189,7 +193,7 @@ class MapPlan:
     def _usual_chunk(self) -> int:
         if set(self.engines) != {REFERENCE}:
             return ENGINE_CHUNK
-        return min(max(self.cells // CHUNKS, SMALLEST_CHUNK), LARGEST_CHUNK)
+        return min(max(self.cells // CHUNKS_PER_MAP, MIN_CHUNK_RUNS), MAX_CHUNK_RUNS)
 
     @cached_property
     def blocks(self) -> tuple[int, ...]:
@@ -198,11 +202,11 @@ class MapPlan:
 
     @property
     def units(self) -> int:
-        """Number of units."""
+        """Number of units of work."""
         return math.prod(self.blocks) * len(self.engines)
 
     def unit(self, index: int) -> WorkUnit:
-        """Return one unit; the engine is the slowest index."""
+        """Return the unit of work with this index; the engine is the slowest index."""
         engine, *block = np.unravel_index(index, (len(self.engines), *self.blocks))
         region = tuple(
             slice(int(b) * size, min((int(b) + 1) * size, n))
@@ -211,11 +215,11 @@ class MapPlan:
         return WorkUnit(index=index, engine=int(engine), region=region)
 
     def columns(self, unit: WorkUnit) -> dict[str, Array]:
-        """Fields and coefficients of the runs of a unit, for `solve_batch`, shape (n,) each."""
-        return columns(self.scenario.parameters, self.design.given(unit.region))
+        """Return the parameters and coefficients of a unit's runs for `solve_batch`, shape (n,) each."""
+        return columns(self.scenario.parameters, self.design.values_in(unit.region))
 
     def corners(self) -> Iterator[tuple[str, ParameterError | None]]:
-        """Corners of the box of all axes, in words, with why such an apparatus is impossible, or None."""
+        """Yield the corners of the box of all axes, in words, each with why its apparatus is impossible, or None."""
         base: Parameters = self.scenario.parameters
         for ends in itertools.product((0, -1), repeat=len(self.design.axes)):
             at = {axis.name: axis.values[[end]] for axis, end in zip(self.design.axes, ends, strict=True)}
@@ -228,7 +232,7 @@ class MapPlan:
                 yield words, None
 
     def as_dict(self) -> dict[str, Any]:
-        """What decides the results, as plain data."""
+        """Return all that determines the results as plain data."""
         design: dict[str, Any] = {"axes": [axis.as_dict() for axis in self.design.axes]}
         if isinstance(self.design, Sample):
             design |= {"method": self.design.method, "count": self.design.count, "seed": self.design.seed}

@@ -1,4 +1,4 @@
-"""What a map may vary: fields of `Parameters`, coefficients of effects, and ratios that stand for some of these."""
+"""Quantities that a map may vary: fields of `Parameters`, coefficients of effects, and ratios that set some of these."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from looping_pendulum.scenarios.scenario import FILE_KEYS
 from looping_pendulum.scenarios.schema import QuantityField, ScenarioFile, coefficient
 from looping_pendulum.scenarios.units import QuantityKind
 
-NOT_VARIED = ("release",)
-"""Entries of a scenario that are no number."""
+NOT_VARIABLE = ("release",)
+"""Entries of a scenario that are not numbers and cannot be varied."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Variable:
-    """One quantity that a map may vary."""
+    """A quantity that a map may vary."""
 
     name: str
     kind: QuantityKind
     meaning: str
     sets: tuple[str, ...]
-    """Fields and coefficients that it decides."""
+    """Names of the fields and coefficients that it sets."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ratio:
-    """A quantity that is no field of `Parameters` but decides some."""
+    """A quantity that is not a field of `Parameters` but sets some of them."""
 
     example: str
     low: float
-    above_low: bool
+    exclusive_low: bool
     meaning: str
     sets: tuple[str, ...]
     apply: Callable[[Array, Mapping[str, Any]], dict[str, Array]]
-    """(values, every parameter's values so far) -> the columns that it sets."""
+    """Function of the ratio's values and all parameters' values so far that returns the columns that it sets."""
 
 
 RATIOS = MappingProxyType(
@@ -52,7 +52,7 @@ RATIOS = MappingProxyType(
         "mass_scale": Ratio(
             example="2",
             low=0.0,
-            above_low=True,
+            exclusive_low=True,
             meaning="factor on both masses, their ratio kept",
             sets=("light_mass", "heavy_mass"),
             apply=lambda scale, now: {"light_mass": scale * now["light_mass"], "heavy_mass": scale * now["heavy_mass"]},
@@ -60,7 +60,7 @@ RATIOS = MappingProxyType(
         "mass_ratio": Ratio(
             example="2.5",
             low=0.0,
-            above_low=True,
+            exclusive_low=True,
             meaning="heavy over light mass M2/M1, the light one kept",
             sets=("heavy_mass",),
             apply=lambda ratio, now: {"heavy_mass": ratio * now["light_mass"]},
@@ -68,37 +68,37 @@ RATIOS = MappingProxyType(
         "static_ratio": Ratio(
             example="1.2",
             low=1.0,
-            above_low=False,
+            exclusive_low=False,
             meaning="static over kinetic friction, the kinetic one kept",
             sets=("static_friction",),
             apply=lambda ratio, now: {"static_friction": ratio * now["kinetic_friction"]},
         ),
     }
 )
-"""By name, in the order in which they act: each sees what those before it have set."""
+"""Ratio by name, in the order in which they are applied: each uses what those before it have set."""
 
-MAY_MEET = frozenset({("mass_scale", "mass_ratio")})
-"""Pairs that set the same parameter and may still be varied together: the second one wins."""
+ALLOWED_OVERLAPS = frozenset({("mass_scale", "mass_ratio")})
+"""Pairs that set the same parameter and may still be varied together; the second one is applied last."""
 
 
 @functools.cache
 def variables() -> MappingProxyType[str, Variable]:
-    """Every quantity that a map may vary, by name."""
+    """Return every quantity that a map may vary, by name."""
     found = {}
     for name, key in FILE_KEYS.items():
-        if name not in NOT_VARIED and name not in effect_library.COEFFICIENTS:
+        if name not in NOT_VARIABLE and name not in effect_library.COEFFICIENTS:
             kind, meaning = _of_scenario(key)
             found[name] = Variable(name=name, kind=kind, meaning=meaning, sets=(name,))
     for name, c in effect_library.COEFFICIENTS.items():
         found[name] = Variable(name=name, kind=coefficient(name).kind, meaning=c.meaning, sets=(name,))
     for name, r in RATIOS.items():
-        kind = QuantityKind(unit="", low=r.low, above_low=r.above_low, example=r.example)
+        kind = QuantityKind(unit="", low=r.low, exclusive_low=r.exclusive_low, example=r.example)
         found[name] = Variable(name=name, kind=kind, meaning=r.meaning, sets=r.sets)
     return MappingProxyType(found)
 
 
 def _of_scenario(key: str) -> tuple[QuantityKind, str]:
-    """What a scenario file takes under ``key``, "release.angle", and what that is."""
+    """Return the kind and the meaning of the quantity that a scenario file has under ``key``, "release.angle"."""
     group, _, name = key.partition(".")
     field = ScenarioFile.model_fields[group]
     if name:
@@ -109,7 +109,7 @@ def _of_scenario(key: str) -> tuple[QuantityKind, str]:
 
 
 def _quantity_in(field: Any) -> QuantityField:
-    """Return the quantity somewhere in ``Annotated[float, Quantity] | None``."""
+    """Return the quantity field inside an annotation such as ``Annotated[float, Quantity] | None``."""
     inside = field.metadata if isinstance(field, FieldInfo) else ()
     found = [mark for mark in (*inside, *getattr(field, "__metadata__", ())) if isinstance(mark, QuantityField)]
     if found:
@@ -119,18 +119,18 @@ def _quantity_in(field: Any) -> QuantityField:
 
 
 def columns(base: Parameters, given: Mapping[str, Array]) -> dict[str, Array]:
-    """Columns for `solve_batch`: fields and coefficients that differ from ``base``.
+    """Return the columns for `solve_batch`: fields and coefficients that differ from ``base``.
 
     Parameters
     ----------
     base
-        What the runs have in common.
+        Parameters that the runs have in common.
     given
         Varied quantities by name (`variables`), SI, shape (n,) each.
     """
     known = vars(base.values())
     out = {name: np.asarray(values, dtype=float) for name, values in given.items() if name not in RATIOS}
-    if "kinetic_friction" in out and "static_friction" not in out and base.static_follows:
+    if "kinetic_friction" in out and "static_friction" not in out and base.static_equals_kinetic:
         out["static_friction"] = out["kinetic_friction"]
     for name, ratio in RATIOS.items():
         if name in given:

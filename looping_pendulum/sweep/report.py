@@ -1,13 +1,13 @@
-"""The short report of a finished map: `map.md`, its figures, and a copy of the map file."""
+"""Writes the report of a finished map: `map.md`, its figure, and a copy of the map file."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
 
-from looping_pendulum.files import decoration, write_whole
+from looping_pendulum.files import optional_output, write_atomically
 from looping_pendulum.pages.numbers import number
-from looping_pendulum.sweep.fields import FIELDS, WORDS
+from looping_pendulum.sweep.fields import ENDING_DESCRIPTIONS, FIELDS
 from looping_pendulum.sweep.plan import Axis, MapPlan, Sample
 from looping_pendulum.sweep.store import attributes
 from looping_pendulum.sweep.summary import EngineSummary, summarize
@@ -17,23 +17,23 @@ COPY = "map.yaml"
 
 
 def write(plan: MapPlan, store: Path, folder: Path, *, figures: bool) -> list[EngineSummary]:
-    """Write report, figures and the map file's copy into ``folder``, the same bytes for the same map; return the summaries."""
-    write_whole(folder / COPY, plan.text)
+    """Write report, figure and a copy of the map file to ``folder``, the same bytes for the same map; return the summaries."""
+    write_atomically(folder / COPY, plan.text)
     summaries = summarize(plan, store)
     drawn: dict[str, tuple[str, bytes]] = {}
     if figures:
-        from looping_pendulum.sweep.figures import draw  # matplotlib takes half a second to come
+        from looping_pendulum.sweep.figures import draw  # matplotlib takes half a second to import
 
-        with decoration("the figure"):
+        with optional_output("the figure"):
             drawn = draw(plan, store)
     for name, (_, png) in drawn.items():
-        write_whole(folder / name, png)
-    write_whole(folder / REPORT, render(plan, summaries, {name: caption for name, (caption, _) in drawn.items()}))
+        write_atomically(folder / name, png)
+    write_atomically(folder / REPORT, render(plan, summaries, {name: caption for name, (caption, _) in drawn.items()}))
     return summaries
 
 
 def render(plan: MapPlan, summaries: list[EngineSummary], captions: dict[str, str]) -> str:
-    """Markdown: verdict, figures, tables, provenance."""
+    """Return the report in Markdown: verdict, figures, tables, provenance."""
     parts = [f"# {plan.title}", *(verdict(one, several=plan.several) for one in summaries)]
     if plan.description:
         parts.append(plan.description)
@@ -50,9 +50,9 @@ def verdict(one: EngineSummary, *, several: bool = False) -> str:
     """Return the first sentence about a map: "12 000 runs: 8 000 (66.7 %) halt, 0.29 s to 4.41 s after the release.""."""
     begin = f"{one.engine}: " if several else ""
     halts = f"{one.halted} ({_percent(one.halted, one.runs)}) halt"
-    seen = one.ranges["halting_time"]
-    if seen.count:
-        halts += f", {number(seen.low, digits=4)} s to {number(seen.high, digits=4)} s after the release"
+    times = one.ranges["halting_time"]
+    if times.count:
+        halts += f", {number(times.low, digits=4)} s to {number(times.high, digits=4)} s after the release"
     return f"{begin}{one.runs} runs: {halts}."
 
 
@@ -68,47 +68,53 @@ def _axes_table(plan: MapPlan, summaries: list[EngineSummary]) -> str:
     rows = []
     for axis in plan.design.axes:
         count = "sample" if isinstance(plan.design, Sample) else str(len(axis.values))
-        cells = [axis.name, axis.meaning, _shown(axis, float(axis.values[0])), _shown(axis, float(axis.values[-1])), count]
+        cells = [
+            axis.name,
+            axis.meaning,
+            _formatted(axis, float(axis.values[0])),
+            _formatted(axis, float(axis.values[-1])),
+            count,
+        ]
         for one in summaries:
             where = one.where_halting[axis.name]
-            cells += [_shown(axis, where.low), _shown(axis, where.high)] if where.count else ["–", "–"]
+            cells += [_formatted(axis, where.low), _formatted(axis, where.high)] if where.count else ["–", "–"]
         rows.append(cells)
     return _table(head, rows)
 
 
-def _shown(axis: Axis, value: float) -> str:
-    """Value in the unit of the map file."""
+def _formatted(axis: Axis, value: float) -> str:
+    """Return ``value`` [SI] in the unit of the map file."""
     return f"{number(value / axis.scale, digits=6)} {axis.written}".strip()
 
 
 def _ends_table(one: EngineSummary) -> str:
     rows = [["halts: M2 rests until the light mass reaches the rod", str(one.halted), _percent(one.halted, one.runs)]]
     for ending, count in sorted(one.ends.items(), key=lambda pair: -pair[1]):
-        rows.append([f"does not halt; {WORDS[ending]}", str(count), _percent(count, one.runs)])
+        rows.append([f"does not halt; {ENDING_DESCRIPTIONS[ending]}", str(count), _percent(count, one.runs)])
     return _table(["end", "runs", "share"], rows)
 
 
 def _ranges_table(one: EngineSummary) -> str:
     units = {field.name: field.unit for field in FIELDS}
     rows = []
-    for name, seen in one.ranges.items():
+    for name, values in one.ranges.items():
         of = f"{name} [{units[name]}]" if units[name] else name
-        cells = [number(value, digits=6) for value in (seen.low, seen.mean, seen.high)] if seen.count else ["–"] * 3
-        rows.append([of, *cells, str(seen.count)])
+        cells = [number(value, digits=6) for value in (values.low, values.mean, values.high)] if values.count else ["–"] * 3
+        rows.append([of, *cells, str(values.count)])
     return _table(["quantity", "smallest", "mean", "largest", "runs that have it"], rows)
 
 
 def _provenance(plan: MapPlan) -> str:
-    said = attributes(plan)
-    versions = ", ".join(f"{package} {version}" for package, version in said["versions"].items())
+    metadata = attributes(plan)
+    versions = ", ".join(f"{package} {version}" for package, version in metadata["versions"].items())
     rows = [
         ["scenario", plan.scenario.name],
         ["engine", ", ".join(plan.engines)],
         ["tolerance of a step (reference)", f"{plan.tolerance:g}"],
         ["limit on simulated time", f"{plan.duration:g} s"],
         ["versions", versions],
-        ["SHA-256 of the map file", said["map_file_sha256"]],
-        ["map id (all that decides the results)", said["map_id"]],
+        ["SHA-256 of the map file", metadata["map_file_sha256"]],
+        ["map id (all that decides the results)", metadata["map_id"]],
     ]
     if isinstance(plan.design, Sample):
         rows.insert(2, ["sample", f"{plan.design.method}, {plan.design.count} runs, seed {plan.design.seed}"])

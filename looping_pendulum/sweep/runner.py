@@ -1,4 +1,4 @@
-"""Make a map: run what is missing, write each chunk as it comes, and draw and report what there is."""
+"""Makes a map: computes the missing chunks, writes each when it is ready, and makes the figures and the report."""
 
 from __future__ import annotations
 
@@ -14,43 +14,43 @@ from typing import Any
 from looping_pendulum.engines.isolation import TIME_LIMIT
 from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.errors import EngineError
-from looping_pendulum.files import write_whole
+from looping_pendulum.files import write_atomically
 from looping_pendulum.scenarios.document import one_line
 from looping_pendulum.sweep import cells, executors, report
 from looping_pendulum.sweep.executors import Solve
 from looping_pendulum.sweep.fields import REFERENCE
 from looping_pendulum.sweep.plan import MapPlan
-from looping_pendulum.sweep.store import STORE, MapStore, disk_faults, locked, open_store
+from looping_pendulum.sweep.store import STORE, MapStore, claimed, full_disk_as_map_error, open_store
 from looping_pendulum.sweep.summary import EngineSummary
 
 TIMINGS = "timings.json"
-"""When and how fast a map was made: beside the store, which says the same whenever it is made."""
+"""File with the times at which a map was made and its speed; the store itself does not depend on them."""
 
 Progress = Callable[[int, int], None]
-"""Called with the runs that are done and all runs."""
+"""Callback that is given the number of runs that are done and the number of all runs."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MapOutcome:
-    """How making a map went."""
+    """Outcome of `run_map`."""
 
     folder: Path
     runs: int
-    """Of the whole map."""
-    found: int
-    """Runs that were there before."""
-    done: int
-    """Runs that are there now."""
+    """Number of runs of the whole map."""
+    runs_before: int
+    """Number of runs that the folder held before this call."""
+    runs_now: int
+    """Number of runs that it holds now."""
     seconds: float
-    """Wall time of the runs made now."""
+    """Wall time of the runs made by this call [s]."""
     interrupted: bool = False
     summaries: tuple[EngineSummary, ...] = ()
-    """One per engine, of a complete map."""
+    """Summary of each engine's runs; empty if the map is not complete."""
 
     @property
     def complete(self) -> bool:
-        """Whether every run is there."""
-        return self.done == self.runs
+        """Whether the folder holds every run."""
+        return self.runs_now == self.runs
 
 
 def run_map(
@@ -62,47 +62,47 @@ def run_map(
     figures: bool = True,
     time_limit: float = TIME_LIMIT,
     memory_limit: int = MEMORY_LIMIT,
-    read_moments: cells.ReadMoments | None = None,
+    read_landmarks: cells.ReadLandmarks | None = None,
     progress: Progress | None = None,
     solve: Solve = cells.solve,
 ) -> MapOutcome:
-    """Make the map of ``plan`` in ``folder``, or go on with it.
+    """Make the map of ``plan`` in ``folder``, or continue one that was interrupted.
 
     Parameters
     ----------
     plan
-        What to run; `map_file.load` reads one.
+        The map; `map_file.load` reads one.
     folder
-        A new or empty folder, or one in which this map was begun.
+        A new or empty folder, or one that holds a part of this map.
     jobs
-        Processes on this machine; one per core if None.
+        Number of processes on this machine; one per core if None.
     cluster
         Address of a Dask scheduler, "tcp://host:port", to run there instead.
     figures
-        Whether to draw.
+        Whether to draw the figure.
     time_limit, memory_limit
-        Of each run of an engine [s], [bytes].
-    read_moments
-        Finds stops and halt in an engine's samples (`compare.landmarks.run_landmarks`); needed if there is an engine.
+        Limits of each run of an engine [s], [bytes].
+    read_landmarks
+        Function that finds landmarks in an engine's samples (`compare.landmarks.run_landmarks`); needed for engines.
     progress
-        Called after each chunk.
+        Callback after each chunk.
     solve
-        Runs a chunk; for tests.
+        Function that computes a chunk; tests replace it.
 
     Raises
     ------
     MapError
-        If the folder holds something else, or the disk is full.
+        If the folder holds something else, or if the disk is full.
     EngineError
         If a worker process or the cluster fails.
     """
     folder = Path(folder)
-    if read_moments is None and set(plan.engines) != {REFERENCE}:
-        raise EngineError("a map of engines needs read_moments; give compare.landmarks.run_landmarks")
-    with disk_faults(folder), locked(folder):
+    if read_landmarks is None and set(plan.engines) != {REFERENCE}:
+        raise EngineError("a map of engines needs read_landmarks; give compare.landmarks.run_landmarks")
+    with full_disk_as_map_error(folder), claimed(folder):
         store = open_store(plan, folder)
         missing = store.missing()
-        tasks = _tasks(plan, missing, read_moments, time_limit, memory_limit)
+        tasks = _tasks(plan, missing, read_landmarks, time_limit, memory_limit)
         outcome = _fill(plan, store, folder, missing, _results(tasks, solve, jobs, cluster, len(missing)), progress)
         if outcome.seconds:
             _note_time(folder, outcome, "a cluster" if cluster else f"{jobs or _cores()} processes")
@@ -117,7 +117,7 @@ def _cores() -> int:
 
 
 def _tasks(
-    plan: MapPlan, missing: list[int], read_moments: cells.ReadMoments | None, time_limit: float, memory_limit: int
+    plan: MapPlan, missing: list[int], read_landmarks: cells.ReadLandmarks | None, time_limit: float, memory_limit: int
 ) -> Iterator[cells.CellTask]:
     for index in missing:
         unit = plan.unit(index)
@@ -129,7 +129,7 @@ def _tasks(
             columns=plan.columns(unit),
             tolerance=plan.tolerance,
             duration=plan.duration,
-            read_moments=None if plan.engines[unit.engine] == REFERENCE else read_moments,
+            read_landmarks=None if plan.engines[unit.engine] == REFERENCE else read_landmarks,
             time_limit=time_limit,
             memory_limit=memory_limit,
         )
@@ -152,9 +152,9 @@ def _fill(
     results: Iterator[cells.CellResult],
     progress: Progress | None,
 ) -> MapOutcome:
-    """Write results as they come."""
-    found = plan.runs - sum(plan.unit(index).runs for index in missing)
-    done, interrupted, started = found, False, time.monotonic()
+    """Write each chunk when its result arrives."""
+    before = plan.runs - sum(plan.unit(index).runs for index in missing)
+    done, interrupted, started = before, False, time.monotonic()
     wanted = {engine: cells.versions(engine, plan.profile) for engine in plan.engines}
     if progress is not None:
         progress(done, plan.runs)
@@ -170,28 +170,30 @@ def _fill(
     except KeyboardInterrupt:
         interrupted = True
     seconds = time.monotonic() - started if missing else 0.0
-    return MapOutcome(folder=folder, runs=plan.runs, found=found, done=done, seconds=seconds, interrupted=interrupted)
+    return MapOutcome(
+        folder=folder, runs=plan.runs, runs_before=before, runs_now=done, seconds=seconds, interrupted=interrupted
+    )
 
 
 def _refuse_other_versions(found: dict[str, str], needed: dict[str, str]) -> None:
-    """Refuse results of a worker that has other packages than this process."""
+    """Refuse results of a worker whose package versions differ from this process's."""
     for package in sorted({*found, *needed}):
         there, here = found.get(package, "none"), needed.get(package, "none")
         if there != here:
-            message = f"--cluster: a worker has {package} {there}, and here is {here}; needed the same"
-            raise EngineError(one_line(f"{message}: install {package} {here} there"))
+            message = f"--cluster: found {package} {there} on a worker, needed {here} as on this machine"
+            raise EngineError(one_line(f"{message}; install {package} {here} there"))
 
 
 def _note_time(folder: Path, outcome: MapOutcome, where: str) -> None:
-    """Add this session to the folder's timings."""
+    """Append the duration of this call to the folder's timings."""
     path = folder / TIMINGS
     sessions: list[Any] = []
     if path.exists():
         try:
             sessions = json.loads(path.read_text())["sessions"]
         except (ValueError, KeyError, TypeError):
-            sessions = []  # only our own notes on speed
-    runs = outcome.done - outcome.found
+            sessions = []  # a damaged file is replaced: it holds nothing but timings
+    runs = outcome.runs_now - outcome.runs_before
     sessions.append(
         {
             "ended": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
@@ -201,4 +203,4 @@ def _note_time(folder: Path, outcome: MapOutcome, where: str) -> None:
             "runs_per_second": round(runs / outcome.seconds, 1) if outcome.seconds else None,
         }
     )
-    write_whole(path, json.dumps({"sessions": sessions}, indent=2) + "\n")
+    write_atomically(path, json.dumps({"sessions": sessions}, indent=2) + "\n")

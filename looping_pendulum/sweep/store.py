@@ -1,4 +1,4 @@
-"""The Zarr store of a map: made whole or not at all, filled unit by unit, and read back with its checksums.
+"""The Zarr store of a map: created as a whole, filled unit by unit, and read back with checksums.
 
 Layout: Zarr version 3, one array per field of `fields.FIELDS`, dimensions named by the parameters of a grid or ``run`` of a
 sample (and first ``engine``, where the map file lists several), so that `xarray.open_zarr` opens it. Zarr writes each chunk
@@ -13,7 +13,7 @@ import json
 import os
 import shutil
 import warnings
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -24,46 +24,44 @@ import zarr
 import zarr.storage
 from zarr.codecs import ZstdCodec
 
+from looping_pendulum.files import LockedError, locked
 from looping_pendulum.scenarios import dump
 from looping_pendulum.scenarios.document import one_line, shorten
 from looping_pendulum.sweep.cells import engine_called, versions
-from looping_pendulum.sweep.fields import ENDINGS, FIELDS, REFERENCE, WORDS, Values
+from looping_pendulum.sweep.fields import ENDING_DESCRIPTIONS, ENDINGS, FIELDS, REFERENCE, Values
 from looping_pendulum.sweep.plan import Grid, MapError, MapPlan, Sample, WorkUnit
 
 STORE = "map.zarr"
 """Name of the store in the output folder."""
 PART = ".map.zarr.part"
-"""What it is called while it is made."""
+"""Name of the store while it is created."""
 LOCK = ".lock"
+"""Name of the file that keeps a second process out of the output folder."""
 METADATA = "zarr.json"
-"""Where a group or an array is described."""
+"""Name of the file that describes a group or an array."""
+RENAMED_FIELDS = {"slip_count": "reslips"}
+"""Field -> its name in maps that version 0.1 wrote: such a map is read, and gone on with, under its own names."""
 DESCRIPTION = ("shape", "data_type", "chunk_grid", "chunk_key_encoding", "dimension_names", "attributes")
-"""What of such a description the values are read by."""
+"""Keys of such a description that determine how the values are read."""
 BYTES_PER_RUN = sum(np.dtype(field.dtype).itemsize for field in FIELDS)
-"""Uncompressed."""
+"""Uncompressed size of a run's values."""
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Keep a second process out of ``folder``; the system frees the lock of a process that dies."""
+def claimed(folder: Path) -> Iterator[None]:
+    """Keep a second process out of ``folder``."""
     folder.mkdir(parents=True, exist_ok=True)
     try:
-        import fcntl
-    except ImportError:  # Windows: nobody is kept out
-        yield
-        return
-    with (folder / LOCK).open("a") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            message = f"{folder}: found another run that is writing here, needed a folder of its own; wait for it to end"
-            raise MapError(one_line(message)) from None
-        yield
+        with locked(folder / LOCK, wait=False):
+            yield
+    except LockedError:
+        message = f"{folder}: found another run that is writing here, needed a folder of its own; wait for it to end"
+        raise MapError(one_line(message)) from None
 
 
 @contextmanager
-def disk_faults(folder: Path) -> Iterator[None]:
-    """Say in one line that the disk is full."""
+def full_disk_as_map_error(folder: Path) -> Iterator[None]:
+    """Turn the exception of a full disk into a `MapError` of one line."""
     try:
         yield
     except OSError as error:
@@ -74,50 +72,57 @@ def disk_faults(folder: Path) -> Iterator[None]:
 
 
 class MapStore:
-    """A map on disk."""
+    """A map on disk, open for writing."""
 
     def __init__(self, plan: MapPlan, folder: Path) -> None:
         self.plan, self.path = plan, folder / STORE
         group = zarr.open_group(self.path, mode="r+", use_consolidated=False)
-        with zarr.config.set({"array.write_empty_chunks": True}):  # a chunk of nothing but NaN is done, too
+        with zarr.config.set({"array.write_empty_chunks": True}):  # a chunk of nothing but NaN must exist to count as computed
             self._arrays: dict[str, Any] = {name: array for name, array in group.arrays()}
-        self._names = [field.name for field in FIELDS]
-        self._given = [axis.name for axis in plan.design.axes] if isinstance(plan.design, Sample) else []
+        self._names = [stored_name(set(self._arrays), field.name) for field in FIELDS]
+        self._varied = [axis.name for axis in plan.design.axes] if isinstance(plan.design, Sample) else []
 
     def missing(self) -> list[int]:
-        """Units that are not there or damaged; leftovers of a process that was killed are removed."""
+        """Return the units that are missing or damaged; remove temporary files that a killed process left."""
         for leftover in self.path.rglob("*.partial"):
             leftover.unlink(missing_ok=True)
-        return [i for i in range(self.plan.units) if not self._whole(self.plan.unit(i))]
+        return [i for i in range(self.plan.units) if not self._is_complete(self.plan.unit(i))]
 
     def write(self, unit: WorkUnit, values: Values) -> None:
-        """Put the results of a unit, shape (n,) each, where they belong."""
-        given = self.plan.design.given(unit.region) if self._given and unit.engine == 0 else {}
-        for name, content in (*given.items(), *((name, values[name]) for name in self._names)):
+        """Write the results of a unit, shape (n,) each."""
+        given = self.plan.design.values_in(unit.region) if self._varied and unit.engine == 0 else {}
+        fields = ((name, values[field.name]) for name, field in zip(self._names, FIELDS, strict=True))
+        for name, content in (*given.items(), *fields):
             self._arrays[name][self._index(name, unit)] = np.asarray(content).reshape(self._shape(name, unit))
 
     def _index(self, name: str, unit: WorkUnit) -> tuple[slice, ...]:
-        by_engine = self.plan.several and name not in self._given
+        by_engine = self.plan.several and name not in self._varied
         return (slice(unit.engine, unit.engine + 1), *unit.region) if by_engine else unit.region
 
     def _shape(self, name: str, unit: WorkUnit) -> tuple[int, ...]:
         return tuple(where.stop - where.start for where in self._index(name, unit))
 
-    def _whole(self, unit: WorkUnit) -> bool:
-        for name in (*(self._given if unit.engine == 0 else ()), *self._names):
+    def _is_complete(self, unit: WorkUnit) -> bool:
+        for name in (*(self._varied if unit.engine == 0 else ()), *self._names):
             array, index = self._arrays[name], self._index(name, unit)
             key = "/".join(str(where.start // size) for where, size in zip(index, array.chunks, strict=True))
             if not (self.path / name / "c" / key).is_file():
                 return False
             try:
                 array[index]
-            except Exception:  # of whatever kind a damaged chunk raises: the unit is made again
+            except Exception:  # a damaged chunk may raise any exception; the unit is computed again
                 return False
         return True
 
 
+def stored_name(arrays: Container[str], field: str) -> str:
+    """Return the name under which a map that holds ``arrays`` has ``field``: an older map has some under another name."""
+    old = RENAMED_FIELDS.get(field)
+    return old if old is not None and field not in arrays and old in arrays else field
+
+
 def open_store(plan: MapPlan, folder: Path) -> MapStore:
-    """Open the map in ``folder``, or begin it.
+    """Open the map in ``folder``, or create it.
 
     Raises
     ------
@@ -136,16 +141,16 @@ def open_store(plan: MapPlan, folder: Path) -> MapStore:
     else:
         _refuse_other(plan, folder)
         _refuse_damaged(plan, folder / STORE)
-        _mend_coordinates(plan, folder / STORE)
+        _repair_coordinates(plan, folder / STORE)
     return MapStore(plan, folder)
 
 
 def attributes(plan: MapPlan) -> dict[str, Any]:
-    """What the store says of itself; the same for the same map, whenever and wherever it is made."""
+    """Return the attributes of the store; they are the same for the same map, whenever and wherever it is made."""
     packages: dict[str, str] = {}
     for engine in plan.engines:
         packages |= versions(engine, plan.profile)
-    said: dict[str, Any] = {
+    metadata: dict[str, Any] = {
         "title": plan.title,
         "description": plan.description,
         "map": plan.name,
@@ -153,7 +158,7 @@ def attributes(plan: MapPlan) -> dict[str, Any]:
         "map_file": plan.text,
         "map_file_sha256": hashlib.sha256(plan.text.encode()).hexdigest(),
         "scenario": plan.scenario.name,
-        "scenario_file": dump(_bare(plan)),
+        "scenario_file": dump(_without_comparison_data(plan)),
         "engine": list(plan.engines),
         "profile": plan.profile.value,
         "tolerance": plan.tolerance,
@@ -163,24 +168,24 @@ def attributes(plan: MapPlan) -> dict[str, Any]:
     }
     settings = {name: vars(engine_called(name, plan.profile).settings) for name in plan.engines if name != REFERENCE}
     if settings:
-        said["engine_settings"] = json.loads(json.dumps(settings, default=str))
+        metadata["engine_settings"] = json.loads(json.dumps(settings, default=str))
     if isinstance(plan.design, Sample):
-        said["sample"] = {"method": plan.design.method, "count": plan.design.count, "seed": plan.design.seed}
-    return said
+        metadata["sample"] = {"method": plan.design.method, "count": plan.design.count, "seed": plan.design.seed}
+    return metadata
 
 
 def map_id(plan: MapPlan) -> str:
-    """Checksum of all that decides the results."""
+    """Return the checksum of all that determines the results."""
     return hashlib.sha256(json.dumps(plan.as_dict(), sort_keys=True).encode()).hexdigest()
 
 
-def _bare(plan: MapPlan) -> Any:
-    """Return the scenario without what only a comparison of engines needs."""
+def _without_comparison_data(plan: MapPlan) -> Any:
+    """Return the scenario without tolerances and measurements, which only a comparison of engines needs."""
     return replace(plan.scenario, tolerances=(), measured=None, inferred=())
 
 
 def _refuse_other(plan: MapPlan, folder: Path) -> None:
-    """Refuse a store of another map, or one begun with other versions, whose results would be mixed."""
+    """Refuse a store of another map, or one begun with other versions of packages: the results would be mixed."""
     way_out = "choose another folder with --out, or delete this one"
     try:
         found: dict[str, Any] = dict(zarr.open_group(folder / STORE, mode="r", use_consolidated=False).attrs)
@@ -201,35 +206,42 @@ def _refuse_other(plan: MapPlan, folder: Path) -> None:
 
 
 def _refuse_damaged(plan: MapPlan, path: Path) -> None:
-    """Refuse a store whose description of its arrays is not what this map's is: its numbers would be read wrongly."""
+    """Refuse a store whose description of its arrays differs from this map's: its values would be read wrongly."""
     whole = zarr.storage.MemoryStore()
     _create(plan, whole)
     arrays: dict[str, Any] = dict(zarr.open_group(whole, mode="r").arrays())
-    names = list(arrays)
-    seen = {file: _description(path / file) for file in (METADATA, *(f"{name}/{METADATA}" for name in names))}
-    together = (seen[METADATA].get("consolidated_metadata") or {}).get("metadata") or {}
-    for name in names:
+    folders = {entry.name for entry in path.iterdir()}
+    stored = {name: stored_name(folders, name) for name in arrays}
+    descriptions = {file: _description(path / file) for file in (METADATA, *(f"{name}/{METADATA}" for name in stored.values()))}
+    consolidated = (descriptions[METADATA].get("consolidated_metadata") or {}).get("metadata") or {}
+    for name, old in stored.items():
         wanted = json.loads(json.dumps(arrays[name].metadata.to_dict(), default=str))
-        for file, found in ((f"{name}/{METADATA}", seen[f"{name}/{METADATA}"]), (METADATA, together.get(name) or {})):
-            for key in _described(plan, name):
-                if found.get(key) != wanted[key]:
-                    what = f"{key} {shorten(json.dumps(found.get(key)))} of {name}, needed {shorten(json.dumps(wanted[key]))}"
+        own = f"{old}/{METADATA}"
+        for file, description in ((own, descriptions[own]), (METADATA, consolidated.get(old) or {})):
+            for key in _checked_keys(plan, name):
+                found = description.get(key)
+                if key == "attributes" and old != name and isinstance(found, dict):
+                    found = found | {
+                        "long_name": wanted["attributes"]["long_name"]
+                    }  # an older name came with an older explanation
+                if found != wanted[key]:
+                    what = f"{key} {shorten(json.dumps(found))} of {old}, needed {shorten(json.dumps(wanted[key]))}"
                     raise _damaged(path / file, what)
 
 
-def _described(plan: MapPlan, name: str) -> tuple[str, ...]:
-    """What of an array's description must be as written; maps of an earlier version coded their coordinates otherwise."""
+def _checked_keys(plan: MapPlan, name: str) -> tuple[str, ...]:
+    """Return the keys of an array's description that must match; earlier versions encoded coordinates differently."""
     coordinate = name == "engine" or (isinstance(plan.design, Grid) and name in plan.design.dims)
     return DESCRIPTION if coordinate else (*DESCRIPTION, "fill_value", "codecs")
 
 
 def _description(path: Path) -> dict[str, Any]:
-    """What a zarr.json says.
+    """Read a zarr.json.
 
     Raises
     ------
     MapError
-        If it is not there or damaged.
+        If the file is missing or damaged.
     """
     try:
         found = json.loads(path.read_bytes())
@@ -245,48 +257,51 @@ def _damaged(path: Path, what: str) -> MapError:
     return MapError(one_line(f"{path}: found it damaged ({what}); {way_out}"))
 
 
-def _mend_coordinates(plan: MapPlan, path: Path) -> None:
-    """Write coordinates again that are not there, damaged or other than the map file says."""
+def _repair_coordinates(plan: MapPlan, path: Path) -> None:
+    """Write again the coordinates that are missing, damaged, or different from the map file's."""
     group: Any = zarr.open_group(path, mode="r+", use_consolidated=False)
-    wanted: dict[str, Any] = {"engine": np.array(plan.engines, dtype=object)} if plan.several else {}
-    wanted |= {axis.name: axis.values for axis in plan.design.axes} if isinstance(plan.design, Grid) else {}
-    for name, values in wanted.items():
+    coordinates: dict[str, Any] = {"engine": np.array(plan.engines, dtype=object)} if plan.several else {}
+    coordinates |= {axis.name: axis.values for axis in plan.design.axes} if isinstance(plan.design, Grid) else {}
+    for name, values in coordinates.items():
         try:
-            whole = coordinate_file(path, name).is_file() and np.array_equal(np.asarray(group[name]), values)
-        except Exception:  # of whatever kind a damaged chunk raises
-            whole = False
-        if not whole:
+            intact = coordinate_file(path, name).is_file() and np.array_equal(np.asarray(group[name]), values)
+        except Exception:  # a damaged chunk may raise any exception
+            intact = False
+        if not intact:
             group[name][...] = values
 
 
 def coordinate_file(store: Path, name: str) -> Path:
-    """The one chunk of a coordinate."""
+    """Return the file of a coordinate's only chunk."""
     return store / name / "c" / "0"
 
 
 def _create(plan: MapPlan, path: Path | zarr.storage.MemoryStore) -> None:
-    """Write all but the results."""
+    """Create the store with everything but the results."""
     group = zarr.open_group(path, mode="w", zarr_format=3, attributes=attributes(plan))
     dims, shape, chunks = plan.design.dims, plan.design.shape, plan.chunk_shape
-    aside = {}
+    coordinates = {}
+    attrs: dict[str, Any]
     for axis in plan.design.axes:
-        said = {"long_name": axis.meaning, "units": axis.unit or "1", "written_units": axis.written or "1"}
+        axis_attrs = {"long_name": axis.meaning, "units": axis.unit or "1", "written_units": axis.written or "1"}
         if isinstance(plan.design, Grid):
-            _whole_array(group, axis.name, axis.values, said)
+            _whole_array(group, axis.name, axis.values, axis_attrs)
         else:
-            _empty_array(group, axis.name, "float64", float("nan"), shape, chunks, dims, said)
-            aside = {"coordinates": " ".join(a.name for a in plan.design.axes)}
+            _empty_array(group, axis.name, "float64", float("nan"), shape, chunks, dims, axis_attrs)
+            coordinates = {"coordinates": " ".join(a.name for a in plan.design.axes)}
     if plan.several:
         _whole_array(group, "engine", np.array(plan.engines, dtype=object), {"long_name": "engine and variant"}, dtype=str)
         dims, shape, chunks = ("engine", *dims), (len(plan.engines), *shape), (1, *chunks)
     for field in FIELDS:
-        said = {"long_name": field.meaning, "units": field.unit or "1"} | aside
+        attrs = {"long_name": field.meaning, "units": field.unit or "1", **coordinates}
         if field.name == "end":
-            said |= {"flag_values": list(range(len(ENDINGS))), "flag_meanings": " ".join(ENDINGS)}  # type: ignore[dict-item]
-            said["flag_words"] = [WORDS[name] for name in ENDINGS]  # type: ignore[assignment]
-        _empty_array(group, field.name, field.dtype, field.fill, shape, chunks, dims, said)
+            attrs |= {"flag_values": list(range(len(ENDINGS))), "flag_meanings": " ".join(ENDINGS)}
+            attrs["flag_words"] = [ENDING_DESCRIPTIONS[name] for name in ENDINGS]
+        _empty_array(group, field.name, field.dtype, field.fill, shape, chunks, dims, attrs)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that other programs may not know consolidated metadata yet; they need not
+        warnings.simplefilter(
+            "ignore"
+        )  # zarr warns that consolidated metadata is not in the standard yet; readers work without it
         zarr.consolidate_metadata(path)
 
 
@@ -298,7 +313,7 @@ def _empty_array(
     shape: tuple[int, ...],
     chunks: tuple[int, ...],
     dims: tuple[str, ...],
-    said: dict[str, Any],
+    attrs: dict[str, Any],
 ) -> None:
     group.create_array(
         name,
@@ -307,21 +322,23 @@ def _empty_array(
         dtype=dtype,
         fill_value=fill,
         dimension_names=dims,
-        attributes=said,
+        attributes=attrs,
         compressors=[ZstdCodec(level=3, checksum=True)],
     )
 
 
-def _whole_array(group: Any, name: str, values: Any, said: dict[str, Any], dtype: Any = "float64") -> None:
-    """Write a coordinate."""
+def _whole_array(group: Any, name: str, values: Any, attrs: dict[str, Any], dtype: Any = "float64") -> None:
+    """Create the array of a coordinate and write its values."""
     array = group.create_array(
         name,
         shape=values.shape,
         chunks=values.shape,
         dtype=dtype,
-        fill_value="" if dtype is str else float("nan"),  # of a lost chunk: zarr's own 0 would pass for a value
+        fill_value=""
+        if dtype is str
+        else float("nan"),  # value of a lost chunk: zarr's default of 0 would look like a coordinate
         dimension_names=(name,),
-        attributes=said,
+        attributes=attrs,
         compressors=[ZstdCodec(level=3, checksum=True)],
     )
     array[...] = values

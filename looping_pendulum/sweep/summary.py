@@ -1,4 +1,4 @@
-"""What a finished map shows, read from its store piece by piece: the memory does not grow with the map."""
+"""Summarizes a finished map, read from its store chunk by chunk, so that memory use does not grow with the map."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import zarr
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.sweep.fields import ENDINGS
 from looping_pendulum.sweep.plan import MapPlan
+from looping_pendulum.sweep.store import stored_name
 
 RANGES = (
     "halting_time",
@@ -23,12 +24,12 @@ RANGES = (
     "slack_intervals",
     "end_time",
 )
-"""Fields whose smallest, mean and largest value a report gives."""
+"""Fields of which a report gives the smallest, mean and largest value."""
 
 
 @dataclass
 class ValueRange:
-    """Smallest, mean and largest of the finite values seen so far."""
+    """Smallest, mean and largest of the finite values added so far."""
 
     low: float = float("inf")
     high: float = float("-inf")
@@ -36,7 +37,7 @@ class ValueRange:
     count: int = 0
 
     def add(self, values: Array) -> None:
-        """Take in more values."""
+        """Add ``values``; those that are not finite are ignored."""
         values = values[np.isfinite(values)]
         if len(values):
             self.low, self.high = min(self.low, float(values.min())), max(self.high, float(values.max()))
@@ -44,36 +45,37 @@ class ValueRange:
 
     @property
     def mean(self) -> float:
-        """NaN of nothing."""
+        """Mean of the values; NaN if there are none."""
         return self.total / self.count if self.count else float("nan")
 
 
 @dataclass
 class EngineSummary:
-    """Of one engine's runs."""
+    """Summary of one engine's runs."""
 
     engine: str
     runs: int = 0
     halted: int = 0
     ends: dict[str, int] = field(default_factory=dict)
-    """Ending -> runs that do not halt."""
+    """Ending -> number of runs that end so without a halt."""
     ranges: dict[str, ValueRange] = field(default_factory=lambda: {name: ValueRange() for name in RANGES})
     where_halting: dict[str, ValueRange] = field(default_factory=dict)
-    """Varied quantity -> its values in runs that halt."""
+    """Varied quantity -> range of its values in runs that halt."""
 
 
 def summarize(plan: MapPlan, store: Path) -> list[EngineSummary]:
-    """Read a whole map once; one summary per engine."""
+    """Read a whole map once and return one summary per engine."""
     group = zarr.open_group(store, mode="r", use_consolidated=False)
     summaries = [EngineSummary(engine=engine) for engine in plan.engines]
-    arrays: dict[str, Any] = {name: group[name] for name in (*RANGES, "end")}
+    stored = set(group.array_keys())
+    arrays: dict[str, Any] = {name: group[stored_name(stored, name)] for name in (*RANGES, "end")}
     for summary in summaries:
         summary.where_halting = {axis.name: ValueRange() for axis in plan.design.axes}
     for index in range(plan.units):
         unit = plan.unit(index)
         where = (unit.engine, *unit.region) if plan.several else unit.region
         values = {name: np.asarray(array[where]).ravel() for name, array in arrays.items()}
-        _add(summaries[unit.engine], values, plan.design.given(unit.region))
+        _add(summaries[unit.engine], values, plan.design.values_in(unit.region))
     return summaries
 
 
@@ -85,7 +87,8 @@ def _add(summary: EngineSummary, values: dict[str, Any], given: dict[str, Array]
         ending = ENDINGS[int(code)]
         summary.ends[ending] = summary.ends.get(ending, 0) + int(count)
     for name in RANGES:
-        told = values[name][values[name] >= 0] if values[name].dtype.kind == "i" else values[name]
-        summary.ranges[name].add(told.astype(float))
+        # A negative count means that the engine does not report it.
+        known = values[name][values[name] >= 0] if values[name].dtype.kind == "i" else values[name]
+        summary.ranges[name].add(known.astype(float))
     for name, varied in given.items():
         summary.where_halting[name].add(varied[halted])

@@ -1,13 +1,14 @@
-"""How rough the boundaries of a map are: the uncertainty exponent (Grebogi, McDonald, Ott and Yorke, Phys. Lett. A 99, 1983).
+"""Measures how rough the boundaries of a map are, by the uncertainty exponent.
 
-A start is uncertain at a distance eps if one of its neighbours along an axis, at eps or at some `NEARER` distances, has another
-outcome. The fraction f of uncertain starts falls as eps^alpha: alpha = 1 for smooth boundaries; a smaller alpha for fractal
-ones, where a start known ten times better makes the outcome hardly more certain.
+The method is by Grebogi, McDonald, Ott and Yorke (Phys. Lett. A 99, 1983). A start is uncertain at a distance eps if one of
+its neighbours along an axis, at eps or at one of the smaller `NEIGHBOUR_DISTANCES`, has another outcome. The fraction f of
+uncertain starts falls as eps^alpha: alpha = 1 for smooth boundaries; a smaller alpha for fractal ones, where a start known ten
+times better makes the outcome hardly more certain.
 
-At small eps hardly any start is uncertain, so f is followed downwards (subset simulation, Au and Beck 2001): what is uncertain
-at one eps is spread at random over its neighbourhood, and the part that is uncertain at the next eps counted; f is the product
-of these parts. That needs what is uncertain at one eps to be so at the larger ones: the nearer neighbours see to it, all but
-exactly.
+At small eps hardly any start is uncertain, so f is computed from large to small eps (subset simulation, Au and Beck 2001): the
+starts that are uncertain at one eps are spread at random over their neighbourhoods, and the share of them that is uncertain at
+the next eps is counted; f is the product of these shares. This requires that starts uncertain at one eps are so at the larger
+ones, which the nearer neighbours ensure almost exactly.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode.geometry import Array
 
-NEARER = 10 ** -np.arange(0.0, 1.1, 0.5)
-"""Distances of the neighbours, in eps."""
-MOVES = 2
-"""Random moves of every start within the uncertain set at one eps."""
+NEIGHBOUR_DISTANCES = 10 ** -np.arange(0.0, 1.1, 0.5)
+"""Distances of the neighbours, in units of eps."""
+MOVES_PER_LEVEL = 2
+"""Number of random moves of every start within the uncertain set at each eps."""
 Outcome = Callable[[Array], NDArray[Any]]
-"""Starts in the unit cube, shape (n, d) -> a code for each one's outcome, shape (n,)."""
+"""Function of starts in the unit cube, shape (n, d), that returns a code of each one's outcome, shape (n,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,33 +36,35 @@ class UncertaintyExponent:
 
     value: float
     standard_error: float
-    """From the scatter of bootstrap samples of the replicates."""
+    """Standard error from bootstrap samples of the replicates."""
 
 
 def uncertain(outcome: Outcome, starts: Array, eps: float) -> NDArray[np.bool_]:
-    """Whether each of the ``starts``, shape (n, d), is uncertain at the distance ``eps`` (parts of the unit cube's side)."""
+    """Return whether each of the ``starts``, shape (n, d), is uncertain at the distance ``eps`` (the cube's side is 1)."""
     n, d = starts.shape
-    steps = [sign * eps * part * np.eye(d) for part in NEARER for sign in (1.0, -1.0)]
+    steps = [sign * eps * part * np.eye(d) for part in NEIGHBOUR_DISTANCES for sign in (1.0, -1.0)]
     offsets = np.concatenate([np.zeros((1, d)), *steps])
     codes = outcome((starts + offsets[:, None]).reshape(-1, d)).reshape(len(offsets), n)
     return np.asarray((codes != codes[0]).any(axis=0))
 
 
 def uncertain_fractions(outcome: Outcome, dimension: int, eps: Array, *, count: int, replicates: int, seed: int) -> Array:
-    """Fraction of starts in the unit cube that are uncertain at each of ``eps``, descending; 0 once none is left.
+    """Return the fraction of starts in the unit cube that are uncertain at each of ``eps`` (descending).
+
+    It is 0 once no start is left.
 
     Parameters
     ----------
     outcome
-        It must take starts up to ``eps[0]`` outside the cube too.
+        Function that gives outcomes; it must accept starts up to ``eps[0]`` outside the cube.
     dimension
-        Of the cube.
+        Dimension of the cube.
     count
-        Starts that are followed in each replicate.
+        Number of starts in each replicate.
     replicates
-        How often it is done, independently, side by side.
+        Number of independent replicates.
     seed
-        Of the random numbers.
+        Seed of the random numbers.
 
     Returns
     -------
@@ -81,7 +84,7 @@ def uncertain_fractions(outcome: Outcome, dimension: int, eps: Array, *, count: 
         for row, kept in zip(starts, here, strict=True):
             if kept.any():
                 row[:] = rng.choice(row[kept], count)
-        for _ in range(MOVES):
+        for _ in range(MOVES_PER_LEVEL):
             proposed = starts + distance * rng.uniform(-1.0, 1.0, starts.shape)
             taken = ((proposed >= 0) & (proposed <= 1)).all(axis=2) & _each(outcome, proposed, float(distance))
             starts[taken] = proposed[taken]
@@ -89,21 +92,21 @@ def uncertain_fractions(outcome: Outcome, dimension: int, eps: Array, *, count: 
 
 
 def _each(outcome: Outcome, starts: Array, eps: float) -> NDArray[np.bool_]:
-    """`uncertain` for the starts of every replicate, shape (replicates, count)."""
+    """Apply `uncertain` to the starts of every replicate; shape (replicates, count)."""
     return uncertain(outcome, starts.reshape(-1, starts.shape[2]), eps).reshape(starts.shape[:2])
 
 
 def uncertainty_exponent(eps: Array, fractions: Array, *, resamples: int = 2000, seed: int = 0) -> UncertaintyExponent:
-    """Least-squares slope of log f against log eps, f averaged over independent replicates.
+    """Return the least-squares slope of log f against log eps, with f averaged over independent replicates.
 
     Parameters
     ----------
     eps
         Shape (levels,).
     fractions
-        Of each replicate, shape (replicates, levels).
+        Fractions of each replicate, shape (replicates, levels).
     resamples
-        Bootstrap samples of the replicates.
+        Number of bootstrap samples of the replicates.
     """
     x = np.log(eps)
 

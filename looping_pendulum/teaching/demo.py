@@ -1,4 +1,4 @@
-"""The demonstration page: every engine and the reference whip round the rod together, in step, in one file that works offline."""
+"""The demonstration page: an animation of every engine and the reference together, in one file that works offline."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import sys
 import webbrowser
 from pathlib import Path
 
-from looping_pendulum.compare.export import write_whole
+from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.result import ComparisonResult
-from looping_pendulum.engines.tension import WINDOW
+from looping_pendulum.engines.tension import AVERAGING_TIME
 from looping_pendulum.pages.glossary import glossary
 from looping_pendulum.pages.shell import asset, page
 from looping_pendulum.teaching.demo_data import EVENT_KINDS, page_data
@@ -25,7 +25,7 @@ def render(result: ComparisonResult) -> str:
     Raises
     ------
     ValueError
-        If ``result`` was read back without them.
+        If ``result`` was read from a file without them.
     """
     data = page_data(result)
     return page(
@@ -38,7 +38,7 @@ def render(result: ComparisonResult) -> str:
         result=result,
         runs=data["runs"],
         rate=data["rate"],
-        tension_window=round(1e3 * WINDOW),
+        tension_window=round(1e3 * AVERAGING_TIME),
         string=data["string"],
         kinds=EVENT_KINDS,
         glossary=glossary("comparison"),
@@ -46,14 +46,14 @@ def render(result: ComparisonResult) -> str:
 
 
 def write(result: ComparisonResult, folder: Path) -> Path:
-    """Write the page below ``folder``; return its path."""
+    """Write the page into ``folder``; return its path."""
     path = folder / FILE
-    write_whole(path, render(result))
+    write_atomically(path, render(result))
     return path
 
 
 def show(path: Path) -> bool:
-    """Open ``path`` in the user's browser; False if there is none that has a screen."""
+    """Open ``path`` in the user's browser; return False if there is no browser with a screen."""
     if sys.platform.startswith("linux") and not any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"))):
         return False  # webbrowser would start a text browser in this terminal, which can show no animation
     return webbrowser.open(path.resolve().as_uri())

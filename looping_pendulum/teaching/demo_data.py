@@ -1,4 +1,4 @@
-"""What the demonstration page draws, taken from a comparison's result and its trajectories; nothing is simulated here."""
+"""Data of the demonstration page, from a comparison's result and its trajectories; nothing is simulated here."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.compare.align import Aligned
-from looping_pendulum.compare.landmarks import STRINGLESS
+from looping_pendulum.compare.landmarks import RELEASES_WITHOUT_STOPS
 from looping_pendulum.compare.report import name
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, Landmarks, ResultSamples, SupplyEntry
-from looping_pendulum.compare.words import EVENT_WORDS, PHYSICS_WORDS, mode_words, told_events
-from looping_pendulum.engines.protocol import needed_physics
+from looping_pendulum.compare.words import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, events_to_show, mode_description
+from looping_pendulum.engines.protocol import physics_of
 from looping_pendulum.engines.tension import tension_from_motion
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Supplier, Trajectory
 from looping_pendulum.pages.numbers import quantity
@@ -20,12 +20,12 @@ from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.transitions import Mode
 
-FINE, COARSE = 500, 250
-"""Drawn positions per second: the finer one unless the run is long."""
-LONG = 4.0
-"""A run longer than this [s] is drawn with the coarser rate, so that its page stays light."""
-SAME_PLACE = 1e-4
-"""Places [m] that the string's length and angle must give to be drawn from them: a tenth of a millimetre is no pixel."""
+FINE_RATE, COARSE_RATE = 500, 250
+"""Drawn positions per second of a run: the first, or the second if the run is long."""
+LONG_RUN = 4.0
+"""Duration [s] above which a run is drawn at the coarse rate, so that its page stays small."""
+POSITION_TOLERANCE = 1e-4
+"""Largest error [m] of positions that are computed from free length and wrap angle: a tenth of a millimetre is no pixel."""
 
 EVENT_KINDS = {
     "stop": ("stop", "the heavy mass's speed is zero for an instant"),
@@ -38,12 +38,13 @@ EVENT_KINDS = {
     "broke": ("broke off", "the run ended before its time"),
     "other": ("event", "something else that the reference reports"),
 }
-"""Kind of mark -> (short name, meaning)."""
+"""Kind of event on the timeline -> (short name, meaning)."""
 KIND_OF_EVENT = {"slip_onset": "slip", "light_reaches_rod": "rod"} | {n: n for n in ("stop", "stick", "slack", "taut", "halt")}
+"""Name of a reference's event -> its kind on the timeline."""
 
 
 def page_data(result: ComparisonResult) -> dict[str, Any]:
-    """Everything that the page's scripts need, as plain data: SI and radians, one list per quantity and run.
+    """Return all data of the page's scripts, as plain types: SI units and radians, one list per quantity and run.
 
     Raises
     ------
@@ -52,14 +53,14 @@ def page_data(result: ComparisonResult) -> dict[str, Any]:
     """
     if result.samples is None:
         raise ValueError("this result was read without its trajectories; make it again with `looping-pendulum compare`")
-    rate = FINE if result.duration <= LONG else COARSE
-    look = styles(e.label for e in result.engines)
+    rate = FINE_RATE if result.duration <= LONG_RUN else COARSE_RATE
+    run_styles = styles(e.label for e in result.engines)
     p = Parameters(**result.parameters)
-    runs = [_reference(result, result.samples, p, rate)]
+    runs = [_reference_run(result, result.samples, p, rate)]
     for i, (engine, aligned) in enumerate(zip(result.engines, result.samples.aligned, strict=True), start=1):
-        style = look[engine.label]
-        drawn = {"colour": f"var(--run-{style.slot})", "dashes": list(style.dashes), "marker": style.marker}
-        runs.append(_engine(result, engine, aligned, p, rate) | drawn | {"id": f"run{i}"})
+        style = run_styles[engine.label]
+        drawing_style = {"colour": f"var(--run-{style.slot})", "dashes": list(style.dashes), "marker": style.marker}
+        runs.append(_engine_run(result, engine, aligned, p, rate) | drawing_style | {"id": f"run{i}"})
     return {
         "scenario": result.scenario,
         "duration": result.duration,
@@ -67,20 +68,20 @@ def page_data(result: ComparisonResult) -> dict[str, Any]:
         "string": p.release is not Release.DROP,
         "rate": rate,
         "runs": runs,
-        "modes": _modes(result.samples.reference),
+        "modes": _mode_intervals(result.samples.reference),
         "kinds": {kind: words[0] for kind, words in EVENT_KINDS.items()},
     }
 
 
-def _reference(result: ComparisonResult, samples: ResultSamples, p: Parameters, rate: int) -> dict[str, Any]:
+def _reference_run(result: ComparisonResult, samples: ResultSamples, p: Parameters, rate: int) -> dict[str, Any]:
     end = result.reference.end_time
     events = [
-        {"kind": KIND_OF_EVENT.get(event, "other"), "t": time, "words": EVENT_WORDS[event]}
-        for event, time in told_events(result.reference.events)
+        {"kind": KIND_OF_EVENT.get(event, "other"), "t": time, "words": EVENT_DESCRIPTIONS[event]}
+        for event, time in events_to_show(result.reference.events)
         if time <= result.duration
     ]
     halt = result.reference.landmarks.halting_time
-    halts = "" if p.release in STRINGLESS else "It never halts." if halt is None else f"It halts at {halt:.4f} s."
+    halts = "" if p.release in RELEASES_WITHOUT_STOPS else "It never halts." if halt is None else f"It halts at {halt:.4f} s."
     return {
         "id": "reference",
         "name": "reference",
@@ -92,40 +93,40 @@ def _reference(result: ComparisonResult, samples: ResultSamples, p: Parameters, 
         "gap": "",
         "caption": f"The exact model, solved far more finely than any engine. {halts}".strip(),
         "story": "",
-    } | _tracks(samples.reference, None, p, rate)
+    } | _sampled_motion(samples.reference, None, p, rate)
 
 
-def _engine(result: ComparisonResult, engine: EngineResult, aligned: Aligned, p: Parameters, rate: int) -> dict[str, Any]:
+def _engine_run(result: ComparisonResult, engine: EngineResult, aligned: Aligned, p: Parameters, rate: int) -> dict[str, Any]:
     gap = ""
     if not len(aligned.t):
-        said = engine.message.strip().splitlines()
-        gap = engine.status_sentence + (f" ({said[-1][:200]})" if said else "")
+        message_lines = engine.message.strip().splitlines()
+        gap = engine.status_sentence + (f" ({message_lines[-1][:200]})" if message_lines else "")
     return {
         "name": result.short_name(engine),
-        "events": _marks(engine, gap),
+        "events": _timeline_events(engine, gap),
         "end": engine.end_time,
         "gap": gap,
         "caption": caption(result, engine, p),
         "story": engine.story,
         "title": name(engine),
-    } | _tracks(aligned.run, aligned.distance, p, rate)
+    } | _sampled_motion(aligned.run, aligned.distance, p, rate)
 
 
-def _marks(engine: EngineResult, gap: str) -> list[dict[str, Any]]:
-    """Moments of an engine's run, from its landmarks, in the order of time."""
-    own = engine.landmarks
-    halt, end = own.halting_time, own.light_reaches_rod
-    marks = [("stop", stop.time, EVENT_WORDS["stop"]) for stop in own.stops if stop.time != halt]
-    marks += [("slip", time, EVENT_WORDS["slip_onset"]) for time in own.slip_onsets]
-    marks += [] if halt is None else [("halt", halt, EVENT_WORDS["halt"])]
-    marks += [] if end is None else [("rod", end, EVENT_WORDS["light_reaches_rod"])]
+def _timeline_events(engine: EngineResult, gap: str) -> list[dict[str, Any]]:
+    """Return the events of an engine's run, from its landmarks, in order of time."""
+    landmarks = engine.landmarks
+    halt, end = landmarks.halting_time, landmarks.light_reaches_rod
+    events = [("stop", stop.time, EVENT_DESCRIPTIONS["stop"]) for stop in landmarks.stops if stop.time != halt]
+    events += [("slip", time, EVENT_DESCRIPTIONS["slip_onset"]) for time in landmarks.slip_onsets]
+    events += [] if halt is None else [("halt", halt, EVENT_DESCRIPTIONS["halt"])]
+    events += [] if end is None else [("rod", end, EVENT_DESCRIPTIONS["light_reaches_rod"])]
     if not engine.ok and not gap and engine.end_time is not None:
-        marks.append(("broke", engine.end_time, engine.status_sentence))
-    return [{"kind": kind, "t": time, "words": words} for kind, time, words in sorted(marks, key=lambda m: m[1])]
+        events.append(("broke", engine.end_time, engine.status_sentence))
+    return [{"kind": kind, "t": time, "words": words} for kind, time, words in sorted(events, key=lambda event: event[1])]
 
 
 def caption(result: ComparisonResult, engine: EngineResult, p: Parameters) -> str:
-    """Return one honest line on a run: who supplies the friction, when it halts, what it lacks."""
+    """Return one line about a run: who supplies the friction, when it halts, what it lacks."""
     supplies = engine.provenance.supplies
     parts = [_friction(supplies, p), _halting(engine, result.reference.sampled), _lacks(engine)]
     if not engine.ok:
@@ -134,7 +135,7 @@ def caption(result: ComparisonResult, engine: EngineResult, p: Parameters) -> st
 
 
 def _friction(supplies: tuple[SupplyEntry, ...], p: Parameters) -> str:
-    if "friction_law" not in needed_physics(p):
+    if "friction_law" not in physics_of(p):
         return "Friction plays no part here."
     entry = next((s for s in supplies if s.what == "friction law"), None)
     if entry is None:
@@ -147,29 +148,32 @@ def _friction(supplies: tuple[SupplyEntry, ...], p: Parameters) -> str:
     return f"{who[entry.by]}: {entry.how}."
 
 
-def _halting(engine: EngineResult, true: Landmarks) -> str:
-    own = engine.landmarks.halting_time
+def _halting(engine: EngineResult, reference: Landmarks) -> str:
+    halting_time = engine.landmarks.halting_time
     if engine.not_comparable:
         return f"Its halt is not comparable: {engine.not_comparable}."
-    late = engine.metrics["halting_time_error"]
-    if late is not None:
-        return f"Halts at {own:.4f} s, {quantity(abs(late), 's')} {'after' if late > 0 else 'before'} the reference."
-    if own is not None:
-        return f"Comes to rest at {own:.4f} s; the reference never does."
-    if true.halting_time is None or engine.end_time is None:
+    delay = engine.metrics["halting_time_error"]
+    if delay is not None:
+        return f"Halts at {halting_time:.4f} s, {quantity(abs(delay), 's')} {'after' if delay > 0 else 'before'} the reference."
+    if halting_time is not None:
+        return f"Comes to rest at {halting_time:.4f} s; the reference never does."
+    if reference.halting_time is None or engine.end_time is None:
         return ""
-    if engine.end_time < true.halting_time:
+    if engine.end_time < reference.halting_time:
         return f"Its run ends at {engine.end_time:.3f} s, before the reference halts."
     return f"Does not halt by {engine.end_time:.2f} s."
 
 
 def _lacks(engine: EngineResult) -> str:
-    missing = [PHYSICS_WORDS[what] for what in engine.lacks]
+    missing = [PHYSICS_DESCRIPTIONS[what] for what in engine.lacks]
     return f"Lacks {' and '.join(missing)}." if missing else "No physics is declared missing."
 
 
-def _tracks(run: Trajectory, distance: Array | None, p: Parameters, rate: int) -> dict[str, Any]:
-    """Lists at ``rate`` per second from the release to the run's end; unknown values are None."""
+def _sampled_motion(run: Trajectory, distance: Array | None, p: Parameters, rate: int) -> dict[str, Any]:
+    """Return lists of the motion at ``rate`` per second from the release to the run's end; unknown values are None.
+
+    Positions are left out where free length and wrap angle give them, and the page's scripts compute them.
+    """
     if not len(run.t):
         return {"count": 0}
     t = np.arange(int(run.t[-1] * rate + 1e-6) + 1) / rate
@@ -178,43 +182,47 @@ def _tracks(run: Trajectory, distance: Array | None, p: Parameters, rate: int) -
         return np.interp(t, run.t, values)
 
     x, y, free_length, wrap_angle = *map(at, run.light_position.T), at(run.free_length), at(run.wrap_angle)
-    tracks: dict[str, Any] = {"count": len(t), "drop": _rounded(at(run.heavy_drop), 6)}
+    motion: dict[str, Any] = {"count": len(t), "drop": _rounded(at(run.heavy_drop), 6)}
     heavy_x, heavy_y = run.heavy_position.T
-    tracks["heavy"] = [round(float(heavy_x[0]), 6), round(float(heavy_y[0]), 6)]
-    if np.ptp(heavy_x) > SAME_PLACE:
-        tracks["heavy_x"] = _rounded(at(heavy_x), 5)
+    motion["heavy"] = [round(float(heavy_x[0]), 6), round(float(heavy_y[0]), 6)]
+    if np.ptp(heavy_x) > POSITION_TOLERANCE:
+        motion["heavy_x"] = _rounded(at(heavy_x), 5)
     if p.release is not Release.DROP:
-        tracks |= {"length": _rounded(free_length, 6), "angle": _rounded(wrap_angle, 5)}
-    off = np.hypot(*(np.array(light_position(np, free_length, wrap_angle, p.rod_radius)) - (x, y)))
-    if np.isnan(off).any() or off.max() > SAME_PLACE:
-        tracks |= {"x": _rounded(x, 6), "y": _rounded(y, 6)}
+        motion |= {"length": _rounded(free_length, 6), "angle": _rounded(wrap_angle, 5)}
+    error = np.hypot(*(np.array(light_position(np, free_length, wrap_angle, p.rod_radius)) - (x, y)))
+    if np.isnan(error).any() or error.max() > POSITION_TOLERANCE:
+        motion |= {"x": _rounded(x, 6), "y": _rounded(y, 6)}
     light, heavy = run.light_tension, run.heavy_tension
     if light is None and heavy is None:
         light, heavy = tension_from_motion(run, p)
     for key, tension in (("light_tension", light), ("heavy_tension", heavy)):
         if tension is not None and not np.isnan(tension).all():
-            tracks[key] = _rounded(at(tension), 5)
+            motion[key] = _rounded(at(tension), 5)
     if distance is not None:
-        tracks["distance"] = _rounded(at(distance), 8)
-    return tracks
+        motion["distance"] = _rounded(at(distance), 8)
+    return motion
 
 
 def _rounded(values: Array, decimals: int) -> list[float | None]:
     return [round(v, decimals) if np.isfinite(v) else None for v in values.tolist()]
 
 
-def _modes(reference: Trajectory) -> list[dict[str, Any]]:
-    """What the reference does, as stretches of time [s]."""
+def _mode_intervals(reference: Trajectory) -> list[dict[str, Any]]:
+    """Return the time intervals of the reference's modes: each one's start [s], description and kind."""
     changes = np.flatnonzero(np.diff(reference.mode)) + 1
     starts = [0, *changes.tolist()]
     return [
-        {"from": float(reference.t[i]), "words": mode_words(int(reference.mode[i])), "moves": _moves(int(reference.mode[i]))}
+        {
+            "from": float(reference.t[i]),
+            "words": mode_description(int(reference.mode[i])),
+            "moves": _interval_kind(int(reference.mode[i])),
+        }
         for i in starts
     ]
 
 
-def _moves(mode: int) -> str:
-    """Kind of stretch, for its pattern on the timeline."""
+def _interval_kind(mode: int) -> str:
+    """Return the kind of an interval, which has a pattern of its own on the timeline."""
     if mode == UNKNOWN_MODE:
         return "unknown"
     known = Mode(mode)

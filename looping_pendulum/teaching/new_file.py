@@ -1,4 +1,4 @@
-"""A scenario or a study, written by asking. What is written has been loaded, so it is never a file that the program refuses."""
+"""Ask for a scenario or a study, and write its YAML; the text is loaded before it is returned, so it is always valid."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ SCENARIO_HEAD = """\
 STUDY_HEAD = """\
 # "+/-" is the standard error of what was measured; "free" is what nobody knows. Then: looping-pendulum identify THIS_FILE
 """
-STATIC = "string.static_friction"
-NOT_ASKED = {Release.VERTICAL: ("release.angle",), Release.HELD: ("string.kinetic_friction", STATIC, "heavy.drag")}
-"""Release -> questions that mean nothing for it."""
-KEPT = ("gravity", "light.radius", "effects")
-"""Not asked for, but kept where the scenario that the defaults are from has them."""
-DECLARED = "capstan, light_drag, heavy_drag"
-"""Effects that most experimenters believe in, beside gravity."""
-ERRORS = {
+STATIC_FRICTION_KEY = "string.static_friction"
+NOT_ASKED = {Release.VERTICAL: ("release.angle",), Release.HELD: ("string.kinetic_friction", STATIC_FRICTION_KEY, "heavy.drag")}
+"""Release -> keys of the questions that have no meaning for it."""
+COPIED_KEYS = ("gravity", "light.radius", "effects")
+"""Keys that are not asked for, but copied from the scenario that supplies the defaults, if it has them."""
+USUAL_EFFECTS = "capstan, light_drag, heavy_drag"
+"""Default of the effects that a study declares, beside gravity: those that most experimenters expect."""
+USUAL_ERRORS = {
     "light.mass": "0.5 %",
     "heavy.mass": "0.5 %",
     "rod.radius": "1 %",
@@ -45,7 +45,7 @@ ERRORS = {
     "release.free_length": "1 mm",
     "release.hanging_length": "1 mm",
 }
-"""Key -> the error that a kitchen scale, a ruler and a protractor leave."""
+"""Key -> default of its standard error, as measured with a kitchen scale, a ruler and a protractor."""
 
 
 def new_scenario(ask: Ask, *, name: str, like: str, given: Mapping[str, str]) -> tuple[str, Scenario]:
@@ -56,49 +56,49 @@ def new_scenario(ask: Ask, *, name: str, like: str, given: Mapping[str, str]) ->
     ask
         How to ask; see `questions.Ask`.
     name
-        Of the scenario, for errors and the default title.
+        Name of the scenario, for error messages and the default title.
     like
         Shipped scenario, or file, whose numbers are the defaults.
     given
-        Key -> answer that is not asked for, "light.mass" -> "12 g"; other keys of a scenario file are written as they are.
+        Key -> answer of a question that is then not asked, "light.mass" -> "12 g"; further keys of a scenario file are copied.
 
     Returns
     -------
     text : str
-        YAML.
+        YAML of the file.
     scenario : Scenario
-        What it loads to.
+        The scenario that the file loads to.
 
     Raises
     ------
     ScenarioError
-        If the answers are impossible together.
+        If the answers contradict each other.
     """
-    pattern, usual = _written(like), _written("ten_to_one")
+    defaults, usual = _scenario_tree(like), _scenario_tree("ten_to_one")
     answer = _Answers(ask, given)
     tree: Tree = {"title": answer("title", "Title, a few words", name.replace("_", " "), check_text)}
-    for key in KEPT:
-        if (value := _at(pattern, key)) is not None:
-            _put(tree, key, value)
+    for key in COPIED_KEYS:
+        if (value := _get(defaults, key)) is not None:
+            _set(tree, key, value)
     kinds = "; ".join(f"{kind}: {words}" for kind, words in RELEASES.items())
-    kind = answer("release.kind", f"Kind of release ({kinds})", _at(pattern, "release.kind"), check_release)
+    kind = answer("release.kind", f"Kind of release ({kinds})", _get(defaults, "release.kind"), check_release)
     for key, question in QUESTIONS.items():
         if key in NOT_ASKED.get(Release(kind), ()):
             continue
-        if key == STATIC and _at(pattern, key) in (None, _at(pattern, "string.kinetic_friction")):
+        if key == STATIC_FRICTION_KEY and _get(defaults, key) in (None, _get(defaults, "string.kinetic_friction")):
             continue  # one coefficient is enough where the defaults are from; the file takes the kinetic one for both
-        default = _at(pattern, key)
-        default = _at(usual, key) if default is None else default
-        _put(tree, key, answer(key, question.words, str(default), question.check))
-    _put(tree, "release.kind", kind)
-    for key, value in answer.left.items():
-        _put(tree, key, value)
+        default = _get(defaults, key)
+        default = _get(usual, key) if default is None else default
+        _set(tree, key, answer(key, question.text, str(default), question.check))
+    _set(tree, "release.kind", kind)
+    for key, value in answer.unused.items():
+        _set(tree, key, value)
     text = SCENARIO_HEAD + _yaml(tree, ("title", "light", "heavy", "rod", "string", "gravity", "release", "duration"))
     return text, loader.load_text(text, f"{name}.yaml")
 
 
-def outlook(scenario: Scenario) -> str:
-    """One line on what the exact reference says will happen."""
+def expected_motion(scenario: Scenario) -> str:
+    """Return one line on the motion that the exact reference predicts."""
     run = solve(scenario.parameters, duration=max(DURATION, scenario.duration))
     if scenario.parameters.release in (Release.HELD, Release.DROP):
         return f"The reference ends it after {run.end_time:.2f} s ({run.end.event})."
@@ -114,40 +114,42 @@ def new_study(ask: Ask, *, name: str, folder: Path, files: Sequence[str], given:
     Parameters
     ----------
     folder
-        Where the study file will stand; paths of the trials are written from there.
+        Folder of the study file; the trials' paths are written relative to it.
     files
-        The trials' files, from the current folder; none: they are asked for.
+        The trials' files, relative to the current folder; if empty, they are asked for.
 
     Returns
     -------
     str
-        YAML that loads.
+        YAML of the file.
 
     Raises
     ------
     StudyError
-        If the answers are impossible together.
+        If the answers contradict each other.
     """
     for file in files:
         if not Path(file).exists():
             raise AnswerError(f"--trial: found no file {quote(file)}, needed the file of a trial's marks; correct the path")
-    pattern = _written(like)
+    defaults = _scenario_tree(like)
     answer = _Answers(ask, given)
     tree: Tree = {"title": answer("title", "Title, a few words", name.replace("_", " "), check_text), "apparatus": {}}
     for key in ("light.mass", "rod.radius"):
-        _put(tree["apparatus"], key, answer.measured(key, key, pattern))
-    believed = answer("effects", "Effects that you believe act, beside gravity", DECLARED, check_effects)
-    tree["effects"] = {"gravity": "9.81 m/s^2"} | {effect: "free" for effect in _listed(believed)}
+        _set(tree["apparatus"], key, answer.measured(key, key, defaults))
+    declared_effects = answer("effects", "Effects that you believe act, beside gravity", USUAL_EFFECTS, check_effects)
+    tree["effects"] = {"gravity": "9.81 m/s^2"} | {effect: "free" for effect in _split_effects(declared_effects)}
     count = len(files) or int(answer("count", "How many trials were filmed", "2", _check_count))
-    tree["trials"] = [_trial(answer, i, count, files[i] if files else "", folder=folder, pattern=pattern) for i in range(count)]
-    for key in answer.left:
+    tree["trials"] = [
+        _trial(answer, i, count, files[i] if files else "", folder=folder, defaults=defaults) for i in range(count)
+    ]
+    for key in answer.unused:
         raise AnswerError(f"--set: found {key!r}, which is not asked for; ask for the file and change it there")
     text = STUDY_HEAD + _yaml(tree, ("title", "apparatus", "effects", "trials"))
     study_io.load_text(text, f"{name}.yaml", folder)
     return text
 
 
-def _trial(answer: _Answers, index: int, count: int, file: str, *, folder: Path, pattern: Tree) -> Tree:
+def _trial(answer: _Answers, index: int, count: int, file: str, *, folder: Path, defaults: Tree) -> Tree:
     """Ask for one trial."""
     at, first = f"trials.{index + 1}", index == 0
     tracks = {
@@ -156,7 +158,7 @@ def _trial(answer: _Answers, index: int, count: int, file: str, *, folder: Path,
     }
 
     def check_file(path: str) -> str:
-        return check_marks(path, tracks)
+        return check_tracked_points(path, tracks)
 
     path = file
     if file:
@@ -165,23 +167,23 @@ def _trial(answer: _Answers, index: int, count: int, file: str, *, folder: Path,
         path = answer(f"{at}.file", f"Trial {index + 1}: file of its marks", f"trial{index + 1}.csv", check_file)
     tree: Tree = {"name": Path(path).stem, "file": Path(os.path.relpath(path, folder)).as_posix(), "tracks": tracks}
     held_out = "no" if count == 1 or index < count - 1 else "yes"
-    asked = f"Trial {index + 1}: keep it away from the fit, to judge the verdict on"
-    if answer(f"{at}.held_out", asked, held_out, _check_yes) == "yes":
+    asked_question = f"Trial {index + 1}: keep it away from the fit, to judge the verdict on"
+    if answer(f"{at}.held_out", asked_question, held_out, _check_yes_or_no) == "yes":
         tree["held_out"] = "true"
     keys = ("heavy.mass", "release.angle", "release.free_length", "release.hanging_length")
     for key in keys:
-        before = None if first else answer.last.get(key)
-        _put(tree, key, answer.measured(f"{at}.{key}", key, pattern, before, lead=f"Trial {index + 1}: "))
+        before = None if first else answer.last_measured.get(key)
+        _set(tree, key, answer.measured(f"{at}.{key}", key, defaults, before, lead=f"Trial {index + 1}: "))
     return tree
 
 
-def check_marks(path: str, tracks: Mapping[str, str]) -> str:
-    """Read a file of marks; a file that is not there yet is only warned of.
+def check_tracked_points(path: str, tracks: Mapping[str, str]) -> str:
+    """Read a file of tracked points; return its summary, or a warning if it does not exist yet.
 
     Raises
     ------
     AnswerError
-        If it is there and cannot be used.
+        If it exists and cannot be used.
     """
     if not Path(path).exists():
         return f"{path} is not there yet; put it there before `identify`"
@@ -192,14 +194,14 @@ def check_marks(path: str, tracks: Mapping[str, str]) -> str:
 
 
 def check_effects(answer: str) -> str:
-    """Accept names of effects, separated by commas.
+    """Check names of effects, separated by commas.
 
     Raises
     ------
     AnswerError
         If one is unknown, or has no value to start from.
     """
-    for effect in _listed(answer):
+    for effect in _split_effects(answer):
         if effect not in EFFECTS:
             raise AnswerError(
                 f"found an unknown effect '{effect}', needed some of: {', '.join(EFFECTS)}{suggest(effect, EFFECTS)}"
@@ -210,7 +212,8 @@ def check_effects(answer: str) -> str:
     return ""
 
 
-def _listed(answer: str) -> list[str]:
+def _split_effects(answer: str) -> list[str]:
+    """Return the names of effects in an answer, without gravity, which every study has."""
     return [effect for part in answer.split(",") if (effect := part.strip()) and effect != "gravity"]
 
 
@@ -220,57 +223,59 @@ def _check_count(answer: str) -> str:
     return "with a single trial, blocks of time are held out; a second trial tells more" if answer == "1" else ""
 
 
-def _check_yes(answer: str) -> str:
+def _check_yes_or_no(answer: str) -> str:
     if answer not in ("yes", "no"):
         raise AnswerError(f"expected yes or no, got '{answer}'")
     return ""
 
 
 class _Answers:
-    """Asks, unless an answer was given beforehand, which is checked all the same."""
+    """Asks for answers, except for those that were given beforehand, which are checked in the same way."""
 
     def __init__(self, ask: Ask, given: Mapping[str, str]) -> None:
         self._ask = ask
-        self.left = dict(given)
-        self.last: dict[str, str] = {}
-        """Key of a scenario -> last answer that was measured."""
+        self.unused = dict(given)
+        self.last_measured: dict[str, str] = {}
+        """Key of a scenario -> the previous trial's answer to a question about a measurement."""
 
     def __call__(self, key: str, words: str, default: str, check: Any) -> str:
-        if key not in self.left:
+        if key not in self.unused:
             return self._ask(words, default, check)
-        given = self.left.pop(key)
+        given = self.unused.pop(key)
         try:
             check(given)
         except AnswerError as error:
             raise AnswerError(f"--set {key}: {error}") from None
         return given
 
-    def measured(self, key: str, question: str, pattern: Tree, before: str | None = None, lead: str = "") -> str:
-        """Ask for a number with its error."""
-        asked = QUESTIONS[question]
-        default = before or f"{_at(pattern, question)} +/- {ERRORS[question]}"
-        self.last[question] = self(key, lead + asked.words, default, asked.check_measured)
-        return self.last[question]
+    def measured(self, key: str, question: str, defaults: Tree, before: str | None = None, lead: str = "") -> str:
+        """Ask for a quantity with its standard error."""
+        asked_question = QUESTIONS[question]
+        default = before or f"{_get(defaults, question)} +/- {USUAL_ERRORS[question]}"
+        self.last_measured[question] = self(key, lead + asked_question.text, default, asked_question.check_measured)
+        return self.last_measured[question]
 
 
-def _written(scenario: str) -> Tree:
-    """A scenario as its file's tree."""
+def _scenario_tree(scenario: str) -> Tree:
+    """Return the content of a scenario's file."""
     tree: Tree = yaml.safe_load(loader.dump(loader.load(scenario)))
     return tree
 
 
-def _at(tree: Tree, key: str) -> Any:
+def _get(tree: Tree, key: str) -> Any:
+    """Return the value of a dotted key, or None."""
     value: Any = tree
     for part in key.split("."):
         value = value.get(part) if isinstance(value, dict) else None
     return value
 
 
-def _put(tree: Tree, key: str, value: str) -> None:
-    *groups, last = key.split(".")
+def _set(tree: Tree, key: str, value: str) -> None:
+    """Set the value of a dotted key, adding the mappings that it needs."""
+    *groups, last_measured = key.split(".")
     for group in groups:
         tree = tree.setdefault(group, {})
-    tree[last] = value
+    tree[last_measured] = value
 
 
 def _yaml(tree: Tree, order: Sequence[str]) -> str:
@@ -279,7 +284,7 @@ def _yaml(tree: Tree, order: Sequence[str]) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Numbers and flags instead of their text, which YAML would put in quotes."""
+    """Convert texts of numbers and flags to numbers and flags, as YAML would put the texts in quotes."""
     if isinstance(value, dict):
         return {key: inner if key in ("title", "name", "file") else _plain(inner) for key, inner in value.items()}
     if isinstance(value, list):

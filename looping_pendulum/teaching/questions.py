@@ -1,6 +1,6 @@
-"""What `new` asks for, as data: each question with its default, what may be answered, and what is usual.
+"""The questions of `new`, as data: their order, their texts and the usual range of the answers.
 
-What a key takes, with its unit and bounds, is the scenario file's own schema; here stand only the questions' order and words.
+Unit and bounds of each key are those of the scenario file's schema.
 """
 
 from __future__ import annotations
@@ -32,19 +32,20 @@ Ask = Callable[[str, str, Check], str]
 
 @dataclass(frozen=True, kw_only=True)
 class Question:
-    """One number of a scenario or study."""
+    """A question for one quantity of a scenario or study."""
 
     key: str
-    """Where the file writes it, "light.mass"."""
-    words: str
+    """Key of the quantity in the file, "light.mass"."""
+    text: str
+    """Text of the question."""
     unit: str
-    """SI; '' for a plain number."""
+    """SI unit; '' for a plain number."""
     usual: tuple[float, float]
-    """Range of what stands on a table at school or at home [SI]; outside it a warning, not an error."""
-    above: bool = True
-    """Whether 0 is refused."""
-    highest: float = float("inf")
-    """Largest value that the file takes [SI]."""
+    """Range of apparatus that fits on a table at school or at home [SI]; outside it there is a warning, not an error."""
+    positive: bool = True
+    """Whether the value must be above 0; otherwise 0 is allowed."""
+    maximum: float = float("inf")
+    """Largest value that the file allows [SI]."""
 
     def check(self, answer: str) -> str:
         """Read an answer such as "12 g"; return a warning if it is unusual.
@@ -54,7 +55,7 @@ class Question:
         AnswerError
             If it is no quantity of this kind.
         """
-        return self._judged(read(QuantityField(self._kind), answer))
+        return self._warning_if_unusual(read(QuantityField(self._kind), answer))
 
     def check_measured(self, answer: str) -> str:
         """Read an answer such as "12 g +/- 1 %"; return a warning if it is unusual, or has no error.
@@ -69,13 +70,13 @@ class Question:
         except PydanticCustomError as error:
             raise AnswerError(str(error)) from None
         exact = "" if estimate.uncertain else "taken as exact, as no error was given; write for example '+/- 1 %' behind it"
-        return "; ".join(filter(None, (self._judged(estimate.value), exact)))
+        return "; ".join(filter(None, (self._warning_if_unusual(estimate.value), exact)))
 
     @property
     def _kind(self) -> QuantityKind:
-        return QuantityKind(unit=self.unit, low=0.0, high=self.highest, above_low=self.above)
+        return QuantityKind(unit=self.unit, low=0.0, high=self.maximum, exclusive_low=self.positive)
 
-    def _judged(self, value: float) -> str:
+    def _warning_if_unusual(self, value: float) -> str:
         low, high = self.usual
         if low <= value <= high:
             return ""
@@ -83,12 +84,12 @@ class Question:
 
 
 def read(quantity: QuantityField, answer: str) -> float:
-    """Value [SI] of an answer.
+    """Return the value [SI] of an answer.
 
     Raises
     ------
     AnswerError
-        If it cannot be one.
+        If it is no quantity of this kind.
     """
     try:
         return quantity.read(answer)
@@ -96,9 +97,9 @@ def read(quantity: QuantityField, answer: str) -> float:
         raise AnswerError(str(error)) from None
 
 
-def _coefficient(name: str, words: str, usual: tuple[float, float]) -> Question:
+def _coefficient(name: str, text: str, usual: tuple[float, float]) -> Question:
     c = effect_library.COEFFICIENTS[name]
-    return Question(key=FILE_KEYS[name], words=words, unit=c.unit, usual=usual, above=False, highest=c.bounds[1])
+    return Question(key=FILE_KEYS[name], text=text, unit=c.unit, usual=usual, positive=False, maximum=c.bounds[1])
 
 
 _DEGREE = 0.017453292519943295
@@ -106,9 +107,9 @@ QUESTIONS: Mapping[str, Question] = MappingProxyType(
     {
         q.key: q
         for q in (
-            Question(key="light.mass", words="Light mass M1, which whips round the rod", unit="kg", usual=(1e-3, 0.2)),
-            Question(key="heavy.mass", words="Heavy mass M2, which falls", unit="kg", usual=(5e-3, 2.0)),
-            Question(key="rod.radius", words="Radius of the rod (half its diameter)", unit="m", usual=(5e-4, 0.05)),
+            Question(key="light.mass", text="Light mass M1, which loops around the rod", unit="kg", usual=(1e-3, 0.2)),
+            Question(key="heavy.mass", text="Heavy mass M2, which falls", unit="kg", usual=(5e-3, 2.0)),
+            Question(key="rod.radius", text="Radius of the rod (half its diameter)", unit="m", usual=(5e-4, 0.05)),
             _coefficient("kinetic_friction", "Friction coefficient of the string on the rod", (0.05, 1.0)),
             _coefficient("static_friction", "Friction coefficient of the string before it slides", (0.05, 1.5)),
             _coefficient("light_drag", "Air drag of the light mass (C rho A / 2)", (0.0, 0.01)),
@@ -116,18 +117,18 @@ QUESTIONS: Mapping[str, Question] = MappingProxyType(
             _coefficient("string_drag", "Air drag of the string, per length", (0.0, 0.01)),
             Question(
                 key="release.angle",
-                words="Angle of the string at release (90 deg is level, 180 deg straight down)",
+                text="Angle of the string at release (90 deg is level, 180 deg straight down)",
                 unit="rad",
                 usual=(30 * _DEGREE, 150 * _DEGREE),
-                highest=360 * _DEGREE,
+                maximum=360 * _DEGREE,
             ),
-            Question(key="release.free_length", words="String from the rod to the light mass", unit="m", usual=(0.1, 3.0)),
-            Question(key="release.hanging_length", words="String from the rod to the heavy mass", unit="m", usual=(5e-3, 1.0)),
-            Question(key="duration", words="How long to watch", unit="s", usual=(0.2, 10.0), highest=3600.0),
+            Question(key="release.free_length", text="String from the rod to the light mass", unit="m", usual=(0.1, 3.0)),
+            Question(key="release.hanging_length", text="String from the rod to the heavy mass", unit="m", usual=(5e-3, 1.0)),
+            Question(key="duration", text="How long to watch", unit="s", usual=(0.2, 10.0), maximum=3600.0),
         )
     }
 )
-"""Key of a scenario file -> its question, in the order in which they are asked."""
+"""Key of a scenario file -> its question, in the order of asking."""
 
 RELEASES = {
     Release.LOOPING.value: "the demonstration: both free",
@@ -135,16 +136,16 @@ RELEASES = {
     Release.HELD.value: "the heavy one is held, the light one swings",
     Release.DROP.value: "no string, both fall",
 }
-"""Kind of release -> what it is."""
+"""Kind of release -> its description."""
 
 
 def check_release(answer: str) -> str:
-    """Accept a kind of release.
+    """Check a kind of release.
 
     Raises
     ------
     AnswerError
-        If it is none.
+        If there is no such kind.
     """
     if answer not in RELEASES:
         raise AnswerError(f"expected one of {', '.join(RELEASES)}, got '{answer}'")
@@ -152,12 +153,12 @@ def check_release(answer: str) -> str:
 
 
 def check_text(answer: str) -> str:
-    """Accept any text of one line.
+    """Check that an answer is a text of one line.
 
     Raises
     ------
     AnswerError
-        If it is empty or has odd characters.
+        If it is empty or has unprintable characters.
     """
     if not answer.strip() or not answer.isprintable():
         raise AnswerError("expected a few words on one line, got nothing readable")

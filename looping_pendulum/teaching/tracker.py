@@ -1,4 +1,4 @@
-"""A motion as a file that the program Tracker draws on a video as an external model: one row per frame.
+"""Write a motion as a file that the program Tracker draws on a video as an external model: one row per frame.
 
 Tracker puts row after row on frame after frame, so the rows have the video's own frame times. Metres; origin at the rod's axis,
 x right and y up, as the guide (docs/tracker.md) has a student set the axes in Tracker.
@@ -24,28 +24,31 @@ from looping_pendulum.scenarios import loader, text_table
 from looping_pendulum.scenarios.scenario import Scenario
 
 HEADER = ("t", "heavyx", "heavyy", "lightx", "lighty")
-"""Columns of the file: two points, "heavy" and "light"; time in s, places in m."""
+"""Columns of the file: time [s] and positions of two points, "heavy" and "light" [m]."""
 
 FRAME_RATE = 240.0
-"""Slow motion of many phones [frames per second]."""
+"""Default frame rate, that of many phones' slow motion [frames per second]."""
 
-LATEST_START = 86400.0
-"""[s]; a video of a day."""
+MAX_START = 86400.0
+"""Latest release by the video's clock [s]: a video of one day."""
 
-MOST_FRAMES = 1_000_000
-"""An hour at the usual `FRAME_RATE` has 864 000."""
+MAX_FRAMES = 1_000_000
+"""Largest number of rows; an hour at `FRAME_RATE` has 864 000 frames."""
 
-LARGEST_FILE = 64 * 1024 * 1024
-"""[bytes]; a run has 1000 rows a second, of some 200 bytes each."""
+MAX_FILE_SIZE = 64 * 1024 * 1024
+"""Largest size of a run's file [bytes]; a run has 1000 rows per second, of some 200 bytes each."""
 
-LARGEST_NUMBER = 1e6
-"""Of a run's file [s, m or m/s]: what is beyond it is no motion of this apparatus."""
+MAX_NUMBER = 1e6
+"""Largest number in a run's file [s, m or m/s]: beyond it there is no motion of this apparatus."""
 
-NO_FRAME = 1e-9
-"""A frame this little before the release [frames] still counts as at it: 0.35 s at 240 frames a second is no round number."""
+FRAME_ROUNDING = 1e-9
+"""Rounding error of a frame number [frames]: a frame this little before the release counts as at it.
 
-Places = Callable[[Array], tuple[Array, Array]]
-"""Times since the release [s], shape (n,) -> places of the heavy and of the light mass [m], each of shape (n, 2)."""
+The release of a video is a product such as 0.35 s times 240 frames per second, which is not exact.
+"""
+
+PositionsAt = Callable[[Array], tuple[Array, Array]]
+"""Times since the release [s], shape (n,) -> positions of the heavy and of the light mass [m], each of shape (n, 2)."""
 
 
 class TrackerError(HarnessError, ValueError):
@@ -54,81 +57,82 @@ class TrackerError(HarnessError, ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class TrackedMotion:
-    """A motion that can be looked up at any time."""
+    """A motion whose positions are known at any time."""
 
     name: str
-    """What moved, "ten_to_one, pymunk:chain"."""
+    """Name of the scenario and the engine, "ten_to_one, pymunk:chain"."""
     end: float
-    """Last time that is known [s]."""
-    places: Places
+    """End of the motion, since the release [s]."""
+    positions: PositionsAt
 
 
 @dataclass(frozen=True, kw_only=True)
 class Overlay:
-    """A motion at the frames of a video."""
+    """Positions of a motion at the frames of a video."""
 
     name: str
+    """Name of the motion."""
     first_frame: int
-    """Frame of the video that the first row belongs to."""
+    """Number of the video's frame that the first row belongs to."""
     frame_rate: float
-    """[frames per second]"""
+    """True frame rate of the video [frames per second]."""
     t: Array
     """Times by the video's clock [s], shape (n,)."""
     heavy: Array
-    """[m], shape (n, 2)."""
+    """Positions of the heavy mass [m], shape (n, 2)."""
     light: Array
-    """[m], shape (n, 2)."""
+    """Positions of the light mass [m], shape (n, 2)."""
 
     def to_csv(self) -> str:
-        """Text of the file; numbers have all their digits, so that they read back as they are."""
+        """Return the text of the file; numbers have all their digits, so that they read back unchanged."""
         rows = np.column_stack([self.t, self.heavy, self.light]).tolist()
         return "\n".join([",".join(HEADER), *(",".join(map(repr, row)) for row in rows)]) + "\n"
 
 
 def overlay(motion: TrackedMotion, *, frame_rate: float = FRAME_RATE, start: float = 0.0) -> Overlay:
-    """Look ``motion`` up at the frames of a video.
+    """Return the positions of ``motion`` at the frames of a video.
 
     Parameters
     ----------
     frame_rate
         True frame rate of the video [frames per second].
     start
-        When the masses are released, by the video's clock [s].
+        Time of the release by the video's clock [s].
 
     Raises
     ------
     TrackerError
-        If the frames are impossible, or none falls into the motion.
+        If frame rate or start are out of range, or no frame falls into the motion.
     """
     if not (math.isfinite(frame_rate) and 0 < frame_rate <= 1e5):
         raise TrackerError(f"--fps: found {frame_rate:g}, needed frames per second above 0; write for example --fps 240")
-    if not 0 <= start <= LATEST_START:
-        needed = f"the time of the release in the video, 0 s to {LATEST_START:.0f} s"
+    if not 0 <= start <= MAX_START:
+        needed = f"the time of the release in the video, 0 s to {MAX_START:.0f} s"
         raise TrackerError(f"--start: found {start:g}, needed {needed}; write for example --start 0.35")
-    first = math.ceil(start * frame_rate - NO_FRAME)
-    last = math.floor((start + motion.end) * frame_rate + NO_FRAME)
+    first = math.ceil(start * frame_rate - FRAME_ROUNDING)
+    last = math.floor((start + motion.end) * frame_rate + FRAME_ROUNDING)
     if last < first:
         raise TrackerError(
             f"--fps: found {frame_rate:g}, at which no frame falls into the {motion.end:g} s of {motion.name}; raise it"
         )
-    if last - first >= MOST_FRAMES:
+    if last - first >= MAX_FRAMES:
         found = f"found {frame_rate:g}, at which {motion.name} lasts {last - first + 1} frames"
-        raise TrackerError(f"--fps: {found}, needed at most {MOST_FRAMES}; lower it")
+        raise TrackerError(f"--fps: {found}, needed at most {MAX_FRAMES}; lower it")
     t = np.arange(first, last + 1) / frame_rate
-    heavy, light = motion.places(np.clip(t - start, 0.0, motion.end))
+    heavy, light = motion.positions(np.clip(t - start, 0.0, motion.end))
     return Overlay(name=motion.name, first_frame=first, frame_rate=frame_rate, t=t, heavy=heavy, light=light)
 
 
 def find_motion(source: str, engine: str | None = None, profile: Profile = Profile.QUICK) -> TrackedMotion:
-    """Return the motion that a user means.
+    """Return the motion that ``source`` and ``engine`` name.
 
     Parameters
     ----------
     source
-        A scenario's name or file: then the exact reference, or ``engine``, runs it. Or a folder that `compare` wrote: then its
-        reference, or the run of ``engine`` in it. Or one CSV file of a run.
+        Name or file of a scenario, which the exact reference or ``engine`` then runs; or a folder that `compare` wrote, of
+        which the reference or the run of ``engine`` is taken; or one CSV file of a run.
     engine
-        "mujoco:capstan"; None: the exact reference.
+        Variant, "mujoco:capstan"; None: the exact reference.
 
     Raises
     ------
@@ -139,50 +143,50 @@ def find_motion(source: str, engine: str | None = None, profile: Profile = Profi
     """
     path = Path(source)
     if path.is_dir():
-        return _motion_of_file(_file_in(path, engine))
+        return _motion_of_file(_file_of_run(path, engine))
     if path.suffix.lower() == ".csv" and path.is_file():
         if engine is not None:
             raise TrackerError(f"--engine: found {engine!r} beside the file of one run, needed one of them; leave it out")
         return _motion_of_file(path)
     scenario = loader.load(source)
     if engine is None or engine == "reference":
-        return of_reference(scenario)
+        return reference_motion(scenario)
     chosen = select([engine], profile)
     if len(chosen) > 1:
         variants = ", ".join(label(each) for each in chosen)
         raise EngineError(f"--engine: found {engine!r}, needed one variant of it: {variants}")
-    return of_trajectory(run_isolated(chosen[0], scenario).raise_if_failed())
+    return trajectory_motion(run_isolated(chosen[0], scenario).raise_if_failed())
 
 
-def of_reference(scenario: Scenario) -> TrackedMotion:
-    """Motion of the exact reference, which is known at any time."""
+def reference_motion(scenario: Scenario) -> TrackedMotion:
+    """Return the motion of the exact reference, which is known at any time."""
     solution = solve(scenario.parameters, duration=max(DURATION, scenario.duration))
 
-    def places(t: Array) -> tuple[Array, Array]:
+    def positions(t: Array) -> tuple[Array, Array]:
         samples = solution.sample(t)
         return samples.heavy_position, samples.light_position
 
     end = min(solution.end_time, scenario.duration)
-    return TrackedMotion(name=f"{scenario.name}, exact reference", end=end, places=places)
+    return TrackedMotion(name=f"{scenario.name}, exact reference", end=end, positions=positions)
 
 
-def of_trajectory(run: Trajectory) -> TrackedMotion:
-    """Motion of an engine's run: cubic between its samples, from their places and velocities."""
+def trajectory_motion(run: Trajectory) -> TrackedMotion:
+    """Return the motion of an engine's run: cubic Hermite interpolation of its positions and velocities."""
     masses = ((run.heavy_position, run.heavy_velocity), (run.light_position, run.light_velocity))
-    return _sampled(f"{run.scenario}, {run.label}", run.t, *masses)
+    return _interpolated_motion(f"{run.scenario}, {run.label}", run.t, *masses)
 
 
-def _sampled(name: str, t: Array, heavy: tuple[Array, Array], light: tuple[Array, Array]) -> TrackedMotion:
+def _interpolated_motion(name: str, t: Array, heavy: tuple[Array, Array], light: tuple[Array, Array]) -> TrackedMotion:
     from scipy.interpolate import CubicHermiteSpline
 
     if len(t) < 2:
         raise TrackerError(f"{name}: found {len(t)} samples, needed two or more")
     splines = [CubicHermiteSpline(t, *mass) for mass in (heavy, light)]
-    return TrackedMotion(name=name, end=float(t[-1]), places=lambda at: (splines[0](at), splines[1](at)))
+    return TrackedMotion(name=name, end=float(t[-1]), positions=lambda at: (splines[0](at), splines[1](at)))
 
 
-def _file_in(folder: Path, engine: str | None) -> Path:
-    """File of one run in a folder that `compare` or `run` wrote."""
+def _file_of_run(folder: Path, engine: str | None) -> Path:
+    """Return the file of one run in a folder that `compare` or `run` wrote."""
     inner = folder / "trajectories"
     files = sorted((inner if inner.is_dir() else folder).glob("*.csv"))
     if not files:
@@ -199,32 +203,40 @@ def _file_in(folder: Path, engine: str | None) -> Path:
 
 
 def _motion_of_file(path: Path) -> TrackedMotion:
-    """Motion in a CSV file of `compare.export.trajectory_csv`."""
+    """Return the motion in a CSV file of `compare.export.trajectory_csv`."""
     names = ("t", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "light_x", "light_y", "light_vx", "light_vy")
-    rows = [text_table.cells(line, ",") for _, line in text_table.lines(_text(path))]
+    rows = [text_table.cells(line, ",") for _, line in text_table.lines(_read_text(path))]
     while rows and not any(rows[-1]):
-        rows.pop()  # what stands behind the last line's end
-    head = [cell.partition(" [")[0] for cell in rows[0]] if rows else []
-    lacking = [name for name in names if name not in head]
-    if lacking:
-        raise TrackerError(f"{path}: found no column {lacking[0]!r}, needed a file that `looping-pendulum run --out` wrote")
-    columns = np.array([_numbers(path, line, row, [head.index(n) for n in names]) for line, row in enumerate(rows[1:], 2)])
+        rows.pop()  # empty lines at the end
+    header = [cell.partition(" [")[0] for cell in rows[0]] if rows else []
+    missing_columns = [name for name in names if name not in header]
+    if missing_columns:
+        raise TrackerError(
+            f"{path}: found no column {missing_columns[0]!r}, needed a file that `looping-pendulum run --out` wrote"
+        )
+    columns = np.array([_parse_row(path, line, row, [header.index(n) for n in names]) for line, row in enumerate(rows[1:], 2)])
     if not len(columns):
         raise TrackerError(f"{path}: found no samples, needed two or more")
     t, heavy, heavy_v, light, light_v = np.split(columns, [1, 3, 5, 7], axis=1)
-    still = np.flatnonzero(np.diff(t[:, 0]) <= 0)
-    if still.size:
-        line = int(still[0]) + 3  # the second of the two rows; the first row of numbers stands on line 2
+    not_increasing = np.flatnonzero(np.diff(t[:, 0]) <= 0)
+    if not_increasing.size:
+        line = int(not_increasing[0]) + 3  # the second of the two rows; the first row of numbers stands on line 2
         raise TrackerError(f"{path}:{line}: found {t[line - 2, 0]:g} s after {t[line - 3, 0]:g} s, needed times that grow")
-    return _sampled(path.stem, t[:, 0], (heavy, heavy_v), (light, light_v))
+    return _interpolated_motion(path.stem, t[:, 0], (heavy, heavy_v), (light, light_v))
 
 
-def _text(path: Path) -> str:
-    """Text of a run's file."""
+def _read_text(path: Path) -> str:
+    """Return the text of a run's file.
+
+    Raises
+    ------
+    TrackerError
+        If it is too large, is not UTF-8, or has a line that is too long.
+    """
     with path.open("rb") as stream:
-        raw = stream.read(LARGEST_FILE + 1)
-    if len(raw) > LARGEST_FILE:
-        raise TrackerError(f"{path}: found more than {LARGEST_FILE // 1024**2} MiB, needed the file of one run")
+        raw = stream.read(MAX_FILE_SIZE + 1)
+    if len(raw) > MAX_FILE_SIZE:
+        raise TrackerError(f"{path}: found more than {MAX_FILE_SIZE // 1024**2} MiB, needed the file of one run")
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -232,17 +244,17 @@ def _text(path: Path) -> str:
         message = f"{path}:{line}: found the byte 0x{raw[error.start]:02x}, needed UTF-8 text"
         raise TrackerError(f"{message}, as `looping-pendulum run --out` writes it") from None
     for line, content in text_table.lines(text):
-        if len(content) > text_table.LONGEST_LINE:
+        if len(content) > text_table.MAX_LINE_LENGTH:
             raise TrackerError(f"{path}:{line}: found a line of {len(content)} characters, needed a row of numbers")
     return text
 
 
-def _numbers(path: Path, line: int, row: Sequence[str], places: Sequence[int]) -> list[float]:
+def _parse_row(path: Path, line: int, row: Sequence[str], positions: Sequence[int]) -> list[float]:
     try:
-        numbers = [float(row[i]) for i in places]
+        numbers = [float(row[i]) for i in positions]
     except (ValueError, IndexError):
         raise TrackerError(f"{path}:{line}: found a row without all its numbers, needed times, places and velocities") from None
     for number in numbers:
-        if not abs(number) <= LARGEST_NUMBER:
-            raise TrackerError(f"{path}:{line}: found {number:g}, needed numbers up to {LARGEST_NUMBER:g} in size")
+        if not abs(number) <= MAX_NUMBER:
+            raise TrackerError(f"{path}:{line}: found {number:g}, needed numbers up to {MAX_NUMBER:g} in size")
     return numbers

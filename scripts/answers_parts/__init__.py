@@ -1,1 +1,1 @@
-"""The parts of `scripts/answers.py`: one module per group of summaries, the figures and the page."""
+"""The modules of `scripts/answers.py`: one for each group of summaries, one for the figures and one for the page."""

@@ -1,4 +1,4 @@
-"""Where the sequence of events changes along the release angle, why, what is felt of it, and how rough the boundaries are."""
+"""Find where the sequence of events changes with the release angle and why, how far the motion jumps, and the exponents."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.reference_ode.batch import solve_batch
-from looping_pendulum.reference_ode.lyapunov import solve_stretching
+from looping_pendulum.reference_ode.lyapunov import solve_tangent_map
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.sweep.grazing import ParameterLine, SequenceChange, approach, find_changes, gap
@@ -17,30 +17,33 @@ from looping_pendulum.sweep.uncertainty import uncertain_fractions, uncertainty_
 
 from .common import CASES, DURATION, PAPER_ANGLES, at_angle, case, letters, rounded
 
-WIDTH = 1e-8
-"""How narrowly a change is bracketed [rad]; within about 1e-9 rad rounding decides what the solver sees."""
+BRACKET_WIDTH = 1e-8
+"""Width to which a change is bracketed [rad]; below about 1e-9 rad, rounding decides which events the solver finds."""
 STATIC_EXCESS = 1.16
-"""Static over kinetic friction of the comparison: what fits the paper's measured 2:1 trial best."""
-EPS = 10.0 ** -np.arange(1.5, 8.6, 0.5)
-"""Distances for the uncertainty exponent, as parts of each axis."""
-FITTED, TAIL = 2, 6
-"""First of these that the exponent is fitted to: above, almost every start is uncertain. The same for its last four decades."""
+"""Ratio of static to kinetic friction in the comparison: the value that fits the paper's measured 2:1 trial best."""
+DISTANCES = 10.0 ** -np.arange(1.5, 8.6, 0.5)
+"""Distances for the uncertainty exponent, as fractions of each axis's range."""
+FIRST_FITTED, FIRST_OF_TAIL = 2, 6
+"""Indices of the first of `DISTANCES` to which the exponent is fitted, and of the first of its last four decades.
+
+At larger distances almost every release is uncertain, so the fraction does not follow a power law there.
+"""
 OUTCOME_DURATION = 5.0
-"""Limit on the simulated time of an outcome [s]."""
+"""Limit on the simulated time of the runs whose outcomes are compared [s]."""
 REPLICATES, STARTS = 8, 64
 ANGLES, RATIOS = (60.0, 130.0), (1.0, 12.0)
 """Ranges of the release angle [deg] and of M2/M1."""
 
 
 def near_75() -> dict[str, Any]:
-    """Changes between 74 and 77 degrees, scanned in steps of 1e-4 deg, and in two zooms at 75.1 deg."""
+    """Find the changes between 74 and 77 degrees in steps of 1e-4 deg, and examine two narrow intervals around 75.1 deg."""
     found: dict[str, Any] = {}
     for name in CASES:
         line = ParameterLine(base=case(name), name="release_angle", duration=DURATION)
         values = np.radians(np.linspace(74.0, 77.0, 30001))
         scan = solve_batch(line.base, {line.name: values}, duration=DURATION)
         found[name] = {
-            "changes": [_told(line, c) for c in find_changes(line, values, width=WIDTH)],
+            "changes": [_describe_change(line, c) for c in find_changes(line, values, width=BRACKET_WIDTH)],
             "halting_time": rounded(scan.halting_time[::150], 7),
             "angle": rounded(np.degrees(values)[::150], 7),
             "largest_step": _largest_step(scan.halting_time),
@@ -50,13 +53,13 @@ def near_75() -> dict[str, Any]:
 
 
 def _largest_step(times: np.ndarray) -> float | None:
-    """Largest difference between halting times of neighbours that both halt [s]."""
+    """Return the largest difference between halting times of neighbouring releases that both halt [s]."""
     steps = np.abs(np.diff(times))
     return float(np.nanmax(steps)) if np.isfinite(steps).any() else None
 
 
 def _zoom(line: ParameterLine, half: float) -> dict[str, Any]:
-    """2001 releases within ``half`` [deg] of 75.1 deg: how many sequences, and how straight the halting time is."""
+    """Solve 2001 releases within ``half`` [deg] of 75.1 deg; count sequences and measure the halting time's curvature."""
     degrees = np.linspace(-half, half, 2001)
     scan = solve_batch(line.base, {line.name: np.radians(75.1 + degrees)}, duration=DURATION)
     times = scan.halting_time
@@ -67,21 +70,21 @@ def _zoom(line: ParameterLine, half: float) -> dict[str, Any]:
 
 
 def along_the_angle() -> dict[str, Any]:
-    """Every change between 60 and 130 degrees, with static friction as the kinetic one, and above it."""
+    """Find every change between 60 and 130 degrees, with static friction equal to the kinetic one, and above it."""
     base = case("scenario")
     more = base.replace(static_friction=STATIC_EXCESS * base.coefficients["kinetic_friction"])
     values = np.radians(np.arange(*ANGLES, 0.02))
     out: dict[str, Any] = {"static_excess": STATIC_EXCESS}
     for name, parameters in (("equal", base), ("static_above", more)):
         line = ParameterLine(base=parameters, name="release_angle", duration=DURATION)
-        out[name] = [_told(line, c) for c in find_changes(line, values, width=WIDTH)]
+        out[name] = [_describe_change(line, c) for c in find_changes(line, values, width=BRACKET_WIDTH)]
     scan = solve_batch(base, {"release_angle": values}, duration=DURATION)
     out["angle"], out["halting_time"] = rounded(np.degrees(values)[::5], 6), rounded(scan.halting_time[::5], 6)
     out["kinds"] = dict(Counter(f"{c['kind']} {c['event']}" for c in out["equal"]))
     return out
 
 
-def _told(line: ParameterLine, c: SequenceChange) -> dict[str, Any]:
+def _describe_change(line: ParameterLine, c: SequenceChange) -> dict[str, Any]:
     distances = np.radians([1e-3, 1e-4, 1e-5])
     widths = (1e-4, 1e-6)
     middle = 0.5 * (c.low + c.high)
@@ -102,7 +105,7 @@ def _told(line: ParameterLine, c: SequenceChange) -> dict[str, Any]:
 
 
 def family() -> dict[str, Any]:
-    """The paper's four releases over what the paper does not print: friction, free length and the string's drag."""
+    """Solve the paper's four releases over ranges of the unprinted parameters: friction, free length and string drag."""
     frictions, lengths, drags = np.linspace(0.2, 0.4, 41), np.linspace(0.3, 1.0, 29), (0.0, 1e-4, 1e-3)
     base = case("scenario")
     mesh = np.meshgrid(frictions, lengths, drags, np.radians(PAPER_ANGLES), indexing="ij")
@@ -132,15 +135,15 @@ def family() -> dict[str, Any]:
 
 
 def growth() -> dict[str, Any]:
-    """Greatest growth of a small difference along the run at 75 degrees, and to the halt and the end over the angle."""
+    """Compute the largest growth of a small difference along the run at 75 degrees, and up to the halt for each angle."""
     out: dict[str, Any] = {}
     for name in CASES:
         parameters = at_angle(case(name), 75.0)
         run = solve(parameters, duration=DURATION)
         t = np.linspace(0.005, run.end_time * (1 - 1e-9), 400)
-        s = solve_stretching(parameters, t, duration=DURATION)
+        s = solve_tangent_map(parameters, t, duration=DURATION)
         last = run.stops[-1]
-        at = solve_stretching(parameters, np.array([last + 1e-9]), duration=DURATION)
+        at = solve_tangent_map(parameters, np.array([last + 1e-9]), duration=DURATION)
         out[name] = {
             "t": rounded(t, 5),
             "growth": rounded(s.growth[:, 0], 5),
@@ -158,14 +161,14 @@ def growth() -> dict[str, Any]:
 
 def _growth_at(parameters: Parameters, degrees: float) -> dict[str, Any]:
     run = solve(parameters, duration=DURATION)
-    told = run.halting_time if run.halting_time is not None else (run.stops[-1] if run.stops else run.end_time)
-    t = np.unique([told + 1e-9, *np.linspace(0.02, run.end_time * (1 - 1e-9), 200)])
-    s = solve_stretching(parameters, t, duration=DURATION)
-    k = int(np.searchsorted(t, told))
+    reference_time = run.halting_time if run.halting_time is not None else (run.stops[-1] if run.stops else run.end_time)
+    t = np.unique([reference_time + 1e-9, *np.linspace(0.02, run.end_time * (1 - 1e-9), 200)])
+    s = solve_tangent_map(parameters, t, duration=DURATION)
+    k = int(np.searchsorted(t, reference_time))
     return {
         "angle": degrees,
         "halts": run.halting_time is not None,
-        "time": float(f"{told:.6g}"),
+        "time": float(f"{reference_time:.6g}"),
         "growth": float(f"{s.growth[k, 0]:.5g}"),
         "exponent": float(f"{s.exponents[k, 0]:.5g}"),
         "greatest": float(f"{s.growth[:, 0].max():.5g}"),
@@ -173,22 +176,29 @@ def _growth_at(parameters: Parameters, degrees: float) -> dict[str, Any]:
 
 
 def exponents() -> dict[str, Any]:
-    """Uncertainty exponents of the sequence of modes: along the angle at 2.5, and over angle and mass ratio."""
+    """Fit uncertainty exponents of the sequence of modes: along the angle at M2/M1 = 2.5, and over angle and mass ratio."""
     base = case("scenario")
 
-    def on_line(x: np.ndarray) -> np.ndarray:
-        return _codes(base, {"release_angle": _scaled(x[:, 0], *np.radians(ANGLES))})
+    def outcome_on_line(x: np.ndarray) -> np.ndarray:
+        return _outcome_codes(base, {"release_angle": _scale_to_range(x[:, 0], *np.radians(ANGLES))})
 
-    def in_plane(x: np.ndarray) -> np.ndarray:
-        angle = _scaled(x[:, 0], *np.radians(ANGLES))
-        return _codes(base, {"release_angle": angle, "heavy_mass": LIGHT * np.abs(_scaled(x[:, 1], *RATIOS))})
+    def outcome_in_plane(x: np.ndarray) -> np.ndarray:
+        angle = _scale_to_range(x[:, 0], *np.radians(ANGLES))
+        return _outcome_codes(
+            base, {"release_angle": angle, "heavy_mass": light_mass * np.abs(_scale_to_range(x[:, 1], *RATIOS))}
+        )
 
-    LIGHT = base.light_mass
-    out: dict[str, Any] = {"eps": rounded(EPS, 6), "starts": STARTS, "replicates": REPLICATES, "duration": OUTCOME_DURATION}
-    for name, outcome, dimension in (("line", on_line, 1), ("plane", in_plane, 2)):
-        rows = uncertain_fractions(outcome, dimension, EPS, count=STARTS, replicates=REPLICATES, seed=0)
-        fit = uncertainty_exponent(EPS[FITTED:], rows[:, FITTED:])
-        tail = uncertainty_exponent(EPS[TAIL:], rows[:, TAIL:])
+    light_mass = base.light_mass
+    out: dict[str, Any] = {
+        "eps": rounded(DISTANCES, 6),
+        "starts": STARTS,
+        "replicates": REPLICATES,
+        "duration": OUTCOME_DURATION,
+    }
+    for name, outcome, dimension in (("line", outcome_on_line, 1), ("plane", outcome_in_plane, 2)):
+        rows = uncertain_fractions(outcome, dimension, DISTANCES, count=STARTS, replicates=REPLICATES, seed=0)
+        fit = uncertainty_exponent(DISTANCES[FIRST_FITTED:], rows[:, FIRST_FITTED:])
+        tail = uncertainty_exponent(DISTANCES[FIRST_OF_TAIL:], rows[:, FIRST_OF_TAIL:])
         out[name] = {
             "fractions": [rounded(row, 5) for row in rows],
             "exponent": fit.value,
@@ -199,11 +209,12 @@ def exponents() -> dict[str, Any]:
     return out
 
 
-def _scaled(share: np.ndarray, low: float, high: float) -> np.ndarray:
+def _scale_to_range(share: np.ndarray, low: float, high: float) -> np.ndarray:
     return low + (high - low) * share
 
 
-def _codes(base: Parameters, columns: dict[str, np.ndarray]) -> np.ndarray:
-    """Code of each run's outcome: sequence of modes and how it ended."""
+def _outcome_codes(base: Parameters, columns: dict[str, np.ndarray]) -> np.ndarray:
+    """Return a code of each run's outcome: its sequence of modes and the way in which it ended."""
     scan = solve_batch(base, columns, duration=OUTCOME_DURATION)
+    # the highest byte of the hash is combined with the end, so that runs that end differently have different codes
     return scan.sequence ^ (scan.end.astype(np.uint64) << np.uint64(56))

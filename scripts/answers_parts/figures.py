@@ -1,4 +1,4 @@
-"""The figures of the page, drawn from the committed summaries alone. One column of a journal is 86 mm, two are 178 mm wide."""
+"""Draw the figures of the page from the committed summaries. One column of a journal is 86 mm wide, two columns are 178 mm."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from looping_pendulum.pages.palette import COLOURS
 
 from .common import CASES, IMAGES, read, read_map
 
-ONE, TWO = 86 / 25.4, 178 / 25.4
-"""Widths [inch]."""
-LOOK = {
+COLUMN_WIDTH, PAGE_WIDTH = 86 / 25.4, 178 / 25.4
+"""Widths of a figure over one column and over two columns [inch]."""
+RC_PARAMS = {
     "font.size": 8,
     "axes.labelsize": 8,
     "axes.titlesize": 8,
@@ -31,13 +31,13 @@ LOOK = {
     "legend.frameon": False,
     "image.cmap": "cividis",
 }
-SHORT = {"scenario": "scenario", "as_2_to_1": "as 2:1 trial", "as_10_to_1": "as 10:1 trial"}
-NO_HALT = "0.88"
-"""Grey of a map where nothing halts."""
+CASE_LABELS = {"scenario": "scenario", "as_2_to_1": "as 2:1 trial", "as_10_to_1": "as 10:1 trial"}
+NO_HALT_GREY = "0.88"
+"""Grey level of a map where the heavy mass does not halt."""
 
 
 def draw() -> list[Path]:
-    """Draw every figure; return where they are."""
+    """Draw every figure and return the paths."""
     figures: dict[str, Callable[[], Figure]] = {
         "four-angles": four_angles,
         "precision": precision,
@@ -51,7 +51,7 @@ def draw() -> list[Path]:
     }
     paths = []
     for name, make in figures.items():
-        with mpl.rc_context(LOOK):
+        with mpl.rc_context(RC_PARAMS):
             figure = make()
             FigureCanvasAgg(figure)
             path = IMAGES / f"answers-{name}.png"
@@ -66,15 +66,15 @@ def _panels(width: float, height: float, columns: int = 1, **options: Any) -> tu
     return figure, [axes] if columns == 1 else list(axes)
 
 
-def _numbers(values: list[float | None]) -> np.ndarray:
+def _with_nan(values: list[float | None]) -> np.ndarray:
     return np.array([math.nan if v is None else v for v in values], dtype=float)
 
 
 def four_angles() -> Figure:
-    """Drop of the heavy mass at the paper's four angles: exact, and with coarse steps."""
+    """Draw the drop of the heavy mass at the paper's four angles: by the reference, and with coarse steps."""
     data = read("plain_programs")
     curves = data["curves"]
-    figure, axes = _panels(TWO, 2.5, 2, sharey=True)
+    figure, axes = _panels(PAGE_WIDTH, 2.5, 2, sharey=True)
     titles = {"exact": "exact", "rk4": f"Runge-Kutta, steps of {1e3 * data['drawn_step']:g} ms"}
     for axis, (kind, title) in zip(axes, titles.items(), strict=True):
         for k, curve in enumerate(curves[kind]):
@@ -90,14 +90,14 @@ def four_angles() -> Figure:
 
 
 def precision() -> Figure:
-    """Deviation of the halting time from 128 bits against the tolerance."""
+    """Draw the deviation of the halting time from the 128-bit run over the tolerance."""
     angles = read("four_angles")["scenario"]
-    figure, (axis,) = _panels(ONE, 2.6)
+    figure, (axis,) = _panels(COLUMN_WIDTH, 2.6)
     for k, (solver, marker) in enumerate((("heyoka", "o"), ("scipy", "s"))):
-        for j, told in enumerate(angles.values()):
+        for j, angle_summary in enumerate(angles.values()):
             pairs = [
                 (float(label.split()[1]), abs(value))
-                for label, value in told["deviations"].items()
+                for label, value in angle_summary["deviations"].items()
                 if label.startswith(solver) and "bit" not in label
             ]
             x, y = np.array(sorted(pairs)).T
@@ -116,18 +116,18 @@ def precision() -> Figure:
 
 
 def _spread(angles: dict[str, Any]) -> float:
-    times = [float(told["told_time"]) for told in angles.values()]
+    times = [float(angle_summary["told_time"]) for angle_summary in angles.values()]
     return max(times) - min(times)
 
 
 def growth() -> Figure:
-    """Greatest growth along the runs at 75 degrees, and to the halt over the angle."""
+    """Draw the largest growth of a difference along the runs at 75 degrees, and up to the halt over the angle."""
     data = read("growth")
-    figure, (left, right) = _panels(TWO, 2.5, 2)
+    figure, (left, right) = _panels(PAGE_WIDTH, 2.5, 2)
     for k, name in enumerate(CASES):
-        found = data[name]
-        left.semilogy(found["t"], found["growth"], color=COLOURS[k], label=SHORT[name])
-        left.semilogy(found["at_last_stop"]["t"], found["at_last_stop"]["growth"], "o", ms=4, color=COLOURS[k])
+        summary = data[name]
+        left.semilogy(summary["t"], summary["growth"], color=COLOURS[k], label=CASE_LABELS[name])
+        left.semilogy(summary["at_last_stop"]["t"], summary["at_last_stop"]["growth"], "o", ms=4, color=COLOURS[k])
     left.set_xlabel("time [s]")
     left.set_ylabel("greatest growth of a difference")
     left.set_title("(a) released at 75°; dot: last stop")
@@ -145,10 +145,10 @@ def growth() -> Figure:
 
 
 def boundaries() -> Figure:
-    """Halting time over the angle, and how the two sides of each change come together."""
+    """Draw the halting time over the angle, and the distance between the motions on the two sides of each change."""
     data = read("along_the_angle")
-    figure, (left, right) = _panels(TWO, 2.6, 2, width_ratios=(1.5, 1))
-    left.plot(data["angle"], _numbers(data["halting_time"]), ".", ms=1.5, color=COLOURS[0])
+    figure, (left, right) = _panels(PAGE_WIDTH, 2.6, 2, width_ratios=(1.5, 1))
+    left.plot(data["angle"], _with_nan(data["halting_time"]), ".", ms=1.5, color=COLOURS[0])
     for change in data["equal"]:
         left.axvline(change["angle"], color="0.8", lw=0.4, zorder=0)
     left.axvspan(75.0, 75.3, color=COLOURS[1], alpha=0.5, lw=0, zorder=0)
@@ -158,7 +158,7 @@ def boundaries() -> Figure:
     left.set_xlim(60, 130)
     widths = data["equal"][0]["gap_widths_deg"]
     for k, (kind, label) in enumerate((("equal", "static = kinetic"), ("static_above", "static 16 % higher"))):
-        gaps = np.array([_numbers(c["gap"]) for c in data[kind]])
+        gaps = np.array([_with_nan(c["gap"]) for c in data[kind]])
         offset = (1.0, 1.25)[k]
         for j, row in enumerate(gaps):
             right.loglog(
@@ -179,13 +179,13 @@ def boundaries() -> Figure:
 
 
 def uncertainty() -> Figure:
-    """Fraction of uncertain releases against the distance."""
+    """Draw the fraction of uncertain releases over the distance."""
     data = read("exponents")
     eps = np.array(data["eps"])
-    figure, (axis,) = _panels(ONE, 2.6)
+    figure, (axis,) = _panels(COLUMN_WIDTH, 2.6)
     labels = {"line": "along the angle, $M_2/M_1=2.5$", "plane": "over angle and $M_2/M_1$"}
     for k, (name, label) in enumerate(labels.items()):
-        rows = np.array([_numbers(r) for r in data[name]["fractions"]])
+        rows = np.array([_with_nan(r) for r in data[name]["fractions"]])
         axis.loglog(eps, rows.T, color=COLOURS[k], lw=0.3, alpha=0.5)
         axis.loglog(
             eps,
@@ -204,17 +204,17 @@ def uncertainty() -> Figure:
 
 
 def _map_axis(figure: Figure, axis: Axes, x: np.ndarray, y: np.ndarray, z: np.ndarray, label: str, **limits: float) -> None:
-    axis.set_facecolor(NO_HALT)
+    axis.set_facecolor(NO_HALT_GREY)
     image = axis.pcolormesh(x, y, z, shading="nearest", rasterized=True, cmap="cividis", **limits)
     figure.colorbar(image, ax=axis, label=label, pad=0.02)
 
 
 def halting_map() -> Figure:
-    """Halting time and number of stops over release angle and mass ratio."""
+    """Draw halting time and number of stops over release angle and mass ratio."""
     data = read_map("halting_map")
     angle, ratio = np.degrees(data["release_angle"]), data["mass_ratio"]
     halts = np.isfinite(data["halting_time"])
-    figure, (left, right) = _panels(TWO, 2.9, 2, sharey=True)
+    figure, (left, right) = _panels(PAGE_WIDTH, 2.9, 2, sharey=True)
     _map_axis(figure, left, angle, ratio, data["halting_time"].T, "halting time [s]", vmin=0.0, vmax=3.0)
     stops = np.where(halts, data["stops"], np.nan).T
     _map_axis(figure, right, angle, ratio, np.minimum(stops, 8), "stops up to the halt (8: or more)", vmin=1, vmax=8)
@@ -227,16 +227,24 @@ def halting_map() -> Figure:
 
 
 def lowest_ratio() -> Figure:
-    """Lowest ratio that halts, for each release angle and case, and for shorter watches."""
+    """Draw the lowest ratio that halts, for each release angle and case, and for shorter time limits."""
     data = read("lowest_ratio")
-    figure, (left, right) = _panels(TWO, 2.5, 2, sharey=True)
+    figure, (left, right) = _panels(PAGE_WIDTH, 2.5, 2, sharey=True)
     for k, name in enumerate(CASES):
-        found = data[name]
-        left.plot(found["angle"], _numbers(found["edge"]), marker="osD"[k], ms=2, lw=0.5, color=COLOURS[k], label=SHORT[name])
-        left.plot(found["best"]["angle"], found["best"]["ratio"], "*", ms=8, color=COLOURS[k])
+        summary = data[name]
+        left.plot(
+            summary["angle"],
+            _with_nan(summary["edge"]),
+            marker="osD"[k],
+            ms=2,
+            lw=0.5,
+            color=COLOURS[k],
+            label=CASE_LABELS[name],
+        )
+        left.plot(summary["best"]["angle"], summary["best"]["ratio"], "*", ms=8, color=COLOURS[k])
     for k, watch in enumerate(data["watched"]):
         row = data["scenario"]["watched"][f"{watch:g}"]
-        right.plot(data["scenario"]["angle"], _numbers(row), marker=".", ms=2, lw=0.5, color=COLOURS[k], label=f"{watch:g} s")
+        right.plot(data["scenario"]["angle"], _with_nan(row), marker=".", ms=2, lw=0.5, color=COLOURS[k], label=f"{watch:g} s")
     for axis, title in ((left, f"(a) within {data['watched'][-1]:g} s; star: lowest"), (right, "(b) scenario, within")):
         axis.set_xlabel("release angle [deg]")
         axis.set_title(title)
@@ -246,18 +254,18 @@ def lowest_ratio() -> Figure:
 
 
 def mass_scale() -> Figure:
-    """Halting time over the factor on both masses."""
+    """Draw the halting time over the factor on both masses."""
     data = read("mass_scale")
     scale = np.array(data["scale"])
-    figure, (left, right) = _panels(TWO, 2.5, 2)
+    figure, (left, right) = _panels(PAGE_WIDTH, 2.5, 2)
     for k, row in enumerate(data["ratios"]):
         limit = row["without_drag"]
-        left.semilogx(scale, _numbers(row["halting_time"]), color=COLOURS[k], label=f"{row['ratio']:g}")
+        left.semilogx(scale, _with_nan(row["halting_time"]), color=COLOURS[k], label=f"{row['ratio']:g}")
         if limit is None:
             continue
         left.axhline(limit, color=COLOURS[k], ls=":", lw=0.6)
         for kind, style in (("halting_time", "-"), ("as_solids", "--")):
-            apart = np.abs(_numbers(row[kind]) - limit)
+            apart = np.abs(_with_nan(row[kind]) - limit)
             right.loglog(scale, 1e3 * apart, color=COLOURS[k], ls=style)
     left.set_xlabel("factor on both masses")
     left.set_ylabel("halting time [s]")
@@ -270,10 +278,10 @@ def mass_scale() -> Figure:
 
 
 def friction_radius() -> Figure:
-    """Halting time over friction and rod radius."""
+    """Draw the halting time over friction and rod radius."""
     data = read_map("friction_and_radius")
     at = read("friction_and_radius")["at"]
-    figure, (axis,) = _panels(ONE, 2.7)
+    figure, (axis,) = _panels(COLUMN_WIDTH, 2.7)
     radius, friction = 1e3 * data["rod_radius"], data["kinetic_friction"]
     _map_axis(figure, axis, radius, friction, data["halting_time"], "halting time [s]", vmin=0.0, vmax=2.0)
     axis.plot(1e3 * at["radius"], at["friction"], "+", color="w", ms=8, mew=1.5)  # the paper's trial

@@ -1,4 +1,4 @@
-"""The paper's four releases by every solver, tolerance and precision at hand, and by plain programs that have no events."""
+"""Solve the paper's four releases by every available solver, tolerance and precision, and by simple programs without events."""
 
 from __future__ import annotations
 
@@ -20,29 +20,32 @@ from .common import CASES, DURATION, PAPER_ANGLES, at_angle, case, letters, roun
 
 TOLERANCES = tuple(10.0**-k for k in range(8, 16))
 SCIPY_TOLERANCES = tuple(10.0**-k for k in range(8, 14))
-"""DOP853 gains nothing below."""
+"""Tolerances of SciPy's DOP853, which becomes no more accurate below 1e-13."""
 STEPS = (0.02, 0.01, 0.005, 0.002, 0.001, 0.0001)
-"""Fixed steps of the plain programs [s]."""
-DRAWN_STEP = 0.02
-"""Step of the curves that are drawn [s]."""
-PLAIN_DURATION = 3.0
-"""[s]"""
-SEEN = 1e-3
-"""A heavy mass counts as halted on a plot once it stays this near to its last place [m]."""
-SMOOTH_SPEED = 0.01
-"""Speed over which the smoothed sign tanh(u / `SMOOTH_SPEED`) turns over [m/s]."""
+"""Fixed time steps of the simple programs [s]."""
+PLOTTED_STEP = 0.02
+"""Time step of the curves in the figure [s]."""
+FIXED_STEP_DURATION = 3.0
+"""Simulated time of the simple programs [s]."""
+HALT_TOLERANCE = 1e-3
+"""Largest distance from its final position at which the heavy mass of a simple program counts as halted [m]."""
+SMOOTHING_SPEED = 0.01
+"""Speed scale of the smoothed sign, tanh(u / `SMOOTHING_SPEED`) [m/s]."""
 METHODS = ("rk4", "euler", "smooth")
-"""Runge-Kutta with the sign of u; Euler with it; Runge-Kutta with the smoothed sign."""
-FASTEST = 1e6
-"""A plain run counts as broken down beyond this speed [m/s] or wrap angle [rad]."""
+"""Methods of the simple programs: Runge-Kutta with sign(u), Euler with sign(u), Runge-Kutta with the smoothed sign."""
+DIVERGENCE_LIMIT = 1e6
+"""Speed [m/s] or wrap angle [rad] beyond which a simple program's integration counts as diverged."""
 
 
 def four_angles() -> dict[str, Any]:
-    """Halting times (or where there is none the end) of the four releases in every case, and their deviations from 128 bits."""
-    return {name: {f"{degrees:g}": _one(at_angle(case(name), degrees)) for degrees in PAPER_ANGLES} for name in CASES}
+    """Return halting times (or times of the last stop) of the four releases in every case, and deviations from 128 bits."""
+    return {
+        name: {f"{degrees:g}": _solve_with_every_solver(at_angle(case(name), degrees)) for degrees in PAPER_ANGLES}
+        for name in CASES
+    }
 
 
-def _one(parameters: Parameters) -> dict[str, Any]:
+def _solve_with_every_solver(parameters: Parameters) -> dict[str, Any]:
     exact = solve_extended(parameters, precision="128-bit", duration=DURATION)
     runs: dict[str, Run] = {"heyoka 80-bit": solve_extended(parameters, precision="80-bit", duration=DURATION)}
     runs |= {f"heyoka {tol:.0e}": solve(parameters, duration=DURATION, tolerance=tol) for tol in TOLERANCES}
@@ -51,38 +54,39 @@ def _one(parameters: Parameters) -> dict[str, Any]:
     }
     return {
         "halting_time": None if exact.halting_time is None else str(exact.halting_time),
-        "told_time": str(_told(exact)),
+        "told_time": str(_event_time(exact)),
         "told": "halt" if exact.halting_time is not None else "last stop",
         "end_time": float(exact.end_time),
         "end": str(exact.end.event),
         "sequence": letters(exact.modes),
-        "deviations": {label: _apart(_told(run), _told(exact)) for label, run in runs.items()},
+        "deviations": {label: _difference(_event_time(run), _event_time(exact)) for label, run in runs.items()},
         "same_sequence": {label: run.modes == exact.modes for label, run in runs.items()},
     }
 
 
-def _apart(a: Any, b: Any) -> float:
-    """Difference of two numbers of any precision, ``b`` of 128 bits."""
+def _difference(a: Any, b: Any) -> float:
+    """Return ``a - b``, where ``a`` has any precision and ``b`` 128 bits."""
     return float((type(b)(str(a)) if isinstance(a, np.longdouble) else a) - b)
 
 
-def _told(run: Run) -> Any:
-    """Halting time, or without one the time of the last stop [s]."""
+def _event_time(run: Run) -> Any:
+    """Return the halting time, or the time of the last stop if the run does not halt [s]."""
     return run.stops[-1] if run.halting_time is None else run.halting_time
 
 
 def plain_programs() -> dict[str, Any]:
-    """What Runge-Kutta and Euler steps of fixed length make of the four releases, without events or sticking."""
-    summary: dict[str, Any] = {"steps": list(STEPS), "seen": SEEN, "cases": {}}
+    """Integrate the four releases by Runge-Kutta and Euler with fixed steps, without events or sticking."""
+    summary: dict[str, Any] = {"steps": list(STEPS), "seen": HALT_TOLERANCE, "cases": {}}
     for name in CASES:
-        found: dict[str, Any] = {"exact": [seen_halt(*exact_path(at_angle(case(name), d))) for d in PAPER_ANGLES]}
+        found: dict[str, Any] = {"exact": [apparent_halting_time(*exact_path(at_angle(case(name), d))) for d in PAPER_ANGLES]}
         for method in METHODS:
             found[method] = [
-                [seen_halt(*plain_path(at_angle(case(name), d), method, step)) for d in PAPER_ANGLES] for step in STEPS
+                [apparent_halting_time(*fixed_step_path(at_angle(case(name), d), method, step)) for d in PAPER_ANGLES]
+                for step in STEPS
             ]
         summary["cases"][name] = found
-    summary["curves"] = {"exact": _curves(exact_path), "rk4": _curves(lambda p: plain_path(p, "rk4", DRAWN_STEP))}
-    summary["drawn_step"] = DRAWN_STEP
+    summary["curves"] = {"exact": _curves(exact_path), "rk4": _curves(lambda p: fixed_step_path(p, "rk4", PLOTTED_STEP))}
+    summary["drawn_step"] = PLOTTED_STEP
     return summary
 
 
@@ -96,39 +100,39 @@ def _curves(path: Any) -> list[dict[str, Any]]:
 
 
 def exact_path(parameters: Parameters) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and drop of the heavy mass [m] of the exact run."""
+    """Return times [s] and the heavy mass's drop [m] of the reference."""
     run = solve(parameters, duration=DURATION)
     t = np.linspace(0.0, run.end_time, 20001)
     return t, run.heavy_drop(run.sample(t).state)
 
 
-def seen_halt(t: np.ndarray, drop: np.ndarray) -> float | None:
-    """When the heavy mass comes to stay within `SEEN` of its last place [s]; None if it moves to the end."""
-    away = np.flatnonzero(np.abs(drop - drop[-1]) > SEEN)
+def apparent_halting_time(t: np.ndarray, drop: np.ndarray) -> float | None:
+    """Return the time from which the drop stays within `HALT_TOLERANCE` of its final value [s]; None if it never does."""
+    away = np.flatnonzero(np.abs(drop - drop[-1]) > HALT_TOLERANCE)
     return None if away[-1] + 2 >= len(t) else round(float(t[away[-1] + 1]), 6)
 
 
-def plain_path(parameters: Parameters, method: str, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and drop [m] with steps of fixed length [s], the friction's sign taken from the speed of the moment.
+def fixed_step_path(parameters: Parameters, method: str, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return times [s] and drop [m] of an integration with fixed steps [s], whose friction has the sign of the current speed.
 
-    This is the paper's pair of equations with sign(u) in it, integrated as it stands: nothing sticks, and a change of sign is
-    met wherever a step happens to land.
+    This integrates the paper's pair of equations with sign(u) directly: nothing sticks, and a change of sign takes effect
+    only at the next step.
     """
     y = np.array([parameters.free_length, parameters.release_angle, 0.0, 0.0])
     path = [y]
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
-        while len(path) * step < PLAIN_DURATION and y[0] > parameters.end_length:
+        while len(path) * step < FIXED_STEP_DURATION and y[0] > parameters.end_length:
             try:
                 y = _advance(parameters, y, method, step)
             except (OverflowError, ZeroDivisionError):
                 break
-            if not np.all(np.isfinite(y)) or np.abs(y).max() > FASTEST:
+            if not np.all(np.isfinite(y)) or np.abs(y).max() > DIVERGENCE_LIMIT:
                 break
             path.append(y)
     rows = np.array(path)
-    wound = rows[:, 0] + parameters.rod_radius * rows[:, 1]
-    return step * np.arange(len(rows)), wound[0] - wound
+    light_side_length = rows[:, 0] + parameters.rod_radius * rows[:, 1]  # length of string on the light mass's side [m]
+    return step * np.arange(len(rows)), light_side_length[0] - light_side_length
 
 
 def _advance(parameters: Parameters, y: np.ndarray, method: str, h: float) -> np.ndarray:
@@ -143,8 +147,8 @@ def _advance(parameters: Parameters, y: np.ndarray, method: str, h: float) -> np
 
 
 def _rates(parameters: Parameters, y: np.ndarray, smooth: bool) -> np.ndarray:
-    """Rates of (l, theta, u, w), from the reference's own equations of a sliding string."""
-    slide = math.tanh(y[2] / SMOOTH_SPEED) if smooth else float(np.sign(y[2]))
+    """Return the rates of (l, theta, u, w), from the reference's own equations of a sliding string."""
+    slide = math.tanh(y[2] / SMOOTHING_SPEED) if smooth else float(np.sign(y[2]))
     signs = Signs(slide=slide, across=1.0 if y[3] >= 0 else -1.0, heavy=slide, phase=0.0)
     state = State(*y.tolist(), float(y[2]), 0.0)
     mode = Mode.SLIDING_UP if slide > 0 else Mode.SLIDING_DOWN

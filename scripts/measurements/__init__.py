@@ -1,1 +1,1 @@
-"""What the documentation's numbers were measured by; see `scripts.measure`."""
+"""Measurements behind the documentation's numbers; see `scripts.measure`."""

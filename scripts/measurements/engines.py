@@ -1,4 +1,4 @@
-"""Measurements of engines: what their pages declare of themselves in numbers, and what the guides say of them."""
+"""Measurements of engines: the numbers that their adapters declare, and those that the guides state."""
 
 from __future__ import annotations
 
@@ -20,35 +20,35 @@ from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.scenario import Scenario
-from scripts.measurements.reference import rms_of
+from scripts.measurements.reference import rms_by_end_time
 
 PAGE = Path(__file__).parents[2] / "docs" / "write-an-engine.md"
 FRICTIONS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.2)
-"""Sizes of a constant friction [N]."""
+"""Values of the constant friction that `constant_friction` scans [N]."""
 
 
 def engine(name: str, profile: Profile = Profile.QUICK, **changes: Any) -> SteppedEngine:
-    """One variant, with some settings changed."""
+    """Return one variant, with some settings changed."""
     (found,) = select([name], profile)
     assert isinstance(found, SteppedEngine)
     return found.with_settings(**changes) if changes else found
 
 
 def largest_stretch(run: Trajectory) -> float:
-    """Of the string, over the whole run [m]."""
+    """Return the string's largest stretch over the whole run [m]."""
     return float(np.nanmax(np.abs(run.string_stretch)))
 
 
 def acceleration_error(run: Trajectory, scenario: Scenario) -> float:
-    """Share by which the heavy mass's constant acceleration from rest is off the closed form of a vertical drop."""
-    found = 2 * float(np.sum(run.heavy_drop * run.t**2) / np.sum(run.t**4))
-    return found / atwood_acceleration(scenario.parameters) - 1
+    """Return the relative error of the heavy mass's acceleration in a vertical drop from rest, against the closed form."""
+    acceleration = 2 * float(np.sum(run.heavy_drop * run.t**2) / np.sum(run.t**4))  # least squares of drop = a t^2 / 2
+    return acceleration / atwood_acceleration(scenario.parameters) - 1
 
 
 def summary(run: Trajectory, scenario: Scenario) -> dict[str, Any]:
-    """Distances, stretch and how the run ended."""
+    """Return the distances from the reference, the stretch, and the end and status of the run."""
     return {
-        "rms": rms_of(run, scenario.parameters),
+        "rms": rms_by_end_time(run, scenario.parameters),
         "stretch": largest_stretch(run),
         "stretch_at": float(run.t[np.nanargmax(np.abs(run.string_stretch))]),
         "end": float(run.t[-1]),
@@ -57,7 +57,7 @@ def summary(run: Trajectory, scenario: Scenario) -> dict[str, Any]:
 
 
 def constant_friction() -> dict[str, Any]:
-    """MuJoCo's constant friction loss over a scan of sizes: which is nearest, and whether any halts the heavy mass."""
+    """Scan MuJoCo's constant friction loss: which value is nearest to the reference, and whether any halts the heavy mass."""
     scenario = load("ten_to_one")
     exact = solve(scenario.parameters).halting_time
     assert exact is not None
@@ -68,7 +68,7 @@ def constant_friction() -> dict[str, Any]:
         turns = np.flatnonzero(run.heavy_velocity[:, 1] > 1e-3)
         halt = run_landmarks(run, scenario.parameters).halting_time
         scan[f"{size:g}"] = {
-            "rms_0.35s": rms_of(run, scenario.parameters)["0.35s"],
+            "rms_0.35s": rms_by_end_time(run, scenario.parameters)["0.35s"],
             "halt": halt,
             "turns_back_at": float(run.t[turns[0]]) if len(turns) else None,
             "largest_drop": float(np.max(run.heavy_drop)),
@@ -87,7 +87,7 @@ def constant_friction() -> dict[str, Any]:
 
 
 def beads_creep() -> dict[str, Any]:
-    """How fast the heavy mass of ten_to_one still moves after its halt, on MuJoCo's beads: from 0.45 to 0.6 s."""
+    """Measure the heavy mass's mean speed from 0.45 to 0.6 s, after the halt of ten_to_one, with MuJoCo's beads."""
     scenario = load("ten_to_one")
     run = engine("mujoco:beads").simulate(scenario)
     drops = np.interp([0.45, 0.6], run.t, run.heavy_drop)
@@ -95,7 +95,7 @@ def beads_creep() -> dict[str, Any]:
 
 
 def pymunk_public_calls() -> dict[str, Any]:
-    """Pymunk's chain on ten_to_one with its private call, and without."""
+    """Run pymunk's chain on ten_to_one with its private call, and without it."""
     scenario = load("ten_to_one")
     with_call = summary(engine("pymunk:chain").simulate(scenario), scenario)
     with mock.patch("looping_pendulum.engines.pymunk.chain.direct_library", return_value=None):
@@ -104,13 +104,16 @@ def pymunk_public_calls() -> dict[str, Any]:
 
 
 def pymunk_defaults() -> dict[str, Any]:
-    """Chipmunk as it comes: how much its chain has stretched where the run is ended, and with ten times the sweeps."""
+    """Measure the stretch of a chain with Chipmunk's default settings, and with ten times the iterations.
+
+    Each is run with the limit on stretch, which ends the run early, and without it (`_not_ended`).
+    """
     scenario = load("ten_to_one")
     found = {}
     for name, iterations in (("default", 10), ("ten_times", 100)):
         run = engine("pymunk:defaults", iterations=iterations).simulate(scenario)
         found[name] = {"iterations": iterations} | summary(run, scenario)
-    with mock.patch("looping_pendulum.engines.protocol.STRETCH_BUDGET", float("inf")):
+    with mock.patch("looping_pendulum.engines.protocol.MAX_STRETCH_FRACTION", float("inf")):
         for name, iterations in (("default", 10), ("ten_times", 100)):
             run = engine("pymunk:defaults", iterations=iterations).simulate(scenario)
             found[f"{name}_not_ended"] = {"iterations": iterations} | summary(run, scenario)
@@ -118,14 +121,14 @@ def pymunk_defaults() -> dict[str, Any]:
 
 
 def pybullet_cylinder() -> dict[str, Any]:
-    """The vertical drop of PyBullet's chain over a sphere, as ours is, and over the obvious cylinder."""
+    """Measure the error of a vertical drop of PyBullet's chain over a sphere, which the adapter uses, and over a cylinder."""
     scenario = load("atwood")
     runs = {shape: engine("pybullet:chain", rod=shape).simulate(scenario) for shape in RodShape}
     return {shape.value: acceleration_error(run, scenario) for shape, run in runs.items()}
 
 
 def spring() -> dict[str, Any]:
-    """The engine of the page on writing one: its code is taken from the page."""
+    """Measure the example engine of docs/write-an-engine.md, whose code is taken from the page."""
     (code, *_) = re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
     scenario = load("ten_to_one")
     exact = solve(scenario.parameters).halting_time

@@ -11,7 +11,7 @@ from tests.discrepancy import test_real_data as real_data
 
 
 def summary(result: Identification) -> dict[str, Any]:
-    """Verdict, what was added, and the held-out trial before and after."""
+    """Return the verdict, the added effects, and the errors of the held-out trial before and after."""
     held_out = next((e for e in result.errors if e.held_out), None)
     return {
         "verdict": result.verdict.value,
@@ -25,7 +25,7 @@ def summary(result: Identification) -> dict[str, Any]:
 
 
 def falling_balls() -> dict[str, Any]:
-    """Balls that fall from a bridge: two drops each, one held out; needs the data folder."""
+    """Identify balls that fall from a bridge: two drops each, one held out; needs the data folder."""
     found = {}
     for ball in real_data.BALLS:
         with tempfile.TemporaryDirectory() as folder:

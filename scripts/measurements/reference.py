@@ -11,12 +11,12 @@ from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.scenarios import load
 
-MARKS = {"0.35s": 0.35, "0.7s": 0.7, "1.0s": 1.0}
-"""Name -> time up to which distances are averaged [s]: those of the comparison."""
+END_TIMES = {"0.35s": 0.35, "0.7s": 0.7, "1.0s": 1.0}
+"""Name -> end of the interval over which distances are averaged [s]; the same as in the comparison."""
 
 
 def rms(t: Any, light_position: Any, parameters: Parameters, until: float) -> float | None:
-    """Root mean square of the light mass's distance from the reference up to ``until`` [m]; None where the run ends before."""
+    """Return the RMS distance of the light mass from the reference up to ``until`` [m]; None if the run ends earlier."""
     if len(t) == 0 or t[-1] < until - 1e-9:
         return None
     kept = t <= until + 1e-9
@@ -24,30 +24,30 @@ def rms(t: Any, light_position: Any, parameters: Parameters, until: float) -> fl
     return float(np.sqrt(np.mean(np.sum((light_position[kept] - exact) ** 2, axis=1))))
 
 
-def rms_of(run: Trajectory, parameters: Parameters) -> dict[str, float | None]:
-    """Distances of an engine's run up to each of `MARKS` [m]."""
-    return {name: rms(run.t, run.light_position, parameters, until) for name, until in MARKS.items()}
+def rms_by_end_time(run: Trajectory, parameters: Parameters) -> dict[str, float | None]:
+    """Return the RMS distance of an engine's run from the reference up to each of `END_TIMES` [m]."""
+    return {name: rms(run.t, run.light_position, parameters, until) for name, until in END_TIMES.items()}
 
 
 def friction_by_one_percent() -> dict[str, Any]:
-    """How far the light mass of the 10:1 trial moves when the friction is 1 % larger."""
+    """Measure how far the light mass of the 10:1 trial moves if the friction is 1 % larger."""
     p = load("ten_to_one").parameters
     t = np.arange(0.0, 1.0005, 1e-3)
     more = {name: 1.01 * p.coefficients[name] for name in ("kinetic_friction", "static_friction")}
     moved = solve_at(p.replace(**more), t).light_position
-    return {name: rms(t, moved, p, until) for name, until in MARKS.items()}
+    return {name: rms(t, moved, p, until) for name, until in END_TIMES.items()}
 
 
 def paper_columns() -> dict[str, Any]:
-    """The reference against the paper's numerical columns; needs the data folder."""
+    """Compare the reference with the paper's numerical columns; needs the data folder."""
     from looping_pendulum.compare.harness import compare_engines
 
     ten, two = (compare_engines(load(name), engines=["reference:scipy"]).measured for name in ("ten_to_one", "two_to_one"))
-    off = [abs(r.reference - r.paper_numerical) for r in ten if r.quantity in ("x1_extremum", "y1_extremum")]
+    time_errors = [abs(r.reference - r.paper_numerical) for r in ten if r.quantity in ("x1_extremum", "y1_extremum")]
     rows = [abs(r.reference - r.paper_numerical) for r in two]
     return {
-        "extrema": len(off),
-        "largest_time_error": max(off),
+        "extrema": len(time_errors),
+        "largest_time_error": max(time_errors),
         "two_to_one_rows": len(rows),
         "within_printed_precision": sum(x <= 0.005 for x in rows),
     }

@@ -1,4 +1,4 @@
-"""Times, for a machine that does nothing else meanwhile."""
+"""Measurements of run times, for an otherwise idle machine."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from looping_pendulum.scenarios import load
 
 
 def reference_speed() -> dict[str, Any]:
-    """CPU time of one run of ten_to_one sampled at 1 kHz, positions of both masses, by either integrator [s].
+    """Measure the CPU time [s] of one run of ten_to_one, with both masses' positions sampled at 1 kHz, for each integrator.
 
-    Medians, after one run of each that compiles.
+    The values are medians; one run of each integrator before them compiles the equations and is not counted.
     """
     parameters, t = load("ten_to_one").parameters, np.arange(0.0, 1.2, 1e-3)
 

@@ -14,14 +14,14 @@ import sys
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.fit.calibration import CLOSE
+from looping_pendulum.discrepancy.fit.calibration import COST_TOLERANCE
 from looping_pendulum.discrepancy.fit.residual import check_residuals
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import select
 from looping_pendulum.errors import MissingPackageError
 from looping_pendulum.reference_ode.batch import sequence_hash, solve_batch
-from looping_pendulum.reference_ode.lyapunov import solve_stretching
+from looping_pendulum.reference_ode.lyapunov import solve_tangent_map
 from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
 from looping_pendulum.reference_ode.solve import available_integrators, solve, solve_at
 from looping_pendulum.reference_ode.transitions import Mode
@@ -128,7 +128,7 @@ def test_derivatives_are_those_of_differences():
 @NEEDS_HEYOKA
 def test_a_stop_that_holds_takes_a_direction_away_for_good():
     halt = next(time for event, time, *_ in EVENTS["ten_to_one"] if event == "stop")
-    growth = solve_stretching(TEN_TO_ONE, np.array([halt + 1e-3])).growth
+    growth = solve_tangent_map(TEN_TO_ONE, np.array([halt + 1e-3])).growth
     assert (growth[0] == 0).tolist() == [False, False, False, True]
 
 
@@ -143,19 +143,19 @@ def test_the_data_loop_names_the_push_and_gives_the_planted_values_back(loop):
     true = {"kinetic_friction": 0.34, "ten.release_angle": math.radians(112), "ten.free_length": 0.58, "push_across": PUSH}
     for name, planted in true.items():
         assert abs(loop.added.values[name] - planted) < 4 * loop.added.errors[name], name
-    assert not check_residuals(loop.declared).quiet
-    assert check_residuals(loop.added).quiet
+    assert not check_residuals(loop.declared).passes
+    assert check_residuals(loop.added).passes
 
 
 def test_the_data_loop_finds_the_same_numbers(loop):
-    # Oracle: the same under the default backend, stored. Bound: a fit ends where its cost falls by less than CLOSE of itself:
-    # that far, in standard errors, two may end apart. A score changes by as much.
+    # Oracle: the same under the default backend, stored. Bound: a fit has converged when its cost falls by a smaller share than
+    # COST_TOLERANCE, so two fits may end that far apart, in standard errors. A score changes by as much.
     stored = json.loads((DATA / "data_loop.json").read_text(encoding="utf-8"))
     for name, fit in (("declared", loop.declared), ("added", loop.added)):
-        apart = math.sqrt(2 * CLOSE * fit.cost)
+        apart = math.sqrt(2 * COST_TOLERANCE * fit.cost)
         for number, value in fit.values.items():
             assert abs(value - stored[name][number]) < apart * fit.errors[number], (name, number)
-    apart = math.sqrt(2 * CLOSE * loop.declared.cost)
+    apart = math.sqrt(2 * COST_TOLERANCE * loop.declared.cost)
     assert {s.candidate.name for s in loop.screened} == set(SCREENED)
     for s in loop.screened:
         assert s.score == pytest.approx(stored["scores"][s.candidate.name], abs=apart)

@@ -15,7 +15,7 @@ import numpy as np
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.fit.residual import calibrated
+from looping_pendulum.discrepancy.fit.residual import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate, screen
 from looping_pendulum.reference_ode.extended import solve_extended
@@ -69,12 +69,13 @@ class Loop(NamedTuple):
 def data_loop() -> Loop:
     """Read the small study, fit what it declares, screen candidates, add the best one and fit again."""
     inputs = read_inputs(load(DATA / "study.yaml"))
-    problem = Problem(inputs.study, inputs.training, inputs.numbers)
-    declared = calibrated(minimise(problem, problem.prior_mean))
+    problem = Problem(inputs.study, inputs.training, inputs.free_parameters)
+    declared = refit_with_estimated_noise(minimise(problem, problem.prior_mean))
     screened = screen(declared, [c for c in inputs.library if c.name in SCREENED])
     best = screened[0]
-    wider = declared.problem.with_numbers(best.candidate.number(best.scale))
-    return Loop(declared, screened, calibrated(minimise(wider, np.append(declared.x, best.amplitude / best.scale))))
+    wider = declared.problem.with_parameters(best.candidate.free_parameter(best.scale))
+    added = minimise(wider, np.append(declared.x, best.amplitude / best.scale))
+    return Loop(declared, screened, refit_with_estimated_noise(added))
 
 
 def said(loop: Loop) -> dict[str, object]:

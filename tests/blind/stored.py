@@ -1,7 +1,7 @@
-"""What the simulator wrote for the tests of every day: its motions take a minute of processor time, their marks 30 kB a case.
+"""Stored output of the simulator for the daily tests: its motions take a minute of processor time, their points 30 kB a case.
 
-Each file carries a digest of the sources that made it. Where they have changed since, or the file is not there, the
-simulator runs: an old file costs time, never a wrong result. ``python -m tests.blind.stored`` writes them anew.
+Each file carries a digest of the sources that made it. If they have changed since, or the file is missing, the simulator runs:
+an old file costs time, but never gives a wrong result. ``python -m tests.blind.stored`` writes the files again.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ HERE = Path(__file__).parent
 DATA = HERE / "data"
 SOURCES = (*sorted(HERE.glob("*.py")), HERE.parent / "discrepancy/event_study.py")
 DIGEST = "made_by.sha256"
-MADE = (1980, 1, 1, 0, 0, 0)
-"""Date of every file in an archive, so that its bytes depend on what is in it alone."""
+ZIP_DATE = (1980, 1, 1, 0, 0, 0)
+"""Date of every file in an archive: a constant, so that an archive's bytes depend on its contents alone."""
 
 
 @cache
 def digest() -> str:
-    """Of everything that what is written can depend on: no test, and not this file, as neither makes a number."""
-    makers = [path for path in SOURCES if path != Path(__file__) and not path.name.startswith("test_")]
-    return hashlib.sha256(b"\0".join(path.read_bytes() for path in makers)).hexdigest()
+    """Return the digest of all sources that the stored numbers depend on: tests and this file are left out."""
+    sources = [path for path in SOURCES if path != Path(__file__) and not path.name.startswith("test_")]
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()
 
 
 def archive_name(kind: str, case: str, seed: int, trials: Iterable[str] = ()) -> str:
-    """Name under which the ``kind`` of files ("tracks" or "tables") of a case is stored."""
+    """Return the name of the archive that holds the files of one ``kind`` ("tracks" or "tables") of a case."""
     return "-".join([kind, case, str(seed), *trials])
 
 
 def stored_or_written(name: str, folder: Path, write: Callable[[Path], None]) -> None:
-    """Fill ``folder`` with what is stored as ``name``; where that is not of the present sources, by ``write``."""
+    """Fill ``folder`` from the archive ``name``, or by ``write`` if the archive is missing or of other sources."""
     folder.mkdir(parents=True, exist_ok=True)
     archive = DATA / f"{name}.zip"
     if archive.exists():
@@ -45,16 +45,16 @@ def stored_or_written(name: str, folder: Path, write: Callable[[Path], None]) ->
 
 
 def store(name: str, folder: Path) -> None:
-    """Keep all files of ``folder`` as ``name``."""
+    """Store all files of ``folder`` as the archive ``name``."""
     DATA.mkdir(exist_ok=True)
     contents = {DIGEST: digest().encode()} | {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
     with zipfile.ZipFile(DATA / f"{name}.zip", "w", zipfile.ZIP_DEFLATED) as files:
         for file, content in contents.items():
-            files.writestr(zipfile.ZipInfo(file, MADE), content, zipfile.ZIP_DEFLATED)
+            files.writestr(zipfile.ZipInfo(file, ZIP_DATE), content, zipfile.ZIP_DEFLATED)
 
 
 def main() -> None:
-    """Write anew what the daily tests ask for."""
+    """Write all archives that the daily tests read."""
     import tempfile
 
     from tests.blind.cases import CASES, simulate_case
@@ -80,13 +80,13 @@ TRACKS = (
     ("static_excess", 0),
     ("side_force", 0),
 )
-"""Case and seed of every film that a daily test reads."""
+"""Case and seed of every simulated film that a daily test reads."""
 TABLES = (
     ("clean", 1, ("ten_a", "six", "eight")),
     ("side_force", 0, ("ten_a", "ten_b", "six", "eight")),
     ("clean", 3, ("ten_a", "eight")),
 )
-"""Case, seed and trials of every table of events."""
+"""Case, seed and trials of every table of events that a daily test reads."""
 
 if __name__ == "__main__":
     main()

@@ -1,4 +1,4 @@
-"""What is stored of the simulator is what the simulator makes."""
+"""The stored output of the simulator equals what the simulator makes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.blind.cases import CASES, simulate_case
 from tests.blind.stored import DATA, DIGEST, TABLES, TRACKS, archive_name, digest, stored_or_written
 from tests.discrepancy.event_study import simulate_tables
 
-HOW = "; run `python -m tests.blind.stored`"
+WAY_OUT = "; run `python -m tests.blind.stored`"
 NUMBER = re.compile(r"-?\d+\.?\d*(?:e[+-]?\d+)?")
 
 
@@ -20,14 +20,14 @@ def names():
     return {archive_name("tracks", *film) for film in TRACKS} | {archive_name("tables", *table) for table in TABLES}
 
 
-def test_all_is_stored_by_the_present_sources():
-    assert {path.stem for path in DATA.glob("*.zip")} == names(), HOW
+def test_all_archives_are_there_and_of_the_present_sources():
+    assert {path.stem for path in DATA.glob("*.zip")} == names(), WAY_OUT
     for path in sorted(DATA.glob("*.zip")):
         with zipfile.ZipFile(path) as files:
-            assert files.read(DIGEST).decode() == digest(), f"{path.name} is of older sources{HOW}"
+            assert files.read(DIGEST).decode() == digest(), f"{path.name} is of older sources{WAY_OUT}"
 
 
-def test_what_is_old_or_missing_is_written(tmp_path, monkeypatch):
+def test_an_old_or_missing_archive_is_simulated_again(tmp_path, monkeypatch):
     def write(folder: Path) -> None:
         (folder / "known.json").write_text("{}")
 
@@ -38,15 +38,17 @@ def test_what_is_old_or_missing_is_written(tmp_path, monkeypatch):
         assert [path.name for path in (tmp_path / folder).iterdir()] == ["known.json"]
 
 
-def assert_stored_is_what_is_made(name, tmp_path, simulate):
-    stored_or_written(name, tmp_path / "stored", lambda to: pytest.fail(f"{name} is not stored{HOW}"))
-    (tmp_path / "made").mkdir()
-    simulate(tmp_path / "made")
-    stored, made = ({path.name: path.read_text() for path in (tmp_path / which).iterdir()} for which in ("stored", "made"))
-    assert stored.keys() == made.keys()
-    for file, text in made.items():
+def assert_stored_equals_simulated(name, tmp_path, simulate):
+    stored_or_written(name, tmp_path / "stored", lambda to: pytest.fail(f"{name} is not stored{WAY_OUT}"))
+    (tmp_path / "simulated").mkdir()
+    simulate(tmp_path / "simulated")
+    stored, simulated = (
+        {path.name: path.read_text() for path in (tmp_path / which).iterdir()} for which in ("stored", "simulated")
+    )
+    assert stored.keys() == simulated.keys()
+    for file, text in simulated.items():
         assert NUMBER.sub("#", stored[file]) == NUMBER.sub("#", text)
-        # another processor rounds otherwise; a printed digit of a mark is 1e-6 of it
+        # another processor rounds otherwise; the last printed digit of a coordinate is 1e-6 of it
         assert [float(n) for n in NUMBER.findall(stored[file])] == pytest.approx(
             [float(n) for n in NUMBER.findall(text)], rel=1e-5, abs=1e-6
         )
@@ -55,13 +57,15 @@ def assert_stored_is_what_is_made(name, tmp_path, simulate):
 @pytest.mark.parametrize(
     ("name", "seed", "trials"), [pytest.param(*case, marks=[pytest.mark.accurate] * (len(case[2]) > 2)) for case in TABLES]
 )
-def test_stored_tables_are_what_the_simulator_makes(tmp_path, name, seed, trials):
-    assert_stored_is_what_is_made(
+def test_stored_tables_equal_simulated_ones(tmp_path, name, seed, trials):
+    assert_stored_equals_simulated(
         archive_name("tables", name, seed, trials), tmp_path, lambda to: simulate_tables(to, CASES[name], seed, trials)
     )
 
 
 @pytest.mark.accurate
 @pytest.mark.parametrize(("name", "seed"), TRACKS)
-def test_stored_films_are_what_the_simulator_makes(tmp_path, name, seed):
-    assert_stored_is_what_is_made(archive_name("tracks", name, seed), tmp_path, lambda to: simulate_case(to, CASES[name], seed))
+def test_stored_films_equal_simulated_ones(tmp_path, name, seed):
+    assert_stored_equals_simulated(
+        archive_name("tracks", name, seed), tmp_path, lambda to: simulate_case(to, CASES[name], seed)
+    )

@@ -67,7 +67,7 @@ def looks(result):
 def ladder():
     """A variant's ladder of four steps with everything that its figure can show."""
     steps = (8e-4, 4e-4, 2e-4, 1e-4)
-    marks = list(convergence_plots.MARKS)
+    marks = list(convergence_plots.PATH_END_TIMES)
     rungs = [
         SimpleNamespace(
             value=v, run=SimpleNamespace(rms={m: (1 + i) * v for i, m in enumerate(marks)}, halting_time_error=-3 * v)

@@ -8,10 +8,19 @@ import json
 import pytest
 
 from looping_pendulum.compare import compare, write
-from looping_pendulum.compare.baseline import FLOORS, ChangeKind, changes_since, heading, read_baseline, render, rows
+from looping_pendulum.compare.baseline import (
+    MIN_METRIC_CHANGES,
+    ChangeKind,
+    changes_since,
+    heading,
+    read_baseline,
+    render,
+    rows,
+)
 from looping_pendulum.compare.report import render as render_report
-from looping_pendulum.compare.result import ComparisonResult, ResultError
+from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines.trajectory import Provenance, RunStatus
+from looping_pendulum.errors import ResultError
 
 RUN = "pymunk:chain, quick"
 
@@ -36,7 +45,10 @@ def test_a_metric_counts_above_the_fraction_and_above_the_floor(scenario, refere
     names = {what for _, _, what in found(changes_since(before, shifted[0.011]))}
     assert {"rms_0.35s", "rms_0.7s", "rms_1.0s"} <= names
     assert {"rms_0.7s"} <= {what for _, _, what in found(changes_since(before, shifted[0.009], relative=0.005))}
-    tiny = [compare(scenario, reference, [make_run(shift=(size, 0.0))]) for size in (0.1 * FLOORS["m"], 0.9 * FLOORS["m"])]
+    tiny = [
+        compare(scenario, reference, [make_run(shift=(size, 0.0))])
+        for size in (0.1 * MIN_METRIC_CHANGES["m"], 0.9 * MIN_METRIC_CHANGES["m"])
+    ]
     told = {c.what for c in changes_since(*tiny).changes if c.unit == "m"}
     assert not told  # nine times as much, and still nothing that one could see
 
@@ -108,7 +120,7 @@ def test_the_report_has_a_section_and_the_folder_a_file(tmp_path, scenario, refe
     assert ["pymunk:chain, quick", "metric: rms_0.7s", "3 mm", "1.5 mm", "-50 %"] in rows(changes)
     report = write(after, tmp_path, changes).read_text()
     heads = [line for line in report.splitlines() if line.startswith("##")]
-    assert heads[:3] == ["## Verdict", "## Where, when and why", "## Since the baseline"]
+    assert heads[:3] == ["## Verdict", "## Where, when and why", "## Changes since the baseline"]
     assert "| pymunk:chain, quick | metric: rms_0.7s | 3 mm | 1.5 mm | -50 % |" in report
     assert "more than 1 % and more than 0.001 mm" in report
     tree = json.loads((tmp_path / "changes.json").read_text())
@@ -118,7 +130,7 @@ def test_the_report_has_a_section_and_the_folder_a_file(tmp_path, scenario, refe
         c for c in tree["changes"] if c["what"] == "rms_0.7s"
     ).items()
     assert ComparisonResult.from_json((tmp_path / "result.json").read_text()) == after
-    assert "Since the baseline" not in render_report(after)
+    assert "since the baseline" not in render_report(after)
     assert "Nothing changed" in render(changes_since(after, after))
 
 
@@ -152,7 +164,7 @@ def test_a_missing_or_odd_file_is_one_line(tmp_path):
     with pytest.raises(ResultError, match=r"No such file.*looping-pendulum compare made_up"):
         read_baseline(tmp_path / "nowhere.json", "made_up")
     (tmp_path / "bytes").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ResultError, match="no text"):
+    with pytest.raises(ResultError, match="not text"):
         read_baseline(tmp_path / "bytes", "made_up")
 
 

@@ -23,8 +23,9 @@ from looping_pendulum.compare.baseline import (
     rows,
     thresholds,
 )
-from looping_pendulum.compare.json_text import DEEPEST, LONGEST_INTEGER, dump, load, plain
-from looping_pendulum.compare.result import Extremum, Landmarks, ResultError, Stop
+from looping_pendulum.compare.json_text import MAX_INTEGER_DIGITS, MAX_NESTING, dump, load, plain
+from looping_pendulum.compare.result import Extremum, Landmarks, Stop
+from looping_pendulum.errors import ResultError
 
 ME = "pymunk:chain, quick"
 
@@ -46,7 +47,7 @@ def listed(before, after, **more):
 
 def made(*changes, **fields):
     known = {"scenario": "s", "baseline": "old", "baseline_written": "then", "relative": 0.01}
-    floors = {"floors": dict(baseline.FLOORS), "landmark_floors": dict(baseline.LANDMARK_FLOORS)}
+    floors = {"floors": dict(baseline.MIN_METRIC_CHANGES), "landmark_floors": dict(baseline.MIN_LANDMARK_CHANGES)}
     return baseline.ResultChanges(changes=tuple(changes), **(known | floors | fields))
 
 
@@ -92,8 +93,8 @@ def test_the_heading_counts(count, said):
 def test_the_thresholds_are_told_in_their_units():
     assert thresholds(made(relative=0.025)) == (
         "Listed: metrics that moved by more than 2.5 % and more than 0.001 mm, 0.001 ms or 0.001 mrad (1e-6 of a plain "
-        "number); an engine's landmarks by more than 0.1 mm, 0.1 ms or 1 mrad, the reference's by the floors of the metrics; any "
-        "other difference."
+        "number); an engine's landmarks by more than 0.1 mm, 0.1 ms or 1 mrad, the reference's by the floors of the metrics; "
+        "any other difference."
     )
 
 
@@ -170,7 +171,8 @@ def test_settings_and_seeds_that_come_and_go_are_changes(result):
         return edited(result, provenance=provenance)
 
     assert listed(having({"a": 1, "b": {"c": 2}}), having({"b": {"c": 3, "d": 4}}, seed=7)) == [
-        (ChangeKind.SETTING, ME, "b.c", "", 2, 3), (ChangeKind.SETTING, ME, "b.d", "", None, 4), (ChangeKind.SETTING, ME, "seed", "", None, 7),
+        (ChangeKind.SETTING, ME, "b.c", "", 2, 3), (ChangeKind.SETTING, ME, "b.d", "", None, 4),
+        (ChangeKind.SETTING, ME, "seed", "", None, 7),
         (ChangeKind.SETTING, ME, "a", "", 1, None),
     ]  # fmt: skip
     assert listed(having({}, versions={"a": "1", "b": "2"}), having({}, versions={"a": "1", "c": "2"})) == [
@@ -208,8 +210,8 @@ def test_a_limit_that_is_new_or_gone_is_told_by_its_outcome(scenario, reference,
 
 
 def test_a_file_that_is_far_too_large_is_not_read(tmp_path, monkeypatch):
-    assert baseline.LARGEST_BASELINE == 64 * 2**20
-    monkeypatch.setattr(baseline, "LARGEST_BASELINE", 3 * 2**20)
+    assert baseline.MAX_BASELINE_BYTES == 64 * 2**20
+    monkeypatch.setattr(baseline, "MAX_BASELINE_BYTES", 3 * 2**20)
     path = tmp_path / "big.json"
     path.write_bytes(b" " * (3 * 2**20 + 1))
     with pytest.raises(ResultError, match="found more than 3 MiB, needed a result.json"):
@@ -269,7 +271,7 @@ def text(version=1, **tree):
 
 
 def read(content, version=3):
-    return load(Outer, content, "ours", version, file="f.json", again="make it anew")
+    return load(Outer, content, "ours", version, file="f.json", rewrite_hint="make it anew")
 
 
 def test_there_and_back():
@@ -322,7 +324,7 @@ def test_characters_beside_the_halves_are_text():
     assert read(text(name="\ud7ff\ue000")).name == "\ud7ff\ue000"
 
 
-@pytest.mark.parametrize(("digits", "taken"), [(LONGEST_INTEGER, True), (LONGEST_INTEGER + 1, False)])
+@pytest.mark.parametrize(("digits", "taken"), [(MAX_INTEGER_DIGITS, True), (MAX_INTEGER_DIGITS + 1, False)])
 def test_a_whole_number_has_at_most_300_digits(digits, taken):
     content = text(name="n")[:-1] + f', "other": {"1" * digits}}}'
     if taken:
@@ -332,7 +334,7 @@ def test_a_whole_number_has_at_most_300_digits(digits, taken):
             read(content)
 
 
-@pytest.mark.parametrize(("levels", "taken"), [(DEEPEST - 1, True), (DEEPEST, False)])
+@pytest.mark.parametrize(("levels", "taken"), [(MAX_NESTING - 1, True), (MAX_NESTING, False)])
 def test_values_are_nested_at_most_64_deep(levels, taken):
     """The whole is one level; empty lists within lists are the others."""
     content = text(name="n")[:-1] + f', "other": {"[" * levels}{"]" * levels}}}'

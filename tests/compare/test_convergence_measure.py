@@ -17,25 +17,31 @@ from looping_pendulum.compare.convergence.measure import (
     MeasuredRun,
     ReferenceTarget,
     change,
-    contained,
+    convergence_verdict,
     correction,
     error_split,
-    finding_of,
     floors,
-    measure,
-    sentence,
-    target,
-    verdict,
+    is_contained,
+    measure_run,
+    reference_target,
+    verdict_sentence,
+    with_missing_halts,
 )
-from looping_pendulum.compare.convergence.result import DROP, HALT, MARKS, QUANTITIES
-from looping_pendulum.compare.convergence.study import changed_starts, climb, judge, plan, watched
+from looping_pendulum.compare.convergence.result import DROP, HALT, PATH_END_TIMES, QUANTITIES
+from looping_pendulum.compare.convergence.study import (
+    changed_starts,
+    cut_to_watched,
+    evaluate_ladder,
+    evaluate_variant,
+    plan_variant,
+)
 from looping_pendulum.compare.run_cache import EndedRun
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from tests.compare.delayed import STEPS, DelayedEngine
 
-EARLY, LATE = MARKS
+EARLY, LATE = PATH_END_TIMES
 
 
 @pytest.fixture
@@ -62,7 +68,7 @@ def test_floors_are_the_worst_reading_of_the_references_own_halt(goal):
     exact = floors(goal)
     assert exact[HALT] == NUMBER_FLOOR
     assert NUMBER_FLOOR < exact[DROP] <= bend * 1.1
-    assert [found[name] for name in MARKS] == [PATH_FLOOR, PATH_FLOOR]
+    assert [found[name] for name in PATH_END_TIMES] == [PATH_FLOOR, PATH_FLOOR]
 
 
 def test_a_number_that_only_one_side_has_keeps_the_least_floor(goal):
@@ -102,7 +108,7 @@ def test_what_fell_before_the_first_sample_belongs_to_the_drop(goal):
 
 
 def test_a_target_has_the_halt_that_its_samples_give(goal, closed_form):
-    made = target(goal.scenario, goal.reference)
+    made = reference_target(goal.scenario, goal.reference)
     assert made.numbers[HALT] == pytest.approx(closed_form.halt, abs=1e-8)
     assert made.numbers[DROP] == pytest.approx(closed_form.drop, abs=5e-6)
 
@@ -119,18 +125,18 @@ def test_a_target_has_the_halt_that_its_samples_give(goal, closed_form):
     ],
 )
 def test_a_run_that_was_not_made_has_no_errors_and_says_why(goal, done, status, why):
-    found = measure("key", done, goal)
+    found = measure_run("key", done, goal)
     assert (found.key, found.ended, found.summary.key) == ("key", False, "key")
     assert (found.summary.status, found.summary.why, found.summary.ok) == (status, why, False)
     assert found.errors == dict.fromkeys(QUANTITIES)
-    assert found.summary.rms == dict.fromkeys(MARKS)
+    assert found.summary.rms == dict.fromkeys(PATH_END_TIMES)
 
 
 def test_the_errors_of_a_late_run_are_later_minus_the_reference(goal, make_run, closed_form):
     run = make_run(delay=3e-3, shift=(3e-3, 4e-3))
     run.string_stretch[7] = -2e-3
     run.string_stretch[8] = np.nan
-    found = measure("key", EndedRun(run=run, seconds=1.0), goal)
+    found = measure_run("key", EndedRun(run=run, seconds=1.0), goal)
     s = found.summary
     assert s.halting_time_error == pytest.approx(3e-3, abs=1e-6)
     assert s.halting_time == pytest.approx(closed_form.halt + 3e-3, abs=1e-6)
@@ -139,27 +145,27 @@ def test_the_errors_of_a_late_run_are_later_minus_the_reference(goal, make_run, 
     assert s.string_stretch == 2e-3
     assert (s.status, s.ok, s.why) == ("FINISHED", True, RunStatus.FINISHED.value)
     assert float(found.errors[HALT][0, 0]) == s.halting_time_error
-    assert {name: len(found.errors[name]) for name in MARKS} == {EARLY: 351, LATE: 701}
+    assert {name: len(found.errors[name]) for name in PATH_END_TIMES} == {EARLY: 351, LATE: 701}
     assert found.ended
-    still = measure("key", EndedRun(run=make_run(shift=(3e-3, 4e-3)), seconds=1.0), goal)
-    assert still.summary.rms == {name: pytest.approx(5e-3, rel=1e-9) for name in MARKS}
+    still = measure_run("key", EndedRun(run=make_run(shift=(3e-3, 4e-3)), seconds=1.0), goal)
+    assert still.summary.rms == {name: pytest.approx(5e-3, rel=1e-9) for name in PATH_END_TIMES}
     np.testing.assert_allclose(still.errors[LATE], np.tile([3e-3, 4e-3], (701, 1)))
 
 
 def test_a_run_that_broke_off_has_no_halt_and_its_last_words(goal, make_run):
     crashed = make_run(until=0.5, status=RunStatus.CRASHED, message="first\nlast words\n")
-    found = measure("key", EndedRun(run=crashed, seconds=1.0), goal)
+    found = measure_run("key", EndedRun(run=crashed, seconds=1.0), goal)
     assert found.summary.why == f"{RunStatus.CRASHED.value}: last words"
     assert (found.ended, found.summary.ok, found.summary.status) == (False, False, "CRASHED")
     assert (found.errors[HALT], found.errors[DROP], found.summary.halting_time) == (None, None, None)
     assert found.errors[LATE] is None
     assert len(found.errors[EARLY]) == 351
     crashed.string_stretch[:] = np.nan
-    assert measure("key", EndedRun(run=crashed, seconds=1.0), goal).summary.string_stretch is None
+    assert measure_run("key", EndedRun(run=crashed, seconds=1.0), goal).summary.string_stretch is None
 
 
 def test_where_the_reference_does_not_halt_a_halt_has_no_error(goal, make_run):
-    found = measure("key", EndedRun(run=make_run(), seconds=1.0), shifted(goal, halt=None, drop=None))
+    found = measure_run("key", EndedRun(run=make_run(), seconds=1.0), shifted(goal, halt=None, drop=None))
     assert found.summary.halting_time is not None
     assert (found.summary.halting_time_error, found.summary.drop_error, found.errors[HALT]) == (None, None, None)
 
@@ -202,45 +208,48 @@ FOUND = SequenceFinding(kind=SequenceKind.CONVERGES, used=4, order=1.0, limit=np
 )
 def test_a_halt_that_rungs_lack_is_no_convergence(halts, kind, why):
     rungs = [measured(halt=halt) for halt in halts]
-    found = finding_of(HALT, rungs, FOUND)
+    found = with_missing_halts(HALT, rungs, FOUND)
     assert (found.kind, found.why) == (kind, why)
     assert (found.limit is None) is (kind is not SequenceKind.CONVERGES)
-    assert finding_of(LATE, rungs, FOUND) is FOUND, "of a path that is no matter"
+    assert with_missing_halts(LATE, rungs, FOUND) is FOUND, "of a path that is no matter"
     broken = [*rungs, measured(ended=False)]
-    assert finding_of(HALT, broken, FOUND).why == why, "one that broke off does not count"
+    assert with_missing_halts(HALT, broken, FOUND).why == why, "one that broke off does not count"
 
 
 @pytest.mark.parametrize(
     ("found", "distance", "said"),
     [
         ({"order": 1.2345, "order_uncertainty": 0.0567}, 5e-5,
-         "converges, order 1.23 ± 0.057, 0.05 ± 0.1 ms from the reference"),
+         "converges, order 1.23 ± 0.057, to a limit 0.05 ± 0.1 ms from the reference"),
         ({"order": 1.2345}, -2.46e-3,
-         "converges, order 1.23, 2.5 ± 0.1 ms from the reference, so not to it with the other settings as they are"),
-        ({"order": 1.0}, 1e-4, "converges, order 1, 0.1 ± 0.1 ms from the reference"),
-        ({"kind": SequenceKind.SETTLED}, 0.0, "no longer changes over the last 4 rungs, 0 ± 0.1 ms from the reference"),
+         "converges, order 1.23, to a limit 2.5 ± 0.1 ms from the reference, "
+         "which it does not reach with the other settings as they are"),
+        ({"order": 1.0}, 1e-4, "converges, order 1, to a limit 0.1 ± 0.1 ms from the reference"),
+        ({"kind": SequenceKind.SETTLED}, 0.0, "no longer changes over the last 4 rungs, "
+         "at a value 0 ± 0.1 ms from the reference"),
         ({"kind": SequenceKind.SCATTERS, "why": "it jumps", "scatter": 1.234e-3}, 0.0,
-         "does not converge: it jumps; rungs scatter by ± 1.2 ms about a mean 0 ± 0.1 ms from the reference"),
+         "does not converge: it jumps; the finest rungs scatter by ± 1.2 ms about a mean 0 ± 0.1 ms from the reference"),
         ({"kind": SequenceKind.WITHIN_SPREAD, "why": "small", "scatter": 1e-3}, 0.0,
-         "converges no further than its spread: small; rungs scatter by ± 1 ms about a mean 0 ± 0.1 ms from the reference"),
+         "converges no further than its spread: small; "
+         "the finest rungs scatter by ± 1 ms about a mean 0 ± 0.1 ms from the reference"),
         ({"kind": SequenceKind.UNKNOWN, "why": "two rungs"}, None, "not known: two rungs"),
         ({"kind": SequenceKind.UNKNOWN, "why": "two rungs", "uncertainty": None}, 1.0, "not known: two rungs"),
     ],
 )  # fmt: skip
 def test_the_sentence_of_a_verdict(found, distance, said):
     made = dataclasses.replace(FOUND, **({"order": None} | found))
-    assert sentence("s", made, distance) == said
-    assert sentence("m", made, distance) == said.replace(" ms", " mm")
+    assert verdict_sentence("s", made, distance) == said
+    assert verdict_sentence("m", made, distance) == said.replace(" ms", " mm")
 
 
 def test_a_verdict_has_the_limit_of_a_number_and_the_distance_of_a_path(goal, closed_form):
-    number = verdict(HALT, dataclasses.replace(FOUND, limit=np.array([[-2e-3]])), 5, goal)
+    number = convergence_verdict(HALT, dataclasses.replace(FOUND, limit=np.array([[-2e-3]])), 5, goal)
     assert number.limit == pytest.approx(closed_form.halt - 2e-3)
     assert (number.limit_error, number.unit, number.rungs, number.used) == (pytest.approx(-2e-3), "s", 5, 4)
-    path = verdict(EARLY, dataclasses.replace(FOUND, limit=np.tile([3e-3, -4e-3], (7, 1))), 5, goal)
+    path = convergence_verdict(EARLY, dataclasses.replace(FOUND, limit=np.tile([3e-3, -4e-3], (7, 1))), 5, goal)
     assert (path.limit, path.limit_error, path.unit) == (None, pytest.approx(5e-3), "m")
     assert path.uncertainty == 1e-4
-    none = verdict(HALT, dataclasses.replace(FOUND, limit=None), 5, goal)
+    none = convergence_verdict(HALT, dataclasses.replace(FOUND, limit=None), 5, goal)
     assert (none.limit, none.limit_error, none.uncertainty) == (None, None, None)
 
 
@@ -280,15 +289,15 @@ def test_the_finest_value_of_a_setting_is_where_its_ladder_takes_it():
 def test_a_ladder_is_contained_in_one_that_takes_its_setting_as_far(values, taken, inside):
     small, large = ladder("a", values), ladder("b", (9, 8, 7), a=taken)
     for both in ([small, large], [large, small]):
-        assert contained(small, both) is inside
-        assert not contained(large, both)
-    assert not contained(small, [small])
+        assert is_contained(small, both) is inside
+        assert not is_contained(large, both)
+    assert not is_contained(small, [small])
 
 
 def test_of_two_that_take_each_other_along_the_first_counts():
     one, other = ladder("a", (4, 2, 1), b=(4, 2, 1)), ladder("b", (4, 2, 1), a=(4, 2, 1))
-    assert [contained(c, [one, other]) for c in (one, other)] == [False, True]
-    assert [contained(c, [other, one]) for c in (one, other)] == [True, False]
+    assert [is_contained(c, [one, other]) for c in (one, other)] == [False, True]
+    assert [is_contained(c, [other, one]) for c in (one, other)] == [True, False]
 
 
 def climbed(values, halts, limit, own=None, keys=None, kind=SequenceKind.CONVERGES, uncertainty=1e-5, setting="a"):
@@ -359,13 +368,13 @@ def test_starts_are_changed_by_a_hundredth_of_a_degree_and_a_tenth_of_a_millimet
 
 @pytest.mark.parametrize(("until", "duration"), [(0.4, 0.4), (0.40049, 0.4), (2.0, 1.05)])
 def test_a_study_is_watched_as_long_as_asked_and_no_longer_than_the_scenario(scenario, until, duration):
-    assert watched(scenario, until).duration == duration
+    assert cut_to_watched(scenario, until).duration == duration
 
 
 def test_the_plan_runs_first_what_tells_the_cost_of_others(scenario):
     engine = DelayedEngine(other_offset=1e-3)
     starts = changed_starts(scenario)
-    made = plan(engine, scenario, starts)
+    made = plan_variant(engine, scenario, starts)
     tasks = made.tasks()
     assert tasks[0] is made.own
     assert [task.what for task in tasks] == [
@@ -388,15 +397,15 @@ def test_coarse_rungs_of_every_ladder_come_before_fine_ones(scenario):
     orders = (1, 2, 4)
     other = Ladder(setting="order", unit="", values=orders, engines=tuple(engine.changed(order=x) for x in orders))
     engine.studies = lambda: Studies(ladders=(steps, other))
-    rungs = [task for task in plan(engine, scenario, []).tasks() if task.what.split()[-1][0].isdigit()]
+    rungs = [task for task in plan_variant(engine, scenario, []).tasks() if task.what.split()[-1][0].isdigit()]
     assert [len(task.coarser) for task in rungs] == [0, 0, 1, 1, 2, 2, 3]
-    assert [rung.size for rung in plan(engine, scenario, []).ladders[1][1]] == [1.0, 0.5, 0.25]
+    assert [rung.size for rung in plan_variant(engine, scenario, []).ladders[1][1]] == [1.0, 0.5, 0.25]
 
 
 def test_a_ladder_out_of_order_says_where_to_put_it_in_order(scenario):
     engine = DelayedEngine(steps=(1e-3, 4e-3, 2e-3))
     with pytest.raises(EngineError, match=r"delayed:exact: ladder of time_step: .* put them in order in the adapter's studies"):
-        plan(engine, scenario, [])
+        plan_variant(engine, scenario, [])
 
 
 # ---- a whole variant, its runs made of the closed form
@@ -410,7 +419,7 @@ LATENESS = {8e-4: 8e-3, 4e-4: 4e-3, 2e-4: 2e-3, 1e-4: 1e-3}
 def study(goal, scenario, make_run):
     engine = DelayedEngine(other_offset=1e-3)
     starts = changed_starts(scenario)[:2]
-    made = plan(engine, scenario, starts)
+    made = plan_variant(engine, scenario, starts)
 
     def late(seconds):
         return EndedRun(run=make_run(delay=seconds), seconds=1.0)
@@ -418,7 +427,7 @@ def study(goal, scenario, make_run):
     done = {task.key: late(LATENESS[task.engine.settings.time_step]) for _, rungs in made.ladders for task in rungs}
     done |= {task.key: late(4e-3 + sign * 1e-3) for (_, task), sign in zip(made.starts, (1, -1), strict=True)}
     done |= {task.key: late(6e-3) for _, task in made.choices}
-    return judge(made, done, goal, {what: goal for what, _ in starts}, floors(goal)), made
+    return evaluate_variant(made, done, goal, {what: goal for what, _ in starts}, floors(goal)), made
 
 
 def test_every_part_of_a_study_is_of_its_own_runs(study):
@@ -452,8 +461,8 @@ def test_every_part_of_a_study_is_of_its_own_runs(study):
 
 
 def test_a_study_that_was_interrupted_has_what_there_is(goal, scenario):
-    made = plan(DelayedEngine(), scenario, [])
-    found = judge(made, {}, goal, {}, floors(goal))
+    made = plan_variant(DelayedEngine(), scenario, [])
+    found = evaluate_variant(made, {}, goal, {}, floors(goal))
     assert found.own.status == "NOT_RUN"
     assert found.splits == ()
     assert found.provenance.versions == {}
@@ -469,13 +478,13 @@ def test_a_rung_without_the_quantity_is_left_out_of_its_ladder():
     rungs = tuple(
         measured(key=str(k), halt=None if k == 1 else 10 * step, ended=k != 1) for k, step in enumerate(STEPS)
     )  # fmt: skip
-    found = climb(steps, rungs, engine, dict.fromkeys(QUANTITIES), dict.fromkeys(QUANTITIES, 1e-9))
+    found = evaluate_ladder(steps, rungs, engine, dict.fromkeys(QUANTITIES), dict.fromkeys(QUANTITIES, 1e-9))
     assert found.findings[HALT].kind is SequenceKind.CONVERGES
     assert found.findings[HALT].order == pytest.approx(1.0, abs=1e-3)
     assert found.own == 4e-4
     assert found.findings[DROP].kind is SequenceKind.NEVER
     named = dataclasses.replace(steps, setting="no_such")
-    assert climb(named, rungs, engine, dict.fromkeys(QUANTITIES), dict.fromkeys(QUANTITIES, 1e-9)).own is None
+    assert evaluate_ladder(named, rungs, engine, dict.fromkeys(QUANTITIES), dict.fromkeys(QUANTITIES, 1e-9)).own is None
 
 
 def test_what_a_variant_offers_is_run_as_it_says(scenario):
@@ -485,6 +494,6 @@ def test_what_a_variant_offers_is_run_as_it_says(scenario):
         choices=(AdapterChoice(what="c", ours="o", instead="i", engine=other),),
         defaults=(HiddenDefault(setting="d", default="0", ours="1", effect="e", engine=other),),
     )
-    made = plan(engine, scenario, [])
+    made = plan_variant(engine, scenario, [])
     assert made.choices[0][1].engine is made.defaults[0][1].engine is other
     assert (made.ladders, made.starts) == ((), ())

@@ -9,12 +9,12 @@ import pytest
 
 from looping_pendulum.compare.convergence import study
 from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
-from looping_pendulum.compare.convergence.measure import target
+from looping_pendulum.compare.convergence.measure import reference_target
 from looping_pendulum.compare.convergence.report import halting_table, opening, render, splits_table
 from looping_pendulum.compare.convergence.result import (
     DROP,
     HALT,
-    MARKS,
+    PATH_END_TIMES,
     QUANTITIES,
     ConvergenceResult,
     ConvergenceVerdict,
@@ -32,7 +32,7 @@ from looping_pendulum.compare.result import RunProvenance, SupplyEntry
 from looping_pendulum.compare.run_cache import EndedRun
 from tests.compare.delayed import DelayedEngine
 
-EARLY, LATE = MARKS
+EARLY, LATE = PATH_END_TIMES
 
 
 def run(key, i, **fields):
@@ -97,7 +97,8 @@ def variant(name="a", **fields):
 
 def result(*variants, **fields):
     made = {
-        "scenario": "made_up", "title": "Made up", "parameters": {}, "until": 0.7, "budget": None, "reference": "reference:exact",
+        "scenario": "made_up", "title": "Made up", "parameters": {}, "until": 0.7, "budget": None,
+        "reference": "reference:exact",
         "reference_values": {HALT: 0.4123456, DROP: 0.3}, "floors": {}, "interrupted": False,
         "clock": StudyClock(written="then", run_times=(RunTime(key="x", seconds=1.4), RunTime(key="y", seconds=None),
                                                        RunTime(key="z", seconds=2.3))),
@@ -118,30 +119,32 @@ def test_the_sections_come_in_their_order():
         "# Made up: what the engines' errors are made of",
         "## Verdict", "### Path to 0.35 s", "### Path to 0.7 s", "### Halting time",
         "## Does the halting time converge?", "## How to read this",
-        "## toy:a, quick", "### Refining dt (with sweeps); the variant's own is 0.4 ms",
-        "## toy:b, quick", "### Refining dt (with sweeps); the variant's own is 0.4 ms",
-        "## Hidden defaults", "## The adapter's choices, each decided otherwise", "## Provenance", "## Wall times",
+        "## toy:a, quick", "### Refining dt (with sweeps); the variant uses 0.4 ms",
+        "## toy:b, quick", "### Refining dt (with sweeps); the variant uses 0.4 ms",
+        "## Hidden defaults", "## The adapter's choices and their alternatives", "## Provenance", "## Wall times",
     ]  # fmt: skip
     assert "A toy. At its own settings: ran.\n" in text
-    assert text.rstrip().endswith("Written then. 3 runs, 4 s together; they shared the machine, so this is no benchmark.")
+    assert text.rstrip().endswith(
+        "Written then. 3 runs took 4 s in total; several ran at the same time, so this is not a benchmark."
+    )
 
 
 def test_the_opening_says_what_was_run_and_what_was_not():
     assert opening(result()) == (
-        "Scenario `made_up`, watched for 0.7 s, against reference:exact. The reference halts at 0.41235 s.\n"
+        "Scenario `made_up`, simulated for 0.7 s and compared with reference:exact. The reference halts at 0.41235 s.\n"
     )
     # Of two variants the same left-out rung is one run.
     text = opening(result(variant("a"), variant("b"), budget=12.5, reference_values={HALT: None, DROP: None}))
     assert text == (
-        "Scenario `made_up`, watched for 0.7 s, against reference:exact. Runs that were expected to take more than 12.5 s were "
-        "left out: 1.\n"
+        "Scenario `made_up`, simulated for 0.7 s and compared with reference:exact. 1 run was left out because it "
+        "was expected to take more than 12.5 s.\n"
     )
     others = variant(own=run("o", 1, **SKIPPED), choices=(variation("c", "c", **SKIPPED),), defaults=(), starts=(
         StartChange(what="angle +", run=run("s", 4, **SKIPPED)),
     ))  # fmt: skip
-    assert "left out: 4.\n" in opening(result(others, budget=1))
+    assert " 4 runs were left out because they were expected to take more than 1 s.\n" in opening(result(others, budget=1))
     assert opening(result(interrupted=True)).endswith(
-        " **Interrupted**: what had ended by then is here; run the same command again to go on.\n"
+        " **Interrupted**: this report has the runs that had ended by then; run the same command again to continue.\n"
     )
 
 
@@ -163,14 +166,14 @@ def test_a_ladder_is_told_rung_by_rung():
     assert coarse == ["0.8 ms", "3.7", "7.41", "22.2", "29.6", "0.40370", "-11.1", ""]
     assert own == ["0.4 ms", "2.47", "4.94", "14.8", "19.8", "0.40247", "-7.41", ""]
     assert left_out[-1] == "left out"
-    said = text[text.index("### Refining") : text.index("Small changes")]
+    said = text[text.index("### Refining") : text.index("Runs with slightly changed starts")]
     assert said.endswith(
         "- path to 0.35 s: path_0.35s is well\n- path to 0.7 s: path_0.7s is well\n- halting time: halting_time is well\n"
         "- drop at the halt: drop_at_halt is well\n\n"
     )
     plain = dataclasses.replace(variant().ladders[0], follows="", own=None, unit="")
     assert "### Refining dt\n" in render(result(variant(ladders=(plain,))))
-    assert "It offers no ladder (studies(), in docs/write-an-engine.md).\n" in render(result(variant(ladders=())))
+    assert "The adapter offers no ladder (studies(), in docs/write-an-engine.md).\n" in render(result(variant(ladders=())))
 
 
 def test_small_changes_of_the_start_are_told_with_their_errors():
@@ -185,7 +188,10 @@ def test_the_halting_table_tells_of_the_halting_time_alone():
     (row,) = cells(halting_table(result()), "toy:a")
     assert row == ["toy:a", "yes, to within ± 11 ms", "-7.41", "1.2", "dt: halting_time is well"]
     broken = result(variant(own=run("o", 1, halting_time=None, halting_time_error=None, **FAILED)))
-    assert cells(halting_table(broken), "toy:a")[0][1:3] == ["not known: its own run does not end properly", "–"]
+    assert cells(halting_table(broken), "toy:a")[0][1:3] == [
+        "not known: the run with its own settings does not end properly",
+        "–",
+    ]
     two = (variant().ladders[0], dataclasses.replace(variant().ladders[0], setting="n"))
     assert cells(halting_table(result(variant(ladders=two))), "toy:a")[0][-1] == (
         "dt: halting_time is well; n: halting_time is well"
@@ -200,7 +206,7 @@ def test_defaults_and_choices_are_told_in_milliseconds_and_millimetres():
         ["toy:a", "p 1, q 2", "dt 0.333333, n 7", "winding: engine, drag: nobody"],
     ]
     none = render(result(variant(choices=(), defaults=())))
-    assert none.count("None of these variants declares any.\n") == 2
+    assert none.count("None of these variants declares one.\n") == 2
     bare = variant(provenance=RunProvenance(versions={}, settings={}, supplies=()))
     assert cells(render(result(bare)), "toy:a", "## Provenance") == [["toy:a", "–", "", ""]]
 
@@ -268,8 +274,8 @@ def test_a_result_comes_back_from_its_file_and_the_report_is_beside_it(tmp_path,
 def test_a_study_is_watched_to_a_tenth_of_a_second_after_the_halt(scenario, monkeypatch, halt, duration):
     """And to the last of the marks, 0.7 s, at least; but no longer than the scenario lasts."""
     monkeypatch.setattr(study, "Reference", lambda scenario: None)
-    monkeypatch.setattr(study, "target", lambda *_: SimpleNamespace(numbers={HALT: halt}))
-    assert study.watched(scenario, None).duration == pytest.approx(duration)
+    monkeypatch.setattr(study, "reference_target", lambda *_: SimpleNamespace(numbers={HALT: halt}))
+    assert study.cut_to_watched(scenario, None).duration == pytest.approx(duration)
 
 
 class Exact:
@@ -298,7 +304,9 @@ def test_a_study_makes_every_run_of_every_engine_once(tmp_path, scenario, refere
     monkeypatch.setattr(study, "Runner", Recorder)
     monkeypatch.setattr(study, "Reference", lambda _: None)
     monkeypatch.setattr(
-        study, "target", lambda where, _: dataclasses.replace(target(where, reference), reference=Exact(reference))
+        study,
+        "reference_target",
+        lambda where, _: dataclasses.replace(reference_target(where, reference), reference=Exact(reference)),
     )
     engines = [DelayedEngine(), DelayedEngine(order=2.0)]
     found = study.study_convergence(scenario, engines, tmp_path, until=1.05, budget=3.0, jobs=1, time_limit=10.0)

@@ -14,12 +14,19 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
 from looping_pendulum.compare import run_cache
+from looping_pendulum.compare.convergence import plots
 from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
-from looping_pendulum.compare.convergence.measure import floors, target
-from looping_pendulum.compare.convergence.plots import draw
+from looping_pendulum.compare.convergence.measure import floors, reference_target
 from looping_pendulum.compare.convergence.report import halting_verdict, render
 from looping_pendulum.compare.convergence.result import HALT, ConvergenceResult
-from looping_pendulum.compare.convergence.study import changed_starts, judge, plan, study_convergence, watched, write
+from looping_pendulum.compare.convergence.study import (
+    changed_starts,
+    cut_to_watched,
+    evaluate_variant,
+    plan_variant,
+    study_convergence,
+    write,
+)
 from looping_pendulum.compare.run_cache import DamagedRunWarning, EndedRun, RunCache, Runner, RunTask, run_key
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference
@@ -30,24 +37,30 @@ from looping_pendulum.errors import EngineError
 from looping_pendulum.scenarios import load
 from tests.compare.delayed import STEPS, DelayedEngine
 
+PNG = b"\x89PNG"
+
 
 @pytest.fixture(scope="module")
 def scenario():
-    return watched(load("ten_to_one"), None)
+    return cut_to_watched(load("ten_to_one"), None)
 
 
 @pytest.fixture(scope="module")
 def targets(scenario):
     starts = changed_starts(scenario)
-    return target(scenario, Reference(scenario)), {what: target(where, Reference(where)) for what, where in starts}, starts
+    return (
+        reference_target(scenario, Reference(scenario)),
+        {what: reference_target(where, Reference(where)) for what, where in starts},
+        starts,
+    )
 
 
 def studied(engine, scenario, targets):
     """Study of one variant, its runs made in this process."""
     reference, moved, starts = targets
-    made = plan(engine, scenario, starts)
+    made = plan_variant(engine, scenario, starts)
     done = {task.key: EndedRun(run=task.engine.simulate(task.scenario), seconds=1.0) for task in made.tasks()}
-    return judge(made, done, reference, moved, floors(reference))
+    return evaluate_variant(made, done, reference, moved, floors(reference))
 
 
 def halting(study):
@@ -58,8 +71,8 @@ def halting(study):
 def test_runs_are_watched_to_after_the_halt(scenario):
     assert scenario.duration == 0.7
     later = dataclasses.replace(load("two_to_one"), duration=1.2)
-    assert watched(later, None).duration == pytest.approx(0.953 + 0.1, abs=1e-3)
-    assert watched(load("ten_to_one"), 0.4).duration == 0.4
+    assert cut_to_watched(later, None).duration == pytest.approx(0.953 + 0.1, abs=1e-3)
+    assert cut_to_watched(load("ten_to_one"), 0.4).duration == 0.4
 
 
 def test_a_first_order_delay_is_not_converged(scenario, targets):
@@ -148,17 +161,26 @@ def test_a_study_is_kept_and_goes_on(tmp_path, scenario, counted):
     assert ConvergenceResult.from_json(first.to_json()) == first
 
 
-def test_what_the_report_says_is_what_was_found(tmp_path, scenario, counted):
+@pytest.fixture
+def figures_without_pixels(monkeypatch):
+    """Make every figure but draw none, which takes a second each: test_figures.py and test_appearance.py draw them."""
+    monkeypatch.setattr(plots, "png", lambda figure: b"")
+
+
+def test_what_the_report_says_is_what_was_found(tmp_path, scenario, counted, monkeypatch):
     result = study_convergence(scenario, [DelayedEngine()], tmp_path, jobs=1)
     report = write(result, tmp_path).read_text(encoding="utf-8")
-    assert {p.name for p in (tmp_path / "figures").iterdir()} == set(draw(result))
+    written = {path.name: path.read_bytes() for path in (tmp_path / "figures").iterdir()}
+    assert all(picture.startswith(PNG) for picture in written.values())
+    monkeypatch.setattr(plots, "png", lambda figure: b"")  # which figures there are is known without drawing them again
+    assert written.keys() == plots.draw(result).keys()
     assert "order 1" in report
     assert "| delayed:exact | not converged |" in report
     assert "| delayed:exact | step | 0.8 ms | 0.4 ms | lateness | +0.2 | 0.52 | 1.04 |" in report
     assert render(result)
 
 
-def test_the_command_writes_all_and_says_how_it_went(tmp_path, in_this_process):
+def test_the_command_writes_all_and_says_how_it_went(tmp_path, in_this_process, figures_without_pixels):
     done = CliRunner().invoke(
         app, ["converge", "ten_to_one", "-e", "reference:scipy", "--until", "0.45", "--out", str(tmp_path)]
     )
@@ -209,7 +231,7 @@ def test_a_ladder_out_of_order_is_refused_with_its_name(scenario):
     with pytest.raises(
         EngineError, match="delayed:exact: ladder of time_step: values from coarse to fine neither rise nor fall"
     ):
-        plan(DelayedEngine(steps=(4e-4, 1e-4, 2e-4)), scenario, [])
+        plan_variant(DelayedEngine(steps=(4e-4, 1e-4, 2e-4)), scenario, [])
 
 
 def test_the_name_of_a_run_tells_settings_and_scenario_apart(scenario):

@@ -10,15 +10,15 @@ from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
 from looping_pendulum.compare.convergence.report import (
     choices_table,
     defaults_table,
+    format_setting,
     halting_table,
     halting_verdict,
     ladders_table,
-    setting_words,
     splits_table,
 )
-from looping_pendulum.compare.convergence.result import DROP, HALT, MARKS
+from looping_pendulum.compare.convergence.result import DROP, HALT, PATH_END_TIMES
 
-EARLY, LATE = MARKS
+EARLY, LATE = PATH_END_TIMES
 
 
 RUNGS = ((8e-4, "FINISHED"), (2e-4, "FINISHED"), (1e-4, "SKIPPED"))
@@ -67,7 +67,7 @@ def rows(text, first="toy:chain"):
 def test_every_quantitys_split_stands_in_its_own_table():
     result = SimpleNamespace(variants=[a_variant()])
     found = rows(splits_table(result))
-    cause = f"{ErrorCause.MODEL.value}, then {ErrorCause.NOT_CONVERGED.value} (no limit along dt)"
+    cause = f"{ErrorCause.MODEL.value}, then {ErrorCause.NOT_CONVERGED.value} (no limit known for dt)"
     assert found == [["toy:chain", cause, *(str(k * i) for k in range(1, 7))] for i in (1, 2, 3)]
     assert splits_table(result).count("[mm]") == 2
     assert splits_table(result).count("[ms]") == 1
@@ -77,7 +77,7 @@ def test_every_quantitys_split_stands_in_its_own_table():
     ("own", "said"),
     [
         (a_run(1, halting_time=None), "never halts"),
-        (a_run(1), "the reference has none"),
+        (a_run(1), "the reference has no value"),
         (a_run(1, ok=False, why="died"), "died"),
     ],
 )
@@ -85,20 +85,24 @@ def test_why_there_is_no_split(own, said):
     variant = a_variant(own=own, splits=[])
     assert rows(splits_table(SimpleNamespace(variants=[variant]), [HALT])) == [["toy:chain", said, *["–"] * 6]]
     if own.ok:
-        assert rows(splits_table(SimpleNamespace(variants=[variant]), [EARLY]))[0][1] == "the reference has none"
+        assert rows(splits_table(SimpleNamespace(variants=[variant]), [EARLY]))[0][1] == "the reference has no value"
 
 
 @pytest.mark.parametrize(
     ("kinds", "own", "said"),
     [
-        ((), a_run(1), "not known: it has no ladder"),
+        ((), a_run(1), "not known: the adapter offers no ladder"),
         ((SequenceKind.NEVER, SequenceKind.NEVER), a_run(1), "never halts"),
-        ((SequenceKind.CONVERGES,), a_run(1, ok=False), "not known: its own run does not end properly"),
-        ((SequenceKind.CONVERGES, SequenceKind.NEVER), a_run(1, halting_time=None), "no; it halts at some settings only"),
+        ((SequenceKind.CONVERGES,), a_run(1, ok=False), "not known: the run with its own settings does not end properly"),
+        ((SequenceKind.CONVERGES, SequenceKind.NEVER), a_run(1, halting_time=None), "no; it halts only with some settings"),
         ((SequenceKind.SCATTERS, SequenceKind.CONVERGES, SequenceKind.SCATTERS), a_run(1), "no; it scatters by ± 6 ms"),
         ((SequenceKind.CONVERGES, SequenceKind.NEVER), a_run(1), "no; it scatters by ± 0 ms"),
         ((SequenceKind.CONVERGES, SequenceKind.UNKNOWN), a_run(1), "not known along every ladder"),
-        ((SequenceKind.CONVERGES, SequenceKind.WITHIN_SPREAD), a_run(1), "only to within ± 12 ms, its spread"),
+        (
+            (SequenceKind.CONVERGES, SequenceKind.WITHIN_SPREAD),
+            a_run(1),
+            "only to within ± 12 ms, the spread of small changes of the start",
+        ),
         ((SequenceKind.CONVERGES, SequenceKind.SETTLED), a_run(1), "yes, to within ± 12 ms"),
     ],
 )
@@ -152,5 +156,5 @@ def test_ladders_are_told_from_the_first_to_the_last_rung_that_ran():
 
 
 def test_angles_stay_in_radians():
-    assert setting_words(0.28, "rad") == "0.28 rad"
-    assert setting_words(5e-3, "m") == "5 mm"
+    assert format_setting(0.28, "rad") == "0.28 rad"
+    assert format_setting(5e-3, "m") == "5 mm"

@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from looping_pendulum.compare import compare, page, plots
 from looping_pendulum.compare.convergence import plots as convergence_plots
 from looping_pendulum.compare.convergence.ladder import SequenceKind
-from looping_pendulum.compare.convergence.result import HALT, MARKS
+from looping_pendulum.compare.convergence.result import HALT, PATH_END_TIMES
 from looping_pendulum.compare.result import MeasuredRow
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.pages.palette import styles
 
-EARLY, LATE = MARKS
+EARLY, LATE = PATH_END_TIMES
 
 
 def row(measured=0.4, reference=None, engine=None, quantity="x1_extremum", index=1, unit="s", paper=None):
@@ -118,7 +118,7 @@ def test_a_pages_line_has_at_most_600_points(compared, make_run, times):
     assert len(run["x"]) == 526, "1051 samples: every second"
     assert run["x"][:3] == [0.0, 0.002, 0.004]
     short = on_page(compared(make_run(until=0.599)), "drop").traces[1]
-    assert len(short["x"]) == page.POINTS == 600, "600 samples: all"
+    assert len(short["x"]) == page.MAX_LINE_POINTS == 600, "600 samples: all"
     assert len(on_page(compared(make_run(until=0.6)), "drop").traces[1]["x"]) == 301
 
 
@@ -269,12 +269,12 @@ def test_measured_drops_need_a_time_and_a_height(compared):
     [("a" * 50, "a" * 50), ("a" * 51, "a" * 50 + "..."), ("$x$", r"\$x\$"), ("\ud800", "\\ud800")],
 )
 def test_a_long_name_is_cut_and_no_name_is_a_formula(text, shown):
-    assert plots.literal(text) == shown
+    assert plots.without_mathtext(text) == shown
 
 
 @pytest.mark.parametrize(("count", "columns"), [(1, 1), (2, 2), (7, 3)])
 def test_a_legend_has_no_more_columns_than_words(count, columns):
-    figure, (axes,) = plots.figure_of(4.0, 3.0)
+    figure, (axes,) = plots.make_figure(4.0, 3.0)
     for k in range(count):
         axes.plot([0, 1], [k, k], label=str(k))
     plots.legend_below(figure)
@@ -284,7 +284,7 @@ def test_a_legend_has_no_more_columns_than_words(count, columns):
 
 
 def test_a_figure_without_words_has_no_legend():
-    figure, axes = plots.figure_of(4.0, 3.0, rows=(1, 3))
+    figure, axes = plots.make_figure(4.0, 3.0, rows=(1, 3))
     plots.legend_below(figure)
     assert figure.legends == []
     assert axes[0].get_subplotspec().get_gridspec().get_height_ratios() == [1, 3]

@@ -14,10 +14,10 @@ from looping_pendulum.compare.convergence.ladder import (
     ErrorCause,
     SequenceFinding,
     SequenceKind,
+    classify_sequence,
     deviation,
-    examine,
-    norm,
-    sizes,
+    refinement_sizes,
+    rms_norm,
     split_error,
 )
 
@@ -73,7 +73,7 @@ OFF = np.array([0.04, -0.03, 0.02, -0.015, 0.0])
 def test_order_and_limit_are_the_least_squares_and_what_leaving_one_out_says(order, noise, rungs):
     h = H[:rungs]
     values = numbers(3 + 0.7 * h**order * (1 + OFF[:rungs]))
-    found = examine(h, values, floor=noise)
+    found = classify_sequence(h, values, floor=noise)
     assert (found.kind, found.used) == (SequenceKind.CONVERGES, rungs)
     wanted = expected(h, values, noise)
     # The search for the order stops at 1e-5 of its interval, and its error goes into the others.
@@ -87,7 +87,7 @@ def test_a_path_has_one_order_for_all_its_samples():
     slope = np.array([[1.0, 0.5], [-0.3, 0.2], [0.4, -0.7]])
     rough = np.array([[0.2, -1.0], [0.6, 0.1], [-0.5, 0.3]])
     values = [slope * h**1.5 + 0.5 * off * rough * h**1.5 for h, off in zip(H, OFF, strict=True)]
-    found = examine(H, values)
+    found = classify_sequence(H, values)
     order, order_error, limit, uncertainty = expected(H, values, 0.0)
     assert found.order == pytest.approx(order, abs=1e-4)
     assert found.order_uncertainty == pytest.approx(order_error, rel=5e-3)
@@ -99,7 +99,7 @@ def test_a_path_has_one_order_for_all_its_samples():
 def test_an_order_that_is_worse_known_than_itself_costs_the_cautious_factor():
     # Bound below: the cautious factor alone is twice the distance of the finest rung from the limit.
     values = numbers(3 + 0.7 * H[:4] * (1 + np.array([0.12, -0.1, 0.1, 0.0])))
-    found = examine(H[:4], values, floor=0.05)
+    found = classify_sequence(H[:4], values, floor=0.05)
     wanted = expected(H[:4], values, 0.05)
     assert wanted[1] > wanted[0], "the example is of such an order"
     assert found.uncertainty == pytest.approx(wanted[3], rel=5e-3)
@@ -119,14 +119,14 @@ def test_a_fit_that_leaves_more_than_thrice_what_is_expected_is_none(scale, fits
     for _ in range(12):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if solved(h, rough(middle), noise)[2] < 3.0 else (low, middle)
-    found = examine(h, rough(scale * low), floor=noise)
+    found = classify_sequence(h, rough(scale * low), floor=noise)
     assert (found.kind is SequenceKind.CONVERGES) is fits
 
 
 @pytest.mark.parametrize(("order", "known"), [(0.1, True), (7.95, True), (0.02, False), (12.0, False)])
 def test_orders_at_the_ends_of_what_is_tried_are_none(order, known):
     h = np.array([1.0, 0.8, 0.64, 0.512, 0.4096])
-    found = examine(h, numbers(3 + 0.7 * h**order))
+    found = classify_sequence(h, numbers(3 + 0.7 * h**order))
     if known:
         assert found.order == pytest.approx(order, abs=1e-3)
     else:
@@ -139,20 +139,20 @@ def test_of_ten_rungs_at_least_the_finest_five_must_follow_one_law(good, used):
     h = 0.7 ** np.arange(10)
     values = 3 + 0.7 * h
     values[: 10 - good] = 9.0 - 2.0 * (-1.0) ** np.arange(10 - good)
-    found = examine(h, numbers(values))
+    found = classify_sequence(h, numbers(values))
     assert (found.used if found.kind is SequenceKind.CONVERGES else None) == used
 
 
 def test_three_of_four_are_not_enough():
     values = 3 + 0.7 * H**2
     values[0] = 2.0
-    assert examine(H[:4], numbers(values[:4])).kind is SequenceKind.SCATTERS
-    assert examine(H[1:4], numbers(values[1:4])).kind is SequenceKind.CONVERGES
+    assert classify_sequence(H[:4], numbers(values[:4])).kind is SequenceKind.SCATTERS
+    assert classify_sequence(H[1:4], numbers(values[1:4])).kind is SequenceKind.CONVERGES
 
 
 def test_a_last_rung_of_size_zero_is_the_limit_itself():
     h = np.array([1.0, 0.5, 0.25, 0.125, 0.0])
-    found = examine(h, numbers(3 + 0.7 * h))
+    found = classify_sequence(h, numbers(3 + 0.7 * h))
     assert found.kind is SequenceKind.CONVERGES
     assert found.order == pytest.approx(1.0, abs=1e-3)
     assert float(found.limit[0, 0]) == pytest.approx(3.0, abs=1e-6)
@@ -160,7 +160,7 @@ def test_a_last_rung_of_size_zero_is_the_limit_itself():
 
 def test_rungs_far_apart_are_one_power_law_to_the_last():
     h = 8.0 ** -np.arange(7)
-    found = examine(h, numbers(3 + 0.7 * h**0.5))
+    found = classify_sequence(h, numbers(3 + 0.7 * h**0.5))
     assert (found.kind, found.used) == (SequenceKind.CONVERGES, 7)
     assert found.order == pytest.approx(0.5, abs=1e-3)
 
@@ -170,7 +170,7 @@ def test_a_power_law_must_change_more_than_two_runs_of_a_spread_do(share, kind):
     # Two runs differ by the root of two times the spread; twice that counts as seen.
     values = 3 + 0.7 * H
     seen = (values[0] - values[-1]) / (2 * math.sqrt(2))
-    assert examine(H, numbers(values), spread=seen / share).kind is kind
+    assert classify_sequence(H, numbers(values), spread=seen / share).kind is kind
 
 
 ROUGH = (9.0, 1.0, -1.0, 1.0, -1.0)
@@ -188,14 +188,14 @@ ROUGH = (9.0, 1.0, -1.0, 1.0, -1.0)
 )
 def test_scatter_up_to_twice_the_spread_or_what_can_be_read_is_within_it(spread, floor, kind):
     """Oracle: the finest four, 1 and -1 twice, have a standard deviation of 2 / sqrt 3 = 1.155."""
-    found = examine(H, numbers(ROUGH), spread=spread, floor=floor)
+    found = classify_sequence(H, numbers(ROUGH), spread=spread, floor=floor)
     assert found.kind is kind
     assert found.scatter == pytest.approx(2 / math.sqrt(3))
     assert found.used == 4
     assert float(found.limit[0, 0]) == pytest.approx(0.0)
     # t of 3 degrees of freedom at 97.5 % is 3.182; four rungs.
     assert found.uncertainty == pytest.approx(math.hypot(3.18245 * 2 / math.sqrt(3) / 2, floor), rel=1e-5)
-    small = "finer rungs change it no more than small changes of the start do"
+    small = "refinement changes it no more than small changes of the start do"
     assert found.why == (
         small if kind is SequenceKind.WITHIN_SPREAD else "the last two refinements change it in opposite directions"
     )
@@ -203,7 +203,7 @@ def test_scatter_up_to_twice_the_spread_or_what_can_be_read_is_within_it(spread,
 
 def test_a_trend_below_the_scatter_widens_the_limit():
     values = (1.0, 3.0, 5.0)
-    found = examine(H[:3], numbers(values))
+    found = classify_sequence(H[:3], numbers(values))
     assert found.why == "the last refinement changes it more than the one before", "as much as before is no less"
     assert (found.scatter, found.used) == (pytest.approx(2.0), 3)
     # Mean 3, of the finest two 4: they differ by 1. t of 2 degrees of freedom is 4.303.
@@ -213,37 +213,37 @@ def test_a_trend_below_the_scatter_widens_the_limit():
 @pytest.mark.parametrize(("count", "kind"), [(2, SequenceKind.SCATTERS), (3, SequenceKind.SETTLED), (4, SequenceKind.SETTLED)])
 def test_three_rungs_that_agree_have_settled(count, kind):
     values = [4.0, 7.0, 0.0][: 5 - count] + [0.5] * count
-    found = examine(H, numbers(values), floor=1e-3)
+    found = classify_sequence(H, numbers(values), floor=1e-3)
     assert found.kind is kind
     if kind is SequenceKind.SETTLED:
         assert (found.used, found.uncertainty) == (count, 1e-3)
-    assert examine(H, numbers([0.5] * 5), floor=1e-3).used == 5
+    assert classify_sequence(H, numbers([0.5] * 5), floor=1e-3).used == 5
 
 
 def test_of_rungs_that_have_settled_the_finest_is_the_limit():
-    found = examine(H, numbers(3 + np.array([1.6e-3, 1e-4, 6.25e-6, 5e-7, 0.0])), floor=1e-6)
+    found = classify_sequence(H, numbers(3 + np.array([1.6e-3, 1e-4, 6.25e-6, 5e-7, 0.0])), floor=1e-6)
     assert (found.kind, float(found.limit[0, 0]), found.uncertainty) == (SequenceKind.CONVERGES, 3.0, 1e-6)
-    alone = examine(H, numbers(3 + np.array([1e-2, 3e-7, -4e-7, 5e-7, 0.0])), floor=1e-6)
+    alone = classify_sequence(H, numbers(3 + np.array([1e-2, 3e-7, -4e-7, 5e-7, 0.0])), floor=1e-6)
     assert (alone.kind, float(alone.limit[0, 0]), alone.used) == (SequenceKind.SETTLED, 3.0, 4)
 
 
 def test_settled_is_up_to_the_floor_and_no_further():
-    at, beyond = (examine(H, numbers([5.0, 9.0, 2 + off, 2.0, 2.0]), floor=0.25) for off in (0.25, 0.251))
+    at, beyond = (classify_sequence(H, numbers([5.0, 9.0, 2 + off, 2.0, 2.0]), floor=0.25) for off in (0.25, 0.251))
     assert (at.kind, at.used) == (SequenceKind.SETTLED, 3)
     assert beyond.kind is not SequenceKind.SETTLED
 
 
-@pytest.mark.parametrize(("count", "why"), [(0, "0 of the 3 rungs that it needs"), (2, "2 of the 3 rungs that it needs")])
+@pytest.mark.parametrize(("count", "why"), [(0, "0 runs have a value, 3 are needed"), (2, "2 runs have a value, 3 are needed")])
 def test_too_few_rungs_say_how_many(count, why):
-    found = examine(H[:count], numbers(H[:count]))
+    found = classify_sequence(H[:count], numbers(H[:count]))
     assert (found.kind, found.why) == (SequenceKind.UNKNOWN, why)
 
 
 def test_a_finding_points_to_what_is_within_its_uncertainty():
     found = SequenceFinding(kind=SequenceKind.CONVERGES, limit=np.array([[2.0]]), uncertainty=0.5)
-    assert [found.points_to(np.array([[x]])) for x in (2.0, 2.5, 1.5, 2.6, 1.4)] == [True, True, True, False, False]
-    assert not SequenceFinding(kind=SequenceKind.CONVERGES, limit=np.array([[2.0]])).points_to(np.array([[2.0]]))
-    assert not SequenceFinding(kind=SequenceKind.UNKNOWN, uncertainty=0.5).points_to(np.array([[0.0]]))
+    assert [found.agrees_with(np.array([[x]])) for x in (2.0, 2.5, 1.5, 2.6, 1.4)] == [True, True, True, False, False]
+    assert not SequenceFinding(kind=SequenceKind.CONVERGES, limit=np.array([[2.0]])).agrees_with(np.array([[2.0]]))
+    assert not SequenceFinding(kind=SequenceKind.UNKNOWN, uncertainty=0.5).agrees_with(np.array([[0.0]]))
 
 
 def test_the_deviation_is_that_of_a_sample_and_needs_three():
@@ -251,14 +251,14 @@ def test_the_deviation_is_that_of_a_sample_and_needs_three():
     assert deviation(numbers((1, 2, 6))) == pytest.approx(math.sqrt(7))
     path = [np.array([[3.0, 4.0], [0.0, 0.0]]) * k for k in (-1, 0, 1)]
     assert deviation(path) == pytest.approx(math.sqrt(12.5)), "5 m at one of two samples: the root of 25 / 2"
-    assert norm(path[2]) == pytest.approx(math.sqrt(12.5))
+    assert rms_norm(path[2]) == pytest.approx(math.sqrt(12.5))
 
 
 @pytest.mark.parametrize("bad", [(0.0, 1.0, 2.0), (-1.0, 1.0), (1.0, 1.0), (3.0, 2.0, 2.0), (1.0, 2.0, 2.0)])
 def test_what_neither_rises_nor_falls_is_no_ladder(bad):
     with pytest.raises(ValueError, match="neither rise nor fall"):
-        sizes(bad)
-    assert list(sizes((2.0, 1.0, 0.0))) == [2.0, 1.0, 0.0]
+        refinement_sizes(bad)
+    assert list(refinement_sizes((2.0, 1.0, 0.0))) == [2.0, 1.0, 0.0]
 
 
 # ---- what an error is made of

@@ -12,12 +12,12 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from looping_pendulum.engines.reference import Reference, ReferenceEngine
 
 from looping_pendulum.compare import compare
 from looping_pendulum.compare.landmarks import SampledReference
 from looping_pendulum.compare.slides import MIN_REST, RESOLUTION, REST_TIME
 from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.reference import Reference, ReferenceEngine
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import available_integrators
@@ -71,7 +71,7 @@ def check_replay(seed: int) -> str:
         bool(engine.not_comparable) or result.reference.sampled.halting_time is None
     )
     end = engine.end_time
-    seen = SampledReference(reference, scenario.parameters).until(end)
+    seen = SampledReference(reference, scenario.parameters).landmarks_until(end)
     cut = engine.status == RunStatus.FINISHED.name
     if cut:
         assert engine.landmarks.stops == seen.stops
@@ -88,7 +88,7 @@ def check_events(seed: int) -> str:
     scenario = random_scenario(seed)
     reference = Reference(scenario)
     sampled = SampledReference(reference, scenario.parameters)
-    seen, exact, run = sampled.beside(), reference.solution.halting_time, sampled.run
+    seen, exact, run = sampled.landmarks_beside(), reference.solution.halting_time, sampled.run
     if exact is None and seen.halting_time is None:
         return "neither halts"
     after = None if seen.halting_time is None else np.ptp(run.heavy_drop[run.t >= seen.halting_time])

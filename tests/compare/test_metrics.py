@@ -10,7 +10,7 @@ import pytest
 
 from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import align, sample_reference
-from looping_pendulum.compare.metrics import acceleration_error, departures, growth_rate, rms_until, tube
+from looping_pendulum.compare.metrics import acceleration_error, departures, evaluate_tube, growth_rate, rms_until
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Release
@@ -54,16 +54,16 @@ def test_reference_is_asked_once_per_time_in_rising_order_and_never_outside_itse
 def test_a_delay_inside_the_tube_passes_and_one_outside_does_not(reference, make_run):
     late = align(make_run(delay=4e-3), reference)
     assert late.distance.max() > 5e-3, "the amplitude alone would not forgive this delay"
-    assert tube(late, reference).fraction == 1.0
-    assert tube(late, reference).first_exit is None
-    later = tube(align(make_run(delay=15e-3), reference), reference)
+    assert evaluate_tube(late, reference).fraction == 1.0
+    assert evaluate_tube(late, reference).first_exit is None
+    later = evaluate_tube(align(make_run(delay=15e-3), reference), reference)
     assert 0 < later.fraction < 1
     assert later.first_exit > 0
 
 
 def test_an_offset_inside_the_tube_passes_and_one_outside_does_not(reference, make_run):
-    assert tube(align(make_run(shift=(0.0, 4.9e-3)), reference), reference).fraction == 1.0
-    out = tube(align(make_run(shift=(0.1, 0.1)), reference), reference)
+    assert evaluate_tube(align(make_run(shift=(0.0, 4.9e-3)), reference), reference).fraction == 1.0
+    out = evaluate_tube(align(make_run(shift=(0.1, 0.1)), reference), reference)
     assert (out.fraction, out.first_exit) == (0.0, 0.0)
 
 
@@ -71,8 +71,8 @@ def test_the_tube_ends_with_the_reference(reference, make_run):
     def short(t):
         return reference(t, end=0.5)
 
-    assert tube(align(make_run(), short), short).compared == 501
-    assert tube(align(make_run(until=-1.0), reference), reference).fraction is None
+    assert evaluate_tube(align(make_run(), short), short).compared == 501
+    assert evaluate_tube(align(make_run(until=-1.0), reference), reference).fraction is None
 
 
 def test_departures_say_when_and_in_which_direction(reference, make_run):

@@ -11,7 +11,7 @@ import pytest
 from looping_pendulum.compare import compare, report
 from looping_pendulum.compare.export import trajectory_csv, trajectory_files
 from looping_pendulum.compare.halts import render as render_halts
-from looping_pendulum.compare.paper_table import moments
+from looping_pendulum.compare.paper_table import events_table
 from looping_pendulum.compare.paper_table import render as render_paper
 from looping_pendulum.compare.result import (
     Departure,
@@ -34,13 +34,13 @@ from looping_pendulum.reference_ode.parameters import Release
 OWN = Landmarks(
     halting_time=0.41234567,
     halting_times=tuple(HaltingTimeAt(resolution=r, time=0.4 + k / 100) for k, r in enumerate(RESOLUTIONS)),
-    halting_time_blur=2.5e-3,
+    halting_time_uncertainty=2.5e-3,
     rebound=Rebound(travel=3.5e-3, speed=0.0456),
     drop_at_halt=0.31234567,
     wrap_angle_at_halt=5.1234567,
     free_length_at_halt=0.21234567,
 )
-TRUE = dataclasses.replace(OWN, halting_time=0.51234567, drop_at_halt=0.61234567, rebound=None, halting_time_blur=None)
+TRUE = dataclasses.replace(OWN, halting_time=0.51234567, drop_at_halt=0.61234567, rebound=None, halting_time_uncertainty=None)
 METRICS = {
     "rms_0.35s": 1.1e-3, "rms_0.7s": 2.2e-3, "rms_1.0s": 3.3e-3, "rms_halt": 4.4e-3, "halting_time_error": -5.5e-3,
     "rebound": 6.6e-3, "drop_error": 7.7e-3, "wrap_angle_error": -8.8e-3, "free_length_error": 9.9e-3, "string_stretch": 1.2e-3,
@@ -171,11 +171,11 @@ def test_the_detail_has_every_number_in_its_unit(result):
         ME, "97", "0.123", "0.235", "0.346", "12", "4.4", "0.3123", "5.1235", "-8.8", "0.2123", "+9.9", "1.2",
     ]  # fmt: skip
     assert true == ["reference", *["–"] * 6, "0.6123", "5.1235", "–", "0.2123", "–", "–"]
-    assert "The tube is 5 ms and 5 mm wide to either side." in text
+    assert "The half-widths of the tube are 5 ms and 5 mm." in text
     one = with_engine(result, departures=(gone(1e-2, 0.5),))
     assert cells(report.render(one), ME, "## Detail")[0][3:5] == ["–", "0.500"]
     nobody = dataclasses.replace(result, engines=(), clock=dataclasses.replace(result.clock, wall_times=()))
-    assert "No engine was asked for." in report.render(nobody)
+    assert "No engine was run." in report.render(nobody)
 
 
 def test_every_limit_is_told_with_its_value_and_why(result):
@@ -185,7 +185,7 @@ def test_every_limit_is_told_with_its_value_and_why(result):
     assert found[0] == [ME, "rms_0.7s", "pass", "2.2 mm", "at most 1 mm", "by design", ""]
     assert found[1] == [ME, "tube_fraction", "**fail**", "–", "at least 0.1 %", "by design", "no value: too short"]
     assert found[2][3:5] == ["5 SI", "at most 0.001 SI"]
-    assert "The scenario declares none for these engines and this profile." in report.render(result)
+    assert "The scenario declares no tolerances for these engines and this profile." in report.render(result)
 
 
 def test_the_stories_begin_with_the_reference(result):
@@ -208,9 +208,9 @@ def test_what_an_engine_said_is_its_last_line_and_no_markup(result):
 
 def test_a_scenario_outside_the_measured_range_is_a_warning(result):
     warned = with_engine(result, story="S.", outside_range=("a thick rod", "much drag"))
-    sentence = "**Its accuracy was never measured on such a scenario:** a thick rod; much drag."
+    sentence = "**Its accuracy was not measured for such a scenario:** a thick rod; much drag."
     assert f"- **{ME}**: S. {sentence}\n" in report.render(warned)
-    assert "never measured" not in report.render(result)
+    assert "was not measured" not in report.render(result)
 
 
 def test_who_supplies_the_physics(result):
@@ -218,8 +218,8 @@ def test_who_supplies_the_physics(result):
     section = text[text.index("## Who supplies") : text.index("## Tolerances")]
     assert cells(section, ME)[0][1:] == ["**engine**: by closed form"] * 4
     assert cells(section, "reference")[0][1:] == ["**engine**: by closed form"] * 4
-    assert f"worth:\n\n- **{ME}**: a spring, 3 mm\n- **{ME}**: a brake\n" in section
-    assert "worth:" not in report.render(result)
+    assert f"matters:\n\n- **{ME}**: a spring, 3 mm\n- **{ME}**: a brake\n" in section
+    assert "matters:" not in report.render(result)
     (engine,) = result.engines
     less = dataclasses.replace(engine.provenance, supplies=engine.provenance.supplies[1:])
     assert cells(report.render(with_engine(result, provenance=less)), ME, "## Who supplies")[0][1] == "–"
@@ -236,9 +236,9 @@ def test_the_provenance_names_settings_seed_and_what_was_inferred(result):
     section = text[text.index("## Provenance") : text.index("## Wall times")]
     assert cells(section, ME) == [[ME, "a 1, b 2", "dt 0.333333, n 7", "0"]]
     assert cells(section, "reference, reference:closed form")[0][-1] == "–"
-    assert "- Inferred, not printed by the source: mu, k. Fitted. (`fit.py`)\n- Inferred" in section
-    assert "source: m. Weighed.\n" in section
-    assert "Scenario `made_up`, watched for 1.05 s. SI and radians: " in section
+    assert "- Inferred, because the source does not print them: mu, k. Fitted. (`fit.py`)\n- Inferred" in section
+    assert "them: m. Weighed.\n" in section
+    assert "Scenario `made_up`, simulated for 1.05 s. Parameters (SI, radians): " in section
     assert "kinetic_friction 0.34" in section
     assert "coefficients" not in section
     bare = with_engine(result, provenance=dataclasses.replace(made, settings={}, versions={}, seed=12))
@@ -261,7 +261,7 @@ def test_a_run_without_a_profile_is_told_by_its_label(result):
 def test_figures_are_embedded_with_their_captions(result):
     text = report.render(result, {"figures/a.png": "First.", "figures/b.png": "Second."})
     assert "![First.](figures/a.png)\n\n*First.*\n\n![Second.](figures/b.png)\n\n*Second.*\n" in text
-    assert "None: this report was made without the trajectories." in report.render(result)
+    assert "There are none, because this report was made without the trajectories." in report.render(result)
 
 
 # ---- halts
@@ -272,10 +272,10 @@ def test_the_table_of_halts_has_every_resolution(result):
     (own,), (true,) = cells(section, ME), cells(section, "reference")
     assert own == [ME, "0.4000", "0.4100", "0.4200", "0.4300", "0.4400", "2.5", "3.5", "46"]
     assert true == ["reference", "0.4000", "0.4100", "0.4200", "0.4300", "0.4400", "–", "–", "–"]
-    assert "| run | halts, to 0.01 mm [s] | halts, to 0.03 mm [s] | halts, to 0.1 mm [s] | halts, to 0.3 mm [s] |" in section
+    assert "| run | halts, to within 0.01 mm [s] | halts, to within 0.03 mm [s] | halts, to within 0.1 mm [s] |" in section
     assert "again until the light mass" in section
-    assert "by how much a quarter more or less than 0.1 mm moves it" in section
-    assert "once it stays within 1 mm" in section
+    assert "how far it moves if the 0.1 mm are taken a quarter larger or smaller" in section
+    assert "from which on it stays within 1 mm" in section
     assert "not comparable" not in section
     gap = render_halts(with_engine(result, not_comparable="it is short"))[0]
     assert f"- {ME}: not comparable: it is short.\n\n| run |" in gap
@@ -294,13 +294,13 @@ def test_without_any_halt_there_is_no_section_on_it(result):
 @pytest.mark.parametrize(
     ("exact", "seen", "said"),
     [
-        (None, None, "By its own events the reference does not halt either."),
-        (0.5, 0.5003, "By its own events the reference halts at 0.500000 s, so this way of reading is off by 0.3 ms."),
-        (0.5003, 0.5, "By its own events the reference halts at 0.500300 s, so this way of reading is off by 0.3 ms."),
-        (0.5, 0.4, "By its own events the reference halts at 0.5000 s: what it still slides until then is finer"),
-        (0.5, 0.4994, "By its own events the reference halts at 0.5000 s: what"),
-        (0.5, None, "By its own events the reference halts at 0.5000 s: what"),
-        (None, 0.4, "By its own events the reference does not halt: what it still slides"),
+        (None, None, "The reference's exact events contain no halt either."),
+        (0.5, 0.5003, "By its exact events the reference halts at 0.500000 s, so reading samples has an error of 0.3 ms here."),
+        (0.5003, 0.5, "By its exact events the reference halts at 0.500300 s, so reading samples has an error of 0.3 ms here."),
+        (0.5, 0.4, "By its exact events the reference halts at 0.5000 s: until then it slides by less"),
+        (0.5, 0.4994, "By its exact events the reference halts at 0.5000 s: until"),
+        (0.5, None, "By its exact events the reference halts at 0.5000 s: until"),
+        (None, 0.4, "By its exact events the reference does not halt: until then it slides"),
     ],
 )
 def test_what_samples_say_is_held_against_the_references_events(result, exact, seen, said):
@@ -326,7 +326,7 @@ def test_three_digits_of_a_thousandth(result, size, shown):
     assert own[2:5] + own[6:9] == [shown] * 3 + [f"+{shown}"] * 3
     detail = cells(report.render(all_alike), ME, "## Detail")[0]
     assert [detail[6], detail[9], detail[11], detail[12]] == [shown, f"+{shown}", f"+{shown}", shown]
-    for metric, (_, factor) in report.UNITS.items():
+    for metric, (_, factor) in report.METRIC_DISPLAY_UNITS.items():
         told_ = report.limit_and_value(limit(GOOD, metric, 1e3 * size / factor, **{"limit": 1e3 * size / factor}))
         assert [one.split()[-2] for one in told_] == [shown, shown], metric
     text = told(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.2 + size)))
@@ -335,7 +335,7 @@ def test_three_digits_of_a_thousandth(result, size, shown):
 
 @pytest.mark.parametrize(("size", "shown"), TWO)
 def test_two_digits_of_a_thousandth(result, size, shown):
-    own = dataclasses.replace(OWN, halting_time_blur=size, rebound=Rebound(travel=size, speed=size))
+    own = dataclasses.replace(OWN, halting_time_uncertainty=size, rebound=Rebound(travel=size, speed=size))
     (row,) = cells(render_halts(with_engine(result, landmarks=own))[0], ME)
     assert row[-3:] == [shown] * 3
     assert cells(report.render(with_engine(result, growth_rate=1e3 * size)), ME, "## Detail")[0][5] == shown
@@ -348,7 +348,7 @@ def test_hundreds_of_thousandths(result):
     assert cells(text, "RMS difference of the times")[0][3:] == ["600.0 (1 of 1)"] * 3
     wide = dataclasses.replace(result.engines[0].tube, half_time=0.123456, half_width=0.654321, fraction=0.97654)
     section = report.render(with_engine(result, tube=wide))
-    assert "The tube is 123.456 ms and 654.321 mm wide" in section
+    assert "The half-widths of the tube are 123.456 ms and 654.321 mm" in section
     assert cells(section, ME, "## Detail")[0][1] == "97.7"
 
 
@@ -357,7 +357,7 @@ def test_hundreds_of_thousandths(result):
 
 def told(result, reference, own, end=1.0, engine=None):
     true = dataclasses.replace(result.reference, sampled=reference)
-    return moments(with_engine(dataclasses.replace(result, reference=true), landmarks=own, end_time=end, **(engine or {})))
+    return events_table(with_engine(dataclasses.replace(result, reference=true), landmarks=own, end_time=end, **(engine or {})))
 
 
 def at(*times):
@@ -371,7 +371,7 @@ def test_moments_are_numbered_where_there_are_several(result):
     assert cells(text, "stop 3") == [["stop 3", "–", "at 0.6000 s"]]
     alone = told(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.203)))
     assert cells(alone, "stop") == [["stop", "0.2000", "+3"]]
-    assert "| moment | reference [s] | pymunk:chain [ms later] |" in alone
+    assert "| event | reference [s] | pymunk:chain [ms later] |" in alone
 
 
 def test_every_kind_of_moment_has_its_rows(result):
@@ -383,7 +383,7 @@ def test_every_kind_of_moment_has_its_rows(result):
 
     text = told(result, marks(0.0), marks(0.005))
     names = [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("|")][2:]
-    assert names == ["stop", "slips again", "x1 extremum", "y1 extremum", "light mass reaches rod"]
+    assert names == ["stop", "slip onset", "x1 extremum", "y1 extremum", "light mass reaches rod"]
     assert [cells(text, name)[0][1:] for name in names] == [[f"{t:.4f}", "+5"] for t in (0.1, 0.2, 0.3, 0.4, 0.9)]
     without = told(result, dataclasses.replace(marks(0.0), light_reaches_rod=None), marks(0.005))
     assert "reaches rod" not in without, "the reference's end is not told of an engine alone"

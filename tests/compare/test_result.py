@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare, write
-from looping_pendulum.compare.export import CSV_COLUMNS, write_whole
+from looping_pendulum.compare.export import CSV_COLUMNS, write_atomically
 from looping_pendulum.compare.report import render
-from looping_pendulum.compare.result import ComparisonResult, ResultError, ToleranceOutcome
+from looping_pendulum.compare.result import ComparisonResult, ToleranceOutcome
 from looping_pendulum.compare.tables import number, signed
 from looping_pendulum.compare.tables import table as markdown
 from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.errors import ResultError
 from looping_pendulum.pages.palette import COLOURS, styles
 
 
@@ -126,13 +127,16 @@ def test_the_story_says_where_when_and_why(scenario, reference, make_run, no_fri
     bare = dataclasses.replace(run, light_position=run.light_position + drift, heavy_position=moving)
     story = compare(scenario, reference, [bare]).engines[0].story
     first = math.ceil(math.sqrt(1e-3 / 0.02) / 1e-3) * 1e-3
-    assert f"Leaves the 1 mm band at {first:.3f} s, while the string slides and the heavy mass falls;" in story
-    assert "Likely why: nobody supplies the string's friction on the rod, which this scenario has." in story
+    assert f"First deviates by more than 1 mm at {first:.3f} s, while the string slides and the heavy mass falls;" in story
+    assert (
+        "Likely cause: neither the engine nor the adapter models the string's friction on the rod, which this scenario has."
+        in story
+    )
     assert "does not halt" in story
-    assert "nobody supplies the string's friction on the rod and sticking and slipping" in story
+    assert "models the string's friction on the rod or sticking and slipping" in story
     full = compare(scenario, reference, [make_run(shift=(2e-3, 0.0))]).engines[0].story
-    assert "All the physics of the scenario is there" in full
-    assert "Halts on time (seen at rest until the run's end at 1.050 s)." in full
+    assert "All the physics of the scenario is modelled" in full
+    assert "Halts on time (at rest until the run ends at 1.050 s)." in full
 
 
 def test_a_stretched_string_is_named(scenario, reference, make_run):
@@ -200,14 +204,14 @@ def test_a_result_from_json_can_be_reported(tmp_path, scenario, reference, make_
 
 def test_a_crash_while_writing_leaves_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "report.md"
-    write_whole(path, "old")
+    write_atomically(path, "old")
 
     def fail(*_):
         raise OSError("disk full")
 
     monkeypatch.setattr(os, "replace", fail)
     with pytest.raises(OSError, match="disk full"):
-        write_whole(path, "new")
+        write_atomically(path, "new")
     assert [p.name for p in tmp_path.iterdir()] == ["report.md"]
     assert path.read_text() == "old"
 
@@ -235,6 +239,7 @@ def test_a_file_of_version_2_is_read_under_todays_names(measured_scenario, refer
     tree["truth"] = tree.pop("reference")
     for landmarks in (tree["truth"]["landmarks"], tree["truth"]["sampled"], *(e["landmarks"] for e in tree["engines"])):
         landmarks["break_aways"] = landmarks.pop("slip_onsets")
+        landmarks["halting_time_blur"] = landmarks.pop("halting_time_uncertainty")
     tree["truth"]["events"] = [["break_away" if name == "slip_onset" else name, time] for name, time in tree["truth"]["events"]]
     for row in tree["measured"]:
         row["truth"] = row.pop("reference")

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import scipy
 
+from looping_pendulum import versions
 from looping_pendulum.compare import run_cache
 from looping_pendulum.compare.run_cache import EndedRun, RunCache, Runner, RunTask, run_key
 from looping_pendulum.engines.trajectory import RunStatus
@@ -64,7 +65,7 @@ def test_the_name_of_a_run_changes_with_versions_profile_and_scenario(scenario, 
     heavier = dataclasses.replace(scenario, parameters=scenario.parameters.replace(heavy_mass=0.2))
     assert run_key(DelayedEngine(), heavier) != before
     assert run_key(DelayedEngine(), dataclasses.replace(scenario, title="other", name="other")) == before
-    monkeypatch.setattr(run_cache, "_version", lambda package: "another")
+    monkeypatch.setattr(run_cache, "installed_version", lambda package: "another")
     assert run_key(DelayedEngine(), scenario) != before
 
 
@@ -81,10 +82,10 @@ def test_the_adapters_code_is_all_files_beside_it_but_what_only_says_what_to_var
 
 def test_a_version_is_found_under_the_name_of_the_import_too(monkeypatch):
     pip = {"imported_name": ["numpy", "scipy"]}
-    monkeypatch.setattr(run_cache, "packages_distributions", lambda: pip)
-    assert run_cache._version("numpy") == np.__version__
-    assert run_cache._version("imported_name") == f"{np.__version__}, {scipy.__version__}"
-    assert run_cache._version("no_such_package") == "none"
+    monkeypatch.setattr(versions, "packages_distributions", lambda: pip)
+    assert versions.installed_version("numpy") == np.__version__
+    assert versions.installed_version("imported_name") == f"{np.__version__}, {scipy.__version__}"
+    assert versions.installed_version("no_such_package") == "none"
 
 
 @pytest.mark.parametrize(("limit", "asked", "taken"), [(10.0, 10.0, True), (10.0, 5.0, True), (10.0, 20.0, False)])

@@ -13,10 +13,10 @@ from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.export import trajectory_csv
 from looping_pendulum.compare.landmarks import run_landmarks
-from looping_pendulum.compare.metrics import THRESHOLDS, departures, growth_rate
+from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS, departures, growth_rate
 from looping_pendulum.compare.report import limit_and_value, render, verdict_rows
 from looping_pendulum.compare.result import ToleranceOutcome
-from looping_pendulum.compare.tolerances import AT_LEAST, judge_one
+from looping_pendulum.compare.tolerances import LOWER_LIMIT_METRICS, judge_tolerance
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios.scenario import METRICS
@@ -80,14 +80,14 @@ def test_a_longer_free_string_has_a_positive_free_length_error(scenario, referen
 @pytest.mark.parametrize(("factor", "kept"), [(2.0, False), (-2.0, False), (0.5, True), (-0.5, True), (1.0, True)])
 def test_a_limit_holds_for_either_sign(scenario, reference, make_run, limit, metric, factor, kept):
     engine = compare(scenario, reference, [make_run()]).engines[0]
-    judged = judge_one(limit(metric, 0.01), dataclasses.replace(engine, metrics=engine.metrics | {metric: 0.01 * factor}))
-    if metric in AT_LEAST:  # more is better, and a share or a time is not negative
+    judged = judge_tolerance(limit(metric, 0.01), dataclasses.replace(engine, metrics=engine.metrics | {metric: 0.01 * factor}))
+    if metric in LOWER_LIMIT_METRICS:  # more is better, and a share or a time is not negative
         kept = factor >= 1
     assert judged.outcome is (ToleranceOutcome.PASSED if kept else ToleranceOutcome.FAILED)
 
 
 def test_only_what_is_good_when_large_has_a_least_value():
-    assert AT_LEAST == {"tube_fraction", "simulated_time"}
+    assert LOWER_LIMIT_METRICS == {"tube_fraction", "simulated_time"}
 
 
 @pytest.mark.parametrize("late", [3e-3, -3e-3])
@@ -109,9 +109,9 @@ def test_an_engine_that_is_early_breaks_its_limit_as_one_that_is_late(scenario, 
     ],
 )  # fmt: skip
 def test_limits_are_told_in_the_unit_of_the_paper(scenario, reference, make_run, limit, metric, value, shown):
-    judged = judge_one(limit(metric, value), compare(scenario, reference, [make_run()]).engines[0])
+    judged = judge_tolerance(limit(metric, value), compare(scenario, reference, [make_run()]).engines[0])
     told = limit_and_value(dataclasses.replace(judged, value=value / 2))
-    assert told[0] == f"{'at least' if metric in AT_LEAST else 'at most'} {shown}"
+    assert told[0] == f"{'at least' if metric in LOWER_LIMIT_METRICS else 'at most'} {shown}"
     number, unit = told[1].split()
     assert float(number) == pytest.approx(float(shown.split()[0]) / 2, rel=5e-3)
     assert unit == shown.split()[1]
@@ -183,9 +183,9 @@ def test_a_departure_says_how_far_and_to_which_side(reference, make_run, sign):
 
 
 def test_a_distance_of_just_the_threshold_is_no_departure(reference, make_run):
-    aligned = align(make_run(shift=(THRESHOLDS[0] * (1 - 1e-9), 0.0)), reference)
+    aligned = align(make_run(shift=(DEPARTURE_THRESHOLDS[0] * (1 - 1e-9), 0.0)), reference)
     assert departures(aligned, ()) == ()
-    assert len(departures(align(make_run(shift=(THRESHOLDS[0] * (1 + 1e-9), 0.0)), reference), ())) == 1
+    assert len(departures(align(make_run(shift=(DEPARTURE_THRESHOLDS[0] * (1 + 1e-9), 0.0)), reference), ())) == 1
 
 
 def test_growth_is_the_rate_of_the_exponential_through_the_first_and_the_last(reference, make_run):
@@ -223,7 +223,7 @@ def test_why_a_tolerance_has_no_value(scenario, reference, make_run, limit):
     assert crashed.explanation == f"no value: {RunStatus.CRASHED.value}"
     cut = compare(short, reference, [make_run(until=0.5)]).tolerances[0]
     assert cut.outcome is ToleranceOutcome.FAILED
-    assert cut.explanation.startswith("no value: the run or the reference does not reach")
+    assert cut.explanation.startswith("no value: the run or the reference ends before")
     kept = dataclasses.replace(scenario, tolerances=(limit("rms_0.35s", 1e-3),))
     assert compare(kept, reference, [make_run()]).tolerances[0].explanation == ""
 

@@ -11,10 +11,10 @@ from looping_pendulum.compare.slides import (
     MIN_REST,
     RESOLUTION,
     REST_TIME,
+    find_rests,
     halting_time,
-    rests,
     slip_onset,
-    turns,
+    turning_points,
 )
 
 DT = 1e-3
@@ -42,7 +42,7 @@ def test_a_smooth_deceleration_halts_within_a_tenth_of_a_millisecond(phase):
     assert halting_time(t, place, RESOLUTION, ended=False) == pytest.approx(halt, abs=1e-4)
 
 
-def test_noise_blurs_the_halt_by_no_more_than_the_last_tenth_of_a_millimetre_takes():
+def test_noise_moves_the_halt_by_no_more_than_the_last_tenth_of_a_millimetre_takes():
     t, halt, brake, noise = np.arange(1000) * DT, 0.4, 20.0, 5e-6
     place = braked(t, halt, brake) + np.random.default_rng(2).uniform(-noise, noise, len(t))
     assert halting_time(t, place, RESOLUTION, ended=False) == pytest.approx(halt, abs=math.sqrt(2 * RESOLUTION / brake))
@@ -83,7 +83,7 @@ def test_a_string_that_sticks_since_the_release_halts_then():
 def test_a_reversal_is_one_stop_and_no_stick():
     t, turn = np.arange(600) * DT, 0.3007
     place = np.where(t < turn, -8 * (t - turn) ** 2 / 2, -20 * (t - turn) ** 2 / 2)
-    (found,) = rests(t, place)
+    (found,) = find_rests(t, place)
     assert found.stop == pytest.approx(turn, abs=1e-9)
     assert slip_onset(t, place, found, 2) is None
 
@@ -92,7 +92,7 @@ def test_a_slow_reversal_that_looks_like_a_rest_is_still_no_stick():
     t, turn, rate = np.arange(600) * DT, 0.3007, 2.0
     place = -rate * (t - turn) ** 2 / 2
     assert math.sqrt(2 * RESOLUTION / rate) > REST_TIME / 2  # it stays within the resolution for longer than `REST_TIME`
-    (found,) = rests(t, place)
+    (found,) = find_rests(t, place)
     assert found.stop == pytest.approx(turn, abs=1e-9)
     assert [slip_onset(t, place, found, power) for power in (2, 3)] == [None, None]
 
@@ -101,7 +101,7 @@ def test_a_slow_reversal_that_looks_like_a_rest_is_still_no_stick():
 def test_a_stick_and_the_onset_of_slip(power):
     t, stop, onset = np.arange(900) * DT, 0.3, 0.5
     place = braked(t, stop, 20.0) - 5 * np.maximum(t - onset, 0) ** power
-    (found,) = rests(t, place)
+    (found,) = find_rests(t, place)
     assert found.stop == pytest.approx(stop, abs=1e-9)
     assert slip_onset(t, place, found, power) == pytest.approx(onset, abs=1e-6)
 
@@ -109,11 +109,11 @@ def test_a_stick_and_the_onset_of_slip(power):
 def test_jitter_at_rest_makes_no_stops():
     t = np.arange(1000) * DT
     jitter = 0.3 * RESOLUTION * np.sin(900 * t)
-    assert len(rests(t, braked(t, 0.3, 20.0) + jitter)) == 1
+    assert len(find_rests(t, braked(t, 0.3, 20.0) + jitter)) == 1
 
 
 def test_turns_are_told_from_noise():
     t = np.arange(1100) * DT
     noisy = 0.2 * np.cos(9 * t + 0.5) + np.random.default_rng(3).uniform(-2e-4, 2e-4, len(t))
-    assert len(turns(noisy, 1e-3)) == 3
-    assert turns(np.zeros(5), 1e-3) == turns(np.zeros(0), 1e-3) == []
+    assert len(turning_points(noisy, 1e-3)) == 3
+    assert turning_points(np.zeros(5), 1e-3) == turning_points(np.zeros(0), 1e-3) == []

@@ -21,14 +21,14 @@ from looping_pendulum.compare.slides import (
     RESOLUTION,
     RESOLUTIONS,
     Rest,
-    final_rest,
+    final_rest_start,
+    find_rests,
     halting_time,
-    resting,
-    rests,
-    slid,
+    resting_samples,
+    slip_distance,
     slip_onset,
     stop_time,
-    turns,
+    turning_points,
 )
 from looping_pendulum.engines.trajectory import RunStatus, TrajectoryEvent
 from looping_pendulum.reference_ode.parameters import Release
@@ -61,7 +61,7 @@ def array(*values):
 )
 def test_a_turn_is_a_way_back_of_more_than_the_band(values, found):
     """Band 1: a rise or a way back of just 1 is none."""
-    assert turns(array(*values), 1.0) == found
+    assert turning_points(array(*values), 1.0) == found
 
 
 # ---- resting
@@ -69,16 +69,16 @@ def test_a_turn_is_a_way_back_of_more_than_the_band(values, found):
 
 @pytest.mark.parametrize(("samples", "rest"), [(10, 0), (11, 11), (12, 12), (30, 30)])
 def test_a_rest_takes_ten_milliseconds(samples, rest):
-    assert resting(np.zeros(samples), 0.25).sum() == rest
+    assert resting_samples(np.zeros(samples), 0.25).sum() == rest
 
 
 def test_a_rest_is_where_the_string_moves_by_at_most_the_resolution():
     place = np.concatenate([np.arange(-8.0, 0.0), np.zeros(12), np.arange(1.0, 9.0)])
-    assert list(np.flatnonzero(resting(place, 0.25))) == list(range(8, 20))
+    assert list(np.flatnonzero(resting_samples(place, 0.25))) == list(range(8, 20))
     place[13] = 0.25
-    assert list(np.flatnonzero(resting(place, 0.25))) == list(range(8, 20)), "just the resolution is no motion"
+    assert list(np.flatnonzero(resting_samples(place, 0.25))) == list(range(8, 20)), "just the resolution is no motion"
     place[13] = 0.26
-    assert resting(place, 0.25).sum() == 0
+    assert resting_samples(place, 0.25).sum() == 0
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_a_rest_is_where_the_string_moves_by_at_most_the_resolution():
     [((5, 1, 1.25, 1), 1), ((5, 1, 1.5, 1.25), 2), ((1, 1, 1), 0), ((0, 1, 2, 3), 3), ((1, 1.25, 1.5), 1), ((3, 2), 1)],
 )
 def test_the_final_rest_begins_where_no_more_than_the_resolution_is_left(place, first):
-    assert final_rest(array(*place), 0.25) == first
+    assert final_rest_start(array(*place), 0.25) == first
 
 
 # ---- stops
@@ -139,7 +139,7 @@ def test_a_turn_has_no_stop_before_it_has_only_the_resolution_left():
     steps = array(*[1.0] * 12, 0.3, 0.15, 0.05, -0.05, *[-0.3] * 12) * 1e-3
     place = np.concatenate([[0.0], np.cumsum(steps)])
     t = np.arange(len(place)) * DT
-    (found,) = rests(t, place)
+    (found,) = find_rests(t, place)
     turn = int(np.argmax(place))
     assert (found.first, found.last) == (turn, turn)
     # Speeds 0.3 and 0.15 m/s in the intervals up to 0.5 ms and 1.5 ms before the turn: zero at half a millisecond before it.
@@ -151,7 +151,7 @@ def test_stops_are_told_in_the_order_of_time():
     t = np.arange(500) * DT
     falling = 0.4 * np.minimum(t, 0.1) - 0.3 * np.clip(t - 0.1, 0, 0.1)
     place = falling + 0.5 * np.clip(t - 0.3, 0, 0.05) - 0.5 * np.clip(t - 0.35, 0, 1)
-    found = rests(t, place)
+    found = find_rests(t, place)
     assert [rest.stop for rest in found] == pytest.approx([0.1, 0.2, 0.35], abs=DT)
     assert [rest.last > rest.first for rest in found] == [False, True, False]
     assert (found[1].first, found[1].last) == (200, 300)
@@ -242,27 +242,30 @@ def coming_back(t, travel=9e-5):
 
 
 @pytest.mark.parametrize(
-    ("travel", "halt", "blur"),
+    ("travel", "halt", "uncertainty"),
     [(7.5e-5, 0.4, 0.0), (9e-5, 0.4, 0.03), (1.1e-4, 0.43, 0.03), (1.3e-4, 0.43, 0.0), (2.1e-4, 0.43, 0.0)],
 )
-def test_a_halt_is_blurred_by_a_way_between_0_8_and_1_25_of_the_resolution(sliding, closed_form, travel, halt, blur):
+def test_a_halt_is_uncertain_by_a_way_between_0_8_and_1_25_of_the_resolution(sliding, closed_form, travel, halt, uncertainty):
     found = run_landmarks(sliding(lambda t: coming_back(t, travel)), closed_form.parameters)
-    assert (found.halting_time, found.halting_time_blur) == (pytest.approx(halt, abs=1e-6), pytest.approx(blur, abs=1e-6))
+    assert (found.halting_time, found.halting_time_uncertainty) == (
+        pytest.approx(halt, abs=1e-6),
+        pytest.approx(uncertainty, abs=1e-6),
+    )
 
 
-def test_the_blur_is_what_a_quarter_of_the_resolution_moves_the_halt(sliding, closed_form):
+def test_the_uncertainty_is_what_a_quarter_of_the_resolution_moves_the_halt(sliding, closed_form):
     found = run_landmarks(sliding(coming_back), closed_form.parameters)
     assert found.halting_time == pytest.approx(0.4, abs=1e-6)
-    assert found.halting_time_blur == pytest.approx(0.03, abs=1e-6)
+    assert found.halting_time_uncertainty == pytest.approx(0.03, abs=1e-6)
     assert [each.time for each in found.halting_times] == pytest.approx([0.43, 0.43, 0.4, 0.4, 0.4], abs=1e-6)
     assert [each.resolution for each in found.halting_times] == list(RESOLUTIONS)
 
 
-def test_a_halt_that_a_finer_resolution_loses_has_no_blur(sliding, closed_form):
+def test_a_halt_that_a_finer_resolution_loses_has_no_uncertainty(sliding, closed_form):
     cut = run_landmarks(sliding(coming_back, until=0.475), closed_form.parameters)
     assert cut.halting_time == pytest.approx(0.4, abs=1e-6)
-    assert cut.halting_time_blur is None
-    assert run_landmarks(sliding(coming_back, until=0.485), closed_form.parameters).halting_time_blur is not None
+    assert cut.halting_time_uncertainty is None
+    assert run_landmarks(sliding(coming_back, until=0.485), closed_form.parameters).halting_time_uncertainty is not None
 
 
 def test_a_rebound_has_the_speed_of_either_direction(sliding, closed_form):
@@ -308,12 +311,12 @@ def test_a_mass_that_cannot_stop_has_no_stops(make_run, closed_form, release):
 def test_the_engines_own_slip_is_read_where_it_has_one(make_run):
     run = make_run()
     own = np.linspace(0, 1, len(run.t))
-    np.testing.assert_array_equal(slid(dataclasses.replace(run, string_slip=own), 7), own[:7])
-    np.testing.assert_array_equal(slid(run, 7), run.heavy_drop[:7])
+    np.testing.assert_array_equal(slip_distance(dataclasses.replace(run, string_slip=own), 7), own[:7])
+    np.testing.assert_array_equal(slip_distance(run, 7), run.heavy_drop[:7])
     gone = own.copy()
     gone[7:] = np.nan
-    np.testing.assert_array_equal(slid(dataclasses.replace(run, string_slip=gone), 7), own[:7])
-    np.testing.assert_array_equal(slid(dataclasses.replace(run, string_slip=gone), 8), run.heavy_drop[:8])
+    np.testing.assert_array_equal(slip_distance(dataclasses.replace(run, string_slip=gone), 7), own[:7])
+    np.testing.assert_array_equal(slip_distance(dataclasses.replace(run, string_slip=gone), 8), run.heavy_drop[:8])
 
 
 @pytest.mark.parametrize("column", ["light_position", "heavy_position", "heavy_velocity"])
@@ -359,7 +362,8 @@ def events(*pairs):
 def test_the_references_moments_are_its_events():
     found = reference_event_times(
         events(
-            ("stick", 0.0), ("stop", 0.2), ("stop", 0.4), ("stick", 0.4), ("slip_onset", 0.5), ("slip_onset", 0.7), ("slack", 0.8),
+            ("stick", 0.0), ("stop", 0.2), ("stop", 0.4), ("stick", 0.4), ("slip_onset", 0.5), ("slip_onset", 0.7),
+            ("slack", 0.8),
             ("stick", 0.9), ("halt", 0.9), ("light_reaches_rod", 1.3), ("light_reaches_rod", 1.4),
         )
     )  # fmt: skip
@@ -394,21 +398,23 @@ def test_each_stop_of_the_reference_has_its_own_height(reference, times):
 def test_beside_a_run_that_reached_the_rod_the_reference_ends_with_as_much_string(reference, closed_form, make_run):
     sampled = SampledReference(reference, closed_form.parameters)
     assert sampled.run.status is RunStatus.LIGHT_REACHED_ROD
-    assert sampled.beside().light_reaches_rod == pytest.approx(1.1)
+    assert sampled.landmarks_beside().light_reaches_rod == pytest.approx(1.1)
     reached = make_run(until=1.0, status=RunStatus.LIGHT_REACHED_ROD)
-    assert sampled.beside(reached).light_reaches_rod == pytest.approx(1.0, abs=1e-9)
-    assert sampled.beside(make_run(until=1.0)).light_reaches_rod == pytest.approx(1.1), "one that was cut is seen no further"
+    assert sampled.landmarks_beside(reached).light_reaches_rod == pytest.approx(1.0, abs=1e-9)
+    assert sampled.landmarks_beside(make_run(until=1.0)).light_reaches_rod == pytest.approx(1.1), (
+        "one that was cut is seen no further"
+    )
     longer = dataclasses.replace(reached, free_length=reached.free_length - 1.0)
-    assert sampled.beside(longer).light_reaches_rod == pytest.approx(1.1), "the reference never has so little"
+    assert sampled.landmarks_beside(longer).light_reaches_rod == pytest.approx(1.1), "the reference never has so little"
 
 
 def test_the_reference_can_be_cut_at_any_time(reference, closed_form):
     sampled = SampledReference(reference, closed_form.parameters)
-    assert sampled.until(HALT + 0.052).halting_time == pytest.approx(HALT, abs=1e-6)
-    assert sampled.until(HALT + 0.048).halting_time is None
-    assert sampled.until(1.05).light_reaches_rod is None, "where it was cut it has not reached the rod"
-    assert sampled.until(0.002).halting_times != ()
-    assert sampled.until(0.001).halting_times == ()
+    assert sampled.landmarks_until(HALT + 0.052).halting_time == pytest.approx(HALT, abs=1e-6)
+    assert sampled.landmarks_until(HALT + 0.048).halting_time is None
+    assert sampled.landmarks_until(1.05).light_reaches_rod is None, "where it was cut it has not reached the rod"
+    assert sampled.landmarks_until(0.002).halting_times != ()
+    assert sampled.landmarks_until(0.001).halting_times == ()
 
 
 def test_a_reference_that_does_not_reach_the_rod_runs_to_its_end(reference, closed_form):
@@ -417,8 +423,8 @@ def test_a_reference_that_does_not_reach_the_rod_runs_to_its_end(reference, clos
 
     sampled = SampledReference(never, closed_form.parameters)
     assert sampled.run.status is RunStatus.FINISHED
-    assert sampled.beside().light_reaches_rod is None
-    assert sampled.beside().halting_time == pytest.approx(HALT, abs=1e-6)
+    assert sampled.landmarks_beside().light_reaches_rod is None
+    assert sampled.landmarks_beside().halting_time == pytest.approx(HALT, abs=1e-6)
 
 
 @pytest.mark.parametrize("constant", [2e-3, 5e-3, 20e-3])

@@ -12,7 +12,7 @@ from looping_pendulum.compare.result import Departure, Landmarks, Rebound, Stop,
 from looping_pendulum.compare.slides import MIN_REST
 from looping_pendulum.compare.stories import missing_physics, story
 from looping_pendulum.compare.watching import why_not_comparable
-from looping_pendulum.compare.words import EVENT_WORDS, mode_words, told_events
+from looping_pendulum.compare.words import EVENT_DESCRIPTIONS, events_to_show, mode_description
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.transitions import Mode
@@ -30,7 +30,7 @@ def departure(threshold=1e-3, time=0.2, **other):
     return Departure(threshold=threshold, time=time, **(fields | other))
 
 
-def told(
+def story_of(
     parameters, found=(), own=None, true=None, supplies=None, end=1.05, status=RunStatus.FINISHED, lacks=(), not_comparable=""
 ):
     run = SimpleNamespace(t=np.array([0.0, end]), status=status, lacks=lacks)
@@ -54,7 +54,7 @@ def test_a_run_without_samples_has_no_motion(parameters):
 
 
 def test_a_run_within_a_millimetre_stays_there_to_its_end(parameters):
-    assert told(parameters) == "Stays within 1 mm of the reference up to 1.050 s, where the comparison ends."
+    assert story_of(parameters) == "Stays within 1 mm of the reference up to 1.050 s, where the comparison ends."
 
 
 @pytest.mark.parametrize(
@@ -68,86 +68,90 @@ def test_a_run_within_a_millimetre_stays_there_to_its_end(parameters):
 )
 def test_it_leaves_a_band_so_long_after_an_event(parameters, after, when, words):
     found = (departure(after=after, after_time=when), departure(0.01, 0.7))
-    said = told(parameters, found)
-    assert said.startswith(f"Leaves the 1 mm band at 0.200 s, while the string slides{words}; passes 10 mm at 0.700 s. ")
-    assert told(parameters, found[:1]).startswith(f"Leaves the 1 mm band at 0.200 s, while the string slides{words}. There ")
+    said = story_of(parameters, found)
+    assert said.startswith(
+        f"First deviates by more than 1 mm at 0.200 s, while the string slides{words}; by more than 10 mm at 0.700 s. "
+    )
+    assert story_of(parameters, found[:1]).startswith(
+        f"First deviates by more than 1 mm at 0.200 s, while the string slides{words}. At "
+    )
 
 
 def test_times_and_bands_are_in_thousandths(parameters):
     found = (departure(0.6, 0.9, after="halt", after_time=0.3), departure(0.7, 1.0))
-    said = told(parameters, found)
+    said = story_of(parameters, found)
     assert said.startswith(
-        "Leaves the 600 mm band at 0.900 s, while the string slides, 600 ms after the halt; passes 700 mm at"
+        "First deviates by more than 600 mm at 0.900 s, while the string slides, 600 ms after the halt; by more than 700 mm at"
     )
 
 
 @pytest.mark.parametrize(("sign", "words"), [(1, ("out", "ahead", "higher")), (-1, ("in", "behind", "lower"))])
 def test_to_which_side_it_departs(parameters, sign, words):
     out, ahead, up = words
-    said = told(parameters, (departure(along=sign * 2e-3, across=sign * 3e-3, heavy=sign * 4e-3),))
-    where = f"its light mass is 2 mm further {out} along the string and 3 mm {ahead} across it, its heavy mass 4 mm {up}."
-    assert f"There {where}" in said
-    dropped = told(parameters.replace(release=Release.DROP), (departure(heavy=sign * 4e-3),))
-    assert f"There its heavy mass is 4 mm {up}." in dropped
+    said = story_of(parameters, (departure(along=sign * 2e-3, across=sign * 3e-3, heavy=sign * 4e-3),))
+    where = f"its light mass is 2 mm further {out} along the string and 3 mm {ahead} across it, and its heavy mass is 4 mm {up}"
+    assert f"At that time {where} than the reference's." in said
+    dropped = story_of(parameters.replace(release=Release.DROP), (departure(heavy=sign * 4e-3),))
+    assert f"At that time its heavy mass is 4 mm {up} than the reference's." in dropped
     assert "light mass" not in dropped
 
 
 def test_what_does_not_move_is_not_ahead(parameters):
-    said = told(parameters, (departure(along=0.0, across=0.0, heavy=0.0),))
+    said = story_of(parameters, (departure(along=0.0, across=0.0, heavy=0.0),))
     assert "further in along the string" in said
     assert "behind across it" in said
-    assert "lower." in said
+    assert "lower than" in said
 
 
 @pytest.mark.parametrize(
     ("stretch", "said"),
     [
-        (None, "All the physics of the scenario is there (the winding"),
-        (0.0, "All the physics of the scenario is there, and its string did not stretch (the winding"),
-        (4e-4, "is there, and its string had stretched by no more than 0.4 mm (the winding"),
-        (5e-4, "Likely why: its string had stretched by up to 0.5 mm by then."),
-        (6e-4, "Likely why: its string had stretched by up to 0.6 mm by then."),
+        (None, "All the physics of the scenario is modelled (by the engine: the winding, the"),
+        (0.0, "sticking and slipping), and its string did not stretch. Suspect"),
+        (4e-4, "sticking and slipping), and its string had stretched by no more than 0.4 mm. Suspect"),
+        (5e-4, "Likely cause: its string had stretched by up to 0.5 mm by then."),
+        (6e-4, "Likely cause: its string had stretched by up to 0.6 mm by then."),
     ],
 )
 def test_a_string_stretched_by_half_of_the_deviation_is_a_cause(parameters, stretch, said):
-    assert said in told(parameters, (departure(stretch=stretch),))
+    assert said in story_of(parameters, (departure(stretch=stretch),))
 
 
 def test_who_supplies_the_physics_that_is_there(parameters):
     found = (departure(),)
-    own = "the winding, the string's friction on the rod and sticking and slipping by the engine itself"
-    end = ": suspect its time step, its solver or a coefficient."
-    assert f"({own}){end}" in told(parameters, found), "the drag is supplied, but this scenario has none"
-    fed = told(parameters, found, supplies=supplied(friction="adapter", stick="adapter"))
-    friction = "the string's friction on the rod and sticking and slipping fed in by the adapter"
-    assert f"(the winding by the engine itself; {friction}){end}" in fed
-    all_fed = told(parameters, found, supplies=supplied(*["adapter"] * 4))
-    assert "by the engine itself" not in all_fed
-    nothing = told(parameters.replace(release=Release.DROP), found)
-    assert "All the physics of the scenario is there." in nothing
+    own = "by the engine: the winding, the string's friction on the rod and sticking and slipping"
+    end = ". Suspect its time step, its solver or a coefficient."
+    assert f"({own}){end}" in story_of(parameters, found), "the drag is supplied, but this scenario has none"
+    fed = story_of(parameters, found, supplies=supplied(friction="adapter", stick="adapter"))
+    friction = "by the adapter: the string's friction on the rod and sticking and slipping"
+    assert f"(by the engine: the winding; {friction}){end}" in fed
+    all_fed = story_of(parameters, found, supplies=supplied(*["adapter"] * 4))
+    assert "by the engine" not in all_fed
+    nothing = story_of(parameters.replace(release=Release.DROP), found)
+    assert "All the physics of the scenario is modelled." in nothing
 
 
 def test_physics_that_has_not_acted_yet_is_no_cause(parameters):
     # Sticking matters only once the string has come to rest.
     lacking = supplied(stick="nobody")
-    before = told(parameters, (departure(),), supplies=lacking)
-    assert "All the physics that has acted by then is there" in before
-    assert "Likely why" not in before
-    after = told(parameters, (departure(after="stop", after_time=0.1),), supplies=lacking)
-    assert "Likely why: nobody supplies sticking and slipping, which this scenario has." in after
-    both = told(parameters, (departure(stretch=1e-3),), supplies=supplied(friction="nobody", stick="nobody"))
-    assert "Likely why: nobody supplies the string's friction on the rod, which this scenario has and its string" in both
+    before = story_of(parameters, (departure(),), supplies=lacking)
+    assert "All the physics that had acted by then is modelled" in before
+    assert "Likely cause" not in before
+    after = story_of(parameters, (departure(after="stop", after_time=0.1),), supplies=lacking)
+    assert "Likely cause: neither the engine nor the adapter models sticking and slipping, which this scenario has." in after
+    both = story_of(parameters, (departure(stretch=1e-3),), supplies=supplied(friction="nobody", stick="nobody"))
+    assert "the adapter models the string's friction on the rod, which this scenario has; its string had" in both
 
 
 def test_a_static_friction_that_a_run_lacks_is_told_with_both_coefficients(parameters):
     two = parameters.replace(static_friction=0.4)
-    said = told(two, lacks=("static_friction",))
+    said = story_of(two, lacks=("static_friction",))
     assert said.endswith(
         "It has one friction coefficient where this scenario has two (0.4 before it slides, 0.34 while it does): "
-        "the static one is missing from its run."
+        "its run lacks the static one."
     )
-    assert "one friction coefficient" not in told(two)
-    without = told(two, supplies=supplied(friction="nobody"), lacks=("static_friction",))
+    assert "one friction coefficient" not in story_of(two)
+    without = story_of(two, supplies=supplied(friction="nobody"), lacks=("static_friction",))
     assert "one friction coefficient" not in without, "it has none at all"
 
 
@@ -173,7 +177,7 @@ def test_missing_is_what_nobody_supplies_and_the_scenario_has(parameters):
 )
 def test_how_late_it_halts(parameters, late, said):
     own = Landmarks(halting_time=0.9 + late, halting_confirmed=True)
-    assert told(parameters, own=own, true=HALTS).endswith(said)
+    assert story_of(parameters, own=own, true=HALTS).endswith(said)
 
 
 @pytest.mark.parametrize(
@@ -187,8 +191,8 @@ def test_how_late_it_halts(parameters, late, said):
 )
 def test_only_a_halt_that_was_cut_is_told_as_seen_until_the_end(parameters, confirmed, status, seen):
     own = Landmarks(halting_time=0.9, halting_confirmed=confirmed)
-    said = told(parameters, own=own, true=HALTS, status=status)
-    assert said.endswith("Halts on time (seen at rest until the run's end at 1.050 s)." if seen else "Halts on time.")
+    said = story_of(parameters, own=own, true=HALTS, status=status)
+    assert said.endswith("Halts on time (at rest until the run ends at 1.050 s)." if seen else "Halts on time.")
 
 
 def stops(*times):
@@ -204,34 +208,34 @@ def stops(*times):
             Landmarks(stops=stops(0.4, 0.5, 0.6, 0.7)),
             {"friction": "nobody", "stick": "nobody"},
             "does not halt (the reference's halts at 0.900 s); it stops at 0.400 s, 0.500 s and 0.600 s and moves on: "
-            "nobody supplies the string's friction on the rod and sticking and slipping.",
+            "neither the engine nor the adapter models the string's friction on the rod or sticking and slipping.",
         ),
         (
             Landmarks(),
             {"stick": "nobody"},
-            "does not halt (the reference's halts at 0.900 s): nobody supplies sticking and slipping.",
+            "halts at 0.900 s): neither the engine nor the adapter models sticking and slipping.",
         ),
         (Landmarks(), {"winding": "nobody"}, "does not halt to within 0.1 mm (the reference's halts at 0.900 s)."),
     ],
 )
 def test_a_heavy_mass_that_does_not_halt(parameters, own, supplies, said):
-    assert told(parameters, own=own, true=HALTS, supplies=supplied(**supplies)).endswith(said)
+    assert story_of(parameters, own=own, true=HALTS, supplies=supplied(**supplies)).endswith(said)
 
 
 def test_a_run_that_ends_before_the_reference_halts(parameters):
-    reached = told(parameters, own=Landmarks(light_reaches_rod=0.8), true=HALTS, end=0.8)
+    reached = story_of(parameters, own=Landmarks(light_reaches_rod=0.8), true=HALTS, end=0.8)
     assert reached.endswith("Its light mass reaches the rod at 0.800 s, before the reference's heavy mass halts (0.900 s).")
-    assert told(parameters, own=Landmarks(), true=HALTS, end=0.8).endswith("where the comparison ends.")
-    assert "does not halt" in told(parameters, own=Landmarks(), true=HALTS, end=0.9)
+    assert story_of(parameters, own=Landmarks(), true=HALTS, end=0.8).endswith("where the comparison ends.")
+    assert "does not halt" in story_of(parameters, own=Landmarks(), true=HALTS, end=0.9)
 
 
 def test_a_halt_that_the_reference_lacks(parameters):
-    assert told(parameters, own=HALTS).endswith("Its heavy mass comes to rest at 0.900 s; the reference's never does.")
+    assert story_of(parameters, own=HALTS).endswith("Its heavy mass comes to rest at 0.900 s; the reference's never does.")
 
 
 def test_a_halt_that_is_not_comparable_is_not_told_as_late(parameters):
     own = Landmarks(halting_time=0.5)
-    said = told(parameters, own=own, true=HALTS, not_comparable="the run ends at 0.600 s")
+    said = story_of(parameters, own=own, true=HALTS, not_comparable="the run ends at 0.600 s")
     assert said.endswith("Its halt is not comparable: the run ends at 0.600 s.")
     assert "early" not in said
 
@@ -239,38 +243,38 @@ def test_a_halt_that_is_not_comparable_is_not_told_as_late(parameters):
 @pytest.mark.parametrize(("travel", "seen"), [(0.9e-4, False), (1e-4, False), (2e-4, True)])
 def test_a_rebound_counts_above_the_resolution(parameters, travel, seen):
     own = Landmarks(rebound=Rebound(travel=travel, speed=0.03))
-    said = told(parameters, own=own)
+    said = story_of(parameters, own=own)
     assert ("After its first rest it still moves by 0.2 mm, at up to 30 mm/s." in said) is seen
     assert ("first rest" in said) is seen
 
 
 def test_a_run_that_broke_off_says_when_and_why(parameters):
-    said = told(parameters, status=RunStatus.CRASHED)
+    said = story_of(parameters, status=RunStatus.CRASHED)
     assert said.endswith(f"The run broke off at 1.050 s: {RunStatus.CRASHED.value}.")
-    assert "broke off" not in told(parameters, status=RunStatus.LIGHT_REACHED_ROD)
+    assert "broke off" not in story_of(parameters, status=RunStatus.LIGHT_REACHED_ROD)
 
 
 def test_a_halt_is_told_once_and_other_events_each():
     """The reference names a halt thrice: it is a stop and a stick too. What comes between the two is told as well."""
     at = [("release", 0.0), ("slack", 0.1), ("stop", 0.3), ("stick", 0.3), ("halt", 0.3), ("stop", 0.4), ("unheard", 0.5)]
-    assert told_events(at) == [("slack", 0.1), ("halt", 0.3), ("stop", 0.4)]
-    assert told_events(reversed(at)) == told_events(at)
-    assert told_events([("stop", 0.3), ("stick", 0.3 + 0.1 * SAME_TIME)]) == [("stop", 0.3)]
-    assert told_events([("stop", 0.3), ("stick", 0.3 + 10 * SAME_TIME)])[1:] == [("stick", 0.3 + 10 * SAME_TIME)]
-    assert told_events([("stick", 0.3), ("stop", 0.3)]) == [("stick", 0.3)]
+    assert events_to_show(at) == [("slack", 0.1), ("halt", 0.3), ("stop", 0.4)]
+    assert events_to_show(reversed(at)) == events_to_show(at)
+    assert events_to_show([("stop", 0.3), ("stick", 0.3 + 0.1 * SAME_TIME)]) == [("stop", 0.3)]
+    assert events_to_show([("stop", 0.3), ("stick", 0.3 + 10 * SAME_TIME)])[1:] == [("stick", 0.3 + 10 * SAME_TIME)]
+    assert events_to_show([("stick", 0.3), ("stop", 0.3)]) == [("stick", 0.3)]
 
 
 def test_events_of_one_moment_that_are_not_one_are_both_told():
-    assert told_events([("taut", 0.3), ("slip_onset", 0.3)]) == [("taut", 0.3), ("slip_onset", 0.3)]
-    assert told_events([("slip_onset", 0.3), ("stop", 0.3)]) == [("slip_onset", 0.3)], "one that turns at once"
-    assert told_events([(name, 0.1 * k) for k, name in enumerate(EVENT_WORDS)])[0] == ("stop", 0.1)
+    assert events_to_show([("taut", 0.3), ("slip_onset", 0.3)]) == [("taut", 0.3), ("slip_onset", 0.3)]
+    assert events_to_show([("slip_onset", 0.3), ("stop", 0.3)]) == [("slip_onset", 0.3)], "one that turns at once"
+    assert events_to_show([(name, 0.1 * k) for k, name in enumerate(EVENT_DESCRIPTIONS)])[0] == ("stop", 0.1)
 
 
 def test_every_mode_of_the_reference_has_words_of_its_own():
-    words = {mode_words(int(mode)) for mode in Mode}
+    words = {mode_description(int(mode)) for mode in Mode}
     assert len(words) == len(Mode)
-    assert mode_words(int(Mode.STICKING)) == "the string sticks to the rod"
-    assert mode_words(UNKNOWN_MODE) == "the reference does not say its mode"
+    assert mode_description(int(Mode.STICKING)) == "the string sticks to the rod"
+    assert mode_description(UNKNOWN_MODE) == "the mode of the reference is unknown"
 
 
 class Reference:
@@ -279,10 +283,10 @@ class Reference:
     def __init__(self, halt=None, rests=None):
         self.halt, self.rests, self.asked = halt, rests, []
 
-    def beside(self):
+    def landmarks_beside(self):
         return Landmarks(halting_time=self.halt)
 
-    def until(self, end):
+    def landmarks_until(self, end):
         self.asked.append(end)
         return Landmarks(halting_time=self.rests)
 
@@ -292,7 +296,7 @@ def watched(end, own=None, reference=None, status=RunStatus.FINISHED):
     return why_not_comparable(run, Landmarks(halting_time=own), reference or Reference(0.9))
 
 
-RESTS = "it rests from 0.700 s on, as far as was seen"
+RESTS = "its string rests from 0.700 s to the end of the run"
 
 
 @pytest.mark.parametrize(
@@ -318,7 +322,7 @@ def test_a_run_that_came_to_its_end_was_watched():
 def test_beside_a_reference_that_slides_again_a_cut_rest_says_nothing():
     resting = Reference(None, rests=0.6)
     assert watched(0.8, 0.6, resting) == (
-        "the run ends at 0.800 s, while its string rests as the reference's does, which slides again later"
+        "the run ends at 0.800 s, when its string rests; the reference's rests then too, but slides again later"
     )
     assert resting.asked == [0.8], "cut where the run was"
     assert watched(0.8, None, Reference(None, rests=0.6)) == ""

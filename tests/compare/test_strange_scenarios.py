@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections import Counter
 
 import pytest
-from looping_pendulum.engines.reference import Reference
 
 from looping_pendulum.compare import compare
 from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import missing_packages, select
 from tests.compare.test_like_with_like import random_scenario
 
@@ -39,14 +39,14 @@ def told(seed: int) -> str:
     if not len(known) or abs(known).max() > CLOSE:
         return "path off"
     late = found.metrics["halting_time_error"]
-    blurs = (found.landmarks.halting_time_blur, sampled.halting_time_blur)
+    uncertainties = (found.landmarks.halting_time_uncertainty, sampled.halting_time_uncertainty)
     if None in (found.landmarks.halting_time, sampled.halting_time):
         # Neither has one, or the motion that decides lies at the resolution or in the last sample before the rod.
         assert found.landmarks.halting_time is sampled.halting_time is None or "at the rod" in edge(found, sampled), seed
         return "none"
-    if None in blurs:
+    if None in uncertainties:
         return "at the resolution"
-    assert abs(late) <= HALF_A_SAMPLE + sum(blurs), f"seed {seed}: {1e3 * late:.3f} ms, blurred by {blurs}"
+    assert abs(late) <= HALF_A_SAMPLE + sum(uncertainties), f"seed {seed}: {1e3 * late:.3f} ms, uncertain by {uncertainties}"
     return "right"
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from looping_pendulum.compare import compare
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
-from looping_pendulum.compare.paper_table import moments, quantity_words, render
+from looping_pendulum.compare.paper_table import events_table, quantity_label, render
 from looping_pendulum.compare.report import render as render_report
 from looping_pendulum.compare.result import Extremum, Landmarks, Stop
 
@@ -29,12 +29,12 @@ FOUND = Landmarks(
 SAID = {
     ("x1_extremum", 1): 0.21, ("x1_extremum", 2): 0.41, ("y1_extremum", 1): 0.31, ("y1_extremum", 2): 0.51,
     ("stop_time", 1): 0.4, ("stop_time", 3): 0.9, ("height_change_at_stop", 2): -0.2, ("height_change_at_stop", 3): -0.25,
-    ("break_away_time", 1): 0.5, ("break_away_time", 3): 0.95,
+    ("slip_onset_time", 1): 0.5, ("slip_onset_time", 3): 0.95,
     ("t_A", 1): 0.4, ("height_change_at_A", 1): -0.3, ("t_B", 1): 0.7, ("height_change_at_B", 1): -0.2, ("t_C", 1): 0.75,
     ("halting_time", 1): 0.9, ("height_change_at_halt", 1): -0.25, ("drop_at_halt", 1): 0.25,
     ("wrap_angle_at_halt", 1): 8.0, ("free_length_at_halt", 1): 0.1, ("time_light_reaches_rod", 1): 1.4,
 }  # fmt: skip
-"""(quantity, which) -> what it is of `FOUND`; C is the last slip before the halt, so not the one at 0.95 s."""
+"""(quantity, which) -> what it is of `FOUND`; C is the last slip onset before the halt, so not the one at 0.95 s."""
 
 
 @pytest.mark.parametrize(("quantity", "index"), SAID)
@@ -54,13 +54,13 @@ def test_every_event_quantity_is_examined():
 def test_one_more_than_there_are_is_none(quantity):
     last = max(i for i in range(1, 9) if event_value(FOUND, quantity, i) is not None)
     assert event_value(FOUND, quantity, last + 1) is None
-    assert quantity_words(quantity, last) == f"{quantity.replace('_', ' ')} {last}"
+    assert quantity_label(quantity, last) == f"{quantity.replace('_', ' ')} {last}"
 
 
 def test_a_slip_needs_a_halt_to_be_before():
     assert event_value(dataclasses.replace(FOUND, halting_time=None), "t_C", 1) is None
     assert event_value(dataclasses.replace(FOUND, slip_onsets=(0.95,)), "t_C", 1) is None
-    assert quantity_words("t_C", 1) == "t C"
+    assert quantity_label("t_C", 1) == "t C"
 
 
 @pytest.mark.parametrize(("kind", "unit"), [("time", "s"), ("angle", "rad"), ("height", "m"), ("drop", "m"), ("length", "m")])
@@ -111,13 +111,13 @@ def test_the_rms_of_the_times_is_over_what_a_column_has(measured, closed_form):
 def test_moments_are_told_as_later_or_earlier_than_the_reference(scenario, reference, make_run):
     result = compare(scenario, reference, [make_run(delay=2e-3)])
     engine, true = result.engines[0].landmarks, result.reference.sampled
-    row = cells(moments(result), "stop")
+    row = cells(events_table(result), "stop")
     assert float(row[1]) == pytest.approx(true.stops[0].time, abs=1e-3)
     assert row[2].startswith("+")
     assert float(row[2]) == pytest.approx(2.0, abs=0.6)
-    turns = [line for line in moments(result).splitlines() if line.startswith("| x1 extremum")]
+    turns = [line for line in events_table(result).splitlines() if line.startswith("| x1 extremum")]
     assert len(turns) == max(len(engine.x1_extrema), len(true.x1_extrema)) > 0
-    assert "2e-" not in moments(result)
+    assert "2e-" not in events_table(result)
 
 
 def test_a_moment_that_the_reference_lacks_is_told_as_a_time(scenario, reference, make_run, closed_form):
@@ -125,7 +125,7 @@ def test_a_moment_that_the_reference_lacks_is_told_as_a_time(scenario, reference
     bounce = np.where(run.t > 0.6, 5e-3 * np.sin(20 * (run.t - 0.6)), 0.0)
     moved = run.heavy_position + np.column_stack([np.zeros_like(bounce), bounce])
     result = compare(scenario, reference, [dataclasses.replace(run, heavy_position=moved)])
-    rows = [line for line in moments(result).splitlines() if line.startswith("| stop")]
+    rows = [line for line in events_table(result).splitlines() if line.startswith("| stop")]
     assert len(rows) == len(result.engines[0].landmarks.stops) > 1
     times = [s.time for s in result.engines[0].landmarks.stops]
     assert rows[1].split("|")[2].strip() == "–"

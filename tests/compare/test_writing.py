@@ -14,12 +14,20 @@ from looping_pendulum.cli import common as cli_common
 from looping_pendulum.cli import main as cli
 from looping_pendulum.cli import terminal as cli_terminal
 from looping_pendulum.compare import compare, plots, write
-from looping_pendulum.compare.plots import LONGEST_LABEL
+from looping_pendulum.compare.plots import MAX_LABEL_LENGTH
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.discrepancy.report import plots as identify_plots
 from looping_pendulum.discrepancy.report import writing
 from looping_pendulum.engines.trajectory import RunStatus
-from looping_pendulum.files import LeftOutWarning, OutputError, file_stem, file_stems, ready_folder, utf8, write_whole
+from looping_pendulum.files import (
+    OutputError,
+    SkippedOutputWarning,
+    file_stem,
+    file_stems,
+    prepare_output_folder,
+    utf8,
+    write_atomically,
+)
 from tests.pages import made_up
 
 HOSTILE = ("[/x]", "[bold", "$\\frac{", "$a$", "a" * 260, "_hidden", "half a pair: \ud800", "line\nbreak", "<script>", "|")
@@ -82,8 +90,8 @@ def check_compare(scenario, reference, name, runs, folder):
 
 def test_all_these_names_in_one_report_of_compare(tmp_path, scenario, reference, make_run):
     """With the figures as they are: names in titles and legends, each of several lines."""
-    short = [name for name in HOSTILE if len(name) < LONGEST_LABEL]
-    assert len(" ".join(short)) > LONGEST_LABEL - 5  # a title shows all of them, or nearly
+    short = [name for name in HOSTILE if len(name) < MAX_LABEL_LENGTH]
+    assert len(" ".join(short)) > MAX_LABEL_LENGTH - 5  # a title shows all of them, or nearly
     check_compare(scenario, reference, " ".join(short), [hostile_run(make_run, name) for name in HOSTILE], tmp_path)
 
 
@@ -94,7 +102,7 @@ def test_names_that_look_alike_have_files_of_their_own(tmp_path, scenario, refer
     write(compare(scenario, reference, runs), tmp_path)
     assert len({path.read_text() for path in (tmp_path / "trajectories").iterdir()}) == 4  # and the reference
     one, other = (made_up.identification(name) for name in ("a/b", "a-b"))
-    both = dataclasses.replace(one, pictures=one.pictures + other.pictures, errors=one.errors + other.errors)
+    both = dataclasses.replace(one, trial_figures=one.trial_figures + other.trial_figures, errors=one.errors + other.errors)
     assert sum("trial" in name for name in identify_plots.draw(both)) == 2
 
 
@@ -115,14 +123,14 @@ def test_a_figure_that_cannot_be_made_is_a_warning_and_the_rest_is_there(tmp_pat
     monkeypatch.setattr(plots, "drop_figure", fail)
     monkeypatch.setattr("looping_pendulum.compare.page.render", fail)
     with (
-        pytest.warns(LeftOutWarning, match="drop.png is left out: ValueError: no such font"),
+        pytest.warns(SkippedOutputWarning, match="drop.png is left out: ValueError: no such font"),
         pytest.warns(match="report.html"),
     ):
         report = write(compare(scenario, reference, [make_run()]), tmp_path / "compare")
     assert "path.png" in report.read_text()
     assert "drop.png" not in report.read_text()
     monkeypatch.setattr(identify_plots, "trial_figure", fail)
-    with pytest.warns(LeftOutWarning, match="trial-one.png"):
+    with pytest.warns(SkippedOutputWarning, match="trial-one.png"):
         report = writing.write(made_up.identification("one"), tmp_path / "identify")
     assert len(list((tmp_path / "identify" / "figures").iterdir())) == 4
 
@@ -146,7 +154,7 @@ def test_a_link_planted_at_a_temporary_name_is_not_followed(tmp_path):
     (tmp_path / "result.json").symlink_to(victim)
     before = os.umask(0o022)
     try:
-        write_whole(tmp_path / "result.json", "{}")
+        write_atomically(tmp_path / "result.json", "{}")
     finally:
         os.umask(before)
     assert victim.read_text() == "mine"
@@ -155,16 +163,16 @@ def test_a_link_planted_at_a_temporary_name_is_not_followed(tmp_path):
 
 
 def test_a_folder_is_tried_before_the_work(tmp_path):
-    assert ready_folder(tmp_path / "new" / "folder", files=("report.md",)) == tmp_path / "new" / "folder"
+    assert prepare_output_folder(tmp_path / "new" / "folder", files=("report.md",)) == tmp_path / "new" / "folder"
     assert list((tmp_path / "new" / "folder").iterdir()) == []
     (tmp_path / "report.md").mkdir()
     (tmp_path / "figures").write_text("")
     for files, folders in ((("report.md",), ()), ((), ("figures",))):
         with pytest.raises(OutputError, match=r"^--out: [^\n]* found a \w+, needed room for a \w+ of that name"):
-            ready_folder(tmp_path, files=files, folders=folders)
+            prepare_output_folder(tmp_path, files=files, folders=folders)
     for bad in (tmp_path / "figures" / "below", tmp_path / ("x" * 300), tmp_path / "\0"):
         with pytest.raises((OutputError, ValueError)):
-            ready_folder(bad)
+            prepare_output_folder(bad)
 
 
 @pytest.mark.parametrize(
@@ -192,7 +200,7 @@ def test_commands_notice_before_the_work_that_they_cannot_write(tmp_path, monkey
         "looping_pendulum.engines.isolation.run_all",
         "looping_pendulum.compare.convergence.study.study_convergence",
         "looping_pendulum.discrepancy.identify.identify",
-        "looping_pendulum.teaching.demonstrations.demonstration.show",
+        "looping_pendulum.teaching.demonstrations.demonstration.run_demonstration",
         "looping_pendulum.teaching.tracker.find_motion",
     ):
         monkeypatch.setattr(place, work)
@@ -226,4 +234,4 @@ def test_an_interrupted_comparison_goes_beside_a_complete_one(tmp_path, monkeypa
 def test_what_cannot_be_read_is_not_kept(tmp_path, there):
     (tmp_path / "result.json").write_text(there)
     cut_short = lambda found: any(e["status"] == "INTERRUPTED" for e in found["engines"])  # noqa: E731
-    assert cli_common.beside_complete(tmp_path, "result.json", interrupted=True, cut_short=cut_short) == tmp_path
+    assert cli_common.report_folder(tmp_path, "result.json", interrupted=True, was_interrupted=cut_short) == tmp_path

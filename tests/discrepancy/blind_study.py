@@ -1,4 +1,4 @@
-"""The study file that an experimenter would write about a blind case: what is known, and nothing of what is hidden."""
+"""Write the study file of a blind case, as an experimenter would: with what is known, and nothing of what is hidden."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ PAPER = {
         "release": {"kind": "looping", "angle": "free from 67.5 deg", "free_length": "free from 58 cm"},
     },
 }
-"""What the paper says of each trial; masses to 0.5 %."""
+"""Keys of a study file for each trial, as the paper prints them; masses to 0.5 %."""
 
 
 def write_paper_study(
@@ -61,11 +61,11 @@ def write_paper_study(
 TIME_NOISE, LENGTH_NOISE = 1.5e-3, 2e-3
 """Standard errors of the blind tables [s], [m]: an eye that reads a 240 fps video between its frames, and a ruler beside it."""
 FILMED = 1.1
-"""[s]; the halts of all trials, and most of them to the end."""
+"""Length of the film [s]: it contains the halts of all trials, and most trials to their end."""
 SMALLEST_TURN = 5e-3
-"""[m]; smaller turns are no extrema that anyone would mark."""
+"""Smallest change between two extrema that is written into a table [m]; nobody would notice a smaller one."""
 SHORTEST_REST = 0.1
-"""A rest to the end of the film of this length is taken for the halt [s]."""
+"""Shortest rest up to the end of the film that counts as the halt [s]."""
 
 
 def write_blind_study(folder: Path, case: Case, seed: int, *, tracks_of: Sequence[str] = (), **options: Any) -> Path:
@@ -100,7 +100,7 @@ def _moved(apparatus: Apparatus, effects: Effects) -> Motion:
 
 
 def event_table(motion: Motion, rng: np.random.Generator) -> str:
-    """Table of a motion's extrema, stops and halt, with noise."""
+    """Return the table of a motion's extrema, stops and halt, with noise, as text."""
     lines = ["quantity,index,value,sigma,unit"]
 
     def add(quantity: str, index: int, value: float, sigma: float, unit: str) -> None:
@@ -121,36 +121,36 @@ def event_table(motion: Motion, rng: np.random.Generator) -> str:
 
 
 def extrema(motion: Motion, axis: int) -> list[float]:
-    """Times [s] at which a coordinate of the light mass turns, by the sign of its speed."""
-    speed, place = motion.light_velocity[1:, axis], motion.light[1:, axis]
-    found: list[float] = []
-    last = place[0]
-    for i in np.flatnonzero(speed[:-1] * speed[1:] < 0):
-        if abs(place[i] - last) > SMALLEST_TURN:
-            found.append(_zero(motion.t[1:], speed, i))
-            last = place[i]
-    return found
+    """Return the times [s] of the extrema of a coordinate of the light mass, by the sign of its velocity."""
+    velocity, position = motion.light_velocity[1:, axis], motion.light[1:, axis]
+    times: list[float] = []
+    last = position[0]
+    for i in np.flatnonzero(velocity[:-1] * velocity[1:] < 0):
+        if abs(position[i] - last) > SMALLEST_TURN:
+            times.append(_zero(motion.t[1:], velocity, i))
+            last = position[i]
+    return times
 
 
 def stops(motion: Motion) -> tuple[list[float], bool]:
-    """Times [s] at which the heavy mass comes to rest or turns, and whether it rests from the last one on."""
-    speed = motion.heavy_velocity[:, 1]
-    moving = np.abs(speed) > 5e-3
-    found: list[float] = []
+    """Return the times [s] at which the heavy mass stops or turns, and whether it stays at rest after the last one."""
+    velocity = motion.heavy_velocity[:, 1]
+    moving = np.abs(velocity) > 5e-3
+    times: list[float] = []
     start = int(np.argmax(moving))
-    while start < len(speed) - 1:
-        sign = np.sign(speed[start])
-        after = np.flatnonzero(speed[start:] * sign <= 1e-6)
+    while start < len(velocity) - 1:
+        sign = np.sign(velocity[start])
+        after = np.flatnonzero(velocity[start:] * sign <= 1e-6)
         if not len(after):
             break
         stop = start + int(after[0])
-        found.append(float(motion.t[stop]))
+        times.append(float(motion.t[stop]))
         again = np.flatnonzero(moving[stop:])
         if not len(again):
-            return found, bool(motion.t[-1] - motion.t[stop] > SHORTEST_REST)
+            return times, bool(motion.t[-1] - motion.t[stop] > SHORTEST_REST)
         start = stop + int(again[0])
-    return found, False
+    return times, False
 
 
-def _zero(t: Array, speed: Array, i: int) -> float:
-    return float(t[i] + (t[i + 1] - t[i]) * speed[i] / (speed[i] - speed[i + 1]))
+def _zero(t: Array, velocity: Array, i: int) -> float:
+    return float(t[i] + (t[i + 1] - t[i]) * velocity[i] / (velocity[i] - velocity[i + 1]))

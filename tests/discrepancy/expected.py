@@ -1,4 +1,4 @@
-"""What the loop should say of each blind case: the candidate's name, and the value that was planted, in its own terms."""
+"""Expected result for each blind case: the candidate's name and its planted value."""
 
 from __future__ import annotations
 
@@ -42,4 +42,4 @@ EXPECTED = {
     "clock_offset": ("clock_offset", -_hidden("clock_offset")),
     "frame_rate": ("clock_ratio", 1 / (1 + _hidden("frame_rate"))),
 }
-"""Blind case -> candidate and value."""
+"""Blind case -> name of the candidate, and planted value in that candidate's unit."""

@@ -1,4 +1,4 @@
-"""Where the measured data files are."""
+"""Find the files of measured data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def real(file):
-    """Path of a file; the test is skipped where the data are not."""
+    """Return the path of a file; skip the test if there is no data folder."""
     path = find_data(file, ROOT / ".." / "shared" / "data")
     if path is None:
         pytest.skip(f"no data folder with {file}: set LOOPING_PENDULUM_DATA to it")

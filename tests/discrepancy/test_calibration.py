@@ -10,7 +10,7 @@ import pytest
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.fit.residual import calibrated
+from looping_pendulum.discrepancy.fit.residual import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from tests.blind import Apparatus
 from tests.blind.cases import CLEAN, TRIALS
@@ -20,18 +20,18 @@ from tests.discrepancy.blind_study import write_study
 @pytest.fixture(scope="module")
 def problem(tmp_path_factory):
     inputs = read_inputs(load(write_study(tmp_path_factory.mktemp("clean"), CLEAN, 0)))
-    return Problem(inputs.study, inputs.training, inputs.numbers)
+    return Problem(inputs.study, inputs.training, inputs.free_parameters)
 
 
 @pytest.fixture(scope="module")
 def fit(problem):
-    return calibrated(calibrate(problem))
+    return refit_with_estimated_noise(calibrate(problem))
 
 
 def test_planted_values_come_back(fit):
     true = Apparatus()
     values, errors = fit.values, fit.errors
-    for number, planted in (
+    for name, planted in (
         ("kinetic_friction", true.friction),
         ("light_drag", true.light_drag),
         ("string_drag", true.string_drag),
@@ -39,18 +39,18 @@ def test_planted_values_come_back(fit):
         ("ten_a.release_angle", TRIALS[0].release_angle),
         ("six.free_length", true.free_length),
     ):
-        assert abs(values[number] - planted) < 4 * errors[number], number  # 6 numbers: one in 3000 sets by chance
+        assert abs(values[name] - planted) < 4 * errors[name], name  # 6 numbers: one in 3000 sets by chance
     ratio = values["ten_a.heavy_mass"] / values["light_mass"]
     assert ratio == pytest.approx(10, rel=5e-3)  # only the ratio is seen; each mass is known to 0.5 %
 
 
-def test_wrong_starts_end_at_the_same_minimum(problem, fit):
+def test_wrong_initial_values_end_at_the_same_minimum(problem, fit):
     rng = np.random.default_rng(1)
     for _ in range(4):
-        start = np.clip(2 * rng.standard_normal(len(problem.numbers)), problem.low, problem.high)
-        again = calibrate(fit.problem, start)
+        start = np.clip(2 * rng.standard_normal(len(problem.free_parameters)), problem.low, problem.high)
+        refitted = calibrate(fit.problem, start)
         # the last iterations gain less than a millionth; where a window's event sequence changes, the cost has small steps
-        assert again.cost == pytest.approx(fit.cost, abs=0.2)
+        assert refitted.cost == pytest.approx(fit.cost, abs=0.2)
 
 
 def test_derivatives_agree_with_coarser_central_differences(fit):
@@ -64,7 +64,7 @@ def test_derivatives_agree_with_coarser_central_differences(fit):
         assert np.linalg.norm(coarse - fine[:, i]) < 1e-2 * np.linalg.norm(fine[:, i]), name
 
 
-def test_what_the_data_cannot_tell_apart_is_said(fit):
+def test_correlations_name_what_the_data_cannot_tell_apart(fit):
     pairs = {frozenset(pair[:2]) for pair in fit.correlations()}
     assert frozenset({"ten_a.heavy_mass", "six.heavy_mass"}) in pairs  # both only through their ratio to the light mass
     assert all(abs(c) > 0.9 for *_, c in fit.correlations())
@@ -72,13 +72,17 @@ def test_what_the_data_cannot_tell_apart_is_said(fit):
 
 
 def test_bounds_hold_and_are_reported(problem):
-    tight = Problem(problem.study, problem.data, [n if n.name != "kinetic_friction" else _narrow(n) for n in problem.numbers])
+    tight = Problem(
+        problem.study,
+        problem.data,
+        [n if n.name != "kinetic_friction" else _with_narrow_bounds(n) for n in problem.free_parameters],
+    )
     fit = minimise(tight, tight.prior_mean)
     assert fit.values["kinetic_friction"] == pytest.approx(0.32)
     assert "kinetic_friction" in fit.at_bounds
 
 
-def _narrow(number):
+def _with_narrow_bounds(parameter):
     import dataclasses
 
-    return dataclasses.replace(number, bounds=(0.2, 0.32))
+    return dataclasses.replace(parameter, bounds=(0.2, 0.32))

@@ -16,7 +16,7 @@ from looping_pendulum.discrepancy.data.observations import DataError, EventObser
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit import event_prediction as prediction
 from looping_pendulum.discrepancy.fit.calibration import calibrate
-from looping_pendulum.discrepancy.fit.event_tests import check_events_of
+from looping_pendulum.discrepancy.fit.event_tests import check_event_residuals
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
@@ -58,7 +58,7 @@ def test_a_turn_that_falls_on_a_sample_is_one_turn(turn):
     # Where the speed was exactly 0 at a sample, no product of neighbours was below zero, and the turn was lost.
     t = np.arange(1001) * 1e-3
     speed = 2 * (t - turn)
-    (found,) = prediction._turns(t, (t - turn) ** 2, np.where(np.abs(t - turn) < 1e-9, 0.0, speed))
+    (found,) = prediction._extrema_of_coordinate(t, (t - turn) ** 2, np.where(np.abs(t - turn) < 1e-9, 0.0, speed))
     assert found.time == pytest.approx(turn, abs=1e-12)
     assert found.value == pytest.approx(0.0, abs=1e-12)
 
@@ -106,8 +106,8 @@ def test_an_event_that_does_not_happen_counts_as_missed_by_a_fixed_number_of_err
     rows = [row("stop_time", 2, value=0.5, sigma=0.002), row("stop_time", 1, value=0.38)]
     found = prediction.predict_events(samples, Camera(), rows)
     assert np.isnan(found[0])
-    counted = prediction.counted(found, rows)
-    assert (rows[0].value - counted[0]) / rows[0].sigma == pytest.approx(prediction.MISSED)
+    counted = prediction.with_missed_events(found, rows)
+    assert (rows[0].value - counted[0]) / rows[0].sigma == pytest.approx(prediction.MISSED_EVENT_ERRORS)
     assert counted[1] == found[1]
 
 
@@ -146,7 +146,7 @@ def test_a_hidden_side_force_is_named_from_events_alone(side_force):
     assert {name} in explanations
     effect = next(e for tie in (side_force.ties or (side_force.effects,)) for e in tie if e.name == name)
     assert abs(effect.value - planted) < 3 * effect.error
-    assert max(e.noise_after for e in side_force.errors if e.held_out) < 1.4  # 11 values: 1 + 2 / sqrt(2 * 11)
+    assert max(e.standardised_rms_after for e in side_force.errors if e.held_out) < 1.4  # 11 values: 1 + 2 / sqrt(2 * 11)
 
 
 def test_seconds_and_metres_are_told_apart(side_force, tmp_path):
@@ -179,12 +179,12 @@ def test_events_beside_a_trajectory_join_the_fit(tmp_path):
     (data,) = inputs.training
     assert data.channels
     assert data.events
-    fit = calibrate(Problem(inputs.study, inputs.training, inputs.numbers))
-    assert check_events_of(fit).quiet
+    fit = calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
+    assert check_event_residuals(fit).passes
     late = tuple(dataclasses.replace(e, value=e.value + 0.04) if e.quantity == "halting_time" else e for e in data.events)
-    wrong = calibrate(Problem(inputs.study, [dataclasses.replace(data, events=late)], inputs.numbers))
-    assert not check_events_of(wrong).quiet
-    assert "halting_time" in check_events_of(wrong).worst
+    wrong = calibrate(Problem(inputs.study, [dataclasses.replace(data, events=late)], inputs.free_parameters))
+    assert not check_event_residuals(wrong).passes
+    assert "halting_time" in check_event_residuals(wrong).worst
 
 
 def paper_study(folder, **trials):
@@ -210,7 +210,7 @@ def test_what_ten_to_one_teaches_does_not_explain_two_to_one(tmp_path):
     """Nor does any effect: nothing in the 10:1 trial asks for one, so whatever 2:1 lacks cannot be learned there."""
     result = paper_study(tmp_path, train=["ten"], held_out=["two"])
     assert result.verdict is Verdict.UNEXPLAINED
-    assert result.before.held_out > 4
+    assert result.before.held_out_chi2 > 4
     assert not result.effects
 
 
@@ -221,7 +221,7 @@ def test_two_to_one_is_not_explained_by_the_papers_model_and_does_not_tell_what_
     result = paper_study(tmp_path, train=["two"], held_out=held_out)
     assert result.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED)
     assert off_by(result, "two", "t_C") > 3
-    assert any("t_C" in alarm for alarm in result.before.alarms)
+    assert any("t_C" in failure for failure in result.before.failed_tests)
     static = next(r for r in result.rounds[0].ranking if r.name == "static_friction")
     assert not static.passes  # the natural suspicion for a late break-away
 

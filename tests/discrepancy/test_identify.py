@@ -10,18 +10,18 @@ import pytest
 from typer.testing import CliRunner
 
 from looping_pendulum.cli import main as cli
-from looping_pendulum.discrepancy import result as verdict
+from looping_pendulum.discrepancy import verdict_file
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate
-from looping_pendulum.discrepancy.fit.likelihood import rise
+from looping_pendulum.discrepancy.fit.likelihood import cost_rise
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.fit.residual import calibrated, with_noise_of_residuals
+from looping_pendulum.discrepancy.fit.residual import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.listed.attribution import refit
 from looping_pendulum.discrepancy.listed.screening import screen
 from looping_pendulum.discrepancy.report.writing import write
-from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.discrepancy.result import Identification, Verdict
 from looping_pendulum.scenarios import loader
 from tests.blind.cases import CASES, CLEAN, CLEAN_VARIED, with_signature
 from tests.discrepancy.blind_study import TWO_RATIOS, write_study
@@ -44,7 +44,7 @@ def test_nothing_is_added_to_clean_data(tmp_path, case):
     result = identify(load(write_study(tmp_path, case, 5, trials=TWO_RATIOS)))
     assert result.verdict is Verdict.NO_MISSING_EFFECT
     assert not result.effects
-    assert all(e.noise_before == e.noise_after for e in result.errors)
+    assert all(e.standardised_rms_before == e.standardised_rms_after for e in result.errors)
 
 
 def assert_named_with_its_value(result, case):
@@ -52,7 +52,7 @@ def assert_named_with_its_value(result, case):
     assert result.verdict is Verdict.IDENTIFIED
     assert result.names == (name,)
     assert abs(result.effects[0].value - planted) < 3 * result.effects[0].error
-    assert all(e.noise_after <= 1.2 for e in result.errors if e.held_out)
+    assert all(e.standardised_rms_after <= 1.2 for e in result.errors if e.held_out)
     assert result.rounds[0].margin >= DECISIVE
 
 
@@ -98,8 +98,8 @@ def test_files_are_as_promised_and_the_same_again(tmp_path, ambiguous):
     assert "(`ambiguous`)" in report
     assert all((tmp_path / "a" / part.split(")")[0]).exists() for part in report.split("](")[1:])
     tree = json.loads((tmp_path / "a" / "verdict.json").read_text(encoding="utf-8"))
-    assert tree["schema"] == {"id": verdict.SCHEMA_ID, "version": verdict.SCHEMA_VERSION}
-    fields = {f.name for f in dataclasses.fields(verdict.Identification) if f.compare}
+    assert tree["schema"] == {"id": verdict_file.SCHEMA_ID, "version": verdict_file.SCHEMA_VERSION}
+    fields = {f.name for f in dataclasses.fields(Identification) if f.compare}
     assert set(tree) == fields | {"schema"}
     scenario = loader.load(tmp_path / "a" / "repaired.yaml")
     assert scenario.parameters.coefficients["kinetic_friction"] == pytest.approx(0.34, rel=0.02)
@@ -113,7 +113,7 @@ def test_what_was_hidden_is_named_from_two_trials(tmp_path):
 def test_one_process_finds_the_same_bytes_as_two(tmp_path):
     study = load(write_study(tmp_path, CASES["linear_drag"], 1, trials=TWO_RATIOS))
     alone, shared = (identify(study, workers=count) for count in (1, 2))
-    assert verdict.dump(alone) == verdict.dump(shared)
+    assert verdict_file.dump(alone) == verdict_file.dump(shared)
     assert alone.scenario == shared.scenario
 
 
@@ -124,7 +124,7 @@ def test_interrupted_it_leaves_what_it_has(tmp_path):
 
     result = identify(load(write_study(tmp_path, CASES["scale"], 1, trials=["ten_a"])), progress=interrupt)
     assert result.verdict is Verdict.INTERRUPTED
-    assert result.before.alarms
+    assert result.before.failed_tests
     assert write(result, tmp_path / "out").exists()
 
 
@@ -157,10 +157,10 @@ def standard_errors_off(study, effect, planted):
     if off < 3:
         return off
     inputs = read_inputs(study)
-    base = calibrated(calibrate(Problem(inputs.study, inputs.training, inputs.numbers)))
+    base = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
     candidate = next(c for c in inputs.library if c.name == effect.name)
     fit = with_noise_of_residuals(refit(base, screen(base, [candidate])[0]).fit)
-    return math.sqrt(max(rise(fit, effect.name, planted), 0.0))
+    return math.sqrt(max(cost_rise(fit, effect.name, planted), 0.0))
 
 
 @pytest.mark.accurate
@@ -171,7 +171,7 @@ def test_blind_matrix(tmp_path, case, seed):
     result = identify(study)
     right = right_effect(result, case)
     assert right is not None, f"{result.verdict}: {result.names}"
-    assert all(e.noise_after <= 1.2 for e in result.errors if e.held_out)
+    assert all(e.standardised_rms_after <= 1.2 for e in result.errors if e.held_out)
     assert standard_errors_off(study, right, EXPECTED[case][1]) < 3
 
 

@@ -1,4 +1,4 @@
-"""The limits that the search decides by, each at its edge, on fits that are made up: no run is needed."""
+"""The limits by which the search decides, each at its edge, on made-up fits: no run is needed."""
 
 from __future__ import annotations
 
@@ -8,42 +8,47 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.listed.attribution import judge
+from looping_pendulum.discrepancy.listed.attribution import check_held_out
 from looping_pendulum.discrepancy.search import Search
 from tests.discrepancy.expected import DECISIVE
 
 
-def a_refit(name, gain):
+def a_refit(name, delta_bic):
     candidate = SimpleNamespace(name=name, kind="a force", companions=())
     screened = SimpleNamespace(candidate=candidate, score=20.0, amplitude=1.0)
-    return SimpleNamespace(candidate=candidate, screened=screened, gain=gain, inside=True, value=1.0, error=0.1)
+    return SimpleNamespace(
+        candidate=candidate, screened=screened, delta_bic=delta_bic, within_bounds=True, value=1.0, error=0.1
+    )
 
 
-def one_round(gains):
-    """A round of the search in which the candidates a, b, ... gain what ``gains`` says, and nothing else speaks against any."""
-    refits = [a_refit(name, gain) for name, gain in zip("abcdef", gains, strict=False)]
+def one_round(delta_bics):
+    """Return a search after a round in which the candidates a, b, ... have these delta BIC and pass all tests."""
+    refits = [a_refit(name, delta_bic) for name, delta_bic in zip("abcdef", delta_bics, strict=False)]
     search = Search(SimpleNamespace(), 0, lambda what, share: None)
-    search.refits = lambda current, share: refits
-    search.judged = lambda current, near, share, base=None: {
-        r.candidate.name: SimpleNamespace(names=(r.candidate.name,), alarms=(), unseen=SimpleNamespace(worst=1.0)) for r in near
+    search.refit_candidates = lambda current, share: refits
+    search.judge_refits = lambda current, near, share, base=None: {
+        r.candidate.name: SimpleNamespace(names=(r.candidate.name,), failed_tests=(), held_out=SimpleNamespace(worst=1.0))
+        for r in near
     }
-    search.round(SimpleNamespace(names=(), left=()), 0.0)
+    search.run_round(SimpleNamespace(names=(), remaining=()), 0.0)
     return search
 
 
-@pytest.mark.parametrize(("gain", "enough"), [(DECISIVE + 0.1, True), (DECISIVE - 0.1, False), (0.5, False), (-4.0, False)])
-def test_a_candidate_is_added_if_its_gain_decides(gain, enough):
-    search = one_round([gain])
-    assert bool(search.winners) is enough
-    (told,) = search.rounds[0].ranking
-    assert told.passes is enough
-    assert told.reason == ("" if enough else "gains less than 10")
+@pytest.mark.parametrize(
+    ("delta_bic", "enough"), [(DECISIVE + 0.1, True), (DECISIVE - 0.1, False), (0.5, False), (-4.0, False)]
+)
+def test_a_candidate_is_added_if_its_delta_bic_decides(delta_bic, enough):
+    search = one_round([delta_bic])
+    assert bool(search.accepted_models) is enough
+    (ranked,) = search.rounds[0].ranking
+    assert ranked.passes is enough
+    assert ranked.reason == ("" if enough else "delta BIC below 10")
 
 
 @pytest.mark.parametrize(("behind", "tied"), [(0.4, True), (DECISIVE - 0.1, True), (DECISIVE + 0.1, False), (40.0, False)])
 def test_a_rival_is_ruled_out_if_the_difference_decides(behind, tied):
     search = one_round([100.0, 100.0 - behind])
-    assert [m.names[0] for m in search.winners] == (["a", "b"] if tied else ["a"])
+    assert [m.names[0] for m in search.accepted_models] == (["a", "b"] if tied else ["a"])
     assert search.rounds[0].margin == pytest.approx(behind)
 
 
@@ -52,9 +57,9 @@ def held_out(chi2_per_value, count, monkeypatch):
     data = SimpleNamespace(channels=(), trial=SimpleNamespace(name="six"))
     marks = SimpleNamespace(channels=("light_x", "light_y"))
     fit = SimpleNamespace(cost=chi2_per_value * count, problem=SimpleNamespace(count=count, data=[marks]))
-    monkeypatch.setattr("looping_pendulum.discrepancy.listed.attribution._explain", lambda *_: fit)
+    monkeypatch.setattr("looping_pendulum.discrepancy.listed.attribution._fit_held_out_trial", lambda *_: fit)
     monkeypatch.setattr("looping_pendulum.discrepancy.listed.attribution.rms", lambda *_: 1e-3)
-    return judge(fit, [(data, ())]).explained
+    return check_held_out(fit, [(data, ())]).passes
 
 
 @pytest.mark.parametrize("count", [1000, 4000, 100_000])

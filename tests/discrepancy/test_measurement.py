@@ -1,4 +1,4 @@
-"""The camera against its own definition and the reference; the noise law against noise that was put in."""
+"""The camera model is compared with its definition and the reference, the noise law with noise that was added."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from looping_pendulum.reference_ode.solve import solve
 from tests.apparatus import TEN_TO_ONE, WITHOUT_LOSSES
 
 FRAME = 1 / 240
-ODD = Camera(origin_x=0.01, origin_y=-0.02, scale=1.03, tilt=0.05, clock_offset=0.004, clock_ratio=0.98)
+CAMERA_WITH_ERRORS = Camera(origin_x=0.01, origin_y=-0.02, scale=1.03, tilt=0.05, clock_offset=0.004, clock_ratio=0.98)
 
 
 def channels(t, position, names=("light_x", "light_y")):
@@ -27,57 +27,59 @@ def run():
     return solve(TEN_TO_ONE, duration=3.0)
 
 
-def test_a_perfect_camera_sees_the_run(run):
+def test_a_perfect_camera_measures_the_run(run):
     t = np.arange(0, 1.0, FRAME)
     reference = run.sample(t)
     light, heavy = (
         channels(t, 0 * reference.light_position),
         channels(t[::2], 0 * reference.heavy_position[::2], ("heavy_x", "heavy_y")),
     )
-    seen = predict(sampler(TEN_TO_ONE), Camera(), [*light, *heavy])
+    prediction = predict(sampler(TEN_TO_ONE), Camera(), [*light, *heavy])
     # Two integrations to 1e-12 of the same run.
-    assert seen.values["light_x"] == pytest.approx(reference.light_position[:, 0], abs=1e-9)
-    assert seen.values["light_y"] == pytest.approx(reference.light_position[:, 1], abs=1e-9)
-    assert seen.values["heavy_y"] == pytest.approx(reference.heavy_position[::2, 1], abs=1e-9)
-    assert set(seen.after_end.values()) == {0}
+    assert prediction.values["light_x"] == pytest.approx(reference.light_position[:, 0], abs=1e-9)
+    assert prediction.values["light_y"] == pytest.approx(reference.light_position[:, 1], abs=1e-9)
+    assert prediction.values["heavy_y"] == pytest.approx(reference.heavy_position[::2, 1], abs=1e-9)
+    assert set(prediction.after_end.values()) == {0}
 
 
 def test_null_values_change_nothing_and_every_bound_holds_them():
     assert {name: getattr(Camera(), name) for name in CAMERA} == {name: p.null for name, p in CAMERA.items()}
     assert all(p.bounds[0] < p.null < p.bounds[1] and p.sigma > 0 for p in CAMERA.values())
     point = np.array([[0.3, -0.4], [1.0, 0.0]])
-    assert Camera().seen(point) == pytest.approx(point, abs=0)
+    assert Camera().project(point) == pytest.approx(point, abs=0)
     with pytest.raises(DataError, match="camera scale: found -1"):
         Camera(scale=-1.0)
 
 
 def test_tilt_turns_counterclockwise_and_scale_keeps_the_angle():
-    assert Camera(tilt=math.pi / 2).seen(np.array([[1.0, 0.0]])) == pytest.approx(np.array([[0.0, 1.0]]), abs=1e-15)
-    assert Camera(scale=2.0, origin_x=1.0).seen(np.array([[1.0, 3.0]])) == pytest.approx(np.array([[3.0, 6.0]]))
+    assert Camera(tilt=math.pi / 2).project(np.array([[1.0, 0.0]])) == pytest.approx(np.array([[0.0, 1.0]]), abs=1e-15)
+    assert Camera(scale=2.0, origin_x=1.0).project(np.array([[1.0, 3.0]])) == pytest.approx(np.array([[3.0, 6.0]]))
 
 
-def test_unseen_undoes_seen():
+def test_unproject_inverts_project():
     points = np.random.default_rng(1).normal(size=(50, 2))
-    assert ODD.unseen(ODD.seen(points)) == pytest.approx(points, abs=1e-14)
+    assert CAMERA_WITH_ERRORS.unproject(CAMERA_WITH_ERRORS.project(points)) == pytest.approx(points, abs=1e-14)
 
 
-def test_an_odd_camera_sees_the_odd_picture_of_the_true_times(run):
+def test_a_camera_with_all_errors_measures_the_transformed_positions_at_the_true_times(run):
     t = np.arange(0, 1.0, FRAME)
-    seen = predict(sampler(TEN_TO_ONE), ODD, channels(t, np.zeros((len(t), 2))))
+    prediction = predict(sampler(TEN_TO_ONE), CAMERA_WITH_ERRORS, channels(t, np.zeros((len(t), 2))))
     reference = run.sample(0.004 + 0.98 * t).light_position
-    assert np.stack([seen.values["light_x"], seen.values["light_y"]], axis=1) == pytest.approx(ODD.seen(reference), abs=1e-9)
+    assert np.stack([prediction.values["light_x"], prediction.values["light_y"]], axis=1) == pytest.approx(
+        CAMERA_WITH_ERRORS.project(reference), abs=1e-9
+    )
 
 
 def test_before_the_release_and_after_the_end(run):
     t = np.arange(0, 1.5, FRAME)
     camera = Camera(clock_offset=-0.1)
-    seen = predict(sampler(TEN_TO_ONE), camera, channels(t, np.zeros((len(t), 2))))
+    prediction = predict(sampler(TEN_TO_ONE), camera, channels(t, np.zeros((len(t), 2))))
     early, late = t < 0.1, t - 0.1 > run.end_time
     at_release = run.sample(np.zeros(1)).light_position[0]
-    assert seen.values["light_x"][early] == pytest.approx(at_release[0], abs=1e-15)
-    assert np.array_equal(np.isnan(seen.values["light_y"]), late)
-    assert seen.after_end == {"light_x": late.sum(), "light_y": late.sum()}
-    assert seen.before_release == {"light_x": early.sum(), "light_y": early.sum()}
+    assert prediction.values["light_x"][early] == pytest.approx(at_release[0], abs=1e-15)
+    assert np.array_equal(np.isnan(prediction.values["light_y"]), late)
+    assert prediction.after_end == {"light_x": late.sum(), "light_y": late.sum()}
+    assert prediction.before_release == {"light_x": early.sum(), "light_y": early.sum()}
 
 
 def test_a_held_pendulum_is_seen_as_an_angle():
@@ -85,22 +87,22 @@ def test_a_held_pendulum_is_seen_as_an_angle():
     held = TEN_TO_ONE.replace(release=Release.HELD, release_angle=math.pi + angle, rod_radius=1e-6, **WITHOUT_LOSSES)
     t = np.arange(0, 2.0, 0.05)
     pair = [Channel(name=name, t=t, value=np.zeros_like(t)) for name in ("angle", "angle_rate")]
-    seen = predict(sampler(held), Camera(tilt=0.01), pair)
+    prediction = predict(sampler(held), Camera(tilt=0.01), pair)
     frequency = math.sqrt(9.81 / 0.58)
     # The small-angle solution; its next term changes the phase by angle^2 / 16 of w t.
     bound = angle * (angle**2 / 16 * frequency * t + 1e-4)
-    assert np.all(np.abs(seen.values["angle"] - 0.01 - angle * np.cos(frequency * t)) <= bound)
-    assert np.all(np.abs(seen.values["angle_rate"] + angle * frequency * np.sin(frequency * t)) <= frequency * bound)
+    assert np.all(np.abs(prediction.values["angle"] - 0.01 - angle * np.cos(frequency * t)) <= bound)
+    assert np.all(np.abs(prediction.values["angle_rate"] + angle * frequency * np.sin(frequency * t)) <= frequency * bound)
 
 
 @pytest.mark.parametrize("mass", ["light", "heavy"])
 def test_a_drop_is_seen_as_a_height(mass):
     falling = TEN_TO_ONE.replace(release=Release.DROP, **WITHOUT_LOSSES)
     t = np.arange(0, 3.0, 1 / 15)
-    seen = predict(
+    prediction = predict(
         sampler(falling), Camera(origin_y=47.0, clock_offset=-0.1), [Channel(name="height", t=t, value=t)], dropped=mass
     )
-    assert seen.values["height"] == pytest.approx(47.0 - 0.5 * 9.81 * np.maximum(t - 0.1, 0) ** 2, abs=1e-9)
+    assert prediction.values["height"] == pytest.approx(47.0 - 0.5 * 9.81 * np.maximum(t - 0.1, 0) ** 2, abs=1e-9)
 
 
 # --- noise -----------------------------------------------------------------------------------------------------------------
@@ -111,8 +113,8 @@ def spiral(count=280):
     t = np.arange(count) * FRAME
     length, angle = 0.04 + 0.5 * (1 - t / 1.2) ** 2, 12 * t + 14 * t**3
     position = np.stack([-length * np.sin(angle), length * np.cos(angle)], axis=1)
-    rate, turning = -(1 - t / 1.2) / 1.2, 12 + 42 * t**2
-    return t, position, np.hypot(rate, length * turning)
+    rate, angular_speed = -(1 - t / 1.2) / 1.2, 12 + 42 * t**2
+    return t, position, np.hypot(rate, length * angular_speed)
 
 
 LAWS = [(1e-3, 0.0), (1e-3, 5e-4), (3e-4, 3e-4), (2e-3, 1e-3)]
@@ -121,21 +123,21 @@ LAWS = [(1e-3, 0.0), (1e-3, 5e-4), (3e-4, 3e-4), (2e-3, 1e-3)]
 @pytest.mark.parametrize(("a", "b"), LAWS)
 def test_the_noise_law_is_recovered_within_its_stated_error(a, b):
     t, position, speed = spiral()
-    pulls, middle = [], float(speed.mean())
+    pulls, mean_speed = [], float(speed.mean())
     for seed in range(40):
-        marks = position + np.random.default_rng(seed).normal(size=position.shape) * (a + b * speed)[:, None]
-        found = estimate_noise(channels(t, marks))
-        error = math.hypot(found.a_error, found.b_error * middle)
-        cross = 2 * found.correlation * found.a_error * found.b_error * middle
-        pulls.append((found.a + found.b * middle - a - b * middle) / math.sqrt(error**2 + cross))
-        assert abs(found.a - a) < 4 * found.a_error  # 40 seeds, 4 laws: one in 16 000 beyond 4 sigma
-        assert abs(found.b - b) < 4 * found.b_error
+        points = position + np.random.default_rng(seed).normal(size=position.shape) * (a + b * speed)[:, None]
+        estimate = estimate_noise(channels(t, points))
+        error = math.hypot(estimate.a_error, estimate.b_error * mean_speed)
+        cross = 2 * estimate.correlation * estimate.a_error * estimate.b_error * mean_speed
+        pulls.append((estimate.a + estimate.b * mean_speed - a - b * mean_speed) / math.sqrt(error**2 + cross))
+        assert abs(estimate.a - a) < 4 * estimate.a_error  # 40 seeds, 4 laws: one in 16 000 beyond 4 sigma
+        assert abs(estimate.b - b) < 4 * estimate.b_error
     # Mean and spread of 40 unit normal pulls: 3.5 times their own errors, 1/sqrt(40) and 1/sqrt(80).
     assert abs(np.mean(pulls)) < 3.5 / math.sqrt(40)
     assert abs(np.std(pulls) - 1) < 3.5 / math.sqrt(80)
 
 
-def test_the_motion_itself_adds_next_to_nothing_at_240_frames_a_second(run):
+def test_the_motion_adds_less_than_a_tenth_of_a_percent_at_240_frames_a_second(run):
     t = np.arange(0, 1.02, FRAME)  # to where the mass is 4 cm from the rod
     for t, position in (spiral()[:2], (t, run.sample(t).light_position)):  # noqa: B020
         motion = [np.abs(noise._differences(c, order)[1]) for order in (2, 4) for c in channels(t, position)]
@@ -149,49 +151,49 @@ def test_the_motion_itself_adds_next_to_nothing_at_240_frames_a_second(run):
 def test_the_stated_curvature_warns_where_the_frame_rate_is_too_low():
     t, position, _ = spiral()
     sigma = 2e-4
-    marks = position + np.random.default_rng(3).normal(size=position.shape) * sigma
-    fine, coarse = estimate_noise(channels(t, marks)), estimate_noise(channels(t[::4], marks[::4]))
+    points = position + np.random.default_rng(3).normal(size=position.shape) * sigma
+    fine, coarse = estimate_noise(channels(t, points)), estimate_noise(channels(t[::4], points[::4]))
     assert fine.curvature < 3 * fine.a_error / fine.a
     assert coarse.curvature > 0.3
 
 
-def test_gaps_and_wild_marks_do_no_harm():
+def test_gaps_and_outliers_do_no_harm():
     t, position, speed = spiral()
     rng = np.random.default_rng(7)
-    marks = position + rng.normal(size=position.shape) * (1e-3 + 5e-4 * speed)[:, None]
-    marks[rng.choice(len(t), 3, replace=False)] += 0.2
+    points = position + rng.normal(size=position.shape) * (1e-3 + 5e-4 * speed)[:, None]
+    points[rng.choice(len(t), 3, replace=False)] += 0.2
     kept = rng.random(len(t)) > 0.1
-    found = estimate_noise(channels(t[kept], marks[kept]))
-    middle = speed.mean()
-    # Three wild marks spoil fifteen windows of two hundred: the clipped score moves by 8 % for each 5 % of them.
-    assert found.sigma(middle) == pytest.approx(1e-3 + 5e-4 * middle, rel=0.25)
+    estimate = estimate_noise(channels(t[kept], points[kept]))
+    mean_speed = speed.mean()
+    # Three outliers spoil fifteen windows of two hundred: the clipped score moves by 8 % for each 5 % of them.
+    assert estimate.sigma(mean_speed) == pytest.approx(1e-3 + 5e-4 * mean_speed, rel=0.25)
 
 
-def test_a_thing_at_rest_has_no_law_of_speed():
+def test_noise_of_a_body_at_rest_does_not_depend_on_speed():
     t = np.arange(300) * FRAME
-    marks = np.random.default_rng(5).normal(size=(300, 2)) * 1e-3
-    found = estimate_noise(channels(t, marks), with_speed=False)
-    assert found.b == 0
-    assert abs(found.a - 1e-3) < 4 * found.a_error
-    with pytest.raises(DataError, match="light_x: found 1 runs of 5 marks, needed 20"):
-        estimate_noise([Channel(name="light_x", t=t[:5], value=marks[:5, 0])])
+    points = np.random.default_rng(5).normal(size=(300, 2)) * 1e-3
+    estimate = estimate_noise(channels(t, points), with_speed=False)
+    assert estimate.b == 0
+    assert abs(estimate.a - 1e-3) < 4 * estimate.a_error
+    with pytest.raises(DataError, match="light_x: found 1 runs of 5 points, needed 20"):
+        estimate_noise([Channel(name="light_x", t=t[:5], value=points[:5, 0])])
 
 
 def test_data_without_noise_have_none():
     t, position, _ = spiral()
-    found = estimate_noise(channels(t, position))
-    assert found.a + found.b * 3.0 < 1e-4  # the motion's own fourth differences where it is fastest
+    estimate = estimate_noise(channels(t, position))
+    assert estimate.a + estimate.b * 3.0 < 1e-4  # the motion's own fourth differences where it is fastest
 
 
-def test_speed_is_read_off_the_marks():
+def test_speed_follows_from_neighbouring_points():
     t, position, speed = spiral()
     sigma = 1e-3
-    marks = position + np.random.default_rng(2).normal(size=position.shape) * sigma
-    found = speed_at(channels(t, marks), t[5:-5], sigma)
-    # Seven marks give a slope to sigma / (h sqrt 28); their line flattens a circle by 7/6 (h omega)^2 of its speed.
+    points = position + np.random.default_rng(2).normal(size=position.shape) * sigma
+    estimate = speed_at(channels(t, points), t[5:-5], sigma)
+    # Seven points give a slope to sigma / (h sqrt 28); their line flattens a circle by 7/6 (h omega)^2 of its speed.
     error = sigma / (FRAME * math.sqrt(28))
-    turning = 12 + 42 * t[5:-5] ** 2
-    assert np.all(np.abs(found - speed[5:-5]) < 4 * error + 7 / 6 * (FRAME * turning) ** 2 * speed[5:-5])
+    angular_speed = 12 + 42 * t[5:-5] ** 2
+    assert np.all(np.abs(estimate - speed[5:-5]) < 4 * error + 7 / 6 * (FRAME * angular_speed) ** 2 * speed[5:-5])
 
 
 def test_overlapping_differences_count_for_less():
@@ -201,4 +203,4 @@ def test_overlapping_differences_count_for_less():
         np.mean(noise._differences(Channel(name="height", t=t, value=rng.normal(size=400)), 4)[1] ** 2) for _ in range(600)
     ]
     # Variance of a mean of n squares of unit normals is 2 / n; 600 samples of it are good to 6 %.
-    assert np.var(means) == pytest.approx(noise.overlap(4) * 2 / 396, rel=0.2)
+    assert np.var(means) == pytest.approx(noise.overlap_variance_factor(4) * 2 / 396, rel=0.2)

@@ -71,60 +71,60 @@ FORMS = {
 @pytest.mark.parametrize("form", FORMS)
 def test_every_form_gives_the_same_table(clip, form):
     text, options = FORMS[form]
-    found = read(clip(text), **options)
-    assert {c.name: c.value.tolist() for c in found.channels} == {n: pytest.approx(v, abs=1e-15) for n, v in XY.items()}
+    observations = read(clip(text), **options)
+    assert {c.name: c.value.tolist() for c in observations.channels} == {n: pytest.approx(v, abs=1e-15) for n, v in XY.items()}
     rounding = 2e-3 * 0.01 if "slow" in form else 1e-12  # the clip's own times are printed to three or four digits
-    for channel in found.channels:
+    for channel in observations.channels:
         assert channel.t == pytest.approx([0.0, 0.01], abs=rounding)
-    assert sum(d.count for d in found.dropped) == 0
+    assert sum(d.count for d in observations.unused) == 0
 
 
 def test_two_tracks_with_the_same_column_names(clip):
     text = "#multi:\n,mass A,,mass B,,\nt,x,y,x,y,\n0,1,2,3,4,\n.01,,,3.5,4.5,\n.02,1.2,2.2,,,\n"
-    found = read(clip(text), tracks=BOTH)
-    assert found.channel("light_x").t.tolist() == [0, 0.02]
-    assert found.channel("light_y").value.tolist() == [2, 2.2]
-    assert found.channel("heavy_y").value.tolist() == [4, 4.5]
-    assert {d.reason: d.count for d in found.dropped} == {
-        "light_x: no mark in the cell": 1,
-        "light_y: no mark in the cell": 1,
-        "heavy_x: no mark in the cell": 1,
-        "heavy_y: no mark in the cell": 1,
+    observations = read(clip(text), tracks=BOTH)
+    assert observations.channel("light_x").t.tolist() == [0, 0.02]
+    assert observations.channel("light_y").value.tolist() == [2, 2.2]
+    assert observations.channel("heavy_y").value.tolist() == [4, 4.5]
+    assert {d.reason: d.count for d in observations.unused} == {
+        "light_x: empty cell": 1,
+        "light_y: empty cell": 1,
+        "heavy_x: empty cell": 1,
+        "heavy_y: empty cell": 1,
     }
 
 
 def test_frame_numbers_of_each_track_are_its_own(clip):
     head = "#multi:\n,mass A,,,,,mass B,,,,,\nt,frame,x,y,pixelx,pixely,frame,x,y,pixelx,pixely,\n"
     rows = "0,10,.1,.2,500,600,,,,,,\n.033,,,,,,12,.3,.4,5,6,\n.066,14,.5,.6,1,2,14,.7,.8,3,4,\n"
-    found = read(clip(head + rows), tracks=BOTH, frame_rate=200.0)
-    assert found.channel("light_x").t.tolist() == [0, 0.02]
-    assert found.channel("heavy_x").t.tolist() == [0.01, 0.02]
-    assert {d.count for d in found.dropped if "pixel" in d.reason} == {2}
+    observations = read(clip(head + rows), tracks=BOTH, frame_rate=200.0)
+    assert observations.channel("light_x").t.tolist() == [0, 0.02]
+    assert observations.channel("heavy_x").t.tolist() == [0.01, 0.02]
+    assert {d.count for d in observations.unused if "pixel" in d.reason} == {2}
 
 
 def test_columns_of_the_tool_that_imports_them(clip):
-    found = read(clip("t,heavyx,heavyy,lightx,lighty\n0,1,2,3,4\n.01,5,6,7,8\n"))
-    assert {c.name: c.value[0] for c in found.channels} == {"heavy_x": 1, "heavy_y": 2, "light_x": 3, "light_y": 4}
+    observations = read(clip("t,heavyx,heavyy,lightx,lighty\n0,1,2,3,4\n.01,5,6,7,8\n"))
+    assert {c.name: c.value[0] for c in observations.channels} == {"heavy_x": 1, "heavy_y": 2, "light_x": 3, "light_y": 4}
 
 
 @pytest.mark.parametrize("mark", ["", "-", "NaN", "n/a", "NA", " "])
 def test_a_missing_mark_is_missing_and_counted(clip, mark):
-    found = read(clip(f"t,light_x,light_y\n0,1,2\n.01,{mark},3\n.02,4,5\n"))
-    assert found.channel("light_x").value.tolist() == [1, 4]
-    assert found.channel("light_y").value.tolist() == [2, 3, 5]
-    assert found.used == 5
-    assert "1 not used: light_x: no mark in the cell" in found.summary()
+    observations = read(clip(f"t,light_x,light_y\n0,1,2\n.01,{mark},3\n.02,4,5\n"))
+    assert observations.channel("light_x").value.tolist() == [1, 4]
+    assert observations.channel("light_y").value.tolist() == [2, 3, 5]
+    assert observations.used == 5
+    assert "1 not used: light_x: empty cell" in observations.summary()
 
 
 def test_what_is_not_used_is_counted(clip):
-    found = read(clip("t,light_x,light_y,vx\n0,1,2,9\n.01,1,3,\n.01,1,3,8\n.02,,,7\n,4,4,1\n"))
-    assert {d.reason: d.count for d in found.dropped} == {
+    observations = read(clip("t,light_x,light_y,vx\n0,1,2,9\n.01,1,3,\n.01,1,3,8\n.02,,,7\n,4,4,1\n"))
+    assert {d.reason: d.count for d in observations.unused} == {
         "light_x: the row before repeated": 1,
         "light_y: the row before repeated": 1,
-        "light_x: no mark in the cell": 1,
-        "light_y: no mark in the cell": 1,
-        "light_x: a mark without a time": 1,
-        "light_y: a mark without a time": 1,
+        "light_x: empty cell": 1,
+        "light_y: empty cell": 1,
+        "light_x: a value without a time": 1,
+        "light_y: a value without a time": 1,
         "column 'vx': not a time or a position": 4,
     }
 
@@ -179,7 +179,7 @@ BAD = {
         r"tracks: found 'big', needed 'light' or 'heavy'",
     ),
     "one column twice": ("t,light_x,light_x\n0,1,2\n", {}, r"column light_x: found light_x a second time"),
-    "no marks": ("t,light_x,light_y\n0,,2\n.01,,3\n", {}, r"column light_x: found no marks at all"),
+    "no marks": ("t,light_x,light_y\n0,,2\n.01,,3\n", {}, r"column light_x: found no values at all"),
     "misspelt": ("t,ligth_x,ligth_y\n0,1,2\n", {}, r"clip.csv:1: found columns .*did you mean 'light_x' by 'ligth_x'\?"),
     "no times": ("x,y\n0,1\n", {}, r"clip.csv:1: found 2 columns without names|clip.csv:2: found 2 columns without names"),
     "six columns": ("0,1,2,3,4,5\n", {}, r"clip.csv:1: found 6 columns without names, needed a line of names above"),
@@ -253,19 +253,19 @@ def test_angles_with_and_without_names(clip):
 def test_a_rate_that_is_none_is_left_out_with_its_reason(clip):
     t = np.arange(40) * 0.05
     rows = "\n".join(f"{a} {0.5 * np.cos(4 * a)} {0.3 * np.cos(4 * a)}" for a in t)
-    found = read(clip(rows))
-    assert [c.name for c in found.channels] == ["angle"]
-    assert found.dropped[0].count == 40
-    assert "not the rate of the angle" in found.dropped[0].reason
+    observations = read(clip(rows))
+    assert [c.name for c in observations.channels] == ["angle"]
+    assert observations.unused[0].count == 40
+    assert "not the rate of the angle" in observations.unused[0].reason
 
 
 def test_tidy_events(clip):
-    found = read(clip("quantity,index,value,sigma,unit\nstop,1,310,8,ms\ndrop_at_halt,1,37,1,cm\nstop,2,,8,ms\n"))
-    first, second = found.events
+    observations = read(clip("quantity,index,value,sigma,unit\nstop,1,310,8,ms\ndrop_at_halt,1,37,1,cm\nstop,2,,8,ms\n"))
+    first, second = observations.events
     assert (first.quantity, first.index, first.unit) == ("stop", 1, "s")
     assert (first.value, first.sigma) == pytest.approx((0.31, 0.008))
     assert (second.value, second.sigma, second.unit) == (pytest.approx(0.37), pytest.approx(0.01), "m")
-    assert found.dropped[0].reason == "not measured: stop 2"
+    assert observations.unused[0].reason == "not measured: stop 2"
 
 
 def test_merge_and_mirror(clip):

@@ -13,7 +13,7 @@ LIGHT = {"light": "mass A"}
 BOTH = {"light": "mass A", "heavy": "mass B"}
 
 number = st.floats(-9.0, 9.0, allow_nan=False).map(lambda v: round(v, 6) + 0.0)
-marks = st.lists(
+rows = st.lists(
     st.tuples(st.none() | number, st.none() | number, st.none() | number, st.none() | number), min_size=1, max_size=12
 )
 
@@ -28,34 +28,34 @@ def java(value, decimal):
 
 @settings(max_examples=150, deadline=None)
 @given(
-    marks=marks,
+    rows=rows,
     style=st.sampled_from([(",", "."), (";", "."), ("\t", "."), (";", ","), ("\t", ",")]),
     bom=st.booleans(),
     newline=st.sampled_from(["\n", "\r\n"]),
     trailing=st.booleans(),
     multi=st.booleans(),
 )
-def test_a_generated_tracker_file_reads_back(tmp_path_factory, marks, style, bom, newline, trailing, multi):
+def test_a_generated_tracker_file_reads_back(tmp_path_factory, rows, style, bom, newline, trailing, multi):
     delimiter, decimal = style
     end = delimiter if trailing else ""
     lines = ["#multi:"] if multi else []
     lines += [delimiter.join(["", "mass A", "", "mass B", ""]) + end, delimiter.join("txyxy") + end]
-    times = [k / 240 for k in range(len(marks))]
-    lines += [delimiter.join(java(v, decimal) for v in (t, *row)) + end for t, row in zip(times, marks, strict=True)]
+    times = [k / 240 for k in range(len(rows))]
+    lines += [delimiter.join(java(v, decimal) for v in (t, *row)) + end for t, row in zip(times, rows, strict=True)]
     path = tmp_path_factory.mktemp("tracker") / "clip.csv"
     path.write_bytes((("\ufeff" if bom else "") + newline.join(lines) + newline).encode())
-    wanted = {
-        name: [(t, row[i]) for t, row in zip(times, marks, strict=True) if row[i] is not None]
+    expected = {
+        name: [(t, row[i]) for t, row in zip(times, rows, strict=True) if row[i] is not None]
         for i, name in enumerate(("light_x", "light_y", "heavy_x", "heavy_y"))
     }
-    if not all(wanted.values()):
-        with pytest.raises(DataError, match="found no marks at all"):
+    if not all(expected.values()):
+        with pytest.raises(DataError, match="found no values at all"):
             read(path, tracks=BOTH)
         return
-    found = read(path, tracks=BOTH)
+    observations = read(path, tracks=BOTH)
     # Exact: the text has the shortest digits that give each number back.
-    assert {c.name: list(zip(c.t.tolist(), c.value.tolist(), strict=True)) for c in found.channels} == wanted
-    assert found.used + sum(d.count for d in found.dropped) == 4 * len(marks)
+    assert {c.name: list(zip(c.t.tolist(), c.value.tolist(), strict=True)) for c in observations.channels} == expected
+    assert observations.used + sum(d.count for d in observations.unused) == 4 * len(rows)
 
 
 pieces = st.sampled_from(

@@ -17,22 +17,24 @@ from tests.discrepancy.real_data import real
 def test_the_falling_balls(file, drops):
     path = real(f"falling_balls/{file}.csv")
     for drop, count in enumerate(drops, start=1):
-        found = read(path, drop=drop)
-        height = found.channel("height")
+        observations = read(path, drop=drop)
+        height = observations.channel("height")
         assert len(height) == count
         assert 45 < height.value[0] < 49
         assert height.value[-1] < 20
-        assert [(d.count, d.reason) for d in found.dropped] == [(count, "column 'velocity_m_per_s': not a time or a position")]
+        assert [(d.count, d.reason) for d in observations.unused] == [
+            (count, "column 'velocity_m_per_s': not a time or a position")
+        ]
 
 
 def test_the_pendulum():
-    found = read(real("pendulum/free_decay_65cm.txt"))
-    assert [c.name for c in found.channels] == ["angle"]
-    assert len(found.channel("angle")) == 2330
-    assert found.channel("angle").value[0] == 0.7020338666008175
+    observations = read(real("pendulum/free_decay_65cm.txt"))
+    assert [c.name for c in observations.channels] == ["angle"]
+    assert len(observations.channel("angle")) == 2330
+    assert observations.channel("angle").value[0] == 0.7020338666008175
     # Its third column follows neither the angle nor its slope.
-    assert found.dropped[0].count == 2330
-    assert "not the rate of the angle" in found.dropped[0].reason
+    assert observations.unused[0].count == 2330
+    assert "not the rate of the angle" in observations.unused[0].reason
 
 
 def test_the_papers_tables():
@@ -40,7 +42,7 @@ def test_the_papers_tables():
     assert len(ten.events) == 16
     assert ten.events[0].value == 0.38
     assert {e.sigma for e in ten.events} == {0.01}
-    assert ten.dropped[0].count == 3
+    assert ten.unused[0].count == 3
     two = read(real("paper/trial_2to1.csv"))
     assert {e.quantity: (e.value, e.sigma) for e in two.events}["halting_time"] == (1.0, 0.1)  # printed as 1.0
     better = with_event_errors(two, {"s": 0.008})

@@ -61,7 +61,7 @@ def falling(folder, ball):
     )  # fmt: skip
 
 
-def unseen(result):
+def held_out_error(result):
     return next(e for e in result.errors if e.held_out)
 
 
@@ -73,16 +73,16 @@ def wiffle(tmp_path_factory):
 def test_the_wiffle_ball_is_braked_by_the_air(wiffle):
     assert wiffle.verdict is Verdict.IDENTIFIED
     assert wiffle.names == ("heavy_linear_drag",)  # not quadratic: its coefficient falls as the speed grows
-    assert unseen(wiffle).rms_before > 1.0
-    assert unseen(wiffle).rms_after <= 0.15 * unseen(wiffle).rms_before
+    assert held_out_error(wiffle).rms_before > 1.0
+    assert held_out_error(wiffle).rms_after <= 0.15 * held_out_error(wiffle).rms_before
 
 
 def test_what_is_left_of_the_wiffle_ball_is_told(wiffle):
     assert wiffle.remainder is not None
     assert 0.02 < wiffle.remainder.rms < 0.36  # quadratic drag fitted to each drop by itself leaves 0.18 to 0.36 m
     assert wiffle.remainder.unit == "m"
-    assert wiffle.remainder.ratio > 1
-    assert wiffle.remainder.lasting > 1
+    assert wiffle.remainder.birge_ratio > 1
+    assert wiffle.remainder.autocorrelation_time > 1
     assert "m more than they scatter" in wiffle.sentence
     assert "## Remainder" in markdown.render(wiffle)
 
@@ -92,7 +92,7 @@ def test_the_tennis_ball_is_braked_by_the_air(tmp_path):
     explanations = [{e.name for e in tie} for tie in result.ties] or [set(result.names)]
     assert {"heavy_linear_drag"} in explanations
     assert all(names <= {"heavy_linear_drag", "heavy_drag"} for names in explanations)
-    assert unseen(result).rms_after < 0.25 * unseen(result).rms_before
+    assert held_out_error(result).rms_after < 0.25 * held_out_error(result).rms_before
     assert 0.3 < drag_coefficient(result, "tennis_ball") < 0.7
 
 
@@ -113,7 +113,7 @@ def test_no_drag_is_claimed_of_a_ball_that_the_air_hardly_brakes(tmp_path, ball)
     assert not result.effects
     assert result.verdict is Verdict.UNEXPLAINED  # the marks are not white, and no effect is needed for what they say
     assert "the declared model is not refuted" in result.sentence
-    assert unseen(result).rms_before < 0.2
+    assert held_out_error(result).rms_before < 0.2
 
 
 def test_no_drag_is_claimed_where_the_fall_is_slower_by_the_same_share_at_all_speeds(tmp_path):
@@ -143,5 +143,5 @@ def test_the_pendulum_lacks_quadratic_drag_and_is_not_hung_quite_straight(tmp_pa
     assert {"light_drag", "tilt"} in explanations
     seen = next(e for e in result.errors if not e.held_out)
     assert seen.rms_after <= 0.6 * seen.rms_before
-    assert unseen(result).rms_after <= 0.6 * unseen(result).rms_before
+    assert held_out_error(result).rms_after <= 0.6 * held_out_error(result).rms_before
     assert result.remainder is not None

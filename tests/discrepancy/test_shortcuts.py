@@ -1,4 +1,4 @@
-"""What a fit leaves out for speed changes nothing: parameters that are only partly looked at, runs that are sampled in part."""
+"""Shortcuts of a fit change no result: parameters that are only partly checked, runs that are only partly sampled."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from tests.apparatus import TEN_TO_ONE
 FIELDS = [f.name for f in dataclasses.fields(Parameters) if f.name not in ("release", "coefficients")]
 
 
-def made_afresh(base, **changes):
-    """The same parameters by the constructor, which looks at everything."""
+def made_by_constructor(base, **changes):
+    """The same parameters by the constructor, which checks everything."""
     data = {f.name: getattr(base, f.name) for f in dataclasses.fields(Parameters)}
-    given = {n: v for n, v in base.coefficients.items() if n != "static_friction" or not base.static_follows}
+    given = {n: v for n, v in base.coefficients.items() if n != "static_friction" or not base.static_equals_kinetic}
     given |= {n: changes.pop(n) for n in list(changes) if n in COEFFICIENTS}
     return Parameters(**(data | changes | {"coefficients": given}))
 
@@ -39,10 +39,10 @@ def test_a_copy_with_another_number_is_what_the_constructor_makes(name, release)
     else:
         value = 1.01 * getattr(base, name) or 1e-3
     assert base.effects  # what is remembered of the base must not reach the copy
-    copy, afresh = base.replace(**{name: value}), made_afresh(base, **{name: value})
-    assert copy == afresh
-    assert copy.effects == afresh.effects
-    assert vars(copy.values()) == vars(afresh.values())
+    copy, constructed = base.replace(**{name: value}), made_by_constructor(base, **{name: value})
+    assert copy == constructed
+    assert copy.effects == constructed.effects
+    assert vars(copy.values()) == vars(constructed.values())
     back = getattr(base, name) if name not in COEFFICIENTS else base.coefficients[name]
     restored = copy.replace(**{name: back})
     assert restored.effects == base.effects
@@ -65,7 +65,7 @@ def test_a_copy_with_another_number_is_what_the_constructor_makes(name, release)
 )
 def test_a_copy_that_cannot_be_is_refused_as_by_the_constructor(changes):
     with pytest.raises(ParameterError) as by_constructor:
-        made_afresh(TEN_TO_ONE, **changes)
+        made_by_constructor(TEN_TO_ONE, **changes)
     with pytest.raises(ParameterError) as by_copy:
         TEN_TO_ONE.replace(**changes)
     assert str(by_copy.value) == str(by_constructor.value)
@@ -83,14 +83,18 @@ def test_a_run_that_is_sampled_in_part_tells_of_the_same_events(name):
     rows = [row("x1_extremum", i) for i in range(1, count + 2)] + [row("halting_time"), row("drop_at_halt")]
     exact = prediction.predict_events(whole, Camera(), rows)
     assert np.isnan(exact).tolist() == [False] * count + [True, False, False]  # one turn more than there are
-    some, last = rows[: (count + 1) // 2], rows[:count]
-    for asked, table_ends in ((some, exact[len(some) - 1]), (last, 0.3 * exact[count - 1]), (rows, 0.3 * exact[count - 1])):
-        timed = [dataclasses.replace(r, value=float(table_ends)) for r in asked]
+    first_rows, all_turns = rows[: (count + 1) // 2], rows[:count]
+    for requested, table_ends in (
+        (first_rows, exact[len(first_rows) - 1]),
+        (all_turns, 0.3 * exact[count - 1]),
+        (rows, 0.3 * exact[count - 1]),
+    ):
+        timed = [dataclasses.replace(r, value=float(table_ends)) for r in requested]
         run = prediction.EventRun(parameters, timed)
-        expected = [exact[rows.index(r)] for r in asked]
-        assert run.predicted(Camera()) == pytest.approx(expected, rel=1e-10, nan_ok=True)
+        expected = [exact[rows.index(r)] for r in requested]
+        assert run.predict(Camera()) == pytest.approx(expected, rel=1e-10, nan_ok=True)
         tilted = Camera(tilt=0.1)  # another camera sees other turns of the same run
-        assert run.predicted(tilted) == pytest.approx(prediction.predict_events(whole, tilted, asked), rel=1e-10, nan_ok=True)
+        assert run.predict(tilted) == pytest.approx(prediction.predict_events(whole, tilted, requested), rel=1e-10, nan_ok=True)
         assert run.samples.t[-1] == pytest.approx(whole.t[-1])
 
 
@@ -98,6 +102,6 @@ def test_only_what_a_table_covers_is_sampled_at_first():
     parameters = loader.load("two_to_one").parameters
     first = prediction.landmarks(prediction.run_for_events(parameters), Camera()).x1_extrema[0].time
     run = prediction.EventRun(parameters, [row("x1_extremum", value=first)])
-    assert run.predicted(Camera()) == pytest.approx([first], rel=1e-10)
-    assert run._samples.t[-1] == pytest.approx(prediction.BEYOND * first, abs=prediction.SAMPLE_STEP)
-    assert run._samples.run.end_time > 1.01 * prediction.BEYOND * first
+    assert run.predict(Camera()) == pytest.approx([first], rel=1e-10)
+    assert run._samples.t[-1] == pytest.approx(prediction.SAMPLING_MARGIN * first, abs=prediction.SAMPLE_STEP)
+    assert run._samples.run.end_time > 1.01 * prediction.SAMPLING_MARGIN * first

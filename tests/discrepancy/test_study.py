@@ -71,12 +71,12 @@ def test_what_was_measured(study):
     assert study.effects["string_drag"] == Estimate(value=0.001, sigma=0.0005)
     assert study.declared == ("gravity", "capstan", "light_drag", "heavy_drag", "string_drag")
     first, second, test = study.trials
-    assert first.own["release_angle"] == Estimate(value=math.radians(112), sigma=math.radians(0.5))
-    assert first.own["hanging_length"] == Estimate(value=0.03, sigma=0.001)
+    assert first.estimates["release_angle"] == Estimate(value=math.radians(112), sigma=math.radians(0.5))
+    assert first.estimates["hanging_length"] == Estimate(value=0.03, sigma=0.001)
     assert first.files == (("a.csv", {"light": ""}), ("b.csv", {"heavy": ""}))
     assert (first.frame_rate, first.clip_rate) == (240.0, 30.0)
     assert (second.name, second.files[0][1]) == ("c", {"light": "mass A", "heavy": "mass B"})
-    assert second.own["hanging_length"].free
+    assert second.estimates["hanging_length"].free
     assert study.training == (first, second)
     assert study.held_out == (test,)
     assert test.event_errors == {"s": 0.008, "m": 0.006}
@@ -84,16 +84,16 @@ def test_what_was_measured(study):
     assert study.limits.release_angle == pytest.approx((math.radians(60), math.radians(130)))
 
 
-def test_unknowns_are_shared_where_the_thing_is(study):
-    found = {u.name: u for u in study.unknowns()}
-    assert SHARED | FREE < set(found)
-    assert "heavy_drag" not in found
-    assert found["rod_radius"].trials == ("first", "c")
-    assert found["heavy_mass"].trials == ("first",)
-    assert found["c.heavy_mass"].trials == ("c",)
-    assert found["light_drag"].sigma is None
-    assert found["light_drag"].bounds == (0.0, 1.0)
-    everything = {u.name: u for u in study.unknowns(study.trials)}
+def test_a_parameter_is_shared_by_the_trials_that_use_the_same_part(study):
+    uncertain = {u.name: u for u in study.uncertain_parameters()}
+    assert SHARED | FREE < set(uncertain)
+    assert "heavy_drag" not in uncertain
+    assert uncertain["rod_radius"].trials == ("first", "c")
+    assert uncertain["heavy_mass"].trials == ("first",)
+    assert uncertain["c.heavy_mass"].trials == ("c",)
+    assert uncertain["light_drag"].sigma is None
+    assert uncertain["light_drag"].bounds == (0.0, 1.0)
+    everything = {u.name: u for u in study.uncertain_parameters(study.trials)}
     assert everything["c.heavy_mass"].trials == ("c", "test")  # the same 60 g
     assert "test.heavy_mass" not in everything
 
@@ -113,10 +113,10 @@ def test_parameters_of_a_trial(study):
     assert study.parameters(values, test).release_angle == math.radians(90)
 
 
-def test_fit_names_what_may_move():
+def test_fit_names_what_may_change():
     study = load_text(STUDY.replace("trials:\n", "fit: [kinetic_friction, light_drag, release_angle]\ntrials:\n"), "two.yaml")
     wanted = ["kinetic_friction", "light_drag", "first.release_angle", "c.release_angle"]
-    assert [u.name for u in study.unknowns()] == wanted
+    assert [u.name for u in study.uncertain_parameters()] == wanted
 
 
 def test_a_written_study_reads_back_the_same(study):
@@ -131,12 +131,12 @@ positive = st.floats(1e-6, 1e3)
 @settings(max_examples=60, deadline=None)
 @given(mass=positive, error=st.floats(1e-9, 1e3), angle=st.floats(0.01, 6.28), friction=st.floats(0, 5), rate=positive)
 def test_any_numbers_read_back_exactly(study, mass, error, angle, friction, rate):
-    own = {**study.trials[0].own, "release_angle": Estimate(value=angle, sigma=error)}
+    estimates = {**study.trials[0].estimates, "release_angle": Estimate(value=angle, sigma=error)}
     changed = replace(
         study,
         apparatus={**study.apparatus, "light_mass": Estimate(value=mass, sigma=error)},
         effects={**study.effects, "kinetic_friction": Estimate(value=friction, free=True)},
-        trials=(replace(study.trials[0], own=own, frame_rate=rate), *study.trials[1:]),
+        trials=(replace(study.trials[0], estimates=estimates, frame_rate=rate), *study.trials[1:]),
     )
     assert load_text(dump(changed), "two.yaml") == changed
 
@@ -221,13 +221,13 @@ def test_trials_are_read_from_the_study_s_folder(tmp_path):
     (tmp_path / "b.csv").write_text(head + "0,.006,-.03,\n.033333,.006,-.03,\n")
     (tmp_path / "d.csv").write_text("t,light_x,light_y\n0,.5,-.2\n.004,.5,-.2\n")
     study = load(tmp_path / "two.yaml")
-    found = read_trial(study, study.trial("first"))
-    assert {c.name for c in found.channels} == {"light_x", "light_y", "heavy_x", "heavy_y"}
-    assert found.channel("light_x").t == pytest.approx([0, 1 / 240], rel=1e-4)
+    observations = read_trial(study, study.trial("first"))
+    assert {c.name for c in observations.channels} == {"light_x", "light_y", "heavy_x", "heavy_y"}
+    assert observations.channel("light_x").t == pytest.approx([0, 1 / 240], rel=1e-4)
     assert read_trial(study, study.trial("test")).channel("light_x").value.tolist() == [-0.5, -0.5]  # mirrored
     with pytest.raises(DataError, match=r"c.csv: cannot be read"):
         read_trial(study, study.trial("c"))
-    priors = study.camera_priors(study.trial("first"), found)
+    priors = study.camera_priors(study.trial("first"), observations)
     assert set(priors) == {"origin_x", "origin_y", "scale", "tilt", "clock_offset", "clock_ratio"}
 
 
@@ -244,17 +244,17 @@ trials:
     study = load_text(text, "balls.yaml", Path(path).parent)
     assert load_text(dump(study), "balls.yaml") == study
     one = study.trials[0]
-    found = read_trial(study, one)
-    priors = study.camera_priors(one, found)
+    observations = read_trial(study, one)
+    priors = study.camera_priors(one, observations)
     assert set(priors) == {"origin_y", "scale", "clock_offset", "clock_ratio"}
-    assert [u.name for u in study.unknowns()] == ["heavy_mass"]
+    assert [u.name for u in study.uncertain_parameters()] == ["heavy_mass"]
     # Gravity alone, with nothing but the time of release looked for: the near-null control misses by some tenths of a metre.
-    height = found.channel("height")
+    height = observations.channel("height")
 
     def miss(offset):
         camera = Camera(origin_y=priors["origin_y"].value, clock_offset=offset)
-        seen = predict(sampler(study.parameters({}, one)), camera, found.channels, dropped=one.dropped)
-        return float(np.sqrt(np.mean((seen.values["height"] - height.value) ** 2)))
+        prediction = predict(sampler(study.parameters({}, one)), camera, observations.channels, dropped=one.dropped)
+        return float(np.sqrt(np.mean((prediction.values["height"] - height.value) ** 2)))
 
     assert min(miss(offset) for offset in np.linspace(-0.2, 0.1, 31)) < 0.5
 
@@ -269,12 +269,16 @@ trials:
   - {{file: {path.name}, release: {{kind: held, angle: 221 deg +/- 1 deg, free_length: (65 +/- 1) cm}}}}
 """
     study = load_text(text, "pendulum.yaml", Path(path).parent)
-    assert [u.name for u in study.unknowns()] == ["light_drag", "free_decay_65cm.release_angle", "free_decay_65cm.free_length"]
+    assert [u.name for u in study.uncertain_parameters()] == [
+        "light_drag",
+        "free_decay_65cm.release_angle",
+        "free_decay_65cm.free_length",
+    ]
     trial = study.trials[0]
-    found = read_trial(study, trial)
-    assert set(study.camera_priors(trial, found)) == {"clock_offset", "clock_ratio", "tilt"}
-    seen = predict(sampler(study.parameters({}, trial)), Camera(), found.channels)
-    assert np.all(np.isfinite(seen.values["angle"]))
+    observations = read_trial(study, trial)
+    assert set(study.camera_priors(trial, observations)) == {"clock_offset", "clock_ratio", "tilt"}
+    prediction = predict(sampler(study.parameters({}, trial)), Camera(), observations.channels)
+    assert np.all(np.isfinite(prediction.values["angle"]))
     # The first swing, before drag counts: the same period and side.
-    first = found.channel("angle").t < 1.2
-    assert np.corrcoef(seen.values["angle"][first], found.channel("angle").value[first])[0, 1] > 0.98
+    first = observations.channel("angle").t < 1.2
+    assert np.corrcoef(prediction.values["angle"][first], observations.channel("angle").value[first])[0, 1] > 0.98

@@ -1,4 +1,4 @@
-"""Items done by several processes: all are done, by any number of them, whatever becomes of a helper."""
+"""A pool of worker processes does all items, for any number of processes, whatever becomes of a worker process."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def square(power, item):
 
 
 def place(pause, item):
-    """Process that does an item."""
+    """Return the number of the process that does an item."""
     time.sleep(pause)
     return os.getpid()
 
@@ -37,74 +37,74 @@ def die_elsewhere(parent, item):
     return item
 
 
-def until_a_helper_is_ready(workers):
-    """Wait until a helper takes an item, for a minute at most."""
+def wait_for_a_worker_process(workers):
+    """Wait until a worker process takes an item, for a minute at most."""
     for _ in range(300):
         if set(workers.map(place, 0.1, range(2))) - {HERE}:
             return
-    raise TimeoutError("no helper took an item")
+    raise TimeoutError("no worker process took an item")
 
 
 @pytest.fixture(scope="module")
-def pair():
+def two_workers():
     with Workers(2) as workers:
-        until_a_helper_is_ready(workers)
+        wait_for_a_worker_process(workers)
         yield workers
 
 
-def test_without_helpers_all_is_done_here_in_order():
-    told = []
-    assert Workers().map(square, 2, range(4), about=list("abcd"), told=told.append) == [0, 1, 4, 9]
-    assert told == list("abcd")
+def test_without_worker_processes_all_items_are_done_in_order():
+    reported = []
+    assert Workers().map(square, 2, range(4), labels=list("abcd"), report_progress=reported.append) == [0, 1, 4, 9]
+    assert reported == list("abcd")
 
 
-def test_a_helper_does_its_share(pair):
-    done = pair.map(place, 0.05, range(6))
+def test_a_worker_process_does_its_share(two_workers):
+    done = two_workers.map(place, 0.05, range(6))
     assert len(set(done)) == 2
     assert HERE in done
-    assert pair.map(square, 3, range(20)) == [i**3 for i in range(20)]
+    assert two_workers.map(square, 3, range(20)) == [i**3 for i in range(20)]
 
 
-def test_a_worker_gets_again_what_it_was_about(pair):
-    names = [f"thing {i}" for i in range(6)]
-    first = pair.map(place, 0.1, range(6), about=names)
-    again = pair.map(place, 0.1, range(6), about=names)
+def test_a_worker_gets_the_labels_again_that_it_knows(two_workers):
+    labels = [f"thing {i}" for i in range(6)]
+    first = two_workers.map(place, 0.1, range(6), labels=labels)
+    again = two_workers.map(place, 0.1, range(6), labels=labels)
     assert sum(a == b for a, b in zip(first, again, strict=True)) >= 4  # the last may go to whoever has nothing left
 
 
-def test_the_first_item_that_fails_is_told_of(pair):
+def test_the_exception_of_the_first_item_that_fails_is_raised(two_workers):
     with pytest.raises(ValueError, match="item 3"):
-        pair.map(refuse, None, [1, 2, 3, 4, 5])
-    assert pair.map(refuse, None, [0, 1]) == [0, 1]
+        two_workers.map(refuse, None, [1, 2, 3, 4, 5])
+    assert two_workers.map(refuse, None, [0, 1]) == [0, 1]
 
 
-def test_what_cannot_be_sent_is_done_here():
+def test_what_cannot_be_pickled_is_done_in_this_process():
     with Workers(2) as workers:
-        until_a_helper_is_ready(workers)
+        wait_for_a_worker_process(workers)
         assert workers.map(square, 2, [1, 2, 3]) == [1, 4, 9]
         kept = threading.Lock()  # no lock can be pickled
         assert set(workers.map(lambda shared, item: os.getpid(), kept, range(4))) == {HERE}
 
 
-def test_a_helper_that_dies_leaves_its_item_to_others():
+def test_the_item_of_a_process_that_dies_is_done_by_another():
     with Workers(2) as workers:
-        until_a_helper_is_ready(workers)
+        wait_for_a_worker_process(workers)
         assert workers.map(die_elsewhere, HERE, range(8)) == list(range(8))
         assert set(workers.map(place, 0.0, range(4))) == {HERE}
 
 
-def test_helpers_end_with_their_owner():
+def test_worker_processes_end_with_their_pool():
     with Workers(2) as workers:
-        until_a_helper_is_ready(workers)
-        (helper,) = set(workers.map(place, 0.1, range(4))) - {HERE}
+        wait_for_a_worker_process(workers)
+        (worker_process,) = set(workers.map(place, 0.1, range(4))) - {HERE}
     with pytest.raises(ProcessLookupError):
-        os.kill(helper, 0)
+        os.kill(worker_process, 0)
 
 
-def test_interrupted_in_the_middle_the_next_work_is_whole(pair):
+def test_after_an_interrupt_the_next_call_is_complete(two_workers):
     def interrupt(what):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        pair.map(place, 0.1, range(4), about=["a", "b", "c", "d"], told=interrupt)
-    assert pair.map(square, 2, range(5)) == [0, 1, 4, 9, 16]
+        two_workers.map(place, 0.1, range(4), labels=["a", "b", "c", "d"], report_progress=interrupt)
+    assert two_workers.map(square, 2, range(5)) == [0, 1, 4, 9, 16]

@@ -1,4 +1,4 @@
-"""Engines that misbehave on purpose; in a module of their own, so that they travel to their process as pickles."""
+"""Engines that misbehave on purpose, in a module of their own, so that they can be pickled for their process."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FAULT_AT = 0.02
 """Simulated time of the fault [s]."""
 
 HOARD_BLOCK, HOARD_END = 2**24, 64
-"""Bytes that a memory eater takes at a time, and after how many of them it stops, for the sake of the machine."""
+"""Size of a block [bytes] that the fault "memory" allocates at a time, and the number of blocks at which it stops."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class FaultSettings:
 
 
 class FaultyEngine(SteppedEngine):
-    """Hangs the light mass still in the air until the fault comes."""
+    """Holds the light mass at rest until the time of the fault."""
 
     name = "faulty"
     profile = Profile.QUICK
@@ -51,12 +51,12 @@ class FaultyEngine(SteppedEngine):
             run.light_position[round(FAULT_AT * 1000) :] = math.nan
         if self.variant == "leaves_child":
             print(subprocess.Popen(["sleep", "600"], start_new_session=True).pid, flush=True)  # noqa: T201
-        spoiled = {
+        faulty_fields = {
             "returns_complex": {"light_position": run.light_position.astype(complex)},
             "returns_wrong_shape": {"heavy_position": run.heavy_position[:-1]},
             "returns_unknown_mode": {"mode": np.full(len(run.t), 77)},
         }
-        run = replace(run, **spoiled.get(self.variant, {}))
+        run = replace(run, **faulty_fields.get(self.variant, {}))
         return None if self.variant == "returns_nothing" else run
 
     def build(self, scenario):
@@ -105,7 +105,7 @@ class FaultyRig:
 
 
 def offer(folder: Path, *engines: str) -> None:
-    """Install misbehaving engines into ``folder``, as a package of somebody else's would: each is written as Python."""
+    """Install ``engines``, Python expressions, into ``folder`` as another package's entry point would."""
     (folder / "faulty_engines.py").write_text(
         "from looping_pendulum.reference_ode.parameters import Release\n"
         "from tests.engines.faulty import FaultyEngine\n"

@@ -12,7 +12,7 @@ NODE_RADIUS = polygon_radius(RADIUS, BEND)
 
 
 def chain_slid_by(slip, hanging=0.03, free=0.2):
-    """Nodes a link apart on a rod that is wound almost twice, from the light mass to the heavy one, and their links."""
+    """Return nodes one link apart on a rod that is wound almost twice, from light to heavy mass, and the links' lengths."""
     arcs = [LINK * i - slip for i in range(-400, 400)]  # from the tangent point on the heavy side, up along the string
     wound = [a for a in arcs if 0.0 <= a <= RADIUS * TURN]
     on_rod = [(NODE_RADIUS * math.cos(a / RADIUS), NODE_RADIUS * math.sin(a / RADIUS)) for a in wound]

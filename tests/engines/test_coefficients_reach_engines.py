@@ -37,10 +37,10 @@ HANGING = TEN_TO_ONE.replace(
     string_drag=0.0,
 )
 """Two masses hang over half the rod's turn, at 4:1: held by a friction above ln 4 / pi = 0.44, sliding below."""
-SMOOTH = {"kinetic_friction": 0.0, "static_friction": 0.0}
+LOSSLESS = {"kinetic_friction": 0.0, "static_friction": 0.0}
 CASES = {
-    "gravity": (SMOOTH, SMOOTH | {"gravity": 20.0}),
-    "kinetic_friction": (SMOOTH, {}),
+    "gravity": (LOSSLESS, LOSSLESS | {"gravity": 20.0}),
+    "kinetic_friction": (LOSSLESS, {}),
     STATIC_FRICTION: ({}, {"static_friction": 0.5}),
 }
 """Coefficient -> two changes of `HANGING` between which it acts."""
@@ -71,7 +71,7 @@ def variants():
 
 
 def dropped(engine, parameters):
-    """How far the heavy mass has fallen at the end [m]."""
+    """Return how far the heavy mass has fallen at the end [m]."""
     case = Scenario(name="coefficient", title="", description="", parameters=parameters, duration=DURATION)
     return float(engine.simulate(case).raise_if_failed().heavy_drop[-1])
 
@@ -83,7 +83,7 @@ def reference_dropped(parameters):
 
 @pytest.fixture(scope="module")
 def drops():
-    """Variant and change of `HANGING` -> its heavy mass's drop, each run once."""
+    """Return a cached function: variant and change of `HANGING` -> drop of the heavy mass."""
     drops = {}
 
     def drop(engine, change):
@@ -103,7 +103,7 @@ def test_every_coefficient_of_the_papers_model_is_examined_somewhere():
 def test_the_case_is_what_it_says():
     assert math.log(4) / math.pi == pytest.approx(0.4413, abs=1e-4)
     assert abs(reference_dropped(HANGING.replace(static_friction=0.5))) < 1e-12
-    sliding, smooth = reference_dropped(HANGING), reference_dropped(HANGING.replace(**SMOOTH))
+    sliding, smooth = reference_dropped(HANGING), reference_dropped(HANGING.replace(**LOSSLESS))
     assert min(sliding, smooth - sliding) > 2.5e-3
 
 

@@ -7,11 +7,11 @@ import functools
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.conformance import CHECKS, CheckOutcome, Remembering, examine, left_out, scenario
+from looping_pendulum.engines.conformance import CHECKS, CachedEngine, CheckOutcome, run_checks, scenario, skip_reason
 from looping_pendulum.engines.conformance.against_reference import (
     EFFECT_CASES,
     EFFECT_CHECKS,
-    LEAST_DISPLACEMENT,
+    MIN_DISPLACEMENT,
     reference_positions,
 )
 from looping_pendulum.engines.protocol import Profile
@@ -27,29 +27,29 @@ CHAINS = frozenset(
         *("pybullet:chain", "pybullet:remade", "pybullet:point_to_point", "pybullet:defaults", "drake:chain"),
     }
 )
-"""Variants that take 5 to 80 s of a processor for a second: daily, they run what the checks of `DAILY_FOR_CHAINS` share.
+"""Variants that take 5 to 80 s of processor time per simulated second; daily, only `DAILY_FOR_CHAINS` checks them.
 
 Their friction and halts are judged daily by the scenarios' tolerances (tests/test_tolerances.py), their falls, swings and
 static friction by their own files of tests, effects by test_effects_reach_engines.py.
 """
 DAILY_FOR_CHAINS = frozenset(
     {
-        *("makes_nothing_heavy", "samples_every_millisecond_from_rest", "velocity_is_the_rate_of_position", "is_deterministic"),
-        *("says_who_supplies_what", "string_keeps_its_length", "heavy_mass_falls_straight_down"),
+        *("can_be_pickled", "samples_every_millisecond_from_rest", "velocity_is_the_rate_of_position", "is_deterministic"),
+        *("provenance_is_complete", "string_keeps_its_length", "heavy_mass_falls_straight_down"),
         *("release_has_the_exact_acceleration", "energy_is_kept_without_losses", "follows_the_reference_without_losses"),
         "push_across_acts_as_in_the_reference",
     }
 )
 NEVER_DAILY = frozenset({"pybullet:remade", "pybullet:point_to_point", "pymunk:beads", "pymunk:segments"})
-"""Variants for studies whose runs take many seconds."""
+"""Variants for studies whose runs take many seconds; they are not tested daily."""
 
 
 DAILY_CHAINS = sorted(CHAINS - NEVER_DAILY)
-"""Chains whose daily checks are one test each: two workers of pytest-xdist would make their shared runs twice."""
+"""Chains whose daily checks are one test per chain, because two workers of pytest-xdist would repeat their shared runs."""
 
 
 def cases():
-    """(engine, check) for every variant; what a variant is known to fail is a strict expected failure."""
+    """Yield (engine, check) for every variant; a known failure is a strict expected failure."""
     for engine in all_engines(Profile.QUICK):
         name = label(engine)
         for check in CHECKS:
@@ -59,15 +59,15 @@ def cases():
             marks = [pytest.mark.xfail(reason=reason, raises=AssertionError, strict=True)] if reason else []
             if name in CHAINS:
                 marks.append(pytest.mark.accurate)
-            if not (missing_packages(engine) or left_out(check, engine)):
+            if not (missing_packages(engine) or skip_reason(check, engine)):
                 yield pytest.param(name, check, id=f"{name}-{check.__name__}", marks=marks)
 
 
 @functools.cache
-def remembering(name):
-    """The variant ``name``, whose checks share their runs."""
+def cached_engine(name):
+    """Return the variant ``name``, whose checks share their runs."""
     (engine,) = (engine for engine in all_engines(Profile.QUICK) if label(engine) == name)
-    return Remembering(engine)
+    return CachedEngine(engine)
 
 
 def test_what_is_not_run_daily_is_of_variants_and_checks_that_exist():
@@ -79,22 +79,24 @@ def test_known_failures_are_of_checks_that_exist():
     for engine in all_engines(Profile.QUICK):
         known = engine.abilities.known_failures
         assert set(known) <= set(BY_NAME), label(engine)
-        assert not any(left_out(BY_NAME[name], engine) for name in known), f"{label(engine)}: a failure of what it is not asked"
+        assert not any(skip_reason(BY_NAME[name], engine) for name in known), (
+            f"{label(engine)}: a known failure of a check that does not apply to it"
+        )
 
 
 @pytest.mark.parametrize(("name", "check"), list(cases()))
 def test_conformance(name, check):
-    check(remembering(name))
+    check(cached_engine(name))
 
 
 @pytest.mark.parametrize("name", DAILY_CHAINS)
 def test_conformance_of_a_chain(name):
-    shared = remembering(name)
+    shared = cached_engine(name)
     if missing_packages(shared.engine):
         pytest.skip(f"{missing_packages(shared.engine)[0]} is not installed")
     known, wrong, passed = shared.abilities.known_failures, [], 0
     for check in CHECKS:
-        if check.__name__ not in DAILY_FOR_CHAINS or left_out(check, shared):
+        if check.__name__ not in DAILY_FOR_CHAINS or skip_reason(check, shared):
             continue
         try:
             check(shared)
@@ -106,7 +108,7 @@ def test_conformance_of_a_chain(name):
             if check.__name__ in known:
                 wrong.append(f"{check.__name__}: passes, declared to fail: {known[check.__name__]}")
     assert not wrong, "\n".join(wrong)
-    assert passed, "no check said anything"
+    assert passed, "no check applied"
 
 
 def test_every_effect_of_the_library_has_a_check():
@@ -117,25 +119,25 @@ def test_every_effect_of_the_library_has_a_check():
 @pytest.mark.parametrize("effect", EFFECT_CASES)
 def test_an_effects_case_shows_it(effect):
     case = EFFECT_CASES[effect]
-    ends = [reference_positions(p, np.array([case.duration]))[-1] for p in (case.acting, case.without)]
-    assert np.linalg.norm(ends[0] - ends[1]) > LEAST_DISPLACEMENT
-    assert EFFECTS[effect] in case.acting.effects
-    assert EFFECTS[effect] not in case.without.effects or EFFECTS[effect].in_base_model
+    ends = [reference_positions(p, np.array([case.duration]))[-1] for p in (case.parameters_with, case.parameters_without)]
+    assert np.linalg.norm(ends[0] - ends[1]) > MIN_DISPLACEMENT
+    assert EFFECTS[effect] in case.parameters_with.effects
+    assert EFFECTS[effect] not in case.parameters_without.effects or EFFECTS[effect].in_base_model
 
 
-def test_every_effect_that_an_engine_says_it_takes_is_asked_of_it():
+def test_every_effect_that_an_engine_declares_is_checked():
     for engine in all_engines(Profile.QUICK):
-        asked = {name for name, check in EFFECT_CHECKS.items() if not left_out(check, engine)}
+        asked = {name for name, check in EFFECT_CHECKS.items() if not skip_reason(check, engine)}
         taken = {name for name in EFFECT_CHECKS if EFFECTS[name].in_base_model or engine.abilities.reaches(EFFECTS[name])}
         assert asked == taken, label(engine)
 
 
-def test_examining_an_engine_says_what_failed_and_goes_on():
-    some = [BY_NAME[name] for name in ("makes_nothing_heavy", "samples_every_millisecond_from_rest", "drop_is_free_fall")]
+def test_run_checks_reports_failures_and_continues():
+    some = [BY_NAME[name] for name in ("can_be_pickled", "samples_every_millisecond_from_rest", "drop_is_free_fall")]
     some.append(BY_NAME["string_keeps_its_length"])
-    found = {result.check: result for result in examine(FaultyEngine("nan"), time_limit=60, checks=some)}
+    found = {result.check: result for result in run_checks(FaultyEngine("nan"), time_limit=60, checks=some)}
     assert list(found) == [check.__name__ for check in some]
-    assert found["makes_nothing_heavy"].outcome is CheckOutcome.PASSED
+    assert found["can_be_pickled"].outcome is CheckOutcome.PASSED
     assert found["drop_is_free_fall"].outcome is CheckOutcome.LEFT_OUT
     assert "'drop'" in found["drop_is_free_fall"].why
     for name in ("samples_every_millisecond_from_rest", "string_keeps_its_length"):
@@ -144,7 +146,7 @@ def test_examining_an_engine_says_what_failed_and_goes_on():
 
 
 def test_an_engine_that_crashes_fails_its_checks_and_no_more():
-    found = list(examine(FaultyEngine("segfault"), checks=CHECKS[:2]))
+    found = list(run_checks(FaultyEngine("segfault"), checks=CHECKS[:2]))
     assert [result.outcome.value for result in found] == ["pass", "fail"]
     assert "SIGSEGV" in found[1].why
 
@@ -155,18 +157,18 @@ def test_what_an_engine_declares_that_it_lacks_is_left_out():
         for name in ("vertical_release_obeys_the_capstan_law", "static_friction_holds_what_kinetic_friction_would_not")
     )
     engines = {label(engine): engine for engine in all_engines(Profile.QUICK)}
-    assert left_out(capstan, engines["mujoco:documented"]) == "nobody supplies its friction law"
-    assert left_out(static, engines["mujoco:beads"]) == "it declares no static friction of its own"
+    assert skip_reason(capstan, engines["mujoco:documented"]) == "nobody supplies its friction law"
+    assert skip_reason(static, engines["mujoco:beads"]) == "it declares no static friction of its own"
     for name in ("reference:scipy", "mujoco:capstan"):
-        assert left_out(capstan, engines[name]) == left_out(static, engines[name]) == ""
+        assert skip_reason(capstan, engines[name]) == skip_reason(static, engines[name]) == ""
 
 
 def test_runs_are_shared_but_for_those_that_are_made_again():
     engine = FaultyEngine("none")
-    shared = Remembering(engine)
+    shared = CachedEngine(engine)
     same = scenario(TEN_TO_ONE, 0.005)
     assert shared.simulate(same) is shared.simulate(scenario(TEN_TO_ONE, 0.005))
-    assert shared.again(same) is not shared.simulate(same)
+    assert shared.simulate_uncached(same) is not shared.simulate(same)
 
 
 def test_a_run_that_fails_is_not_waited_for_twice():
@@ -178,7 +180,7 @@ def test_a_run_that_fails_is_not_waited_for_twice():
             raise ValueError("no rod today")
 
     engine = Failing("none")
-    shared = Remembering(engine)
+    shared = CachedEngine(engine)
     for _ in range(2):
         with pytest.raises(ValueError, match="no rod today"):
             shared.simulate(scenario(TEN_TO_ONE, 0.005))

@@ -16,7 +16,7 @@ from looping_pendulum.engines.drake.chain_model import SETTINGS, DrakeChainSetti
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import ADAPTERS, ENTRY_POINTS, how_to_get
-from looping_pendulum.engines.static_capstan import measured_exponent
+from looping_pendulum.engines.static_capstan import measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
@@ -85,7 +85,7 @@ def test_studies_vary_one_thing_at_a_time():
 
 @pytest.fixture(scope="module")
 def ten_to_one():
-    """One run past the halt at 0.385 s, shared by the tests that look at it."""
+    """Return one run past the halt at 0.385 s, shared by several tests."""
     return run(TEN_TO_ONE, 0.45)
 
 
@@ -105,7 +105,7 @@ def test_vertical_release_is_an_atwood_machine_with_the_capstan_ratio(rod_radius
 @pytest.mark.parametrize("degrees", [90, *(pytest.param(d, marks=pytest.mark.accurate) for d in (180, 270))])
 def test_tension_ratio_obeys_the_capstan_law(degrees):
     # Oracle: exp(mu theta), measured through the protocol alone. Bound: 1 %, of which 0.1 % is the measurement's own.
-    assert abs(measured_exponent(DrakeChain(), wrap_angle=math.radians(degrees)).error) < 0.01
+    assert abs(measure_capstan_exponent(DrakeChain(), wrap_angle=math.radians(degrees)).error) < 0.01
 
 
 @needs_drake

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.registry import all_engines, challengers, label, missing_packages
+from looping_pendulum.engines.registry import all_engines, label, main_engines, missing_packages
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve_at
@@ -29,7 +29,7 @@ WITHOUT = TEN_TO_ONE.replace(kinetic_friction=0.0, light_drag=0.0, heavy_drag=0.
 
 
 def main_variants():
-    return challengers(Profile.QUICK)
+    return main_engines(Profile.QUICK)
 
 
 def scenario(parameters):
@@ -41,13 +41,13 @@ def reference(parameters, t):
 
 
 def places(run, i=-1):
-    """Light mass x and y, heavy mass y, in sample ``i`` [m]."""
+    """Return light mass x and y, heavy mass y, in sample ``i`` [m]."""
     return np.array([*run.light_position[i], run.heavy_position[i, 1]])
 
 
 @pytest.fixture(scope="module")
 def undisturbed():
-    """Engine -> its run without any effect for half of `DURATION`, each run once."""
+    """Return a cached function: engine -> its run without any effect for half of `DURATION`."""
     runs = {}
 
     def run(engine, parameters):
@@ -98,7 +98,7 @@ def test_a_push_is_there_from_the_first_sample(effect):
 
 
 def ripple(engine, parameters):
-    """Share by which the speed of a rigid chain over a polygon's corner differs from a string's over the circle."""
+    """Return the relative difference in speed of a rigid chain over a polygon's corner and a string over the circle."""
     if label(engine) != "pybullet:chain":  # its links are there from the start, and no exact string speed is possible for them
         return 0.0
     return 1 - math.cos(engine.settings.link_length / (2 * parameters.rod_radius))

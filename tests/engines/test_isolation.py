@@ -15,7 +15,7 @@ import pytest
 from looping_pendulum.compare import compare, write
 from looping_pendulum.engines import isolation, memory
 from looping_pendulum.engines.isolation import run_all, run_isolated
-from looping_pendulum.engines.memory import held_memory, parse_memory
+from looping_pendulum.engines.memory import memory_in_use, parse_memory
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference, ReferenceEngine
 from looping_pendulum.engines.trajectory import RunStatus
@@ -50,7 +50,7 @@ GOOD = [ReferenceEngine(available_integrators()[0], Profile.QUICK), FaultyEngine
 
 @pytest.fixture(scope="module")
 def at_once():
-    """Runs with every fault, side by side, between two that have none: variant -> run."""
+    """Run all faulty engines in parallel, between two without a fault, and return variant -> run."""
     engines = [GOOD[0], *(FaultyEngine(fault) for fault in FAULTS), GOOD[1]]
     runs = run_all(engines, SCENARIO, jobs=2, time_limit=10, memory_limit=parse_memory("300 MiB"))
     return {run.variant: run for run in runs}
@@ -85,7 +85,7 @@ def test_the_memory_limit_says_how_to_raise_it(at_once):
 
 
 def finite(run):
-    """Samples of a run that are numbers: an engine that returns others has its first `KEPT` right."""
+    """Return the samples of a run that are numbers; of an engine that returns NaN, the first `KEPT`."""
     return run.light_position[: KEPT if run.variant == "returns_nan" else len(run.t)]
 
 
@@ -117,7 +117,7 @@ def test_an_engine_that_cannot_travel_is_a_failed_run():
     engine.handle = threading.Lock()
     run = run_isolated(engine, SCENARIO)
     assert run.status is RunStatus.FAILED
-    assert "cannot travel" in run.message
+    assert "cannot be pickled" in run.message
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="POSIX process groups")
@@ -168,21 +168,21 @@ def test_what_is_no_memory_limit_is_one_line_with_a_way_out(text):
 
 
 def test_held_memory_sees_what_a_process_takes():
-    before = held_memory(os.getpid())
+    before = memory_in_use(os.getpid())
     if before is None:
         pytest.skip("this system does not tell")
     block = b"x" * 2**27
-    assert held_memory(os.getpid()) - before > 0.9 * len(block)
+    assert memory_in_use(os.getpid()) - before > 0.9 * len(block)
 
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="compares with /proc")
 def test_without_proc_ps_says_the_same(monkeypatch):
-    known = held_memory(os.getpid())
+    known = memory_in_use(os.getpid())
     monkeypatch.setattr(memory.sys, "platform", "darwin")
     if shutil.which("ps") is None:
         pytest.skip("no ps here")
-    assert held_memory(os.getpid()) == pytest.approx(known, rel=0.1)
-    assert held_memory(2**30) is None
+    assert memory_in_use(os.getpid()) == pytest.approx(known, rel=0.1)
+    assert memory_in_use(2**30) is None
 
 
 def test_a_missing_package_is_a_gap_with_the_way_out_and_no_process():

@@ -42,7 +42,7 @@ def run(parameters, duration, *, variant=TendonVariant.CAPSTAN, profile=Profile.
 
 
 def light_error(trajectory, parameters, until=math.inf):
-    """Distance of the light mass from where the reference has it [m], at the samples after release up to ``until`` [s]."""
+    """Return the distance of the light mass from the reference's [m], at the samples after release up to ``until`` [s]."""
     watched = (trajectory.t > 0) & (trajectory.t <= until + 1e-9)
     t = trajectory.t[watched]
     exact = solve_at(parameters, t, duration=t[-1] + 0.01)

@@ -34,7 +34,7 @@ def fitted_acceleration(trajectory):
 
 @pytest.fixture(scope="module")
 def ten_to_one():
-    """One run past the halt at 0.385 s, shared by the tests that look at it."""
+    """Return one run past the halt at 0.385 s, shared by several tests."""
     return run(TEN_TO_ONE, 0.45)
 
 

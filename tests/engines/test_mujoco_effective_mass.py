@@ -27,7 +27,7 @@ def run(coordinates, parameters, duration, *, profile=Profile.QUICK, **changes):
 
 
 def distance(trajectory, parameters):
-    """Of the light mass from where the reference has it [m]."""
+    """Return the distance of the light mass from the reference's at every sample [m]."""
     exact = solve_at(parameters, trajectory.t, duration=trajectory.t[-1] + 0.01)
     return np.linalg.norm(trajectory.light_position - exact.light_position, axis=1)
 

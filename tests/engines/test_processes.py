@@ -31,7 +31,7 @@ linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks f
 
 @pytest.fixture
 def planted(tmp_path):
-    """A working folder in which every module is a trap that leaves a file behind."""
+    """Return a working folder in which every module, if imported, writes a file."""
     for name in PLANTED:
         trap = (
             f"open({str(tmp_path / name)!r} + '.sprung', 'w').close()\nraise SystemError('imported from the working folder')\n"
@@ -139,7 +139,7 @@ if __name__ == "__main__":
 
 
 def of_session(marker):
-    """Processes in whose environment ``marker`` stands."""
+    """Return the processes whose environment contains ``marker``."""
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
@@ -207,5 +207,5 @@ def test_a_folder_for_temporary_files_that_takes_none_is_a_gap_with_its_reason(t
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "gone"))
     run = run_isolated(FaultyEngine("none"), SCENARIO)
     assert run.status is RunStatus.CRASHED
-    assert "could not begin" in run.message
+    assert "could not start" in run.message
     assert "gone" in run.message

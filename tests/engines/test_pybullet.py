@@ -13,11 +13,11 @@ from looping_pendulum.engines.chain import polygon_radius
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.pybullet import engines
 from looping_pendulum.engines.pybullet.chain import SETTINGS, PybulletChain
-from looping_pendulum.engines.pybullet.chain_model import COARSEST, PybulletChainSettings, lay_chain
+from looping_pendulum.engines.pybullet.chain_model import MAX_LINK_LENGTHENING, PybulletChainSettings, chain_at_release
 from looping_pendulum.engines.pybullet.links import contact_friction, typical_wrap_angle
 from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS
 from looping_pendulum.engines.pybullet.settings import DEFAULT_NEIGHBOUR_MARGIN
-from looping_pendulum.engines.static_capstan import measured_exponent
+from looping_pendulum.engines.static_capstan import measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.geometry import light_position
@@ -31,7 +31,7 @@ G = 9.81
 
 
 def scenario(duration: float, **changes: object) -> Scenario:
-    """A light mass of 10 g and a heavy one of 100 g on a rod of 6.25 mm, without drag unless asked for."""
+    """Return a scenario with 10 g and 100 g on a rod of 6.25 mm radius, by default without drag."""
     base: dict[str, object] = {
         "light_mass": 0.01,
         "heavy_mass": 0.1,
@@ -44,7 +44,7 @@ def scenario(duration: float, **changes: object) -> Scenario:
 
 
 def polygon_ripple(settings: PybulletChainSettings, rod_radius: float) -> float:
-    """Twice the largest lever-arm error of a chain on a rod [m]: c - R and R - c cos(b/2) are about h^2 / 8R."""
+    """Return twice the largest lever-arm error of a chain on a rod [m]: c - R and R - c cos(b/2) are about h^2 / 8R."""
     return 2 * settings.link_length**2 / (8 * rod_radius)
 
 
@@ -93,15 +93,15 @@ def test_node_circle_winds_and_pulls_like_the_rod() -> None:
 @pytest.mark.parametrize("release", [Release.LOOPING, Release.VERTICAL, Release.HELD])
 def test_chain_is_laid_between_the_masses_with_its_nodes_on_the_rod(release: Release) -> None:
     p = scenario(0.1, release=release).parameters
-    chain = lay_chain(p, SETTINGS[Profile.QUICK])
+    chain = chain_at_release(p, SETTINGS[Profile.QUICK])
     theta = p.release_angle
     light = (
         p.rod_radius * math.cos(theta) - p.free_length * math.sin(theta),
         p.rod_radius * math.sin(theta) + p.free_length * math.cos(theta),
     )
-    assert chain.places[-1] == pytest.approx(light, abs=1e-12)
-    assert chain.places[0] == pytest.approx((p.rod_radius, -p.hanging_length), abs=1e-12)
-    distances = np.hypot(*chain.places[1:-1].T)
+    assert chain.positions[-1] == pytest.approx(light, abs=1e-12)
+    assert chain.positions[0] == pytest.approx((p.rod_radius, -p.hanging_length), abs=1e-12)
+    distances = np.hypot(*chain.positions[1:-1].T)
     assert np.all(distances >= chain.node_circles.min() * (1 - 1e-9))  # no node inside the rod
     # Between corners a polygon's length differs from the string's by |c sin(x) - R x| < R (b/2)^3 / 6 at either end.
     bend = chain.bends.min()
@@ -110,18 +110,18 @@ def test_chain_is_laid_between_the_masses_with_its_nodes_on_the_rod(release: Rel
 
 def test_long_string_gets_longer_links_and_one_too_long_is_refused_with_a_way_out() -> None:
     settings = SETTINGS[Profile.QUICK]
-    longer = lay_chain(scenario(0.1, free_length=0.8).parameters, settings)
-    assert len(longer.places) <= MAX_JOINTS
-    assert settings.link_length < longer.lengths[20] <= COARSEST * 1.02 * settings.link_length
+    longer = chain_at_release(scenario(0.1, free_length=0.8).parameters, settings)
+    assert len(longer.positions) <= MAX_JOINTS
+    assert settings.link_length < longer.lengths[20] <= MAX_LINK_LENGTHENING * 1.02 * settings.link_length
     with pytest.raises(EngineError, match=r"needs \d+ joints .* PyBullet holds 121; raise link_length or outer_link_length"):
-        lay_chain(scenario(0.1, free_length=1.5, rod_radius=0.0125).parameters, settings)
+        chain_at_release(scenario(0.1, free_length=1.5, rod_radius=0.0125).parameters, settings)
 
 
 def test_state_of_the_longest_chain_is_read_back_whole() -> None:
     pytest.importorskip("pybullet")
     held_up = scenario(0.01, free_length=0.68)
     settings = SETTINGS[Profile.ACCURATE]
-    assert MAX_JOINTS - 2 <= len(lay_chain(held_up.parameters, settings).places) <= MAX_JOINTS
+    assert MAX_JOINTS - 2 <= len(chain_at_release(held_up.parameters, settings).positions) <= MAX_JOINTS
     row = PybulletChain(settings=settings).build(held_up).read()
     p = held_up.parameters
     start = light_position(math, p.free_length, p.release_angle, p.rod_radius)
@@ -134,7 +134,7 @@ def test_pushed_chain_turns_about_its_tangent_point_and_slides_as_the_reference_
 
     p = scenario(0.1, coefficients={"push_along": 0.4, "push_across": 0.7}).parameters
     s = SETTINGS[Profile.QUICK]
-    chain = lay_chain(p, s)
+    chain = chain_at_release(p, s)
     vx, vy, heavy_v = release_velocity(p)
     assert abs(heavy_v) > 0.01
     assert chain.velocities[-1] == pytest.approx((vx, vy))
@@ -143,7 +143,7 @@ def test_pushed_chain_turns_about_its_tangent_point_and_slides_as_the_reference_
     # half a bend from its first or last side.
     half_bend = 0.5 * s.link_length / p.rod_radius
     cut = abs(heavy_v) * (1 - math.cos(half_bend))
-    along = np.diff(chain.places, axis=0) / chain.lengths[:, None]
+    along = np.diff(chain.positions, axis=0) / chain.lengths[:, None]
     mismatch = (np.diff(chain.velocities, axis=0) * along).sum(axis=1)
     assert np.abs(mismatch).max() <= cut + 1e-12
     # What PyBullet makes of the joints' rates: every node's velocity, but for those two cuts.
@@ -156,7 +156,7 @@ def test_pushed_chain_turns_about_its_tangent_point_and_slides_as_the_reference_
 
 def test_links_too_long_for_the_rod_are_refused() -> None:
     with pytest.raises(EngineError, match="cannot wrap a rod of radius 1 mm"):
-        lay_chain(scenario(0.1, rod_radius=1e-3).parameters, SETTINGS[Profile.QUICK])
+        chain_at_release(scenario(0.1, rod_radius=1e-3).parameters, SETTINGS[Profile.QUICK])
 
 
 def test_time_step_that_does_not_divide_the_sample_interval_is_refused() -> None:
@@ -167,7 +167,7 @@ def test_time_step_that_does_not_divide_the_sample_interval_is_refused() -> None
 
 
 def nodes_on_rod(margin: float) -> tuple[list[int], float]:
-    """Links whose nodes touch the rod after 10 ms of sliding, and how deep the deepest one is [m]."""
+    """Return the links whose nodes touch the rod after 10 ms of sliding, and the deepest penetration [m]."""
     import pybullet
 
     rig = PybulletChain().with_settings(neighbour_margin=margin).build(scenario(0.1, free_length=0.58))
@@ -286,7 +286,7 @@ def test_forces_may_be_updated_every_few_steps_only() -> None:
 
 def test_static_capstan_ratio_is_that_of_the_circle() -> None:
     pytest.importorskip("pybullet")
-    point = measured_exponent(PybulletChain(), duration=0.1)
+    point = measure_capstan_exponent(PybulletChain(), duration=0.1)
     assert abs(point.error) < 0.02
 
 

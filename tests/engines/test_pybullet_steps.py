@@ -8,13 +8,18 @@ import pytest
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Profile
 from looping_pendulum.engines.pybullet.chain import SETTINGS
-from looping_pendulum.engines.pybullet.chain_model import lay_chain
-from looping_pendulum.engines.pybullet.chain_rig import BRAKED_SHARE, STABLE_SHARE, largest_braking, longest_step
-from looping_pendulum.engines.pybullet.world import Drive
+from looping_pendulum.engines.pybullet.chain_model import chain_at_release
+from looping_pendulum.engines.pybullet.chain_rig import (
+    MAX_WAVE_FRACTION,
+    MAX_WAVE_FRACTION_AT_CONTACTS,
+    largest_rod_friction,
+    longest_step,
+)
+from looping_pendulum.engines.pybullet.world import Stepper
 from tests.apparatus import TEN_TO_ONE
 
 QUICK = SETTINGS[Profile.QUICK]
-CHAIN = lay_chain(TEN_TO_ONE, QUICK)
+CHAIN = chain_at_release(TEN_TO_ONE, QUICK)
 DENSITY = 0.01 * TEN_TO_ONE.light_mass / CHAIN.lengths.sum()
 AT_REST = (0.3, 0.1, 0.0, 0.0)
 
@@ -28,9 +33,11 @@ def test_the_shipped_trial_is_stepped_as_its_settings_say():
 def test_what_the_rod_holds_back_bounds_the_step():
     # Oracle: the wave equation, c = sqrt(T / rho); 15:1 at 130 deg holds back 8.9 N and flew apart with steps of 20 us.
     p = TEN_TO_ONE.replace(heavy_mass=0.15, release_angle=math.radians(130))
-    braked = largest_braking(p)
+    braked = largest_rod_friction(p)
     wave = np.sqrt(braked / DENSITY)
-    assert wave * longest_step(p, CHAIN)(*AT_REST) == pytest.approx(BRAKED_SHARE * CHAIN.lengths.min(), rel=1e-12)
+    assert wave * longest_step(p, CHAIN)(*AT_REST) == pytest.approx(
+        MAX_WAVE_FRACTION_AT_CONTACTS * CHAIN.lengths.min(), rel=1e-12
+    )
     assert QUICK.time_step / 2 < longest_step(p, CHAIN)(*AT_REST) < QUICK.time_step
 
 
@@ -40,12 +47,12 @@ def test_without_friction_a_light_mass_that_whips_round_shortens_it():
     length, speed = 0.05, 8.0
     wave = np.sqrt(p.light_mass * (speed**2 / length + 9.81) / DENSITY)
     longest = longest_step(p, CHAIN)(np.hypot(length, p.rod_radius), 0.0, 0.0, speed)
-    assert wave * longest == pytest.approx(STABLE_SHARE * CHAIN.lengths.min(), rel=1e-12)
-    assert STABLE_SHARE < 1
+    assert wave * longest == pytest.approx(MAX_WAVE_FRACTION * CHAIN.lengths.min(), rel=1e-12)
+    assert MAX_WAVE_FRACTION < 1
 
 
 class FakeWorld:
-    """Counts the time that is stepped through and the impulse that is pushed with."""
+    """Adds up the simulated time and the applied impulse."""
 
     def __init__(self, time_step, force_interval):
         self.settings = SimpleNamespace(time_step=time_step, force_interval=force_interval)
@@ -60,10 +67,10 @@ class FakeWorld:
         self.impulse += self.step * self.force
         self.force = 0.0
 
-    def motion(self):
+    def read_motion(self):
         return 0.3, 0.1, 0.0, 1.0, 0.0
 
-    def push(self, light, heavy):
+    def apply_forces(self, light, heavy):
         self.force = light[1]
 
 
@@ -73,10 +80,10 @@ def test_divided_steps_take_as_long_and_push_as_much(parts, force_interval):
     # Oracle: time and impulse of the same motion with steps as they are: a constant drag over one sample.
     world = FakeWorld(2e-5, force_interval)
     p = TEN_TO_ONE.replace(light_drag=1e-3)
-    drive = Drive(world, p, lambda *_: 0.99 * world.settings.time_step / (parts - 1) if parts > 1 else 1.0)
+    drive = Stepper(world, p, lambda *_: 0.99 * world.settings.time_step / (parts - 1) if parts > 1 else 1.0)
     drive.steps(world.steps, world)
     once = FakeWorld(2e-5, 1)
-    Drive(once, p).steps(once.steps, once)
+    Stepper(once, p).steps(once.steps, once)
     assert world.step == pytest.approx(2e-5 / parts, rel=1e-12)
     assert world.time == pytest.approx(SAMPLE_INTERVAL, rel=1e-12)
     assert world.impulse == pytest.approx(once.impulse, rel=1e-9) != 0

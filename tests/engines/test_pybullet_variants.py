@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.chain import LEAST_BEADS
+from looping_pendulum.engines.chain import MIN_BEADS
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pybullet import engines
 from looping_pendulum.engines.pybullet.chain import PybulletChain
 from looping_pendulum.engines.pybullet.defaults import PybulletDefaults
-from looping_pendulum.engines.pybullet.links import LinkPositions
+from looping_pendulum.engines.pybullet.links import ChainState
 from looping_pendulum.engines.pybullet.point_to_point import PybulletPointToPoint
 from looping_pendulum.engines.pybullet.remade import SETTINGS, PybulletRemade
-from looping_pendulum.engines.pybullet.remade_model import NodeChanges, lay
+from looping_pendulum.engines.pybullet.remade_model import NodeChanges, nodes_at_release
 from looping_pendulum.engines.pybullet.remade_rig import RemadeRig
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
@@ -34,7 +34,7 @@ def scenario(duration: float, **changes: object) -> Scenario:
 
 
 def farthest(engine, case: Scenario) -> float:
-    """Largest distance of the light mass from the reference's [m]."""
+    """Return the largest distance of the light mass from the reference's [m]."""
     run = engine.simulate(case).raise_if_failed()
     exact = solve_at(case.parameters, run.t, duration=case.duration)
     return float(np.linalg.norm(run.light_position[: len(exact.t)] - exact.light_position, axis=1).max())
@@ -49,10 +49,10 @@ def test_pinned_bodies_follow_the_reference_as_near_as_their_string_keeps_its_le
     assert farthest(fine, case) < 2 * stretches[1] + 2 * fine.settings.link_length**2 / (8 * 0.03)
 
 
-def pushed_chain() -> tuple[Parameters, LinkPositions]:
+def pushed_chain() -> tuple[Parameters, ChainState]:
     """A chain whose masses, nodes and links all move as one taut string."""
     p = scenario(0.1, free_length=0.4, push_along=0.4, push_across=0.7).parameters
-    return p, lay(p, QUICK, release_velocity(p))
+    return p, nodes_at_release(p, QUICK, release_velocity(p))
 
 
 def test_remade_pushed_chain_turns_about_its_tangent_point_and_slides_as_the_reference_does() -> None:
@@ -61,7 +61,7 @@ def test_remade_pushed_chain_turns_about_its_tangent_point_and_slides_as_the_ref
     assert light == pytest.approx(release_velocity(p)[:2])
     assert heavy == pytest.approx((0.0, release_velocity(p)[2]))
     # Rigid links: neighbours have one speed along the link between them, but for corners cut by half a bend.
-    along = np.diff(chain.places, axis=0) / chain.lengths[:, None]
+    along = np.diff(chain.positions, axis=0) / chain.lengths[:, None]
     mismatch = (np.diff(chain.velocities, axis=0) * along).sum(axis=1)
     half_bend = 0.5 * QUICK.length_on_rod(p) / p.rod_radius
     assert np.abs(mismatch).max() <= abs(heavy[1]) * (1 - math.cos(half_bend)) + 1e-12
@@ -70,49 +70,50 @@ def test_remade_pushed_chain_turns_about_its_tangent_point_and_slides_as_the_ref
 
 def test_a_node_comes_before_the_string_touches_the_rod_and_goes_after_it_has_left() -> None:
     p, s = scenario(0.1, free_length=0.4).parameters, QUICK
-    watch, circle = NodeChanges(p, s), s.node_circle(p)
+    node_changes, circle = NodeChanges(p, s), s.node_circle(p)
     bend = s.length_on_rod(p) / p.rod_radius
     lift = s.length_on_rod(p) ** 2 / p.rod_radius
 
-    def chain(turn: float, nodes: int = 5) -> LinkPositions:
+    def chain(turn: float, nodes: int = 5) -> ChainState:
         """Nodes on the rod, and straight string that leaves the last one ``turn`` [rad] outside the chord to the next place."""
         angles = bend * np.arange(nodes)
         on_rod = circle * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         direction = angles[-1] + 0.5 * bend + 0.5 * math.pi - turn
         light = on_rod[-1] + 0.4 * np.array([math.cos(direction), math.sin(direction)])
         heavy = on_rod[0] + 0.2 * np.array([math.sin(-0.5 * bend + turn), -math.cos(-0.5 * bend + turn)])
-        places = np.vstack([heavy, on_rod, light])
-        return LinkPositions(places=places, velocities=np.zeros_like(places))
+        positions = np.vstack([heavy, on_rod, light])
+        return ChainState(positions=positions, velocities=np.zeros_like(positions))
 
     about = bend * p.rod_radius / circle  # turn by which a place a link away rises by `lift`
     near, far = chain(0.5 * s.comes * lift / s.length_on_rod(p)), chain(2 * s.comes * about)
-    assert min(watch.margins(near.places, 5)) < 0 < min(watch.margins(far.places, 5))
-    longer = watch.seen_to(near)
-    assert len(longer.places) == len(near.places) + 2  # one on either side
+    assert min(node_changes.margins(near.positions, 5)) < 0 < min(node_changes.margins(far.positions, 5))
+    longer = node_changes.with_updated_nodes(near)
+    assert len(longer.positions) == len(near.positions) + 2  # one on either side
     assert longer.lengths.sum() == pytest.approx(near.lengths.sum(), rel=1e-12)
     gone = chain(bend + 2 * s.goes * about)  # straight through the outermost nodes, and beyond
-    assert min(watch.margins(gone.places, 5)) < 0
-    shorter = watch.seen_to(gone)
-    assert len(shorter.places) == len(gone.places) - 2
+    assert min(node_changes.margins(gone.positions, 5)) < 0
+    shorter = node_changes.with_updated_nodes(gone)
+    assert len(shorter.positions) == len(gone.positions) - 2
     assert shorter.lengths.sum() == pytest.approx(gone.lengths.sum(), rel=1e-5)
-    few = chain(bend + 2 * s.goes * about, nodes=LEAST_BEADS)
-    assert len(watch.seen_to(few).places) == LEAST_BEADS + 2
+    few = chain(bend + 2 * s.goes * about, nodes=MIN_BEADS)
+    assert len(node_changes.with_updated_nodes(few).positions) == MIN_BEADS + 2
 
 
 def test_nodes_that_go_keep_the_strings_length_and_momentum() -> None:
     p, chain = pushed_chain()
     s = QUICK
-    places, velocities = chain.places.copy(), chain.velocities.copy()
-    extra = places[0] + np.array([2e-5, 0.6 * p.hanging_length])  # a node that swings on the straight part below the rod
-    swinging = LinkPositions(
-        places=np.insert(places, 1, extra, axis=0), velocities=np.insert(velocities, 1, velocities[0] + [0.8, 0.0], axis=0)
+    positions, velocities = chain.positions.copy(), chain.velocities.copy()
+    extra = positions[0] + np.array([2e-5, 0.6 * p.hanging_length])  # a node that swings on the straight part below the rod
+    swinging = ChainState(
+        positions=np.insert(positions, 1, extra, axis=0),
+        velocities=np.insert(velocities, 1, velocities[0] + [0.8, 0.0], axis=0),
     )
-    after = NodeChanges(p, s).seen_to(swinging)
-    assert len(after.places) == len(chain.places)
+    after = NodeChanges(p, s).with_updated_nodes(swinging)
+    assert len(after.positions) == len(chain.positions)
     assert after.lengths.sum() == pytest.approx(swinging.lengths.sum(), abs=1e-9)
-    along = (places[-1] - places[-2]) / math.dist(places[-1], places[-2])
-    moved_light = float((after.places[-1] - places[-1]) @ along)
-    moved_heavy = places[0, 1] - after.places[0, 1]
+    along = (positions[-1] - positions[-2]) / math.dist(positions[-1], positions[-2])
+    moved_light = float((after.positions[-1] - positions[-1]) @ along)
+    moved_heavy = positions[0, 1] - after.positions[0, 1]
     assert p.light_mass * moved_light == pytest.approx(p.heavy_mass * moved_heavy, rel=1e-6)
 
 
@@ -122,28 +123,28 @@ def test_making_the_multibody_anew_holds_the_state() -> None:
         rig.advance()
     before, row = rig._chain(), rig.read()
     rig._world.api.removeBody(rig._body, physicsClientId=rig._world.client)
-    rig._make(before)
+    rig._create_multibody(before)
     after = rig._chain()
-    assert after.places == pytest.approx(before.places, abs=1e-12)
+    assert after.positions == pytest.approx(before.positions, abs=1e-12)
     # A link carries no speed along itself: what Bullet's step left there, second order in the step, goes.
     assert after.velocities == pytest.approx(before.velocities, abs=1e-6)
     assert rig.read() == pytest.approx(row, abs=1e-6)
-    assert rig.times_laid > 1
+    assert rig.rebuild_count > 1
 
 
 @pytest.mark.parametrize("release", [Release.LOOPING, Release.VERTICAL, Release.HELD])
 def test_remade_chain_is_laid_between_the_masses_with_its_nodes_on_the_rod(release: Release) -> None:
     p = scenario(0.1, free_length=0.4, release=release).parameters
     s = QUICK
-    chain, circle = lay(p, s, release_velocity(p)), s.node_circle(p)
+    chain, circle = nodes_at_release(p, s, release_velocity(p)), s.node_circle(p)
     theta = p.release_angle
     light = (
         p.rod_radius * math.cos(theta) - p.free_length * math.sin(theta),
         p.rod_radius * math.sin(theta) + p.free_length * math.cos(theta),
     )
-    assert chain.places[-1] == pytest.approx(light, abs=1e-12)
-    assert chain.places[0] == pytest.approx((p.rod_radius, -p.hanging_length), abs=1e-12)
-    assert np.hypot(*chain.places[1:-1].T) == pytest.approx(circle, abs=1e-12)
+    assert chain.positions[-1] == pytest.approx(light, abs=1e-12)
+    assert chain.positions[0] == pytest.approx((p.rod_radius, -p.hanging_length), abs=1e-12)
+    assert np.hypot(*chain.positions[1:-1].T) == pytest.approx(circle, abs=1e-12)
     assert chain.lengths[1:-1] == pytest.approx(s.length_on_rod(p), rel=1e-12)
     # Between corners a polygon's length differs from the string's by |c sin(x) - R x| < R (b/2)^3 / 6 at either end.
     bend = s.length_on_rod(p) / p.rod_radius

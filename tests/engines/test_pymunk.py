@@ -15,7 +15,7 @@ from looping_pendulum.engines.pymunk import chain as adapter
 from looping_pendulum.engines.pymunk import engines
 from looping_pendulum.engines.pymunk.calls import SETTINGS, PymunkChainSettings
 from looping_pendulum.engines.pymunk.chain import PymunkChain
-from looping_pendulum.engines.static_capstan import chain_exponent, measured_exponent
+from looping_pendulum.engines.static_capstan import chain_capstan_exponent, measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
@@ -42,13 +42,13 @@ def fitted_acceleration(trajectory):
 
 @pytest.fixture(scope="module")
 def ten_to_one():
-    """One run past the halt at 0.385 s, shared by the tests that look at it."""
+    """Return one run past the halt at 0.385 s, shared by several tests."""
     return run(TEN_TO_ONE, 0.45)
 
 
 @functools.cache
 def first_fifth(settings):
-    """The first 0.2 s of the same release with other settings."""
+    """Return the first 0.2 s of the same release with other settings."""
     return run(TEN_TO_ONE, 0.2, settings=settings)
 
 
@@ -94,14 +94,14 @@ def test_vertical_release_is_an_atwood_machine_with_the_capstan_ratio(rod_radius
 @pytest.mark.parametrize("wrap_angle", [math.radians(135), math.pi, math.radians(225)])
 def test_static_capstan(wrap_angle):
     # Oracle: mu theta. Bound: 0.4 % of the exponent; uncorrected corners would show as 1 %, a rod's radius is not in it.
-    assert abs(measured_exponent(PymunkChain(), wrap_angle=wrap_angle).error) < 4e-3
+    assert abs(measure_capstan_exponent(PymunkChain(), wrap_angle=wrap_angle).error) < 4e-3
 
 
 @pytest.mark.parametrize("bend", [0.48, 0.32])
 def test_static_capstan_without_the_correction_is_that_of_the_corners(bend):
     # Oracle: 2 N artanh(mu tan(b/2)), which is 2.2 % and 1.0 % above mu theta. Bound: 0.2 %.
     engine = PymunkChain().with_settings(bend=bend, polygon_friction=False)
-    assert measured_exponent(engine).exponent == pytest.approx(chain_exponent(0.34, math.pi, bend), rel=2e-3)
+    assert measure_capstan_exponent(engine).exponent == pytest.approx(chain_capstan_exponent(0.34, math.pi, bend), rel=2e-3)
 
 
 def test_leaking_at_every_step_changes_nothing_that_shows(ten_to_one):
@@ -201,7 +201,7 @@ def test_held_pendulum_keeps_its_energy():
     kinetic = 0.5 * np.sum(held.light_velocity**2, axis=1)
     energy = kinetic + 9.81 * (held.light_position[:, 1] - held.light_position[0, 1])
     stepping = 0.5 * QUICK.time_step * 9.81 * math.sqrt(2 * kinetic.max())
-    share = adapter.FAR_LINKS * QUICK.bend * p.rod_radius / held.free_length.min()
+    share = adapter.REMOVE_BEYOND_LINKS * QUICK.bend * p.rod_radius / held.free_length.min()
     landing = 2 * np.ptp(held.wrap_angle) / QUICK.bend * QUICK.bead_mass_ratio * share**2 * kinetic.max()  # 2: there and back
     assert np.abs(energy).max() < stepping + landing
     assert np.ptp(held.heavy_position, axis=0).max() == 0.0

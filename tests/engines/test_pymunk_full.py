@@ -16,10 +16,10 @@ from looping_pendulum.engines.pymunk.full_settings import (
     FullChainVariant,
     contact_friction,
     full_settings,
-    touching_radius,
+    link_contact_radius,
 )
-from looping_pendulum.engines.pymunk.laid_string import velocity_on_string
-from looping_pendulum.engines.static_capstan import chain_exponent, measured_exponent
+from looping_pendulum.engines.pymunk.release_state import velocity_on_string
+from looping_pendulum.engines.static_capstan import chain_capstan_exponent, measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
@@ -42,7 +42,7 @@ def run(variant, parameters, duration, **changes):
 
 @functools.cache
 def fat_rod(variant):
-    """The first 0.35 s of a looping release over a rod of 3 cm, and its parameters."""
+    """Return the first 0.35 s of a looping release over a rod of 3 cm, and its parameters."""
     p = TEN_TO_ONE.replace(rod_radius=0.03)
     return run(variant, p, 0.35).raise_if_failed(), p
 
@@ -57,7 +57,7 @@ def test_segments_wind_up_as_much_string_as_the_circle():
     # Oracle: a closed polygon of n segments that touch the circle in their middles has the circumference of the rod.
     for n in (8, 20, 40):
         bend = 2 * math.pi / n
-        side = 2 * touching_radius(FullChainVariant.SEGMENTS, 0.01, bend) * math.tan(bend / 2)
+        side = 2 * link_contact_radius(FullChainVariant.SEGMENTS, 0.01, bend) * math.tan(bend / 2)
         assert n * side == pytest.approx(2 * math.pi * 0.01, rel=1e-12)
 
 
@@ -79,7 +79,7 @@ def test_a_segment_with_the_corrected_friction_is_in_equilibrium(bend):
 def test_static_capstan(variant):
     # Oracle: mu theta, which both corrections aim at. Bound: 0.3 % of the exponent; without them it would show 2.2 % more for
     # beads and 4.2 % less for segments.
-    point = measured_exponent(PymunkFullChain(variant=variant).with_settings(**FINE))
+    point = measure_capstan_exponent(PymunkFullChain(variant=variant).with_settings(**FINE))
     assert abs(point.error) < 3e-3
 
 
@@ -90,10 +90,10 @@ def test_static_capstan_without_the_correction_is_that_of_the_links(variant):
     engine = PymunkFullChain(variant=variant).with_settings(**FINE, polygon_friction=False)
     bend = engine.settings.bend(6.25e-3)
     expected = {
-        FullChainVariant.BEADS: chain_exponent(0.34, math.pi, bend),
+        FullChainVariant.BEADS: chain_capstan_exponent(0.34, math.pi, bend),
         FullChainVariant.SEGMENTS: math.pi / bend * math.asinh(0.34 * math.sin(bend)),
     }
-    assert measured_exponent(engine).exponent == pytest.approx(expected[variant], rel=5e-3)
+    assert measure_capstan_exponent(engine).exponent == pytest.approx(expected[variant], rel=5e-3)
 
 
 @pytest.mark.parametrize("variant", CAREFUL)

@@ -9,7 +9,15 @@ import pytest
 
 from looping_pendulum.engines import registry
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.registry import AdapterWarning, all_engines, challengers, label, loaded, missing_packages, select
+from looping_pendulum.engines.registry import (
+    AdapterWarning,
+    all_engines,
+    label,
+    load_engines,
+    main_engines,
+    missing_packages,
+    select,
+)
 from looping_pendulum.errors import EngineError
 from tests.command_line import here
 from tests.engines.faulty import FaultyEngine
@@ -62,18 +70,18 @@ def offer(tmp_path, monkeypatch):
         (info / "METADATA").write_text("Metadata-Version: 2.1\nName: elsewhere\nVersion: 1.0\n")
         (info / "entry_points.txt").write_text(points)
         monkeypatch.syspath_prepend(str(tmp_path))
-        registry.offers.cache_clear()
+        registry.adapter_modules.cache_clear()
         return tmp_path
 
     yield install
-    registry.offers.cache_clear()
+    registry.adapter_modules.cache_clear()
 
 
-def test_another_packages_engine_is_one_of_the_challengers(offer):
+def test_another_packages_engine_is_one_of_the_main_engines(offer):
     offer(good=GOOD)
-    assert "good:none" in [label(engine) for engine in challengers(Profile.QUICK)]
+    assert "good:none" in [label(engine) for engine in main_engines(Profile.QUICK)]
     assert [label(engine) for engine in select(["good"], Profile.QUICK)] == ["good:none"]
-    assert registry.suppliers()["good"] == "elsewhere"
+    assert registry.adapter_packages()["good"] == "elsewhere"
 
 
 @pytest.mark.parametrize("name", BROKEN)
@@ -101,7 +109,7 @@ def test_a_broken_adapter_is_one_line_and_stops_no_other(offer, name):
 
 def test_a_module_that_is_not_there_is_a_broken_adapter(offer):
     offer(nowhere=None)
-    faults = loaded(Profile.QUICK)[1]
+    faults = load_engines(Profile.QUICK)[1]
     assert "ModuleNotFoundError: No module named 'adapter_nowhere'" in faults["nowhere"]
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import select
-from looping_pendulum.engines.static_capstan import chain_exponent, measured_exponent
+from looping_pendulum.engines.static_capstan import chain_capstan_exponent, measure_capstan_exponent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.solve import available_integrators
 
@@ -23,15 +23,15 @@ def reference():
 @pytest.mark.parametrize("degrees", [90, 135, 225, 270])
 def test_the_reference_shows_the_capstan_law_at_any_angle(reference, degrees):
     # Oracle: mu theta. Bound: half the square of mu times the angle's spread, which is at most half of its range.
-    point = measured_exponent(reference, wrap_angle=math.radians(degrees))
+    point = measure_capstan_exponent(reference, wrap_angle=math.radians(degrees))
     spread = abs(point.wrap_angle - math.radians(degrees))
     assert abs(point.exponent - point.ideal) < 0.5 * (0.34 * spread) ** 2 + 1e-6
 
 
-@pytest.mark.parametrize(("friction", "drive", "duration"), [(0.34, 2.0, 0.15), (0.1, 1.1, 0.05), (0.6, 3.0, 0.1)])
-def test_over_half_a_turn_it_is_exact(reference, friction, drive, duration):
+@pytest.mark.parametrize(("friction", "overload", "duration"), [(0.34, 2.0, 0.15), (0.1, 1.1, 0.05), (0.6, 3.0, 0.1)])
+def test_over_half_a_turn_it_is_exact(reference, friction, overload, duration):
     # Oracle: the Atwood machine, whose wrap angle does not change. Bound: the reference's own tolerance.
-    point = measured_exponent(reference, friction=friction, drive=drive, duration=duration)
+    point = measure_capstan_exponent(reference, friction=friction, overload=overload, duration=duration)
     assert point.wrap_angle == pytest.approx(math.pi, abs=1e-9)
     assert point.exponent == pytest.approx(friction * math.pi, abs=1e-8)
     assert point.error == pytest.approx(0.0, abs=1e-7)
@@ -39,19 +39,19 @@ def test_over_half_a_turn_it_is_exact(reference, friction, drive, duration):
 
 def test_a_wrap_angle_that_lets_the_string_go_slack_is_refused(reference):
     with pytest.raises(EngineError, match="found a wrap angle of 45 deg, needed one from 85 to 275 deg"):
-        measured_exponent(reference, wrap_angle=math.radians(45))
+        measure_capstan_exponent(reference, wrap_angle=math.radians(45))
 
 
 @pytest.mark.parametrize("integrator", available_integrators())
 def test_a_string_that_does_not_slide_is_no_measurement(integrator):
     # SciPy leaves a drop of 9e-15 m with AVX-512, and 0 or less elsewhere: `slid > 0` took that for a slide.
     (engine,) = select([f"reference:{integrator}"], Profile.QUICK)
-    with pytest.raises(EngineError, match="did not slide .* needed a slide of 1.1 mm; raise drive above 0.9"):
-        measured_exponent(engine, drive=0.9)
+    with pytest.raises(EngineError, match="did not slide .* needed a slide of 1.1 mm; raise overload above 0.9"):
+        measure_capstan_exponent(engine, overload=0.9)
 
 
 class Creeping:
-    """The reference, its heavy mass lower by a drop that grows evenly, as rounding or a soft contact moves a stuck string."""
+    """The reference with a heavy mass that sinks linearly, as a stuck string creeps by rounding or soft contacts."""
 
     def __init__(self, reference, drop):
         self.reference, self.drop = reference, drop
@@ -68,19 +68,19 @@ class Creeping:
 def test_what_rounding_or_creep_moves_a_stuck_string_is_no_slide(reference, drop):
     # 0.3 mm in 0.15 s is what the softest chain of the engines here creeps.
     with pytest.raises(EngineError, match="did not slide"):
-        measured_exponent(Creeping(reference, drop), drive=0.9)
+        measure_capstan_exponent(Creeping(reference, drop), overload=0.9)
 
 
 def test_a_string_that_slides_as_little_as_may_be_is_measured(reference):
-    # Oracle: the Atwood machine, a / g = (drive - 1) / (drive + 1) = 0.0119, a little above the least slide over free fall.
-    point = measured_exponent(reference, drive=1.024)
-    assert point.slid == pytest.approx(0.0119 * 0.5 * 9.81 * 0.15**2, rel=5e-3)
+    # Oracle: the Atwood machine, a / g = (overload - 1) / (overload + 1) = 0.0119, just above `MIN_SLIDE_FRACTION`.
+    point = measure_capstan_exponent(reference, overload=1.024)
+    assert point.slide_length == pytest.approx(0.0119 * 0.5 * 9.81 * 0.15**2, rel=5e-3)
     assert point.error == pytest.approx(0.0, abs=1e-7)
 
 
 def test_a_chain_of_many_corners_is_a_string():
     # Oracle: 2 N artanh(mu tan(theta / 2N)) tends to mu theta from above, as the square of the corner.
-    excess = [chain_exponent(0.34, math.pi, bend) / (0.34 * math.pi) - 1 for bend in (0.4, 0.2, 0.1)]
+    excess = [chain_capstan_exponent(0.34, math.pi, bend) / (0.34 * math.pi) - 1 for bend in (0.4, 0.2, 0.1)]
     assert excess[0] / excess[1] == pytest.approx(4, rel=0.05)
     assert excess[1] / excess[2] == pytest.approx(4, rel=0.02)
     assert 0 < excess[2] < 1e-3

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.registry import ADAPTERS, all_engines, label, suppliers
+from looping_pendulum.engines.registry import ADAPTERS, adapter_packages, all_engines, label
 from looping_pendulum.engines.support import COMMAND, YES, effect_table, page, scenario_table
 from looping_pendulum.scenarios import loader
 from tests.engines.faulty import FaultyEngine
@@ -14,7 +14,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "support.md"
 
 
 def own():
-    ours = ADAPTERS.keys() | {name for name, package in suppliers().items() if package == "looping-pendulum"}
+    ours = ADAPTERS.keys() | {name for name, package in adapter_packages().items() if package == "looping-pendulum"}
     return [engine for engine in all_engines(Profile.QUICK) if engine.name in ours]
 
 

@@ -11,11 +11,11 @@ import pytest
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
-from looping_pendulum.engines.tension import WINDOW, tension_from_motion
+from looping_pendulum.engines.tension import AVERAGING_TIME, tension_from_motion
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
 
-HALF = 0.5 * WINDOW + SAMPLE_INTERVAL
+HALF = 0.5 * AVERAGING_TIME + SAMPLE_INTERVAL
 
 
 def shortened(name, duration, **coefficients):

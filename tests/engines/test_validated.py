@@ -100,7 +100,7 @@ def test_scenarios_reach_what_is_asked_for():
             assert low <= min(values) < low + 0.2 * (high - low)
             assert high >= max(values) > high - 0.2 * (high - low)
     assert any(p.coefficients["light_drag"] == 0 for p in drawn)
-    assert any(not p.static_follows for p in drawn)
+    assert any(not p.static_equals_kinetic for p in drawn)
     assert sum(p.release is Release.VERTICAL for p in drawn) >= 3
 
 

@@ -13,9 +13,9 @@ import pytest
 
 from looping_pendulum.compare.convergence.report import halting_verdict
 from looping_pendulum.engines import registry
-from looping_pendulum.engines.conformance import CHECKS, Remembering, left_out, scenario
-from looping_pendulum.engines.conformance.against_reference import errs_no_more_than_refining_it_changes
-from looping_pendulum.engines.conformance.apparatus import SMOOTH
+from looping_pendulum.engines.conformance import CHECKS, CachedEngine, scenario, skip_reason
+from looping_pendulum.engines.conformance.against_reference import error_is_covered_by_refinement
+from looping_pendulum.engines.conformance.apparatus import LOSSLESS
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.errors import EngineError
@@ -27,7 +27,7 @@ BUILD = "from setuptools.build_meta import build_wheel; build_wheel('dist')"
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory):
-    """The page's two files, built as pip builds them, and the wheel unpacked, which is how pip installs one of pure Python."""
+    """Return the page's two files built by pip as a wheel and unpacked, which is how pip installs pure Python."""
     pytest.importorskip("setuptools")
     project, site = tmp_path_factory.mktemp("project"), tmp_path_factory.mktemp("site")
     (project / "looping_spring.py").write_text(blocks("python")[0], encoding="utf-8")
@@ -47,17 +47,17 @@ def spring():
 @pytest.fixture(scope="module")
 def engine(spring):
     (made,) = spring.engines(Profile.QUICK)
-    return Remembering(made)
+    return CachedEngine(made)
 
 
 @pytest.fixture
 def installed(package, monkeypatch):
-    """The package's engine, offered in this process as in a new one."""
+    """Return the package's engine, offered in this process as in a new one."""
     monkeypatch.syspath_prepend(str(package))
     monkeypatch.delitem(sys.modules, "looping_spring", raising=False)
-    registry.offers.cache_clear()
+    registry.adapter_modules.cache_clear()
     yield
-    registry.offers.cache_clear()
+    registry.adapter_modules.cache_clear()
     sys.modules.pop("looping_spring", None)
 
 
@@ -75,8 +75,8 @@ def command(package, *arguments):
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
 def test_the_example_passes_every_check(engine, check):
     assert isinstance(engine, Engine)
-    if left_out(check, engine):  # an effect of a kind that it does not declare
-        assert "effect" in left_out(check, engine)
+    if skip_reason(check, engine):  # an effect of a kind that it does not declare
+        assert "effect" in skip_reason(check, engine)
         return
     check(engine)
 
@@ -109,7 +109,7 @@ def test_its_studies_are_ladders_that_run(engine, spring):
     studies = engine.studies()
     assert [(one.setting, len(one.values)) for one in studies.ladders] == [("time_step", 4), ("stiffness", 4)]
     for rung in (*(one.engines[0] for one in studies.ladders), *(choice.engine for choice in studies.choices)):
-        assert rung.simulate(scenario(SMOOTH, 0.002)).status.ok
+        assert rung.simulate(scenario(LOSSLESS, 0.002)).status.ok
         assert rung.settings != engine.settings or rung is studies.ladders[0].engines[0]
 
 
@@ -127,7 +127,7 @@ def test_a_reading_of_another_length_says_what_it_needs(spring, left):
     with pytest.raises(
         EngineError, match=rf"a sample: found {left + 1} values .*needed 10 or 11: t, light_x, .*read\(\) gives all"
     ):
-        MisreadEngine(Profile.QUICK).simulate(scenario(SMOOTH, 0.002))
+        MisreadEngine(Profile.QUICK).simulate(scenario(LOSSLESS, 0.002))
 
 
 @pytest.mark.accurate
@@ -146,8 +146,8 @@ def test_an_engine_without_a_ladder_is_told_which_page_has_one(spring):
             return Studies()
 
     page = "studies(), in docs/write-an-engine.md"
-    assert left_out(errs_no_more_than_refining_it_changes, Plain(Profile.QUICK)) == f"it offers no ladder: {page}"
-    assert halting_verdict(SimpleNamespace(ladders=())) == f"not known: it has no ladder ({page})"
+    assert skip_reason(error_is_covered_by_refinement, Plain(Profile.QUICK)) == f"it offers no ladder: {page}"
+    assert halting_verdict(SimpleNamespace(ladders=())) == f"not known: the adapter offers no ladder ({page})"
 
 
 def test_the_pages_test_snippet_runs(package, tmp_path):

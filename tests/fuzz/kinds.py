@@ -32,7 +32,7 @@ from looping_pendulum.scenarios import dump, load, load_text
 from looping_pendulum.scenarios.measured import read_event_table
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.scenarios.schema import QuantityField
-from looping_pendulum.scenarios.units import WORDS, QuantityKind, show, to_si
+from looping_pendulum.scenarios.units import QUANTITY_NOUNS, QuantityKind, show, to_si
 from looping_pendulum.sweep import map_file
 from looping_pendulum.teaching import tracker
 from looping_pendulum.teaching.questions import QUESTIONS
@@ -64,7 +64,7 @@ class RefusedText(HarnessError):
 
 
 def _unit_seeds() -> list[bytes]:
-    examples = [QuantityKind(unit=unit).way_out for unit in WORDS]
+    examples = [QuantityKind(unit=unit).example_text for unit in QUANTITY_NOUNS]
     measured = ["(65 +/- 1) cm", "10 g +/- 0.5 %", "free from 3 g"]
     spelled = ["9.81 m s^-2", "4 cm^2", "5 1/s", "112.5°", "−5 °", "512 MiB"]
     return [text.encode() for text in (*examples, *measured, *spelled)]
@@ -74,7 +74,7 @@ def run_quantity(data: bytes) -> None:
     """Read a text as every kind of quantity; what is read is finite, and is written so that it is read again."""
     text = data.decode("utf-8", "surrogateescape")
     refused: list[Exception] = []
-    for unit in WORDS:
+    for unit in QUANTITY_NOUNS:
         try:
             value = QuantityField(QuantityKind(unit=unit)).read(text)
         except PydanticCustomError as error:
@@ -97,7 +97,7 @@ def run_quantity(data: bytes) -> None:
     for error in refused:
         assert str(error).strip()
         assert len(str(error)) < 500, "an error quotes all of a long text"
-    if len(refused) == len(WORDS) + len(attempts):
+    if len(refused) == len(QUANTITY_NOUNS) + len(attempts):
         raise RefusedText("refused by all")
 
 
@@ -184,7 +184,7 @@ def run_map(data: bytes) -> None:
     """Load a map; what loads has runs, whose parameters are finite."""
     Path("any.yaml").write_bytes(data)
     plan = map_file.load("any.yaml")
-    map_file.refuse_typo(plan)
+    map_file.refuse_unintended_size(plan)
     unit = plan.unit(0)
     assert 0 < unit.runs <= plan.runs
     if unit.runs < 100_000:

@@ -25,31 +25,32 @@ def identification(name: str) -> Identification:
     t = np.linspace(0.0, 1.0, 50)
     wave = np.sin(9 * t)
     fit = FitReport(
-        numbers=(FittedParameter(name=name, value=1.0, error=0.1, measured=1.1, measured_error=0.1, at_bound=False),),
+        parameters=(FittedParameter(name=name, value=1.0, error=0.1, measured=1.1, measured_error=0.1, at_bound=False),),
         correlations=(),
-        condition=10.0,
+        condition_number=10.0,
         chi2_per_dof=2.0,
-        held_out=2.0,
+        held_out_chi2=2.0,
         largest_score=9.0,
-        alarms=(name,),
-        starts=(),
+        failed_tests=(name,),
+        start_costs=(),
     )
     effect = IdentifiedEffect(
         name=name, kind="force", acts_on="light mass", depends_on=("speed",), formula="F = -k v", source="", parameter="k",
-        meaning="is", value=0.01, error=0.001, interval=None, null=0.0, unit="N s/m", companions=(),
+        meaning="is", value=0.01, error=0.001, interval=None, null_value=0.0, unit="N s/m", companions=(),
     )  # fmt: skip
     ranking = tuple(
-        RankedCandidate(name=f"{name}{i}", kind="force", score=9.0 - i, gain=90.0 - 40 * i, value=0.01, error=0.001, held_out=1.0,
-               passes=i == 0, reason="" if i == 0 else name)
+        RankedCandidate(name=f"{name}{i}", kind="force", score=9.0 - i, delta_bic=90.0 - 40 * i, value=0.01, error=0.001,
+               held_out_chi2=1.0, passes=i == 0, reason="" if i == 0 else name)
         for i in range(3)
     )  # fmt: skip
     profile = ForceProfile(
-        side="along", coordinate=tuple(t), value=tuple(wave), error=(0.1,) * len(t), largest=1.0, largest_at=0.2, sure_from=0.1,
-        sure_to=0.3, formula="bumps", written=tuple(wave),
+        side="along", coordinate=tuple(t), value=tuple(wave), error=(0.1,) * len(t), largest=1.0, largest_at=0.2,
+        significant_from=0.1, significant_to=0.3, formula="radial basis functions", fitted_formula_values=tuple(wave),
     )  # fmt: skip
     force = Unlisted(
         acts_on="light mass", depends_on="free_length", multiplied_by="constant", unit="m", profiles=(profile,), formula=None,
-        formulas=(), phase="while sliding", gain=100.0, held_out_before=3.0, held_out_after=1.0, others=(),
+        formulas=(), phase="while sliding", twice_log_bayes_factor=100.0, held_out_chi2_before=3.0, held_out_chi2_after=1.0,
+        other_closures=(),
     )  # fmt: skip
     picture = TrialFigure(
         trial=name,
@@ -76,7 +77,8 @@ def identification(name: str) -> Identification:
         next_experiments=(),
         rounds=(Round(added_before=(), ranking=ranking, best=name, runner_up=name, margin=40.0),),
         errors=(
-            TrialError(trial=name, held_out=False, rms_before=3e-3, rms_after=1e-3, noise_before=3.0, noise_after=1.0,
+            TrialError(trial=name, held_out=False, rms_before=3e-3, rms_after=1e-3,
+                       standardised_rms_before=3.0, standardised_rms_after=1.0,
                        events_before={}, events_after={}),
         ),
         events=(
@@ -89,5 +91,5 @@ def identification(name: str) -> Identification:
         data=(name,),
         provenance={"looping-pendulum": "0"},
         scenario="",
-        pictures=(picture,),
+        trial_figures=(picture,),
     )  # fmt: skip

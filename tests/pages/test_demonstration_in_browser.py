@@ -6,14 +6,14 @@ import dataclasses
 
 import pytest
 
-from looping_pendulum.teaching.demonstrations.demonstration import show
+from looping_pendulum.teaching.demonstrations.demonstration import run_demonstration
 from looping_pendulum.teaching.demonstrations.page import DEMONSTRATIONS, figure, html
 from tests.pages.conftest import PHONE
 
 
 @pytest.fixture(scope="module")
-def shown():
-    return show(DEMONSTRATIONS["drag-and-spiral"])
+def result():
+    return run_demonstration(DEMONSTRATIONS["drag-and-spiral"])
 
 
 def asked_for_nothing(opened):
@@ -21,25 +21,25 @@ def asked_for_nothing(opened):
     opened.quiet(opened.page.url)
 
 
-def test_a_page_is_quiet_and_fits_a_phone(visit, shown):
-    opened = visit(html(shown, figure(shown)), viewport=PHONE)
+def test_a_page_is_quiet_and_fits_a_phone(visit, result):
+    opened = visit(html(result, figure(result)), viewport=PHONE)
     asked_for_nothing(opened)
     assert opened.page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     assert opened.page.evaluate("document.querySelector('figure img').naturalWidth") > 500
-    assert opened.page.locator("figure img").get_attribute("alt") == shown.demonstration.picture.caption
+    assert opened.page.locator("figure img").get_attribute("alt") == result.demonstration.picture.caption
 
 
-def test_dark_on_request(visit, shown):
-    opened = visit(html(shown, figure(shown)), color_scheme="light")
+def test_dark_on_request(visit, result):
+    opened = visit(html(result, figure(result)), color_scheme="light")
     ground = "getComputedStyle(document.body).backgroundColor"
     light = opened.page.evaluate(ground)
     opened.page.locator("#theme").click()
     assert opened.page.evaluate(ground) != light
 
 
-def test_hostile_text_does_not_run(visit, shown):
+def test_hostile_text_does_not_run(visit, result):
     hostile = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
-    d = dataclasses.replace(shown.demonstration, title=hostile, question=hostile, change=hostile)
-    opened = visit(html(dataclasses.replace(shown, demonstration=d), figure(shown)))
+    d = dataclasses.replace(result.demonstration, title=hostile, question=hostile, change=hostile)
+    opened = visit(html(dataclasses.replace(result, demonstration=d), figure(result)))
     asked_for_nothing(opened)
     assert opened.page.locator("h1").inner_text() == hostile

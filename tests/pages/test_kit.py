@@ -99,8 +99,8 @@ def test_only_our_own_scripts_run(name):
 def test_a_script_that_would_end_its_element_is_refused(monkeypatch):
     from looping_pendulum.pages import shell
 
-    with pytest.raises(ValueError, match="end it early"):
-        shell.page(shell.KIT, "report.html", title="t", scripts=["'</script>'"])
+    with pytest.raises(ValueError, match="end its element early"):
+        shell.page(shell.SHARED_PACKAGE, "report.html", title="t", scripts=["'</script>'"])
 
 
 @pytest.mark.parametrize("name", ["comparison", "identification"])

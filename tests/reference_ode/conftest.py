@@ -1,6 +1,7 @@
-"""Sweeps over all effects compile hundreds of systems, each for a run or two: a ninth of the time without optimisation.
+"""Compile without optimisation in sweeps over all effects, which takes a ninth of the time.
 
-What is swept are the equations, which are the same. What users run, optimised, is what all other tests run.
+Sweeps compile hundreds of systems, each for a run or two, and test the equations, which are the same. All other tests run
+optimised code, as users do.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ def _sweeps_are_not_optimised(request):
         hy = load_heyoka()
         for compiler in ("taylor_adaptive", "cfunc"):
             patch.setattr(hy, compiler, partial(getattr(hy, compiler), opt_level=0))
-        # Caches of a module's own: larger, as a sweep comes back to each effect, and gone with what was not optimised.
+        # Caches for this module: unlimited, as a sweep comes back to each effect, and dropped with the unoptimised code
         for backend, name in ((heyoka_backend, "_compiled"), (sensitivity, "_variational")):
             patch.setattr(backend, name, cache(getattr(backend, name).__wrapped__))
         yield

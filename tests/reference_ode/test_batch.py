@@ -19,7 +19,7 @@ from looping_pendulum.reference_ode.batch import (
     solve_batch,
 )
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, summary
-from looping_pendulum.reference_ode.batch.steps import UNSURE, Stepper
+from looping_pendulum.reference_ode.batch.steps import UNSURE_EVENT, Stepper
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators, solve
 from looping_pendulum.reference_ode.transitions import Mode
@@ -75,11 +75,11 @@ def one_by_one(base, columns, **options):
     return result
 
 
-def assert_equal(found, expected, bound):
+def assert_equal(actual, expected, bound):
     for name in COUNTS:
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), err_msg=name)
+        np.testing.assert_array_equal(getattr(actual, name), getattr(expected, name), err_msg=name)
     for name in TIMES_AND_PLACES:
-        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=0, atol=bound, err_msg=name)
+        np.testing.assert_allclose(getattr(actual, name), getattr(expected, name), rtol=0, atol=bound, err_msg=name)
 
 
 @pytest.mark.parametrize(("release", "pushed"), [(Release.LOOPING, False), (Release.LOOPING, True), (Release.VERTICAL, False)])
@@ -87,13 +87,13 @@ def test_a_batch_equals_single_runs(release, pushed):
     """Oracle: the single run. Bound: what the issue asks for, 1000 times the tolerance of a step."""
     columns = random_columns(200, seed=7, pushed=pushed)
     base = BASE.replace(release=release)
-    found = solve_batch(base, columns)
-    assert_equal(found, one_by_one(base, columns), bound=1e-9)
+    actual = solve_batch(base, columns)
+    assert_equal(actual, one_by_one(base, columns), bound=1e-9)
     if release is Release.LOOPING:
-        assert found.slip_count.sum() > 50
-        assert {ENDS[end] for end in found.end} >= {ENDS[0], ENDS[2], ENDS[3]}
+        assert actual.slip_count.sum() > 50
+        assert {ENDS[end] for end in actual.end} >= {ENDS[0], ENDS[2], ENDS[3]}
     if pushed:
-        assert found.slack_intervals.sum() > 30
+        assert actual.slack_intervals.sum() > 30
 
 
 @pytest.mark.accurate
@@ -101,8 +101,8 @@ def test_a_batch_equals_single_runs(release, pushed):
 def test_the_other_releases_equal_single_runs(release):
     columns = random_columns(300, seed=7, pushed=True)
     base = BASE.replace(release=release)
-    found = solve_batch(base, columns)
-    assert_equal(found, one_by_one(base, columns), bound=1e-8)  # pushed runs wind 30 turns, up to 500 rad
+    actual = solve_batch(base, columns)
+    assert_equal(actual, one_by_one(base, columns), bound=1e-8)  # pushed runs wind 30 turns, up to 500 rad
 
 
 @pytest.mark.accurate
@@ -124,10 +124,10 @@ def test_a_held_string_at_a_right_angle_is_taut_in_a_batch_too():
     columns = {"release_angle": math.pi / 2 + np.array([-1e-9, 0.0, 1e-9])}
     base = BASE.replace(release="held")
     expected = [solve(base.replace(release_angle=angle), duration=0.5) for angle in columns["release_angle"]]
-    found = solve_batch(base, columns, duration=0.5)
-    assert found.sequence.tolist() == [sequence_hash(run.modes) for run in expected]
-    np.testing.assert_allclose(found.wrap_angle, [run.end.state.wrap_angle for run in expected], rtol=0, atol=1e-9)
-    assert np.ptp(found.wrap_angle) < 1e-7
+    actual = solve_batch(base, columns, duration=0.5)
+    assert actual.sequence.tolist() == [sequence_hash(run.modes) for run in expected]
+    np.testing.assert_allclose(actual.wrap_angle, [run.end.state.wrap_angle for run in expected], rtol=0, atol=1e-9)
+    assert np.ptp(actual.wrap_angle) < 1e-7
 
 
 def test_impossible_runs_are_marked_and_disturb_no_other():
@@ -139,27 +139,27 @@ def test_impossible_runs_are_marked_and_disturb_no_other():
     ):
         bad[name][6 + i] = value
     bad["static_friction"][11] = 0.5 * bad["kinetic_friction"][11]
-    found = solve_batch(BASE, bad)
-    assert np.all(found.end[6:] == FAILED)
-    assert np.all(np.isnan(found.end_time[6:]))
-    assert_equal(part(found, slice(6)), expected, bound=1e-9)
+    actual = solve_batch(BASE, bad)
+    assert np.all(actual.end[6:] == FAILED)
+    assert np.all(np.isnan(actual.end_time[6:]))
+    assert_equal(part(actual, slice(6)), expected, bound=1e-9)
 
 
 def test_effects_that_add_to_the_state_are_run_one_after_another():
     columns = {"release_angle": np.radians([75.0, 90.0]), "heavy_swing": np.array([0.1, 0.2])}
-    found = solve_batch(BASE, columns)
+    actual = solve_batch(BASE, columns)
     for i in range(2):
         run = solve(BASE.replace(**{name: float(values[i]) for name, values in columns.items()}))
-        assert found.end_time[i] == run.end_time
-        assert found.sequence[i] == sequence_hash(run.modes)
+        assert actual.end_time[i] == run.end_time
+        assert actual.sequence[i] == sequence_hash(run.modes)
 
 
 def test_static_friction_follows_the_kinetic_one():
     friction = np.array([0.1, 0.3])
-    found = solve_batch(BASE, {"kinetic_friction": friction})
+    actual = solve_batch(BASE, {"kinetic_friction": friction})
     expected = [solve(BASE.replace(kinetic_friction=float(value))) for value in friction]
-    np.testing.assert_allclose(found.end_time, [run.end_time for run in expected], rtol=0, atol=1e-9)
-    assert found.sequence.tolist() == [sequence_hash(run.modes) for run in expected]
+    np.testing.assert_allclose(actual.end_time, [run.end_time for run in expected], rtol=0, atol=1e-9)
+    assert actual.sequence.tolist() == [sequence_hash(run.modes) for run in expected]
 
 
 def test_processes_share_the_work_and_report_it():
@@ -177,36 +177,38 @@ def test_processes_share_the_work_and_report_it():
 
 @pytest.mark.parametrize("swing", [0.0, 0.1])
 def test_a_helping_process_takes_what_nobody_has_taken(monkeypatch, swing):
-    """As such a process would, but here, where it does not matter which one is faster. With a swing runs go one by one."""
+    """The helper's function runs in this process, so that timing does not matter. With a swing runs are solved one by one."""
     columns = {"release_angle": np.radians(np.linspace(70.0, 110.0, 7))} | ({"heavy_swing": np.full(7, swing)} if swing else {})
     job = sharing.SharedBatch.of(BASE, columns, 7, DURATION, TOLERANCE, processes=2)
-    job.taken.value = 3
+    job.taken_count.value = 3
     monkeypatch.setattr(sharing, "_job", job, raising=False)
-    sharing._help()
-    assert job.taken.value == 7
-    assert job.ended.value == 4
-    found = job.result()
-    assert np.all(found.end[:3] == FAILED)
-    assert_equal(part(found, slice(3, 7)), solve_batch(BASE, {name: values[3:] for name, values in columns.items()}), bound=0.0)
+    sharing._work_in_helper()
+    assert job.taken_count.value == 7
+    assert job.ended_count.value == 4
+    actual = job.result()
+    assert np.all(actual.end[:3] == FAILED)
+    assert_equal(
+        part(actual, slice(3, 7)), solve_batch(BASE, {name: values[3:] for name, values in columns.items()}), bound=0.0
+    )
 
 
 class Deadly(Parameters):
-    """Ends the process that it travels to."""
+    """Parameters that end the process that unpickles them."""
 
     def __reduce__(self):
         return os._exit, (1,)
 
 
 def test_the_runs_of_a_helping_process_that_dies_are_run_again():
-    """As if it had taken four of six: one is impossible, so it stays failed."""
+    """The helper counts as having taken four of six runs; one of the six is impossible, so it stays failed."""
     columns = {"release_angle": np.radians([70.0, 80.0, 90.0, 100.0, 400.0, 110.0]), "heavy_swing": np.full(6, 0.1)}
     deadly = Deadly(**{field.name: getattr(BASE, field.name) for field in dataclasses.fields(Parameters)})
     job = sharing.SharedBatch.of(deadly, columns, 6, DURATION, TOLERANCE, processes=2)
-    job.taken.value = 4
+    job.taken_count.value = 4
     sharing.work_together(job, None)
-    found = job.result()
-    assert_equal(found, solve_batch(BASE, columns), bound=0.0)
-    assert np.flatnonzero(found.end == FAILED).tolist() == [4]
+    actual = job.result()
+    assert_equal(actual, solve_batch(BASE, columns), bound=0.0)
+    assert np.flatnonzero(actual.end == FAILED).tolist() == [4]
 
 
 @pytest.mark.parametrize("processes", [1, 2, 5])
@@ -219,15 +221,15 @@ def test_of_the_last_runs_a_process_takes_only_its_share(processes):
     assert taken == sorted(taken, reverse=True)
     assert taken[0] == min(300, 1000 // processes)
     assert taken[-1] <= max(1, taken[-2] // processes + 1)
-    np.testing.assert_array_equal(runs.mine(), np.arange(1000))
+    np.testing.assert_array_equal(runs.taken_here(), np.arange(1000))
 
 
 @pytest.mark.parametrize("at_once", [24, 100_000])
 def test_results_do_not_depend_on_what_runs_beside(monkeypatch, at_once):
-    """Not in the last bit: neither on order, nor on how a batch is cut, nor on how many runs are under way."""
+    """Results are equal to the last bit whatever the order, the division of a batch and the number of concurrent runs."""
     columns = random_columns(400, seed=5, pushed=True)
     whole = solve_batch(BASE, columns)
-    monkeypatch.setattr(schedule, "AT_ONCE", at_once)
+    monkeypatch.setattr(schedule, "MAX_CONCURRENT_RUNS", at_once)
     order = np.random.default_rng(1).permutation(400)
     mixed = solve_batch(BASE, {name: values[order] for name, values in columns.items()})
     assert_equal(mixed, part(whole, order), bound=0.0)
@@ -243,19 +245,19 @@ def part(result, runs):
 def test_the_quick_search_finds_what_the_sure_one_finds(monkeypatch):
     """Oracle: the search that bounds the number of roots from above, on every step of a batch that may have an event."""
     compared = {"sure": 0, "unsure": 0}
-    meet = Stepper.meet
+    advance_to_event = Stepper.advance_to_event
 
     def both(self, data):
-        moved, event = meet(self, data)
-        expected, expected_event = self.search(data)
-        sure = event != UNSURE
+        moved, event = advance_to_event(self, data)
+        expected, expected_event = self.search_event(data)
+        sure = event != UNSURE_EVENT
         np.testing.assert_array_equal(event[sure], expected_event[sure])
         np.testing.assert_allclose(moved[:, sure], expected[:, sure], rtol=1e-12, atol=1e-12)
         compared["sure"] += np.count_nonzero(sure)
         compared["unsure"] += np.count_nonzero(~sure)
         return moved, event
 
-    monkeypatch.setattr(Stepper, "meet", both)
+    monkeypatch.setattr(Stepper, "advance_to_event", both)
     solve_batch(BASE, random_columns(1000, seed=17, pushed=True))
     assert compared["sure"] > 5000
     assert 0 < compared["unsure"] < 0.02 * compared["sure"]
@@ -266,7 +268,7 @@ def test_a_run_with_too_many_steps_is_left_to_the_single_integrator(monkeypatch)
     expected = solve_batch(BASE, columns)
     monkeypatch.setattr(schedule, "MAX_STEPS", 20)
     singly = []
-    monkeypatch.setattr(sharing, "solve_quietly", lambda *a, **k: singly.append(solve(*a, **k)) or singly[-1])
+    monkeypatch.setattr(sharing, "solve_without_warning", lambda *a, **k: singly.append(solve(*a, **k)) or singly[-1])
     assert_equal(solve_batch(BASE, columns), expected, bound=1e-9)
     assert len(singly) == 5
 

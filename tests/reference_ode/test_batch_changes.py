@@ -1,4 +1,4 @@
-"""What follows release and events in a batch, run by run as the single run's driver does it; and how a batch is driven."""
+"""Transitions after release and events in a batch agree with the driver of single runs; and how a batch is driven."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import pytest
 
 pytest.importorskip("heyoka", reason="without heyoka a batch is a loop over single runs")
 
-from looping_pendulum.errors import HandedOverWarning, ParameterError  # noqa: E402
+from looping_pendulum.errors import IntegratorFallbackWarning, ParameterError  # noqa: E402
 from looping_pendulum.reference_ode import batch, heyoka_backend  # noqa: E402
 from looping_pendulum.reference_ode.batch import compiled, roots, schedule, sharing, solve_batch, steps  # noqa: E402
-from looping_pendulum.reference_ode.batch.block import NOTES, Block  # noqa: E402
+from looping_pendulum.reference_ode.batch.block import BOOKKEEPING, Block  # noqa: E402
 from looping_pendulum.reference_ode.batch.changes import BatchTransitions  # noqa: E402
-from looping_pendulum.reference_ode.batch.compiled import LEADING, SIGNS, STATE, model_of  # noqa: E402
-from looping_pendulum.reference_ode.batch.numbers import free_parameters_of, member, possible  # noqa: E402
+from looping_pendulum.reference_ode.batch.compiled import LEADING, SIGNS, STATE, batch_model  # noqa: E402
+from looping_pendulum.reference_ode.batch.numbers import equation_parameters, parameters_of_run, valid_runs  # noqa: E402
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult  # noqa: E402
 from looping_pendulum.reference_ode.batch.steps import stepper  # noqa: E402
-from looping_pendulum.reference_ode.driver import START, TINY, Driver  # noqa: E402
+from looping_pendulum.reference_ode.driver import REST_SERIES_DURATION, TINY_SPEED, Driver  # noqa: E402
 from looping_pendulum.reference_ode.effects import COEFFICIENTS  # noqa: E402
 from looping_pendulum.reference_ode.parameters import Parameters, Release  # noqa: E402
 from looping_pendulum.reference_ode.solve import TOLERANCE, solve, solve_at  # noqa: E402
@@ -31,11 +31,11 @@ from tests.reference_ode.test_batch import BASE, random_columns  # noqa: E402
 
 SLIDES = (Mode.SLIDING_DOWN, Mode.SLIDING_UP)
 ROUNDING = 1e-14
-"""Of numbers about 1 that heyoka's compiled sums add in another order than Python does."""
+"""Rounding of numbers about 1, which heyoka's compiled sums add in another order than Python does."""
 
 
 def apparatus(release: Release) -> list[Parameters]:
-    """Every way to let go: pushed along either way, across either way, from below and above the rod, heavy and light."""
+    """Return all releases: pushed along either way, across either way, from below and above the rod, heavy and light."""
     given = [
         {"release_angle": math.radians(angle), "heavy_mass": heavy, "push_along": along, "push_across": across}
         for angle in (35.0, 112.0, 200.0)
@@ -48,12 +48,12 @@ def apparatus(release: Release) -> list[Parameters]:
 
 
 def block_of(all_parameters: list[Parameters]) -> tuple[Block, BatchTransitions]:
-    """Runs side by side, as `Schedule._release` puts them there."""
-    numbers = [free_parameters_of(p, {}) for p in all_parameters]
-    model = model_of(all_parameters[0].effects, numbers[0])
-    block = Block(np.zeros((len(NOTES) + len(LEADING) + len(model.names), len(numbers))))
+    """Return the runs as a block, as `Schedule._release` makes it."""
+    numbers = [equation_parameters(p, {}) for p in all_parameters]
+    model = batch_model(all_parameters[0].effects, numbers[0])
+    block = Block(np.zeros((len(BOOKKEEPING) + len(LEADING) + len(model.names), len(numbers))))
     for row, name in enumerate(model.names, start=len(LEADING)):
-        block.numbers[row] = [n[name] for n in numbers]
+        block.inputs[row] = [n[name] for n in numbers]
     for entry, name in (("free_length", "free_length"), ("wrap_angle", "release_angle")):
         block[entry] = [n[name] for n in numbers]
     return block, BatchTransitions(model, all_parameters[0].release)
@@ -64,13 +64,13 @@ def pushes(all_parameters: list[Parameters]) -> tuple[np.ndarray, ...]:
 
 
 def assert_same(block: Block, drivers: list[Driver], bound: float = ROUNDING) -> None:
-    """Each column is its driver: mode and signs exactly, the state to rounding, and what stands for zero with its sign."""
+    """Check each column against its driver: mode and signs exactly, the state to rounding, `TINY_SPEED` with its sign."""
     assert [Mode(int(mode)) for mode in block["mode"]] == [driver.mode for driver in drivers]
     for name in STATE:
         expected = np.array([float(getattr(driver.y, name)) for driver in drivers])
         np.testing.assert_allclose(block[name], expected, rtol=0, atol=bound, err_msg=name)
         np.testing.assert_array_equal(np.sign(block[name]), np.sign(expected), err_msg=name)
-        tiny = np.abs(expected) <= TINY
+        tiny = np.abs(expected) <= TINY_SPEED
         np.testing.assert_array_equal(block[name][tiny], expected[tiny], err_msg=name)
     read = {"across": lambda mode: True, "slide": lambda mode: mode.sliding, "heavy": lambda mode: mode.slack}
     read["phase"] = lambda mode: mode.sliding or (mode.slack and mode is not Mode.FALLING)
@@ -89,16 +89,16 @@ def test_a_release_is_the_single_runs(release):
     changes.release(block, *pushes(every))
     drivers = [Driver(p, 1.0, TOLERANCE, "scipy") for p in every]
     for driver in drivers:
-        driver._begin()
+        driver._start_run()
     assert_same(block, drivers)
     np.testing.assert_array_equal(block["time"], [driver.t for driver in drivers])
     # What the first instant adds is small beside what it is added to; so its second order is compared by itself.
-    at_rest = [i for i, driver in enumerate(drivers) if driver.t == START]
+    at_rest = [i for i, driver in enumerate(drivers) if driver.t == REST_SERIES_DURATION]
     assert at_rest or release is Release.HELD
     for name in ("free_length", "wrap_angle"):
         moved = np.array([getattr(d.y, name) - getattr(d.parameters, name.replace("wrap", "release")) for d in drivers])
-        found = block[name] - [getattr(p, name.replace("wrap", "release")) for p in every]
-        np.testing.assert_allclose(found[at_rest], moved[at_rest], rtol=0, atol=5e-16, err_msg=name)  # rounding of about 1
+        actual = block[name] - [getattr(p, name.replace("wrap", "release")) for p in every]
+        np.testing.assert_allclose(actual[at_rest], moved[at_rest], rtol=0, atol=5e-16, err_msg=name)  # rounding of about 1
 
 
 EVENTS = [*TABLE, *((mode, Event.ACROSS_REVERSES) for mode in (*SLIDES, Mode.STICKING, Mode.SLACK))]
@@ -139,8 +139,8 @@ def test_what_follows_an_event_is_what_follows_it_in_a_single_run(mode, event):
         block[name] = [getattr(driver.y, name) for driver in drivers]
     for name in SIGNS:
         block[name] = [getattr(driver.signs, name) for driver in drivers]
-    changes.follow(block, mode, event)
-    ended = [driver._follow(event) for driver in drivers]
+    changes.apply_event(block, mode, event)
+    ended = [driver._apply_event(event) for driver in drivers]
     if any(ended):
         assert all(ended)
         assert np.all(block["mode"] == Mode.ENDED)
@@ -166,10 +166,10 @@ def test_a_string_that_becomes_taut_under_a_push_is_slack_again(release, mode, h
         block[name] = getattr(driver.y, name)
     for name in SIGNS:
         block[name] = getattr(driver.signs, name)
-    driver._follow(Event.TAUT)
+    driver._apply_event(Event.TAUT)
     assert driver.mode is mode
     assert driver.signs.phase == 0
-    changes.follow(block, mode, Event.TAUT)
+    changes.apply_event(block, mode, Event.TAUT)
     assert_same(block, [driver], bound=1e-13)
 
 
@@ -183,9 +183,9 @@ def test_a_step_is_as_long_as_its_last_terms_allow():
     block["retreat_speed"] = -rng.uniform(0.1, 1, 16)
     block["heavy_speed"] = block["retreat_speed"]
     block["mode"], block["duration"], block["phase"] = float(Mode.SLIDING_DOWN), 5.0, 1.0
-    model = model_of(every[0].effects, free_parameters_of(every[0], {}))
+    model = batch_model(every[0].effects, equation_parameters(every[0], {}))
     step = stepper(model, Mode.SLIDING_DOWN, TOLERANCE)
-    terms = step._expand(block.numbers).reshape(-1, step.order + 1, 16)
+    terms = step._expand(block.inputs).reshape(-1, step.order + 1, 16)
     moving, watched = terms[: len(step.rows) - 1], terms[len(step.rows) :]
     scale = np.maximum(np.abs(moving[:, 0]).max(axis=0), 1.0)
     last = [np.abs(moving[:, n]) / scale for n in (-2, -1)] + [
@@ -212,13 +212,13 @@ def test_only_events_count_as_events(monkeypatch):
     counts = [len(run.events) - 1 for run in runs]  # the release is none
     assert counts[0] > counts[1]
     singly = []
-    monkeypatch.setattr(sharing, "solve_quietly", lambda *a, **k: singly.append(solve(*a, **k)) or singly[-1])
+    monkeypatch.setattr(sharing, "solve_without_warning", lambda *a, **k: singly.append(solve(*a, **k)) or singly[-1])
     for most, left in ((max(counts), 0), (max(counts) - 1, 1), (min(counts) - 1, 2)):
         singly.clear()
         monkeypatch.setattr(schedule, "MAX_EVENTS", most)
-        found = solve_batch(BASE, columns)
+        actual = solve_batch(BASE, columns)
         assert len(singly) == left
-        np.testing.assert_allclose(found.end_time, [run.end_time for run in runs], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(actual.end_time, [run.end_time for run in runs], rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("call", [
@@ -226,18 +226,18 @@ def test_only_events_count_as_events(monkeypatch):
     lambda p: solve_at(p, np.array([0.01]), duration=0.02),
     lambda p: solve_batch(p, {"heavy_mass": np.array([0.1])}, duration=0.02),
 ])  # fmt: skip
-def test_a_warning_of_a_hand_over_points_at_who_asked(monkeypatch, call):
+def test_a_fallback_warning_points_at_the_caller(monkeypatch, call):
     monkeypatch.setattr(heyoka_backend, "MAX_STEPS", 1)
     monkeypatch.setattr(schedule, "MAX_STEPS", 1)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         call(TEN_TO_ONE)
-    (found,) = [w for w in caught if w.category is HandedOverWarning]
-    assert found.filename == __file__
+    (actual,) = [w for w in caught if w.category is IntegratorFallbackWarning]
+    assert actual.filename == __file__
 
 
 def test_what_is_compiled_is_compiled_once():
-    model = model_of(BASE.effects, free_parameters_of(BASE, {}))
+    model = batch_model(BASE.effects, equation_parameters(BASE, {}))
     for make in (
         lambda: compiled.drop(model),
         lambda: compiled.light_tension(model, Mode.SLIDING_DOWN),
@@ -245,8 +245,8 @@ def test_what_is_compiled_is_compiled_once():
         lambda: compiled.holding_margins(model),
         lambda: compiled.impact(model, 1.0),
         lambda: steps.stepper(model, Mode.SLIDING_DOWN, TOLERANCE),
-        lambda: roots._look(4),
-        lambda: roots._halves(4),
+        lambda: roots._compiled_root_expressions(4),
+        lambda: roots._compiled_halves(4),
     ):
         assert make() is make()
 
@@ -284,7 +284,7 @@ def test_a_batch_refuses_what_a_single_run_refuses(name, follows):
     assert True in expected
     assert False in expected
     with np.errstate(all="ignore"):  # as `Schedule.run` does
-        assert possible(free_parameters_of(base, {name: values}), len(values)).tolist() == expected
+        assert valid_runs(equation_parameters(base, {name: values}), len(values)).tolist() == expected
 
 
 @pytest.mark.parametrize("release", list(Release))
@@ -292,9 +292,9 @@ def test_the_numbers_of_a_run_in_a_batch_are_those_of_a_single_one(release):
     columns = {name: values[:8] for name, values in random_columns(8, seed=4, pushed=True).items()}
     columns["heavy_swing"] = np.linspace(0, 0.3, 8)
     base = BASE.replace(release=release)
-    numbers = free_parameters_of(base, columns)
+    numbers = equation_parameters(base, columns)
     for i in range(8):
-        single = vars(member(base, columns, i).values())
+        single = vars(parameters_of_run(base, columns, i).values())
         for name in set(single) - {"release", "string_loss_time"}:
             assert np.broadcast_to(numbers[name], 8)[i] == pytest.approx(single[name], rel=1e-15), name
 

@@ -112,8 +112,8 @@ def test_the_simple_pendulums_period_is_the_integral_over_its_swing(amplitude):
     # Oracle: T = 4 sqrt(l / g) times the integral of dphi / sqrt(1 - k^2 sin^2 phi) from 0 to pi / 2, k = sin(A / 2)
     k = math.sin(amplitude / 2)
     integral, _ = quad(lambda phi: 1 / math.sqrt(1 - (k * math.sin(phi)) ** 2), 0, math.pi / 2, epsrel=1e-12)
-    found = closed_forms.simple_pendulum_period(0.7, amplitude, 1.6)
-    assert found == pytest.approx(4 * math.sqrt(0.7 / 1.6) * integral, rel=1e-10)
+    actual = closed_forms.simple_pendulum_period(0.7, amplitude, 1.6)
+    assert actual == pytest.approx(4 * math.sqrt(0.7 / 1.6) * integral, rel=1e-10)
 
 
 @pytest.mark.parametrize("degrees", [95, 112, 160])

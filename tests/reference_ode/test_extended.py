@@ -16,7 +16,7 @@ pytest.importorskip("heyoka", reason="extended precision needs heyoka")
 
 @pytest.mark.parametrize("angle", [66.5, 75.1, 100.5])
 def test_double_precision_is_right_to_its_rounding(angle):
-    """The same sequence, and event times within a hundred roundings: a run's growth of small differences."""
+    """Modes agree, and event times are within a hundred roundings: as much as small differences grow during a run."""
     p = load("two_and_a_half_to_one").parameters.replace(release_angle=math.radians(angle))
     exact, double = solve_extended(p), solve(p, tolerance=1e-15)
     assert exact.modes == double.modes
@@ -47,12 +47,12 @@ def test_a_precision_is_that_of_its_numbers(monkeypatch):
     # Oracle: what the names say. 64 bits of fraction in 80 (x86's), 113 in 128 (IEEE's quadruple).
     hy = load_heyoka()
     if "real128" in dir(hy):
-        assert extended._kind("128-bit") is hy.real128
+        assert extended._number_type("128-bit") is hy.real128
         monkeypatch.delattr(hy, "real128")
     if np.finfo(np.longdouble).nmant >= 63:
-        assert extended._kind("80-bit") is np.longdouble
+        assert extended._number_type("80-bit") is np.longdouble
     with pytest.raises(MissingPackageError, match="128-bit numbers are not available"):
-        extended._kind("128-bit")
+        extended._number_type("128-bit")
 
 
 def test_an_unknown_precision_is_refused():

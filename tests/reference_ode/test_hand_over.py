@@ -10,7 +10,7 @@ import pytest
 
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference, ReferenceEngine
-from looping_pendulum.errors import HandedOverWarning, IntegratorGaveUpError
+from looping_pendulum.errors import IntegratorFallbackWarning, IntegratorGaveUpError
 from looping_pendulum.reference_ode import heyoka_backend
 from looping_pendulum.reference_ode.batch import schedule, solve_batch
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -37,7 +37,7 @@ SCENARIO = Scenario(name="s", title="", description="", parameters=TEN_TO_ONE, d
 
 def test_the_run_at_which_heyoka_gives_up_is_solved_and_says_so():
     """`solve` ended in "sticking: no event within 20000 steps"; heyoka itself solves the same at a tolerance of 1e-9."""
-    with pytest.warns(HandedOverWarning, match="heyoka gave up .*no event within 20000 steps"):
+    with pytest.warns(IntegratorFallbackWarning, match="heyoka gave up .*no event within 20000 steps"):
         run = solve(ENDLESS)
     assert run.integrator == "scipy"
     assert "so SciPy solved this run" in run.handed_over
@@ -58,7 +58,7 @@ def short_of_steps(monkeypatch):
 
 def test_samples_of_a_run_are_handed_over_too(short_of_steps):
     times = np.linspace(0.0, 0.05, 6)
-    with pytest.warns(HandedOverWarning, match="heyoka gave up"):
+    with pytest.warns(IntegratorFallbackWarning, match="heyoka gave up"):
         samples = solve_at(TEN_TO_ONE, times, duration=0.05)
     expected = solve_at(TEN_TO_ONE, times, duration=0.05, integrator="scipy")
     assert samples.run.handed_over
@@ -72,7 +72,7 @@ def test_an_integrator_that_was_asked_for_by_name_is_not_replaced(short_of_steps
 
 def test_a_batch_counts_what_was_handed_over(short_of_steps):
     columns = {"kinetic_friction": np.array([0.3, 0.34, -1.0])}
-    with pytest.warns(HandedOverWarning, match="heyoka gave up at 2 of 3 runs"):
+    with pytest.warns(IntegratorFallbackWarning, match="heyoka gave up at 2 of 3 runs"):
         result = solve_batch(TEN_TO_ONE, columns, duration=0.05)
     assert result.handed_over.tolist() == [1, 1, 0]  # the last is impossible
     for i in (0, 1):
@@ -81,9 +81,9 @@ def test_a_batch_counts_what_was_handed_over(short_of_steps):
 
 
 def test_an_engines_run_and_the_reference_say_what_solved_them(short_of_steps):
-    with pytest.warns(HandedOverWarning):
+    with pytest.warns(IntegratorFallbackWarning):
         run = ReferenceEngine("heyoka", Profile.QUICK).simulate(SCENARIO)
-    with pytest.warns(HandedOverWarning):
+    with pytest.warns(IntegratorFallbackWarning):
         true = Reference(SCENARIO)(run.t)
     for one in (run, true):
         assert one.status.ok
@@ -100,7 +100,7 @@ def test_neighbours_of_that_run_end_by_either_integrator():
         name: (ENDLESS.coefficients.get(name) or getattr(ENDLESS, name)) * rng.uniform(1 - width, 1 + width, 40)
         for name, width in RANGES.items()
     }
-    with pytest.warns(HandedOverWarning, match="heyoka gave up at"):
+    with pytest.warns(IntegratorFallbackWarning, match="heyoka gave up at"):
         fine = solve_batch(ENDLESS, columns)
     coarse = solve_batch(ENDLESS, columns, tolerance=1e-8)
     assert np.isfinite(fine.end_time).all()

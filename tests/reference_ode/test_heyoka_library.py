@@ -1,4 +1,4 @@
-"""What heyoka keeps of its compiled code: bounded, in a folder of ours, never a reason to fail. Its import brings no SymPy."""
+"""heyoka's cache of compiled code is limited, in our folder, and never a reason to fail; its import does not import SymPy."""
 
 from __future__ import annotations
 

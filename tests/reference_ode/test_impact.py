@@ -9,9 +9,15 @@ import pytest
 
 from looping_pendulum.errors import IntegrationError
 from looping_pendulum.reference_ode import equations
-from looping_pendulum.reference_ode.driver import NO_TENSION, ROUNDING, START, TINY, Driver
+from looping_pendulum.reference_ode.driver import (
+    MARGIN_TOLERANCE,
+    RELATIVE_TENSION_TOLERANCE,
+    REST_SERIES_DURATION,
+    TINY_SPEED,
+    Driver,
+)
 from looping_pendulum.reference_ode.solve import solve, solve_at
-from looping_pendulum.reference_ode.state import Signs, State, own_variables
+from looping_pendulum.reference_ode.state import Signs, State, extra_variables
 from looping_pendulum.reference_ode.transitions import Event, Mode
 from tests.apparatus import TEN_TO_ONE, TWO_TO_ONE
 
@@ -30,7 +36,7 @@ SLIDES = pytest.mark.parametrize("slide", [1.0, -1.0, 0.0])
 
 
 def after(name: str, slide: float) -> dict[str, float]:
-    """Speeds and impulses just after: momentum of each body, the capstan law, and a string of fixed length again."""
+    """Solve for speeds and impulses just after: momentum of each body, the capstan law, and a string of fixed length again."""
     p, y, c, s, *_ = before(name)
     m_along = p.light_mass + p.string_density * y.free_length / 2
     m_heavy = p.heavy_mass + p.string_density * (p.string_length - math.hypot(c[0], c[1]) - y.slack)
@@ -57,7 +63,7 @@ def after(name: str, slide: float) -> dict[str, float]:
 
 def before(name: str):
     p = TEN_TO_ONE.replace(rod_radius=0.03, hanging_length=0.5, **BODIES[name])
-    own = own_variables(p.effects)
+    own = extra_variables(p.effects)
     y = BEFORE
     if "sideways" in own:
         y = y._replace(sideways=0.15, sideways_speed=0.9)
@@ -99,7 +105,7 @@ def test_a_driver_takes_the_one_slide_that_is_consistent_and_loses_energy(name):
         assert driver.y[:8] == taken[:8]
         if consistent[0]:
             assert mode is (Mode.SLIDING_UP if consistent[0] > 0 else Mode.SLIDING_DOWN)
-        if "rod_speed" in own_variables(effects):
+        if "rod_speed" in extra_variables(effects):
             assert driver.y.rod_speed == taken.rod_speed
             assert driver.signs.rod == math.copysign(1.0, taken.rod_speed)
         if not p.string_density:
@@ -180,7 +186,7 @@ def test_a_push_at_the_horizontal_decides_whether_a_held_string_is_taut():
     # Half a degree above it a mass at rest pushes with g sin(0.5 deg) M, 1e13 times rounding, whichever way it is pushed
     for push in (0.01, 0.0, -0.01):
         assert released(release="held", release_angle=math.radians(89.5), push_across=push).mode is Mode.CLAMPED_SLACK
-    assert NO_TENSION * 0.01 * 9.81 < 1e-14
+    assert RELATIVE_TENSION_TOLERANCE * 0.01 * 9.81 < 1e-14
 
 
 @pytest.mark.parametrize(("of_the_edge", "turns"), [(1.001, False), (0.999, True)])
@@ -193,7 +199,7 @@ def test_friction_turns_the_rod_that_its_bearing_does_not_hold(of_the_edge, turn
     driver = released(rod_mobility=0.1, bearing_friction=of_the_edge * (t2 - t1))
     assert driver.mode is Mode.SLIDING_DOWN
     assert driver.signs.rod == (-1.0 if turns else 0.0)
-    assert driver.y.rod_speed == (-TINY if turns else 0.0)
+    assert driver.y.rod_speed == (-TINY_SPEED if turns else 0.0)
 
 
 @pytest.mark.parametrize(
@@ -211,37 +217,37 @@ def test_the_series_that_leaves_rest_is_the_motion_to_second_order(changes):
     """Oracle: Newton's laws at rest give what speeds grow with; what has such a speed then moves half that times t^2."""
     driver = released(**changes)
     start = driver.y
-    (segment,) = driver._begin()
+    (segment,) = driver._start_run()
     rate = equations.rates(math, driver.mode, 0.0, start, driver.signs, driver.values, driver.effects)
     constant, linear, square = segment.coefficients[0].T
-    np.testing.assert_allclose(constant, np.array(start, dtype=float), rtol=0, atol=TINY)
-    np.testing.assert_allclose(linear, START * np.array(rate), rtol=1e-12, atol=TINY)
+    np.testing.assert_allclose(constant, np.array(start, dtype=float), rtol=0, atol=TINY_SPEED)
+    np.testing.assert_allclose(linear, REST_SERIES_DURATION * np.array(rate), rtol=1e-12, atol=TINY_SPEED)
     h = 1e-4
     later = State(*(a + h * b for a, b in zip(start, rate, strict=True)))
     then = equations.rates(math, driver.mode, h, later, driver.signs, driver.values, driver.effects)
     for name in ("free_length", "wrap_angle", "slack", "heavy_tilt"):
         k = State._fields.index(name)
         growth = (then[k] - rate[k]) / h
-        assert square[k] == pytest.approx(0.5 * START**2 * growth, rel=1e-3, abs=1e-17), name
-    assert driver.t == START
+        assert square[k] == pytest.approx(0.5 * REST_SERIES_DURATION**2 * growth, rel=1e-3, abs=1e-17), name
+    assert driver.t == REST_SERIES_DURATION
     np.testing.assert_allclose(np.array(driver.y, dtype=float), constant + linear + square, rtol=1e-15)
 
 
 def test_what_moves_at_release_needs_no_series():
     for changes in ({"push_across": 0.1}, {"push_along": -0.1}, {"push_sideways": 0.1}):
         driver = released(**changes)
-        assert driver._begin() == []
+        assert driver._start_run() == []
         assert driver.t == 0
     held = released(release="held")
-    assert held._begin() == []
-    assert held.y.across_speed == TINY
+    assert held._start_run() == []
+    assert held.y.across_speed == TINY_SPEED
 
 
 def test_a_light_mass_released_at_rest_above_the_rod_falls_the_other_way():
     # Beyond 180 deg the weight pulls it back: the sign of its speed across is negative from the first instant.
     for degrees, sign in ((112, 1.0), (200, -1.0)):
         driver = released(release_angle=math.radians(degrees))
-        driver._begin()
+        driver._start_run()
         assert driver.signs.across == sign
         assert driver.y.across_speed * sign > 0
     assert released(push_across=-0.3).signs.across == -1.0
@@ -266,17 +272,17 @@ def test_a_stretched_string_at_release_carries_the_heavy_masss_weight(release):
 def test_a_slack_strings_stretch_is_spread_by_the_lengths_of_its_sides():
     p = TEN_TO_ONE.replace(string_compliance=2e-3, hanging_length=0.2)
     y = State(0.3, 2.5, 0.5, 1.0, -0.3, 0.0, light_stretch=4e-3, heavy_stretch=-1e-3)
-    found = equations.evened_out(math, y, Signs(-1.0, 1.0, -1.0, 0.0), p.values(), p.effects)
+    actual = equations.with_even_stretch(math, y, Signs(-1.0, 1.0, -1.0, 0.0), p.values(), p.effects)
     light = 0.3 + p.rod_radius * 2.5 - 4e-3  # unstretched string on the light side
-    assert found.light_stretch + found.heavy_stretch == pytest.approx(3e-3, rel=1e-12)
-    assert found.light_stretch / found.heavy_stretch == pytest.approx(light / (p.string_length - light), rel=1e-12)
-    assert found._replace(light_stretch=y.light_stretch, heavy_stretch=y.heavy_stretch) == y
+    assert actual.light_stretch + actual.heavy_stretch == pytest.approx(3e-3, rel=1e-12)
+    assert actual.light_stretch / actual.heavy_stretch == pytest.approx(light / (p.string_length - light), rel=1e-12)
+    assert actual._replace(light_stretch=y.light_stretch, heavy_stretch=y.heavy_stretch) == y
 
 
 def test_a_string_that_stretches_loses_at_least_a_tenth_of_a_millisecond():
     assert TEN_TO_ONE.replace(string_loss_time=0.0).values().string_loss_time == 1e-4
     assert TEN_TO_ONE.replace(string_loss_time=5e-4).values().string_loss_time == 5e-4
-    assert 0 < ROUNDING < 1e-6 * 0.01 * 9.81  # far below what any mass here weighs
+    assert 0 < MARGIN_TOLERANCE < 1e-6 * 0.01 * 9.81  # far below what any mass here weighs
 
 
 # Runs through what is rare
@@ -291,7 +297,7 @@ def test_a_rod_that_turns_rolls_slides_and_rests():
     for a, b in zip(runs[0].events, runs[1].events, strict=True):
         assert a.time == pytest.approx(b.time, abs=1e-5)
         if a.event is Event.ROD_STOPS:
-            assert max(map(abs, (a.state.heavy_speed, a.state.retreat_speed, a.state.rod_speed))) <= TINY
+            assert max(map(abs, (a.state.heavy_speed, a.state.retreat_speed, a.state.rod_speed))) <= TINY_SPEED
 
 
 # What follows an event on a rod that turns
@@ -300,7 +306,7 @@ ROD = {"rod_mobility": 1.0, "bearing_friction": 0.2}
 
 
 def turning(mode: Mode, event: Event, rod_speed: float, slide: float = -1.0, heavy: float = -0.7, **changes) -> Driver:
-    """A driver just after ``event`` in ``mode``."""
+    """Return a driver just after ``event`` in ``mode``."""
     driver = released(**ROD | changes)
     heavy = rod_speed if mode is Mode.ROLLING or event is Event.STOP else heavy
     retreat = heavy if mode.string_moves else 0.0
@@ -308,7 +314,7 @@ def turning(mode: Mode, event: Event, rod_speed: float, slide: float = -1.0, hea
     sign = math.copysign(1.0, rod_speed) if rod_speed else 0.0
     driver.signs = driver.signs._replace(slide=slide, across=1.0, phase=1.0, rod=sign, rod_phase=1.0 if rod_speed else 0.0)
     driver.mode = mode
-    assert driver._follow(event) is False
+    assert driver._apply_event(event) is False
     return driver
 
 
@@ -317,7 +323,7 @@ def test_a_rod_begins_to_turn_the_way_the_string_slides(slide):
     mode = Mode.SLIDING_UP if slide > 0 else Mode.SLIDING_DOWN
     driver = turning(mode, Event.ROD_CHANGES, 0.0, slide, heavy=0.7 * slide)
     assert (driver.mode, driver.signs.rod, driver.signs.rod_phase) == (mode, slide, 0.0)
-    assert driver.y.rod_speed == slide * TINY
+    assert driver.y.rod_speed == slide * TINY_SPEED
     assert driver.y.heavy_speed == 0.7 * slide
 
 
@@ -326,13 +332,13 @@ def test_a_rod_that_stops_under_a_sliding_string_turns_its_way_or_rests(bearing,
     # It turned up, and the string slides down: its friction, (exp(mu theta) - 1) T1 of about 0.05 N, takes it along, or not
     driver = turning(Mode.SLIDING_DOWN, Event.ROD_CHANGES, 0.3, bearing_friction=bearing)
     assert driver.mode is Mode.SLIDING_DOWN
-    assert (driver.signs.rod, driver.y.rod_speed) == (rod, rod * TINY)
+    assert (driver.signs.rod, driver.y.rod_speed) == (rod, rod * TINY_SPEED)
 
 
 @pytest.mark.parametrize(("event", "sign"), [(Event.ROD_YIELDS_UP, 1.0), (Event.ROD_YIELDS_DOWN, -1.0)])
 def test_a_bearing_that_yields_lets_the_string_roll(event, sign):
     driver = turning(Mode.STICKING, event, 0.0, heavy=0.0)
-    assert (driver.mode, driver.signs.rod, driver.y.rod_speed) == (Mode.ROLLING, sign, sign * TINY)
+    assert (driver.mode, driver.signs.rod, driver.y.rod_speed) == (Mode.ROLLING, sign, sign * TINY_SPEED)
 
 
 def test_a_rod_that_slows_is_watched_for_its_stop():
@@ -358,7 +364,7 @@ def test_what_rolls_stops_altogether():
     assert driver.y.heavy_speed == driver.y.retreat_speed == driver.y.rod_speed == driver.signs.rod == 0
 
 
-def test_a_string_breaks_away_from_a_rolling_rod_with_its_speed():
+def test_a_string_begins_to_slide_on_a_rolling_rod_with_its_speed():
     for event, mode, slide in ((Event.SLIP_ONSET_DOWN, Mode.SLIDING_DOWN, -1.0), (Event.SLIP_ONSET_UP, Mode.SLIDING_UP, 1.0)):
         driver = turning(Mode.ROLLING, event, -0.3)
         assert (driver.mode, driver.signs.slide, driver.signs.phase) == (mode, slide, 0.0)  # relative to the rod it rests
@@ -380,7 +386,7 @@ def test_a_stretching_string_that_tightens_pulls_evenly_again():
     driver.y = State(0.4, 2.0, 0.3, 1.0, -0.3, 0.01, light_stretch=2e-3, heavy_stretch=-1e-3)
     driver.mode, driver.signs = Mode.SLACK, driver.signs._replace(phase=1.0)
     whole = driver.y.light_stretch + driver.y.heavy_stretch
-    driver._follow(Event.TAUT)
+    driver._apply_event(Event.TAUT)
     assert not driver.mode.slack
     assert driver.y.light_stretch + driver.y.heavy_stretch == pytest.approx(whole, rel=1e-12)
     light = 0.4 + 2 * 0.00625 - 2e-3  # unstretched

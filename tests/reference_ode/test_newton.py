@@ -13,14 +13,14 @@ import pytest
 
 from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.effects.properties import REST_SPEED
-from looping_pendulum.reference_ode.state import Signs, State, own_variables, string_path
+from looping_pendulum.reference_ode.state import Signs, State, extra_variables, string_path
 from looping_pendulum.reference_ode.transitions import Event, Mode
 from tests.apparatus import TEN_TO_ONE
 
 H = 1e-6
-"""Step of the differences [s]."""
+"""Step of the finite differences [s]."""
 CLOSE = 1e-6
-"""Of the largest force, or speed, in question."""
+"""Tolerance, as a fraction of the largest force or speed in the comparison."""
 TURN = 2 * math.pi
 USUAL = {"kinetic_friction": 0.2, "static_friction": 0.3, "light_drag": 0.02, "heavy_drag": 0.03, "string_drag": 0.05}
 EFFECT_SETS = {
@@ -52,7 +52,7 @@ CASES = [
 
 
 def of(*modes: Mode):
-    """Every set of effects in these modes."""
+    """Parametrize over every set of effects in these modes."""
     cases = [case for case in CASES if case[0] in modes]
     return pytest.mark.parametrize(("mode", "name"), cases, ids=lambda x: x.name.lower() if isinstance(x, Mode) else x)
 
@@ -69,7 +69,7 @@ class Instant:
         release = "drop" if mode is Mode.FALLING else "looping"
         self.parameters = TEN_TO_ONE.replace(release=release, rod_radius=0.03, hanging_length=0.7, **USUAL | given)
         self.effects, self.p = self.parameters.effects, self.parameters.values()
-        own = own_variables(self.effects)
+        own = extra_variables(self.effects)
         self.overlap = float(seed % 2)
         angle = rng.uniform(6.5, 8.0) if self.overlap else rng.uniform(1.0, 6.0)
         slide = {Mode.SLIDING_UP: 1.0, Mode.SLIDING_DOWN: -1.0}.get(mode, 1.0)
@@ -166,7 +166,7 @@ class Instant:
 
     def force_on_heavy(self) -> np.ndarray:
         p, v = self.p, self.heavy_velocity(self.y)
-        rounded = {"heavy_tilt", "light_stretch"} & own_variables(self.effects) or (self.p.rod_mobility and self.mode.sliding)
+        rounded = {"heavy_tilt", "light_stretch"} & extra_variables(self.effects) or (self.p.rod_mobility and self.mode.sliding)
         speed = math.hypot(*v, REST_SPEED if rounded else 0.0)
         weight = np.array([0.0, -p.heavy_mass * p.gravity])
         if self.mode is not Mode.FALLING:
@@ -180,19 +180,19 @@ class Instant:
     def capstan(self, friction: float, per_speed: float) -> float:
         """Exponent for a coefficient of friction."""
         p, contact = self.p, self.y.wrap_angle - self.y.heavy_tilt
-        slip = abs(self.y.heavy_speed - self.y.rod_speed)
-        if "light_stretch" in own_variables(self.effects):  # by the heavy mass's speed, whose size is rounded off at rest
-            slip = math.hypot(self.y.heavy_speed, REST_SPEED)
+        slip_speed = abs(self.y.heavy_speed - self.y.rod_speed)
+        if "light_stretch" in extra_variables(self.effects):  # by the heavy mass's speed, whose size is rounded off at rest
+            slip_speed = math.hypot(self.y.heavy_speed, REST_SPEED)
         twice = p.string_on_string * (self.y.wrap_angle - TURN) * self.overlap
-        return friction * contact * (1 + per_speed * slip + p.friction_per_wrap * contact) + twice
+        return friction * contact * (1 + per_speed * slip_speed + p.friction_per_wrap * contact) + twice
 
 
 def instants(mode: Mode, name: str) -> list[Instant]:
     return [Instant(mode, name, seed) for seed in range(4)]
 
 
-def assert_close(found, expected, scale: float) -> None:
-    np.testing.assert_allclose(found, expected, rtol=0, atol=CLOSE * scale)
+def assert_close(actual, expected, scale: float) -> None:
+    np.testing.assert_allclose(actual, expected, rtol=0, atol=CLOSE * scale)
 
 
 @EVERY
@@ -227,10 +227,10 @@ def test_the_heavy_mass_obeys_newton(mode, name):
             continue
         down = np.array([math.sin(i.y.heavy_tilt), -math.cos(i.y.heavy_tilt)])
         force = i.force_on_heavy() - i.t2 * down
-        if mode is Mode.STICKING and "light_stretch" not in own_variables(i.effects):
+        if mode is Mode.STICKING and "light_stretch" not in extra_variables(i.effects):
             # what it does not swing it rests: the rod's hold makes up whatever is left along the string
             assert i.rates.heavy_speed == 0
-            if "heavy_tilt" not in own_variables(i.effects):
+            if "heavy_tilt" not in extra_variables(i.effects):
                 assert i.t2 == pytest.approx(-i.force_on_heavy()[1], rel=1e-12)
                 continue
         string = 0.0 if mode is Mode.FALLING else i.p.string_density * i.hanging
@@ -251,7 +251,7 @@ def test_the_strings_law(mode, name):
         if mode.sliding:
             exponent = i.capstan(i.p.kinetic_friction, i.p.friction_per_speed)
             assert i.t2 / i.t1 == pytest.approx(math.exp(-i.signs.slide * exponent), rel=1e-9)
-        stretch = "light_stretch" in own_variables(i.effects)
+        stretch = "light_stretch" in extra_variables(i.effects)
         if not stretch:
             continue
         # Two springs with dampers, the stiffness of each by its share of the unstretched string
@@ -267,7 +267,7 @@ def test_the_strings_law(mode, name):
 @of(*TAUT)
 def test_a_string_that_does_not_stretch_keeps_its_length(mode, name):
     for i in instants(mode, name):
-        if "light_stretch" in own_variables(i.effects):
+        if "light_stretch" in extra_variables(i.effects):
             return
 
         # The second derivative of the path to the light mass, along the rates, is the heavy mass's acceleration
@@ -299,7 +299,7 @@ def test_the_rod_obeys_newton(mode, name):
 @EVERY
 def test_what_an_effect_alone_moves_rests_without_it(mode, name):
     for i in instants(mode, name):
-        absent = set(State._fields[6:]) - own_variables(i.effects)
+        absent = set(State._fields[6:]) - extra_variables(i.effects)
         assert {getattr(i.rates, n) for n in absent} <= {0.0}
 
 
@@ -313,34 +313,34 @@ def events(i: Instant, y: State | None = None, **signs: float) -> dict[Event, fl
 @EVERY
 def test_events_of_places_happen_there(mode, name):
     for i in instants(mode, name):
-        found = events(i)
-        assert found[Event.LIGHT_REACHES_ROD] == pytest.approx(i.y.free_length - i.parameters.end_length, rel=1e-12)
-        assert found[Event.ACROSS_REVERSES] == pytest.approx(abs(i.y.across_speed), rel=1e-12)
+        actual = events(i)
+        assert actual[Event.LIGHT_REACHES_ROD] == pytest.approx(i.y.free_length - i.parameters.end_length, rel=1e-12)
+        assert actual[Event.ACROSS_REVERSES] == pytest.approx(abs(i.y.across_speed), rel=1e-12)
         if mode is Mode.FALLING:
-            assert len(found) == 2
+            assert len(actual) == 2
             continue
-        assert found[Event.UNWRAPPED] == i.y.wrap_angle
+        assert actual[Event.UNWRAPPED] == i.y.wrap_angle
         overlaps = any(effect.winding or effect.name == "string_on_string" for effect in i.effects)
-        assert (Event.FIRST_TURN in found) is overlaps
+        assert (Event.FIRST_TURN in actual) is overlaps
         if overlaps:
-            assert found[Event.FIRST_TURN] == pytest.approx(abs(i.y.wrap_angle - TURN), rel=1e-12)
-        assert (Event.HEAVY_REACHES_ROD in found) is (mode.string_moves or mode is Mode.SLACK)
+            assert actual[Event.FIRST_TURN] == pytest.approx(abs(i.y.wrap_angle - TURN), rel=1e-12)
+        assert (Event.HEAVY_REACHES_ROD in actual) is (mode.string_moves or mode is Mode.SLACK)
         if mode.string_moves or mode is Mode.SLACK:
-            assert found[Event.HEAVY_REACHES_ROD] == pytest.approx(i.hanging, rel=1e-9)
+            assert actual[Event.HEAVY_REACHES_ROD] == pytest.approx(i.hanging, rel=1e-9)
 
 
 @of(Mode.SLIDING_DOWN, Mode.SLIDING_UP)
 def test_a_slide_ends_where_its_speed_or_its_tension_vanishes(mode, name):
     for i in instants(mode, name):
-        found, slide = events(i), i.signs.slide
-        if "light_stretch" in own_variables(i.effects):
+        actual, slide = events(i), i.signs.slide
+        if "light_stretch" in extra_variables(i.effects):
             passing = i.grows - i.rates.light_stretch
-            assert found[Event.STOP] == pytest.approx(slide * passing, abs=1e-9)
+            assert actual[Event.STOP] == pytest.approx(slide * passing, abs=1e-9)
             tau, whole = i.p.string_loss_time, i.y.light_stretch + i.y.heavy_stretch
-            assert found[Event.LOSES_TENSION] == pytest.approx(whole + tau * (i.grows - i.y.heavy_speed), rel=1e-9)
+            assert actual[Event.LOSES_TENSION] == pytest.approx(whole + tau * (i.grows - i.y.heavy_speed), rel=1e-9)
             continue
         relative = i.y.heavy_speed - i.y.rod_speed
-        assert found[Event.STOP] == pytest.approx(slide * relative, rel=1e-9)
+        assert actual[Event.STOP] == pytest.approx(slide * relative, rel=1e-9)
         # phase 0 waits until that speed falls: its derivative, times an inertia without a rod
         ratio = math.exp(-slide * i.capstan(i.p.kinetic_friction, i.p.friction_per_speed))
         heavy = i.p.heavy_mass + i.p.string_density * i.hanging
@@ -348,13 +348,13 @@ def test_a_slide_ends_where_its_speed_or_its_tension_vanishes(mode, name):
             (i.path / i.whole) ** 2 / (i.p.light_mass + i.p.string_density * i.y.free_length / 2)
             + (i.y.sideways / i.whole) ** 2 / i.p.light_mass
         )
-        turns = "rod_speed" in own_variables(i.effects)
+        turns = "rod_speed" in extra_variables(i.effects)
         inertia = 1.0 if turns else heavy + light * ratio
         slows = slide * (i.rates.heavy_speed - (i.rates.rod_speed if turns else 0.0)) * inertia
         assert events(i, phase=0.0)[Event.STOP] == pytest.approx(slows, rel=1e-9)
-        assert found[Event.LOSES_TENSION] == pytest.approx(i.t1 * (heavy + light * ratio), rel=1e-7)
+        assert actual[Event.LOSES_TENSION] == pytest.approx(i.t1 * (heavy + light * ratio), rel=1e-7)
         if turns:
-            assert found[Event.ROD_CHANGES] == pytest.approx(abs(i.y.rod_speed), rel=1e-9)
+            assert actual[Event.ROD_CHANGES] == pytest.approx(abs(i.y.rod_speed), rel=1e-9)
             slowing = events(i, rod_phase=0.0)[Event.ROD_CHANGES]
             assert slowing == pytest.approx(i.signs.rod * i.rates.rod_speed, rel=1e-9)
             resting = i.y._replace(rod_speed=0.0)
@@ -366,20 +366,20 @@ def test_a_slide_ends_where_its_speed_or_its_tension_vanishes(mode, name):
 @of(Mode.STICKING, Mode.ROLLING)
 def test_a_hold_ends_at_the_edge_of_the_friction_cone(mode, name):
     for i in instants(mode, name):
-        found, hold = events(i), math.exp(i.capstan(i.p.static_friction, 0.0))
-        assert found[Event.SLIP_ONSET_DOWN] == pytest.approx(i.t1 * hold - i.t2, rel=1e-9)
-        assert found[Event.SLIP_ONSET_UP] == pytest.approx(i.t2 * hold - i.t1, rel=1e-9)
+        actual, hold = events(i), math.exp(i.capstan(i.p.static_friction, 0.0))
+        assert actual[Event.SLIP_ONSET_DOWN] == pytest.approx(i.t1 * hold - i.t2, rel=1e-9)
+        assert actual[Event.SLIP_ONSET_UP] == pytest.approx(i.t2 * hold - i.t1, rel=1e-9)
         margins = equations.holding_margins(math, 0.3, i.y, i.signs, i.p, i.effects, mode)
-        assert margins == (found[Event.SLIP_ONSET_DOWN], found[Event.SLIP_ONSET_UP])
-        turns = "rod_speed" in own_variables(i.effects)
-        assert (Event.ROD_YIELDS_UP in found) is (turns and mode is Mode.STICKING)
+        assert margins == (actual[Event.SLIP_ONSET_DOWN], actual[Event.SLIP_ONSET_UP])
+        turns = "rod_speed" in extra_variables(i.effects)
+        assert (Event.ROD_YIELDS_UP in actual) is (turns and mode is Mode.STICKING)
         if mode is Mode.ROLLING:
-            assert found[Event.ROD_STOPS] == pytest.approx(abs(i.y.rod_speed), rel=1e-12)
+            assert actual[Event.ROD_STOPS] == pytest.approx(abs(i.y.rod_speed), rel=1e-12)
             slowing = events(i, rod_phase=0.0)[Event.ROD_STOPS]
             assert slowing == pytest.approx(i.signs.rod * i.rates.rod_speed, rel=1e-9)
         elif turns:
-            assert found[Event.ROD_YIELDS_UP] == pytest.approx(i.p.bearing_friction - (i.t1 - i.t2), rel=1e-9)
-            assert found[Event.ROD_YIELDS_DOWN] == pytest.approx(i.p.bearing_friction + (i.t1 - i.t2), rel=1e-9)
+            assert actual[Event.ROD_YIELDS_UP] == pytest.approx(i.p.bearing_friction - (i.t1 - i.t2), rel=1e-9)
+            assert actual[Event.ROD_YIELDS_DOWN] == pytest.approx(i.p.bearing_friction + (i.t1 - i.t2), rel=1e-9)
 
 
 @of(Mode.CLAMPED)
@@ -390,20 +390,20 @@ def test_a_clamped_string_loses_its_tension_at_none(mode, name):
 
 @of(Mode.SLACK, Mode.CLAMPED_SLACK)
 def test_a_slack_string_closes_before_it_is_taut(mode, name):
-    """What is watched in phase 0 is the derivative of what is watched in phase 1, along the motion."""
+    """The event function of phase 0 is the derivative, along the motion, of that of phase 1."""
     for i in instants(mode, name):
-        found = events(i)
-        stretch = "light_stretch" in own_variables(i.effects)
+        actual = events(i)
+        stretch = "light_stretch" in extra_variables(i.effects)
         if not stretch:
-            assert found[Event.TAUT] == i.y.slack
+            assert actual[Event.TAUT] == i.y.slack
         else:  # the stretch, and the loss time times its rate, of the whole string
             rate = i.slope(lambda y, i=i: string_path(math, y, i.overlap, i.p, i.effects)) - i.y.heavy_speed
             expected = -(i.y.light_stretch + i.y.heavy_stretch + i.p.string_loss_time * rate)
-            assert_close(found[Event.TAUT], expected, 1.0)
+            assert_close(actual[Event.TAUT], expected, 1.0)
         closing = (events(i, i.moved(H))[Event.TAUT] - events(i, i.moved(-H))[Event.TAUT]) / (2 * H)
         assert_close(events(i, phase=0.0)[Event.TAUT], closing, 5.0)
         if mode is Mode.SLACK:
-            assert found[Event.HEAVY_REVERSES] == abs(i.y.heavy_speed)
-            if "rod_speed" in own_variables(i.effects):
-                assert found[Event.ROD_CHANGES] == pytest.approx(abs(i.y.rod_speed), rel=1e-12)
+            assert actual[Event.HEAVY_REVERSES] == abs(i.y.heavy_speed)
+            if "rod_speed" in extra_variables(i.effects):
+                assert actual[Event.ROD_CHANGES] == pytest.approx(abs(i.y.rod_speed), rel=1e-12)
                 assert events(i, i.y._replace(rod_speed=0.0), rod=0.0)[Event.ROD_CHANGES] == 1.0  # nothing turns it

@@ -1,4 +1,4 @@
-"""What may be asked of the model, at the edges of what is possible; and where things are, against plane geometry."""
+"""Parameters are accepted up to the edges of what is possible; positions agree with plane geometry."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS, Kinematics, drag_coefficient
-from looping_pendulum.reference_ode.geometry import light_position, light_velocity, string_coordinates, string_followed
+from looping_pendulum.reference_ode.geometry import light_position, light_velocity, next_string_coordinates, string_coordinates
 from looping_pendulum.reference_ode.invariants import mechanical_energy
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve
@@ -78,9 +78,9 @@ def test_what_dissipates_or_has_a_size_is_not_negative():
 def test_static_friction_is_the_kinetic_one_unless_it_is_given():
     p = TEN_TO_ONE.replace(kinetic_friction=0.2)
     assert p.coefficients["static_friction"] == 0.2
-    assert p.static_follows
+    assert p.static_equals_kinetic
     apart = p.replace(static_friction=0.3)
-    assert not apart.static_follows
+    assert not apart.static_equals_kinetic
     assert apart.replace(kinetic_friction=0.25).coefficients["static_friction"] == 0.3
     with pytest.raises(ParameterError, match=r"static_friction: found 0.1, needed at least kinetic_friction \(0.2\)"):
         p.replace(static_friction=0.1)
@@ -166,21 +166,21 @@ def test_velocities_are_the_derivative_of_positions():
 
 def test_string_coordinates_are_read_back_with_their_turns():
     lengths = np.linspace(0.5, 0.1, 400)
-    places = np.stack(light_position(np, lengths, ANGLES, R), axis=1)
-    found, angles = string_coordinates(places, R, ANGLES[0])
-    np.testing.assert_allclose(found, lengths, rtol=1e-12)
+    positions = np.stack(light_position(np, lengths, ANGLES, R), axis=1)
+    actual, angles = string_coordinates(positions, R, ANGLES[0])
+    np.testing.assert_allclose(actual, lengths, rtol=1e-12)
     np.testing.assert_allclose(angles, ANGLES, rtol=1e-12)
     angle = ANGLES[0]
-    for (x, y), length, expected in zip(places, lengths, ANGLES, strict=True):
-        one, angle = string_followed(x, y, R, angle)
+    for (x, y), length, expected in zip(positions, lengths, ANGLES, strict=True):
+        one, angle = next_string_coordinates(x, y, R, angle)
         assert one == pytest.approx(length, rel=1e-12)
         assert angle == pytest.approx(expected, rel=1e-12)
-    for x, y, angle in [(*places[50], ANGLES[50] - 3.0), (*places[50], ANGLES[50] + 3.0)]:
-        assert string_followed(x, y, R, angle)[1] == pytest.approx(ANGLES[50], rel=1e-12), "less than half a turn away"
+    for x, y, angle in [(*positions[50], ANGLES[50] - 3.0), (*positions[50], ANGLES[50] + 3.0)]:
+        assert next_string_coordinates(x, y, R, angle)[1] == pytest.approx(ANGLES[50], rel=1e-12), "less than half a turn away"
 
 
 def test_a_place_inside_the_rod_has_next_to_no_free_string():
-    assert string_followed(R / 2, 0.0, R, 0.0)[0] == pytest.approx(1e-8)
+    assert next_string_coordinates(R / 2, 0.0, R, 0.0)[0] == pytest.approx(1e-8)
     assert string_coordinates(np.array([[R / 2, 0.0]]), R, 0.0)[0] == [0.0]
 
 
@@ -221,8 +221,8 @@ def test_beyond_the_first_turn_string_lies_on_string():
     assert seen(7.0, overlap=0).wrap_beyond_first_turn == 0.0
     assert seen(6.0, overlap=1).wrap_beyond_first_turn == pytest.approx(6.0 - 2 * math.pi)
     assert seen(3.0, tilt=0.2).contact_angle == pytest.approx(2.8)
-    assert seen(3.0).slip == 0.4
-    assert seen(3.0, sliding=0.05).slip == 0.05
+    assert seen(3.0).slip_speed == 0.4
+    assert seen(3.0, sliding=0.05).slip_speed == 0.05
 
 
 def test_a_run_in_a_notebook_tells_its_events():

@@ -14,14 +14,23 @@ from looping_pendulum.reference_ode import scipy_backend, solution, state
 from looping_pendulum.reference_ode.closed_forms import HELD_PERIOD_NODES
 from looping_pendulum.reference_ode.driver import MAX_EVENTS, Driver
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
-from looping_pendulum.reference_ode.effects.closure import BUMPS, COORDINATES, FACTORS, SIDES, weight
+from looping_pendulum.reference_ode.effects.closure import COORDINATES, FACTORS, N_BASIS_FUNCTIONS, SIDES, weight_name
 from looping_pendulum.reference_ode.effects.properties import REST_SPEED
 from looping_pendulum.reference_ode.equations import event_functions
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.scipy_backend import CHECKS, DEGREE, ScipyIntegrator
-from looping_pendulum.reference_ode.solution import Part, Run, RunEvent, Segment, join
+from looping_pendulum.reference_ode.solution import Run, RunEvent, Segment, SegmentSamples, join_samples
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, solve, solve_at
-from looping_pendulum.reference_ode.state import Signs, State, complete, follow, kinematics, meaning, own_variables, variables
+from looping_pendulum.reference_ode.state import (
+    Signs,
+    State,
+    event_in_phase,
+    extra_variables,
+    fill_in_heavy_speed,
+    full_state,
+    kinematics,
+    variables,
+)
 from looping_pendulum.reference_ode.transitions import END_EVENTS, PHASE_EVENTS, Event, Mode, next_mode
 from tests.apparatus import TEN_TO_ONE, TWO_TO_ONE
 
@@ -43,16 +52,16 @@ def test_sizes_of_speeds_in_every_mode():
     # Oracle: Pythagoras. What rests has no speed, whatever its entry of the state says.
     y = State(0.5, 2.0, 3.0, -4.0, 3.0, 0.0)
     up = seen(TEN_TO_ONE, Mode.SLIDING_UP, y)
-    assert (up.light_mass_speed, up.across_speed_size, up.heavy_speed_size, up.slip) == (5.0, 4.0, 3.0, 3.0)
+    assert (up.light_mass_speed, up.across_speed_size, up.heavy_speed_size, up.slip_speed) == (5.0, 4.0, 3.0, 3.0)
     down = seen(TEN_TO_ONE, Mode.SLIDING_DOWN, y._replace(heavy_speed=-3.0), UP._replace(slide=-1.0))
-    assert (down.heavy_speed_size, down.slip) == (3.0, 3.0)
+    assert (down.heavy_speed_size, down.slip_speed) == (3.0, 3.0)
     slack = seen(TEN_TO_ONE, Mode.SLACK, y._replace(heavy_speed=-2.0))
     assert (slack.light_mass_speed, slack.heavy_speed_size) == (5.0, 2.0)
     held = seen(TEN_TO_ONE, Mode.STICKING, State(0.5, 2.0, 0.0, -4.0, 0.0, 0.0))
     assert (held.light_mass_speed, held.heavy_speed_size) == (4.0, 0.0)
     rolling = seen(TURNING, Mode.ROLLING, y._replace(rod_speed=3.0), UP._replace(rod=1.0))
     assert rolling.heavy_speed_size == 3.0
-    assert rolling.slip == 0.0
+    assert rolling.slip_speed == 0.0
     backwards = seen(TURNING, Mode.ROLLING, y._replace(heavy_speed=-3.0, rod_speed=-3.0), UP._replace(rod=-1.0))
     assert backwards.heavy_speed_size == 3.0
 
@@ -68,7 +77,7 @@ def test_what_only_some_effects_move_is_seen():
     assert swinging.heavy_speed_size == pytest.approx(math.hypot(3.0, 1.5, REST_SPEED), rel=1e-12)
     assert (swinging.heavy_tilt, swinging.heavy_across_speed, swinging.contact_angle) == (0.2, 1.5, 1.8)
     turning = seen(TURNING, Mode.SLIDING_UP, y)
-    assert turning.slip == 2.0  # relative to the rod's surface
+    assert turning.slip_speed == 2.0  # relative to the rod's surface
     assert turning.heavy_speed_size == pytest.approx(math.hypot(3.0, REST_SPEED), rel=1e-12)
     assert seen(STRETCHING, Mode.STICKING, y).heavy_speed_size == pytest.approx(math.hypot(3.0, REST_SPEED), rel=1e-12)
     assert seen(STRETCHING, Mode.STICKING, y).light_mass_speed == 5.0  # its string gives way though the rod holds it
@@ -88,16 +97,18 @@ def test_what_moves_in_a_mode():
         assert ("heavy_speed" in variables(mode, SIDEWAYS.effects)) is (mode.string_moves or mode.slack)
         assert set(variables(mode, STRETCHING.effects)) == whole | {"light_stretch", "heavy_stretch"}
         assert variables(mode, BASE) == tuple(name for name in State._fields if name in expected)  # in the state's order
-    assert own_variables(SWINGING.effects) == {"heavy_tilt", "heavy_across_speed"}
+    assert extra_variables(SWINGING.effects) == {"heavy_tilt", "heavy_across_speed"}
 
 
 def test_a_taut_strings_heavy_mass_moves_as_its_light_one_retreats():
     given = {"free_length": 0.5, "wrap_angle": 2.0, "across_speed": 1.0}
-    assert complete(Mode.STICKING, **given) == State(0.5, 2.0, 0.0, 1.0, 0.0, 0.0)
-    assert complete(Mode.SLIDING_UP, retreat_speed=0.3, **given) == State(0.5, 2.0, 0.3, 1.0, 0.3, 0.0)
-    assert complete(Mode.ROLLING, retreat_speed=0.3, **given).heavy_speed == 0.3
-    assert complete(Mode.SLACK, retreat_speed=0.3, heavy_speed=-1.0, slack=0.1, **given) == State(0.5, 2.0, 0.3, 1.0, -1.0, 0.1)
-    assert complete(Mode.STICKING, retreat_speed=0.3, **given).heavy_speed == 0.0
+    assert full_state(Mode.STICKING, **given) == State(0.5, 2.0, 0.0, 1.0, 0.0, 0.0)
+    assert full_state(Mode.SLIDING_UP, retreat_speed=0.3, **given) == State(0.5, 2.0, 0.3, 1.0, 0.3, 0.0)
+    assert full_state(Mode.ROLLING, retreat_speed=0.3, **given).heavy_speed == 0.3
+    assert full_state(Mode.SLACK, retreat_speed=0.3, heavy_speed=-1.0, slack=0.1, **given) == State(
+        0.5, 2.0, 0.3, 1.0, -1.0, 0.1
+    )
+    assert full_state(Mode.STICKING, retreat_speed=0.3, **given).heavy_speed == 0.0
     for mode, names, follows in (
         (Mode.SLIDING_UP, variables(Mode.SLIDING_UP, BASE), True),
         (Mode.STICKING, variables(Mode.STICKING, BASE), False),
@@ -105,7 +116,7 @@ def test_a_taut_strings_heavy_mass_moves_as_its_light_one_retreats():
     ):
         full = np.arange(2.0 * len(State._fields)).reshape(len(State._fields), 2)
         before = full.copy()
-        follow(mode, names, full)
+        fill_in_heavy_speed(mode, names, full)
         heavy, retreat = State._fields.index("heavy_speed"), State._fields.index("retreat_speed")
         assert np.array_equal(full[heavy], before[retreat] if follows else before[heavy])
         full[heavy] = before[heavy]
@@ -114,16 +125,16 @@ def test_a_taut_strings_heavy_mass_moves_as_its_light_one_retreats():
 
 def test_an_event_means_what_its_phase_says():
     still = UP._replace(phase=0.0)
-    assert [meaning(e, still) for e in (Event.STOP, Event.TAUT, Event.UNWRAPPED)] == [
+    assert [event_in_phase(e, still) for e in (Event.STOP, Event.TAUT, Event.UNWRAPPED)] == [
         Event.SLOWS,
         Event.CLOSES,
         Event.UNWRAPPED,
     ]
-    assert [meaning(e, UP) for e in (Event.STOP, Event.TAUT)] == [Event.STOP, Event.TAUT]
+    assert [event_in_phase(e, UP) for e in (Event.STOP, Event.TAUT)] == [Event.STOP, Event.TAUT]
     for event in (Event.ROD_CHANGES, Event.ROD_STOPS):
-        assert meaning(event, UP._replace(rod=-1.0)) is Event.ROD_SLOWS
-        assert meaning(event, UP._replace(rod=-1.0, rod_phase=1.0)) is event
-        assert meaning(event, UP) is event  # of a rod that does not turn
+        assert event_in_phase(event, UP._replace(rod=-1.0)) is Event.ROD_SLOWS
+        assert event_in_phase(event, UP._replace(rod=-1.0, rod_phase=1.0)) is event
+        assert event_in_phase(event, UP) is event  # of a rod that does not turn
 
 
 def test_every_event_ends_a_mode_changes_it_or_leaves_it():
@@ -140,8 +151,8 @@ def test_every_event_ends_a_mode_changes_it_or_leaves_it():
 def test_what_changes_its_law_at_a_full_turn_looks_for_it(values, watches):
     p = TEN_TO_ONE.replace(**values)
     y = State(0.5, 6.0, -0.1, 1.0, -0.1, 0.0)
-    found = event_functions(math, Mode.SLIDING_DOWN, 0.0, y, UP._replace(slide=-1.0), p.values(), p.effects)
-    assert (Event.FIRST_TURN in found) is watches
+    actual = event_functions(math, Mode.SLIDING_DOWN, 0.0, y, UP._replace(slide=-1.0), p.values(), p.effects)
+    assert (Event.FIRST_TURN in actual) is watches
 
 
 def test_at_the_first_turn_a_string_steps_out_and_the_light_mass_stays():
@@ -149,20 +160,20 @@ def test_at_the_first_turn_a_string_steps_out_and_the_light_mass_stays():
     p = TEN_TO_ONE.replace(string_thickness=2e-3)
     driver = Driver(p, 1.0, 1e-10, "scipy")
     driver.y = State(0.3, 2 * math.pi, -0.2, 1.5, -0.2, 0.0)
-    places, paths = [], []
+    positions, paths = [], []
     for overlap in (0.0, 1.0, 0.0):
         assert driver.signs.overlap == overlap
-        places.append(solution.light_mass_position(math, driver.y, overlap, p))
+        positions.append(solution.light_mass_position(math, driver.y, overlap, p))
         paths.append(state.string_path(math, driver.y, overlap, driver.values, p.effects))
-        driver._follow(Event.FIRST_TURN)
-    np.testing.assert_allclose(places, np.broadcast_to(places[0], (3, 2)), rtol=0, atol=1e-15)
+        driver._apply_event(Event.FIRST_TURN)
+    np.testing.assert_allclose(positions, np.broadcast_to(positions[0], (3, 2)), rtol=0, atol=1e-15)
     np.testing.assert_allclose(paths, paths[0], rtol=1e-14)
 
 
 # Steps and samples
 
 
-def test_a_step_is_looked_at_where_its_polynomial_is_well_known():
+def test_a_step_is_interpolated_at_chebyshev_nodes():
     # Oracle: NumPy's Chebyshev nodes, moved from (-1, 1) to (0, 1); and a polynomial that must come back.
     np.testing.assert_allclose(scipy_backend._NODES, 0.5 + 0.5 * np.polynomial.chebyshev.chebpts1(DEGREE + 1), atol=1e-15)
     assert CHECKS[0] == 0
@@ -175,10 +186,10 @@ def test_a_step_is_looked_at_where_its_polynomial_is_well_known():
     def dense(t):
         return powers @ np.vander((t - 0.3) / 0.2, DEGREE + 1, increasing=True).T
 
-    found = integrator._polynomial(Mode.SLIDING_UP, names, dense, 0.3, 0.5)
+    actual = integrator._polynomial(Mode.SLIDING_UP, names, dense, 0.3, 0.5)
     rows = [State._fields.index(name) for name in names]
-    np.testing.assert_allclose(found[rows], powers, rtol=0, atol=1e-10)  # the nodes' Vandermonde matrix magnifies by 1e5
-    np.testing.assert_allclose(found[State._fields.index("heavy_speed")], found[State._fields.index("retreat_speed")])
+    np.testing.assert_allclose(actual[rows], powers, rtol=0, atol=1e-10)  # the nodes' Vandermonde matrix magnifies by 1e5
+    np.testing.assert_allclose(actual[State._fields.index("heavy_speed")], actual[State._fields.index("retreat_speed")])
 
 
 def test_the_first_of_two_events_in_a_step_is_found():
@@ -190,8 +201,8 @@ def test_the_first_of_two_events_in_a_step_is_found():
     polynomial[State._fields.index("wrap_angle"), 0] = 0.5
     signs = Signs(-1.0, 1.0, -1.0, 1.0)
     for across, expected in ((1.0, (Event.ACROSS_REVERSES, 0.25)), (-1.0, (Event.LIGHT_REACHES_ROD, 0.75))):
-        found = integrator._first_event(Mode.FALLING, (0.0, 1.0), polynomial, signs._replace(across=across), dips=True)
-        assert found == (expected[0], pytest.approx(expected[1]))
+        actual = integrator._first_event(Mode.FALLING, (0.0, 1.0), polynomial, signs._replace(across=across), dips=True)
+        assert actual == (expected[0], pytest.approx(expected[1]))
 
 
 @pytest.mark.parametrize(("middle", "half"), [(0.5, 0.03), (0.55, 0.001), (0.03, 0.01), (0.99, 0.005)])
@@ -201,8 +212,8 @@ def test_a_dip_within_a_step_is_seen(middle, half):
     polynomial = np.zeros((len(State._fields), DEGREE + 1))
     polynomial[State._fields.index("free_length"), 0] = 0.5
     polynomial[State._fields.index("across_speed"), :3] = middle**2 - half**2, -2 * middle, 1.0
-    found = integrator._first_event(Mode.FALLING, (0.0, 1.0), polynomial, Signs(-1.0, 1.0, -1.0, 1.0), dips=True)
-    assert found == (Event.ACROSS_REVERSES, pytest.approx(middle - half, abs=1e-12))
+    actual = integrator._first_event(Mode.FALLING, (0.0, 1.0), polynomial, Signs(-1.0, 1.0, -1.0, 1.0), dips=True)
+    assert actual == (Event.ACROSS_REVERSES, pytest.approx(middle - half, abs=1e-12))
 
 
 def test_dop853_is_asked_for_the_tolerance_and_begins_with_a_short_step(monkeypatch):
@@ -231,10 +242,12 @@ def test_a_segment_is_sampled_at_its_edges_and_between():
 
 def test_parts_are_joined_in_order():
     parts = [
-        Part(mode=mode, signs=UP._replace(phase=phase), t=np.array(t), values=np.full((len(State._fields), len(t)), phase))
+        SegmentSamples(
+            mode=mode, signs=UP._replace(phase=phase), t=np.array(t), values=np.full((len(State._fields), len(t)), phase)
+        )
         for mode, phase, t in ((Mode.SLIDING_DOWN, 0.0, [0.0, 0.1]), (Mode.STICKING, 1.0, [0.2]), (Mode.SLACK, 2.0, []))
     ]
-    samples = join(SimpleNamespace(), parts)
+    samples = join_samples(SimpleNamespace(), parts)
     assert samples.t.tolist() == [0.0, 0.1, 0.2]
     assert samples.mode.tolist() == [Mode.SLIDING_DOWN, Mode.SLIDING_DOWN, Mode.STICKING]
     assert samples.signs.phase.tolist() == [0.0, 0.0, 1.0]
@@ -242,7 +255,7 @@ def test_parts_are_joined_in_order():
 
 
 def run_of(*events: tuple[Event | None, Mode, Mode, float]) -> Run:
-    """Runs whose k-th event is at k s; the last number is the rod's speed after it."""
+    """Return a run whose k-th event is at k s; the last number of each is the rod's speed after it [m/s]."""
     y = State(0.5, 2.0, 0.0, 1.0, 0.0, 0.0)
     made = [
         RunEvent(event=e, time=float(k), mode_before=before, mode_after=after, state=y._replace(rod_speed=rod))
@@ -320,9 +333,9 @@ def test_a_tolerance_below_what_dop853_can_keep_is_taken_as_that():
 
 def test_what_is_known_of_effects_is_found_once():
     for find in (
-        lambda: own_variables(SWINGING.effects),
+        lambda: extra_variables(SWINGING.effects),
         lambda: variables(Mode.SLACK, SWINGING.effects),
-        lambda: parameter_module._acting(frozenset({"heavy_swing"}), SWINGING.release),
+        lambda: parameter_module._active_effects(frozenset({"heavy_swing"}), SWINGING.release),
     ):
         assert find() is find()
 
@@ -344,12 +357,12 @@ BOUNDS = {
     "string_density": (0, 0.1), "string_thickness": (0, 0.01), "heavy_swing": (-1.2, 1.2), "push_sideways": (-5, 5),
     "rod_mobility": (0, 1e4), "bearing_friction": (0, 100), "string_compliance": (0, 0.1), "string_loss_time": (0, 0.1),
 }  # fmt: skip
-"""What scenario files may hold, since 2026: a file that was valid must stay so, and a slip of a unit must be refused."""
+"""Bounds that scenario files rely on since 2026: a file that was valid must stay so, and a wrong unit must be refused."""
 
 
 def test_bounds_are_those_that_scenario_files_rely_on():
-    found = {name: c.bounds for name, c in COEFFICIENTS.items() if not name.startswith("closure_")}
-    assert found == BOUNDS
+    actual = {name: c.bounds for name, c in COEFFICIENTS.items() if not name.startswith("closure_")}
+    assert actual == BOUNDS
     for name in set(COEFFICIENTS) - set(BOUNDS):
         assert COEFFICIENTS[name].bounds == (-1e6, 1e6)
     assert {name: c.default for name, c in COEFFICIENTS.items() if c.default} == {"gravity": 9.81}
@@ -365,26 +378,26 @@ def test_effects_that_need_a_string_are_those_of_string_and_rod():
 
 @pytest.mark.parametrize("coordinate", COORDINATES)
 @pytest.mark.parametrize("factor", FACTORS)
-def test_an_unknown_force_is_a_sum_of_bumps_along_its_coordinate(coordinate, factor):
+def test_an_unknown_force_is_a_sum_of_radial_basis_functions_of_its_coordinate(coordinate, factor):
     """Oracle: Gaussians a width apart, by NumPy: c_i exp(-(s / h - s_0 / h - i)^2 / 2), times 1 or minus a speed."""
     rng = np.random.default_rng(8)
-    weights = {side: rng.normal(size=BUMPS) for side in SIDES}
-    named = {weight(side, i): value for side in SIDES for i, value in enumerate(weights[side])}
+    weights = {side: rng.normal(size=N_BASIS_FUNCTIONS) for side in SIDES}
+    named = {weight_name(side, i): value for side in SIDES for i, value in enumerate(weights[side])}
     chosen = {f"closure_of_{coordinate}": 1.0, f"closure_by_{factor}": 1.0, "closure_scale": 2.5, "closure_start": -1.5}
     p = TEN_TO_ONE.replace(**named, **chosen)
     y = State(0.45, 2.1, 0.7, -1.3, 0.7, 0.0)
     k = kinematics(math, Mode.SLIDING_UP, 0.8, y, UP, p.values(), p.effects)
     s = {"time": 0.8, "free_length": 0.45, "wrap_angle": 2.1, "retreat_speed": 0.7, "across_speed": -1.3}[coordinate]
     times = {"constant": 1.0, "retreat_speed": -0.7, "across_speed": 1.3}[factor]
-    bumps = times * np.exp(-0.5 * (2.5 * s + 1.5 - np.arange(12)) ** 2)
-    found = (
+    basis_functions = times * np.exp(-0.5 * (2.5 * s + 1.5 - np.arange(12)) ** 2)
+    actual = (
         *EFFECTS["closure"].force_on_light_mass(math, k, p.values()),
         EFFECTS["closure"].force_on_heavy_mass(math, k, p.values()),
     )
-    np.testing.assert_allclose(found, [bumps @ weights[side] for side in SIDES], rtol=1e-12)
+    np.testing.assert_allclose(actual, [basis_functions @ weights[side] for side in SIDES], rtol=1e-12)
 
 
-def test_an_unknown_force_may_have_twelve_bumps_on_each_side():
+def test_an_unknown_force_may_have_twelve_basis_functions_on_each_side():
     names = {c.name for c in EFFECTS["closure"].coefficients}
     assert len(names) == 3 * 12 + len(COORDINATES) + len(FACTORS) + 2
     assert {n for n in names if n.startswith("closure_along_")} == {f"closure_along_{i}" for i in range(12)}

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.scenarios import load, load_text, shipped
-from looping_pendulum.scenarios.document import LARGEST_FILE
+from looping_pendulum.scenarios.document import MAX_FILE_SIZE
 
 GOOD = """\
 title: A trial
@@ -204,7 +204,7 @@ def test_an_unknown_key_is_named_before_the_key_it_was_meant_for():
     [
         (GOOD.encode() + b"# caf\xe9\n", ":11: found the byte 0xe9, needed UTF-8 text"),
         (GOOD.encode("utf-16"), ":1: found the byte 0xff, needed UTF-8 text"),
-        (GOOD.encode() + b"#" * LARGEST_FILE, ": found more than 64 KiB, needed a scenario of a few KiB"),
+        (GOOD.encode() + b"#" * MAX_FILE_SIZE, ": found more than 64 KiB, needed a scenario of a few KiB"),
     ],
     ids=["latin-1", "utf-16", "huge"],
 )

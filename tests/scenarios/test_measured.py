@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import warnings
 
 import pytest
 
-from looping_pendulum.errors import ScenarioError
+from looping_pendulum.errors import RenamedWarning, ScenarioError
 from looping_pendulum.scenarios.measured import find_data, read_event_table
 
 HEAD = "quantity,index,measured,paper_numerical,unit\n"
@@ -31,6 +32,20 @@ def test_reads_rows_in_si(table):
         ("drop", 1, 0.37, None, "m"),
         ("wrap_angle_at_halt", 1, None, 4.738, "rad"),
     ]
+
+
+def test_the_slip_onset_is_read_under_its_older_name_with_one_notice(table):
+    path = table(f"{HEAD}break_away_time,1,0.62,0.61,s\nbreak_away_time,2,0.9,,s\nhalting_time,1,1.0,,s\n")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")
+        rows = read_event_table(path).rows
+    assert [(r.quantity, r.index) for r in rows] == [("slip_onset_time", 1), ("slip_onset_time", 2), ("halting_time", 1)]
+    assert [(w.category, str(w.message)) for w in caught] == [
+        (RenamedWarning, f"{path}: quantity: break_away_time is now called slip_onset_time; rename it")
+    ]
+    both = table(f"{HEAD}break_away_time,1,0.62,,s\nslip_onset_time,1,0.62,,s\n")
+    with pytest.raises(ScenarioError, match="slip_onset_time 1 a second time"), pytest.warns(RenamedWarning):
+        read_event_table(both)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from looping_pendulum.scenarios import units
-from looping_pendulum.scenarios.units import COMMON, EXAMPLES, WORDS, QuantityKind, RangeError, UnitError, show, to_si
+from looping_pendulum.scenarios.units import COMMON, EXAMPLES, QUANTITY_NOUNS, QuantityKind, RangeError, UnitError, show, to_si
 
 UNITS = ["", "m", "kg", "s", "rad", "kg/m", "kg/m**2", "m/s**2", "N/m"]
 
@@ -116,11 +116,11 @@ def test_shows_what_a_person_would_write(value, unit, text):
     assert show(value, unit) == text
 
 
-@pytest.mark.parametrize("unit", sorted(WORDS))
+@pytest.mark.parametrize("unit", sorted(QUANTITY_NOUNS))
 def test_each_kind_has_an_example_that_it_reads(unit):
     kind = QuantityKind(unit=unit)
-    assert kind.parse(kind.way_out) > 0
-    assert set(EXAMPLES) <= set(WORDS)
+    assert kind.parse(kind.example_text) > 0
+    assert set(EXAMPLES) <= set(QUANTITY_NOUNS)
 
 
 @pytest.mark.parametrize(("written", "unit"), COMMON)
@@ -130,8 +130,8 @@ def test_what_is_known_without_pint_is_what_pint_says(written, unit, monkeypatch
 
 
 def test_bounds_are_kept_and_told():
-    kind = QuantityKind(unit="m", low=0.0, high=1.0, above_low=True)
-    assert kind.wanted == "a length above 0 up to 1 m"
+    kind = QuantityKind(unit="m", low=0.0, high=1.0, exclusive_low=True)
+    assert kind.requirement == "a length above 0 up to 1 m"
     assert kind.parse("100 cm") == 1.0
     for text in ("0 m", "1.01 m"):
         with pytest.raises(RangeError):

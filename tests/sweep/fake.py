@@ -57,7 +57,7 @@ def main():
             os.waitpid(copy, 0)
             continue
         outcome = runner.run_map(plan, out, jobs=given.jobs, figures=False, solve=solve)
-        print(outcome.done, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, flush=True)
+        print(outcome.runs_now, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, flush=True)
         if len(pairs) > 1:
             os._exit(0)
 

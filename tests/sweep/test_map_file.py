@@ -27,7 +27,7 @@ def written(parameters, *more, scenario="ten_to_one"):
 @pytest.mark.parametrize("name", map_file.shipped())
 def test_shipped_maps_load_and_are_possible(name):
     plan = map_file.load(name)
-    map_file.refuse_typo(plan)
+    map_file.refuse_unintended_size(plan)
     assert plan.title
     assert plan.description
     assert all(why is None for _, why in plan.corners())
@@ -58,7 +58,7 @@ def test_every_number_of_an_apparatus_may_be_varied():
 
 def test_a_grid_has_every_combination_once_whatever_the_chunks():
     plan = map_file.load_text(LONG.replace("chunk: 12", "chunk: 7"))
-    parts = [plan.design.given(plan.unit(i).region) for i in range(plan.units)]
+    parts = [plan.design.values_in(plan.unit(i).region) for i in range(plan.units)]
     pairs = [np.column_stack([np.degrees(part["release_angle"]), part["mass_ratio"]]) for part in parts]
     seen = {tuple(pair) for pair in np.concatenate(pairs).round(9)}
     assert seen == {(60.0 + 5 * i, 1.0 + j) for i in range(15) for j in range(12)}
@@ -77,8 +77,8 @@ def test_chunks_of_three_axes_keep_to_their_size():
 def test_a_sample_is_the_same_in_one_piece_and_in_chunks(method):
     plan = map_file.load_text(SAMPLE.replace("sobol", method))
     assert isinstance(plan.design, Sample)
-    whole = plan.design.given((slice(0, 100),))
-    parts = [plan.design.given(plan.unit(i).region) for i in range(plan.units)]
+    whole = plan.design.values_in((slice(0, 100),))
+    parts = [plan.design.values_in(plan.unit(i).region) for i in range(plan.units)]
     for axis in plan.design.axes:
         assert np.array_equal(whole[axis.name], np.concatenate([part[axis.name] for part in parts]))
         assert axis.values[0] <= whole[axis.name].min() < whole[axis.name].max() <= axis.values[-1]
@@ -194,5 +194,5 @@ def test_a_typo_in_a_count_is_refused_with_the_size():
     with pytest.raises(
         ScenarioError, match=r"found 77771111 runs \(release_angle 70001 x mass_ratio 1111\).*--max-runs 77771111"
     ):
-        map_file.refuse_typo(plan)
-    map_file.refuse_typo(plan, most=77771111)
+        map_file.refuse_unintended_size(plan)
+    map_file.refuse_unintended_size(plan, most=77771111)

@@ -83,7 +83,7 @@ def test_a_sample_has_its_parameters_beside_its_results(tmp_path):
     plan = read(SAMPLE)
     quiet(plan, tmp_path, figures=True)
     data = open_map(tmp_path)
-    expected = plan.design.given((slice(0, 100),))
+    expected = plan.design.values_in((slice(0, 100),))
     assert set(data.coords) == {"release_angle", "rod_radius"}
     assert data["drop"].dims == ("run",)
     for name, values in expected.items():
@@ -127,7 +127,7 @@ def test_what_a_killed_process_may_leave_is_made_good(tmp_path, whole):
     data[len(data) // 2] ^= 1
     flipped.write_bytes(data)
     outcome = quiet(plan, tmp_path)
-    assert (outcome.found, outcome.done) == (72 - 3 * 12, 72)
+    assert (outcome.runs_before, outcome.runs_now) == (72 - 3 * 12, 72)
     assert contents(tmp_path) == whole
 
 
@@ -148,7 +148,7 @@ def test_a_coordinate_that_is_lost_or_damaged_is_found_when_read_and_mended_when
         with pytest.raises(MapError, match="^[^\n]*map.zarr: found (it damaged|no values of release_angle)"):
             open_map(tmp_path)
         outcome = quiet(plan, tmp_path)
-        assert (outcome.found, outcome.done) == (72, 72)
+        assert (outcome.runs_before, outcome.runs_now) == (72, 72)
         assert contents(tmp_path) == whole
     assert np.allclose(open_map(tmp_path)["release_angle"], np.radians(np.linspace(60, 130, 6)), rtol=1e-15)
 
@@ -178,7 +178,7 @@ def test_a_damaged_description_is_one_line_that_names_it(tmp_path, file):
     with pytest.raises(MapError, match="found it damaged|no map"):
         quiet(plan, tmp_path)
     path.write_bytes(good)
-    assert quiet(plan, tmp_path).found == 72
+    assert quiet(plan, tmp_path).runs_before == 72
 
 
 def test_chunks_without_a_halt_are_done_too(tmp_path):
@@ -191,7 +191,7 @@ def test_chunks_without_a_halt_are_done_too(tmp_path):
         return result
 
     quiet(plan, tmp_path, solve=never)
-    assert quiet(plan, tmp_path, solve=never).found == 72
+    assert quiet(plan, tmp_path, solve=never).runs_before == 72
 
 
 def test_ctrl_c_keeps_what_is_done_and_the_same_call_goes_on(tmp_path, whole):
@@ -205,10 +205,10 @@ def test_ctrl_c_keeps_what_is_done_and_the_same_call_goes_on(tmp_path, whole):
 
     outcome = quiet(plan, tmp_path, solve=interrupted)
     assert outcome.interrupted
-    assert (outcome.done, outcome.complete) == (48, False)
+    assert (outcome.runs_now, outcome.complete) == (48, False)
     data = open_map(tmp_path)
     assert int((data["end"] == -1).sum()) == 72 - 48
-    assert quiet(plan, tmp_path).found == 48
+    assert quiet(plan, tmp_path).runs_before == 48
     assert contents(tmp_path) == whole
 
 
@@ -223,7 +223,7 @@ def test_the_command_says_after_ctrl_c_how_to_go_on(tmp_path, monkeypatch):
     arguments = ["map", str(tmp_path / "map.yaml"), "--out", str(tmp_path / "out"), "--jobs", "1"]
     done = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert done.exit_code == 130
-    assert re.search(r"interrupted: 48 of 72 runs are kept in .*out; the same command goes on from there", done.stderr)
+    assert re.search(r"interrupted: 48 of 72 runs are kept in .*out; the same command continues from there", done.stderr)
 
 
 @pytest.mark.accurate
@@ -248,7 +248,7 @@ def test_ctrl_c_at_the_command_line(tmp_path):
     assert process.returncode == 130, said
     assert said.startswith("6000 runs (15 x 400: release_angle, mass_ratio) in ")
     assert "Traceback" not in said
-    kept = re.search(r"interrupted: (\d+) of 6000 runs are kept in .*; the same command goes on from there", said)
+    kept = re.search(r"interrupted: (\d+) of 6000 runs are kept in .*; the same command continues from there", said)
     assert int(kept[1]) >= 12
 
 
@@ -283,7 +283,7 @@ def test_a_full_disk_is_one_line_and_leaves_the_rest_whole(tmp_path, whole, monk
         quiet(plan, tmp_path)
     assert "\n" not in str(caught.value)
     assert 0 < len(chunk_files(tmp_path)) < 6
-    assert quiet(plan, tmp_path).found > 0
+    assert quiet(plan, tmp_path).runs_before > 0
     assert contents(tmp_path) == whole
 
 
@@ -303,7 +303,7 @@ def test_another_map_is_left_alone(tmp_path, whole):
             quiet(map_file.load_text(other), tmp_path)
     assert contents(tmp_path) == whole
     commented = map_file.load_text(GRID + "# a comment decides nothing\n")
-    assert quiet(commented, tmp_path).found == 72
+    assert quiet(commented, tmp_path).runs_before == 72
 
 
 def test_a_map_of_other_versions_is_not_mixed(tmp_path):
@@ -331,9 +331,9 @@ def test_engines_may_be_mapped_too(tmp_path):
 
     text = "title: E\nscenario: ten_to_one\nengine: [reference, mujoco:effective_mass]\nparameters:\n  mass_ratio: [9, 10]\n"
     plan = map_file.load_text(text + "duration: 1.5 s\n")
-    with pytest.raises(EngineError, match="needs read_moments"):
+    with pytest.raises(EngineError, match="needs read_landmarks"):
         quiet(plan, tmp_path)
-    run_map(plan, tmp_path, jobs=1, read_moments=run_landmarks)
+    run_map(plan, tmp_path, jobs=1, read_landmarks=run_landmarks)
     data = open_map(tmp_path)
     assert data["halting_time"].dims == ("engine", "mass_ratio")
     assert list(data["engine"].values) == ["reference", "mujoco:effective_mass"]
@@ -353,7 +353,7 @@ def test_a_disk_that_is_really_full(tmp_path, whole):
             quiet(plan, small / "out")
         assert len(chunk_files(small / "out")) > 0
         subprocess.run(["mount", "-o", "remount,size=64m", str(small)], check=True)
-        assert quiet(plan, small / "out").found > 0
+        assert quiet(plan, small / "out").runs_before > 0
         assert contents(small / "out") == whole
     finally:
         subprocess.run(["umount", str(small)], check=True)
@@ -364,7 +364,7 @@ def test_processes_change_no_byte_even_if_one_dies(tmp_path, whole):
     with pytest.raises(EngineError, match="a worker process died.*run the same command again, with fewer --jobs"):
         quiet(plan, tmp_path, jobs=2, solve=fake.die_at_last)
     assert 0 < len(chunk_files(tmp_path)) < 6
-    assert quiet(plan, tmp_path).found > 0
+    assert quiet(plan, tmp_path).runs_before > 0
     assert contents(tmp_path) == whole
 
 
@@ -403,7 +403,7 @@ def test_the_command_maps_and_reports(tmp_path):
     assert "does not halt; impossible parameters, not run | 3 |" in (tmp_path / "out" / "map.md").read_text()
     assert not list((tmp_path / "out").glob("*.png"))
     again = CliRunner().invoke(app, arguments, catch_exceptions=False)
-    assert "6 of 6 runs are there already" in again.stderr
+    assert "6 of 6 runs are stored already" in again.stderr
 
 
 def test_the_command_lists_maps_and_refuses_a_typo(tmp_path):

@@ -18,7 +18,7 @@ from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching import demo
-from looping_pendulum.teaching.demo_data import COARSE, FINE, page_data
+from looping_pendulum.teaching.demo_data import COARSE_RATE, FINE_RATE, page_data
 from tests.pages.small import LABELS, engines, small_result
 
 TWO_TO_ONE = load("two_to_one")
@@ -40,14 +40,14 @@ def test_every_run_is_there_with_its_moments():
     result, data = small_result(), page_data(small_result())
     assert [run["name"] for run in data["runs"]] == ["reference", *LABELS]
     for engine in result.engines:
-        marks = {(mark["kind"], mark["t"]) for mark in run_of(data, engine.label)["events"]}
-        own = engine.landmarks
-        assert {t for kind, t in marks if kind == "halt"} == ({own.halting_time} - {None})
-        assert {t for kind, t in marks if kind == "slip"} == set(own.slip_onsets)
-        assert {t for kind, t in marks if kind in ("stop", "halt")} == {stop.time for stop in own.stops}
-        assert ("broke" in {kind for kind, _ in marks}) == (engine.label == "faulty:stretches")
-    told = dict(result.reference.events)
-    assert ("slip", told["slip_onset"]) in {(mark["kind"], mark["t"]) for mark in data["runs"][0]["events"]}
+        events = {(event["kind"], event["t"]) for event in run_of(data, engine.label)["events"]}
+        landmarks = engine.landmarks
+        assert {t for kind, t in events if kind == "halt"} == ({landmarks.halting_time} - {None})
+        assert {t for kind, t in events if kind == "slip"} == set(landmarks.slip_onsets)
+        assert {t for kind, t in events if kind in ("stop", "halt")} == {stop.time for stop in landmarks.stops}
+        assert ("broke" in {kind for kind, _ in events}) == (engine.label == "faulty:stretches")
+    reference_events = dict(result.reference.events)
+    assert ("slip", reference_events["slip_onset"]) in {(event["kind"], event["t"]) for event in data["runs"][0]["events"]}
 
 
 def test_tracks_are_the_runs_own_samples():
@@ -96,7 +96,7 @@ def test_every_release_can_be_shown(name):
 def test_a_long_run_is_drawn_more_coarsely():
     short = page_data(small_result())
     long = page_data(dataclasses.replace(small_result(), duration=10.0))
-    assert (short["rate"], long["rate"]) == (FINE, COARSE)
+    assert (short["rate"], long["rate"]) == (FINE_RATE, COARSE_RATE)
 
 
 def test_a_result_without_trajectories_is_refused():

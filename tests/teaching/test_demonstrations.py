@@ -14,16 +14,16 @@ from typer.testing import CliRunner
 from looping_pendulum.cli.main import app
 from looping_pendulum.scenarios import loader
 from looping_pendulum.teaching.demonstrations import page as demonstrations_page
-from looping_pendulum.teaching.demonstrations.demonstration import Claim, DemonstrationError, JudgedClaim, show
+from looping_pendulum.teaching.demonstrations.demonstration import Claim, DemonstrationError, JudgedClaim, run_demonstration
 from looping_pendulum.teaching.demonstrations.page import (
     DEMONSTRATIONS,
     MADE_WITH,
     NOT_BORNE_OUT,
-    find,
+    find_demonstrations,
     html,
     index,
     markdown,
-    write,
+    write_pages,
 )
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "demonstrations"
@@ -39,9 +39,9 @@ def words_and_numbers(page):
 
 
 def rerun(name):
-    shown = show(DEMONSTRATIONS[name])
-    assert shown.borne_out, [s.text for s in shown.answer if not s.holds]
-    words, numbers = words_and_numbers(markdown(shown))
+    result = run_demonstration(DEMONSTRATIONS[name])
+    assert result.all_claims_hold, [s.text for s in result.answer if not s.holds]
+    words, numbers = words_and_numbers(markdown(result))
     kept_words, kept_numbers = words_and_numbers((COMMITTED / f"{name}.md").read_text(encoding="utf-8"))
     assert words == kept_words, f"docs/demonstrations/{name}.md is out of date: looping-pendulum demonstrations --no-html --out"
     # Numbers are printed to 2 to 4 digits; a chain's differ by rounding errors from machine to machine. Below 1e-2 they are
@@ -82,10 +82,10 @@ def with_claim(words, holds):
 
 def test_a_claim_that_the_numbers_do_not_bear_out_is_shown_as_such(tmp_path, monkeypatch):
     wrong = with_claim("It slips again at {away[r1.2]:.3f} s, before it did.", lambda n: n["away"]["r1.2"] < n["away"]["r1.0"])
-    shown = show(wrong)
-    assert not shown.borne_out
-    assert shown.answer[0].text.startswith("It slips again at 0.6")
-    assert f"**{NOT_BORNE_OUT}** It slips again" in markdown(shown)
+    result = run_demonstration(wrong)
+    assert not result.all_claims_hold
+    assert result.answer[0].text.startswith("It slips again at 0.6")
+    assert f"**{NOT_BORNE_OUT}** It slips again" in markdown(result)
     monkeypatch.setattr(demonstrations_page, "DEMONSTRATIONS", {"break-away": wrong})
     done = CliRunner().invoke(app, ["demonstrations", "break-away", "--out", str(tmp_path)])
     assert done.exit_code == 1
@@ -100,22 +100,22 @@ def test_a_claim_about_a_number_that_is_not_there_does_not_break_the_page():
     away = next(q for q in d.quantities if q.key == "away")
     nothing = dataclasses.replace(away, measure=lambda runs, key: None)
     quantities = tuple(nothing if q is away else q for q in d.quantities)
-    shown = show(dataclasses.replace(never, quantities=quantities, claims=never.claims[:1]))
-    assert shown.answer == (JudgedClaim(text="It reaches {away[r1.0]:.3f} s.", holds=False),)
-    assert all(row[3] == "–" for row in shown.rows)
+    result = run_demonstration(dataclasses.replace(never, quantities=quantities, claims=never.claims[:1]))
+    assert result.answer == (JudgedClaim(text="It reaches {away[r1.0]:.3f} s.", holds=False),)
+    assert all(row[3] == "–" for row in result.rows)
 
 
 def test_hostile_text_stays_text(tmp_path):
     hostile = "<script>alert(1)</script><img src=x onerror=alert(2)>"
     d = dataclasses.replace(DEMONSTRATIONS["break-away"], title=hostile, question=hostile, change=hostile)
-    page = html(show(d), b"")
+    page = html(run_demonstration(d), b"")
     assert "<script>alert" not in page
     assert "<img src=x" not in page
     assert page.count("&lt;script&gt;alert") >= 3
 
 
 def test_a_page_stands_alone(tmp_path):
-    files = write(show(DEMONSTRATIONS["drag-and-spiral"]), tmp_path)
+    files = write_pages(run_demonstration(DEMONSTRATIONS["drag-and-spiral"]), tmp_path)
     assert [f.name for f in files] == ["drag-and-spiral.png", "drag-and-spiral.md", "drag-and-spiral.html"]
     page = files[-1].read_text()
     assert len(page) < 200_000
@@ -133,4 +133,4 @@ def test_the_list_leads_to_the_pages_that_are_there(tmp_path):
 
 def test_an_unknown_name_is_refused_with_the_known_ones():
     with pytest.raises(DemonstrationError, match="did you mean 'polygon'.*known: tendon-without-friction"):
-        find(["polygone"])
+        find_demonstrations(["polygone"])

@@ -16,7 +16,7 @@ from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.loader import shipped
-from looping_pendulum.teaching.example_folder import FolderError, place
+from looping_pendulum.teaching.example_folder import FolderError, write_example
 from looping_pendulum.teaching.new_file import new_scenario
 from looping_pendulum.teaching.questions import QUESTIONS, AnswerError
 from scripts.make_example_trials import HIDDEN, trials
@@ -74,7 +74,7 @@ def test_without_asking_answers_come_from_options(here):
 
 
 @pytest.mark.parametrize(
-    ("setting", "said"),
+    ("setting", "message"),
     [
         ("light.mass=5", "--set light.mass: expected a mass"),
         ("light.mas=5 g", "did you mean 'mass'"),
@@ -84,10 +84,10 @@ def test_without_asking_answers_come_from_options(here):
         ("release.angle=400 deg", "expected an angle above 0 up to 360 deg"),
     ],
 )
-def test_an_answer_that_cannot_be_leaves_nothing_behind(here, setting, said):
+def test_an_answer_that_cannot_be_leaves_nothing_behind(here, setting, message):
     done = run("new", "scenario", "mine.yaml", "-y", "--set", setting)
     assert isinstance(done.exception, HarnessError)
-    assert said in str(done.exception)
+    assert message in str(done.exception)
     assert "\n" not in str(done.exception)
     assert not Path("mine.yaml").exists()
 
@@ -104,11 +104,11 @@ def test_a_file_is_never_written_over_without_asking(here):
 def test_every_question_has_its_usual_range_inside_what_the_file_takes():
     for question in QUESTIONS.values():
         low, high = question.usual
-        assert 0 <= low < high <= question.highest
+        assert 0 <= low < high <= question.maximum
 
 
 def test_a_study_is_written_from_two_trials(here):
-    place(Path("example"))
+    write_example(Path("example"))
     options = [
         "--trial",
         "example/trials/first.csv",
@@ -122,8 +122,8 @@ def test_a_study_is_written_from_two_trials(here):
     study = study_io.load("studies/mine.yaml")
     assert [t.held_out for t in study.trials] == [False, True]
     assert study.trials[0].files[0][0] == "../example/trials/first.csv"
-    assert study.trials[1].own["heavy_mass"].value == 0.06
-    assert math.isclose(study.trials[0].own["heavy_mass"].sigma, 5e-4)
+    assert study.trials[1].estimates["heavy_mass"].value == 0.06
+    assert math.isclose(study.trials[0].estimates["heavy_mass"].sigma, 5e-4)
     assert study.declared == ("gravity", "capstan", "light_drag", "heavy_drag")
 
 
@@ -150,9 +150,9 @@ def test_a_folder_with_anything_in_it_is_left_alone(here):
     Path("full").mkdir()
     Path("full/notes.txt").write_text("mine")
     with pytest.raises(FolderError, match=r"found notes.txt, needed an empty or a new folder"):
-        place(Path("full"))
+        write_example(Path("full"))
     with pytest.raises(FolderError, match="found a file, needed a folder"):
-        place(Path("full/notes.txt"))
+        write_example(Path("full/notes.txt"))
     assert [p.name for p in Path("full").iterdir()] == ["notes.txt"]
 
 
@@ -164,8 +164,8 @@ def test_the_shipped_marks_are_what_the_script_makes():
 
 @pytest.mark.accurate
 def test_the_examples_missing_effect_is_found(here):
-    place(Path("example"))
+    write_example(Path("example"))
     result = identify(study_io.load("example/study.yaml"))
     assert result.names == ("side_force",)
-    found = result.effects[0]
-    assert abs(found.value - HIDDEN.side_force) < 3 * found.error
+    effect = result.effects[0]
+    assert abs(effect.value - HIDDEN.side_force) < 3 * effect.error

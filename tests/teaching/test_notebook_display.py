@@ -64,10 +64,17 @@ def test_a_comparison_shows_its_verdict(run):
 
 def test_a_verdict_shows_its_sentence_and_errors():
     fit = FitReport(
-        numbers=(), correlations=(), condition=1.0, chi2_per_dof=1.0, held_out=1.0, largest_score=0.0, alarms=(), starts=1
+        parameters=(),
+        correlations=(),
+        condition_number=1.0,
+        chi2_per_dof=1.0,
+        held_out_chi2=1.0,
+        largest_score=0.0,
+        failed_tests=(),
+        start_costs=(),
     )
     error = TrialError(
-        trial=HOSTILE, held_out=True, rms_before=4e-3, rms_after=2e-3, noise_before=1.9, noise_after=1.0,
+        trial=HOSTILE, held_out=True, rms_before=4e-3, rms_after=2e-3, standardised_rms_before=1.9, standardised_rms_after=1.0,
         events_before={}, events_after={},
     )  # fmt: skip
     result = Identification(

@@ -11,7 +11,7 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import select
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load
-from looping_pendulum.teaching.tracker import TrackerError, find_motion, of_trajectory, overlay
+from looping_pendulum.teaching.tracker import TrackerError, find_motion, overlay, trajectory_motion
 
 
 def simulated(engine, profile=Profile.QUICK):
@@ -20,36 +20,36 @@ def simulated(engine, profile=Profile.QUICK):
 
 @pytest.mark.parametrize("engine", [None, "mujoco:capstan"])
 def test_our_readers_read_every_digit_back(tmp_path, engine):
-    made = overlay(find_motion("ten_to_one", engine), frame_rate=240.0, start=0.35)
+    frames = overlay(find_motion("ten_to_one", engine), frame_rate=240.0, start=0.35)
     file = tmp_path / "overlay.csv"
-    file.write_text(made.to_csv())
-    seen = read(file)
-    assert not seen.dropped
-    for name, values in (("heavy", made.heavy), ("light", made.light)):
+    file.write_text(frames.to_csv())
+    points = read(file)
+    assert not points.unused
+    for name, values in (("heavy", frames.heavy), ("light", frames.light)):
         for axis, column in zip("xy", values.T, strict=True):
-            channel = seen.channel(f"{name}_{axis}")
-            assert np.array_equal(channel.t, made.t)
+            channel = points.channel(f"{name}_{axis}")
+            assert np.array_equal(channel.t, frames.t)
             assert np.array_equal(channel.value, column)
 
 
 def test_rows_lie_on_the_frames_of_the_video_and_have_the_places_of_the_reference():
-    made = overlay(find_motion("ten_to_one"), frame_rate=240.0, start=0.3512)
-    assert made.first_frame == 85  # 0.3512 s is between the frames 84 and 85
-    assert np.array_equal(made.t, (85 + np.arange(len(made.t))) / 240)
+    frames = overlay(find_motion("ten_to_one"), frame_rate=240.0, start=0.3512)
+    assert frames.first_frame == 85  # 0.3512 s is between the frames 84 and 85
+    assert np.array_equal(frames.t, (85 + np.arange(len(frames.t))) / 240)
     scenario = load("ten_to_one")
-    samples = solve(scenario.parameters).sample(made.t - 0.3512)
-    assert np.array_equal(made.light, samples.light_position)
-    assert np.array_equal(made.heavy, samples.heavy_position)
+    samples = solve(scenario.parameters).sample(frames.t - 0.3512)
+    assert np.array_equal(frames.light, samples.light_position)
+    assert np.array_equal(frames.heavy, samples.heavy_position)
 
 
 def test_between_samples_an_engines_run_is_as_near_to_the_reference_as_on_them():
     run = simulated("reference:scipy", Profile.ACCURATE)
-    made = overlay(of_trajectory(run), frame_rate=777.0)
+    frames = overlay(trajectory_motion(run), frame_rate=777.0)
     exact = overlay(find_motion("ten_to_one"), frame_rate=777.0)
     # Samples are 1 ms apart and a cubic bends by the fourth power of it; at the halt, where the acceleration jumps by some
     # 20 m/s^2, it is off by a tenth of a (1 ms)^2: 2 um.
-    assert np.abs(made.light - exact.light).max() < 1e-5
-    assert np.abs(made.heavy - exact.heavy).max() < 1e-5
+    assert np.abs(frames.light - exact.light).max() < 1e-5
+    assert np.abs(frames.heavy - exact.heavy).max() < 1e-5
 
 
 def test_a_run_in_a_folder_of_compare_is_found(tmp_path):
@@ -71,7 +71,7 @@ def test_a_run_in_a_folder_of_compare_is_found(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         ({"frame_rate": 0.0}, "--fps: found 0"),
         ({"frame_rate": float("nan")}, "--fps: found nan"),
@@ -79,8 +79,8 @@ def test_a_run_in_a_folder_of_compare_is_found(tmp_path):
         ({"frame_rate": 0.1, "start": 1.0}, "no frame falls into"),
     ],
 )
-def test_impossible_frames_are_refused(options, said):
-    with pytest.raises(TrackerError, match=said):
+def test_impossible_frames_are_refused(options, message):
+    with pytest.raises(TrackerError, match=message):
         overlay(find_motion("ten_to_one"), **options)
 
 

@@ -1,9 +1,11 @@
-"""Does a sequence of ever finer runs converge, how fast, to what, and how much of an error is it? Pure functions on numbers.
+"""Classifies a sequence of ever finer runs (does it converge, with which order, to which limit) and splits an error into parts.
+
+The functions are pure and take plain numbers.
 
 The order and the limit are a least-squares fit of ``limit + b h^order`` to the finest rungs (L. Eça and M. Hoekstra, J. Comput.
-Phys. 262, 104, 2014), with all samples of a path in one fit; leaving out one rung at a time says how well they are known, and a
-safety factor as in P. Roache's grid convergence index covers what a few rungs cannot show. A sequence that is no power law gets
-no order: it is said how far it scatters.
+Phys. 262, 104, 2014), with all samples of a path in one fit. Their uncertainty comes from leaving out one rung at a time (the
+jackknife) and from a safety factor as in P. Roache's grid convergence index, for what a few rungs cannot show. A sequence that
+follows no power law gets no order; its scatter is given instead.
 """
 
 from __future__ import annotations
@@ -20,27 +22,30 @@ from scipy.stats import t as students_t
 from looping_pendulum.reference_ode.geometry import Array
 
 ORDERS = np.linspace(0.05, 8.0, 160)
-"""Orders that a fit tries; one at either end is no order."""
-FEWEST = 3
-"""Rungs that an order needs."""
-SAFETY, CAUTIOUS_SAFETY = 1.25, 3.0
-"""Roache's factors on the distance of the finest rung to the limit: where four rungs or more agree on an order, and else."""
-SHARE = 0.1
-"""Of its distance from the finest, what a rung may be off a power law: terms of higher order."""
-LEAST_SHARE = 1e-6
-"""What is expected of a rung is at least this share of the coarsest's: rounding."""
-POOR_FIT = 3.0
-"""A fit that leaves more than this, in units of what is expected, is not that of a power law."""
-SEEN = 2.0
-"""A change counts as seen if it is this many standard deviations of the spread."""
+"""Orders that a fit tries before it refines the best; a best fit at either end is rejected."""
+MIN_RUNGS = 3
+"""Smallest number of rungs that determine order, limit and slope."""
+SAFETY_FACTOR, CAUTIOUS_SAFETY_FACTOR = 1.25, 3.0
+"""Roache's safety factors on the distance of the finest rung from the limit.
+
+The first holds where four rungs or more agree on an order, the second otherwise.
+"""
+HIGHER_ORDER_SHARE = 0.1
+"""Error that a rung may have against a power law, as a share of its distance from the finest rung: terms of higher order."""
+MIN_EXPECTED_SHARE = 1e-6
+"""Smallest expected error of a rung, as a share of the largest one: a bound on the weights of the fit, for rounding."""
+MAX_MISFIT = 3.0
+"""Largest root mean square residual of a fit, in units of the expected error, at which the rungs follow a power law."""
+SIGNIFICANT_CHANGE = 2.0
+"""Number of standard deviations of the spread above which a change is significant."""
 CONFIDENCE = 0.975
-"""One-sided, so that limits are given with 95 %."""
-FINEST = 4
-"""Rungs whose scatter is taken, where they follow no power law."""
+"""Quantile of Student's t: one-sided, so that intervals have 95 %."""
+SCATTER_RUNGS = 4
+"""Number of the finest rungs whose scatter is given if they follow no power law."""
 
 
 class SequenceKind(StrEnum):
-    """What a sequence does."""
+    """Behaviour of a sequence under refinement."""
 
     CONVERGES = "converges"
     SETTLED = "no longer changes"
@@ -52,35 +57,35 @@ class SequenceKind(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class SequenceFinding:
-    """What a sequence does, and its limit."""
+    """Behaviour of a sequence under refinement, and its limit."""
 
     kind: SequenceKind
     why: str = ""
-    """Why it is no better, in a few words."""
+    """Reason for the kind, in a few words, where it is not convergence."""
     used: int = 0
-    """Finest rungs that the limit is of."""
+    """Number of the finest rungs that the limit is derived from."""
     order: float | None = None
     order_uncertainty: float | None = None
-    """95 %; None where three rungs leave nothing to tell it from."""
+    """Half-width of the 95 % interval of the order; None where three rungs leave no degree of freedom."""
     limit: Array | None = None
-    """Shape (samples, components)."""
+    """Limit of the sequence, shape (samples, components); None where it has none."""
     uncertainty: float | None = None
-    """Of the limit, 95 %, in the sequence's unit."""
+    """Half-width of the 95 % interval of the limit, in the unit of the values."""
     scatter: float | None = None
     """Standard deviation of a rung, where rungs follow no power law."""
 
-    def points_to(self, value: Array) -> bool:
-        """Whether the limit is ``value``, within its uncertainty."""
-        return self.limit is not None and self.uncertainty is not None and norm(self.limit - value) <= self.uncertainty
+    def agrees_with(self, value: Array) -> bool:
+        """Return whether the limit equals ``value`` within its uncertainty."""
+        return self.limit is not None and self.uncertainty is not None and rms_norm(self.limit - value) <= self.uncertainty
 
 
-def norm(value: Array) -> float:
-    """Root mean square over the samples of the length of ``value``, shape (samples, components)."""
+def rms_norm(value: Array) -> float:
+    """Return the root mean square, over the samples, of the length of ``value``, shape (samples, components)."""
     return float(np.sqrt(np.mean(np.sum(np.square(value), axis=-1))))
 
 
-def sizes(values: Sequence[float]) -> Array:
-    """Falling sizes h of a setting given from coarse to fine: the setting, or one over it if it grows.
+def refinement_sizes(values: Sequence[float]) -> Array:
+    """Return the decreasing sizes h of a setting given from coarse to fine: the setting itself, or its inverse if it grows.
 
     Raises
     ------
@@ -93,45 +98,45 @@ def sizes(values: Sequence[float]) -> Array:
         return given
     if (steps > 0).all() and (given > 0).all():
         return 1.0 / given
-    raise ValueError(f"values from coarse to fine neither rise nor fall: {', '.join(f'{v:g}' for v in values)}")
+    raise ValueError(f"found values from coarse to fine that neither rise nor fall: {', '.join(f'{v:g}' for v in values)}")
 
 
-def examine(h: Array, values: Sequence[Array], *, floor: float = 0.0, spread: float | None = None) -> SequenceFinding:
-    """Say what a sequence does as ``h`` falls.
+def classify_sequence(h: Array, values: Sequence[Array], *, floor: float = 0.0, spread: float | None = None) -> SequenceFinding:
+    """Classify how a sequence behaves as ``h`` falls.
 
     Parameters
     ----------
     h
-        Size of each rung, falling, shape (n,).
+        Size of each rung, decreasing, shape (n,).
     values
-        Per rung shape (samples, components): one sample of one component for a number.
+        Value of each rung, shape (samples, components): one sample of one component for a number.
     floor
-        Changes up to this are not seen: rounding, or how a value is read off.
+        Largest change that is due to rounding or to how a value is read from samples.
     spread
-        Standard deviation that small changes of the start give; changes within it are no convergence.
+        Standard deviation under small changes of the start; changes within it are not evidence of convergence.
     """
-    if len(values) < FEWEST:
-        return SequenceFinding(kind=SequenceKind.UNKNOWN, why=f"{len(values)} of the {FEWEST} rungs that it needs")
+    if len(values) < MIN_RUNGS:
+        return SequenceFinding(kind=SequenceKind.UNKNOWN, why=_too_few(len(values)))
     settled = _settled(values, floor)
     moving = len(values) - settled + 1
     if settled > 1:
         before = _power_law(h[:moving], values[:moving], floor, spread, settled=True)
-        if before is not None and before.points_to(values[-1]):
+        if before is not None and before.agrees_with(values[-1]):
             return replace(before, limit=values[-1], uncertainty=floor)
-    if settled >= FEWEST:  # two alone may be so by chance
+    if settled >= MIN_RUNGS:  # Two alone may agree by chance.
         return SequenceFinding(kind=SequenceKind.SETTLED, used=settled, limit=values[-1], uncertainty=floor)
     power_law = _power_law(h, values, floor, spread, settled=False)
     if power_law is not None:
-        change = norm(values[-power_law.used] - values[-1])
-        if spread is None or change > SEEN * math.sqrt(2) * spread:
+        change = rms_norm(values[-power_law.used] - values[-1])
+        if spread is None or change > SIGNIFICANT_CHANGE * math.sqrt(2) * spread:
             return power_law
-    tail = values[-min(len(values), FINEST) :]
+    tail = values[-min(len(values), SCATTER_RUNGS) :]
     scatter = _deviation(tail)
-    within = spread is not None and scatter <= SEEN * max(spread, floor)
-    why = "finer rungs change it no more than small changes of the start do" if within else _not_monotone(values)
+    within = spread is not None and scatter <= SIGNIFICANT_CHANGE * max(spread, floor)
+    why = "refinement changes it no more than small changes of the start do" if within else _not_monotone(values)
     mean = np.mean(tail, axis=0)
     half_width = float(students_t.ppf(CONFIDENCE, len(tail) - 1)) * scatter / math.sqrt(len(tail))
-    drift = norm(np.mean(tail[-2:], axis=0) - mean)  # a trend below the scatter still moves the mean
+    drift = rms_norm(np.mean(tail[-2:], axis=0) - mean)  # A trend below the scatter still moves the mean.
     return SequenceFinding(
         kind=SequenceKind.WITHIN_SPREAD if within else SequenceKind.SCATTERS,
         why=why,
@@ -142,63 +147,70 @@ def examine(h: Array, values: Sequence[Array], *, floor: float = 0.0, spread: fl
     )
 
 
+def _too_few(count: int) -> str:
+    return f"{count} {'run has' if count == 1 else 'runs have'} a value, {MIN_RUNGS} are needed"
+
+
 def _settled(values: Sequence[Array], floor: float) -> int:
-    """How many of the finest rungs are within ``floor`` of the finest: 1 if only itself."""
+    """Return how many of the finest rungs are within ``floor`` of the finest one, itself included."""
     count = 1
-    while count < len(values) and norm(values[-count - 1] - values[-1]) <= floor:
+    while count < len(values) and rms_norm(values[-count - 1] - values[-1]) <= floor:
         count += 1
     return count
 
 
 def _power_law(h: Array, values: Sequence[Array], floor: float, spread: float | None, settled: bool) -> SequenceFinding | None:
-    """Order and limit of most of the finest rungs that follow one power law; None if they are less than half, or three of more.
+    """Fit a power law to as many of the finest rungs as follow one; None if these are less than half, or three of more.
 
-    With settled rungs behind them three will do: those show the limit themselves. The spread is the noise of a rung, unless
-    more rungs than a fit has numbers follow the law better than that.
+    With settled rungs behind them three suffice, since those show the limit themselves. The noise of a rung is the spread,
+    unless more rungs than the fit has parameters follow the law better than that.
     """
-    if len(values) < FEWEST:
+    if len(values) < MIN_RUNGS:
         return None
-    least = FEWEST if settled else max(min(FEWEST + 1, len(values)), math.ceil(len(values) / 2))
-    for noise, fewest in ((floor, max(least, FEWEST + 1)), (max(floor, spread or 0.0), least)):
+    least = MIN_RUNGS if settled else max(min(MIN_RUNGS + 1, len(values)), math.ceil(len(values) / 2))
+    for noise, fewest in ((floor, max(least, MIN_RUNGS + 1)), (max(floor, spread or 0.0), least)):
         for count in range(len(values), fewest - 1, -1):
             if _falls_like_a_power(h[-count:], values[-count:]):
                 fit = _fit(h[-count:], values[-count:], noise)
-                if fit is not None and fit.misfit <= POOR_FIT:
+                if fit is not None and fit.misfit <= MAX_MISFIT:
                     return _converging(h[-count:], values[-count:], fit, noise)
     return None
 
 
 def _falls_like_a_power(h: Array, values: Sequence[Array]) -> bool:
-    """Whether changes all point one way and shrink faster than those of a logarithm would."""
+    """Return whether all changes have one direction and shrink faster than those of a logarithm would."""
     steps = [b - a for a, b in zip(values, values[1:], strict=False)]
     one_way = all(float(np.sum(a * b)) > 0 for a, b in zip(steps, steps[1:], strict=False))
-    small = max(h[-1], h[-2] * 1e-3)  # a last rung of size 0 is the limit itself
+    small = max(h[-1], h[-2] * 1e-3)  # A last rung of size 0 is the limit itself.
     ratios = np.log(h[:-1] / np.append(h[1:-1], small))
-    rates = np.array([norm(step) for step in steps]) / ratios
+    rates = np.array([rms_norm(step) for step in steps]) / ratios
     return one_way and bool((np.diff(rates) < 0).all())
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Fit:
+    """Least-squares fit of a power law."""
+
     order: float
     limit: Array
     misfit: float
-    """Root mean square of what the fit leaves, in units of what is expected of each rung."""
-    finest: float
-    """What is expected of the finest rung."""
+    """Root mean square residual, in units of each rung's expected error."""
+    finest_error: float
+    """Expected error of the finest rung."""
 
 
-def _expected(values: Sequence[Array], noise: float) -> Array:
-    """How far each rung may be off a power law: a share of its distance from the finest, and the noise."""
-    distance = [norm(value - values[-1]) for value in values[:-1]]
-    distance.append(distance[-1] * min(distance[-1] / distance[-2], 1.0))  # the finest is off by that much, as one step tells
-    return np.hypot(SHARE * np.array(distance), noise)
+def _expected_errors(values: Sequence[Array], noise: float) -> Array:
+    """Return the error that each rung may have against a power law: a share of its distance from the finest, and the noise."""
+    distance = [rms_norm(value - values[-1]) for value in values[:-1]]
+    # The finest rung has no finer one: its distance is extrapolated from the last two by their ratio.
+    distance.append(distance[-1] * min(distance[-1] / distance[-2], 1.0))
+    return np.hypot(HIGHER_ORDER_SHARE * np.array(distance), noise)
 
 
 def _fit(h: Array, values: Sequence[Array], noise: float) -> _Fit | None:
-    """Least squares of ``limit + slope h^order``; None if no order within `ORDERS` is best."""
-    shape, expected = values[0].shape, _expected(values, noise)
-    weight = (1 / np.maximum(expected, expected.max() * LEAST_SHARE))[:, None]
+    """Fit ``limit + slope h^order`` by least squares; None if no order within `ORDERS` is best."""
+    shape, expected = values[0].shape, _expected_errors(values, noise)
+    weight = (1 / np.maximum(expected, expected.max() * MIN_EXPECTED_SHARE))[:, None]
     y = weight * np.array([(value - values[-1]).ravel() for value in values])
 
     def design(order: float) -> Array:
@@ -206,76 +218,79 @@ def _fit(h: Array, values: Sequence[Array], noise: float) -> _Fit | None:
 
     gram = y @ y.T
 
-    def left_by(order: float) -> float:
+    def residual_of(order: float) -> float:
         basis = np.linalg.qr(design(order))[0]
         return float(np.trace(gram) - np.trace(basis.T @ gram @ basis))
 
-    best = int(np.argmin([left_by(order) for order in ORDERS]))
+    best = int(np.argmin([residual_of(order) for order in ORDERS]))
     if best in (0, len(ORDERS) - 1):
         return None
-    order = float(minimize_scalar(left_by, bounds=(ORDERS[best - 1], ORDERS[best + 1]), method="bounded").x)
+    order = float(minimize_scalar(residual_of, bounds=(ORDERS[best - 1], ORDERS[best + 1]), method="bounded").x)
     solution = np.linalg.lstsq(design(order), y, rcond=None)[0]
     remainder = y - design(order) @ solution
-    freedom = max(len(h) - FEWEST, 1)
+    freedom = max(len(h) - MIN_RUNGS, 1)
     return _Fit(
         order=order,
         limit=np.asarray(solution[0]).reshape(shape) + values[-1],
-        misfit=math.sqrt(sum(norm(row.reshape(shape)) ** 2 for row in remainder) / freedom),
-        finest=float(expected[-1]),
+        misfit=math.sqrt(sum(rms_norm(row.reshape(shape)) ** 2 for row in remainder) / freedom),
+        finest_error=float(expected[-1]),
     )
 
 
 def _converging(h: Array, values: Sequence[Array], fit: _Fit, noise: float) -> SequenceFinding:
-    """Order and limit of rungs that follow a power law, with what leaving out one rung at a time says of them."""
+    """Return order and limit of rungs that follow a power law, with uncertainties from leaving out one rung at a time."""
     count = len(values)
-    others = []
-    if count > FEWEST:
+    jackknife_fits = []
+    if count > MIN_RUNGS:
         for k in range(count):
-            one = _fit(np.delete(h, k), [value for j, value in enumerate(values) if j != k], noise)
-            if one is not None:
-                others.append(one)
-    known = len(others) == count
+            without_k = _fit(np.delete(h, k), [value for j, value in enumerate(values) if j != k], noise)
+            if without_k is not None:
+                jackknife_fits.append(without_k)
+    known = len(jackknife_fits) == count
     quantile = float(students_t.ppf(CONFIDENCE, count - 2)) if known else math.nan
-    jackknife = math.sqrt((count - 1) / count)
-    order_error = jackknife * math.sqrt(sum((one.order - fit.order) ** 2 for one in others)) * quantile if known else None
-    limit_error = jackknife * math.sqrt(sum(norm(one.limit - fit.limit) ** 2 for one in others)) * quantile if known else 0.0
-    agreed = order_error is not None and order_error < fit.order
-    to_limit = norm(values[-1] - fit.limit)
-    covered = ((SAFETY if agreed else CAUTIOUS_SAFETY) - 1) * to_limit
+    factor = math.sqrt((count - 1) / count)
+    order_error = factor * math.sqrt(sum((one.order - fit.order) ** 2 for one in jackknife_fits)) * quantile if known else None
+    limit_error = (
+        factor * math.sqrt(sum(rms_norm(one.limit - fit.limit) ** 2 for one in jackknife_fits)) * quantile if known else 0.0
+    )
+    orders_agree = order_error is not None and order_error < fit.order
+    to_limit = rms_norm(values[-1] - fit.limit)
+    margin = ((SAFETY_FACTOR if orders_agree else CAUTIOUS_SAFETY_FACTOR) - 1) * to_limit
     return SequenceFinding(
         kind=SequenceKind.CONVERGES,
         used=count,
         order=fit.order,
         order_uncertainty=order_error,
         limit=fit.limit,
-        uncertainty=math.hypot(covered, limit_error, fit.misfit * fit.finest, noise),
+        uncertainty=math.hypot(margin, limit_error, fit.misfit * fit.finest_error, noise),
     )
 
 
 def _deviation(values: Sequence[Array]) -> float:
-    """Return the standard deviation of ``values`` about their mean; 0 of a single one."""
+    """Return the standard deviation of ``values`` about their mean; 0 for a single one."""
     if len(values) < 2:
         return 0.0
     mean = np.mean(values, axis=0)
-    return math.sqrt(sum(norm(value - mean) ** 2 for value in values) / (len(values) - 1))
+    return math.sqrt(sum(rms_norm(value - mean) ** 2 for value in values) / (len(values) - 1))
 
 
 def deviation(values: Sequence[Array]) -> float | None:
-    """Return the standard deviation of ``values``, None of fewer than three."""
-    return _deviation(values) if len(values) >= FEWEST else None
+    """Return the standard deviation of ``values``, None for fewer than three."""
+    return _deviation(values) if len(values) >= MIN_RUNGS else None
 
 
 def _not_monotone(values: Sequence[Array]) -> str:
+    """Say in a few words why ``values`` follow no power law."""
     steps = [b - a for a, b in zip(values, values[1:], strict=False)]
     if float(np.sum(steps[-1] * steps[-2])) <= 0:
         return "the last two refinements change it in opposite directions"
-    if norm(steps[-1]) >= norm(steps[-2]):
+    if rms_norm(steps[-1]) >= rms_norm(steps[-2]):
         return "the last refinement changes it more than the one before"
     return "its changes follow no power of the setting"
 
 
 class ErrorCause(StrEnum):
-    """What the larger part of an error is."""
+    """Cause of a part of an error."""
 
     NOT_CONVERGED = "not converged"
     MODEL = "different model"
@@ -286,11 +301,11 @@ class ErrorCause(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Correction:
-    """How far a ladder's limit is from the variant's own setting."""
+    """Difference that refining one setting to its limit would make."""
 
     ladder: str
     change: Array
-    """Limit less value at the variant's setting, shape (samples, components)."""
+    """Limit less the value at the variant's setting, shape (samples, components)."""
     uncertainty: float
     converges: bool
 
@@ -308,7 +323,7 @@ class ErrorParts:
     choice_of: str
     spread: float | None
     causes: tuple[ErrorCause, ...]
-    """Those seen above their uncertainty, the largest first."""
+    """Causes of the parts above their uncertainty, the largest first."""
 
 
 def split_error(
@@ -322,40 +337,41 @@ def split_error(
 ) -> ErrorParts:
     """Split the distance of ``own`` from ``reference`` into numerics, model and choice.
 
-    What is left at the limit is the model's if no other choice changes the answer by as much; else it is the adapter's choice.
+    The error that remains at the limit is attributed to the model, unless another choice of the adapter would change the value
+    by as much; then it is attributed to that choice.
 
     Parameters
     ----------
     own, reference
-        Value at the variant's settings, and the true one, shape (samples, components).
+        Value at the variant's settings, and the reference's, shape (samples, components).
     corrections
-        One per ladder that has a limit; ladders are taken to act independently, so their corrections add up.
+        One per ladder that has a limit; ladders are assumed to act independently, so that their corrections add up.
     choices
-        What else could be chosen -> value with it.
+        Another choice -> the value with it.
     spread
-        Standard deviation that small changes of the start give.
+        Standard deviation under small changes of the start.
     floor
-        How well a value can be read off at all.
+        How well a value can be read from samples at all.
     """
-    noise = floor if spread is None else math.hypot(SEEN * spread, floor)
-    moved = {what: norm(value - own) for what, value in choices.items()}
-    choice_of = max(moved, key=lambda what: moved[what], default="")
-    choice = moved.get(choice_of)
+    noise = floor if spread is None else math.hypot(SIGNIFICANT_CHANGE * spread, floor)
+    changes = {what: rms_norm(value - own) for what, value in choices.items()}
+    choice_of = max(changes, key=lambda what: changes[what], default="")
+    choice = changes.get(choice_of)
     numerics = model = half_width = None
-    found: list[tuple[float, ErrorCause]] = []
+    parts: list[tuple[float, ErrorCause]] = []
     if corrections:
         total = np.sum([c.change for c in corrections], axis=0)
-        numerics, model = norm(total), norm(own + total - reference)
+        numerics, model = rms_norm(total), rms_norm(own + total - reference)
         half_width = math.hypot(noise, *(c.uncertainty for c in corrections))
         if numerics > half_width or not all(c.converges for c in corrections):
-            found.append((numerics, ErrorCause.NOT_CONVERGED))
+            parts.append((numerics, ErrorCause.NOT_CONVERGED))
         if model > half_width:
-            found.append(
+            parts.append(
                 (model, ErrorCause.CHOICE if choice is not None and choice >= model - half_width else ErrorCause.MODEL)
             )
-    causes = tuple(cause for _, cause in sorted(found, key=lambda pair: -pair[0]))
+    causes = tuple(cause for _, cause in sorted(parts, key=lambda pair: -pair[0]))
     return ErrorParts(
-        error=norm(own - reference),
+        error=rms_norm(own - reference),
         numerics=numerics,
         numerics_uncertainty=half_width,
         model=model,

@@ -1,4 +1,4 @@
-"""Figures of a study of convergence: one per ladder, drawn from its result."""
+"""Draws the figures of a convergence study, one per ladder, from its result."""
 
 from __future__ import annotations
 
@@ -12,40 +12,40 @@ from matplotlib.figure import Figure
 from looping_pendulum.compare.convergence.ladder import SequenceKind
 from looping_pendulum.compare.convergence.result import (
     HALT,
-    MARKS,
+    PATH_END_TIMES,
     ConvergenceResult,
     ConvergenceVerdict,
     LadderStudy,
     VariantStudy,
 )
-from looping_pendulum.compare.plots import GREY, figure_of, legend_below, literal, png
-from looping_pendulum.files import decoration, file_stem
+from looping_pendulum.compare.plots import GREY, legend_below, make_figure, png, without_mathtext
+from looping_pendulum.files import file_stem, optional_output
 from looping_pendulum.pages.palette import COLOURS
 
-LOOK = dict(zip(MARKS, (("o", COLOURS[0]), ("s", COLOURS[1])), strict=True))
-"""Path -> marker and colour."""
+PATH_STYLES = dict(zip(PATH_END_TIMES, (("o", COLOURS[0]), ("s", COLOURS[1])), strict=True))
+"""Path quantity -> marker and colour."""
 
 
 def draw(result: ConvergenceResult) -> dict[str, tuple[str, str, bytes]]:
-    """Every figure that the result has data for: file name -> (label of the variant, caption, PNG)."""
+    """Draw every figure that the result has data for: file name -> (label of the variant, caption, PNG)."""
     figures = {}
     for v in result.variants:
         for ladder in v.ladders:
-            if sum(rung.value > 0 and any(rung.run.rms[mark] for mark in MARKS) for rung in ladder.rungs) > 1:
+            if sum(rung.value > 0 and any(rung.run.rms[path] for path in PATH_END_TIMES) for rung in ladder.rungs) > 1:
                 name = f"{file_stem(v.label, v.profile, ladder.setting)}.png"
                 caption = (
                     f"{v.label}: error against the reference (full) and against its own limit (dashed) as {ladder.setting} "
                     "is refined to the right; below, the halting time's error."
                 )
-                with decoration(f"figures/{name}"):
+                with optional_output(f"figures/{name}"):
                     figures[name] = v.label, caption, png(ladder_figure(v, ladder))
     return figures
 
 
 def ladder_figure(v: VariantStudy, ladder: LadderStudy) -> Figure:
-    """Error against the reference and against the own limit over the refined setting, and the halting time's error below."""
+    """Draw the errors from the reference and from the ladder's limit against the setting; below, the halting time's error."""
     halts = any(rung.run.halting_time_error is not None for rung in ladder.rungs)
-    figure, axes = figure_of(7.6, 6.6 if halts else 4.8, rows=(3, 2) if halts else (1,))
+    figure, axes = make_figure(7.6, 6.6 if halts else 4.8, rows=(3, 2) if halts else (1,))
     verdicts = {one.quantity: one for one in ladder.verdicts}
     _errors(axes[0], v, ladder, verdicts)
     if halts:
@@ -56,14 +56,14 @@ def ladder_figure(v: VariantStudy, ladder: LadderStudy) -> Figure:
     if values[0] > values[-1]:
         last.invert_xaxis()
     last.set_xlabel(f"{ladder.setting}{f' [{ladder.unit}]' if ladder.unit else ''}, finer to the right")
-    axes[0].set_title(literal(f"{v.label}, {v.profile}: {ladder.setting}"))
+    axes[0].set_title(without_mathtext(f"{v.label}, {v.profile}: {ladder.setting}"))
     legend_below(figure, columns=2)
     return figure
 
 
 def _errors(axes: Axes, v: VariantStudy, ladder: LadderStudy, verdicts: dict[str, ConvergenceVerdict]) -> None:
-    for name, (marker, colour) in LOOK.items():
-        words, verdict = f"to {MARKS[name]:g} s", verdicts[name]
+    for name, (marker, colour) in PATH_STYLES.items():
+        words, verdict = f"to {PATH_END_TIMES[name]:g} s", verdicts[name]
         how: dict[str, Any] = {"marker": marker, "color": colour, "ms": 5}
         axes.plot(*_points(ladder, [r.run.rms[name] for r in ladder.rungs]), label=f"from the reference, {words}", **how)
         if verdict.kind in (SequenceKind.CONVERGES, SequenceKind.SETTLED):

@@ -1,15 +1,15 @@
-"""The report of a study of convergence in Markdown, rendered from its result and nothing else."""
+"""Renders the report of a convergence study in Markdown from its result alone."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
-from looping_pendulum.compare.convergence.measure import SHOWN
+from looping_pendulum.compare.convergence.measure import DISPLAY_UNITS
 from looping_pendulum.compare.convergence.result import (
     DROP,
     HALT,
-    MARKS,
+    PATH_END_TIMES,
     ConvergenceResult,
     ErrorSplit,
     LadderStudy,
@@ -21,28 +21,30 @@ from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.scenarios.units import pretty
 
-WORDS = {
+QUANTITY_LABELS = {
     "path_0.35s": "path to 0.35 s",
     "path_0.7s": "path to 0.7 s",
     HALT: "halting time",
     DROP: "drop at the halt",
 }
-EARLY, LATE = MARKS
-"""The two paths."""
+EARLY, LATE = PATH_END_TIMES
+"""Names of the two path quantities: to 0.35 s and to 0.7 s."""
 
 LADDERS = "studies(), in docs/write-an-engine.md"
-"""Where it says how an adapter offers a ladder."""
+"""Section of the documentation on how an adapter offers ladders."""
 
 HOW_TO_READ = """\
-- **error**: root mean square distance of the light mass from the reference up to that time; of a number, its difference.
-- **not converged** (numerics): how far the variant at its own settings is from its own limit. Each ladder refines one setting;
-  their corrections are added up, but for a ladder whose setting another one takes along, as far or further.
+- **ladder, rung**: a sequence of runs that refines one setting of the variant step by step; each run of it is a rung.
+- **error**: for a path, the root mean square distance of the light mass from the reference up to that time; for the halting
+  time, its difference from the reference's.
+- **not converged** (numerics): how far the variant at its own settings is from its own limit. The corrections of all ladders
+  are added up, except those of a ladder whose setting another ladder refines as far or further.
 - **different model**: how far that limit is from the reference; counted only if it is above its uncertainty.
-- **adapter's choice**: the most that another choice, as reasonable, changes. What is left at the limit is called that if it is
-  no larger.
-- **spread**: standard deviation of the error when the start changes by 0.01 deg or 0.1 mm, each start against its own reference.
-- Uncertainties are 95 %. An order is fitted only where changes point one way and shrink like a power of the setting; otherwise
-  the scatter is given.
+- **adapter's choice**: the largest change that another, equally reasonable choice makes. The distance of the limit from the
+  reference is attributed to the choice, not to the model, if such a change is as large.
+- **spread**: standard deviation of the error when the start changes by 0.01 deg or 0.1 mm, each start with its own reference.
+- Uncertainties are half-widths of 95 % intervals. An order is fitted only where all changes have one direction and shrink like
+  a power of the setting; otherwise the scatter of the finest rungs is given.
 """
 
 
@@ -52,7 +54,7 @@ def render(result: ConvergenceResult, figures: Mapping[str, tuple[str, str]] | N
     Parameters
     ----------
     figures
-        Path below the report's folder -> (label of its variant, caption).
+        Path of a figure, from the report's folder -> (label of its variant, caption).
     """
     sections = [
         f"# {result.title}: what the engines' errors are made of\n\n{opening(result)}",
@@ -61,7 +63,7 @@ def render(result: ConvergenceResult, figures: Mapping[str, tuple[str, str]] | N
         "## How to read this\n\n" + HOW_TO_READ,
         *(_variant(v, figures or {}) for v in result.variants),
         "## Hidden defaults\n\n" + defaults_table(result),
-        "## The adapter's choices, each decided otherwise\n\n" + choices_table(result),
+        "## The adapter's choices and their alternatives\n\n" + choices_table(result),
         "## Provenance\n\n" + provenance_table(result),
         "## Wall times\n\n" + _wall_times(result),
     ]
@@ -69,15 +71,16 @@ def render(result: ConvergenceResult, figures: Mapping[str, tuple[str, str]] | N
 
 
 def opening(result: ConvergenceResult) -> str:
-    """What was run, for how long, and what was left out."""
-    text = f"Scenario `{result.scenario}`, watched for {result.until:g} s, against {result.reference}."
+    """Return what was run, for how long, and what was left out."""
+    text = f"Scenario `{result.scenario}`, simulated for {result.until:g} s and compared with {result.reference}."
     if result.reference_values[HALT] is not None:
         text += f" The reference halts at {result.reference_values[HALT]:.5f} s."
     left_out = sum(run.status == "SKIPPED" for run in _runs(result))
     if result.budget is not None:
-        text += f" Runs that were expected to take more than {result.budget:g} s were left out: {left_out}."
+        runs = "1 run was left out because it was" if left_out == 1 else f"{left_out} runs were left out because they were"
+        text += f" {runs} expected to take more than {result.budget:g} s."
     if result.interrupted:
-        text += " **Interrupted**: what had ended by then is here; run the same command again to go on."
+        text += " **Interrupted**: this report has the runs that had ended by then; run the same command again to continue."
     return text + "\n"
 
 
@@ -90,22 +93,22 @@ def _runs(result: ConvergenceResult) -> list[RunSummary]:
 
 
 def splits_table(result: ConvergenceResult, quantities: Sequence[str] = (EARLY, LATE, HALT)) -> str:
-    """One table per quantity: every variant's error in parts."""
+    """Return one table per quantity with the parts of every variant's error."""
     parts = []
     for name in quantities:
-        unit, scale = SHOWN[_unit(result, name)]
+        unit, scale = DISPLAY_UNITS[_unit(result, name)]
         head = [
             "variant",
-            "larger part",
+            "main cause",
             f"error [{unit}]",
             "not converged",
             "different model",
-            "± of both",
+            "± (of both)",
             "choice",
             "spread",
         ]
         rows = [_split_row(v, name, scale) for v in result.variants]
-        parts.append(f"### {WORDS[name][0].upper()}{WORDS[name][1:]}\n\n{table(head, rows, left=2)}")
+        parts.append(f"### {QUANTITY_LABELS[name][0].upper()}{QUANTITY_LABELS[name][1:]}\n\n{table(head, rows, left=2)}")
     return "\n".join(parts)
 
 
@@ -124,42 +127,44 @@ def _split_row(v: VariantStudy, name: str, scale: float) -> list[str]:
 def _causes(split: ErrorSplit) -> str:
     text = ", then ".join(cause.value for cause in split.causes)
     if split.without_limit and ErrorCause.UNKNOWN not in split.causes:
-        text += f" (no limit along {', '.join(split.without_limit)})"
+        text += f" (no limit known for {', '.join(split.without_limit)})"
     return text
 
 
 def _why_without(v: VariantStudy, name: str) -> str:
     if not v.own.ok:
         return v.own.why
-    return "never halts" if name in (HALT, DROP) and v.own.halting_time is None else "the reference has none"
+    return "never halts" if name in (HALT, DROP) and v.own.halting_time is None else "the reference has no value"
 
 
 def halting_table(result: ConvergenceResult) -> str:
-    """For every variant, whether its halting time converges, to within what."""
+    """Return a table of whether each variant's halting time converges, and to within what."""
     head = ["variant", "converges?", "halting error [ms]", "spread [ms]", "along each ladder"]
     return table(head, [_halting_row(v) for v in result.variants], left=2)
 
 
 def halting_verdict(v: VariantStudy) -> str:
-    """Whether the halting time of ``v`` converges along every ladder, and to within what."""
-    found = [verdict for ladder in v.ladders for verdict in ladder.verdicts if verdict.quantity == HALT]
-    kinds = {verdict.kind for verdict in found}
-    if not found:
-        return f"not known: it has no ladder ({LADDERS})"
+    """Say whether the halting time of ``v`` converges along every ladder, and to within what."""
+    verdicts = [verdict for ladder in v.ladders for verdict in ladder.verdicts if verdict.quantity == HALT]
+    kinds = {verdict.kind for verdict in verdicts}
+    if not verdicts:
+        return f"not known: the adapter offers no ladder ({LADDERS})"
     if kinds == {SequenceKind.NEVER}:
         return "never halts"
     if not v.own.ok:
-        return "not known: its own run does not end properly"
+        return "not known: the run with its own settings does not end properly"
     if SequenceKind.SCATTERS in kinds or SequenceKind.NEVER in kinds:
         if v.own.halting_time is None:
-            return "no; it halts at some settings only"
-        worst = max((verdict.scatter or 0.0 for verdict in found if verdict.kind is SequenceKind.SCATTERS), default=0.0)
+            return "no; it halts only with some settings"
+        worst = max((verdict.scatter or 0.0 for verdict in verdicts if verdict.kind is SequenceKind.SCATTERS), default=0.0)
         return f"no; it scatters by ± {number(worst, 1e3, 2)} ms"
     split = next((s for s in v.splits if s.quantity == HALT), None)
     if SequenceKind.UNKNOWN in kinds or split is None:
         return "not known along every ladder"
     within = f"to within ± {number(split.numerics_uncertainty, 1e3, 2)} ms"
-    return f"only {within}, its spread" if SequenceKind.WITHIN_SPREAD in kinds else f"yes, {within}"
+    return (
+        f"only {within}, the spread of small changes of the start" if SequenceKind.WITHIN_SPREAD in kinds else f"yes, {within}"
+    )
 
 
 def _halting_row(v: VariantStudy) -> list[str]:
@@ -175,19 +180,22 @@ def _halting_row(v: VariantStudy) -> list[str]:
 
 def _variant(v: VariantStudy, figures: Mapping[str, tuple[str, str]]) -> str:
     parts = [f"## {v.label}, {v.profile}\n\n{v.summary.rstrip('.')}. At its own settings: {v.own.why}.\n"]
-    parts += [_ladder(ladder) for ladder in v.ladders] or [f"It offers no ladder ({LADDERS}).\n"]
+    parts += [_ladder(ladder) for ladder in v.ladders] or [f"The adapter offers no ladder ({LADDERS}).\n"]
     parts += [f"![{caption}]({path})\n\n*{caption}*\n" for path, (label, caption) in figures.items() if label == v.label]
     if v.starts:
-        rows = [[one.what, *_errors(one.run)] for one in v.starts]
-        parts.append("Small changes of the start, each against its own reference:\n\n" + table(["start", *ERRORS], rows))
+        rows = [[one.what, *_error_cells(one.run)] for one in v.starts]
+        parts.append(
+            "Runs with slightly changed starts, each compared with its own reference:\n\n"
+            + table(["start", *ERROR_COLUMNS], rows)
+        )
     return "\n".join(parts)
 
 
-ERRORS = ("RMS to 0.35 s [mm]", "to 0.7 s [mm]", "halting error [ms]", "drop error [mm]", "remark")
-MOVED = ("path to 0.35 s moves [mm]", "to 0.7 s [mm]", "halting time [ms]", "remark")
+ERROR_COLUMNS = ("RMS to 0.35 s [mm]", "to 0.7 s [mm]", "halting error [ms]", "drop error [mm]", "remark")
+CHANGE_COLUMNS = ("change of the path to 0.35 s [mm]", "to 0.7 s [mm]", "of the halting time [ms]", "remark")
 
 
-def _errors(run: RunSummary) -> list[str]:
+def _error_cells(run: RunSummary) -> list[str]:
     cells = [
         number(run.rms[EARLY], 1e3),
         number(run.rms[LATE], 1e3),
@@ -197,75 +205,81 @@ def _errors(run: RunSummary) -> list[str]:
     return [*cells, "" if run.ok else run.why]
 
 
-def _moved(one: VariationStudy) -> list[str]:
+def _change_cells(one: VariationStudy) -> list[str]:
     halts = "never halts" if one.run.ok and one.run.halting_time is None else ""
     cells = [number(one.change[EARLY], 1e3), number(one.change[LATE], 1e3), signed(one.change[HALT], 1e3)]
     return [*cells, halts or ("" if one.run.ok else one.run.why)]
 
 
 def _ladder(ladder: LadderStudy) -> str:
-    head = [ladder.setting, "RMS to 0.35 s [mm]", "to 0.7 s [mm]", "0.7 s, from finest [mm]", "from own limit [mm]"]
+    head = [
+        ladder.setting,
+        "RMS to 0.35 s [mm]",
+        "to 0.7 s [mm]",
+        "distance to 0.7 s from the finest rung [mm]",
+        "from its own limit [mm]",
+    ]
     head += ["halting time [s]", "halting error [ms]", "remark"]
     rows = []
     for rung in ladder.rungs:
         run = rung.run
-        row = [setting_words(rung.value, ladder.unit), number(run.rms[EARLY], 1e3), number(run.rms[LATE], 1e3)]
+        row = [format_setting(rung.value, ladder.unit), number(run.rms[EARLY], 1e3), number(run.rms[LATE], 1e3)]
         row += [number(rung.to_finest[LATE], 1e3), number(rung.to_limit[LATE], 1e3)]
         rows.append([*row, fixed(run.halting_time, 5), signed(run.halting_time_error, 1e3), "" if run.ok else run.why])
     follows = f" ({ladder.follows})" if ladder.follows else ""
-    said = "".join(f"- {WORDS[v.quantity]}: {v.sentence}\n" for v in ladder.verdicts)
-    own = "" if ladder.own is None else f"; the variant's own is {setting_words(ladder.own, ladder.unit)}"
-    return f"### Refining {ladder.setting}{follows}{own}\n\n{table(head, rows, left=0)}\n{said}"
+    verdicts = "".join(f"- {QUANTITY_LABELS[v.quantity]}: {v.sentence}\n" for v in ladder.verdicts)
+    own = "" if ladder.own is None else f"; the variant uses {format_setting(ladder.own, ladder.unit)}"
+    return f"### Refining {ladder.setting}{follows}{own}\n\n{table(head, rows, left=0)}\n{verdicts}"
 
 
-def setting_words(value: float, unit: str) -> str:
-    """Value of a setting with its unit, as a person writes it; angles stay in the settings' own radians."""
+def format_setting(value: float, unit: str) -> str:
+    """Format the value of a setting with a suitable unit; angles stay in radians, as in the settings."""
     return f"{number(value)} rad" if unit == "rad" else quantity(value, pretty(unit), 3)
 
 
 def defaults_table(result: ConvergenceResult) -> str:
-    """Per variant and setting: the engine's default, ours, and what the default alone does."""
+    """Return a table of the engine's default of each setting, the adapter's value, and what the default alone changes."""
     head = [
         "variant",
         "setting",
         "engine's default",
-        "ours",
-        "what it does",
-        "halting time moves [ms]",
-        "RMS to 0.35 s, ours [mm]",
+        "adapter's value",
+        "what the setting does",
+        "change of the halting time [ms]",
+        "RMS to 0.35 s, adapter's value [mm]",
     ]
-    head += ["with the default [mm]", "remark"]
+    head += ["RMS to 0.35 s, default [mm]", "remark"]
     rows = []
     for v in result.variants:
         for one in v.defaults:
             row = [v.label, one.what, one.other, one.ours, one.effect, signed(one.change[HALT], 1e3)]
-            rows.append([*row, number(v.own.rms[EARLY], 1e3), number(one.run.rms[EARLY], 1e3), _moved(one)[-1]])
-    return table(head, rows, left=5) if rows else "None of these variants declares any.\n"
+            rows.append([*row, number(v.own.rms[EARLY], 1e3), number(one.run.rms[EARLY], 1e3), _change_cells(one)[-1]])
+    return table(head, rows, left=5) if rows else "None of these variants declares one.\n"
 
 
 def choices_table(result: ConvergenceResult) -> str:
-    """Per variant and choice of the adapter: ours, another one as reasonable, and what that moves."""
-    rows = [[v.label, one.what, one.ours, one.other, *_moved(one)] for v in result.variants for one in v.choices]
-    head = ["variant", "choice", "ours", "instead", *MOVED]
-    return table(head, rows, left=4) if rows else "None of these variants declares any.\n"
+    """Return a table of the adapter's choices, an equally reasonable alternative to each, and what that changes."""
+    rows = [[v.label, one.what, one.ours, one.other, *_change_cells(one)] for v in result.variants for one in v.choices]
+    head = ["variant", "choice", "adapter's", "alternative", *CHANGE_COLUMNS]
+    return table(head, rows, left=4) if rows else "None of these variants declares one.\n"
 
 
 def ladders_table(result: ConvergenceResult) -> str:
-    """A row per ladder: from where to where, and what each quantity does along it."""
-    head = ["variant", "setting", "from", "to", "rungs", *(WORDS[name] for name in (EARLY, LATE, HALT))]
+    """Return a table with a row per ladder: its ends, and how each quantity behaves along it."""
+    head = ["variant", "setting", "from", "to", "rungs", *(QUANTITY_LABELS[name] for name in (EARLY, LATE, HALT))]
     rows = []
     for v in result.variants:
         for ladder in v.ladders:
-            said = {one.quantity: one for one in ladder.verdicts}
+            verdicts = {verdict.quantity: verdict for verdict in ladder.verdicts}
             ran = [rung.value for rung in ladder.rungs if rung.run.status not in ("SKIPPED", "NOT_RUN")]
-            ends = [setting_words(value, ladder.unit) for value in (ran[0], ran[-1])] if ran else [GAP, GAP]
+            ends = [format_setting(value, ladder.unit) for value in (ran[0], ran[-1])] if ran else [GAP, GAP]
             counts = f"{len(ran)} of {len(ladder.rungs)}"
-            rows.append([v.label, ladder.setting, *ends, counts, *(said[name].sentence for name in (EARLY, LATE, HALT))])
+            rows.append([v.label, ladder.setting, *ends, counts, *(verdicts[name].sentence for name in (EARLY, LATE, HALT))])
     return table(head, rows, left=8)
 
 
 def provenance_table(result: ConvergenceResult) -> str:
-    """Versions, settings and suppliers of every variant."""
+    """Return a table of versions, settings and suppliers of physics of every variant."""
     head = ["variant", "versions", "settings [SI]", "who supplies what"]
     rows = []
     for v in result.variants:
@@ -278,5 +292,5 @@ def provenance_table(result: ConvergenceResult) -> str:
 
 def _wall_times(result: ConvergenceResult) -> str:
     total = sum(one.seconds or 0.0 for one in result.clock.run_times)
-    runs = f"{len(result.clock.run_times)} runs, {total:.0f} s together"
-    return f"Written {result.clock.written}. {runs}; they shared the machine, so this is no benchmark.\n"
+    runs = f"{len(result.clock.run_times)} runs took {total:.0f} s in total"
+    return f"Written {result.clock.written}. {runs}; several ran at the same time, so this is not a benchmark.\n"

@@ -1,4 +1,4 @@
-"""What a study of convergence found: frozen, and the same JSON for the same input.
+"""Result of a convergence study: frozen, and the same JSON for the same input.
 
 `convergence.json` is this tree of dataclasses, one JSON object per dataclass and one key per field; the text under a field is
 its documentation. Units are SI and radians throughout, a missing number is null. One key is added, ``schema``, the first: it
@@ -17,15 +17,18 @@ from looping_pendulum.compare.result import RunProvenance
 
 SCHEMA_ID = "looping-pendulum/convergence"
 SCHEMA_VERSION = 3
-"""Since 2, halting times are the end of the string's sliding (`compare.slides`); in 1 they were read from a band of speeds."""
+"""Since version 2, halting times are the end of the string's sliding (`compare.slides`); in 1 they were read from speeds.
+
+Version 3 renamed keys (`compare.json_text.RENAMED`).
+"""
 FILE = "convergence.json"
 
 HALT = "halting_time"
 DROP = "drop_at_halt"
 QUANTITIES = {"path_0.35s": "m", "path_0.7s": "m", HALT: "s", DROP: "m"}
-"""What is studied -> SI unit: the whole path of the light mass from the release to a time, and two numbers of the halt."""
-MARKS = {"path_0.35s": 0.35, "path_0.7s": 0.7}
-"""Path -> time [s] to which it is taken."""
+"""Quantity -> SI unit: the path of the light mass from the release to a time, and two values of the halt."""
+PATH_END_TIMES = {"path_0.35s": 0.35, "path_0.7s": 0.7}
+"""Path quantity -> time [s] at which the path ends."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,29 +36,29 @@ class RunSummary:
     """One run against the reference of its own scenario."""
 
     key: str
-    """Name of the run in the cache, and in ``clock``."""
+    """Key of the run in the cache, and in ``clock``."""
     status: str
     """Name of the `RunStatus`; SKIPPED: left out to keep the budget; NOT_RUN: the study was interrupted before it."""
     ok: bool
     why: str
-    """Sentence of the status, and what the engine said."""
+    """Sentence of the status, and the last line of the engine's message."""
     rms: dict[str, float | None]
-    """Path -> root mean square distance of the light mass from the reference [m]."""
+    """Path quantity -> root mean square distance of the light mass from the reference [m]."""
     halting_time: float | None
-    """[s]"""
+    """Halting time [s]."""
     halting_time_error: float | None
-    """[s]"""
+    """Halting time less the reference's [s]."""
     drop_at_halt: float | None
-    """[m]"""
+    """Drop of the heavy mass at the halt [m]."""
     drop_error: float | None
-    """[m]"""
+    """Drop at the halt less the reference's [m]."""
     string_stretch: float | None
-    """Largest [m]."""
+    """Largest stretch of the string [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rung:
-    """One value of a refined setting."""
+    """The run with one value of a refined setting."""
 
     value: float
     run: RunSummary
@@ -67,34 +70,34 @@ class Rung:
 
 @dataclass(frozen=True, kw_only=True)
 class ConvergenceVerdict:
-    """What one quantity does along one ladder."""
+    """Behaviour of one quantity along one ladder."""
 
     quantity: str
     unit: str
     kind: SequenceKind
     why: str
-    """Why it is no better."""
+    """Reason for the kind, where it is not convergence."""
     rungs: int
-    """Rungs that have the quantity."""
+    """Number of rungs that have a value of the quantity."""
     used: int
-    """Finest of them that the limit is of."""
+    """Number of the finest of these that the limit is derived from."""
     order: float | None
     order_uncertainty: float | None
-    """95 %; null where three rungs leave nothing to tell it from."""
+    """Half-width of the order's 95 % interval; null where three rungs leave no degree of freedom."""
     limit: float | None
-    """Of a number; a path's limit is a path."""
+    """Limit of a value of the halt; null for a path, whose limit is a path."""
     uncertainty: float | None
-    """Of the limit, 95 %."""
+    """Half-width of the limit's 95 % interval."""
     scatter: float | None
     """Standard deviation of a rung, where rungs follow no power law."""
     limit_error: float | None
-    """Distance of the limit from the reference; signed for a number."""
+    """Distance of the limit from the reference; signed for a value of the halt."""
     sentence: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class LadderStudy:
-    """One setting, refined."""
+    """A sequence of runs that refines one setting."""
 
     setting: str
     unit: str
@@ -116,12 +119,12 @@ class StartChange:
 
 @dataclass(frozen=True, kw_only=True)
 class VariationStudy:
-    """A hidden default put back, or another choice of the adapter."""
+    """A run with a hidden default of the engine restored, or with another choice of the adapter."""
 
     what: str
     ours: str
     other: str
-    """The engine's default, or what could be chosen instead."""
+    """The engine's default, or the alternative choice."""
     effect: str
     """What the setting does; empty for a choice."""
     run: RunSummary
@@ -137,25 +140,25 @@ class ErrorSplit:
     unit: str
     error: float
     numerics: float | None
-    """Distance to the variant's own limit: the sum of its ladders' corrections."""
+    """Distance of the variant from its own limit: the sum of its ladders' corrections."""
     numerics_uncertainty: float | None
     model: float | None
     """Distance of that limit to the reference."""
     model_uncertainty: float | None
     choice: float | None
-    """Largest change by another choice as reasonable."""
+    """Largest change that an equally reasonable alternative choice makes."""
     choice_of: str
     spread: float | None
     """Standard deviation of the error under small changes of the start."""
     causes: tuple[ErrorCause, ...]
-    """Parts above their uncertainty, the largest first."""
+    """Causes of the parts above their uncertainty, the largest first."""
     without_limit: tuple[str, ...]
     """Ladders whose limit is not known: they are missing from the numerics."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class VariantStudy:
-    """Everything about one engine variant."""
+    """Convergence study of one engine variant."""
 
     engine: str
     variant: str
@@ -179,7 +182,7 @@ class VariantStudy:
 
 @dataclass(frozen=True, kw_only=True)
 class RunTime:
-    """What one run of the study took; runs shared the machine, so this is no benchmark."""
+    """Wall time of one run of the study; several ran at the same time, so this is not a benchmark."""
 
     key: str
     seconds: float | None
@@ -196,27 +199,27 @@ class StudyClock:
 
 @dataclass(frozen=True, kw_only=True)
 class ConvergenceResult:
-    """One scenario, several variants."""
+    """Convergence studies of several variants on one scenario."""
 
     scenario: str
     title: str
     parameters: dict[str, Any]
     until: float
-    """How long runs were watched [s]."""
+    """Simulated time of the runs [s]."""
     budget: float | None
-    """Runs expected to take longer were left out [s]."""
+    """Wall time [s] above which runs were left out, by the expected cost; null: none were."""
     reference: str
     """Engine and variant of the reference."""
     reference_values: dict[str, float | None]
-    """Number -> its true value."""
+    """Quantity of the halt -> its value in the reference."""
     floors: dict[str, float]
-    """Quantity -> how well it can be read off; changes up to that are not seen."""
+    """Quantity -> smallest change that can be seen; smaller ones are due to reading samples."""
     interrupted: bool
     variants: tuple[VariantStudy, ...]
     clock: StudyClock
 
     def to_json(self) -> str:
-        """Text of ``convergence.json``."""
+        """Return the text of ``convergence.json``."""
         return dump(self, SCHEMA_ID, SCHEMA_VERSION)
 
     @classmethod
@@ -228,4 +231,6 @@ class ConvergenceResult:
         ResultError
             If it is something else, or from a later version.
         """
-        return load(cls, text, SCHEMA_ID, SCHEMA_VERSION, file=FILE, again="write it again with `looping-pendulum converge`")
+        return load(
+            cls, text, SCHEMA_ID, SCHEMA_VERSION, file=FILE, rewrite_hint="write it again with `looping-pendulum converge`"
+        )

@@ -1,4 +1,4 @@
-"""Runs all that a variant offers to vary, and splits its error: ladders, changes of the start, choices, hidden defaults."""
+"""Runs the convergence study of each variant (ladders, changed starts, other choices, hidden defaults) and splits its error."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from looping_pendulum.compare.convergence.ladder import SequenceFinding, deviation, examine, norm
+from looping_pendulum.compare.convergence.ladder import SequenceFinding, classify_sequence, deviation, rms_norm
 from looping_pendulum.compare.convergence.measure import (
     LadderResult,
     MeasuredRun,
     ReferenceTarget,
     change,
+    convergence_verdict,
     error_split,
-    finding_of,
     floors,
-    measure,
-    size_of,
-    target,
-    verdict,
+    measure_run,
+    reference_target,
+    rung_sizes,
+    with_missing_halts,
 )
 from looping_pendulum.compare.convergence.result import (
     FILE,
     HALT,
-    MARKS,
+    PATH_END_TIMES,
     QUANTITIES,
     ConvergenceResult,
     LadderStudy,
@@ -37,7 +37,7 @@ from looping_pendulum.compare.convergence.result import (
     VariantStudy,
     VariationStudy,
 )
-from looping_pendulum.compare.export import write_whole
+from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.compare.result import RunProvenance, SupplyEntry
 from looping_pendulum.compare.run_cache import EndedRun, Progress, RunCache, Runner, RunTask, run_key
@@ -56,14 +56,17 @@ START_CHANGES = (
     ("free_length", 1e-4, "free length {sign}0.1 mm"),
     ("hanging_length", 1e-4, "hanging length {sign}0.1 mm"),
 )
-"""Parameter, change [SI] and its words: far below what anybody could set up. The reference of each changed start is its own."""
-AFTER_HALT = 0.1
-"""How long a halt is watched [s]."""
+"""Parameter, change [SI] and its description; each changed start is compared with a reference of its own.
+
+The changes are far smaller than anybody could set up a real apparatus to.
+"""
+WATCH_AFTER_HALT = 0.1
+"""Simulated time after the reference's halt, so that the rest can be confirmed [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyPlan:
-    """What is run of one variant."""
+    """Runs that the study of one variant consists of."""
 
     engine: Engine
     studies: Studies
@@ -74,35 +77,35 @@ class StudyPlan:
     defaults: tuple[tuple[HiddenDefault, RunTask], ...]
 
     def tasks(self) -> list[RunTask]:
-        """All runs, those first that tell what others will cost."""
+        """Return all runs, first those from which the cost of others can be predicted."""
         rungs = [task for _, tasks in self.ladders for task in tasks]
         rungs.sort(key=lambda task: len(task.coarser))
         others = [task for _, task in (*self.starts, *self.choices, *self.defaults)]
         return [self.own, *rungs, *others]
 
 
-def watched(scenario: Scenario, until: float | None) -> Scenario:
-    """``scenario`` cut at ``until`` [s]; by default shortly after the last of the marks and the reference's halt."""
+def cut_to_watched(scenario: Scenario, until: float | None) -> Scenario:
+    """Return ``scenario`` cut at ``until`` [s]; by default shortly after the reference's halt and the last path's end time."""
     if until is None:
-        halt = target(scenario, Reference(scenario)).numbers[HALT]
-        until = max(*MARKS.values(), 0.0 if halt is None else halt + AFTER_HALT)
+        halt = reference_target(scenario, Reference(scenario)).numbers[HALT]
+        until = max(*PATH_END_TIMES.values(), 0.0 if halt is None else halt + WATCH_AFTER_HALT)
     return dataclasses.replace(scenario, duration=min(scenario.duration, round(until, 3)))
 
 
 def changed_starts(scenario: Scenario) -> list[tuple[str, Scenario]]:
-    """``scenario`` from slightly different starts, in words and as data."""
-    found = []
+    """Return ``scenario`` with slightly different starts, each with a description."""
+    changed = []
     for name, size, words in START_CHANGES:
         for sign in (1, -1):
             moved = scenario.parameters.replace(**{name: getattr(scenario.parameters, name) + sign * size})
             if moved != scenario.parameters:
                 what = words.format(sign="+" if sign > 0 else "-")
-                found.append((what, dataclasses.replace(scenario, parameters=moved)))
-    return found
+                changed.append((what, dataclasses.replace(scenario, parameters=moved)))
+    return changed
 
 
-def plan(engine: Engine, scenario: Scenario, starts: Sequence[tuple[str, Scenario]]) -> StudyPlan:
-    """List the runs of one variant."""
+def plan_variant(engine: Engine, scenario: Scenario, starts: Sequence[tuple[str, Scenario]]) -> StudyPlan:
+    """Return the runs of one variant."""
     name, own_key = label(engine), run_key(engine, scenario)
 
     def task(one: Engine, what: str, where: Scenario = scenario) -> RunTask:
@@ -113,12 +116,12 @@ def plan(engine: Engine, scenario: Scenario, starts: Sequence[tuple[str, Scenari
     for ladder in studies.ladders:
         rungs: list[RunTask] = []
         try:
-            falling = size_of(ladder)
+            sizes = rung_sizes(ladder)
         except ValueError as error:
             raise EngineError(
                 f"{name}: ladder of {ladder.setting}: {error}; put them in order in the adapter's studies()"
             ) from None
-        for value, size, one in zip(ladder.values, falling, ladder.engines, strict=True):
+        for value, size, one in zip(ladder.values, sizes, ladder.engines, strict=True):
             above = tuple((rung.key, rung.size) for rung in rungs)
             made = task(one, f"{ladder.setting} {value:g}")
             rungs.append(dataclasses.replace(made, size=float(size), coarser=above))
@@ -146,26 +149,26 @@ def study_convergence(
     memory_limit: int = MEMORY_LIMIT,
     progress: Progress | None = None,
 ) -> ConvergenceResult:
-    """Run the studies of ``engines`` on ``scenario`` and say what every error consists of.
+    """Run the convergence studies of ``engines`` on ``scenario`` and split every error into its parts.
 
     Parameters
     ----------
     folder
-        Where ended runs are kept (below ``runs``); runs found there are not made again.
+        Where finished runs are cached (in ``runs``); cached runs are not made again.
     until
-        How long runs are watched [s]; None: to shortly after the reference's halt, at least to the last mark.
+        Simulated time of the runs [s]; None: to shortly after the reference's halt, at least to the last path's end time.
     budget
-        Runs expected to take longer than this [s] are left out, from what coarser rungs took.
+        Runs expected to take longer than this wall time [s] are left out; the expectation comes from coarser rungs.
     jobs
-        Runs at once; one per core if None.
+        Number of runs at the same time; one per core if None.
     time_limit, memory_limit
-        Of each run [s], [bytes].
+        Limits of each run [s], [bytes].
     progress
-        Called with the share that is done and what goes on.
+        Called with the share of the work that is done and a description of what is running.
     """
-    scenario = watched(scenario, until)
+    scenario = cut_to_watched(scenario, until)
     starts = changed_starts(scenario)
-    plans = [plan(engine, scenario, starts) for engine in engines]
+    plans = [plan_variant(engine, scenario, starts) for engine in engines]
     runner = Runner(
         RunCache(folder / "runs"),
         jobs=jobs,
@@ -175,10 +178,10 @@ def study_convergence(
         progress=progress,
     )
     tasks = [task for one in plans for task in one.tasks()]
-    done = runner.run(tasks)
-    reference = target(scenario, Reference(scenario))
-    moved = {what: target(where, Reference(where)) for what, where in starts}
-    seen = floors(reference)
+    ended_runs = runner.run(tasks)
+    reference = reference_target(scenario, Reference(scenario))
+    changed_references = {what: reference_target(where, Reference(where)) for what, where in starts}
+    smallest_changes = floors(reference)
     return ConvergenceResult(
         scenario=scenario.name,
         title=scenario.title,
@@ -187,105 +190,113 @@ def study_convergence(
         budget=budget,
         reference=label(reference.reference.engine),
         reference_values=dict(reference.numbers),
-        floors=seen,
+        floors=smallest_changes,
         interrupted=runner.cancelled.is_set(),
-        variants=tuple(judge(one, done, reference, moved, seen) for one in plans),
+        variants=tuple(evaluate_variant(one, ended_runs, reference, changed_references, smallest_changes) for one in plans),
         clock=StudyClock(
             written=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
             run_times=tuple(
-                RunTime(key=key, seconds=done[key].seconds) for key in sorted({t.key for t in tasks} & done.keys())
+                RunTime(key=key, seconds=ended_runs[key].seconds)
+                for key in sorted({task.key for task in tasks} & ended_runs.keys())
             ),
         ),
     )
 
 
-def judge(
-    one: StudyPlan, done: dict[str, EndedRun], t: ReferenceTarget, moved: dict[str, ReferenceTarget], seen: dict[str, float]
+def evaluate_variant(
+    plan: StudyPlan,
+    ended_runs: dict[str, EndedRun],
+    target: ReferenceTarget,
+    changed_references: dict[str, ReferenceTarget],
+    floors: dict[str, float],
 ) -> VariantStudy:
-    """Verdicts and parts of the error of one variant, from its runs."""
+    """Return the verdicts and the parts of the error of one variant, from its runs."""
 
-    def measured(task: RunTask, against: ReferenceTarget = t) -> MeasuredRun:
-        return measure(task.key, done.get(task.key), against)
+    def measured(task: RunTask, against: ReferenceTarget = target) -> MeasuredRun:
+        return measure_run(task.key, ended_runs.get(task.key), against)
 
-    own = measured(one.own)
-    starts = [(what, measured(task, moved[what])) for what, task in one.starts]
+    own = measured(plan.own)
+    starts = [(what, measured(task, changed_references[what])) for what, task in plan.starts]
     spread = {name: _spread(name, [own, *(m for _, m in starts)]) for name in QUANTITIES}
-    climbed = [
-        climb(ladder, tuple(measured(task) for task in tasks), one.engine, spread, seen) for ladder, tasks in one.ladders
+    results = [
+        evaluate_ladder(ladder, tuple(measured(task) for task in tasks), plan.engine, spread, floors)
+        for ladder, tasks in plan.ladders
     ]
-    choices = {f"{choice.what}: {choice.instead}": measured(task) for choice, task in one.choices}
-    splits = (error_split(name, own, climbed, choices, spread[name], seen[name]) for name in QUANTITIES)
-    finished = done.get(one.own.key)
+    choices = {f"{choice.what}: {choice.instead}": measured(task) for choice, task in plan.choices}
+    splits = (error_split(name, own, results, choices, spread[name], floors[name]) for name in QUANTITIES)
+    own_run = ended_runs.get(plan.own.key)
     return VariantStudy(
-        engine=one.engine.name,
-        variant=one.engine.variant,
-        profile=one.engine.profile.value,
-        summary=one.engine.abilities.summary,
+        engine=plan.engine.name,
+        variant=plan.engine.variant,
+        profile=plan.engine.profile.value,
+        summary=plan.engine.abilities.summary,
         own=own.summary,
-        ladders=tuple(_ladder_study(c, t) for c in climbed),
+        ladders=tuple(_ladder_study(result, target) for result in results),
         starts=tuple(StartChange(what=what, run=m.summary) for what, m in starts),
         spread=spread,
         choices=tuple(
-            _variation(choice.what, choice.ours, choice.instead, "", own, measured(task)) for choice, task in one.choices
+            _variation(choice.what, choice.ours, choice.instead, "", own, measured(task)) for choice, task in plan.choices
         ),
         defaults=tuple(
             _variation(default.setting, default.ours, default.default, default.effect, own, measured(task))
-            for default, task in one.defaults
+            for default, task in plan.defaults
         ),
         splits=tuple(split for split in splits if split is not None),
         provenance=RunProvenance(
-            versions=plain(finished.run.provenance.versions) if finished is not None and finished.run is not None else {},
-            settings=plain(one.engine.settings),
+            versions=plain(own_run.run.provenance.versions) if own_run is not None and own_run.run is not None else {},
+            settings=plain(plan.engine.settings),
             supplies=tuple(
-                SupplyEntry(what=what, by=by, how=how) for what, by, how in supplies_as_rows(one.engine.abilities.supplies)
+                SupplyEntry(what=what, by=by, how=how) for what, by, how in supplies_as_rows(plan.engine.abilities.supplies)
             ),
         ),
     )
 
 
-def climb(
-    ladder: Ladder, rungs: tuple[MeasuredRun, ...], engine: Engine, spread: dict[str, float | None], seen: dict[str, float]
+def evaluate_ladder(
+    ladder: Ladder, rungs: tuple[MeasuredRun, ...], engine: Engine, spread: dict[str, float | None], floors: dict[str, float]
 ) -> LadderResult:
-    """Say what every quantity does along one ladder."""
-    h = size_of(ladder)
+    """Return how every quantity behaves along one ladder."""
+    h = rung_sizes(ladder)
     findings: dict[str, SequenceFinding] = {}
     for name in QUANTITIES:
         known = [value is not None for value in (rung.errors[name] for rung in rungs)]
         values = [value for rung in rungs if (value := rung.errors[name]) is not None]
-        findings[name] = finding_of(name, rungs, examine(h[known], values, floor=seen[name], spread=spread[name]))
+        findings[name] = with_missing_halts(
+            name, rungs, classify_sequence(h[known], values, floor=floors[name], spread=spread[name])
+        )
     value = getattr(engine.settings, ladder.setting, None)
     own = float(value) if isinstance(value, (int, float)) else None
     return LadderResult(ladder=ladder, rungs=rungs, findings=findings, own=own)
 
 
-def _ladder_study(c: LadderResult, t: ReferenceTarget) -> LadderStudy:
+def _ladder_study(result: LadderResult, target: ReferenceTarget) -> LadderStudy:
     rungs = []
-    for value, rung in zip(c.ladder.values, c.rungs, strict=True):
+    for value, rung in zip(result.ladder.values, result.rungs, strict=True):
         to_finest, to_limit = {}, {}
         for name in QUANTITIES:
-            error, finest = rung.errors[name], [m.errors[name] for m in c.rungs if m.errors[name] is not None]
-            limit = c.findings[name].limit
-            to_finest[name] = None if error is None or finest[-1] is None else norm(error - finest[-1])
-            to_limit[name] = None if error is None or limit is None else norm(error - limit)
+            error, finest = rung.errors[name], [m.errors[name] for m in result.rungs if m.errors[name] is not None]
+            limit = result.findings[name].limit
+            to_finest[name] = None if error is None or finest[-1] is None else rms_norm(error - finest[-1])
+            to_limit[name] = None if error is None or limit is None else rms_norm(error - limit)
         rungs.append(Rung(value=value, run=rung.summary, to_finest=to_finest, to_limit=to_limit))
-    counts = {name: sum(rung.errors[name] is not None for rung in c.rungs) for name in QUANTITIES}
+    counts = {name: sum(rung.errors[name] is not None for rung in result.rungs) for name in QUANTITIES}
     return LadderStudy(
-        setting=c.ladder.setting,
-        unit=c.ladder.unit,
-        follows=c.ladder.follows,
-        own=c.own,
+        setting=result.ladder.setting,
+        unit=result.ladder.unit,
+        follows=result.ladder.follows,
+        own=result.own,
         rungs=tuple(rungs),
-        verdicts=tuple(verdict(name, c.findings[name], counts[name], t) for name in QUANTITIES),
+        verdicts=tuple(convergence_verdict(name, result.findings[name], counts[name], target) for name in QUANTITIES),
     )
 
 
 def _variation(what: str, ours: str, other: str, effect: str, own: MeasuredRun, run: MeasuredRun) -> VariationStudy:
-    moved = {name: change(name, own.errors, run.errors) for name in QUANTITIES}
-    return VariationStudy(what=what, ours=ours, other=other, effect=effect, run=run.summary, change=moved)
+    changes = {name: change(name, own.errors, run.errors) for name in QUANTITIES}
+    return VariationStudy(what=what, ours=ours, other=other, effect=effect, run=run.summary, change=changes)
 
 
 def _spread(quantity: str, runs: Sequence[MeasuredRun]) -> float | None:
-    """Return the standard deviation of the errors of runs whose starts differ a little; None of fewer than three."""
+    """Return the standard deviation of the errors of runs whose starts differ a little; None for fewer than three."""
     return deviation([value for run in runs if (value := run.errors[quantity]) is not None])
 
 
@@ -294,11 +305,11 @@ def write(result: ConvergenceResult, folder: Path) -> Path:
     from looping_pendulum.compare.convergence.plots import draw
     from looping_pendulum.compare.convergence.report import render
 
-    write_whole(folder / FILE, result.to_json())
+    write_atomically(folder / FILE, result.to_json())
     captions = {}
     for name, (variant, caption, png) in draw(result).items():
-        write_whole(folder / "figures" / name, png)
+        write_atomically(folder / "figures" / name, png)
         captions[f"figures/{name}"] = variant, caption
     report = folder / "convergence.md"
-    write_whole(report, render(result, captions))
+    write_atomically(report, render(result, captions))
     return report

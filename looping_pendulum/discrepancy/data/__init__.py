@@ -1,1 +1,1 @@
-"""What was measured: study files, readers of every kind of table, and what the camera did."""
+"""Measured data: study files, readers of every kind of table, and the camera model."""

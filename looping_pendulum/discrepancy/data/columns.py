@@ -1,4 +1,4 @@
-"""What the columns of a table of positions, angles or heights hold, by its header or by their number."""
+"""Tell which quantity each column of a table of positions, angles or heights holds, by its header or by its position."""
 
 from __future__ import annotations
 
@@ -17,86 +17,97 @@ _ROLES = {
     "height": "height", "h": "height", "angle": "angle", "theta": "angle", "rate": "angle_rate", "omega": "angle_rate",
     "angle_rate": "angle_rate", "angular_velocity": "angle_rate", "angular_rate": "angle_rate",
 }  # fmt: skip
-_TIDY = re.compile(r"(light|heavy|m1|m2)[_ ]?([xy])|([xy])[_ ]?([12])")
+_TIDY_NAME = re.compile(r"(light|heavy|m1|m2)[_ ]?([xy])|([xy])[_ ]?([12])")
+"""Names with mass and axis: "light_x", "m2 y", "x1"."""
 _SUFFIX = re.compile(r"(.*?)_(s|ms|m|cm|mm|rad|deg|m_per_s|rad_per_s)")
+"""Names that end with their unit: "height_cm", "omega_rad_per_s"."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """What one column holds."""
+    """Quantity, track and unit of one column."""
 
     index: int
     label: str
-    """Name for errors, track included: "x (mass A)"."""
+    """Name for messages, track included: "x (mass A)"."""
     role: str
-    """t, frame, drop, x, y, height, angle, angle_rate; '' for what is not used."""
+    """"t", "frame", "drop", "x", "y", "height", "angle" or "angle_rate"; '' if the column is not used."""
     track: str
+    """Name of the tracked object that it belongs to; '' if the file does not say."""
     unit: str
-    """As the header writes it; '' if it does not."""
+    """Unit as the header writes it; '' if it has none."""
 
 
 @dataclass(kw_only=True)
 class ReadingNotes:
-    """What is left out and taken for granted while a file is read."""
+    """Values left out and assumptions made while a file is read."""
 
-    dropped: Counter[str] = field(default_factory=Counter)
+    unused: Counter[str] = field(default_factory=Counter)
+    """Reason -> number of values that were left out for it."""
     assumptions: list[str] = field(default_factory=list)
 
 
 def read_columns(table: DelimitedTable, kind: str, tracks: Mapping[str, str] | None, notes: ReadingNotes) -> list[Column]:
-    """What the columns hold, by the header or by their number."""
-    names = next((row for row in reversed(table.head) if _role(row.cells[0])[0] in ("t", "frame", "drop")), None)
-    above = [row for row in table.head if row is not names]
-    if names is None:
-        return _columns_without_names(table, kind, tracks, above, notes)
-    # A name stands above the first column of its track; all columns up to the next name are that track's.
-    starts = {i: cell for row in above for i, cell in enumerate(row.cells) if cell}
+    """Return the columns of a table, by its header or, without one, by their position.
+
+    Raises
+    ------
+    DataError
+        If there is no column of times or frame numbers, or none of positions, angles or heights.
+    """
+    header = next((row for row in reversed(table.head) if _parse_column_name(row.cells[0])[0] in ("t", "frame", "drop")), None)
+    title_lines = [row for row in table.head if row is not header]
+    if header is None:
+        return _columns_by_position(table, kind, tracks, title_lines, notes)
+    # Tracker writes a name above the first column of its track; all columns up to the next name are that track's.
+    starts = {i: cell for row in title_lines for i, cell in enumerate(row.cells) if cell}
     if len(starts) == 1:
         starts = {0: next(iter(starts.values()))}  # `cm_A` alone in a line stands anywhere above the only track
     columns, track = [], ""
-    for index, cell in enumerate(names.cells):
+    for index, cell in enumerate(header.cells):
         track = starts.get(index, track)
-        role, own, unit = _role(cell)
+        role, own, unit = _parse_column_name(cell)
         if cell:
             owner = own or track
             label = f"{cell} ({owner})" if owner and not own else cell
             columns.append(Column(index=index, label=label, role=role, track=owner, unit=unit))
     if not any(c.role == "t" for c in columns) and not any(c.role == "frame" for c in columns):
         raise table.error(
-            names.line, "", f"found no column of times among {quote(', '.join(filter(None, names.cells)))}, needed 't'"
+            header.line, "", f"found no column of times among {quote(', '.join(filter(None, header.cells)))}, needed 't'"
         )
-    return _known_roles(table, names, columns)
+    _refuse_header_without_coordinates(table, header, columns)
+    return columns
 
 
-def _known_roles(table: DelimitedTable, names: TableLine, columns: list[Column]) -> list[Column]:
-    """Refuse a header from which nothing could be used."""
+def _refuse_header_without_coordinates(table: DelimitedTable, header: TableLine, columns: list[Column]) -> None:
+    """Refuse a header without any column of positions, angles or heights."""
     if any(c.role in ("x", "y", "height", "angle") for c in columns):
-        return columns
-    near = [
+        return
+    close_matches = [
         (c, difflib.get_close_matches(c.label.lower(), ["x", "y", "light_x", "heavy_y", "angle", "height"], 1)) for c in columns
     ]
-    hint = next((f"; did you mean '{m[0]}' by '{c.label}'?" for c, m in near if m), "; rename the columns so")
-    found = quote(", ".join(c.label for c in columns))
+    hint = next((f"; did you mean '{m[0]}' by '{c.label}'?" for c, m in close_matches if m), "; rename the columns so")
+    labels = quote(", ".join(c.label for c in columns))
     raise table.error(
-        names.line, "", f"found columns {found}, needed positions (x, y), an angle or a height beside the time{hint}"
+        header.line, "", f"found columns {labels}, needed positions (x, y), an angle or a height beside the time{hint}"
     )
 
 
-def _role(cell: str) -> tuple[str, str, str]:
-    """Role, mass and unit of a column's name: "light_x [cm]" -> ("x", "light", "cm")."""
-    text, unit = _without_unit(cell.strip())
+def _parse_column_name(cell: str) -> tuple[str, str, str]:
+    """Split a column's name into role, mass and unit: "light_x [cm]" -> ("x", "light", "cm")."""
+    text, unit = _split_unit(cell.strip())
     text = text.lower()
     suffix = _SUFFIX.fullmatch(text)
-    if suffix and not unit and not _TIDY.fullmatch(text):
+    if suffix and not unit and not _TIDY_NAME.fullmatch(text):
         text, unit = suffix[1], suffix[2].replace("_per_", "/")
-    tidy = _TIDY.fullmatch(text)
+    tidy = _TIDY_NAME.fullmatch(text)
     if tidy:
         mass, axis = (tidy[1], tidy[2]) if tidy[1] else (tidy[4], tidy[3])
         return axis, {"m1": "light", "1": "light", "m2": "heavy", "2": "heavy"}.get(mass, mass), unit
     return _ROLES.get(text, ""), "", unit
 
 
-def _without_unit(text: str) -> tuple[str, str]:
+def _split_unit(text: str) -> tuple[str, str]:
     """Split "x [cm]" or "x (cm)" into "x" and "cm"; the unit is '' without brackets at the end."""
     if not text.endswith(("]", ")")):
         return text, ""
@@ -106,12 +117,12 @@ def _without_unit(text: str) -> tuple[str, str]:
     return (text, "") if opening is None else (inside[:opening].rstrip(), inside[opening + 1 :].strip())
 
 
-def _columns_without_names(
-    table: DelimitedTable, kind: str, tracks: Mapping[str, str] | None, above: Sequence[TableLine], notes: ReadingNotes
+def _columns_by_position(
+    table: DelimitedTable, kind: str, tracks: Mapping[str, str] | None, title_lines: Sequence[TableLine], notes: ReadingNotes
 ) -> list[Column]:
-    """Columns of a file that does not name them: t,x,y for each track, or t,angle[,rate]."""
+    """Return the columns of a file that does not name them: t, x, y for each track, or t, angle and perhaps its rate."""
     width = max(len([c for c in row.cells if c]) for row in table.rows)
-    titles = [cell for row in above for cell in row.cells if cell]
+    titles = [cell for row in title_lines for cell in row.cells if cell]
     if kind == "drop":
         raise table.error(table.rows[0].line, "", "found no names of columns, needed 'time' and 'height'; write them above")
     is_angle = kind == "angle" or (kind == "auto" and not tracks and not titles and table.delimiter == " " and width in (2, 3))
@@ -119,13 +130,15 @@ def _columns_without_names(
         roles = [("t", ""), ("angle", ""), ("angle_rate", "")][:width]
         notes.assumptions.append("columns without names: taken as t [s], angle [rad]" + (", rate [rad/s]" if width > 2 else ""))
     elif width in (3, 5) and (width == 3 or (tracks and len(tracks) == 2) or len(titles) == 2):
-        names = titles if len(titles) == width // 2 else list((tracks or {}).values())
-        names = names if len(names) == width // 2 else [Path(table.file).stem]
-        roles = [("t", "")] + [(axis, track) for track in names for axis in "xy"]
+        track_names = titles if len(titles) == width // 2 else list((tracks or {}).values())
+        track_names = track_names if len(track_names) == width // 2 else [Path(table.file).stem]
+        roles = [("t", "")] + [(axis, track) for track in track_names for axis in "xy"]
         notes.assumptions.append("columns without names: taken as t, x, y" + (", x, y" if width == 5 else ""))
     else:
-        found = f"found {width} columns without names"
-        raise table.error(table.rows[0].line, "", f"{found}, needed a line of names above such as 't,light_x,light_y'; add it")
+        message = f"found {width} columns without names"
+        raise table.error(
+            table.rows[0].line, "", f"{message}, needed a line of names above such as 't,light_x,light_y'; add it"
+        )
     return [
         Column(index=i, label=f"{i + 1} ({role}{' of ' + track if track else ''})", role=role, track=track, unit="")
         for i, (role, track) in enumerate(roles)

@@ -1,6 +1,7 @@
-"""Text tables as people's programs write them, to rows of cells: encoding, delimiter, decimal comma, header.
+"""Read text tables, as spreadsheets and video analysis programs write them, into rows of cells.
 
-Nothing here knows physics. Every fault is a `DataError` of one line that names file, line and column.
+Encoding, delimiter, decimal comma and header are recognised. Nothing here knows physics. Every fault is a `DataError` of one
+line that names file, line and column.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ from looping_pendulum.scenarios import text_table
 from looping_pendulum.scenarios.document import one_line, quote
 
 LARGEST_FILE = 20 * 1024 * 1024
-"""[bytes]; an hour of marks at 240 fps."""
+"""Largest size of a file that is read [bytes]: an hour of tracked points at 240 fps."""
 MISSING = frozenset({"", "-", "--", "nan", "na", "n/a", "null", "none"})
-"""Cells that say that there is no mark, in lower case."""
-_POINT = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
-_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]{1,4})?")
-_FOREIGN = {
+"""Cells that say that there is no value, in lower case."""
+_DECIMAL_POINT = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
+_DECIMAL_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]{1,4})?")
+_OTHER_FORMATS = {
     b"PK\x03\x04": "a zip archive (a spreadsheet or a Tracker project)",
     b"\xd0\xcf\x11\xe0": "an old spreadsheet",
     b"<?xml": "XML (a Tracker project?)",
@@ -31,22 +32,23 @@ _FOREIGN = {
 
 @dataclass(frozen=True, kw_only=True)
 class TableLine:
-    """One line of the file."""
+    """One line of the file, split into cells."""
 
     line: int
+    """Number of the line in the file, from 1."""
     cells: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class DelimitedTable:
-    """A text table."""
+    """A text table: lines of a header, then rows of numbers."""
 
     file: str
     delimiter: str
-    """Tab, semicolon, comma, or ' ' for any white space."""
+    """Tab, semicolon or comma; ' ' stands for any white space."""
     decimal_comma: bool
     head: tuple[TableLine, ...]
-    """Rows above the first row of numbers."""
+    """Lines above the first row of numbers."""
     rows: tuple[TableLine, ...]
     multi: bool
     """Whether the file begins with Tracker's line for several tracks."""
@@ -56,21 +58,21 @@ class DelimitedTable:
         return data_error(self.file, line, column, message)
 
     def number(self, row: TableLine, index: int, column: str) -> float | None:
-        """Value of a cell; None where there is none.
+        """Return the value of a cell; None if it is empty or says that there is none.
 
         Raises
         ------
         DataError
-            If the cell has something else.
+            If the cell holds anything else.
         """
         text = row.cells[index] if index < len(row.cells) else ""
         if text.lower() in MISSING:
             return None
-        plain = text.replace(",", ".") if self.decimal_comma and _COMMA.fullmatch(text) else text
-        if not _POINT.fullmatch(plain):
-            wanted = "a number or an empty cell"
-            raise self.error(row.line, column, f"found {quote(text)}, needed {wanted}; correct the cell, or empty it")
-        value = float(plain)
+        with_point = text.replace(",", ".") if self.decimal_comma and _DECIMAL_COMMA.fullmatch(text) else text
+        if not _DECIMAL_POINT.fullmatch(with_point):
+            message = f"found {quote(text)}, needed a number or an empty cell; correct the cell, or empty it"
+            raise self.error(row.line, column, message)
+        value = float(with_point)
         if not math.isfinite(value):
             raise self.error(row.line, column, f"found {quote(text)}, needed a finite number; correct the cell, or empty it")
         return value
@@ -82,18 +84,19 @@ def data_error(file: str, line: int | None, column: str, message: str) -> DataEr
     return DataError(one_line(f"{where}: {'column ' + column + ': ' if column else ''}{message}"))
 
 
-def read_table(path: str | Path, worded: str = "") -> DelimitedTable:
+def read_table(path: str | Path, text_column: str = "") -> DelimitedTable:
     """Read a text table.
 
     Parameters
     ----------
     worded
-        Name of a first column that holds words, not numbers: below such a name all is data.
+        Name of a first column that holds text. If the header begins with it, all rows below are data although their first cell
+        is no number.
 
     Raises
     ------
     DataError
-        If it is none.
+        If the file cannot be read or is no text table.
     """
     file = os.fspath(path)
     text = _decode(_bytes(Path(path), file), file)
@@ -103,12 +106,12 @@ def read_table(path: str | Path, worded: str = "") -> DelimitedTable:
     if not lines:
         raise data_error(file, None, "", "found no rows, needed a table of numbers; export the data again")
     for number, line in lines:
-        if len(line) > text_table.LONGEST_LINE:
-            message = f"found a line of {len(line)} characters, needed rows of at most {text_table.LONGEST_LINE}"
+        if len(line) > text_table.MAX_LINE_LENGTH:
+            message = f"found a line of {len(line)} characters, needed rows of at most {text_table.MAX_LINE_LENGTH}"
             raise data_error(file, number, "", f"{message}; export the data again")
     delimiter, decimal_comma = _dialect([line for _, line in lines])
     rows = [TableLine(line=n, cells=text_table.cells(line, delimiter)) for n, line in lines]
-    named = next((i + 1 for i, row in enumerate(rows) if worded and row.cells[0].lower() == worded), None)
+    named = next((i + 1 for i, row in enumerate(rows) if text_column and row.cells[0].lower() == text_column), None)
     first = named or next((i for i, row in enumerate(rows) if _is_data(row.cells, decimal_comma)), len(rows))
     if first == len(rows):
         raise data_error(
@@ -135,7 +138,7 @@ def _bytes(path: Path, file: str) -> bytes:
     except OSError as error:
         raise data_error(file, None, "", f"cannot be read: {error.strerror}") from None
     except ValueError:
-        raise data_error(file, None, "", "cannot be read: it is no possible file name") from None
+        raise data_error(file, None, "", "cannot be read: this is not a valid file name") from None
     if len(raw) > LARGEST_FILE:
         size = f"{LARGEST_FILE // 1024**2} MiB"
         raise data_error(file, None, "", f"found more than {size}, needed one trial; cut the file to the trial's frames")
@@ -144,7 +147,7 @@ def _bytes(path: Path, file: str) -> bytes:
 
 def _decode(raw: bytes, file: str) -> str:
     way_out = "export it as text (in Tracker: File > Export > Data)"
-    for start, what in _FOREIGN.items():
+    for start, what in _OTHER_FORMATS.items():
         if raw.removeprefix(b"\xef\xbb\xbf").startswith(start):
             raise data_error(file, None, "", f"found {what}, needed a text table; {way_out}")
     try:
@@ -160,30 +163,34 @@ def _decode(raw: bytes, file: str) -> str:
 
 
 def _dialect(lines: list[str]) -> tuple[str, bool]:
-    """Delimiter, and whether numbers have a decimal comma."""
+    """Return the delimiter, and whether numbers have a decimal comma.
+
+    A comma is taken for the delimiter only if neither tab nor semicolon is in most lines: beside those it is a decimal comma.
+    """
     for delimiter in ("\t", ";"):
         if sum(delimiter in line for line in lines) * 2 > len(lines):
             cells = [cell for line in lines for cell in text_table.cells(line, delimiter)]
-            return delimiter, any(_COMMA.fullmatch(c) for c in cells)
+            return delimiter, any(_DECIMAL_COMMA.fullmatch(c) for c in cells)
     last = lines[-1].split()
-    if len(last) > 1 and all(_POINT.fullmatch(c) or _COMMA.fullmatch(c) for c in last):
-        return " ", any(_COMMA.fullmatch(c) for line in lines for c in line.split())
+    if len(last) > 1 and all(_DECIMAL_POINT.fullmatch(c) or _DECIMAL_COMMA.fullmatch(c) for c in last):
+        return " ", any(_DECIMAL_COMMA.fullmatch(c) for line in lines for c in line.split())
     return ("," if any("," in line for line in lines) else " "), False
 
 
 def _is_data(cells: tuple[str, ...], decimal_comma: bool) -> bool:
-    """Whether a row is one of numbers: its first cell is, which is the time, or most of its cells are.
+    """Return whether a line is a row of numbers: its first cell, the time, is a number, or most of its cells are.
 
-    One whose first cell is empty has the names of tracks, even if they are numbers.
+    A line whose first cell is empty has the names of tracks, even if these are numbers.
     """
     filled = [c for c in cells if c]
-    numbers = [bool(_POINT.fullmatch(c) or (decimal_comma and _COMMA.fullmatch(c))) for c in filled]
+    numbers = [bool(_DECIMAL_POINT.fullmatch(c) or (decimal_comma and _DECIMAL_COMMA.fullmatch(c))) for c in filled]
     return bool(cells[0]) and (numbers[0] or 2 * sum(numbers) > len(filled))
 
 
 def _refuse_mixed_decimals(table: DelimitedTable) -> None:
+    """Refuse a decimal point among decimal commas: the point could as well separate thousands."""
     for row in table.rows:
         for index, cell in enumerate(row.cells):
-            if "." in cell and (_POINT.fullmatch(cell) or "," in cell):
+            if "." in cell and (_DECIMAL_POINT.fullmatch(cell) or "," in cell):
                 message = f"found {quote(cell)} among numbers with a decimal comma, needed one kind; replace one by the other"
                 raise table.error(row.line, str(index + 1), message)

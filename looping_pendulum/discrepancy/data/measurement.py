@@ -1,7 +1,7 @@
-"""What the camera does, apart from physics: where its origin is, its scale, tilt and clock, and how much its marks scatter.
+"""Model of the camera, apart from the physics: origin, scale, tilt and clock of its picture, and the noise of tracked points.
 
-A point at (x, y) at the true time t is measured at the time t_m with t = clock_offset + clock_ratio t_m, and seen at
-scale Rot(tilt) (x, y) + (origin_x, origin_y). Marks scatter by sigma = a + b |v|: a moving mass is a smear along its path.
+A point at (x, y) at the true time t is measured at the time t_m with t = clock_offset + clock_ratio t_m, at the position
+scale Rot(tilt) (x, y) + (origin_x, origin_y). Its noise is sigma = a + b |v|, because a moving mass is blurred along its path.
 """
 
 from __future__ import annotations
@@ -37,21 +37,25 @@ __all__ = [
 ]
 
 SampleFunction = Callable[[Array], Samples]
-"""Ascending times since release [s], none negative -> the run at those times; times past its end may be left out."""
+"""Function of ascending times since release [s], none negative, that returns the run at those times.
+
+It may leave out times past the run's end.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraParameter:
-    """One number of the camera."""
+    """One parameter of the camera model."""
 
     name: str
     unit: str
-    """SI unit; '' for a pure number."""
+    """SI unit; '' if dimensionless."""
     null: float
-    """Value of a perfect camera."""
+    """Value for a perfect camera [SI]."""
     bounds: tuple[float, float]
+    """Allowed values [SI]."""
     sigma: float
-    """How far off it usually is: standard error of a careful set-up, for a prior."""
+    """Standard error of a careful set-up [SI], used as its prior."""
     meaning: str
 
 
@@ -60,13 +64,23 @@ CAMERA = MappingProxyType(
         p.name: p
         for p in (
             CameraParameter(
-                name="origin_x", unit="m", null=0.0, bounds=(-2e3, 2e3), sigma=5e-3, meaning="where the rod's centre is seen, x"
+                name="origin_x",
+                unit="m",
+                null=0.0,
+                bounds=(-2e3, 2e3),
+                sigma=5e-3,
+                meaning="x at which the rod's centre is measured",
             ),
             CameraParameter(
-                name="origin_y", unit="m", null=0.0, bounds=(-2e3, 2e3), sigma=5e-3, meaning="where the rod's centre is seen, y"
+                name="origin_y",
+                unit="m",
+                null=0.0,
+                bounds=(-2e3, 2e3),
+                sigma=5e-3,
+                meaning="y at which the rod's centre is measured",
             ),
             CameraParameter(
-                name="scale", unit="", null=1.0, bounds=(0.2, 5.0), sigma=0.005, meaning="seen length per true length"
+                name="scale", unit="", null=1.0, bounds=(0.2, 5.0), sigma=0.005, meaning="measured length per true length"
             ),
             CameraParameter(
                 name="tilt",
@@ -90,12 +104,12 @@ CAMERA = MappingProxyType(
         )
     }
 )
-"""What a camera may get wrong, by name."""
+"""Parameters of the camera model, by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """One trial's camera; the default is a perfect one."""
+    """Camera of one trial; the default is a perfect one."""
 
     origin_x: float = 0.0
     """[m]"""
@@ -109,42 +123,42 @@ class Camera:
     clock_ratio: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse what no camera does."""
+        """Refuse values out of their bounds."""
         for name, p in CAMERA.items():
             low, high = p.bounds
             if not low <= getattr(self, name) <= high:
                 raise DataError(f"camera {name}: found {getattr(self, name):g}, needed between {low:g} and {high:g}")
 
     def true_time(self, t: Array) -> Array:
-        """Time since release [s] of the file's times ``t`` [s]."""
+        """Return the times since release [s] of the file's times ``t`` [s]."""
         return self.clock_offset + self.clock_ratio * t
 
-    def seen(self, position: Array) -> Array:
-        """Where a true position [m], shape (n, 2), is seen [m]."""
-        return np.asarray(self.seen_shift(position) + [self.origin_x, self.origin_y])
+    def project(self, position: Array) -> Array:
+        """Return measured positions [m] of true ones [m], shape (n, 2)."""
+        return np.asarray(self.project_displacement(position) + [self.origin_x, self.origin_y])
 
-    def seen_shift(self, shift: Array) -> Array:
-        """What a true shift of a position [m], shape (n, 2), looks like [m]."""
+    def project_displacement(self, displacement: Array) -> Array:
+        """Return measured displacements [m] of true ones [m], shape (n, 2)."""
         cosine, sine = math.cos(self.tilt), math.sin(self.tilt)
-        return np.asarray(self.scale * (shift @ np.array([[cosine, sine], [-sine, cosine]])))
+        return np.asarray(self.scale * (displacement @ np.array([[cosine, sine], [-sine, cosine]])))
 
-    def unseen(self, seen: Array) -> Array:
-        """Undo `seen`: true position [m] of a seen one, shape (n, 2)."""
+    def unproject(self, measured: Array) -> Array:
+        """Return true positions [m] of measured ones [m], shape (n, 2): the inverse of `project`."""
         cosine, sine = math.cos(self.tilt), math.sin(self.tilt)
-        turned = (seen - [self.origin_x, self.origin_y]) / self.scale
-        return np.asarray(turned @ np.array([[cosine, -sine], [sine, cosine]]))
+        rotated = (measured - [self.origin_x, self.origin_y]) / self.scale
+        return np.asarray(rotated @ np.array([[cosine, -sine], [sine, cosine]]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """What the camera would have measured of a run."""
+    """Values that the camera would have measured in a run."""
 
     values: Mapping[str, Array]
     """Channel -> predicted values [SI] at its measured times, shape (n,); NaN past the run's end."""
     after_end: Mapping[str, int]
-    """Channel -> how many measured points lie past the run's end."""
+    """Channel -> number of measured points past the run's end."""
     before_release: Mapping[str, int]
-    """Channel -> how many lie before the release, where the masses are at rest."""
+    """Channel -> number of measured points before the release, when the masses are at rest."""
 
 
 def sampler(parameters: Parameters) -> SampleFunction:
@@ -153,92 +167,96 @@ def sampler(parameters: Parameters) -> SampleFunction:
 
 
 def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel], *, dropped: str = "heavy") -> Prediction:
-    """Predict what ``camera`` measures of a run in each channel, at the channel's own times.
+    """Predict the values that ``camera`` measures in each channel of a run, at the channel's own times.
 
     Parameters
     ----------
     sample
-        The run, as from `sampler`; asked once, at all times that any channel needs.
+        The run, as from `sampler`. It is called once, with all times that any channel needs.
     dropped
-        Which mass a channel "height" sees, "light" or "heavy"; its height counts from its release, plus origin_y.
+        Mass that a channel "height" shows, "light" or "heavy". Height is measured from its release, plus origin_y.
     """
-    moments = _moments(camera.clock_offset, camera.clock_ratio, tuple(channels))
-    samples = sample(moments.times)
-    series = _series(samples, camera, dropped, set(moments.index))
+    sample_times = _sample_times(camera.clock_offset, camera.clock_ratio, tuple(channels))
+    samples = sample(sample_times.times)
+    series = _series(samples, camera, dropped, set(sample_times.index))
     values, after = {}, {}
-    for name, index in moments.index.items():
+    for name, index in sample_times.index.items():
         known = series[name]
-        beyond = len(moments.times) - len(known)
-        # np.take is several times faster than fancy indexing
+        beyond = len(sample_times.times) - len(known)
+        # np.take is several times faster than indexing with an array
         values[name] = np.take(np.append(known, np.full(beyond, np.nan)) if beyond else known, index)
         after[name] = int(np.count_nonzero(index >= len(known))) if beyond else 0
         if name == "angle_rate":
-            values[name][: moments.before_release[name]] = 0.0
-    return Prediction(values=values, after_end=after, before_release=moments.before_release)
+            # before its release the mass is at rest, but the run's first sample may have the speed of a push
+            values[name][: sample_times.before_release[name]] = 0.0
+    return Prediction(values=values, after_end=after, before_release=sample_times.before_release)
 
 
-DIFFERENTIABLE = frozenset({"light_x", "light_y", "heavy_x", "heavy_y", "angle"})
-"""Channels of which `differential` knows the derivatives."""
+DIFFERENTIABLE_CHANNELS = frozenset({"light_x", "light_y", "heavy_x", "heavy_y", "angle"})
+"""Channels whose derivatives `predicted_derivatives` returns."""
 
 
-def differential(solved: Callable[[Array], Sensitivities], camera: Camera, channels: Sequence[Channel]) -> Mapping[str, Array]:
-    """Derivatives of what ``camera`` measures in each channel, by the numbers of the run: shape (marks, m).
+def predicted_derivatives(
+    solved: Callable[[Array], Sensitivities], camera: Camera, channels: Sequence[Channel]
+) -> Mapping[str, Array]:
+    """Return derivatives of the values that ``camera`` measures in each channel, by m parameters of the run, shape (n, m).
 
     Parameters
     ----------
     solved
-        The run's derivatives at given times, as from `solve_sensitivities`; past its end everything rests.
+        Function that returns the run's derivatives at given times, as from `solve_sensitivities`. Past its end everything is
+        at rest.
     channels
-        Of `DIFFERENTIABLE`.
+        Channels of `DIFFERENTIABLE_CHANNELS`.
     """
-    moments = _moments(camera.clock_offset, camera.clock_ratio, tuple(channels))
-    s = solved(moments.times)
+    sample_times = _sample_times(camera.clock_offset, camera.clock_ratio, tuple(channels))
+    s = solved(sample_times.times)
     known = len(s.samples.t)
     series: dict[str, Array] = {}
-    for mass, places in (("light", s.light_position), ("heavy", s.heavy_position)):
-        if f"{mass}_x" in moments.index or f"{mass}_y" in moments.index:
-            seen = camera.seen_shift(places.transpose(0, 2, 1))
-            series[f"{mass}_x"], series[f"{mass}_y"] = seen[..., 0], seen[..., 1]
-    if "angle" in moments.index:
+    for mass, position in (("light", s.light_position), ("heavy", s.heavy_position)):
+        if f"{mass}_x" in sample_times.index or f"{mass}_y" in sample_times.index:
+            measured = camera.project_displacement(position.transpose(0, 2, 1))
+            series[f"{mass}_x"], series[f"{mass}_y"] = measured[..., 0], measured[..., 1]
+    if "angle" in sample_times.index:
         series["angle"] = s.state.wrap_angle.T
-    return {name: series[name][np.minimum(index, known - 1)] for name, index in moments.index.items()}
+    return {name: series[name][np.minimum(index, known - 1)] for name, index in sample_times.index.items()}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Moments:
-    """When marks were made, by one clock."""
+class _SampleTimes:
+    """Times at which a run is sampled for the points of all channels."""
 
     times: Array
-    """All true times since release [s], ascending, the first 0: before its release a mass is held where it starts."""
+    """True times since release [s], ascending, the first 0; points before the release have 0, as the masses are held there."""
     index: Mapping[str, NDArray[np.intp]]
-    """Channel -> which of the times its marks have, shape (n,)."""
+    """Channel -> indices into `times` of its points, shape (n,)."""
     before_release: Mapping[str, int]
-    """Channel -> how many of its marks lie before the release."""
+    """Channel -> number of its points before the release."""
 
 
 @lru_cache(maxsize=64)
-def _moments(clock_offset: float, clock_ratio: float, channels: tuple[Channel, ...]) -> _Moments:
+def _sample_times(clock_offset: float, clock_ratio: float, channels: tuple[Channel, ...]) -> _SampleTimes:
     camera = Camera(clock_offset=clock_offset, clock_ratio=clock_ratio)
-    wanted = {c.name: camera.true_time(c.t) for c in channels}
-    times = np.unique(np.concatenate([np.maximum(t, 0.0) for t in wanted.values()] + [np.zeros(1)]))
-    return _Moments(
+    channel_times = {c.name: camera.true_time(c.t) for c in channels}
+    times = np.unique(np.concatenate([np.maximum(t, 0.0) for t in channel_times.values()] + [np.zeros(1)]))
+    return _SampleTimes(
         times=times,
-        index={name: np.searchsorted(times, np.maximum(t, 0.0)) for name, t in wanted.items()},
-        before_release={name: int(np.sum(t < 0)) for name, t in wanted.items()},
+        index={name: np.searchsorted(times, np.maximum(t, 0.0)) for name, t in channel_times.items()},
+        before_release={name: int(np.sum(t < 0)) for name, t in channel_times.items()},
     )
 
 
 def _series(samples: Samples, camera: Camera, dropped: str, names: set[str]) -> dict[str, Array]:
-    """Seen values of each channel at the sampled times."""
+    """Return measured values of each channel at the sampled times."""
     series: dict[str, Array] = {}
     for mass, position in (("light", "light_position"), ("heavy", "heavy_position")):
         if f"{mass}_x" in names or f"{mass}_y" in names:
-            series[f"{mass}_x"], series[f"{mass}_y"] = camera.seen(getattr(samples, position)).T
+            series[f"{mass}_x"], series[f"{mass}_y"] = camera.project(getattr(samples, position)).T
     if "angle" in names:
         series["angle"] = samples.state.wrap_angle - math.pi + camera.tilt
     if "angle_rate" in names:
-        turning = samples.state.across_speed / samples.state.free_length
-        series["angle_rate"] = turning * camera.clock_ratio  # the file divides by its own seconds
+        angle_rate = samples.state.across_speed / samples.state.free_length
+        series["angle_rate"] = angle_rate * camera.clock_ratio  # the file's rates are per second of its own clock
     if "height" in names:
         path = samples.heavy_position if dropped == "heavy" else samples.light_position
         series["height"] = camera.scale * (path[:, 1] - path[0, 1]) + camera.origin_y

@@ -1,10 +1,11 @@
-"""How much the marks scatter, sigma = a + b |v|, from the data alone: no model of the motion enters.
+"""Estimate the noise of tracked points, sigma = a + b |v|, from the data alone, without a model of the motion.
 
-Differences of fourth order over five neighbouring marks (weights that any cubic in time annihilates, so that uneven steps and
-gaps do no harm), scaled so that white noise of standard deviation sigma gives them the standard deviation sigma. What a smooth
-motion adds is of order h^4 x''''/sqrt(70) for a step h: at 240 fps, for a mass that turns at 50 rad/s 5 cm from the rod,
-0.01 mm. Second differences would see 0.9 mm there. Speeds come from straight lines through seven marks. The law
-is fitted by a bounded score, so that a few stops, jolts and wild marks do not count.
+The estimate uses differences of fourth order over five neighbouring points. Their weights annihilate any cubic in time,
+whatever the time steps are, and are scaled so that white noise of standard deviation sigma gives differences of standard
+deviation sigma. A smooth motion adds a part of order h^4 x''''/sqrt(70) for a step h: 0.01 mm at 240 fps for a mass that turns
+at 50 rad/s 5 cm from the rod, where second differences would add 0.9 mm. Speeds are slopes of straight lines through seven
+points. The law is fitted by an M-estimator with a bounded score function, so that a few stops, jolts and outliers have little
+weight.
 """
 
 from __future__ import annotations
@@ -20,65 +21,73 @@ from looping_pendulum.discrepancy.data.observations import Channel, DataError
 from looping_pendulum.reference_ode.geometry import Array
 
 ORDER = 4
-SPEED_POINTS = 7
-FEWEST = 20
-"""Differences below which no law is fitted."""
-CLIP = 2.5
-"""Standardised size beyond which a difference counts no more; 1.2 % of Gaussian ones."""
-WIDEST = 1.6
-"""Windows longer than this many median windows are left out: their gaps let the motion through."""
-SMALLEST = 1e-12
-"""Keeps logarithms and divisions finite for data without noise."""
+"""Order of the differences."""
+SPEED_WINDOW = 7
+"""Points of the straight line whose slope is the speed."""
+MIN_DIFFERENCES = 20
+"""Smallest number of differences to which the law is fitted."""
+CLIP_SIGMAS = 2.5
+"""Standardised size at which a squared difference is clipped; 1.2 % of Gaussian differences exceed it."""
+MAX_WINDOW_RATIO = 1.6
+"""Windows of points that are longer than this many median windows are left out.
+
+They have gaps, over which the motion is no cubic, so that the differences would show it.
+"""
+MIN_SCALE = 1e-12
+"""Smallest standard deviation [unit of the channel]: keeps divisions finite for data without noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """Noise law sigma = a + b |v| of one moving thing, by component."""
+    """Noise law sigma = a + b |v| of one body; sigma is that of each component."""
 
     a: float
     """Standard deviation at rest [unit of the channel]."""
     b: float
-    """Its growth with speed [s]: half an exposure time or so."""
+    """Growth of the standard deviation with speed [s]: about half an exposure time."""
     a_error: float
+    """Standard error of a."""
     b_error: float
+    """Standard error of b."""
     correlation: float
-    """Of the errors of a and b."""
+    """Correlation of the errors of a and b."""
     count: int
-    """How many differences it is estimated from."""
+    """Number of differences that it is estimated from."""
     curvature: float
-    """By how much, relative to the scatter, the motion itself shows in the differences: an estimate of the bias of sigma.
+    """Relative bias of sigma by the motion itself: how much the scatter shrinks with differences of two orders more.
 
-    From differences of two orders more, which it would shrink. Compare with `a_error / a`."""
+    Compare it with ``a_error / a``.
+    """
 
     def sigma(self, speed: Array) -> Array:
-        """Standard deviation of a mark at ``speed``."""
+        """Return the standard deviation of a tracked point at ``speed`` [unit/s]."""
         return np.asarray(self.a + self.b * np.abs(speed))
 
 
 def estimate_noise(channels: Sequence[Channel], *, with_speed: bool = True) -> Noise:
-    """Estimate the noise law of one moving thing from its own marks.
+    """Estimate the noise law of one body from its tracked points.
 
     Parameters
     ----------
     channels
-        Its components, as ``Observations.bodies()`` groups them.
+        Components of its motion, as ``Observations.bodies()`` groups them.
     with_speed
-        Whether scatter may grow with speed; else b = 0.
+        Whether sigma may grow with speed; otherwise b = 0.
 
     Raises
     ------
     DataError
-        If there are too few marks.
+        If there are too few points.
     """
-    chosen = [_differences(c, ORDER) for c in channels]
-    count = sum(len(d) for _, d in chosen)
-    if count < FEWEST:
+    differences = [_differences(c, ORDER) for c in channels]
+    count = sum(len(d) for _, d in differences)
+    if count < MIN_DIFFERENCES:
         names = ", ".join(c.name for c in channels)
-        raise DataError(f"{names}: found {count} runs of {ORDER + 1} marks, needed {FEWEST} to estimate their scatter")
-    difference = np.concatenate([d for _, d in chosen])
-    level = _scale(difference)
-    speed = np.concatenate([speed_at(channels, t, level) for t, _ in chosen])
-    a, b = _fit(difference, speed, level, with_speed)
+        raise DataError(f"{names}: found {count} runs of {ORDER + 1} points, needed {MIN_DIFFERENCES} to estimate their noise")
+    difference = np.concatenate([d for _, d in differences])
+    typical_sigma = _robust_standard_deviation(difference)
+    speed = np.concatenate([speed_at(channels, t, typical_sigma) for t, _ in differences])
+    a, b = _fit_noise_law(difference, speed, typical_sigma, with_speed)
     a_error, b_error, correlation = _errors(difference, speed, a, b, with_speed)
     return Noise(
         a=a,
@@ -87,103 +96,106 @@ def estimate_noise(channels: Sequence[Channel], *, with_speed: bool = True) -> N
         b_error=b_error,
         correlation=correlation,
         count=count,
-        curvature=_curvature(channels, level),
+        curvature=_curvature(channels, typical_sigma),
     )
 
 
 def speed_at(channels: Sequence[Channel], t: Array, sigma: float = 0.0) -> Array:
-    """Speed [unit/s] at times ``t`` of what the channels see, from lines through neighbouring marks.
+    """Return the speed [unit/s] of a body at times ``t`` [s], by straight lines through neighbouring points.
 
-    The scatter ``sigma`` of the marks adds to a squared speed on average, and that much is taken off.
+    The noise ``sigma`` of the points adds its variance to the squared speed on average; it is subtracted.
     """
     square = np.zeros(len(t))
     for channel in channels:
-        points = min(SPEED_POINTS, len(channel))
+        points = min(SPEED_WINDOW, len(channel))
         if points < 2:
             continue
         times = sliding_window_view(channel.t, points)
         centred = times - times.mean(axis=1, keepdims=True)
         spread = np.sum(centred**2, axis=1)
         slope = np.sum(centred * sliding_window_view(channel.value, points), axis=1) / spread
-        middle = times.mean(axis=1)
-        square += np.interp(t, middle, slope) ** 2 - np.interp(t, middle, sigma**2 / spread)
+        mean_time = times.mean(axis=1)
+        square += np.interp(t, mean_time, slope) ** 2 - np.interp(t, mean_time, sigma**2 / spread)
     return np.sqrt(np.maximum(square, 0.0))
 
 
 def _differences(channel: Channel, order: int) -> tuple[Array, Array]:
-    """Times [s] and scaled differences of ``order``; of unit variance for white noise of unit variance."""
+    """Return mean times [s] and scaled differences of ``order``, which have unit variance for white noise of unit variance."""
     if len(channel) < order + 1:
         return np.zeros(0), np.zeros(0)
     t = sliding_window_view(channel.t, order + 1)
     x = (t - t.mean(axis=1, keepdims=True)) / (t[:, -1:] - t[:, :1])
     gaps = x[:, :, None] - x[:, None, :] + np.eye(order + 1)
-    weights = 1 / np.prod(gaps, axis=2)  # a divided difference
+    weights = 1 / np.prod(gaps, axis=2)  # of a divided difference: valid for uneven steps, too
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     length = t[:, -1] - t[:, 0]
-    kept = length < WIDEST * np.median(length)
+    kept = length < MAX_WINDOW_RATIO * np.median(length)
     scaled = np.sum(weights * sliding_window_view(channel.value, order + 1), axis=1)
     return t.mean(axis=1)[kept], scaled[kept]
 
 
-def _scale(difference: Array) -> float:
-    """Robust standard deviation about zero: 1.4826 is that of a Gaussian per median absolute value."""
-    return max(1.4826 * float(np.median(np.abs(difference))), SMALLEST)
+def _robust_standard_deviation(difference: Array) -> float:
+    """Return a robust standard deviation about zero: 1.4826 times the median absolute value, as for a Gaussian."""
+    return max(1.4826 * float(np.median(np.abs(difference))), MIN_SCALE)
 
 
-def _expected(power: int) -> float:
-    """Mean of min(z^2, CLIP^2) (power 1) or its square (2) for Gaussian z."""
-    tail = math.erfc(CLIP / math.sqrt(2))
-    density = math.exp(-(CLIP**2) / 2) / math.sqrt(2 * math.pi)
-    second = 1 - tail - 2 * CLIP * density
+def _clipped_moment(power: int) -> float:
+    """Return the mean of min(z^2, CLIP_SIGMAS^2) (power 1) or of its square (power 2) for Gaussian z."""
+    tail = math.erfc(CLIP_SIGMAS / math.sqrt(2))
+    density = math.exp(-(CLIP_SIGMAS**2) / 2) / math.sqrt(2 * math.pi)
+    second = 1 - tail - 2 * CLIP_SIGMAS * density
     if power == 1:
-        return second + CLIP**2 * tail
-    return 3 * second - 2 * CLIP**3 * density + CLIP**4 * tail
+        return second + CLIP_SIGMAS**2 * tail
+    return 3 * second - 2 * CLIP_SIGMAS**3 * density + CLIP_SIGMAS**4 * tail
 
 
-def _fit(difference: Array, speed: Array, level: float, with_speed: bool) -> tuple[float, float]:
-    """Solve sum (1, v) chi(d / sigma) / sigma = 0 for a, b >= 0, chi(z) = min(z^2, CLIP^2) less its Gaussian mean."""
-    mean = _expected(1)
-    a, b = level, 0.0
+def _fit_noise_law(difference: Array, speed: Array, typical_sigma: float, with_speed: bool) -> tuple[float, float]:
+    """Solve sum (1, v) chi(d / sigma) / sigma = 0 for a, b >= 0; chi(z) is min(z^2, CLIP_SIGMAS^2) less its Gaussian mean."""
+    mean = _clipped_moment(1)
+    a, b = typical_sigma, 0.0
     for _ in range(200):
-        sigma = np.maximum(a + b * speed, 1e-3 * level)
-        clipped = sigma**2 * np.minimum((difference / sigma) ** 2, CLIP**2) / mean
-        # A weighted line through squares, linearised: sigma_new = (sigma + clipped / sigma) / 2.
+        sigma = np.maximum(a + b * speed, 1e-3 * typical_sigma)
+        clipped = sigma**2 * np.minimum((difference / sigma) ** 2, CLIP_SIGMAS**2) / mean
+        # Linearised, the estimating equation is a weighted line through (sigma + clipped / sigma) / 2.
         target = 0.5 * (sigma + clipped / sigma)
-        new_a, new_b = _line(speed, target, 1 / sigma**2, with_speed)
-        moved = abs(new_a - a) + abs(new_b - b) * float(np.median(speed))
+        new_a, new_b = _weighted_line(speed, target, 1 / sigma**2, with_speed)
+        change = abs(new_a - a) + abs(new_b - b) * float(np.median(speed))
         a, b = new_a, new_b
-        if moved < 1e-9 * level:
+        if change < 1e-9 * typical_sigma:
             break
     return a, b
 
 
-def _line(v: Array, y: Array, weight: Array, with_speed: bool) -> tuple[float, float]:
-    """Weighted line y = a + b v with a, b >= 0."""
+def _weighted_line(v: Array, y: Array, weight: Array, with_speed: bool) -> tuple[float, float]:
+    """Fit a weighted line y = a + b v with a, b >= 0."""
     total = float(weight.sum())
-    flat = max(float(weight @ y) / total, SMALLEST)
+    flat = max(float(weight @ y) / total, MIN_SCALE)
     if not with_speed:
         return flat, 0.0
-    middle = float(weight @ v) / total
-    spread = float(weight @ (v - middle) ** 2)
-    if spread <= 1e-12 * total * (middle**2 + SMALLEST):
+    mean_time = float(weight @ v) / total
+    spread = float(weight @ (v - mean_time) ** 2)
+    if spread <= 1e-12 * total * (mean_time**2 + MIN_SCALE):
         return flat, 0.0
-    b = float(weight @ ((v - middle) * y)) / spread
-    a = float(weight @ y) / total - b * middle
+    b = float(weight @ ((v - mean_time) * y)) / spread
+    a = float(weight @ y) / total - b * mean_time
     if b < 0:
         return flat, 0.0
     if a < 0:
-        return SMALLEST, float(weight @ (v * y)) / float(weight @ v**2)
+        return MIN_SCALE, float(weight @ (v * y)) / float(weight @ v**2)
     return a, b
 
 
 def _errors(difference: Array, speed: Array, a: float, b: float, with_speed: bool) -> tuple[float, float, float]:
-    """Standard errors of a and b and their correlation; windows overlap, so differences are fewer than they look."""
-    sigma = np.maximum(a + b * speed, SMALLEST)
-    tail = math.erfc(CLIP / math.sqrt(2))
-    density = math.exp(-(CLIP**2) / 2) / math.sqrt(2 * math.pi)
-    gain = 2 * (1 - tail - 2 * CLIP * density)  # mean of z chi'(z)
-    variance = _expected(2) - _expected(1) ** 2
-    factor = variance / gain**2 * overlap(ORDER)
+    """Return the standard errors of a and b and their correlation.
+
+    Windows of neighbouring differences overlap, so that fewer differences are independent than there are.
+    """
+    sigma = np.maximum(a + b * speed, MIN_SCALE)
+    tail = math.erfc(CLIP_SIGMAS / math.sqrt(2))
+    density = math.exp(-(CLIP_SIGMAS**2) / 2) / math.sqrt(2 * math.pi)
+    sensitivity = 2 * (1 - tail - 2 * CLIP_SIGMAS * density)  # mean of z chi'(z)
+    variance = _clipped_moment(2) - _clipped_moment(1) ** 2
+    factor = variance / sensitivity**2 * overlap_variance_factor(ORDER)
     design = np.stack([np.ones_like(speed), speed], axis=1) if with_speed else np.ones((len(speed), 1))
     normal = (design / sigma[:, None]).T @ (design / sigma[:, None])
     if not with_speed or np.linalg.cond(normal) > 1e12:
@@ -193,16 +205,16 @@ def _errors(difference: Array, speed: Array, a: float, b: float, with_speed: boo
     return float(errors[0]), float(errors[1]), float(covariance[0, 1] / (errors[0] * errors[1]))
 
 
-def overlap(order: int) -> float:
-    """How many times the variance of a mean square of overlapping differences exceeds that of independent ones."""
+def overlap_variance_factor(order: int) -> float:
+    """Return the variance of a mean square of overlapping differences in units of that of independent ones."""
     whole = math.comb(2 * order, order)
     return 1 + 2 * sum((math.comb(2 * order, order + j) / whole) ** 2 for j in range(1, order + 1))
 
 
-def _curvature(channels: Sequence[Channel], level: float) -> float:
-    """Relative excess of the scatter by fourth over that by sixth differences; never below zero."""
+def _curvature(channels: Sequence[Channel], typical_sigma: float) -> float:
+    """Return the relative excess of the scatter by fourth differences over that by sixth differences, at least zero."""
     higher = [d for d in (_differences(c, ORDER + 2)[1] for c in channels) if len(d)]
-    if not higher or level <= SMALLEST:
+    if not higher or typical_sigma <= MIN_SCALE:
         return 0.0
-    finer = _scale(np.concatenate(higher))
-    return max(level / finer - 1, 0.0)
+    finer = _robust_standard_deviation(np.concatenate(higher))
+    return max(typical_sigma / finer - 1, 0.0)

@@ -1,4 +1,4 @@
-"""What was measured, as plain numbers [SI]: channels over time, event tables, and what was left out of them and why."""
+"""Measured data in SI units: channels over time, event tables, and which values were left out of them and why."""
 
 from __future__ import annotations
 
@@ -22,22 +22,28 @@ UNITS = MappingProxyType(
         "height": "m",
     }
 )
-"""Channel -> SI unit. Positions: x right and y up; angle: of the string from the downward vertical, growing as the light mass
-loops (wrap angle - pi); height: of the mass that falls, upward."""
+"""Channel -> SI unit.
+
+Positions have x to the right and y up. "angle" is that of the string from the downward vertical; it grows as the light mass
+loops, so it is the wrap angle less pi. "height" is that of the mass that falls, upward.
+"""
 
 BODIES = MappingProxyType(
     {"light": ("light_x", "light_y"), "heavy": ("heavy_x", "heavy_y"), "angle": ("angle",), "height": ("height",)}
 )
-"""What moves -> the channels that see it; components of one motion share one noise law."""
+"""Moving body -> the channels that show its motion. They share one noise law.
+
+"angle_rate" is in none: it was computed from the angles, so it carries no noise of its own.
+"""
 
 
 class DataError(HarnessError, ValueError):
-    """A file of measured data cannot be used as it is."""
+    """Raised if a file of measured data cannot be used as it is."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class UnusedValues:
-    """Values that were not used."""
+    """How many values of a file were not used, and why."""
 
     count: int
     reason: str
@@ -45,19 +51,19 @@ class UnusedValues:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Channel:
-    """One measured quantity over time; only points that are there."""
+    """One measured quantity over time, without missing samples."""
 
     name: str
     """One of `UNITS`."""
     t: Array
-    """Times by the file's clock, or by the true frame rate where that was given [s], shape (n,), ascending."""
+    """Times by the file's clock, or by the true frame rate if that is given [s], shape (n,), ascending."""
     value: Array
     """Measured values [SI], shape (n,)."""
     column: str = ""
-    """What the file calls it."""
+    """Name of its column in the file."""
 
     def __post_init__(self) -> None:
-        """Refuse what no channel can be."""
+        """Refuse unknown names, unequal shapes, and times or values that are not finite and ascending."""
         if self.name not in UNITS:
             raise DataError(f"channel {self.name!r}: needed one of {', '.join(UNITS)}")
         if self.t.shape != self.value.shape or self.t.ndim != 1:
@@ -67,11 +73,11 @@ class Channel:
 
     @property
     def unit(self) -> str:
-        """SI unit of the values."""
+        """Return the SI unit of the values."""
         return UNITS[self.name]
 
     def __len__(self) -> int:
-        """Return the number of points."""
+        """Return the number of samples."""
         return len(self.t)
 
 
@@ -80,15 +86,15 @@ class EventObservation:
     """One measured event: a time or a position at it."""
 
     quantity: str
-    """Name, "x1_extremum"."""
+    """Name of the event or of a value at it, for example "x1_extremum"."""
     index: int
-    """Which one, from 1."""
+    """Which of several such events, from 1."""
     value: float
-    """SI."""
+    """Measured value [SI]."""
     sigma: float
-    """Its standard error [same unit]: stated, or one unit of the last printed digit."""
+    """Standard error of the value [SI]: as stated in the file, or one unit of the last printed digit."""
     unit: str
-    """SI unit."""
+    """SI unit of value and standard error."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,17 +103,17 @@ class Observations:
 
     name: str
     file: str
-    """Where it was read; several files are joined by ' + '."""
+    """Path that it was read from; several are joined by ' + '."""
     channels: tuple[Channel, ...] = ()
     events: tuple[EventObservation, ...] = ()
-    dropped: tuple[UnusedValues, ...] = ()
-    """What was left out, and why."""
+    unused: tuple[UnusedValues, ...] = ()
+    """Values that were left out, and why."""
     assumptions: tuple[str, ...] = ()
-    """What the reader took for granted because the file does not say it."""
+    """What the reader assumed because the file does not say it."""
 
     @property
     def used(self) -> int:
-        """How many values are there to be used."""
+        """Return the number of values that can be used."""
         return sum(len(c) for c in self.channels) + len(self.events)
 
     def channel(self, name: str) -> Channel:
@@ -125,19 +131,19 @@ class Observations:
         raise DataError(f"{self.file}: found no {name}, only {have}")
 
     def bodies(self) -> dict[str, tuple[Channel, ...]]:
-        """Channels by what moves: components of one motion together."""
-        found = {body: tuple(c for c in self.channels if c.name in names) for body, names in BODIES.items()}
-        return {body: channels for body, channels in found.items() if channels}
+        """Return the channels of each moving body that was measured."""
+        by_body = {body: tuple(c for c in self.channels if c.name in names) for body, names in BODIES.items()}
+        return {body: channels for body, channels in by_body.items() if channels}
 
     def summary(self) -> str:
-        """How many values were used, how many not, and why, in one line."""
+        """Say in one line how many values were used, how many not, and why."""
         parts = [f"{c.name} {len(c)}" for c in self.channels] + ([f"events {len(self.events)}"] if self.events else [])
-        left = "; ".join(f"{d.count} not used: {d.reason}" for d in self.dropped)
-        return f"{self.name}: used {', '.join(parts) or 'nothing'}" + (f"; {left}" if left else "")
+        unused = "; ".join(f"{u.count} not used: {u.reason}" for u in self.unused)
+        return f"{self.name}: used {', '.join(parts) or 'nothing'}" + (f"; {unused}" if unused else "")
 
 
 def merge(name: str, parts: tuple[Observations, ...]) -> Observations:
-    """Join what several files saw of one trial.
+    """Join the observations of one trial that stand in several files.
 
     Raises
     ------
@@ -158,20 +164,26 @@ def merge(name: str, parts: tuple[Observations, ...]) -> Observations:
         file=" + ".join(dict.fromkeys(p.file for p in parts)),
         channels=tuple(c for c, _ in channels.values()),
         events=tuple(e for p in parts for e in p.events),
-        dropped=tuple(d for p in parts for d in p.dropped),
+        unused=tuple(u for p in parts for u in p.unused),
         assumptions=tuple(dict.fromkeys(a for p in parts for a in p.assumptions)),
     )
 
 
 def mirrored(observations: Observations) -> Observations:
-    """Return what a camera on the other side of the rod would have seen."""
+    """Return the observations that a camera on the other side of the rod would have made."""
     flip = {"light_x", "heavy_x", "angle", "angle_rate"}
     channels = tuple(replace(c, value=-c.value) if c.name in flip else c for c in observations.channels)
     return replace(observations, channels=channels)
 
 
 def with_event_errors(observations: Observations, errors: dict[str, float]) -> Observations:
-    """Return a copy whose events have the standard errors given for their unit ({"s": 0.008})."""
+    """Return a copy whose events have the standard errors given for their SI unit, for example ``{"s": 0.008}``.
+
+    Raises
+    ------
+    DataError
+        If a standard error is not a finite number above 0.
+    """
     for unit, sigma in errors.items():
         if not (math.isfinite(sigma) and sigma > 0):
             raise DataError(f"event error in {unit}: found {sigma}, needed a number above 0")

@@ -1,7 +1,7 @@
-"""Files of measured data to `Observations`: Tracker exports, tidy tables, angles, drops and event tables.
+"""Read files of measured data into `Observations`: Tracker exports, tidy tables, angles, drops and event tables.
 
-Only times and positions are read: velocities and the like in such files are computed from them, so they hold nothing more.
-A cell without a mark is missing, never zero. Whatever is not used is counted with its reason.
+Only times and positions are read: velocities and accelerations in such files are computed from them, so they tell nothing more.
+An empty cell is a missing point, never zero. Values that are not used are counted with the reason.
 """
 
 from __future__ import annotations
@@ -25,14 +25,20 @@ from looping_pendulum.scenarios.units import UnitError, to_si
 __all__ = ["KINDS", "DataError", "read"]
 
 KINDS = ("auto", "positions", "angle", "drop", "events")
-"""What a file may hold; "positions" are Tracker exports and tidy tables alike."""
+"""Kinds of files; "positions" stands for Tracker exports and tidy tables alike, "auto" tells the kind by the header."""
 MASSES = ("light", "heavy")
-FARTHEST = {"m": 1000.0, "light": 20.0, "heavy": 20.0, "rad": 4 * np.pi, "rad/s": 1000.0}
-"""Beyond this a number is in another unit than was said: [m] for heights, then for looping masses, [rad], [rad/s]."""
-LONGEST_STEP = 0.5
-"""Median time between rows beyond which times are frames or milliseconds [s]; the slowest real set has 15 rows a second."""
-SAME_RATE = 0.01
-"""Relative difference of frame rates that is only the rounding of printed times."""
+MAX_VALUE = {"m": 1000.0, "light": 20.0, "heavy": 20.0, "rad": 4 * np.pi, "rad/s": 1000.0}
+"""Largest plausible heights [m], positions of the light and heavy mass [m], angles [rad] and angular rates [rad/s].
+
+A larger value must be in another unit than the file or the study says.
+"""
+MAX_TIME_STEP = 0.5
+"""Largest plausible median time between rows [s]; beyond it, times must be frames or milliseconds.
+
+The slowest real data set has 15 rows a second.
+"""
+RATE_TOLERANCE = 0.01
+"""Relative difference of two frame rates that rounding of printed times can explain."""
 _DEFAULT_UNITS = {"length": "m", "time": "s", "angle": "rad"}
 _KIND_OF_UNIT = {"t": "time", "x": "length", "y": "length", "height": "length", "angle": "angle"}
 
@@ -53,25 +59,25 @@ def read(
     Parameters
     ----------
     frame_rate
-        True frame rate of the camera [Hz]; the file's own times are then only used to count frames.
+        True frame rate of the camera [Hz]. If it is given, the file's own times are only used to count frames.
     clip_rate
-        Frame rate by which the file's times were made [Hz], for slow-motion clips; None: one row is one frame, unless the file
-        has a column of frame numbers.
+        Frame rate that the file's times were computed with [Hz], for slow-motion clips. None: one row is one frame, unless the
+        file has a column of frame numbers.
     tracks
-        Mass -> name of its track in the file, ``{"light": "mass A"}``; an empty name: the file's only track.
+        Mass -> name of its track in the file, for example ``{"light": "mass A"}``. An empty name stands for the only track.
     kind
         One of `KINDS`.
     units
-        Unit of what the header leaves open: ``{"length": "cm", "angle": "deg", "time": "ms"}``.
+        Units of columns whose header names none, for example ``{"length": "cm", "angle": "deg", "time": "ms"}``.
     drop
-        Which of several drops in the file.
+        Number of the drop to read, if the file has several.
     name
-        What to call the trial; the file's stem if not given.
+        Name of the trial; by default that of the file without its ending.
 
     Raises
     ------
     DataError
-        In one line: file, row, column, what was found, what was needed, and a way out.
+        If the file cannot be used; the message has one line with file, line, column, what was found and needed, and a way out.
     """
     file = os.fspath(path)
     name = name or Path(path).stem
@@ -80,32 +86,35 @@ def read(
     for key, rate in (("frame_rate", frame_rate), ("clip_rate", clip_rate)):
         if rate is not None and not (np.isfinite(rate) and rate > 0):
             raise data_error(file, None, "", f"{key}: found {rate:g} Hz, needed a number above 0")
-    table = read_table(path, worded="quantity")
+    table = read_table(path, text_column="quantity")
     if kind == "events" or (kind == "auto" and is_event_table(table)):
         return read_events(path, table, name)
     notes = ReadingNotes()
     columns = read_columns(table, kind, tracks, notes)
-    _refuse_ragged(table, columns)
-    rows = _rows_of_drop(table, columns, drop)
+    _refuse_incomplete_rows(table, columns)
+    rows = _rows_of_one_drop(table, columns, drop)
     units = _DEFAULT_UNITS | dict(units or {})
-    seen = _channels(table, rows, columns, tracks, units, notes)
-    if not seen:
+    channels_with_rows = _read_channels(table, rows, columns, tracks, units, notes)
+    if not channels_with_rows:
         raise table.error(
             None, "", "found no positions, angles or heights, needed one column of them; check 'tracks' and 'kind'"
         )
-    _refuse_absurd(table, seen, check_times=any(c.role == "t" for c in columns) and frame_rate is None)
-    channels = _checked_rate(_retimed(table, columns, seen, frame_rate, clip_rate, notes), notes)
+    _refuse_implausible_values(
+        table, channels_with_rows, check_times=any(c.role == "t" for c in columns) and frame_rate is None
+    )
+    timed = _with_true_frame_rate(table, columns, channels_with_rows, frame_rate, clip_rate, notes)
+    channels = _without_inconsistent_rate(timed, notes)
     return Observations(
         name=name,
         file=file,
         channels=tuple(channels),
-        dropped=tuple(UnusedValues(count=count, reason=reason) for reason, count in notes.dropped.items()),
+        unused=tuple(UnusedValues(count=count, reason=reason) for reason, count in notes.unused.items()),
         assumptions=tuple(dict.fromkeys(notes.assumptions)),
     )
 
 
-def _rows_of_drop(table: DelimitedTable, columns: list[Column], drop: int | None) -> list[TableLine]:
-    """Rows of the chosen drop; all where the file has no such column."""
+def _rows_of_one_drop(table: DelimitedTable, columns: list[Column], drop: int | None) -> list[TableLine]:
+    """Return the rows of the chosen drop; all rows if the file has no column of drops."""
     column = next((c for c in columns if c.role == "drop"), None)
     if column is None:
         if drop is not None:
@@ -122,20 +131,20 @@ def _rows_of_drop(table: DelimitedTable, columns: list[Column], drop: int | None
     return [row for row, number in zip(table.rows, numbers, strict=True) if number == wanted]
 
 
-def _refuse_ragged(table: DelimitedTable, columns: list[Column]) -> None:
-    """Refuse rows of another width than the header's; blank cells at the end are Tracker's trailing delimiter."""
+def _refuse_incomplete_rows(table: DelimitedTable, columns: list[Column]) -> None:
+    """Refuse rows with more or fewer cells than the header; empty cells at the end are Tracker's trailing delimiter."""
     width = columns[-1].index + 1
     for row in table.rows:
         filled = max((i + 1 for i, cell in enumerate(row.cells) if cell), default=0)
-        # Editors trim the tabs at the end of a line, so there a short row only misses its last marks.
+        # Editors trim tabs at the end of a line, so that a short row there only lacks its last points.
         short = len(row.cells) < width and table.delimiter != "\t"
         if filled > width or short:
-            comma = table.delimiter == "," and filled > width
-            hint = "if these are decimal commas, export with semicolons" if comma else "complete or delete the row"
+            too_many = table.delimiter == "," and filled > width
+            hint = "if these are decimal commas, export with semicolons" if too_many else "complete or delete the row"
             raise table.error(row.line, "", f"found {len(row.cells)} cells, needed {width}; {hint}")
 
 
-def _channels(
+def _read_channels(
     table: DelimitedTable,
     rows: list[TableLine],
     columns: list[Column],
@@ -143,10 +152,10 @@ def _channels(
     units: Mapping[str, str],
     notes: ReadingNotes,
 ) -> list[tuple[Channel, list[TableLine]]]:
-    """Channels by the file's clock, each with the rows that its points stand in."""
-    masses = _masses(table, columns, tracks)
+    """Read the channels, timed by the file's clock, each with the rows of its points."""
+    masses = _mass_of_track(table, columns, tracks)
     clocks = [c for c in columns if c.role == "t"] or [c for c in columns if c.role == "frame"]
-    found: dict[str, tuple[Channel, list[TableLine]]] = {}
+    channels: dict[str, tuple[Channel, list[TableLine]]] = {}
     for column in columns:
         role = column.role
         if role in ("t", "frame", "drop"):
@@ -154,18 +163,19 @@ def _channels(
         channel = f"{masses.get(column.track, '')}_{role}" if role in ("x", "y") else role
         if channel not in UNITS:
             reason = f"column {column.label!r}: " + ("track not asked for" if role else "not a time or a position")
-            notes.dropped[reason] += sum(bool(row.cells[column.index]) for row in rows if column.index < len(row.cells))
+            notes.unused[reason] += sum(bool(row.cells[column.index]) for row in rows if column.index < len(row.cells))
             continue
-        if channel in found:
+        if channel in channels:
             message = f"found {channel} a second time, needed one column for it; say by 'tracks' which is meant"
             raise table.error(None, column.label, message)
+        # Tracker repeats the column of times for each track; the one that belongs to a column stands left of it
         clock = next((c for c in reversed(clocks) if c.index < column.index), clocks[0])
-        found[channel] = _channel(table, rows, clock, column, channel, units, notes)
-    return list(found.values())
+        channels[channel] = _read_channel(table, rows, clock, column, channel, units, notes)
+    return list(channels.values())
 
 
-def _masses(table: DelimitedTable, columns: list[Column], tracks: Mapping[str, str] | None) -> dict[str, str]:
-    """Track -> mass, as asked for or by the track's own name."""
+def _mass_of_track(table: DelimitedTable, columns: list[Column], tracks: Mapping[str, str] | None) -> dict[str, str]:
+    """Return the mass of each track, as asked for or by the track's own name."""
     have = list(dict.fromkeys(c.track for c in columns if c.role in ("x", "y")))
     shown = ", ".join(f"'{t}'" if t else "one without a name" for t in have)
     if tracks:
@@ -176,11 +186,11 @@ def _masses(table: DelimitedTable, columns: list[Column], tracks: Mapping[str, s
             raise table.error(
                 None, "", f"tracks: found {quote(next(iter(tracks.values())))} for both masses, needed one for each"
             )
-        lost = [t for t in tracks.values() if t not in have]
+        missing = [t for t in tracks.values() if t not in have]
         if len(have) == 1 and (have == [""] or list(tracks.values()) == [""]) and len(tracks) == 1:
             return {have[0]: next(iter(tracks))}
-        if lost:
-            raise table.error(None, "", f"found the tracks {shown}, needed {quote(lost[0])}; correct 'tracks'")
+        if missing:
+            raise table.error(None, "", f"found the tracks {shown}, needed {quote(missing[0])}; correct 'tracks'")
         return {track: mass for mass, track in tracks.items()}
     known = {t: m for t in have for m in MASSES if t.lower() == m or re.search(rf"\b{m}\b", t.lower().replace("_", " "))}
     if have and not known:
@@ -189,7 +199,7 @@ def _masses(table: DelimitedTable, columns: list[Column], tracks: Mapping[str, s
     return known
 
 
-def _channel(
+def _read_channel(
     table: DelimitedTable,
     rows: list[TableLine],
     clock: Column,
@@ -198,6 +208,7 @@ def _channel(
     units: Mapping[str, str],
     notes: ReadingNotes,
 ) -> tuple[Channel, list[TableLine]]:
+    """Read one channel in SI units, and return it with the rows of its points."""
     time_factor = 1.0 if clock.role == "frame" else _to_si(table, clock, "s", units)
     value_factor = _to_si(table, column, UNITS[channel], units)
     times: list[float] = []
@@ -206,14 +217,14 @@ def _channel(
     for row in rows:
         value, time = table.number(row, column.index, column.label), table.number(row, clock.index, clock.label)
         if value is None:
-            notes.dropped[f"{channel}: no mark in the cell"] += 1
+            notes.unused[f"{channel}: empty cell"] += 1
             continue
         if time is None:
-            notes.dropped[f"{channel}: a mark without a time"] += 1
+            notes.unused[f"{channel}: a value without a time"] += 1
             continue
         if times and time <= times[-1]:
             if time == times[-1] and value == values[-1]:
-                notes.dropped[f"{channel}: the row before repeated"] += 1
+                notes.unused[f"{channel}: the row before repeated"] += 1
                 continue
             message = f"found {time:g} after {times[-1]:g} (line {kept[-1].line}), needed times that grow; sort or delete rows"
             raise table.error(row.line, clock.label, message)
@@ -221,7 +232,7 @@ def _channel(
         values.append(value)
         kept.append(row)
     if not times:
-        raise table.error(None, column.label, f"found no marks at all, needed {channel}; export that track again")
+        raise table.error(None, column.label, f"found no values at all, needed {channel}; export that track again")
     if not column.unit and _KIND_OF_UNIT.get(column.role) == "length":
         notes.assumptions.append(f"lengths without a unit taken in {units['length']}")
     t, v = np.array(times) * time_factor, np.array(values) * value_factor
@@ -229,67 +240,68 @@ def _channel(
 
 
 def _to_si(table: DelimitedTable, column: Column, si: str, units: Mapping[str, str]) -> float:
-    """Factor from the column's unit to SI."""
-    written = column.unit or units.get(_KIND_OF_UNIT.get(column.role, ""), si)
+    """Return the factor from the column's unit to SI."""
+    unit_text = column.unit or units.get(_KIND_OF_UNIT.get(column.role, ""), si)
     try:
-        return to_si(f"1 {written}", si)
+        return to_si(f"1 {unit_text}", si)
     except UnitError as error:
         line = table.head[-1].line if table.head and column.unit else None
         detail = f" ({error})" if str(error) else ""
-        message = f"found the unit {quote(written)}{detail}, needed one that converts to {si}; write for example '[{si}]'"
+        message = f"found the unit {quote(unit_text)}{detail}, needed one that converts to {si}; write for example '[{si}]'"
         raise table.error(line, column.label, message) from None
 
 
-def _retimed(
+def _with_true_frame_rate(
     table: DelimitedTable,
     columns: list[Column],
-    seen: list[tuple[Channel, list[TableLine]]],
+    channels_with_rows: list[tuple[Channel, list[TableLine]]],
     frame_rate: float | None,
     clip_rate: float | None,
     notes: ReadingNotes,
 ) -> list[Channel]:
-    """Put the true frame rate in place of the one by which the file's times were made."""
+    """Replace the frame rate that the file's times were computed with by the true one."""
     frames = [c for c in columns if c.role == "frame"]
     if frame_rate is None:
         if not any(c.role == "t" for c in columns):
             raise table.error(None, "", "found frame numbers but no times, needed the camera's frame rate; give 'frame_rate'")
-        return [channel for channel, _ in seen]
+        return [channel for channel, _ in channels_with_rows]
     if frames:
-        return _by_frames(table, frames, columns, seen, frame_rate)
-    steps = np.diff(np.unique(np.concatenate([channel.t for channel, _ in seen])))
-    own = clip_rate or (1 / float(np.median(steps)) if steps.size else frame_rate)
-    if abs(own / frame_rate - 1) < SAME_RATE:
-        return [channel for channel, _ in seen]
-    known = "" if clip_rate else ", taking one row as one frame"
-    notes.assumptions.append(f"times made for {own:.4g} frames a second were put to {frame_rate:.4g}{known}")
-    return [replace(c, t=c.t * own / frame_rate) for c, _ in seen]
+        return _with_times_from_frames(table, frames, columns, channels_with_rows, frame_rate)
+    steps = np.diff(np.unique(np.concatenate([channel.t for channel, _ in channels_with_rows])))
+    file_rate = clip_rate or (1 / float(np.median(steps)) if steps.size else frame_rate)
+    if abs(file_rate / frame_rate - 1) < RATE_TOLERANCE:
+        return [channel for channel, _ in channels_with_rows]
+    assumption = "" if clip_rate else ", taking one row as one frame"
+    notes.assumptions.append(f"times made for {file_rate:.4g} frames a second were put to {frame_rate:.4g}{assumption}")
+    return [replace(c, t=c.t * file_rate / frame_rate) for c, _ in channels_with_rows]
 
 
-def _by_frames(
+def _with_times_from_frames(
     table: DelimitedTable,
     frames: list[Column],
     columns: list[Column],
-    seen: list[tuple[Channel, list[TableLine]]],
+    channels_with_rows: list[tuple[Channel, list[TableLine]]],
     frame_rate: float,
 ) -> list[Channel]:
-    """Times from frame numbers; all tracks count from the first frame that any was marked in."""
+    """Compute times from frame numbers; all tracks count from the first frame in which any of them has a point."""
     tracks = {c.label: c.track for c in columns}
-    counted = []
-    for channel, kept in seen:
-        own = next((f for f in frames if f.track == tracks[channel.column]), frames[0])
+    frame_numbers = []
+    for channel, kept in channels_with_rows:
+        frame_column = next((f for f in frames if f.track == tracks[channel.column]), frames[0])
         counts: list[float] = []
         for row in kept:
-            count = table.number(row, own.index, own.label)
+            count = table.number(row, frame_column.index, frame_column.label)
             if count is None or (counts and count <= counts[-1]):
-                found = "nothing" if count is None else f"{count:g} after {counts[-1]:g}"
-                raise table.error(row.line, own.label, f"found {found}, needed frame numbers that grow; export them again")
+                text = "nothing" if count is None else f"{count:g} after {counts[-1]:g}"
+                message = f"found {text}, needed frame numbers that grow; export them again"
+                raise table.error(row.line, frame_column.label, message)
             counts.append(count)
-        counted.append(np.array(counts))
-    first = min(float(c[0]) for c in counted)
-    return [replace(c, t=(n - first) / frame_rate) for (c, _), n in zip(seen, counted, strict=True)]
+        frame_numbers.append(np.array(counts))
+    first = min(float(n[0]) for n in frame_numbers)
+    return [replace(c, t=(n - first) / frame_rate) for (c, _), n in zip(channels_with_rows, frame_numbers, strict=True)]
 
 
-def _checked_rate(channels: list[Channel], notes: ReadingNotes) -> list[Channel]:
+def _without_inconsistent_rate(channels: list[Channel], notes: ReadingNotes) -> list[Channel]:
     """Leave out an angular rate that is not the rate of the angle beside it."""
     named = {c.name: c for c in channels}
     if "angle_rate" not in named or "angle" not in named or len(named["angle"]) < 5:
@@ -298,25 +310,27 @@ def _checked_rate(channels: list[Channel], notes: ReadingNotes) -> list[Channel]
     slope: Array = np.interp(rate.t, angle.t, np.gradient(angle.value, angle.t))
     size = float(slope @ slope)
     ratio = float(slope @ rate.value) / size if size else 0.0
-    alike = abs(float(slope @ rate.value)) / (np.sqrt(size * float(rate.value @ rate.value)) or 1.0)
-    if alike > 0.9 and 0.8 < ratio < 1.25:
+    correlation = abs(float(slope @ rate.value)) / (np.sqrt(size * float(rate.value @ rate.value)) or 1.0)
+    if correlation > 0.9 and 0.8 < ratio < 1.25:
         return channels
-    reason = f"column {rate.column!r}: not the rate of the angle (best multiple {ratio:.2g}, correlation {alike:.2f})"
-    notes.dropped[reason] += len(rate)
+    reason = f"column {rate.column!r}: not the rate of the angle (best multiple {ratio:.2g}, correlation {correlation:.2f})"
+    notes.unused[reason] += len(rate)
     return [c for c in channels if c is not rate]
 
 
-def _refuse_absurd(table: DelimitedTable, seen: list[tuple[Channel, list[TableLine]]], *, check_times: bool) -> None:
-    """Refuse numbers that must be in another unit."""
-    for channel, rows in seen:
-        limit = FARTHEST.get(channel.name.partition("_")[0], FARTHEST[channel.unit])
+def _refuse_implausible_values(
+    table: DelimitedTable, channels_with_rows: list[tuple[Channel, list[TableLine]]], *, check_times: bool
+) -> None:
+    """Refuse values and times that must be in another unit than was said."""
+    for channel, rows in channels_with_rows:
+        limit = MAX_VALUE.get(channel.name.partition("_")[0], MAX_VALUE[channel.unit])
         worst = int(np.argmax(np.abs(channel.value)))
         if abs(channel.value[worst]) > limit:
             kind, unit = ("angle", "deg") if channel.unit.startswith("rad") else ("length", "cm")
-            found = f"found {channel.value[worst]:g} {channel.unit}, needed at most {limit:.4g}"
-            message = f"{found}; if the file is in another unit, say so: 'units: {{{kind}: {unit}}}'"
+            values = f"found {channel.value[worst]:g} {channel.unit}, needed at most {limit:.4g}"
+            message = f"{values}; if the file is in another unit, say so: 'units: {{{kind}: {unit}}}'"
             raise table.error(rows[worst].line, channel.column, message)
         step = float(np.median(np.diff(channel.t))) if len(channel) > 1 else 0.0
-        if check_times and step > LONGEST_STEP:
+        if check_times and step > MAX_TIME_STEP:
             message = f"found a row every {step:g} s, needed many a second; if times are in ms, say so: 'units: {{time: ms}}'"
             raise table.error(rows[0].line, "t", message)

@@ -1,4 +1,4 @@
-"""A study: trials, what was measured of the apparatus and how well, and which effects the experimenter believes in."""
+"""A study: trials, measured values of the apparatus with their errors, and the effects that are declared to act."""
 
 from __future__ import annotations
 
@@ -17,17 +17,20 @@ from looping_pendulum.discrepancy.data.observations import Observations, merge, 
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
-SHARED = MappingProxyType({"light_mass": "kg", "light_radius": "m", "heavy_mass": "kg", "rod_radius": "m"})
+APPARATUS_UNITS = MappingProxyType({"light_mass": "kg", "light_radius": "m", "heavy_mass": "kg", "rod_radius": "m"})
 """Parameters of the apparatus -> SI unit."""
-PER_TRIAL = MappingProxyType({"release_angle": "rad", "free_length": "m", "hanging_length": "m"})
+RELEASE_UNITS = MappingProxyType({"release_angle": "rad", "free_length": "m", "hanging_length": "m"})
 """Parameters of a release -> SI unit."""
-HANGING = 0.03
-"""Start of a hanging length that was not measured [m]: it moves nothing, and only says how high the heavy mass is seen."""
-UNSEEN = MappingProxyType(
+DEFAULT_HANGING_LENGTH = 0.03
+"""Initial value of a hanging length that was not measured [m].
+
+It does not influence the motion: it only shifts the measured height of the heavy mass.
+"""
+PLACEHOLDERS = MappingProxyType(
     {"light_mass": 1.0, "heavy_mass": 1.0, "rod_radius": 1e-6, "free_length": 1.0, "release_angle": 0.5 * math.pi}
 )
-"""Stands in where a release does not depend on a parameter [SI]: a held pendulum's pivot is a rod without thickness."""
-NEEDS = MappingProxyType(
+"""Values for parameters that a release does not depend on [SI]: a held pendulum's pivot is a rod of almost no thickness."""
+REQUIRED = MappingProxyType(
     {
         Release.LOOPING: ("light_mass", "heavy_mass", "rod_radius", "release_angle", "free_length"),
         Release.VERTICAL: ("light_mass", "heavy_mass", "rod_radius", "free_length"),
@@ -35,95 +38,102 @@ NEEDS = MappingProxyType(
         Release.DROP: (),
     }
 )
-"""What must have been measured for a release; of a drop, the mass that is dropped."""
+"""Release -> parameters that must have been measured. A drop needs the dropped mass, which its trial names."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """What the experimenter knows of one number."""
+    """Measured value of one parameter with its standard error, or an initial value if nothing is known."""
 
     value: float
-    """Measured value, or where a free one starts [SI]."""
+    """Measured value, or initial value of a free parameter [SI]."""
     sigma: float | None = None
-    """Its standard error [SI]; None: taken as exact, or free."""
+    """Standard error [SI]; None: the value is exact, or free."""
     free: bool = False
-    """Whether nothing is known of it."""
+    """Whether nothing is known of the parameter, so that only the fit determines it."""
 
     @property
     def uncertain(self) -> bool:
-        """Whether a fit may move it."""
+        """Return whether a fit may change the value."""
         return self.free or self.sigma is not None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """One trial: its files, and how the masses were let go."""
+    """One trial: its files, its release and its camera."""
 
     name: str
     files: tuple[tuple[str, Mapping[str, str]], ...]
-    """Path from the study's folder, and which mass is which track in it (an empty name: the only track)."""
+    """Path from the study's folder, and mass -> name of its track in that file (an empty name: the only track)."""
     events: str | None = None
-    """Table of events beside the files; one that stands alone is a file like any other."""
+    """Path of a table of events beside the files; a table that stands alone is one of `files`."""
     kind: str = "auto"
+    """Kind of the files, one of `readers.KINDS`."""
     frame_rate: float | None = None
     """True frame rate [Hz]."""
     clip_rate: float | None = None
-    """Frame rate by which the file's times were made [Hz]."""
+    """Frame rate that the file's times were computed with [Hz]."""
     units: Mapping[str, str] = field(default_factory=dict)
+    """Units of columns whose header names none, by "length", "time" and "angle"."""
     drop: int | None = None
+    """Number of the drop, if the file has several."""
     dropped: str = "heavy"
-    """Which mass a channel "height" sees."""
+    """Mass that a channel "height" shows."""
     mirrored: bool = False
-    """Whether the camera stood where the light mass loops the other way."""
+    """Whether the camera stood on the other side, where the light mass is seen to loop the other way."""
     held_out: bool = False
+    """Whether the trial is kept from all fits, to judge them by."""
     release: Release = Release.LOOPING
-    own: Mapping[str, Estimate] = field(default_factory=dict)
-    """Release, and masses other than the apparatus's, by parameter."""
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
+    """Parameter -> measured value in this trial: of the release, and of parts that differ from the apparatus."""
     camera: Mapping[str, Estimate] = field(default_factory=dict)
-    """What is known of the camera beside its usual errors."""
+    """Camera parameter -> estimate that replaces the usual prior."""
     event_errors: Mapping[str, float] = field(default_factory=dict)
-    """SI unit -> standard error."""
+    """SI unit -> standard error of the events of that unit [SI]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExperimentLimits:
-    """What the experimenter could do next; None: anything."""
+    """Limits of trials that the experimenter could do next; None: no limit."""
 
     release_angle: tuple[float, float] | None = None
-    """[rad]"""
+    """Smallest and largest release angle [rad]."""
     mass_ratio: tuple[float, float] | None = None
-    """M2/M1."""
+    """Smallest and largest ratio M2/M1."""
     releases: tuple[Release, ...] = tuple(Release)
+    """Kinds of release that are possible."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class UncertainParameter:
-    """One number that a fit may move."""
+    """A parameter of the declared model that a fit may change."""
 
     name: str
-    """The parameter's, with the trial's in front where it is not shared: "first.release_angle"."""
+    """Name of the parameter, with that of the trial in front if it is not shared: "first.release_angle"."""
     parameter: str
+    """Name of the parameter or coefficient without the trial."""
     trials: tuple[str, ...]
-    """Names of the trials that it acts in."""
+    """Names of the trials in which it acts."""
     start: float
-    """Measured value, or where to start [SI]."""
+    """Measured value, or initial value [SI]."""
     sigma: float | None
     """Standard error of the measured value [SI]; None: nothing is known."""
     bounds: tuple[float, float]
+    """Physically possible values [SI]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """What there is to learn from."""
+    """Trials of one apparatus, with the measured values and effects that are declared for it."""
 
     name: str
     title: str
     folder: Path = field(compare=False)
-    """Where the trials' paths start."""
+    """Folder that the trials' paths are relative to."""
     apparatus: Mapping[str, Estimate]
-    """Parameter -> what was measured of it."""
+    """Parameter of the apparatus -> its measured value."""
     effects: Mapping[str, Estimate]
-    """Coefficient -> what is known of it, of each declared effect."""
+    """Coefficient of a declared effect -> its value."""
     fit: tuple[str, ...] | None = None
     """Parameters and coefficients that may be fitted; None: all that are free or have a standard error."""
     trials: tuple[Trial, ...]
@@ -135,33 +145,33 @@ class Study:
 
     @property
     def training(self) -> tuple[Trial, ...]:
-        """Trials that a fit may see."""
+        """Return the trials that are fitted."""
         return tuple(t for t in self.trials if not t.held_out)
 
     @property
     def held_out(self) -> tuple[Trial, ...]:
-        """Trials that no fit may see."""
+        """Return the trials that no fit uses."""
         return tuple(t for t in self.trials if t.held_out)
 
     @property
     def declared(self) -> tuple[str, ...]:
-        """Names of the declared effects; gravity is always one."""
+        """Return the names of the declared effects; gravity is always one."""
         library = effect_library.EFFECTS.values()
         return tuple(e.name for e in library if e.name == "gravity" or any(c.name in self.effects for c in e.coefficients))
 
     def estimate(self, parameter: str, trial: Trial) -> Estimate | None:
-        """What is known of a parameter or coefficient in a trial; None: nothing, and the release does not need it."""
-        return trial.own.get(parameter) or self.apparatus.get(parameter) or self.effects.get(parameter)
+        """Return the value of a parameter or coefficient in a trial; None: there is none, and the release does not need it."""
+        return trial.estimates.get(parameter) or self.apparatus.get(parameter) or self.effects.get(parameter)
 
-    def unknowns(self, trials: tuple[Trial, ...] | None = None) -> tuple[UncertainParameter, ...]:
-        """Every number that a fit of ``trials`` (the training ones) may move, each once."""
-        found: dict[str, UncertainParameter] = {}
+    def uncertain_parameters(self, trials: tuple[Trial, ...] | None = None) -> tuple[UncertainParameter, ...]:
+        """Return every parameter that a fit of ``trials`` (default: the training trials) may change, each once."""
+        uncertain: dict[str, UncertainParameter] = {}
         for trial in self.training if trials is None else trials:
             for parameter, name in self._names[trial.name].items():
                 known = self.estimate(parameter, trial)
                 assert known is not None
-                before = found[name].trials if name in found else ()
-                found[name] = UncertainParameter(
+                before = uncertain[name].trials if name in uncertain else ()
+                uncertain[name] = UncertainParameter(
                     name=name,
                     parameter=parameter,
                     trials=(*before, trial.name),
@@ -169,38 +179,39 @@ class Study:
                     sigma=known.sigma,
                     bounds=_bounds(parameter),
                 )
-        return tuple(found.values())
+        return tuple(uncertain.values())
 
     @cached_property
     def _names(self) -> dict[str, dict[str, str]]:
-        """Trial -> parameter that a fit may move in it -> name of the unknown."""
+        """Trial -> parameter that a fit may change in it -> name of the `UncertainParameter`."""
         names: dict[str, dict[str, str]] = {}
         owners: dict[tuple[str, Estimate], str] = {}
         for trial in (*self.training, *self.held_out):
             names[trial.name] = {}
-            for parameter in (*self.effects, *SHARED, *PER_TRIAL):
+            for parameter in (*self.effects, *APPARATUS_UNITS, *RELEASE_UNITS):
                 known = self.estimate(parameter, trial)
-                if known is None or not self._fitted(parameter, known) or not _acts(parameter, trial):
+                if known is None or not self._is_fitted(parameter, known) or not _acts_in(parameter, trial):
                     continue
                 name = parameter
-                if parameter in trial.own:
+                if parameter in trial.estimates:
                     name = f"{trial.name}.{parameter}"
-                    if parameter in SHARED:  # the same mass, hung on in several trials, is one unknown
+                    if parameter in APPARATUS_UNITS:  # the same mass, used in several trials, is one parameter
                         name = owners.setdefault((parameter, known), name)
                 names[trial.name][parameter] = name
         return names
 
-    def _fitted(self, parameter: str, known: Estimate) -> bool:
+    def _is_fitted(self, parameter: str, known: Estimate) -> bool:
+        """Return whether the study lets a fit change a parameter."""
         return known.uncertain if self.fit is None else parameter in self.fit
 
     def parameters(self, values: Mapping[str, float], trial: Trial) -> Parameters:
-        """Reference parameters of a trial.
+        """Return the reference's parameters for a trial.
 
         Parameters
         ----------
         values
-            Name of an `UncertainParameter`, or of any parameter or coefficient -> value [SI]; the others keep their measured value. A
-            trial's own name ("first.free_length") goes before the shared one.
+            Name of an `UncertainParameter`, or of any parameter or coefficient -> value [SI]. All others keep their measured
+            value. A name with the trial ("first.free_length") takes precedence over the shared one.
 
         Raises
         ------
@@ -208,45 +219,47 @@ class Study:
             If they are impossible together.
         """
         here = {
-            u.parameter: values[u.name] for u in self.unknowns((*self.trials,)) if trial.name in u.trials and u.name in values
+            u.parameter: values[u.name]
+            for u in self.uncertain_parameters((*self.trials,))
+            if trial.name in u.trials and u.name in values
         }
         fields: dict[str, Any] = {"release": trial.release}
         coefficients = {}
-        for name in (*SHARED, *PER_TRIAL, *effect_library.COEFFICIENTS):
+        for name in (*APPARATUS_UNITS, *RELEASE_UNITS, *effect_library.COEFFICIENTS):
             known = self.estimate(name, trial)
             value = here.get(name, values.get(f"{trial.name}.{name}", values.get(name, known.value if known else None)))
             if name in effect_library.COEFFICIENTS:
                 if value is not None:
                     coefficients[name] = value
-            elif value is not None or name in UNSEEN:
-                fields[name] = UNSEEN[name] if value is None else value
+            elif value is not None or name in PLACEHOLDERS:
+                fields[name] = PLACEHOLDERS[name] if value is None else value
         return Parameters(**fields, coefficients=coefficients)
 
     def camera_priors(self, trial: Trial, observations: Observations) -> dict[str, Estimate]:
-        """What is known beforehand of the camera's numbers that these observations depend on."""
+        """Return the priors of the camera parameters that these observations depend on."""
         named = {c.name: c for c in observations.channels}
-        wanted = ["clock_offset", "clock_ratio"] if named or observations.events else []
+        acting = ["clock_offset", "clock_ratio"] if named or observations.events else []
         if any(n.endswith(("_x", "_y")) for n in named):
-            wanted = ["origin_x", "origin_y", "scale", "tilt", *wanted]
-        wanted += ["scale", "tilt"] if observations.events else []
-        wanted += ["tilt"] if "angle" in named else []
-        wanted += ["origin_y", "scale"] if "height" in named else []
-        priors = {n: Estimate(value=CAMERA[n].null, sigma=CAMERA[n].sigma) for n in dict.fromkeys(wanted)}
+            acting = ["origin_x", "origin_y", "scale", "tilt", *acting]
+        acting += ["scale", "tilt"] if observations.events else []
+        acting += ["tilt"] if "angle" in named else []
+        acting += ["origin_y", "scale"] if "height" in named else []
+        priors = {n: Estimate(value=CAMERA[n].null, sigma=CAMERA[n].sigma) for n in dict.fromkeys(acting)}
         if named:
             step = max((float(np.median(np.diff(c.t))) for c in named.values() if len(c) > 1), default=0.0)
             # The first frame after the release is known to a frame or two.
             priors["clock_offset"] = Estimate(value=0.0, sigma=max(CAMERA["clock_offset"].sigma, 2 * step))
         if "height" in named:
             height = named["height"].value
-            # Heights count from the ground; that of the release is the first mark's, to a fiftieth of the fall.
+            # Heights are measured from the ground. That of the release is the first point's, to a fiftieth of the fall.
             priors["origin_y"] = Estimate(
                 value=float(height[0]), sigma=max(float(np.ptp(height)) / 50, CAMERA["origin_y"].sigma)
             )
         return priors | {n: e for n, e in trial.camera.items() if n in priors}
 
 
-def _acts(parameter: str, trial: Trial) -> bool:
-    """Whether a parameter matters in a release."""
+def _acts_in(parameter: str, trial: Trial) -> bool:
+    """Return whether a parameter influences the motion or the measurement of a trial."""
     if trial.release is Release.DROP:
         other = "light" if trial.dropped == "heavy" else "heavy"
         return not parameter.startswith((other, "rod", "string", "kinetic", "static", "release", "free_length", "hanging"))
@@ -256,6 +269,7 @@ def _acts(parameter: str, trial: Trial) -> bool:
 
 
 def _bounds(parameter: str) -> tuple[float, float]:
+    """Return the physically possible values of a parameter or coefficient [SI]."""
     if parameter in effect_library.COEFFICIENTS:
         return effect_library.COEFFICIENTS[parameter].bounds
     return (0.0, 2 * math.pi) if parameter == "release_angle" else (0.0, math.inf)
@@ -267,9 +281,9 @@ def read_trial(study: Study, trial: Trial) -> Observations:
     Raises
     ------
     DataError
-        If one cannot be used.
+        If a file cannot be used.
     """
-    from looping_pendulum.discrepancy.data.readers import read  # units take a while to import, and fits do without
+    from looping_pendulum.discrepancy.data.readers import read  # imports units, which takes a while and which fits do not need
 
     parts = tuple(
         read(

@@ -1,7 +1,7 @@
-"""The shape of a study file, as pydantic models, and what to say of a faulty one.
+"""Schema of a study file, as pydantic models, and the messages for faulty files.
 
-As in a scenario, every scalar is still text when it comes here, so that a unit is never lost. A measured value may carry its
-standard error, "10 g +/- 0.05 g" or "10 g +/- 0.5 %" (of the value); "free" is a value that nobody knows.
+As in a scenario, every scalar is still text here, so that no unit is lost. A measured value may carry its standard error,
+"10 g +/- 0.05 g" or "10 g +/- 0.5 %" (of the value); "free" stands for a value that is not known.
 """
 
 from __future__ import annotations
@@ -20,47 +20,51 @@ from looping_pendulum.errors import ScenarioError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.document import Document, Path, quote
-from looping_pendulum.scenarios.schema import Group, QuantityField, Text, fault, suggest
+from looping_pendulum.scenarios.schema import Group, QuantityField, Text, input_error, suggest
 from looping_pendulum.scenarios.units import QuantityKind, UnitError, show, to_si
 
 FREE_STARTS = {"kinetic_friction": 0.3, "static_friction": 0.3, "light_drag": 1e-3, "heavy_drag": 1e-3, "string_drag": 1e-3}
-"""Where a "free" coefficient starts [SI] unless the file says: the order of magnitude that the paper prints; others at their
-default."""
+"""Initial values of "free" coefficients [SI] for which the file gives none: the order of magnitude that the paper prints.
+
+Other coefficients start at their default.
+"""
 _PLUS_MINUS = re.compile(r"\+/-|\+-|±")
 
 
 class MeasuredField(QuantityField):
-    """Pydantic's view of a quantity with its standard error."""
+    """Pydantic field of a quantity with its standard error."""
 
     def __init__(self, kind: QuantityKind, start: float | None = None) -> None:
         super().__init__(kind)
         self.start = start
 
-    def estimate(self, found: object) -> Estimate:
-        """Value and error [SI] of what the file has."""
-        text = found.strip() if isinstance(found, str) else ""
+    def estimate(self, raw: object) -> Estimate:
+        """Return value and standard error [SI] of an entry of the file."""
+        text = raw.strip() if isinstance(raw, str) else ""
         if text == "free" or text.startswith("free from "):
             return self._free(text)
         inside, bracket, unit = text.removeprefix("(").rpartition(")")
         parts = _split(inside)
         if not (text.startswith("(") and bracket and len(parts) == 2):
             parts, unit = _split(text), ""
-        parts = [part + unit for part in parts]  # "(65 +/- 1) cm"
+        parts = [part + unit for part in parts]  # in "(65 +/- 1) cm" the unit belongs to both
         if len(parts) > 2:
-            raise fault(f"expected one '+/-', got {quote(found)}; write for example '{self.way_out}'")
-        value = self.read(parts[0] if isinstance(found, str) else found)
+            raise input_error(f"expected one '+/-', got {quote(raw)}; write for example '{self.way_out}'")
+        value = self.read(parts[0] if isinstance(raw, str) else raw)
         return Estimate(value=value, sigma=self._error(parts[1], value) if len(parts) == 2 else None)
 
     @property
     def way_out(self) -> str:
-        """A value with its error, to copy."""
-        return f"{self.kind.way_out} +/- 1 %"
+        """Return a value with its standard error, as an example to copy."""
+        return f"{self.kind.example_text} +/- 1 %"
 
     def _free(self, text: str) -> Estimate:
         if text != "free":
             return Estimate(value=self.read(text.removeprefix("free from ")), free=True)
         if self.start is None:
-            raise fault(f"found 'free' without a start, needed one; write for example 'free from {self.kind.way_out}'")
+            raise input_error(
+                f"found 'free' without a start, needed one; write for example 'free from {self.kind.example_text}'"
+            )
         return Estimate(value=self.start, free=True)
 
     def _error(self, text: str, value: float) -> float:
@@ -72,9 +76,11 @@ class MeasuredField(QuantityField):
         except UnitError as error:
             detail = f" ({error})" if str(error) else ""
             message = f"found {quote(text)} after '+/-'{detail}, needed a standard error in the same kind of unit or in %"
-            raise fault(f"{message}; write for example '{self.way_out}'") from None
+            raise input_error(f"{message}; write for example '{self.way_out}'") from None
         if not (math.isfinite(sigma) and sigma > 0):
-            raise fault(f"found a standard error of {quote(text)}, needed one above 0; leave '+/-' out if the value is exact")
+            raise input_error(
+                f"found a standard error of {quote(text)}, needed one above 0; leave '+/-' out if the value is exact"
+            )
         return sigma
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -82,16 +88,16 @@ class MeasuredField(QuantityField):
 
 
 def _split(text: str) -> list[str]:
-    """Value and errors around each plus-minus; spaces are cut off here, as an expression for them would take quadratic time."""
+    """Split at each plus-minus sign; a regular expression that takes spaces off, too, would need quadratic time."""
     return [part.strip() for part in _PLUS_MINUS.split(text)]
 
 
 def _length(example: str) -> MeasuredField:
-    return MeasuredField(QuantityKind(unit="m", low=0.0, above_low=True, example=example))
+    return MeasuredField(QuantityKind(unit="m", low=0.0, exclusive_low=True, example=example))
 
 
 def _mass(example: str) -> MeasuredField:
-    return MeasuredField(QuantityKind(unit="kg", low=0.0, above_low=True, example=example))
+    return MeasuredField(QuantityKind(unit="kg", low=0.0, exclusive_low=True, example=example))
 
 
 def _camera_kind(name: str) -> MeasuredField:
@@ -101,103 +107,106 @@ def _camera_kind(name: str) -> MeasuredField:
     )
 
 
-def _flag(found: object) -> bool:
-    if found in ("true", "false"):
-        return found == "true"
-    raise fault(f"expected true or false, got {quote(found)}")
+def _flag(raw: object) -> bool:
+    if raw in ("true", "false"):
+        return raw == "true"
+    raise input_error(f"expected true or false, got {quote(raw)}")
 
 
 def _one_of(*known: str) -> BeforeValidator:
-    def choose(found: object) -> str:
-        if isinstance(found, str) and found in known:
-            return found
-        raise fault(f"expected one of {', '.join(known)}, got {quote(found)}{suggest(str(found), known)}")
+    def choose(raw: object) -> str:
+        if isinstance(raw, str) and raw in known:
+            return raw
+        raise input_error(f"expected one of {', '.join(known)}, got {quote(raw)}{suggest(str(raw), known)}")
 
     return BeforeValidator(choose)
 
 
-def _count(found: object) -> int:
-    if isinstance(found, str) and found.isascii() and found.isdigit() and 0 < int(found[:9]) and len(found) < 10:
-        return int(found)
-    raise fault(f"expected a whole number from 1, got {quote(found)}; write for example '1'")
+def _count(raw: object) -> int:
+    # int() of very long texts takes quadratic time, so only the first digits are read before the length is known
+    if isinstance(raw, str) and raw.isascii() and raw.isdigit() and 0 < int(raw[:9]) and len(raw) < 10:
+        return int(raw)
+    raise input_error(f"expected a whole number from 1, got {quote(raw)}; write for example '1'")
 
 
-def _words(wanted: str, keys: tuple[str, ...]) -> PlainValidator:
-    """Mapping of known keys to text."""
+def _text_by_key(expected: str, keys: tuple[str, ...]) -> PlainValidator:
+    """Return a validator of a mapping from known keys to text."""
 
-    def read(found: object) -> dict[str, str]:
+    def read(raw: object) -> dict[str, str]:
         example = f"'{{{keys[0]}: ...}}'"
-        if not isinstance(found, dict) or not found:
-            raise fault(f"expected {wanted}, got {quote(found)}; write for example {example}")
-        for key, value in found.items():
+        if not isinstance(raw, dict) or not raw:
+            raise input_error(f"expected {expected}, got {quote(raw)}; write for example {example}")
+        for key, value in raw.items():
             if key not in keys:
-                raise fault(f"found an unknown key, needed one of: {', '.join(keys)}{suggest(key, keys)}", key)
+                raise input_error(f"found an unknown key, needed one of: {', '.join(keys)}{suggest(key, keys)}", key)
             if not isinstance(value, str):
-                raise fault(f"expected text, got {quote(value)}; write for example {example}", key)
-        return dict(found)
+                raise input_error(f"expected text, got {quote(value)}; write for example {example}", key)
+        return dict(raw)
 
     return PlainValidator(read)
 
 
 def _range(kind: QuantityKind, example: str) -> PlainValidator:
-    def read(found: object) -> tuple[float, float]:
-        if not isinstance(found, list) or len(found) != 2:
-            raise fault(f"expected a lowest and a highest value, got {quote(found)}; write for example '{example}'")
-        low, high = (QuantityField(kind).read(each) for each in found)
+    """Return a validator of a pair of a lowest and a highest value."""
+
+    def read(raw: object) -> tuple[float, float]:
+        if not isinstance(raw, list) or len(raw) != 2:
+            raise input_error(f"expected a lowest and a highest value, got {quote(raw)}; write for example '{example}'")
+        low, high = (QuantityField(kind).read(each) for each in raw)
         if not low <= high:
-            raise fault(f"found the lowest value above the highest, needed them in order; write for example '{example}'")
+            raise input_error(f"found the lowest value above the highest, needed them in order; write for example '{example}'")
         return low, high
 
     return PlainValidator(read)
 
 
-def _effects(found: object) -> dict[str, Estimate]:
-    """Coefficient -> what is known of it, for every effect that the experimenter believes in."""
+def _effects(raw: object) -> dict[str, Estimate]:
+    """Return coefficient -> estimate of every declared effect."""
     library = effect_library.EFFECTS
-    if not isinstance(found, dict):
-        raise fault(f"expected effects with their values, got {quote(found)}; write for example 'light_drag: free'")
+    if not isinstance(raw, dict):
+        raise input_error(f"expected effects with their values, got {quote(raw)}; write for example 'light_drag: free'")
     values: dict[str, Estimate] = {}
-    for effect, content in found.items():
+    for effect, content in raw.items():
         if effect not in library:
             near = suggest(effect, library)
-            raise fault(f"found an unknown effect, needed one of: {', '.join(library)}{near}", effect)
+            raise input_error(f"found an unknown effect, needed one of: {', '.join(library)}{near}", effect)
         known = {c.name: c for c in library[effect].coefficients}
         group = content if isinstance(content, dict) else {next(iter(known)): content}
         for name, each in group.items():
             key = f"{effect}.{name}" if isinstance(content, dict) else effect
             if name not in known:
                 near = suggest(name, known)
-                raise fault(f"found an unknown key, needed one of: {', '.join(known)}{near}", key)
+                raise input_error(f"found an unknown key, needed one of: {', '.join(known)}{near}", key)
             c = known[name]
             kind = QuantityKind(unit=c.unit, low=c.bounds[0], high=c.bounds[1])
             try:
                 values[name] = MeasuredField(kind, start=FREE_STARTS.get(name, c.default)).estimate(each)
             except PydanticCustomError as error:
-                raise fault(str(error), key) from None
+                raise input_error(str(error), key) from None
     return values
 
 
 class StudyLightGroup(Group):
-    """The light mass."""
+    """Keys of the light mass."""
 
     mass: Annotated[Estimate, _mass("10 g")] | None = None
     radius: Annotated[Estimate, _length("5 mm")] | None = None
 
 
 class StudyHeavyGroup(Group):
-    """The heavy mass."""
+    """Keys of the heavy mass."""
 
     mass: Annotated[Estimate, _mass("100 g")] | None = None
 
 
 class StudyRodGroup(Group):
-    """The rod."""
+    """Keys of the rod."""
 
     radius: Annotated[Estimate, _length("6.25 mm")] | None = None
 
 
 class ApparatusGroup(Group):
-    """What was weighed and measured, for all trials."""
+    """Keys of the apparatus: masses and lengths measured for all trials."""
 
     light: StudyLightGroup = StudyLightGroup()
     heavy: StudyHeavyGroup = StudyHeavyGroup()
@@ -205,12 +214,12 @@ class ApparatusGroup(Group):
 
 
 class StudyReleaseGroup(Group):
-    """How the masses were let go."""
+    """Keys of a release."""
 
     kind: Annotated[str, _one_of(*(str(r.value) for r in Release))] = Release.LOOPING.value
     angle: (
         Annotated[
-            Estimate, MeasuredField(QuantityKind(unit="rad", low=0.0, high=2 * math.pi, above_low=True, example="112 deg"))
+            Estimate, MeasuredField(QuantityKind(unit="rad", low=0.0, high=2 * math.pi, exclusive_low=True, example="112 deg"))
         ]
         | None
     ) = None
@@ -219,7 +228,7 @@ class StudyReleaseGroup(Group):
 
 
 class CameraGroup(Group):
-    """What is known of the camera beside its usual errors."""
+    """Keys of a camera: values that replace the usual priors."""
 
     origin_x: Annotated[Estimate, _camera_kind("origin_x")] | None = None
     origin_y: Annotated[Estimate, _camera_kind("origin_y")] | None = None
@@ -230,28 +239,28 @@ class CameraGroup(Group):
 
 
 class EventErrorsGroup(Group):
-    """Standard errors of the events in a table that does not print them."""
+    """Keys of standard errors of events, for tables that do not print them."""
 
-    time: Annotated[float, QuantityField(QuantityKind(unit="s", low=0.0, above_low=True, example="8 ms"))] | None = None
-    length: Annotated[float, QuantityField(QuantityKind(unit="m", low=0.0, above_low=True))] | None = None
-    angle: Annotated[float, QuantityField(QuantityKind(unit="rad", low=0.0, above_low=True, example="2 deg"))] | None = None
+    time: Annotated[float, QuantityField(QuantityKind(unit="s", low=0.0, exclusive_low=True, example="8 ms"))] | None = None
+    length: Annotated[float, QuantityField(QuantityKind(unit="m", low=0.0, exclusive_low=True))] | None = None
+    angle: Annotated[float, QuantityField(QuantityKind(unit="rad", low=0.0, exclusive_low=True, example="2 deg"))] | None = None
 
 
-_RATE = QuantityField(QuantityKind(unit="Hz", low=0.0, above_low=True, example="240 Hz"))
+_RATE = QuantityField(QuantityKind(unit="Hz", low=0.0, exclusive_low=True, example="240 Hz"))
 
 
 class TrialGroup(Group):
-    """One trial."""
+    """Keys of a trial."""
 
     name: Text | None = None
     file: Text | None = None
-    files: Annotated[dict[str, str], _words("a file for each mass", ("light", "heavy"))] | None = None
+    files: Annotated[dict[str, str], _text_by_key("a file for each mass", ("light", "heavy"))] | None = None
     events: Text | None = None
     kind: Annotated[str, _one_of(*KINDS)] = "auto"
     frame_rate: Annotated[float, _RATE] | None = None
     clip_rate: Annotated[float, _RATE] | None = None
-    tracks: Annotated[dict[str, str], _words("the track of each mass", ("light", "heavy"))] | None = None
-    units: Annotated[dict[str, str], _words("units", ("length", "time", "angle"))] | None = None
+    tracks: Annotated[dict[str, str], _text_by_key("the track of each mass", ("light", "heavy"))] | None = None
+    units: Annotated[dict[str, str], _text_by_key("units", ("length", "time", "angle"))] | None = None
     drop: Annotated[int, BeforeValidator(_count)] | None = None
     dropped: Annotated[str, _one_of("light", "heavy")] = "heavy"
     mirrored: Annotated[bool, BeforeValidator(_flag)] = False
@@ -264,21 +273,25 @@ class TrialGroup(Group):
 
 
 class LimitsGroup(Group):
-    """What the experimenter could do next."""
+    """Keys of the limits of trials that the experimenter could do next."""
 
     release_angle: (
         Annotated[
             tuple[float, float],
-            _range(QuantityKind(unit="rad", low=0.0, high=2 * math.pi, above_low=True, example="60 deg"), "[60 deg, 130 deg]"),
+            _range(
+                QuantityKind(unit="rad", low=0.0, high=2 * math.pi, exclusive_low=True, example="60 deg"), "[60 deg, 130 deg]"
+            ),
         ]
         | None
     ) = None
-    mass_ratio: Annotated[tuple[float, float], _range(QuantityKind(unit="", low=0.0, above_low=True), "[2, 10]")] | None = None
+    mass_ratio: Annotated[tuple[float, float], _range(QuantityKind(unit="", low=0.0, exclusive_low=True), "[2, 10]")] | None = (
+        None
+    )
     releases: Annotated[list[Annotated[str, _one_of(*(str(r.value) for r in Release))]], Field(min_length=1)] | None = None
 
 
 class StudyFile(Group):
-    """Trials, and what the experimenter believes is acting in them."""
+    """Keys of a study file: trials, and the effects that are declared to act in them."""
 
     title: Text
     apparatus: ApparatusGroup = ApparatusGroup()
@@ -289,7 +302,7 @@ class StudyFile(Group):
 
 
 def check(doc: Document) -> StudyFile:
-    """Check a document.
+    """Check a document against the schema.
 
     Raises
     ------
@@ -299,46 +312,48 @@ def check(doc: Document) -> StudyFile:
     try:
         return StudyFile.model_validate(doc.data)
     except ValidationError as error:
-        raise _first_fault(error, doc) from None
+        raise _first_error(error, doc) from None
 
 
-def _first_fault(error: ValidationError, doc: Document) -> ScenarioError:
-    """Return the fault to mend first: an unknown key (it often is the missing one, misspelt), else the topmost."""
+def _first_error(error: ValidationError, doc: Document) -> ScenarioError:
+    """Return the error to correct first: an unknown key, which often is the missing one misspelt, otherwise the topmost one."""
 
     def order(each: ErrorDetails) -> tuple[bool, int]:
         path = _path(each)
-        known = [doc.lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in doc.lines]
-        return each["type"] != "extra_forbidden", known[0] if known else 1 << 30
+        lines = [doc.lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in doc.lines]
+        return each["type"] != "extra_forbidden", lines[0] if lines else 1 << 30
 
-    worst = min(error.errors(include_url=False), key=order)
-    return doc.error(_path(worst), _message(worst))
+    first = min(error.errors(include_url=False), key=order)
+    return doc.error(_path(first), _message(first))
 
 
 def _path(each: ErrorDetails) -> Path:
+    """Return the keys that lead to the faulty entry."""
     key = each.get("ctx", {}).get("key")
     path = tuple(p for p in each["loc"] if not (isinstance(p, str) and p.startswith("function-")))
     return (*path, *str(key).split(".")) if key else path
 
 
 def _message(each: ErrorDetails) -> str:
-    path, found = _path(each), each["input"]
+    """Return a message in the project's words for an error of pydantic."""
+    path, raw = _path(each), each["input"]
     if each["type"] == "scenario":
         return each["msg"]
     if each["type"] == "extra_forbidden":
         known = list(_model_at(path[:-1]).model_fields)
         return f"found an unknown key, needed one of: {', '.join(known)}{suggest(str(path[-1]), known)}"
-    below = ", ".join(_model_at(path).model_fields)
+    keys = ", ".join(_model_at(path).model_fields)
     if each["type"] == "missing":
         return f"missing, needed {'a list of trials, each begun with ' + repr('- ') if path == ('trials',) else 'text'}"
     if each["type"] == "too_short":
         return "found an empty list, needed at least one entry"
     if each["type"] == "list_type":
-        return f"expected a list, got {quote(found)}; begin each entry with '- '"
-    return f"expected a group of keys ({below}), got {quote(found)}; write them indented below it"
+        return f"expected a list, got {quote(raw)}; begin each entry with '- '"
+    return f"expected a group of keys ({keys}), got {quote(raw)}; write them indented below it"
 
 
 def _model_at(path: Path) -> type[BaseModel]:
-    """Model of the group at ``path``."""
+    """Return the model of the group at ``path``."""
     model: type[BaseModel] = StudyFile
     for part in path:
         if isinstance(part, str) and part in model.model_fields:
@@ -347,6 +362,7 @@ def _model_at(path: Path) -> type[BaseModel]:
 
 
 def _inner(annotation: Any) -> type[BaseModel] | None:
+    """Return the first model in an annotation such as ``list[TrialGroup]``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     return next((m for a in getattr(annotation, "__args__", ()) if (m := _inner(a))), None)

@@ -1,4 +1,4 @@
-"""Study files to `Study` and back. Every fault is a `StudyError` of one line: file, line, key, found, needed."""
+"""Load study files and write them. Every error is a `StudyError` of one line: file, line, key, what was found and needed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,16 @@ import yaml
 
 from looping_pendulum.discrepancy.data import study_file
 from looping_pendulum.discrepancy.data.measurement import CAMERA
-from looping_pendulum.discrepancy.data.study import HANGING, NEEDS, PER_TRIAL, SHARED, Estimate, ExperimentLimits, Study, Trial
+from looping_pendulum.discrepancy.data.study import (
+    APPARATUS_UNITS,
+    DEFAULT_HANGING_LENGTH,
+    RELEASE_UNITS,
+    REQUIRED,
+    Estimate,
+    ExperimentLimits,
+    Study,
+    Trial,
+)
 from looping_pendulum.discrepancy.data.study_file import StudyFile, TrialGroup
 from looping_pendulum.errors import HarnessError, ParameterError, ScenarioError
 from looping_pendulum.reference_ode import effects as effect_library
@@ -24,9 +33,11 @@ from looping_pendulum.scenarios.schema import suggest
 from looping_pendulum.scenarios.units import show
 
 _EVENT_UNITS = MappingProxyType({"time": "s", "length": "m", "angle": "rad"})
+"""Key of an event's standard error -> SI unit."""
 _PATHS = {"light_mass": ("light", "mass"), "light_radius": ("light", "radius"), "heavy_mass": ("heavy", "mass"),
           "rod_radius": ("rod", "radius"), "release_angle": ("release", "angle"), "free_length": ("release", "free_length"),
           "hanging_length": ("release", "hanging_length")}  # fmt: skip
+"""Parameter -> its group and key in a study file."""
 
 _EXAMPLES = MappingProxyType(
     {
@@ -40,7 +51,7 @@ _EXAMPLES = MappingProxyType(
 
 
 class StudyError(HarnessError, ValueError):
-    """A study file cannot be read as a study."""
+    """Raised if a file cannot be read as a study."""
 
 
 def load(path: str | Path) -> Study:
@@ -49,19 +60,19 @@ def load(path: str | Path) -> Study:
     Raises
     ------
     StudyError
-        In one line: file, line, key, what was found and needed, and a way out.
+        If the file is no study; the message has one line with file, line, key, what was found and needed, and a way out.
     """
     shown = os.fspath(path)
     try:
         with Path(path).open("rb") as stream:
-            raw = stream.read(document.LARGEST_FILE + 1)
+            raw = stream.read(document.MAX_FILE_SIZE + 1)
     except OSError as error:
         raise StudyError(one_line(f"{shown}: cannot be read: {error.strerror}")) from None
     return _load(raw, shown, Path(path).stem, Path(path).parent)
 
 
 def load_text(text: str, name: str, folder: Path | None = None) -> Study:
-    """Load a study from YAML text; paths in it start from ``folder``, or the current one."""
+    """Load a study from YAML text; paths in it are relative to ``folder``, by default the current one."""
     return _load(text.encode("utf-8", "surrogatepass"), name, Path(name).stem, folder or Path())
 
 
@@ -69,14 +80,14 @@ def _load(raw: bytes, file: str, name: str, folder: Path) -> Study:
     try:
         doc = document.parse(raw, file)
         return _study(study_file.check(doc), doc, name, folder)
-    except ScenarioError as error:
+    except ScenarioError as error:  # the parser is shared with scenarios, so its messages speak of one
         raise StudyError(
             str(error).replace("needed a scenario; start from a copy of a shipped one", "needed a study")
         ) from None
 
 
 def _study(content: StudyFile, doc: Document, name: str, folder: Path) -> Study:
-    apparatus = _given(content.apparatus, SHARED)
+    apparatus = _estimates(content.apparatus, APPARATUS_UNITS)
     study = Study(
         name=name,
         title=content.title,
@@ -93,57 +104,60 @@ def _study(content: StudyFile, doc: Document, name: str, folder: Path) -> Study:
     )
     _check_names(study, doc)
     for i, trial in enumerate(study.trials):
-        _check_places(folder, trial, doc, i)
+        _check_file_locations(folder, trial, doc, i)
         _check_trial(study, trial, doc, i)
     return study
 
 
-def _check_places(folder: Path, trial: Trial, doc: Document, index: int) -> None:
-    """Refuse files that lie elsewhere: a study from a stranger must not have any file of this computer read and reported on."""
-    below = [Path(os.path.realpath(each)) for each in (folder, Path(), *data_folders())]
+def _check_file_locations(folder: Path, trial: Trial, doc: Document, index: int) -> None:
+    """Refuse files outside the study's folder, the current one and the data folders.
+
+    Otherwise a study from a stranger could have any file of this computer read and reported on.
+    """
+    allowed = [Path(os.path.realpath(each)) for each in (folder, Path(), *data_folders())]
     keys = ("file",) if len(trial.files) == 1 else tuple(("files", mass) for _, tracks in trial.files for mass in tracks)
-    named = [(key, path) for key, (path, _) in zip(keys, trial.files, strict=True)]
-    named += [("events", trial.events)] if trial.events is not None else []
-    for key, path in named:
+    key_and_path = [(key, path) for key, (path, _) in zip(keys, trial.files, strict=True)]
+    key_and_path += [("events", trial.events)] if trial.events is not None else []
+    for key, path in key_and_path:
         where: tuple[str | int, ...] = ("trials", index, *((key,) if isinstance(key, str) else key))
         try:
-            place = Path(os.path.realpath(folder / path))
+            target = Path(os.path.realpath(folder / path))
         except ValueError:
-            raise doc.error(where, f"found {document.quote(path)}, which is no possible file name; needed one") from None
-        if not any(place.is_relative_to(each) for each in below):
+            raise doc.error(where, f"found {document.quote(path)}, which is not a valid file name; needed one") from None
+        if not any(target.is_relative_to(each) for each in allowed):
             message = f"found {document.quote(path)}, needed a file below the study's folder or the current one"
             raise doc.error(where, f"{message}; put it there, or name its folder in ${DATA_VARIABLE}")
 
 
-def _given(group: Any, names: Mapping[str, str]) -> dict[str, Estimate]:
-    """Estimates of a group of the file, by parameter."""
-    found = {}
+def _estimates(group: Any, names: Mapping[str, str]) -> dict[str, Estimate]:
+    """Return the estimates of those parameters ``names`` that a group of the file gives."""
+    estimates = {}
     for name in names:
         value = group
         for part in _PATHS[name]:
             value = getattr(value, part, None)
         if value is not None:
-            found[name] = value
-    return found
+            estimates[name] = value
+    return estimates
 
 
 def _trial(group: TrialGroup, doc: Document, index: int) -> Trial:
     path = ("trials", index)
     if (group.file is None) == (group.files is None):
-        found = "nothing" if group.file is None else "both 'file' and 'files'"
-        raise doc.error((*path, "file"), f"found {found}, needed one of them; write for example 'file: first.csv'")
+        text = "nothing" if group.file is None else "both 'file' and 'files'"
+        raise doc.error((*path, "file"), f"found {text}, needed one of them; write for example 'file: first.csv'")
     if group.files and group.tracks:
         raise doc.error((*path, "tracks"), "found tracks beside a file for each mass, needed one of them; leave one out")
     files = [(file, {mass: ""}) for mass, file in (group.files or {}).items()]
     files = files or [(str(group.file), dict(group.tracks or {}))]
     release = Release(group.release.kind)
-    own = _given(group, {**SHARED, **PER_TRIAL})
-    if release is Release.VERTICAL and "release_angle" in own:
+    estimates = _estimates(group, {**APPARATUS_UNITS, **RELEASE_UNITS})
+    if release is Release.VERTICAL and "release_angle" in estimates:
         raise doc.error(
             (*path, "release", "angle"), "found an angle, needed none: a vertical release hangs at 180 deg; leave it out"
         )
-    if release in (Release.LOOPING, Release.VERTICAL) and "hanging_length" not in own:
-        own["hanging_length"] = Estimate(value=HANGING, free=True)
+    if release in (Release.LOOPING, Release.VERTICAL) and "hanging_length" not in estimates:
+        estimates["hanging_length"] = Estimate(value=DEFAULT_HANGING_LENGTH, free=True)
     errors = {_EVENT_UNITS[n]: s for n, s in group.event_errors.model_dump(exclude_none=True).items()}
     return Trial(
         name=group.name or Path(files[0][0]).stem,
@@ -152,21 +166,22 @@ def _trial(group: TrialGroup, doc: Document, index: int) -> Trial:
         **{n: getattr(group, n) for n in ("kind", "frame_rate", "clip_rate", "drop", "dropped", "mirrored", "held_out")},
         units=group.units or {},
         release=release,
-        own=own,
+        estimates=estimates,
         camera={n: e for n in CAMERA if (e := getattr(group.camera, n)) is not None},
         event_errors=errors,
     )
 
 
 def _check_names(study: Study, doc: Document) -> None:
-    seen: dict[str, int] = {}
+    """Refuse names of trials that occur twice, and unknown names under 'fit'."""
+    first_index: dict[str, int] = {}
     for i, trial in enumerate(study.trials):
-        if seen.setdefault(trial.name, i) != i:
+        if first_index.setdefault(trial.name, i) != i:
             message = f"found a second trial '{trial.name}', needed names that differ; write for example 'name: {trial.name}-2'"
             raise doc.error(("trials", i, "name"), message)
     if not study.training:
         raise doc.error(("trials",), "found only held-out trials, needed one to learn from; set 'held_out: false' for one")
-    known = [*SHARED, *PER_TRIAL, *study.effects]
+    known = [*APPARATUS_UNITS, *RELEASE_UNITS, *study.effects]
     for i, name in enumerate(study.fit or ()):
         if name not in known:
             raise doc.error(("fit", i), f"found '{name}', needed one of: {', '.join(known)}{suggest(name, known)}")
@@ -176,11 +191,11 @@ def _check_names(study: Study, doc: Document) -> None:
 
 
 def _check_trial(study: Study, trial: Trial, doc: Document, index: int) -> None:
-    """Refuse a trial whose release needs what was not measured, or that is impossible."""
-    needs = (f"{trial.dropped}_mass",) if trial.release is Release.DROP else NEEDS[trial.release]
+    """Refuse a trial without a measured value that its release needs, or with impossible values."""
+    needs = (f"{trial.dropped}_mass",) if trial.release is Release.DROP else REQUIRED[trial.release]
     for name in needs:
         if study.estimate(name, trial) is None:
-            where = ".".join(("apparatus", *_PATHS[name]) if name in SHARED else _PATHS[name])
+            where = ".".join(("apparatus", *_PATHS[name]) if name in APPARATUS_UNITS else _PATHS[name])
             example = _EXAMPLES[name]
             message = f"a {trial.release.value} release needed '{where}'; write for example '{_PATHS[name][-1]}: {example}'"
             raise doc.error(("trials", index), f"{trial.name}: {message}")
@@ -192,11 +207,15 @@ def _check_trial(study: Study, trial: Trial, doc: Document, index: int) -> None:
 
 def dump(study: Study) -> str:
     """Write ``study`` as YAML with units, which loads back to an equal one."""
-    data: dict[str, Any] = {"title": study.title, "apparatus": _tree(study.apparatus, SHARED)}
+    data: dict[str, Any] = {"title": study.title, "apparatus": _tree(study.apparatus, APPARATUS_UNITS)}
     data["effects"] = {
         effect.name: given
         for effect in effect_library.EFFECTS.values()
-        if (given := {c.name: _written(study.effects[c.name], c.unit) for c in effect.coefficients if c.name in study.effects})
+        if (
+            given := {
+                c.name: _estimate_text(study.effects[c.name], c.unit) for c in effect.coefficients if c.name in study.effects
+            }
+        )
     }
     data["fit"] = list(study.fit) if study.fit is not None else None
     data["trials"] = [_trial_tree(trial) for trial in study.trials]
@@ -209,7 +228,8 @@ def dump(study: Study) -> str:
     return str(yaml.dump(_without_empty(data), Dumper=yaml.SafeDumper, sort_keys=False, allow_unicode=True, width=100))
 
 
-def _written(estimate: Estimate, unit: str) -> str:
+def _estimate_text(estimate: Estimate, unit: str) -> str:
+    """Write an estimate as a study file has it."""
     value = show(estimate.value, unit)
     if estimate.free:
         return f"free from {value}"
@@ -220,13 +240,14 @@ def _tree(estimates: Mapping[str, Estimate], units: Mapping[str, str]) -> dict[s
     tree: dict[str, Any] = {}
     for name, estimate in estimates.items():
         group, key = _PATHS[name]
-        tree.setdefault(group, {})[key] = _written(estimate, units[name])
+        tree.setdefault(group, {})[key] = _estimate_text(estimate, units[name])
     return tree
 
 
 def _trial_tree(trial: Trial) -> dict[str, Any]:
+    """Return a trial as nested keys and texts of a study file."""
     by_mass = all(list(tracks.values()) == [""] for _, tracks in trial.files)
-    tree = _tree(trial.own, SHARED | PER_TRIAL)
+    tree = _tree(trial.estimates, APPARATUS_UNITS | RELEASE_UNITS)
     tree["release"] = {"kind": trial.release.value} | tree.get("release", {})
     names = {unit: name for name, unit in _EVENT_UNITS.items()}
     return {
@@ -244,12 +265,13 @@ def _trial_tree(trial: Trial) -> dict[str, Any]:
         "mirrored": trial.mirrored,
         "held_out": trial.held_out,
         **tree,
-        "camera": {n: _written(e, CAMERA[n].unit) for n, e in trial.camera.items()},
+        "camera": {n: _estimate_text(e, CAMERA[n].unit) for n, e in trial.camera.items()},
         "event_errors": {names[u]: show(s, u) for u, s in trial.event_errors.items()},
     }
 
 
 def _without_empty(data: Any) -> Any:
+    """Return nested keys and texts without those that have no content."""
     if isinstance(data, dict):
         return {k: kept for k, v in data.items() if (kept := _without_empty(v)) not in (None, {}, [])}
     return [_without_empty(v) for v in data] if isinstance(data, list) else data

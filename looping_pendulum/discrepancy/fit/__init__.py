@@ -1,1 +1,1 @@
-"""Fit a model to all trials together, and look at what it leaves."""
+"""Fit a model to all trials together, and test the residuals."""

@@ -1,6 +1,7 @@
-"""Fit a model to all trials together: Levenberg-Marquardt in units of prior standard errors, windows of time growing to all.
+"""Fit a model to all trials together by the Levenberg-Marquardt method, in windows of time that grow to the whole trials.
 
-Where the heavy mass turns several times the cost has many minima; the first part of the motion has one, so fits start there.
+Parameters are in units of their prior standard errors. If the heavy mass turns several times, the cost has many minima. That of
+the first part of the motion has one, so fits start there.
 """
 
 from __future__ import annotations
@@ -16,101 +17,118 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
 
-WINDOWS = (0.3, 0.5, 0.8, 1.0)
-"""Shares of the longest trial that are fitted one after the other."""
-FIRST_MARKS = 80
-"""Of a channel in the first window, at most: later ones of a long swing only mislead until its period is known."""
-LARGEST_STEP = 3.0
-"""Of one component in one iteration, in scales."""
-CLOSE, ROUGHLY = 1e-6, 3e-4
-"""Relative decrease of the cost below which a fit has ended, in the last window and before."""
-TRUST = 0.5
-"""Share of a step's promised decrease below which its Jacobian is not updated but computed afresh."""
-STALE = 6
-"""Updates of a Jacobian after which it is computed afresh."""
+WINDOW_SHARES = (0.3, 0.5, 0.8, 1.0)
+"""Parts of the longest trial that are fitted one after the other."""
+FIRST_WINDOW_POINTS = 80
+"""Largest number of points of a channel in the first window.
+
+Later points of a long swing only mislead the fit until its period is known.
+"""
+MAX_STEP = 3.0
+"""Largest change of one parameter in one iteration, in units of its scale."""
+COST_TOLERANCE, WINDOW_COST_TOLERANCE = 1e-6, 3e-4
+"""Relative decrease of the cost below which a fit has converged, in the last window and in those before it."""
+MIN_DECREASE_RATIO = 0.5
+"""Smallest ratio of actual to predicted decrease of the cost after which the Jacobian is updated, not recomputed."""
+MAX_BROYDEN_UPDATES = 6
+"""Number of Broyden updates after which the Jacobian is recomputed."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """The minimum that was found."""
+    """Minimum of a `Problem`'s cost."""
 
     problem: Problem
     x: Array
+    """Free parameters at the minimum, in units of their scales, shape (p,)."""
     residuals: Array
+    """Standardised residuals there, then those of the prior, shape (n + p,)."""
     iterations: int
-    slopes: Array | None = None
-    """Jacobian by which the fit ended, at most in one-sided differences: good for standard errors; None: none so near ``x``."""
+    """Number of Jacobians that were computed."""
+    final_jacobian: Array | None = None
+    """Jacobian of the last iteration, perhaps by one-sided differences, which is good enough for standard errors.
+
+    None: the last one was not computed so near to ``x``.
+    """
 
     @property
     def cost(self) -> float:
-        """Sum of squares, prior included."""
+        """Return the sum of squared residuals, prior included."""
         return float(self.residuals @ self.residuals)
 
     @cached_property
     def jacobian(self) -> Array:
-        """By central differences, shape (n + numbers, numbers)."""
+        """Return the Jacobian at the minimum by central differences, shape (n + p, p)."""
         return self.problem.jacobian(self.x, central=True)
 
     @cached_property
     def covariance(self) -> Array:
-        """Of x."""
-        jacobian = self.jacobian if self.slopes is None else self.slopes
+        """Return the covariance matrix of ``x``, shape (p, p)."""
+        jacobian = self.jacobian if self.final_jacobian is None else self.final_jacobian
         return np.asarray(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True))
 
     @property
     def condition(self) -> float:
-        """Condition number of the scaled Jacobian, prior included."""
+        """Return the condition number of the scaled Jacobian, prior included."""
         return float(np.linalg.cond(self.jacobian))
 
     @property
     def values(self) -> dict[str, float]:
-        """Number -> value [SI]."""
-        return {n.name: n.start + n.scale * float(v) for n, v in zip(self.problem.numbers, self.x, strict=True)}
+        """Return parameter -> value [SI]."""
+        return {n.name: n.start + n.scale * float(v) for n, v in zip(self.problem.free_parameters, self.x, strict=True)}
 
     @property
     def errors(self) -> dict[str, float]:
-        """Number -> standard error [SI]."""
+        """Return parameter -> standard error [SI]."""
         sigma = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        return {n.name: n.scale * float(s) for n, s in zip(self.problem.numbers, sigma, strict=True)}
+        return {n.name: n.scale * float(s) for n, s in zip(self.problem.free_parameters, sigma, strict=True)}
 
     def correlations(self, above: float = 0.9) -> tuple[tuple[str, str, float], ...]:
-        """Pairs of numbers that the data can hardly tell apart, strongest first."""
+        """Return pairs of parameters with a correlation above ``above`` in size, and that correlation, strongest first."""
         sigma = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
         matrix = self.covariance / np.outer(sigma, sigma)
         names = self.problem.names
         rows, columns = np.triu_indices(len(names), 1)
-        found = [(names[i], names[j], float(matrix[i, j])) for i, j in zip(rows, columns, strict=True)]
-        return tuple(sorted((f for f in found if abs(f[2]) > above), key=lambda f: -abs(f[2])))
+        pairs = [(names[i], names[j], float(matrix[i, j])) for i, j in zip(rows, columns, strict=True)]
+        return tuple(sorted((p for p in pairs if abs(p[2]) > above), key=lambda p: -abs(p[2])))
 
     @property
     def at_bounds(self) -> tuple[str, ...]:
-        """Numbers that ended on a bound."""
+        """Return the parameters that ended on a bound."""
         p = self.problem
         return tuple(n for n, v, lo, hi in zip(p.names, self.x, p.low, p.high, strict=True) if min(v - lo, hi - v) < 1e-9)
 
 
 class FitError(HarnessError, RuntimeError):
-    """No fit could be made."""
+    """Raised if no fit can be made."""
 
 
 def minimise(
     problem: Problem,
     x: Array,
     *,
-    close: float = CLOSE,
-    most: int = 30,
+    cost_tolerance: float = COST_TOLERANCE,
+    max_iterations: int = 30,
     confirm: bool = True,
-    slopes: Array | None = None,
+    initial_jacobian: Array | None = None,
 ) -> Fit:
-    """Levenberg-Marquardt within the bounds, every component of a step clipped.
+    """Minimise the cost within the bounds by the Levenberg-Marquardt method.
 
-    From one step to the next the Jacobian follows by Broyden's update. It is computed afresh at most ``most`` times: where a
-    step by an updated one fails or falls short of what it promised, and, if to ``confirm``, before the fit ends.
+    The Jacobian follows from one step to the next by Broyden's update. It is recomputed if a step with an updated one fails or
+    decreases the cost by much less than predicted.
 
     Parameters
     ----------
-    slopes
-        Jacobian at ``x``, or so near to it as two iterations are when a fit ends; None: not known.
+    x
+        Initial parameters in units of their scales, shape (p,).
+    cost_tolerance
+        Relative decrease of the cost below which the fit has converged.
+    max_iterations
+        Largest number of Jacobians that are computed.
+    confirm
+        Whether convergence must be confirmed with a newly computed Jacobian.
+    initial_jacobian
+        Jacobian at ``x``, or as near to it as two iterations are when a fit ends; None: not known.
 
     Raises
     ------
@@ -122,65 +140,72 @@ def minimise(
     if r is None:
         raise FitError("the model cannot run at the start of the fit; check the study's values")
     cost, damping, iterations = float(r @ r), 1e-3, 0
-    jacobian = np.zeros((0, 0)) if slopes is None else slopes
-    age = STALE if slopes is None else 0
+    jacobian = np.zeros((0, 0)) if initial_jacobian is None else initial_jacobian
+    age = MAX_BROYDEN_UPDATES if initial_jacobian is None else 0
     while True:
-        if age >= STALE:
-            if iterations == most:
+        if age >= MAX_BROYDEN_UPDATES:
+            if iterations == max_iterations:
                 break
             jacobian, age = problem.jacobian(x), 0
             iterations += 1
+        # The Jacobian is that of the prediction, minus that of the residuals, so the cost falls along +J^T r.
         gradient, normal = jacobian.T @ r, jacobian.T @ jacobian
         free = ~(((x <= problem.low) & (gradient < 0)) | ((x >= problem.high) & (gradient > 0)))
-        drop = 0.0
+        decrease = 0.0
+        # An updated Jacobian gets one try: if its step fails, it is not the damping that is wrong.
         for _ in range(1 if age else 8):
-            trial = np.clip(x + _step(normal, gradient, free, damping), problem.low, problem.high)
-            new = problem.residuals(trial)
+            trial_x = np.clip(x + _step(normal, gradient, free, damping), problem.low, problem.high)
+            new = problem.residuals(trial_x)
             if new is not None and float(new @ new) < cost:
-                step, change = trial - x, new - r
-                promised = float(2 * step @ gradient - step @ normal @ step)
-                x, r, drop = trial, new, cost - float(new @ new)
-                cost -= drop
+                step, change = trial_x - x, new - r
+                predicted_decrease = float(2 * step @ gradient - step @ normal @ step)
+                x, r, decrease = trial_x, new, cost - float(new @ new)
+                cost -= decrease
                 break
             if not age:
                 damping *= 10
-        if not drop or drop < close * cost:
-            if not age or (drop and not confirm):
+        if not decrease or decrease < cost_tolerance * cost:
+            if not age or (decrease and not confirm):
                 break
-            age = STALE
-        elif drop < TRUST * promised:
-            age = STALE
+            age = MAX_BROYDEN_UPDATES
+        elif decrease < MIN_DECREASE_RATIO * predicted_decrease:
+            age = MAX_BROYDEN_UPDATES
         else:
             jacobian = jacobian - np.outer(change + jacobian @ step, step / float(step @ step))
             age += 1
         damping = max(damping / 10, 1e-9)
-    return Fit(problem=problem, x=x, residuals=r, iterations=iterations, slopes=None if age else jacobian)
+    return Fit(problem=problem, x=x, residuals=r, iterations=iterations, final_jacobian=None if age else jacobian)
 
 
 def _step(normal: Array, gradient: Array, free: NDArray[np.bool_], damping: float) -> Array:
-    """Clipped step; numbers that press against a bound stay."""
+    """Return the damped step, each component clipped; parameters that press against a bound stay."""
     step = np.zeros(len(gradient))
     part = normal[np.ix_(free, free)]
     step[free] = np.linalg.solve(part + damping * np.diag(np.diag(part) + 1e-12), gradient[free])
-    return np.clip(step, -LARGEST_STEP, LARGEST_STEP)
+    return np.clip(step, -MAX_STEP, MAX_STEP)
 
 
-def _windows(problem: Problem) -> tuple[float, ...]:
-    """Shares before the last: doubling up to those of `WINDOWS` where a channel is long."""
+def _window_shares(problem: Problem) -> tuple[float, ...]:
+    """Return the parts of the longest trial that are fitted before the whole.
+
+    For a long channel they begin with `FIRST_WINDOW_POINTS` and double up to those of `WINDOW_SHARES`.
+    """
     longest = max((len(c) for d in problem.data for c in d.channels), default=0)
-    early, share = [], FIRST_MARKS / max(longest, 1)
-    while share < WINDOWS[0]:
+    early, share = [], FIRST_WINDOW_POINTS / max(longest, 1)
+    while share < WINDOW_SHARES[0]:
         early.append(share)
         share *= 2
-    return (*early, *WINDOWS[:-1])
+    return (*early, *WINDOW_SHARES[:-1])
 
 
-def calibrate(problem: Problem, start: Array | None = None, *, most: int = 30) -> Fit:
-    """Fit in growing windows of time, with at most so many iterations in each."""
+def calibrate(problem: Problem, start: Array | None = None, *, max_iterations: int = 30) -> Fit:
+    """Fit in growing windows of time, by default from the prior's mean, with at most ``max_iterations`` in each window."""
     x = problem.prior_mean.copy() if start is None else start
     total = 0
-    for share in _windows(problem):
-        fit = minimise(problem.until(share), x, close=ROUGHLY, most=most, confirm=False)
+    for share in _window_shares(problem):
+        fit = minimise(
+            problem.until(share), x, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=max_iterations, confirm=False
+        )
         x, total = fit.x, total + fit.iterations
-    fit = minimise(problem, x, most=most)
+    fit = minimise(problem, x, max_iterations=max_iterations)
     return dataclasses.replace(fit, iterations=fit.iterations + total)

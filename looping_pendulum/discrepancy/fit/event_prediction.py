@@ -1,9 +1,9 @@
-"""What a model says of the rows of an event table: its own stops, halts and extrema, as the camera would have timed them.
+"""Predict the rows of an event table: stops, slip onsets, the halt and extrema of a run, as the camera would have timed them.
 
-Stops, break-aways, the halt and the end are the run's own events, exact to the integrator's tolerance. Extrema are turns of the
-light mass's place as the camera sees it: zeros of the speed, found by cubic Hermite interpolation of samples a millisecond
-apart, which is good to 0.1 us and smooth in the parameters. A time t is read off the file's clock as
-(t - clock_offset) / clock_ratio, a length as scale times itself.
+Stops, slip onsets, the halt and the end are events of the run, exact to the integrator's tolerance. Extrema are those of the
+light mass's position in the picture: zeros of the velocity, by cubic Hermite interpolation of samples a millisecond apart,
+which is good to 0.1 us and smooth in the parameters. The file's clock shows (t - clock_offset) / clock_ratio at the time t, and
+a length is measured as scale times itself.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
 from looping_pendulum.compare.landmarks import EXTREMUM_BAND, reference_event_times
 from looping_pendulum.compare.result import Extremum, Landmarks, Stop
-from looping_pendulum.compare.slides import turns
+from looping_pendulum.compare.slides import turning_points
 from looping_pendulum.discrepancy.data.measurement import Camera
 from looping_pendulum.discrepancy.data.observations import DataError, EventObservation, Observations
 from looping_pendulum.engines.reference import event_names
@@ -27,27 +27,29 @@ from looping_pendulum.reference_ode.solve import DURATION, available_integrators
 from looping_pendulum.scenarios.document import quote
 
 SAMPLE_STEP = 1e-3
-"""[s]; the sixth turn of the paper's 10:1 trial lasts 120 ms."""
-MISSED = 100.0
-"""Standard errors by which a measured event counts as missed that does not happen in the model's run. More than any event that
-does happen is off by after the first iterations, so that a fit never gains by losing one; how far it would have to move to
-happen is not known, so the number says "qualitatively wrong" and no more."""
-EXTREMA = ("x1_extremum", "y1_extremum")
-"""Quantities that are read from samples."""
-BEYOND = 1.25
-"""Share of the time of a table's last row up to which a run is sampled first."""
-_GRID: Array = np.arange(round(DURATION / SAMPLE_STEP) + 1, dtype=np.float64) * SAMPLE_STEP
+"""Time step of the samples in which extrema are looked for [s]; the sixth turn of the paper's 10:1 trial lasts 120 ms."""
+MISSED_EVENT_ERRORS = 100.0
+"""Residual, in standard errors, of a measured event that does not happen in the model's run.
+
+It is more than that of any event that does happen after the first iterations, so that a fit never gains by losing an event. How
+far the event would have to move to happen is not known, so the value means "qualitatively wrong" and no more.
+"""
+SAMPLED_QUANTITIES = ("x1_extremum", "y1_extremum")
+"""Quantities that are computed from samples, not from the run's own events."""
+SAMPLING_MARGIN = 1.25
+"""Time up to which a run is sampled at first, in units of the time of the table's last row."""
+_SAMPLE_TIMES: Array = np.arange(round(DURATION / SAMPLE_STEP) + 1, dtype=np.float64) * SAMPLE_STEP
 
 
-def check_events(observations: Observations) -> None:
-    """Refuse rows that no model predicts.
+def check_event_rows(observations: Observations) -> None:
+    """Refuse rows of an event table that no model can predict.
 
     Raises
     ------
     DataError
-        In one line, with the file and what is known.
+        If a quantity, unit or index is unknown or occurs twice; the message names the file and the row.
     """
-    seen: set[tuple[str, int]] = set()
+    earlier_rows: set[tuple[str, int]] = set()
     for row in observations.events:
         where = f"{observations.file}: {quote(row.quantity)} {row.index}"
         known = EVENT_QUANTITIES.get(row.quantity)
@@ -58,86 +60,92 @@ def check_events(observations: Observations) -> None:
             raise DataError(f"{where}: found the unit {quote(row.unit)}, needed one that converts to {known.unit}; correct it")
         if row.index > 1 and not known.several:
             raise DataError(f"{where}: found index {row.index}, needed 1: a run has one of it; correct the index")
-        if (row.quantity, row.index) in seen:
+        if (row.quantity, row.index) in earlier_rows:
             raise DataError(f"{where}: found it in a second table, needed it once; delete one")
-        seen.add((row.quantity, row.index))
+        earlier_rows.add((row.quantity, row.index))
 
 
 def run_for_events(parameters: Parameters, until: float = DURATION) -> Samples:
-    """Run to its end, as halts need, at the times up to ``until`` [s] that extrema need."""
-    times = _GRID[: np.searchsorted(_GRID, until, side="right")]
+    """Run to the end, which the halt needs, with samples up to ``until`` [s], which extrema need."""
+    times = _SAMPLE_TIMES[: np.searchsorted(_SAMPLE_TIMES, until, side="right")]
     return solve_at(parameters, times, duration=DURATION, integrator=available_integrators()[0])
 
 
 class EventRun:
-    """A run, sampled as far as its table's rows ask for, and what its last camera saw of them."""
+    """A run for the rows of an event table, sampled only as far as they need, with a cache of its last prediction."""
 
     def __init__(self, parameters: Parameters, rows: Sequence[EventObservation]) -> None:
         self.parameters = parameters
         self._rows = rows
-        self._until = min(BEYOND * moments_of(rows, 0.0).max(initial=0.0), DURATION)
+        self._until = min(SAMPLING_MARGIN * event_times(rows, 0.0).max(initial=0.0), DURATION)
         self._samples = run_for_events(parameters, self._until)
-        self._seen: tuple[Camera, Array] | None = None
+        self._last_prediction: tuple[Camera, Array] | None = None
 
     @property
     def samples(self) -> Samples:
-        """To the run's end."""
+        """Return samples up to the run's end."""
         if self._until < min(self._samples.run.end_time, DURATION):
             self._until, self._samples = DURATION, run_for_events(self.parameters)
         return self._samples
 
-    def predicted(self, camera: Camera) -> Array:
-        """As `predict_events`."""
-        if self._seen is None or self._seen[0] != camera:
-            found = predict_events(self._samples, camera, self._rows)
-            # a turn that is found stays, whatever comes after it; one that is not may come later
-            if any(row.quantity in EXTREMA for row, value in zip(self._rows, found, strict=True) if math.isnan(value)):
-                found = predict_events(self.samples, camera, self._rows)
-            self._seen = camera, found
-        return self._seen[1]
+    def predict(self, camera: Camera) -> Array:
+        """Predict the rows as `predict_events` does."""
+        if self._last_prediction is None or self._last_prediction[0] != camera:
+            values = predict_events(self._samples, camera, self._rows)
+            # More samples do not change an extremum that was found; one that was not may come later.
+            missing = [row for row, value in zip(self._rows, values, strict=True) if math.isnan(value)]
+            if any(row.quantity in SAMPLED_QUANTITIES for row in missing):
+                values = predict_events(self.samples, camera, self._rows)
+            self._last_prediction = camera, values
+        return self._last_prediction[1]
 
 
 def landmarks(samples: Samples, camera: Camera) -> Landmarks:
-    """Landmarks of a run by its own events [SI, true time]; the extrema are those of the picture, which may be tilted."""
+    """Return the landmarks of a run by its own events [SI, true time]; extrema are those in the perhaps tilted picture."""
     run = samples.run
-    moments = reference_event_times(event_names(run))
+    times = reference_event_times(event_names(run))
     states = {event.time: event.state for event in run.events}
     halt = run.halt
     x1, y1 = _extrema(samples, camera)
     return Landmarks(
-        stops=tuple(Stop(time=t, height_change=-float(run.heavy_drop(states[t]))) for t in moments.stops),
-        slip_onsets=moments.slip_onsets,
-        halting_time=moments.halting_time,
+        stops=tuple(Stop(time=t, height_change=-float(run.heavy_drop(states[t]))) for t in times.stops),
+        slip_onsets=times.slip_onsets,
+        halting_time=times.halting_time,
         halting_confirmed=halt is not None,
         drop_at_halt=None if halt is None else float(run.heavy_drop(halt.state)),
         wrap_angle_at_halt=None if halt is None else float(halt.state.wrap_angle),
         free_length_at_halt=None if halt is None else float(halt.state.free_length),
-        light_reaches_rod=moments.light_reaches_rod,
+        light_reaches_rod=times.light_reaches_rod,
         x1_extrema=x1,
         y1_extrema=y1,
     )
 
 
 def predict_events(samples: Samples, camera: Camera, rows: Sequence[EventObservation]) -> Array:
-    """Predict what ``camera`` and its operator would have written into ``rows`` [SI], shape (n,); NaN: it does not happen."""
-    found = landmarks(samples, camera)
-    return np.array([_seen(event_value(found, row.quantity, row.index), row.quantity, camera) for row in rows], dtype=float)
+    """Predict the measured values of ``rows`` [SI], shape (n,); NaN: the event does not happen in this run."""
+    run_landmarks = landmarks(samples, camera)
+    values = [event_value(run_landmarks, row.quantity, row.index) for row in rows]
+    return np.array([_as_measured(v, row.quantity, camera) for v, row in zip(values, rows, strict=True)], dtype=float)
 
 
-def counted(predicted: Array, rows: Sequence[EventObservation]) -> Array:
-    """Put in place of every event that does not happen a value that is `MISSED` standard errors off."""
-    missed = np.array([row.value - MISSED * row.sigma for row in rows], dtype=float)
+def with_missed_events(predicted: Array, rows: Sequence[EventObservation]) -> Array:
+    """Replace the NaN of every event that does not happen by a value that is `MISSED_EVENT_ERRORS` standard errors off."""
+    missed = np.array([row.value - MISSED_EVENT_ERRORS * row.sigma for row in rows], dtype=float)
     return np.where(np.isfinite(predicted), predicted, missed)
 
 
-def moments_of(rows: Sequence[EventObservation], otherwise: float) -> Array:
-    """When each row was measured, by the table itself [s], shape (n,); ``otherwise`` where it does not say."""
+def event_times(rows: Sequence[EventObservation], otherwise: float) -> Array:
+    """Return when each row was measured, by the table itself [s], shape (n,).
+
+    Rows whose event has no time in the table get that of the last row, or ``otherwise`` if that is later.
+    """
     times = {(row.quantity, row.index): row.value for row in rows if row.unit == "s"}
     last = max([*times.values(), otherwise])
-    return np.array([times.get((EVENT_QUANTITIES[row.quantity].moment, row.index), last) for row in rows], dtype=float)
+    return np.array([times.get((EVENT_QUANTITIES[row.quantity].measured_at, row.index), last) for row in rows], dtype=float)
 
 
-def _seen(value: float | None, quantity: str, camera: Camera) -> float:
+def _as_measured(value: float | None, quantity: str, camera: Camera) -> float:
+    """Return the value that the file would have for a true ``value`` [SI]; NaN for None."""
     if value is None:
         return math.nan
     kind = EVENT_QUANTITIES[quantity].kind
@@ -149,29 +157,43 @@ def _seen(value: float | None, quantity: str, camera: Camera) -> float:
 
 
 def _extrema(samples: Samples, camera: Camera) -> tuple[tuple[Extremum, ...], tuple[Extremum, ...]]:
-    """Turns of the seen x and y of the light mass, up to the run's end."""
-    upright = Camera(tilt=camera.tilt)
-    places, speeds = upright.seen(samples.light_position), upright.seen(samples.light_velocity)
-    return _turns(samples.t, places[:, 0], speeds[:, 0]), _turns(samples.t, places[:, 1], speeds[:, 1])
+    """Return the extrema of x and y of the light mass in the picture, up to the run's end."""
+    # Only the tilt changes which extrema there are; `_as_measured` applies the scale to their values.
+    only_tilted = Camera(tilt=camera.tilt)
+    position, velocity = only_tilted.project(samples.light_position), only_tilted.project(samples.light_velocity)
+    return _extrema_of_coordinate(samples.t, position[:, 0], velocity[:, 0]), _extrema_of_coordinate(
+        samples.t, position[:, 1], velocity[:, 1]
+    )
 
 
-def _turns(t: Array, place: Array, speed: Array) -> tuple[Extremum, ...]:
-    """Extrema of one coordinate, by the zeros of its speed; which count is said by `slides.turns`."""
-    # A sample may fall on the very turn: of what rests then, the way it came from counts.
-    sign = np.sign(speed)
+def _extrema_of_coordinate(t: Array, position: Array, velocity: Array) -> tuple[Extremum, ...]:
+    """Return the extrema of one coordinate, by the zeros of its velocity; `slides.turning_points` says which of them count."""
+    # A sample may fall exactly on an extremum: its zero velocity takes the sign before it, so that the sign changes once.
+    sign = np.sign(velocity)
     if not sign[1:].all():
         sign = sign[np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))]
     before = np.flatnonzero(sign[:-1] * sign[1:] < 0)
-    share, value = _hermite_zero(t[before + 1] - t[before], place[before], place[before + 1], speed[before], speed[before + 1])
+    share, value = _hermite_zero(
+        t[before + 1] - t[before], position[before], position[before + 1], velocity[before], velocity[before + 1]
+    )
     times = t[before] + share * (t[before + 1] - t[before])
-    chosen = turns(np.concatenate([place[:1], value, place[-1:]]), EXTREMUM_BAND)
+    chosen = turning_points(np.concatenate([position[:1], value, position[-1:]]), EXTREMUM_BAND)
     return tuple(Extremum(time=float(times[i - 1]), value=float(value[i - 1])) for i in chosen)
 
 
 def _hermite_zero(h: Array, p0: Array, p1: Array, v0: Array, v1: Array) -> tuple[Array, Array]:
-    """Where in its interval of length ``h`` [s] the cubic through two places and speeds turns, from 0 to 1, and its value."""
+    """Return the extremum of the cubic through two positions and velocities: place in its interval, from 0 to 1, and value.
+
+    Parameters
+    ----------
+    h
+        Lengths of the intervals [s].
+    p0, p1, v0, v1
+        Positions and velocities at their ends.
+    """
     mean = (p1 - p0) / h
     a, b = 3 * (v0 + v1 - 2 * mean), 2 * (3 * mean - 2 * v0 - v1)
+    # the stable form of the quadratic formula: no cancellation between b and the root
     q = -0.5 * (b + np.copysign(np.sqrt(np.maximum(b * b - 4 * a * v0, 0.0)), b))
     with np.errstate(divide="ignore", invalid="ignore"):
         roots = np.stack([q / a, v0 / q])

@@ -1,9 +1,9 @@
-"""Whether the events of a fit are explained to their stated errors.
+"""Test whether a fit explains its events to their stated errors.
 
-A table has a few values, each with its own stated error, so tests for whiteness say nothing and chi2 scatters widely. What a
-fit leaves of standardised rows is r ~ N(0, I - H), H = J (J^T J)^-1 J^T: their sum of squares has the mean tr(I - H) and the
-variance 2 tr((I - H)^2) over these rows, and is tested as a scaled chi2 with both. A few events never resist a fit that may
-bend the apparatus as it likes, so what was measured of the apparatus stands among the rows.
+A table has a few values, each with its own stated error, so that tests for whiteness say nothing and chi2 scatters widely. The
+standardised residuals of a linear fit are r ~ N(0, I - H) with H = J (J^T J)^-1 J^T. Over some of the rows, their sum of
+squares has the mean tr(I - H) and the variance 2 tr((I - H)^2), and is tested as a scaled chi2 with both. A fit that may change
+the apparatus at will explains any few events, so the measured values of the apparatus are among these rows.
 """
 
 from __future__ import annotations
@@ -19,68 +19,71 @@ from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.problem import TrialData
 from looping_pendulum.pages.numbers import number
 
-RARE = 0.005
-"""Chance below which a misfit is not taken for one: with two tests of it in a study, 1 % of false alarms."""
+MIN_P_VALUE = 0.005
+"""Smallest p value that passes: with two tests in a study, 1 % of false alarms."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EventTest:
-    """All events of a fit together, and the measured values of the apparatus."""
+    """Chi-square test of all events of a fit, with the measured values of the apparatus."""
 
     count: int
-    """Events."""
+    """Number of events."""
     chi2: float
-    """Sum of squares."""
+    """Sum of squared residuals."""
     expected: float
-    """Its mean if nothing is missing: degrees of freedom that these rows keep."""
+    """Mean of `chi2` if the model is right: degrees of freedom of these rows."""
     p: float
-    """Chance of as much."""
+    """Probability of a `chi2` at least as large if the model is right."""
     worst: str
-    """The event that is furthest off, in words."""
+    """Name and residual of the event with the largest residual."""
 
     @property
-    def quiet(self) -> bool:
-        """Whether this is no more than the stated errors."""
-        return self.p >= RARE
+    def passes(self) -> bool:
+        """Return whether the residuals are no larger than the stated errors explain."""
+        return self.p >= MIN_P_VALUE
 
     @property
-    def told(self) -> str:
-        """In words."""
-        found = f"chi2 {self.chi2:.1f} where {self.expected:.1f} is expected (p {number(self.p, digits=1)})"
-        return f"events: {found}, most by {self.worst}"
+    def description(self) -> str:
+        """Return the result in words."""
+        result = f"chi2 {self.chi2:.1f} where {self.expected:.1f} is expected (p {number(self.p, digits=1)})"
+        return f"events: {result}, most by {self.worst}"
 
 
-def check_events_of(fit: Fit) -> EventTest | None:
-    """Test the events of a fit; None if it has none."""
-    rows, names = _rows(fit)
+def check_event_residuals(fit: Fit) -> EventTest | None:
+    """Test the events of a fit; return None if it has none."""
+    rows, names = _event_rows(fit)
     if not names:
         return None
     measured = fit.problem.measured_rows
-    known = [measured + i for i, n in enumerate(fit.problem.numbers) if n.prior is not None]
-    chosen = np.array([*rows, *known], dtype=int)
-    part = fit.jacobian[chosen]
-    kept = np.eye(len(chosen)) - part @ fit.covariance @ part.T
-    mean, half_variance = float(np.trace(kept)), float(np.sum(kept**2))
-    left = fit.residuals[chosen]
-    chi2 = float(left @ left)
-    worst = int(np.argmax(np.abs(left[: len(rows)])))
+    prior_rows = [measured + i for i, n in enumerate(fit.problem.free_parameters) if n.prior is not None]
+    rows_tested = np.array([*rows, *prior_rows], dtype=int)
+    part = fit.jacobian[rows_tested]
+    residual_covariance = np.eye(len(rows_tested)) - part @ fit.covariance @ part.T
+    mean, half_variance = float(np.trace(residual_covariance)), float(np.sum(residual_covariance**2))
+    residuals = fit.residuals[rows_tested]
+    chi2 = float(residuals @ residuals)
+    worst = int(np.argmax(np.abs(residuals[: len(rows)])))
     return EventTest(
         count=len(rows),
         chi2=chi2,
         expected=mean,
         p=float(special.chdtrc(mean**2 / half_variance, chi2 * mean / half_variance)),
-        worst=f"{names[worst]} ({left[worst]:+.1f} standard errors)",
+        worst=f"{names[worst]} ({residuals[worst]:+.1f} standard errors)",
     )
 
 
-def unseen_limit(data: Sequence[TrialData]) -> float:
-    """Chi2 per value up to which unseen trials of events alone are explained."""
+def max_held_out_chi2(data: Sequence[TrialData]) -> float:
+    """Return the largest chi2 per value of held-out trials of events alone that passes."""
     count = sum(len(d.events) for d in data)
-    return float(special.chdtri(count, RARE)) / count
+    return float(special.chdtri(count, MIN_P_VALUE)) / count
 
 
-def errors_by_unit(fit: Fit, k: int) -> dict[str, float]:
-    """Root mean square of measured less predicted events of a trial, for each SI unit; those that happen in the model."""
+def event_rms_by_unit(fit: Fit, k: int) -> dict[str, float]:
+    """Return the root mean square of measured less predicted events of trial ``k`` for each SI unit.
+
+    Events that do not happen in the model's run are left out.
+    """
     data = fit.problem.data[k]
     if not data.events:
         return {}
@@ -92,8 +95,8 @@ def errors_by_unit(fit: Fit, k: int) -> dict[str, float]:
     return {unit: math.sqrt(sum(each) / len(each)) for unit, each in sorted(squares.items())}
 
 
-def _rows(fit: Fit) -> tuple[list[int], list[str]]:
-    """Rows of the residuals that are events, and what they are called."""
+def _event_rows(fit: Fit) -> tuple[list[int], list[str]]:
+    """Return the rows of the residuals that belong to events, and the names of these events."""
     rows: list[int] = []
     names: list[str] = []
     start = 0

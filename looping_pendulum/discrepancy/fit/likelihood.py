@@ -1,4 +1,4 @@
-"""How far the data let one fitted number go, all others refitted: its interval where a model is far from linear."""
+"""Profile likelihood: the interval of one fitted parameter, all others refitted, where the model is far from linear."""
 
 from __future__ import annotations
 
@@ -10,49 +10,51 @@ import numpy as np
 from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
 
-THREE_ERRORS = 9.0
-"""Rise of the cost at three standard errors of a linear model."""
-FARTHEST = 12
-"""Steps of one standard error that an interval is looked for."""
+COST_RISE_3_SIGMA = 9.0
+"""Rise of the cost at three standard errors, if the model is linear."""
+MAX_SIGMA_STEPS = 12
+"""Largest number of steps of one standard error in which an end of the interval is looked for."""
 
 
-def rise(fit: Fit, name: str, value: float) -> float:
-    """How much the cost rises where a number has ``value`` [SI]; the root counts standard errors.
+def cost_rise(fit: Fit, name: str, value: float) -> float:
+    """Return the rise of the cost if a parameter has ``value`` [SI]; its square root counts standard errors.
 
-    The others are refitted, step by step of about one standard error, so that each fit starts near its end.
+    The other parameters are refitted in steps of about one standard error, so that each fit starts near its minimum.
     """
     best = fit.values[name]
     steps = max(1, math.ceil(abs(value - best) / fit.errors[name] - 1e-9))
-    held = fit
+    conditional = fit
     for here in np.linspace(best, value, steps + 1)[1:]:
-        held = _held_at(fit, held, name, float(here))
-    return held.cost - fit.cost
+        conditional = _refit_with_fixed_value(fit, conditional, name, float(here))
+    return conditional.cost - fit.cost
 
 
-def interval(fit: Fit, name: str, most: float = THREE_ERRORS) -> tuple[float, float]:
-    """Values [SI] between which the cost rises by at most ``most``, all others refitted.
+def likelihood_interval(fit: Fit, name: str, max_rise: float = COST_RISE_3_SIGMA) -> tuple[float, float]:
+    """Return the values [SI] between which the cost rises by at most ``max_rise``, all other parameters refitted.
 
-    A side that rises less up to the number's bound, or within `FARTHEST` standard errors, ends there.
+    A side on which it rises less ends at the parameter's bound, or after `MAX_SIGMA_STEPS` standard errors.
     """
-    return _end(fit, name, -1, most), _end(fit, name, 1, most)
+    return _interval_end(fit, name, -1, max_rise), _interval_end(fit, name, 1, max_rise)
 
 
-def _end(fit: Fit, name: str, side: int, most: float) -> float:
-    low, high = fit.problem.numbers[fit.problem.names.index(name)].bounds
-    held, here, before = fit, fit.values[name], 0.0
-    for _ in range(FARTHEST):
+def _interval_end(fit: Fit, name: str, side: int, max_rise: float) -> float:
+    """Return the end of the interval on one side (-1: below, 1: above) of the fitted value [SI]."""
+    low, high = fit.problem.free_parameters[fit.problem.names.index(name)].bounds
+    conditional, here, before = fit, fit.values[name], 0.0
+    for _ in range(MAX_SIGMA_STEPS):
         value = min(max(here + side * fit.errors[name], low), high)
-        held = _held_at(fit, held, name, value)
-        z = math.sqrt(max(held.cost - fit.cost, 0.0))
-        if z >= math.sqrt(most):  # the root of the rise is nearly linear in the value
-            return here + (value - here) * (math.sqrt(most) - before) / (z - before)
+        conditional = _refit_with_fixed_value(fit, conditional, name, value)
+        z = math.sqrt(max(conditional.cost - fit.cost, 0.0))
+        if z >= math.sqrt(max_rise):  # the root of the rise is nearly linear in the value
+            return here + (value - here) * (math.sqrt(max_rise) - before) / (z - before)
         if value in (low, high):
             return value
         here, before = value, z
     return here
 
 
-def _held_at(fit: Fit, start: Fit, name: str, value: float) -> Fit:
+def _refit_with_fixed_value(fit: Fit, start: Fit, name: str, value: float) -> Fit:
+    """Refit all other parameters with one held at ``value`` [SI], from the solution ``start``."""
     p = fit.problem
-    numbers = [dataclasses.replace(n, bounds=(value, value)) if n.name == name else n for n in p.numbers]
-    return minimise(Problem(p.study, p.data, numbers, (p.prior_mean, p.prior_weights)), start.x)
+    free_parameters = [dataclasses.replace(n, bounds=(value, value)) if n.name == name else n for n in p.free_parameters]
+    return minimise(Problem(p.study, p.data, free_parameters, (p.prior_mean, p.prior_weights)), start.x)

@@ -1,6 +1,6 @@
-"""What a fit has to do: numbers to move, data of all trials, what is known beforehand; residuals and their derivatives.
+"""The least-squares problem of a fit: free parameters, data of all trials, priors; residuals and their derivatives.
 
-A number is written as start + scale x, with x of order one; what is known of it beforehand is a row of the least squares.
+A parameter has the value start + scale x, with x of order one. Its prior is a further row of the residuals.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.data.measurement import DIFFERENTIABLE, Camera, differential, predict
+from looping_pendulum.discrepancy.data.measurement import DIFFERENTIABLE_CHANNELS, Camera, predict, predicted_derivatives
 from looping_pendulum.discrepancy.data.observations import Channel, DataError, EventObservation
 from looping_pendulum.discrepancy.data.study import Study, Trial
-from looping_pendulum.discrepancy.fit.event_prediction import EventRun, counted, moments_of
+from looping_pendulum.discrepancy.fit.event_prediction import EventRun, event_times, with_missed_events
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -27,90 +27,106 @@ from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
 from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import available_integrators, solve_at
 
-STEP = 1e-3
-"""Of finite differences, in scales: good to 2e-4 or so while the sequence of events stays the same."""
+DIFFERENCE_STEP = 1e-3
+"""Step of finite differences, in units of the scale.
+
+Derivatives are good to about 2e-4 as long as the sequence of events stays the same.
+"""
 FREE_SCALE = 1 / 3
-"""Scale of a number of which nothing is known, relative to its start."""
-FEW_EVENTS = (Release.LOOPING, Release.VERTICAL)
-"""Releases whose runs have a few events each: there variational equations cost half of what differences do."""
-WEAK = 10.0
-"""Standard error of the prior of such a number, in scales: keeps early windows sane and decides nothing."""
+"""Scale of a parameter that was not measured, relative to its initial value."""
+RELEASES_WITH_FEW_EVENTS = (Release.LOOPING, Release.VERTICAL)
+"""Releases whose runs have few events, so that variational equations cost half of what finite differences do."""
+WEAK_PRIOR_SIGMA = 10.0
+"""Standard error of the prior of a parameter that was not measured, in units of its scale.
+
+It keeps the parameter within reason in early windows and is too weak to influence the result.
+"""
 
 
 class ParameterRole(StrEnum):
-    """How a number enters the parameter that it is named after."""
+    """How a free parameter enters the parameter of the model that it is named after.
+
+    The values are words for the report.
+    """
 
     SET = "is"
+    """It replaces the model's value."""
     TIMES = "multiplies"
+    """It is a factor on the model's value."""
     CAMERA = "is, of the camera,"
+    """It replaces a value of the trial's camera."""
 
 
-_TIMES, _CAMERA = ParameterRole.TIMES, ParameterRole.CAMERA
+_TIMES, _CAMERA = ParameterRole.TIMES, ParameterRole.CAMERA  # for an inner loop
 
 
 @dataclass(frozen=True, kw_only=True)
 class FreeParameter:
-    """One number that a fit moves."""
+    """One parameter that a fit changes, as lmfit's ``Parameter`` with ``vary=True``."""
 
     name: str
+    """Name in the fit, with that of the trial in front if it is not shared: "first.release_angle"."""
     parameter: str
-    how: ParameterRole
+    """Parameter of the model or camera that it changes."""
+    role: ParameterRole
+    """How it enters that parameter."""
     trials: tuple[str, ...]
-    """Trials in which it acts."""
+    """Names of the trials in which it acts."""
     start: float
-    """[SI]"""
+    """Initial value [SI]: the measured one if there is one."""
     scale: float
-    """One unit of x [SI]."""
+    """Change of the value per unit of x [SI]: the standard error if the value was measured."""
     prior: float | None
-    """Standard error of the prior, in scales; None: measured values say nothing, a weak one of `WEAK` is used."""
+    """Standard error of the prior, in units of `scale`; None: not measured, the prior has `WEAK_PRIOR_SIGMA`."""
     bounds: tuple[float, float]
+    """Smallest and largest value [SI]."""
 
     @property
     def shared(self) -> bool:
-        """Whether it is no single trial's own."""
+        """Return whether it acts in all trials alike, not in a single one."""
         return "." not in self.name
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Bounds of x."""
+        """Return the bounds of x."""
         low, high = ((b - self.start) / self.scale for b in self.bounds)
         return low, high
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrialData:
-    """One trial's channels, end to end, then its events."""
+    """Data of one trial as one vector: its channels, end to end, then its events."""
 
     trial: Trial
     channels: tuple[Channel, ...]
     events: tuple[EventObservation, ...] = ()
     sigma: Array
-    """Standard deviation of every value, shape (n,); infinite: left out of the fit."""
+    """Standard deviation of every value [SI], shape (n,); infinite: left out of the fit."""
 
     @cached_property
     def value(self) -> Array:
-        """Measured values [SI], shape (n,)."""
+        """Return the measured values [SI], shape (n,)."""
         return np.concatenate([*(c.value for c in self.channels), [e.value for e in self.events]])
 
     @cached_property
     def t(self) -> Array:
-        """Measured times [s], shape (n,); of an event, when it happened by its table."""
+        """Return the measured times [s], shape (n,); that of an event is when it happened by its table."""
         times = np.concatenate([np.zeros(0), *(c.t for c in self.channels)])
-        return np.concatenate([times, moments_of(self.events, float(times.max(initial=0.0)))])
+        return np.concatenate([times, event_times(self.events, float(times.max(initial=0.0)))])
 
     @cached_property
     def slices(self) -> dict[str, slice]:
-        """Where each channel stands."""
+        """Return channel -> its part of the vector."""
         ends = np.cumsum([0] + [len(c) for c in self.channels]).tolist()
         return {c.name: slice(a, b) for c, a, b in zip(self.channels, ends, ends[1:], strict=False)}
 
     @property
     def event_slice(self) -> slice:
-        """Where the events stand."""
+        """Return the part of the vector that holds the events."""
         return slice(len(self.value) - len(self.events), len(self.value))
 
     def until(self, time: float) -> TrialData:
-        """Only what was measured up to ``time`` [s]."""
+        """Return only the data up to ``time`` [s]."""
         kept = self.t <= time
         if kept.all():
             return self
@@ -123,113 +139,127 @@ class TrialData:
 
 
 def free_parameters_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tuple[FreeParameter, ...]:
-    """Every number of the declared model: apparatus, releases and each camera's origin, and what else of it was declared.
+    """Return the free parameters of the declared model.
+
+    These are uncertain values of the apparatus and the releases, each camera's origin, and other camera errors that are
+    declared.
 
     Parameters
     ----------
     trials
-        Each with its observations.
+        Pairs of a trial and its observations.
     """
-    found = []
-    for u in study.unknowns(tuple(t for t, _ in trials)):
+    parameters = []
+    for u in study.uncertain_parameters(tuple(t for t, _ in trials)):
         scale = u.sigma or FREE_SCALE * abs(u.start) or 1e-3
         prior = 1.0 if u.sigma else None
-        found.append(
-            FreeParameter(name=u.name, parameter=u.parameter, how=ParameterRole.SET, trials=u.trials, start=u.start, scale=scale, prior=prior,
-                   bounds=u.bounds)
+        parameters.append(
+            FreeParameter(
+                name=u.name, parameter=u.parameter, role=ParameterRole.SET, trials=u.trials, start=u.start, scale=scale,
+                prior=prior, bounds=u.bounds,
+            )
         )  # fmt: skip
     for trial, observations in trials:
         for name, known in study.camera_priors(trial, observations).items():
             if name in ("origin_x", "origin_y") or (name in trial.camera and known.uncertain):
-                found.append(_camera_number(name, trial, known.value, known.sigma))
-    return tuple(found)
+                parameters.append(_camera_parameter(name, trial, known.value, known.sigma))
+    return tuple(parameters)
 
 
-def _camera_number(name: str, trial: Trial, value: float, sigma: float | None) -> FreeParameter:
+def _camera_parameter(name: str, trial: Trial, value: float, sigma: float | None) -> FreeParameter:
+    """Return a parameter of one trial's camera as a free parameter."""
     scale = sigma or {"origin_x": 0.1, "origin_y": 0.1}.get(name, 0.05)
     return FreeParameter(
-        name=f"{trial.name}.{name}", parameter=name, how=ParameterRole.CAMERA, trials=(trial.name,), start=value, scale=scale,
+        name=f"{trial.name}.{name}", parameter=name, role=ParameterRole.CAMERA, trials=(trial.name,), start=value, scale=scale,
         prior=1.0 if sigma else None, bounds=(-math.inf, math.inf),
     )  # fmt: skip
 
 
 class Problem:
-    """Numbers, data and prior: residuals and their derivatives."""
+    """Free parameters, data and prior of a fit: residuals and their derivatives.
+
+    Parameters
+    ----------
+    prior
+        Mean of ``x``, shape (p,), and a square root of the inverse covariance, shape (p, p); None: the parameters' own priors.
+    """
 
     def __init__(
         self,
         study: Study,
         data: Sequence[TrialData],
-        numbers: Sequence[FreeParameter],
+        free_parameters: Sequence[FreeParameter],
         prior: tuple[Array, Array] | None = None,
     ) -> None:
         self.study = study
         self.data = tuple(data)
-        self.numbers = tuple(numbers)
-        self.names = tuple(n.name for n in numbers)
-        weights = np.diag([1 / (n.prior or WEAK) for n in self.numbers])
-        self.prior_mean: Array = prior[0] if prior else np.zeros(len(numbers))
+        self.free_parameters = tuple(free_parameters)
+        self.names = tuple(n.name for n in free_parameters)
+        weights = np.diag([1 / (n.prior or WEAK_PRIOR_SIGMA) for n in self.free_parameters])
+        self.prior_mean: Array = prior[0] if prior else np.zeros(len(free_parameters))
         self.prior_weights: Array = prior[1] if prior else weights
-        self.low, self.high = np.array([n.limits for n in self.numbers]).reshape(-1, 2).T
-        # what a camera moves needs no new run if it comes before all else
-        self.order = sorted(range(len(self.numbers)), key=lambda i: self.numbers[i].how is not ParameterRole.CAMERA)
-        self._acting = [[i for i, n in enumerate(self.numbers) if d.trial.name in n.trials] for d in self.data]
+        self.low, self.high = np.array([n.limits for n in self.free_parameters]).reshape(-1, 2).T
+        # Camera parameters come first: they need no new run, so the cached one is used before others replace it.
+        self.order = sorted(
+            range(len(self.free_parameters)), key=lambda i: self.free_parameters[i].role is not ParameterRole.CAMERA
+        )
+        self._acting_in_trial = [[i for i, n in enumerate(self.free_parameters) if d.trial.name in n.trials] for d in self.data]
         self._base = [study.parameters({}, d.trial) for d in self.data]
-        self._own = {u.name for u in study.unknowns(study.trials)}
+        self._study_parameters = {u.name for u in study.uncertain_parameters(study.trials)}
         self._camera = [{n: e.value for n, e in d.trial.camera.items()} for d in self.data]
-        self._last: list[tuple[Parameters, Array, Samples] | None] = [None] * len(self.data)
-        self._last_events: list[EventRun | None] = [None] * len(self.data)
+        self._cached_run: list[tuple[Parameters, Array, Samples] | None] = [None] * len(self.data)
+        self._cached_event_run: list[EventRun | None] = [None] * len(self.data)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle without what runs are remembered."""
-        return Problem, (self.study, self.data, self.numbers, (self.prior_mean, self.prior_weights))
+        """Pickle without the cached runs."""
+        return Problem, (self.study, self.data, self.free_parameters, (self.prior_mean, self.prior_weights))
 
     def until(self, share: float) -> Problem:
-        """Return the same for the first ``share`` of the longest trial."""
+        """Return the problem with data up to ``share`` of the longest trial's time."""
         longest = max(float(d.t.max()) for d in self.data)
         shorter = [d.until(share * longest) for d in self.data]
-        return Problem(self.study, shorter, self.numbers, (self.prior_mean, self.prior_weights))
+        return Problem(self.study, shorter, self.free_parameters, (self.prior_mean, self.prior_weights))
 
     def with_data(self, data: Sequence[TrialData]) -> Problem:
-        """Return the same with other data."""
-        return Problem(self.study, data, self.numbers, (self.prior_mean, self.prior_weights))
+        """Return the problem with other data."""
+        return Problem(self.study, data, self.free_parameters, (self.prior_mean, self.prior_weights))
 
-    def with_numbers(self, *more: FreeParameter) -> Problem:
-        """Return the same with more numbers."""
-        return Problem(self.study, self.data, (*self.numbers, *more))
+    def with_parameters(self, *more: FreeParameter) -> Problem:
+        """Return the problem with more free parameters."""
+        return Problem(self.study, self.data, (*self.free_parameters, *more))
 
     @property
     def count(self) -> int:
-        """Number of values that count."""
+        """Return the number of values that are fitted."""
         return int(sum(np.isfinite(d.sigma).sum() for d in self.data))
 
     @property
     def measured_rows(self) -> int:
-        """Number of values of all trials: rows of the residuals before the prior's."""
+        """Return the number of values of all trials, fitted or not: rows of the residuals before those of the prior."""
         return sum(len(d.value) for d in self.data)
 
-    def setting(self, x: Array, k: int) -> tuple[Parameters, Camera]:
-        """Parameters and camera of trial ``k``."""
+    def parameters_and_camera(self, x: Array, k: int) -> tuple[Parameters, Camera]:
+        """Return the model's parameters and the camera of trial ``k``."""
         changes: dict[str, float] = {}
         camera: dict[str, float] = dict(self._camera[k])
         factors = []
         base = self._base[k]
-        plain = x.tolist()  # arithmetic of plain numbers is faster than NumPy's, and the same
-        for i in self._acting[k]:
-            n = self.numbers[i]
+        x_list = x.tolist()  # arithmetic of Python floats is faster than that of NumPy's, and gives the same
+        for i in self._acting_in_trial[k]:
+            n = self.free_parameters[i]
             low, high = n.bounds
-            value = min(max(n.start + n.scale * plain[i], low), high)
-            if n.how is _CAMERA:
+            value = min(max(n.start + n.scale * x_list[i], low), high)
+            if n.role is _CAMERA:
                 camera[n.parameter] = value
-            elif n.how is _TIMES:
+            elif n.role is _TIMES:
                 factors.append((n.parameter, value))
             else:
                 changes[n.parameter] = value
         kinetic = changes.get("kinetic_friction", base.coefficients["kinetic_friction"])
         for parameter, factor in factors:
-            # static friction is told as a ratio to the kinetic one, all else as one to its own value
-            own = kinetic if parameter == "static_friction" else changes.get(parameter, getattr(base, parameter, math.nan))
-            changes[parameter] = factor * own
+            # static friction is a ratio to the kinetic one, every other factor is on the parameter's own value
+            unscaled = kinetic if parameter == "static_friction" else changes.get(parameter, getattr(base, parameter, math.nan))
+            changes[parameter] = factor * unscaled
         if base.coefficients["static_friction"] != base.coefficients["kinetic_friction"]:
             changes.setdefault("static_friction", base.coefficients["static_friction"])
         if "static_friction" in changes:
@@ -237,39 +267,39 @@ class Problem:
         return base.replace(**changes), Camera(**camera)
 
     def run(self, x: Array, k: int) -> Samples:
-        """Run of trial ``k`` at the true times of its marks; every millisecond if it has only events."""
+        """Return the run of trial ``k`` at the true times of its points, or every millisecond if it has only events."""
         if not self.data[k].channels:
-            return self._run_for_events(self.setting(x, k)[0], k).samples
+            return self._run_for_events(self.parameters_and_camera(x, k)[0], k).samples
         self.predict(x, k)
-        last = self._last[k]
+        last = self._cached_run[k]
         assert last is not None
         return last[2]
 
     def _run_for_events(self, parameters: Parameters, k: int) -> EventRun:
-        last = self._last_events[k]
+        last = self._cached_event_run[k]
         if last is None or last.parameters != parameters:
-            self._last_events[k] = last = EventRun(parameters, self.data[k].events)
+            self._cached_event_run[k] = last = EventRun(parameters, self.data[k].events)
         return last
 
     def predict_events(self, x: Array, k: int) -> Array:
-        """What the table of trial ``k`` would say of its events, shape (events,); NaN where one does not happen."""
-        return self._predict_events(*self.setting(x, k), k)
+        """Predict the events of trial ``k`` [SI], shape (events,); NaN: the event does not happen."""
+        return self._predict_events(*self.parameters_and_camera(x, k), k)
 
     def _predict_events(self, parameters: Parameters, camera: Camera, k: int) -> Array:
-        return self._run_for_events(parameters, k).predicted(camera)
+        return self._run_for_events(parameters, k).predict(camera)
 
     def predict(self, x: Array, k: int) -> Array:
-        """What would have been measured in trial ``k``, shape (n,); after a run's end everything rests.
+        """Predict all values of trial ``k`` [SI], shape (n,); after a run's end everything is at rest.
 
-        An event that does not happen counts as missed by `event_prediction.MISSED` standard errors.
+        An event that does not happen counts as missed by `event_prediction.MISSED_EVENT_ERRORS` standard errors.
         """
-        parameters, camera = self.setting(x, k)
+        parameters, camera = self.parameters_and_camera(x, k)
 
         def sample(t: Array) -> Samples:
-            last = self._last[k]
+            last = self._cached_run[k]
             if last is None or last[1] is not t or last[0] != parameters:
                 run = solve_at(parameters, t, duration=float(t[-1]) + 1e-3, integrator=available_integrators()[0])
-                self._last[k] = last = parameters, t, run
+                self._cached_run[k] = last = parameters, t, run
             return last[2]
 
         d = self.data[k]
@@ -278,18 +308,18 @@ class Problem:
             values = predict(sample, camera, d.channels, dropped=d.trial.dropped).values
             parts = [values[c.name] for c in d.channels]
             if not np.isfinite(np.concatenate(parts)).all():
-                parts = [_resting(part) for part in parts]
+                parts = [_hold_last_value(part) for part in parts]
         if d.events:
-            parts.append(counted(self._predict_events(parameters, camera, k), d.events))
+            parts.append(with_missed_events(self._predict_events(parameters, camera, k), d.events))
         return np.concatenate(parts or [np.zeros(0)])
 
-    def happening(self, x: Array) -> NDArray[np.bool_]:
-        """Which measured events happen in the model's runs, all trials end to end."""
-        found = [np.isfinite(self.predict_events(x, k)) for k, d in enumerate(self.data) if d.events]
-        return np.concatenate([np.zeros(0, dtype=bool), *found])
+    def events_that_happen(self, x: Array) -> NDArray[np.bool_]:
+        """Return which measured events happen in the model's runs, all trials end to end, shape (events,)."""
+        parts = [np.isfinite(self.predict_events(x, k)) for k, d in enumerate(self.data) if d.events]
+        return np.concatenate([np.zeros(0, dtype=bool), *parts])
 
     def residuals(self, x: Array) -> Array | None:
-        """Standardised residuals, then the prior's; None where the model cannot run."""
+        """Return standardised residuals, then those of the prior, shape (n + p,); None if the model cannot run."""
         try:
             parts = [(d.value - self.predict(x, k)) / d.sigma for k, d in enumerate(self.data)]
         except (HarnessError, ValueError, ArithmeticError):
@@ -298,13 +328,14 @@ class Problem:
         return r if np.all(np.isfinite(r)) else None
 
     def jacobian(self, x: Array, *, central: bool = False) -> Array:
-        """Minus the derivative of `residuals`, shape (n + numbers, numbers).
+        """Return minus the derivative of `residuals`, shape (n + p, p).
 
         Parameters
         ----------
         central
-            Whether to take variational equations for the study's own numbers where the model is the base one, and central
-            differences for the rest; otherwise a swing's many events, and the rest, have one-sided differences.
+            Whether to use the best derivatives there are: variational equations for the study's own parameters if the model is
+            the base one, and central differences for all others. Otherwise variational equations are only used for releases
+            with few events, and all other derivatives are one-sided differences.
         """
         edges = np.cumsum([0] + [len(d.t) for d in self.data])
         jacobian = np.zeros((edges[-1] + len(x), len(x)))
@@ -312,56 +343,58 @@ class Problem:
         for k, d in enumerate(self.data):
             here = self.predict(x, k)
             rows = slice(edges[k], edges[k + 1])
-            exact = self._exact(x, k) if central or d.trial.release in FEW_EVENTS else {}
-            for i in (i for i in self.order if i in self._acting[k]):
-                column = exact[i] if i in exact else self._derivative(x, k, i, here, central)
+            exact = self._variational_derivatives(x, k) if central or d.trial.release in RELEASES_WITH_FEW_EVENTS else {}
+            for i in (i for i in self.order if i in self._acting_in_trial[k]):
+                column = exact[i] if i in exact else self._difference_quotient(x, k, i, here, central)
                 jacobian[rows, i] = column / d.sigma
         return np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0)
 
-    def _exact(self, x: Array, k: int) -> dict[int, Array]:
-        """Derivatives of trial ``k`` by the study's own numbers, by variational equations; empty where there are none.
+    def _variational_derivatives(self, x: Array, k: int) -> dict[int, Array]:
+        """Return the derivatives of trial ``k`` by the study's own parameters, by variational equations.
 
-        Whatever was added would need equations of its own, whose compilation costs more than differences.
+        The result is empty if these equations do not hold or do not pay: an added effect would need equations of its own, whose
+        compilation costs more than differences.
         """
         d = self.data[k]
-        parameters, camera = self.setting(x, k)
-        moved = [i for i in self._acting[k] if self.numbers[i].name in self._own]
+        parameters, camera = self.parameters_and_camera(x, k)
+        moved = [i for i in self._acting_in_trial[k] if self.free_parameters[i].name in self._study_parameters]
         base_only = all(e.in_base_model for e in parameters.effects) and "heyoka" in available_integrators()
         measured = {c.name for c in d.channels}
-        if d.events or not measured or not moved or not base_only or not measured <= DIFFERENTIABLE:
+        if d.events or not measured or not moved or not base_only or not measured <= DIFFERENTIABLE_CHANNELS:
             return {}
-        wrt = tuple(self.numbers[i].parameter for i in moved)
+        wrt = tuple(self.free_parameters[i].parameter for i in moved)
         try:
-            found = differential(
+            derivatives = predicted_derivatives(
                 lambda t: solve_sensitivities(parameters, t, wrt, duration=float(t[-1]) + 1e-3), camera, d.channels
             )
-        except (HarnessError, ValueError, ArithmeticError):  # an event that is only touched has no derivative
+        except (HarnessError, ValueError, ArithmeticError):  # a grazing event has no derivative
             return {}
-        slopes = np.concatenate([found[c.name] for c in d.channels])
-        return {i: self.numbers[i].scale * slopes[:, j] for j, i in enumerate(moved)}
+        columns = np.concatenate([derivatives[c.name] for c in d.channels])
+        return {i: self.free_parameters[i].scale * columns[:, j] for j, i in enumerate(moved)}
 
-    def _derivative(self, x: Array, k: int, i: int, here: Array, central: bool) -> Array:
-        ahead = STEP if x[i] + STEP <= self.high[i] else -STEP
+    def _difference_quotient(self, x: Array, k: int, i: int, here: Array, central: bool) -> Array:
+        """Return finite differences of trial ``k`` for parameter ``i``; zeros if the model cannot run there."""
+        ahead = DIFFERENCE_STEP if x[i] + DIFFERENCE_STEP <= self.high[i] else -DIFFERENCE_STEP
         try:
-            forward = self._moved(x, k, i, ahead)
+            forward = self._predict_shifted(x, k, i, ahead)
             if not central or x[i] - ahead < self.low[i] or x[i] - ahead > self.high[i]:
                 return (forward - here) / ahead
-            return (forward - self._moved(x, k, i, -ahead)) / (2 * ahead)
+            return (forward - self._predict_shifted(x, k, i, -ahead)) / (2 * ahead)
         except (HarnessError, ValueError, ArithmeticError):
             return np.zeros_like(here)
 
-    def _moved(self, x: Array, k: int, i: int, by: float) -> Array:
+    def _predict_shifted(self, x: Array, k: int, i: int, by: float) -> Array:
         moved = x.copy()
         moved[i] += by
         return self.predict(moved, k)
 
 
-def _resting(values: Array) -> Array:
-    """Hold the last value where a run has ended."""
+def _hold_last_value(values: Array) -> Array:
+    """Replace NaN, after the end of a run, by the last value."""
     known = np.isfinite(values)
     if known.all():
         return values
     if not known.any():
-        raise DataError("found no mark during the run, needed some; check the times and the clock offset")
+        raise DataError("found no point during the run, needed some; check the times and the clock offset")
     index = np.maximum.accumulate(np.where(known, np.arange(len(values)), 0))
     return np.asarray(values[index])

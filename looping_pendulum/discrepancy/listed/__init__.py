@@ -1,1 +1,1 @@
-"""The candidates that the library lists: screen them by what a fit leaves, refit the best, judge them."""
+"""Effects of the library as candidates: screen them by the residuals of a fit, refit the best, test those on held-out data."""

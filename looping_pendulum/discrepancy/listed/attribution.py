@@ -1,4 +1,4 @@
-"""Which candidate explains what a fit leaves: refit those that screening found best, judge on what no fit saw."""
+"""Find which candidate explains the residuals of a fit: refit those with the best scores, test them on held-out data."""
 
 from __future__ import annotations
 
@@ -12,277 +12,301 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
-from looping_pendulum.discrepancy.fit.event_tests import unseen_limit
+from looping_pendulum.discrepancy.fit.event_tests import max_held_out_chi2
 from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate
-from looping_pendulum.discrepancy.workers import ALONE, Told, Workers
+from looping_pendulum.discrepancy.workers import SERIAL, ProgressCallback, Workers
 
-SCORE_LIMIT = 4.0
-"""Of a candidate's |z|; 120 clean studies reach 3.94."""
-HELD_OUT_LIMIT = 1.08
-"""Of chi2 per value of a held-out trial; clean maximum 1.072 with about a thousand values."""
-SCATTER = 3.0
-"""Standard errors 1/sqrt(n) of chi2 per value that are granted to trials with fewer values."""
-WIDEST = 10.0
-"""Largest amplitude that the screening may start a refit from, in scales."""
-FIRST = 2
-"""Candidates whose gain the others have to beat."""
-PATIENCE = 10
-"""Iterations in each window of a refit; right explanations need about four."""
-AFRESH = (5.0, 0.2)
-"""Values that a companion is started again from, over the one it was found at: the cost has further minima there."""
-NEAR = 20.0
-"""Part of another candidate's gain that may be missing for that to be worth while."""
-BLOCKS = 8
-"""Blocks of time that a single trial is cut into; two that lie far apart are held out at once."""
+MAX_NULL_SCORE = 4.0
+"""Largest score |z| of a candidate that noise alone may give; 120 studies without a missing effect reach 3.94."""
+MAX_HELD_OUT_CHI2 = 1.08
+"""Largest chi2 per value of a held-out trial that passes.
+
+Its maximum in studies without a missing effect is 1.072, with about a thousand values.
+"""
+CHI2_SCATTER_SIGMAS = 3.0
+"""Largest excess of chi2 per value over 1, in units of 1/sqrt(n), for trials with fewer values."""
+MAX_START_AMPLITUDE = 10.0
+"""Largest amplitude from screening that a refit starts from, in units of the candidate's scale."""
+FIRST_REFITS = 2
+"""Number of candidates that are refitted first; the others have to beat their delta BIC."""
+MAX_ITERATIONS = 10
+"""Largest number of iterations in each window of a refit; right explanations need about four."""
+RESTART_FACTORS = (5.0, 0.2)
+"""Factors on a companion's fitted value at which its fit is restarted: the cost has further minima there."""
+RESTART_MARGIN = 20.0
+"""Delta BIC by which a candidate may be behind another one and still be restarted."""
+BLOCK_COUNT = 8
+"""Number of blocks of time that a study without held-out trials is cut into; two that lie far apart are held out at once."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Refit:
-    """A model with one candidate more."""
+    """A fit of the model with one more candidate."""
 
     screened: ScreenedCandidate
     fit: Fit
-    gain: float
-    """On the Bayesian information criterion, over the model without it."""
+    delta_bic: float
+    """Decrease of the Bayesian information criterion by the candidate; larger is better."""
 
     @property
     def candidate(self) -> Candidate:
-        """What was added."""
+        """Return the candidate that was added."""
         return self.screened.candidate
 
     @property
     def value(self) -> float:
-        """[SI]"""
+        """Return the fitted value [SI]."""
         return self.fit.values[self.candidate.name]
 
     @property
     def error(self) -> float:
-        """Standard error [SI]."""
+        """Return the standard error of the value [SI]."""
         return self.fit.errors[self.candidate.name]
 
     @property
-    def inside(self) -> bool:
-        """Whether the value is physically possible and not on a bound other than the null value's."""
+    def within_bounds(self) -> bool:
+        """Return whether the fitted value is not on a bound."""
         return self.candidate.name not in self.fit.at_bounds
 
 
-def refit(base: Fit, screened: ScreenedCandidate, to_beat: float = 0.0) -> Refit | None:
-    """Fit the model with a candidate from its own start; None where it cannot run.
+def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0) -> Refit | None:
+    """Fit the model with a candidate, from the value that screening found; None if it cannot run.
 
     Parameters
     ----------
-    to_beat
-        Gain that another candidate has: a second start is only worth while if the screening promises more.
+    delta_bic_to_beat
+        Delta BIC that another candidate has. A second initial value is only tried if screening predicts more.
     """
     problem = _with_candidate(base, screened)
-    amplitude = float(np.clip(screened.amplitude / screened.scale, -WIDEST, WIDEST))
+    amplitude = float(np.clip(screened.amplitude / screened.scale, -MAX_START_AMPLITUDE, MAX_START_AMPLITUDE))
     fits = []
-    promised = base.cost - 0.5 * screened.score**2
-    # where its own start leads nowhere near what the screening promises, the base's optimum is tried too
+    predicted_cost = base.cost - 0.5 * screened.score**2
+    # If the fit from the prior's mean stays above the cost that screening predicts, the base fit's values are tried, too.
     for start in (base.problem.prior_mean, base.x):
         try:
-            full = start is base.problem.prior_mean
             x = np.concatenate([start, [amplitude], np.zeros(len(screened.companions))])
-            fits.append(calibrate(problem, x, most=PATIENCE) if full else minimise(problem, x, most=PATIENCE))
+            if start is base.problem.prior_mean:
+                fits.append(calibrate(problem, x, max_iterations=MAX_ITERATIONS))
+            else:  # so near a minimum, no growing windows of time are needed
+                fits.append(minimise(problem, x, max_iterations=MAX_ITERATIONS))
         except FitError:
             continue
-        if fits[-1].cost < promised or (screened.score**2 < to_beat and fits[-1].cost < base.cost + 1):
+        if fits[-1].cost < predicted_cost or (screened.score**2 < delta_bic_to_beat and fits[-1].cost < base.cost + 1):
             break
     if not fits:
         return None
     best = min(fits, key=lambda f: f.cost)
-    if best.cost > base.cost:  # so far off an event was lost, and no gradient brings it back
+    # The candidate's null value gives the base fit. A higher cost means that an event was lost on the way from far off, and
+    # no gradient brings it back.
+    if best.cost > base.cost:
         null = np.concatenate([base.x, np.zeros(1 + len(screened.companions))])
         with contextlib.suppress(FitError):
-            best = min(best, minimise(problem, null, most=PATIENCE), key=lambda f: f.cost)
+            best = min(best, minimise(problem, null, max_iterations=MAX_ITERATIONS), key=lambda f: f.cost)
     penalty = (1 + len(screened.companions)) * math.log(base.problem.count)
-    if screened.companions and base.cost - best.cost - penalty > max(to_beat - NEAR, 0.0):
-        best = min([best, *_afresh(best, screened)], key=lambda f: f.cost)
-    return Refit(screened=screened, fit=best, gain=base.cost - best.cost - penalty)
+    if screened.companions and base.cost - best.cost - penalty > max(delta_bic_to_beat - RESTART_MARGIN, 0.0):
+        best = min([best, *_restart(best, screened)], key=lambda f: f.cost)
+    return Refit(screened=screened, fit=best, delta_bic=base.cost - best.cost - penalty)
 
 
 def refits(
     base: Fit,
     chosen: Sequence[ScreenedCandidate],
     known: Mapping[str, Refit | None],
-    workers: Workers = ALONE,
-    told: Told = lambda name: None,
+    workers: Workers = SERIAL,
+    report_progress: ProgressCallback = lambda name: None,
 ) -> list[Refit]:
-    """Fit the model with each candidate, best first; the gains of the first two are what the others have to beat.
+    """Fit the model with each of the chosen candidates and return the refits, best first.
+
+    The largest delta BIC of the first `FIRST_REFITS` is what the others have to beat.
 
     Parameters
     ----------
     known
-        Refits that are made already, by the candidate's name.
-    told
-        Told the name of each that begins in this process.
+        Candidate's name -> refit that has been made already.
+    report_progress
+        Called with the name of each candidate whose refit begins in this process.
     """
-    made = dict(known)
-    for part in (chosen[:FIRST], chosen[FIRST:]):
-        to_beat = max((r.gain for r in made.values() if r), default=0.0)
-        left = [s for s in part if s.candidate.name not in known]
-        names = [s.candidate.name for s in left]
-        done = workers.map(_refit_one, base, [(s, to_beat) for s in left], names, told)
-        made |= {s.candidate.name: r and _of(base, s, r) for s, r in zip(left, done, strict=True)}
-    found = (made[s.candidate.name] for s in chosen)
-    return sorted((r for r in found if r), key=lambda r: -r.gain)
+    refit_of = dict(known)
+    for part in (chosen[:FIRST_REFITS], chosen[FIRST_REFITS:]):
+        to_beat = max((r.delta_bic for r in refit_of.values() if r), default=0.0)
+        new = [s for s in part if s.candidate.name not in known]
+        names = [s.candidate.name for s in new]
+        results = workers.map(_refit_one, base, [(s, to_beat) for s in new], names, report_progress)
+        refit_of |= {s.candidate.name: r and _with_local_objects(base, s, r) for s, r in zip(new, results, strict=True)}
+    chosen_refits = (refit_of[s.candidate.name] for s in chosen)
+    return sorted((r for r in chosen_refits if r), key=lambda r: -r.delta_bic)
 
 
-def _refit_one(base: Fit, wanted: tuple[ScreenedCandidate, float]) -> Refit | None:
-    return refit(base, *wanted)
+def _refit_one(base: Fit, task: tuple[ScreenedCandidate, float]) -> Refit | None:
+    """Call `refit` in a worker."""
+    return refit(base, *task)
 
 
-def _of(base: Fit, screened: ScreenedCandidate, done: Refit) -> Refit:
-    """Return a refit with the study's own objects: what a helper returns has copies."""
+def _with_local_objects(base: Fit, screened: ScreenedCandidate, result: Refit) -> Refit:
+    """Return a refit with this process's own objects: a worker process returns copies."""
     problem = _with_candidate(base, screened)
-    return dataclasses.replace(done, screened=screened, fit=dataclasses.replace(done.fit, problem=problem))
+    return dataclasses.replace(result, screened=screened, fit=dataclasses.replace(result.fit, problem=problem))
 
 
 def _with_candidate(base: Fit, screened: ScreenedCandidate) -> Problem:
-    return base.problem.with_numbers(screened.candidate.number(screened.scale), *screened.companions)
+    """Return the problem of a fit with a candidate and its companions as further free parameters."""
+    return base.problem.with_parameters(screened.candidate.free_parameter(screened.scale), *screened.companions)
 
 
-def _afresh(fit: Fit, screened: ScreenedCandidate) -> list[Fit]:
-    """Fit again from other values of what shapes the candidate."""
-    found = []
-    for i, number in enumerate(screened.companions, start=len(fit.x) - len(screened.companions)):
-        for factor in AFRESH:
+def _restart(fit: Fit, screened: ScreenedCandidate) -> list[Fit]:
+    """Fit again from other values of the candidate's companions."""
+    fits = []
+    for i, companion in enumerate(screened.companions, start=len(fit.x) - len(screened.companions)):
+        for factor in RESTART_FACTORS:
             x = fit.x.copy()
-            x[i] = (factor * fit.values[number.name] - number.start) / number.scale
+            x[i] = (factor * fit.values[companion.name] - companion.start) / companion.scale
             with contextlib.suppress(FitError):
-                found.append(minimise(fit.problem, x, most=PATIENCE))
-    return found
+                fits.append(minimise(fit.problem, x, max_iterations=MAX_ITERATIONS))
+    return fits
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeldOutTest:
-    """How a fit explains data that it did not see."""
+    """How well a fit predicts held-out data."""
 
     names: tuple[str, ...]
-    """Trials, or blocks of time of the only one."""
+    """Names of the held-out trials, or of blocks of time of the training trials."""
     chi2: tuple[float, ...]
-    """Of each, per value."""
+    """Chi2 per value of each trial, or of all blocks together."""
     counts: tuple[int, ...]
-    """Values behind each."""
+    """Number of values of each `chi2`."""
     limits: tuple[float, ...]
-    """Chi2 per value up to which each is explained."""
+    """Largest chi2 per value of each that passes."""
     rms: tuple[float | None, ...]
-    """Of the residual of each [SI]; None: it has only events."""
+    """Root mean square residual of each [SI]; None: it has only events."""
     fits: tuple[Fit, ...] = ()
+    """Fit of each held-out trial's own parameters; empty for blocks of time."""
 
     @property
     def worst(self) -> float:
-        """Largest chi2 per value."""
+        """Return the largest chi2 per value."""
         return max(self.chi2)
 
     @property
-    def explained(self) -> bool:
-        """Whether all of it is explained to its noise."""
+    def passes(self) -> bool:
+        """Return whether all held-out data are predicted to their noise."""
         return all(c <= limit for c, limit in zip(self.chi2, self.limits, strict=True))
 
 
-def judge(fit: Fit, held: Sequence[tuple[TrialData, Sequence[FreeParameter]]], *, settled: bool = False) -> HeldOutTest:
-    """Judge a fit on held-out trials, or on blocks of time of the training ones if there are none.
+def check_held_out(
+    fit: Fit, held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]], *, keep_sigma: bool = False
+) -> HeldOutTest:
+    """Test a fit on held-out trials or, if there are none, on blocks of time of the training trials.
 
     Parameters
     ----------
-    settled
-        Whether the errors of the held-out marks stay as they are.
+    held_out
+        Data of each held-out trial, with the free parameters of that trial.
+    keep_sigma
+        Whether to keep the errors of the held-out points. By default they are estimated from their residuals.
     """
-    if not held:
-        return _blocks(fit)
-    fits = [_explain(fit, data, numbers, settled) for data, numbers in held]
+    if not held_out:
+        return _check_held_out_blocks(fit)
+    fits = [_fit_held_out_trial(fit, data, parameters, keep_sigma) for data, parameters in held_out]
     return HeldOutTest(
-        names=tuple(d.trial.name for d, _ in held),
+        names=tuple(d.trial.name for d, _ in held_out),
         chi2=tuple(f.cost / f.problem.count for f in fits),
         counts=tuple(f.problem.count for f in fits),
-        limits=tuple(_limit(f) for f in fits),
+        limits=tuple(_max_chi2(f) for f in fits),
         rms=tuple(rms(f, 0) for f in fits),
         fits=tuple(fits),
     )
 
 
-def _limit(fit: Fit) -> float:
-    """Chi2 per value up to which unseen data are explained; that of marks has noise that was estimated from them."""
+def _max_chi2(fit: Fit) -> float:
+    """Return the largest chi2 per value of held-out data that passes.
+
+    Events have stated errors, so that it follows from the chi2 distribution. The noise of points is estimated from themselves.
+    """
     if not any(d.channels for d in fit.problem.data):
-        return unseen_limit(fit.problem.data)
-    return max(HELD_OUT_LIMIT, 1 + SCATTER / math.sqrt(fit.problem.count))
+        return max_held_out_chi2(fit.problem.data)
+    return max(MAX_HELD_OUT_CHI2, 1 + CHI2_SCATTER_SIGMAS / math.sqrt(fit.problem.count))
 
 
 def rms(fit: Fit, k: int) -> float | None:
-    """Residual of a trial [SI]: of the light mass's place where it was seen; None: it has only events."""
+    """Return the root mean square residual of trial ``k`` [SI]; None: it has only events.
+
+    It is that of the light mass's position, a distance, or of all channels if the position was not measured.
+    """
     d = fit.problem.data[k]
     if not d.channels:
         return None
     residual = d.value - fit.problem.predict(fit.x, k)
-    return math.sqrt(sum(float(np.mean(residual[p] ** 2)) for p in places(d)))
+    return math.sqrt(sum(float(np.mean(residual[p] ** 2)) for p in position_slices(d)))
 
 
-def places(d: TrialData) -> list[slice]:
-    """Where a trial's errors are told from: the light mass's place where it was seen, else all channels."""
+def position_slices(d: TrialData) -> list[slice]:
+    """Return the data that errors are reported for: the light mass's coordinates or, without them, all channels."""
     return [d.slices[n] for n in ("light_x", "light_y") if n in d.slices] or list(d.slices.values())
 
 
-def _explain(fit: Fit, data: TrialData, own: Sequence[FreeParameter], settled: bool) -> Fit:
-    """Fit only what is the held-out trial's own; what training knows is a prior as narrow as it left it."""
+def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter], keep_sigma: bool) -> Fit:
+    """Fit the parameters of a held-out trial alone; those of the training fit have its result as their prior."""
     p = fit.problem
-    known = {n.name: i for i, n in enumerate(p.numbers)}
-    added = [n for n in p.numbers if data.trial.name in n.trials and n.name not in {o.name for o in own}]
-    numbers = [*own, *added]
-    here = [i for i, n in enumerate(numbers) if n.name in known]
-    there = [known[numbers[i].name] for i in here]
-    mean, weights = np.zeros(len(numbers)), np.diag([1 / (n.prior or 10.0) for n in numbers])
+    known = {n.name: i for i, n in enumerate(p.free_parameters)}
+    added = [n for n in p.free_parameters if data.trial.name in n.trials and n.name not in {o.name for o in own}]
+    parameters = [*own, *added]
+    here = [i for i, n in enumerate(parameters) if n.name in known]  # parameters of the training fit, by their place here
+    there = [known[parameters[i].name] for i in here]  # and by their place in that fit
+    mean, weights = np.zeros(len(parameters)), np.diag([1 / (n.prior or 10.0) for n in parameters])
     if here:
         covariance = fit.covariance[np.ix_(there, there)]
+        # a square root of the inverse covariance; tiny eigenvalues are raised, because the covariance may be singular
         values, vectors = np.linalg.eigh(covariance)
         root = (vectors / np.sqrt(np.maximum(values, 1e-12 * values.max()))).T
         weights[np.ix_(here, here)] = root
         mean[here] = fit.x[there]
-    problem = Problem(p.study, [data], numbers, (mean, weights))
-    explained = calibrate(problem)
-    return explained if settled else with_noise_of_residuals(explained)
+    held_out_fit = calibrate(Problem(p.study, [data], parameters, (mean, weights)))
+    return held_out_fit if keep_sigma else with_noise_of_residuals(held_out_fit)
 
 
-def _blocks(fit: Fit) -> HeldOutTest:
-    """Leave out two of `BLOCKS` blocks of time after another; judge them by the prediction's own uncertainty."""
+def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
+    """Leave out two of `BLOCK_COUNT` blocks of time at once, refit, and test their prediction by its covariance."""
     problem = fit.problem
-    names, chi2, sizes, counts = [], [], [], []
-    half = BLOCKS // 2
+    names, chi2, rms_of_blocks, counts = [], [], [], []
+    half = BLOCK_COUNT // 2
     for j in range(half):
-        out = [(_block(d) % half) == j for d in problem.data]
+        out = [(_block_number(d) % half) == j for d in problem.data]
         if not any(o.any() for o in out):
             continue
         masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
         partial = minimise(problem.with_data(masked), fit.x)
-        whole = Problem.jacobian(problem, partial.x)
+        jacobian = Problem.jacobian(problem, partial.x)
         rows = np.concatenate(out)
         r = problem.residuals(partial.x)
         assert r is not None
-        part = whole[: len(rows)][rows]
-        spread = np.eye(len(part)) + part @ partial.covariance @ part.T
-        left = r[: len(rows)][rows]
-        names.append(f"blocks {j + 1} and {j + 1 + half} of {BLOCKS}")
-        chi2.append(float(left @ np.linalg.solve(spread, left)) / len(left))
-        counts.append(len(left))
-        marks = np.concatenate([np.arange(len(d.t)) < d.event_slice.start for d in problem.data])[rows]
-        if marks.any():
+        part = jacobian[: len(rows)][rows]
+        # noise of the values, and uncertainty of the fitted parameters
+        covariance = np.eye(len(part)) + part @ partial.covariance @ part.T
+        residuals = r[: len(rows)][rows]
+        names.append(f"blocks {j + 1} and {j + 1 + half} of {BLOCK_COUNT}")
+        chi2.append(float(residuals @ np.linalg.solve(covariance, residuals)) / len(residuals))
+        counts.append(len(residuals))
+        is_point = np.concatenate([np.arange(len(d.t)) < d.event_slice.start for d in problem.data])[rows]
+        if is_point.any():
             sigma = np.concatenate([d.sigma for d in problem.data])[rows]
-            sizes.append(math.sqrt(2 * float(np.mean((left * sigma)[marks] ** 2))))
+            # twice the mean square of a coordinate is that of a distance in the plane
+            rms_of_blocks.append(math.sqrt(2 * float(np.mean((residuals * sigma)[is_point] ** 2))))
     return HeldOutTest(
         names=tuple(names),
         chi2=(float(np.average(chi2, weights=counts)),),
         counts=(problem.count,),
-        limits=(_limit(fit),),
-        rms=(float(np.sqrt(np.mean(np.square(sizes)))) if sizes else None,),
+        limits=(_max_chi2(fit),),
+        rms=(float(np.sqrt(np.mean(np.square(rms_of_blocks)))) if rms_of_blocks else None,),
     )
 
 
-def _block(d: TrialData) -> NDArray[np.int_]:
-    """Number of the block of time that each value belongs to; of events alone, their moments one after another."""
+def _block_number(d: TrialData) -> NDArray[np.int_]:
+    """Return the number of the block of time of each value. Events alone are dealt out to the blocks one after another."""
     if not d.channels:
-        return np.asarray(np.unique(d.t, return_inverse=True)[1] % BLOCKS)
+        return np.asarray(np.unique(d.t, return_inverse=True)[1] % BLOCK_COUNT)
     span = float(np.ptp(d.t)) or 1.0
-    return np.asarray(np.minimum((BLOCKS * (d.t - d.t.min()) / span).astype(int), BLOCKS - 1))
+    return np.asarray(np.minimum((BLOCK_COUNT * (d.t - d.t.min()) / span).astype(int), BLOCK_COUNT - 1))

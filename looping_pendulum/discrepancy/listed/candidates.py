@@ -1,4 +1,4 @@
-"""What a declared model may lack or have wrong: every effect of the library, the apparatus's values, the camera's errors."""
+"""Candidates for what a declared model lacks or has wrong: effects of the library, values of the apparatus, camera errors."""
 
 from __future__ import annotations
 
@@ -24,52 +24,59 @@ APPARATUS = MappingProxyType(
 )
 """Parameter that may be wrong by a factor -> meaning of the factor."""
 FACTOR_BOUNDS = (0.5, 2.0)
-GRID = 5
-"""Starting values of a companion."""
+"""Smallest and largest factor."""
+COMPANION_STARTS = 5
+"""Number of initial values of a companion that screening tries."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """One number whose null value says that something is absent or right."""
+    """A parameter that could be added to the model; its null value stands for an absent effect or a right value."""
 
     name: str
+    """Name in reports, for example "wrong_free_length"."""
     parameter: str
-    how: ParameterRole
+    """Parameter or coefficient that it changes."""
+    role: ParameterRole
+    """How it enters that parameter."""
     null: float
-    """[SI]"""
+    """Value without any effect [SI]."""
     bounds: tuple[float, float]
     """Physically possible values [SI]."""
     unit: str
+    """SI unit; '' if dimensionless."""
     kind: str
+    """Kind of effect, "wrong value" or "measurement error"."""
     acts_on: str
     depends_on: tuple[str, ...]
     formula: str
     source: str
     trials: tuple[str, ...]
+    """Names of the trials in which it acts."""
     companions: tuple[Coefficient, ...] = ()
-    """Coefficients that only shape what this one switches on; fitted with it."""
+    """Coefficients that shape the effect which this one switches on, and are fitted with it."""
 
     @property
-    def compiled(self) -> bool:
-        """Whether the equations have terms only because of this."""
+    def needs_compilation(self) -> bool:
+        """Return whether it adds terms to the equations of motion, which then have to be compiled."""
         return any(
             c.name == self.parameter for e in effect_library.EFFECTS.values() if not e.in_base_model for c in e.coefficients
         )
 
     def companion_grid(self) -> tuple[tuple[float, ...], ...]:
-        """Values of the companions to start from: by half decades below the largest possible."""
+        """Return initial values of the companions [SI]: combinations of half decades below the largest possible values."""
         if not self.companions:
             return ((),)
-        grids = [[c.bounds[1] * 10 ** (-0.5 * i) for i in range(1, GRID + 1)] for c in self.companions]
+        grids = [[c.bounds[1] * 10 ** (-0.5 * i) for i in range(1, COMPANION_STARTS + 1)] for c in self.companions]
         return tuple(itertools.product(*grids))
 
-    def companion_numbers(self, values: Sequence[float]) -> tuple[FreeParameter, ...]:
-        """Return the companions as numbers of a fit that start at ``values`` [SI]."""
+    def companion_parameters(self, values: Sequence[float]) -> tuple[FreeParameter, ...]:
+        """Return the companions as free parameters with the initial ``values`` [SI]."""
         return tuple(
             FreeParameter(
                 name=c.name,
                 parameter=c.name,
-                how=ParameterRole.SET,
+                role=ParameterRole.SET,
                 trials=self.trials,
                 start=v,
                 scale=0.5 * v,
@@ -79,57 +86,62 @@ class Candidate:
             for c, v in zip(self.companions, values, strict=True)
         )
 
-    def number(self, scale: float, prior: float | None = None) -> FreeParameter:
-        """Return it as a number of a fit, starting at its null value."""
-        return FreeParameter(name=self.name, parameter=self.parameter, how=self.how, trials=self.trials, start=self.null, scale=scale,
-                      prior=prior, bounds=self.bounds)  # fmt: skip
+    def free_parameter(self, scale: float, prior: float | None = None) -> FreeParameter:
+        """Return the candidate as a free parameter that starts at its null value; ``scale`` is in SI units."""
+        return FreeParameter(
+            name=self.name, parameter=self.parameter, role=self.role, trials=self.trials, start=self.null, scale=scale,
+            prior=prior, bounds=self.bounds,
+        )  # fmt: skip
 
 
 def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[str]) -> tuple[Candidate, ...]:
-    """Everything that could be added to a model.
+    """Return everything that could be added to a model.
 
     Parameters
     ----------
     fitted
-        Numbers that the model has.
+        Free parameters that the model has already.
     camera
-        Names of the camera's numbers that the trials depend on.
+        Names of the camera parameters that all trials depend on.
     """
-    taken = {(n.parameter, n.how) for n in fitted}
+    taken = {(n.parameter, n.role) for n in fitted}
     trials = tuple(t.name for t in study.trials)
     releases = {t.release for t in study.trials}
-    found = []
+    listed = []
     for effect in effect_library.EFFECTS.values():
         if effect.kind is EffectKind.CLOSURE or (effect.needs_string and releases == {Release.DROP}):
             continue
-        found += [_of_library(study, effect, c, trials) for c in effect.coefficients if not _companion(effect, c)]
+        listed += [_effect_candidate(study, effect, c, trials) for c in effect.coefficients if not _is_companion(effect, c)]
     if releases - {Release.DROP}:
         measured = {p for p in APPARATUS for t in study.trials if study.estimate(p, t) is not None}
-        found += [_of_apparatus(p, trials) for p in APPARATUS if p in measured and _matters(p, releases)]
-    found += [_of_camera(n, trials) for n in camera if not n.startswith("origin")]
-    return tuple(c for c in found if (c.parameter, c.how) not in taken)
+        listed += [_apparatus_candidate(p, trials) for p in APPARATUS if p in measured and _affects_motion(p, releases)]
+    # a fit of the declared model has the origin of each camera already
+    listed += [_camera_candidate(n, trials) for n in camera if not n.startswith("origin")]
+    return tuple(c for c in listed if (c.parameter, c.role) not in taken)
 
 
-def _companion(effect: Effect, c: Coefficient) -> bool:
-    """Whether a coefficient only shapes an effect that its first one switches on."""
+def _is_companion(effect: Effect, c: Coefficient) -> bool:
+    """Return whether a coefficient only shapes an effect that the effect's first coefficient switches on."""
     return not effect.in_base_model and effect.coefficients[0] is not c
 
 
-def _matters(parameter: str, releases: set[Release]) -> bool:
+def _affects_motion(parameter: str, releases: set[Release]) -> bool:
+    """Return whether a parameter of the apparatus influences the motion in any of these releases."""
     return parameter == "free_length" or bool(releases & {Release.LOOPING, Release.VERTICAL})
 
 
-def _of_library(study: Study, effect: Effect, c: Coefficient, trials: tuple[str, ...]) -> Candidate:
+def _effect_candidate(study: Study, effect: Effect, c: Coefficient, trials: tuple[str, ...]) -> Candidate:
+    """Return a coefficient of an effect as a candidate: an absent effect, or a wrong value of a declared one."""
     known = study.effects.get(c.name)
     declared = known is not None or effect.name == "gravity"
     null = known.value if known else (c.default if effect.name == "gravity" else c.null)
-    how, bounds = ParameterRole.SET, c.bounds
-    if c.name == "static_friction" and known is None:  # it cannot be below the kinetic one, so it is told as a ratio
-        how, null, bounds = ParameterRole.TIMES, 1.0, (1.0, 10.0)
+    role, bounds = ParameterRole.SET, c.bounds
+    if c.name == "static_friction" and known is None:  # it cannot be below the kinetic one, so it is fitted as a ratio to it
+        role, null, bounds = ParameterRole.TIMES, 1.0, (1.0, 10.0)
     return Candidate(
         name=f"wrong_{c.name}" if declared else c.name,
         parameter=c.name,
-        how=how,
+        role=role,
         null=null,
         bounds=bounds,
         unit=c.unit,
@@ -143,11 +155,12 @@ def _of_library(study: Study, effect: Effect, c: Coefficient, trials: tuple[str,
     )
 
 
-def _of_apparatus(parameter: str, trials: tuple[str, ...]) -> Candidate:
+def _apparatus_candidate(parameter: str, trials: tuple[str, ...]) -> Candidate:
+    """Return a factor on a parameter of the apparatus as a candidate."""
     return Candidate(
         name=f"wrong_{parameter}",
         parameter=parameter,
-        how=ParameterRole.TIMES,
+        role=ParameterRole.TIMES,
         null=1.0,
         bounds=FACTOR_BOUNDS,
         unit="",
@@ -160,14 +173,15 @@ def _of_apparatus(parameter: str, trials: tuple[str, ...]) -> Candidate:
     )
 
 
-def _of_camera(name: str, trials: tuple[str, ...]) -> Candidate:
+def _camera_candidate(name: str, trials: tuple[str, ...]) -> Candidate:
+    """Return a camera error that is the same in all trials as a candidate."""
     p = CAMERA[name]
-    # one camera films all trials; farther off than this it would be a different study
+    # One camera films all trials. A camera with larger errors than these would need a study that says so.
     width = {"scale": 0.3, "tilt": math.radians(20), "clock_offset": 0.1, "clock_ratio": 0.3}[name]
     return Candidate(
         name=name,
         parameter=name,
-        how=ParameterRole.CAMERA,
+        role=ParameterRole.CAMERA,
         null=p.null,
         bounds=(p.null - width, p.null + width),
         unit=p.unit,

@@ -1,4 +1,4 @@
-"""Screening: how much of what a fit leaves each candidate's sensitivity explains, beyond all that is fitted already."""
+"""Screen candidates: score test of each one's sensitivity against the residuals, beyond what the fitted parameters can do."""
 
 from __future__ import annotations
 
@@ -14,191 +14,208 @@ import numpy as np
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem
 from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.workers import ALONE, Workers
+from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.reference_ode.geometry import Array
 
-LINEAR, TEMPLATES = 0.3, (3.0, 12.0)
-"""Sizes of the tried changes [RMS, in units of noise]: one that is still linear, and finite ones."""
-UNIT = 10.0
-"""Change that one scale of a candidate makes [RMS, in units of noise]."""
-VISIBLE = 1e-3
-"""Part of a change that must be left beyond all fitted numbers: below it finite differences decide."""
-CLEAR = 0.05
-"""The same share above which finite changes are tried too: of one that is nearly absorbed, its own curvature would be left."""
-TRIES, FAILURES = 12, 2
-"""Values that are tried for a template of the wanted size, and how many of them may be impossible."""
+LINEAR_SIZE, FINITE_SIZES = 0.3, (3.0, 12.0)
+"""Sizes of the changes of the prediction that are tried [RMS, in units of noise]: one that is still linear, and finite ones."""
+SCALE_SIZE = 10.0
+"""Change of the prediction by one scale of a candidate [RMS, in units of noise]."""
+MIN_INDEPENDENT_SHARE = 1e-3
+"""Smallest part of a change that the fitted parameters cannot make; below it, errors of finite differences decide."""
+MIN_SHARE_FOR_FINITE = 0.05
+"""Smallest such part for which finite changes are tried, too.
+
+If the fitted parameters absorb nearly all of a change, only its own curvature would be left.
+"""
+MAX_TRIES, MAX_FAILURES = 12, 2
+"""Largest number of values that are tried for a change of a given size, and how many of these may be impossible."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScreenedCandidate:
-    """How well a candidate's sensitivity fits what is left."""
+    """How strongly the residuals of a fit look like a candidate's effect."""
 
     candidate: Candidate
     score: float
-    """z of the best template; its square is the decrease of the cost that it promises."""
+    """Score (z) of the best template; its square is the predicted decrease of chi2."""
     amplitude: float
-    """Value less null that it promises [SI]."""
+    """Predicted value less the null value [SI]."""
     scale: float
-    """Change [SI] that moves the prediction by `UNIT`."""
+    """Change of the value [SI] that changes the prediction by `SCALE_SIZE`."""
     companions: tuple[FreeParameter, ...] = ()
-    """What is fitted with it, at the values that promise most."""
+    """Parameters that are fitted with it, at the values that give the highest score."""
 
 
 def screen(
-    fit: Fit, chosen: Sequence[Candidate], without: Sequence[str] = (), workers: Workers = ALONE
+    fit: Fit, chosen: Sequence[Candidate], without: Sequence[str] = (), workers: Workers = SERIAL
 ) -> list[ScreenedCandidate]:
-    """Score candidates, best first. Those that move nothing here are left out.
+    """Score candidates, best first. Those that do not change the prediction are left out.
 
     Parameters
     ----------
     without
-        Numbers of the fit that are at their null value while sensitivities are taken: every new set of effects costs a
-        compilation, and an effect that was added hardly changes what another one does.
+        Parameters of the fit that are set to their null value while sensitivities are computed: every new set of effects costs
+        a compilation, and an effect that was added hardly changes what another one does.
     """
     kept = [i for i, n in enumerate(fit.problem.names) if n not in without]
     jacobian = fit.jacobian
-    if without:  # both sensitivities at the same place, or their difference passes for a cause
+    if without:  # all sensitivities must be taken at one point, or their difference looks like an effect
         null = np.where(np.isin(fit.problem.names, without), 0.0, fit.x)
         jacobian = fit.problem.jacobian(null, central=True)
     basis, _ = np.linalg.qr(jacobian)
-    left = _beyond(basis, fit.residuals)
-    bare = Problem(fit.problem.study, fit.problem.data, [fit.problem.numbers[i] for i in kept])
-    shared = _Screening(bare, fit.x[kept], basis, left)
-    chosen = costly_first(chosen)
-    found = workers.map(_screen_one, shared, chosen, about=[c.name for c in chosen])
-    # a helper's own copies of the candidates stay with it
-    same = [dataclasses.replace(s, candidate=c) for c, s in zip(chosen, found, strict=True) if s]
-    return sorted(same, key=lambda s: -abs(s.score))
+    residual = _orthogonal_part(basis, fit.residuals)
+    reduced = Problem(fit.problem.study, fit.problem.data, [fit.problem.free_parameters[i] for i in kept])
+    shared = _ScreeningInput(reduced, fit.x[kept], basis, residual)
+    chosen = slowest_first(chosen)
+    results = workers.map(_screen_one, shared, chosen, labels=[c.name for c in chosen])
+    # a worker process returns copies of the candidates; put this process's own in their place
+    screened = [dataclasses.replace(s, candidate=c) for c, s in zip(chosen, results, strict=True) if s]
+    return sorted(screened, key=lambda s: -abs(s.score))
 
 
 def compile_for(problem: Problem, candidate: Candidate | None) -> None:
-    """Run every trial with a little of a candidate (None: differentiate the model without one), so that it is compiled."""
+    """Run every trial with a little of a candidate, so that its equations are compiled.
+
+    None: compute derivatives of the model without a candidate.
+    """
     if candidate is None:
         problem.jacobian(problem.prior_mean)
         return
-    companions = candidate.companion_numbers(candidate.companion_grid()[0])
-    delta = math.copysign(_least(candidate), candidate.bounds[1] - candidate.null or -1.0)
+    companions = candidate.companion_parameters(candidate.companion_grid()[0])
+    delta = math.copysign(_first_change(candidate), candidate.bounds[1] - candidate.null or -1.0)
     x = np.concatenate([problem.prior_mean, [delta], np.zeros(len(companions))])
-    problem.with_numbers(candidate.number(1.0), *companions).residuals(x)
+    problem.with_parameters(candidate.free_parameter(1.0), *companions).residuals(x)
 
 
-def _least(candidate: Candidate) -> float:
-    """Change that is tried first [SI]."""
+def _first_change(candidate: Candidate) -> float:
+    """Return the change that is tried first [SI]."""
     return 1e-3 * abs(candidate.null) or 1e-6
 
 
-class _Screening(NamedTuple):
-    """What is the same for all candidates that are screened."""
+class _ScreeningInput(NamedTuple):
+    """Input that is the same for all candidates."""
 
-    bare: Problem
-    """Without numbers that are at their null value."""
+    reduced: Problem
+    """Problem without the parameters that are set to their null value."""
     x: Array
+    """Its parameters, shape (p,)."""
     basis: Array
-    """Orthonormal changes that the fitted numbers can make, shape (n, numbers)."""
-    left: Array
-    """What the fit leaves beyond these, shape (n,)."""
+    """Orthonormal basis of the changes that the fitted parameters can make, shape (n, p)."""
+    residual: Array
+    """Part of the residuals that is orthogonal to these, shape (n,)."""
 
 
-def _screen_one(shared: _Screening, candidate: Candidate) -> ScreenedCandidate | None:
-    tried = [_screen_from(shared, candidate, values) for values in candidate.companion_grid()]
-    return min((s for s in tried if s), key=lambda s: -abs(s.score), default=None)
+def _screen_one(shared: _ScreeningInput, candidate: Candidate) -> ScreenedCandidate | None:
+    """Score a candidate with each of its companions' initial values; return the best, or None if nothing changes."""
+    results = [_screen_with_companions(shared, candidate, values) for values in candidate.companion_grid()]
+    return min((s for s in results if s), key=lambda s: -abs(s.score), default=None)
 
 
-def costly_first(chosen: Iterable[Candidate]) -> list[Candidate]:
-    """Order candidates so that those that take longest do not come last: others then share what is left."""
+def slowest_first(chosen: Iterable[Candidate]) -> list[Candidate]:
+    """Order candidates so that those that take longest come first: at the end all workers then have something to do."""
     return sorted(chosen, key=lambda c: -len(c.companion_grid()))
 
 
-def _beyond(basis: Array, v: Array) -> Array:
-    """Part of ``v`` that no fitted number can make."""
+def _orthogonal_part(basis: Array, v: Array) -> Array:
+    """Return the part of ``v`` that the fitted parameters cannot make."""
     return np.asarray(v - basis @ (basis.T @ v))
 
 
-def _screen_from(shared: _Screening, candidate: Candidate, values: Sequence[float]) -> ScreenedCandidate | None:
+def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, values: Sequence[float]) -> ScreenedCandidate | None:
     """Score a candidate whose companions have these ``values`` [SI]."""
-    bare, x, basis, left = shared
-    companions = candidate.companion_numbers(values)
-    problem = bare.with_numbers(candidate.number(1.0), *companions)
-    here = bare.residuals(x)
+    reduced, x, basis, residual = shared
+    companions = candidate.companion_parameters(values)
+    problem = reduced.with_parameters(candidate.free_parameter(1.0), *companions)
+    here = reduced.residuals(x)
     if here is None:
         return None
-    measured = sum(len(d.t) for d in bare.data)
-    happening = bare.happening(x)
-    v = np.zeros(len(left))  # no prior speaks of a candidate
+    measured = sum(len(d.t) for d in reduced.data)
+    events_that_happen = reduced.events_that_happen(x)
+    v = np.zeros(len(residual))  # the rows of the prior stay zero: a candidate has none
 
     @cache
     def change(delta: float) -> Array | None:
+        """Return how ``delta`` [SI] changes the standardised prediction; None if the model cannot run or loses an event."""
         there = np.concatenate([x, [delta], np.zeros(len(companions))])
         moved = problem.residuals(there)
-        if moved is None or np.any(happening & ~problem.happening(there)):
+        if moved is None or np.any(events_that_happen & ~problem.events_that_happen(there)):
             return None
         v[:measured] = (here - moved[: len(here)])[:measured]
         return v.copy()
 
     best, scale = (0.0, 0.0), 0.0
-    first = _least(candidate)
+    first = _first_change(candidate)
     both_sides = candidate.bounds[0] < candidate.null < candidate.bounds[1]
-    templates: tuple[float, ...] = TEMPLATES
+    templates: tuple[float, ...] = FINITE_SIZES
     for side in (1.0, -1.0):
         reach = (candidate.bounds[1] if side > 0 else candidate.bounds[0]) - candidate.null
         if side * reach <= 0:
             continue
         delta = side * first
-        for size in (LINEAR, *TEMPLATES):
-            delta, template = _sized(change, delta, reach, size)
-            if template is None:  # too small to be integrated, or nothing moves: try the next size from afar
+        for size in (LINEAR_SIZE, *FINITE_SIZES):
+            delta, template = _find_template(change, delta, reach, size)
+            if template is None:  # below the integrator's errors, or without effect: try the next size from a larger value
                 delta = 0.01 * reach
                 continue
-            if size == LINEAR:
-                first = abs(delta)  # what was small on this side is so on the other
+            if size == LINEAR_SIZE:
+                first = abs(delta)  # a good first try on the other side, too
                 opposite = change(-delta) if both_sides else None
                 if opposite is not None:
                     template = 0.5 * (template - opposite)
-                    templates = TEMPLATES if _visible(basis, template) > CLEAR else ()
-            score, amplitude = _score(basis, left, template, delta) if size in (LINEAR, *templates) else (0.0, 0.0)
+                    templates = FINITE_SIZES if _independent_share(basis, template) > MIN_SHARE_FOR_FINITE else ()
+            score, amplitude = _score(basis, residual, template, delta) if size in (LINEAR_SIZE, *templates) else (0.0, 0.0)
             allowed = candidate.bounds[0] <= candidate.null + amplitude <= candidate.bounds[1]
-            # a finite template only speaks for its own side
-            if allowed and abs(score) > abs(best[0]) and (score > 0 or size == LINEAR):
+            # the linear template holds for both signs, a finite one only for its own
+            if allowed and abs(score) > abs(best[0]) and (score > 0 or size == LINEAR_SIZE):
                 best = score, amplitude
-            if size == TEMPLATES[-1]:
+            if size == FINITE_SIZES[-1]:
                 scale = max(scale, abs(delta))
             else:
-                delta *= TEMPLATES[0] / LINEAR if size == LINEAR else TEMPLATES[-1] / TEMPLATES[0]
+                delta *= FINITE_SIZES[0] / LINEAR_SIZE if size == LINEAR_SIZE else FINITE_SIZES[-1] / FINITE_SIZES[0]
     if not scale:
         return None
-    scale *= UNIT / TEMPLATES[-1]
+    scale *= SCALE_SIZE / FINITE_SIZES[-1]
     return ScreenedCandidate(candidate=candidate, score=best[0], amplitude=best[1], scale=scale, companions=companions)
 
 
-def _visible(basis: Array, v: Array) -> float:
-    """Share of ``v`` that no fitted number can make."""
-    return float(np.linalg.norm(_beyond(basis, v))) / max(float(np.linalg.norm(v)), 1e-300)
+def _independent_share(basis: Array, v: Array) -> float:
+    """Return the size of the part of ``v`` that the fitted parameters cannot make, relative to ``v``."""
+    return float(np.linalg.norm(_orthogonal_part(basis, v))) / max(float(np.linalg.norm(v)), 1e-300)
 
 
-def _score(basis: Array, left: Array, v: Array, delta: float) -> tuple[float, float]:
-    if _visible(basis, v) < VISIBLE:
+def _score(basis: Array, residual: Array, v: Array, delta: float) -> tuple[float, float]:
+    """Return the score (z) of a template ``v`` made by ``delta`` [SI], and the amplitude [SI] that fits best."""
+    if _independent_share(basis, v) < MIN_INDEPENDENT_SHARE:
         return 0.0, 0.0
-    beyond = _beyond(basis, v)
-    norm = float(np.linalg.norm(beyond))
-    return float(beyond @ left) / norm, delta * float(beyond @ left) / norm**2
+    template = _orthogonal_part(basis, v)
+    norm = float(np.linalg.norm(template))
+    return float(template @ residual) / norm, delta * float(template @ residual) / norm**2
 
 
-def _sized(change: Callable[[float], Array | None], delta: float, reach: float, size: float) -> tuple[float, Array | None]:
-    """Find a value that moves the prediction by about ``size``; None where the bound comes first and nothing moves."""
+def _find_template(
+    change: Callable[[float], Array | None], delta: float, reach: float, size: float
+) -> tuple[float, Array | None]:
+    """Find a change of the value [SI] that changes the prediction by about ``size``.
+
+    Steps are in proportion to the change that is missing, and by bisection (of the logarithm) where these leave the bracket.
+
+    Returns the change of the value and that of the prediction; None if the bound comes first and hardly anything changes.
+    """
     low, high, failures = 0.0, math.inf, 0
     v: Array | None = None
-    for _ in range(TRIES):
+    for _ in range(MAX_TRIES):
         delta = math.copysign(min(abs(delta), abs(reach)), reach)
         v = change(delta)
         failures += v is None
-        if failures > FAILURES:
+        if failures > MAX_FAILURES:
             return delta, None
         rms = math.inf if v is None else float(np.sqrt(np.mean(v**2)))
         if 0.5 < rms / size < 2:
             return delta, v
         if rms < size:
             if abs(delta) >= abs(reach):
-                return delta, v if rms > 0.1 * LINEAR else None
+                return delta, v if rms > 0.1 * LINEAR_SIZE else None
             low = abs(delta)
         else:
             high = abs(delta)

@@ -1,4 +1,4 @@
-"""The report in Markdown, rendered from the result object and nothing else. Verdict first, then why, then detail."""
+"""Render the report in Markdown from the result object alone: the verdict first, then why, then the details."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.report import event_report, unlisted_report
 from looping_pendulum.discrepancy.result import FitReport, Identification, IdentifiedEffect, Round, Verdict
+from looping_pendulum.discrepancy.search import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN
 from looping_pendulum.pages.numbers import uncertain
 
 HEADLINES = {
@@ -32,7 +33,7 @@ def render(result: Identification, figures: Mapping[str, str] | None = None) -> 
 
 
 def before_figures(result: Identification) -> list[str]:
-    """Sections that stand above the figures, the title first; some are empty."""
+    """Return the sections above the figures, the title first; some are empty."""
     return [
         f"# {result.title}\n",
         f"## Verdict: {HEADLINES[result.verdict]} (`{result.verdict.value}`)\n\n{result.sentence}\n",
@@ -46,7 +47,7 @@ def before_figures(result: Identification) -> list[str]:
 
 
 def after_figures(result: Identification) -> list[str]:
-    """Sections that stand below the figures; some are empty."""
+    """Return the sections below the figures; some are empty."""
     return [
         "## Candidates\n\n" + _rounds(result),
         "## Declared model, calibrated\n\n" + _fit(result.before),
@@ -59,14 +60,15 @@ def after_figures(result: Identification) -> list[str]:
 def _effects(result: Identification) -> str:
     if not result.effects:
         return ""
-    return "## What was added\n\n" + _effect_table(result.effects)
+    note = "At its null value an effect is absent.\n\n"
+    return f"## What was added\n\n{note}{_effect_table(result.effects)}"
 
 
 def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
-    head = ["effect", "kind", "acts on", "depends on", "formula", "value", "standard error", "without it", "unit"]
+    head = ["effect", "kind", "acts on", "depends on", "formula", "value", "standard error", "null value", "unit"]
     rows = [
         [e.name, e.kind, e.acts_on, ", ".join(e.depends_on) or GAP, f"`{e.formula}`", number(e.value, digits=5),
-         number(e.error, digits=2), number(e.null), e.unit or GAP]
+         number(e.error, digits=2), number(e.null_value), e.unit or GAP]
         for e in effects
     ]  # fmt: skip
     note = "".join(
@@ -81,25 +83,26 @@ def _remainder(result: Identification) -> str:
     r = result.remainder
     if r is None:
         return ""
-    judged = "The verdict" if result.effects else "A second look at all candidates"
+    user = "The verdict" if result.effects else "A second search among all candidates"
     return (
-        f"## Remainder\n\nMarks are off the model by {number(r.rms, digits=2)} {r.unit} more than they scatter from frame to "
-        f"frame; nothing in the library explains that. {judged} takes what the best explanation ({r.least}) leaves for "
-        f"errors of the marks: {number(r.ratio, digits=2)} times their scatter, lasting {number(r.lasting, digits=2)} marks, "
-        "so that as many count as one.\n"
+        f"## Remainder\n\nTracked points are off the model by {number(r.rms, digits=2)} {r.unit} more than they scatter from "
+        f"frame to frame; nothing in the library explains that. {user} takes the residuals of the best explanation "
+        f"({r.best_explanation}) for errors of the points: {number(r.birge_ratio, digits=2)} times their scatter, with an "
+        f"autocorrelation time of {number(r.autocorrelation_time, digits=2)} points, so that as many count as one.\n"
     )
 
 
 def _errors(result: Identification) -> str:
-    head = ["trial", "seen by the fit?", "RMS before [mm, mrad]", "RMS after [mm, mrad]", "before [noise]", "after [noise]"]
+    head = ["trial", "held out?", "RMS before [mm, mrad]", "RMS after [mm, mrad]", "before [noise]", "after [noise]"]
     rows = [
-        [e.trial, "no" if e.held_out else "yes", number(e.rms_before, 1e3), number(e.rms_after, 1e3), number(e.noise_before),
-         number(e.noise_after)]
+        [e.trial, "yes" if e.held_out else "no", number(e.rms_before, 1e3), number(e.rms_after, 1e3),
+         number(e.standardised_rms_before), number(e.standardised_rms_after)]
         for e in result.errors
     ]  # fmt: skip
     note = (
-        f"RMS of the distance from the light mass's marks to the model; 1 in units of noise is the best possible. Judged on "
-        f"{result.judged_on}; *before* is the declared model after its own calibration.\n\n"
+        "RMS of the distance from the light mass's tracked points to the model, as a length or an angle, and in units of the "
+        "noise, of which 1 is the best possible. *Before*: the declared model, calibrated; *after*: the repaired model. The "
+        f"verdict rests on {result.judged_on}.\n\n"
     )
     return note + table(head, rows, left=2)
 
@@ -111,14 +114,22 @@ def _ties(result: Identification) -> str:
     text += "\n".join(_effect_table(tie) for tie in result.ties)
     if not result.next_experiments:
         return text + "\nNo trial within the limits could be simulated to separate them.\n"
-    head = ["release", "angle [deg]", "M2/M1", "distance [noise]", "tells apart least well"]
+    head = ["release", "angle [deg]", "M2/M1", "distance [units of noise]", "closest explanations"]
     rows = [
         [e.release, number(math.degrees(e.release_angle)), number(e.mass_ratio), number(e.distance), " / ".join(e.tells_apart)]
         for e in result.next_experiments
     ]
     best = result.next_experiments[0].distance
-    advice = "The first of these separates them best." if best > 3 else "None of these separates them: measure it directly."
-    return text + f"\n### Next experiment\n\n{advice} Below about 3 units of noise nothing is decided.\n\n" + table(head, rows)
+    advice = (
+        "The first of these trials separates them best."
+        if best > 3
+        else "None of these trials separates them: measure the effect directly."
+    )
+    return (
+        text
+        + f"\n### Next experiment\n\n{advice} A distance below about 3 units of noise decides nothing.\n\n"
+        + table(head, rows)
+    )
 
 
 def _figures(figures: Mapping[str, str]) -> str:
@@ -129,44 +140,52 @@ def _figures(figures: Mapping[str, str]) -> str:
 
 def _rounds(result: Identification) -> str:
     if not result.rounds:
-        return f"None was tried: nothing was left. The best score of the screening is {result.before.largest_score:.1f}.\n"
-    return "\n".join(_round(r, i) for i, r in enumerate(result.rounds, start=1))
+        score = f"{result.before.largest_score:.1f}"
+        return f"None was refitted, since the declared model passes all tests. The largest score is {score}.\n"
+    note = (
+        f"A candidate passes if its delta BIC is at least {MIN_DELTA_BIC:g} and within {MIN_DELTA_BIC_MARGIN:g} of the best, "
+        "its value is physically possible, and the model with it passes all tests, on residuals and on held-out data.\n\n"
+    )
+    return note + "\n".join(_round(r, i) for i, r in enumerate(result.rounds, start=1))
 
 
 def _round(r: Round, index: int) -> str:
-    head = ["candidate", "kind", "passes?", "score z", "gain (BIC)", "value [SI]", "+/-", "unseen chi2/n", "why not"]
+    head = ["candidate", "kind", "passes?", "score z", "delta BIC", "value [SI]", "+/-", "held-out chi2/n", "why not"]
     rows = [
-        [c.name, c.kind, "yes" if c.passes else "no", signed(c.score), number(c.gain), number(c.value, digits=4),
-         number(c.error, digits=2), number(c.held_out), c.reason or GAP]
+        [c.name, c.kind, "yes" if c.passes else "no", signed(c.score), number(c.delta_bic), number(c.value, digits=4),
+         number(c.error, digits=2), number(c.held_out_chi2), c.reason or GAP]
         for c in r.ranking
     ]  # fmt: skip
     before = f" with {', '.join(r.added_before)} in the model" if r.added_before else ""
     margin = ""
     if r.margin is not None:
-        margin = f"Best: {r.best}; runner-up: {r.runner_up}, {r.margin:.1f} behind.\n\n"
-    if r.errors_times != 1:
-        before += f", errors of the marks {number(r.errors_times, digits=2)} times their scatter"
+        margin = f"Best: {r.best}; runner-up: {r.runner_up}, with a delta BIC {r.margin:.1f} lower.\n\n"
+    if r.error_factor != 1:
+        before += f", errors of the tracked points {number(r.error_factor, digits=2)} times their scatter"
     return f"### Round {index}{before}\n\n{margin}{table(head, rows, left=3)}"
 
 
 def _fit(fit: FitReport) -> str:
-    head = ["number", "value [SI]", "standard error", "measured or start", "+/-", "moved [its errors]", "remark"]
+    head = ["parameter", "value [SI]", "standard error", "measured or start", "+/-", "moved by [its +/-]", "remark"]
     rows = []
-    for n in fit.numbers:
+    for n in fit.parameters:
         moved = (n.value - n.measured) / n.measured_error if n.measured_error else None
         rows.append(
             [n.name, number(n.value, digits=6), number(n.error, digits=2), number(n.measured, digits=6),
              number(n.measured_error, digits=2), signed(moved, digits=2), "on a bound" if n.at_bound else ""]
         )  # fmt: skip
     text = table(head, rows)
-    text += f"\nChi2 per degree of freedom {fit.chi2_per_dof:.3f}; unseen chi2 per value {fit.held_out:.3f}; "
-    text += f"largest score {fit.largest_score:.1f}; condition number {number(fit.condition, digits=2)}."
-    if fit.starts:
-        text += f" Starts ended at costs {', '.join(f'{c:.1f}' for c in fit.starts)}."
-    text += "\n\nNot quiet: " + ("; ".join(fit.alarms) if fit.alarms else "nothing") + ".\n"
+    text += (
+        f"\nChi-square per degree of freedom {fit.chi2_per_dof:.3f}; on held-out data per value {fit.held_out_chi2:.3f}; "
+        f"largest score of a remaining candidate {fit.largest_score:.1f}; "
+        f"condition number {number(fit.condition_number, digits=2)}."
+    )
+    if fit.start_costs:
+        text += f" The fits from different starts ended at costs {', '.join(f'{c:.1f}' for c in fit.start_costs)}."
+    text += "\n\nFailed tests: " + ("; ".join(fit.failed_tests) if fit.failed_tests else "none") + ".\n"
     if fit.correlations:
         pairs = "; ".join(f"{a} and {b} {c:+.3f}" for a, b, c in fit.correlations)
-        text += f"\nCorrelations above 0.9: {pairs}.\n"
+        text += f"\nCorrelations of parameters above 0.9: {pairs}.\n"
     return text
 
 

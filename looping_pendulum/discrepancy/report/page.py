@@ -1,54 +1,56 @@
-"""The report as a page, made of the same result as report.md: its sections, and its figures to zoom and switch in."""
+"""Render the report as a page from the same result as report.md: its sections, and interactive figures."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from looping_pendulum.compare.paper_table import quantity_words
+from looping_pendulum.compare.paper_table import quantity_label
 from looping_pendulum.discrepancy.report import markdown
-from looping_pendulum.discrepancy.report.event_report import FARTHEST, off_by
-from looping_pendulum.discrepancy.report.plots import SHOWN
+from looping_pendulum.discrepancy.report.event_report import AXIS_LIMIT, off_by
+from looping_pendulum.discrepancy.report.plots import MAX_RANKED
 from looping_pendulum.discrepancy.report.unlisted_report import SIDES, force_unit
 from looping_pendulum.discrepancy.result import EventResidual, Identification, TrialFigure, Unlisted
-from looping_pendulum.discrepancy.search import GAIN
+from looping_pendulum.discrepancy.search import MIN_DELTA_BIC
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.figures import DOTTED, INK, LINE, SOFT, Figure, band, escaped, horizontal, plain, points
 from looping_pendulum.pages.glossary import glossary
 from looping_pendulum.pages.palette import COLOURS
 
 BEFORE, AFTER = "var(--run-1)", "var(--run-0)"
+"""Colours of the declared and of the repaired model, by the page's style."""
 MODELS = (("before", "declared model", BEFORE), ("after", "repaired model", AFTER))
+"""Field of a figure's arrays, label and colour of each model."""
 
 
 def render(result: Identification) -> str:
-    """Return the page."""
+    """Return the page as HTML."""
     return pages.render(
         f"{result.title}: what the model lacks",
         markdown.before_figures(result),
         figures(result),
         markdown.after_figures(result),
         glossary("identification"),
-        "Residual: measured less predicted. Grey bands: two standard errors, within which 95 % of mere noise lies.",
+        "Residual: measured less predicted. Grey bands: two standard errors, which contain 95 % of mere noise.",
     )
 
 
 def figures(result: Identification) -> list[Figure]:
-    """Every figure that the result has data for."""
-    found = [error_figure(result)] if result.errors else []
-    found += [trial_figure(picture, i) for i, picture in enumerate(result.pictures)]
+    """Return every figure that the result has data for."""
+    charts = [error_figure(result)] if result.errors else []
+    charts += [trial_figure(picture, i) for i, picture in enumerate(result.trial_figures)]
     if result.events:
-        found.append(event_figure(result.events))
-    if result.rounds and any(r.gain is not None for r in result.rounds[0].ranking):
-        found.append(ranking_figure(result))
+        charts.append(event_figure(result.events))
+    if result.rounds and any(r.delta_bic is not None for r in result.rounds[0].ranking):
+        charts.append(ranking_figure(result))
     if result.unlisted is not None:
-        found.append(unlisted_figure(result.unlisted))
-    return found
+        charts.append(unlisted_figure(result.unlisted))
+    return charts
 
 
 def error_figure(result: Identification) -> Figure:
-    """Bars of each trial's error before and after."""
+    """Return bars of each trial's error before and after."""
     names = [escaped(e.trial) + (" (held out)" if e.held_out else "") for e in result.errors]
-    sizes = ([e.noise_before for e in result.errors], [e.noise_after for e in result.errors])
+    sizes = ([e.standardised_rms_before for e in result.errors], [e.standardised_rms_after for e in result.errors])
     traces = tuple(
         {"type": "bar", "name": label, "x": names, "y": plain(values), "marker": {"color": colour}}
         for (_, label, colour), values in zip(MODELS, sizes, strict=True)
@@ -66,7 +68,7 @@ def error_figure(result: Identification) -> Figure:
 
 
 def trial_figure(picture: TrialFigure, index: int) -> Figure:
-    """Marks and models of one trial over time, and the residuals of each channel below."""
+    """Return tracked points and both models of one trial over time, and the residuals of each channel below."""
     rows = len(picture.channels)
     tall = 1.0 / (rows + 2.4)
     layout: dict[str, Any] = {
@@ -82,19 +84,32 @@ def trial_figure(picture: TrialFigure, index: int) -> Figure:
         layout[f"yaxis{i + 2}"] = {"title": {"text": name}, "domain": [top - 0.85 * tall, top]}
         layout["shapes"].append(band(-2, 2, axis))
         colour = f"var(--run-{i % len(COLOURS)})"
-        small = {"color": colour, "size": 4}
-        traces.append(points(f"{name}, marks", t, plain(picture.measured[channel]), colour, marker=small))
+        point_style = {"color": colour, "size": 4}
+        traces.append(points(f"{name}, tracked", t, plain(picture.measured[channel]), colour, marker=point_style))
         for side, label, shade in MODELS:
-            look = {"color": INK if side == "after" else SOFT, "width": 1.3, "dash": "solid" if side == "after" else "6px,3px"}
-            curve = {"type": "scatter", "mode": "lines", "line": look, "name": label, "legendgroup": side, "showlegend": i == 0}
+            line_style = {
+                "color": INK if side == "after" else SOFT,
+                "width": 1.3,
+                "dash": "solid" if side == "after" else "6px,3px",
+            }
+            curve = {
+                "type": "scatter",
+                "mode": "lines",
+                "line": line_style,
+                "name": label,
+                "legendgroup": side,
+                "showlegend": i == 0,
+            }
             traces.append(curve | {"x": t, "y": plain(getattr(picture, side)[channel])})
-            left = plain(getattr(picture, f"residual_{side}")[channel], 4)
-            mark = {"color": shade, "size": 4}
-            traces.append(points(f"residual, {label}", t, left, shade, marker=mark, yaxis=axis, showlegend=i == 0))
-    word = "held out" if picture.held_out else "seen by the fit"
+            residuals = plain(getattr(picture, f"residual_{side}")[channel], 4)
+            residual_style = {"color": shade, "size": 4}
+            traces.append(
+                points(f"residual, {label}", t, residuals, shade, marker=residual_style, yaxis=axis, showlegend=i == 0)
+            )
+    role = "held out" if picture.held_out else "training"
     return Figure(
         id=f"trial-{index}",
-        caption=f"Trial {picture.trial} ({word}): marks and both models; below, residuals in units of noise.",
+        caption=f"Trial {picture.trial} ({role}): tracked points and both models; below, residuals in units of noise.",
         traces=tuple(traces),
         layout=layout,
         height=300 + 110 * rows,
@@ -102,24 +117,24 @@ def trial_figure(picture: TrialFigure, index: int) -> Figure:
 
 
 def event_figure(events: tuple[EventResidual, ...]) -> Figure:
-    """Residuals of every event, by trial from above."""
-    names = [f"{escaped(e.trial)}{' (held out)' if e.held_out else ''}: {quantity_words(e.quantity, e.index)}" for e in events]
+    """Return the residuals of every event, by trial from above."""
+    names = [f"{escaped(e.trial)}{' (held out)' if e.held_out else ''}: {quantity_label(e.quantity, e.index)}" for e in events]
     traces = []
     for side, label, colour in MODELS:
         predicted = [getattr(e, side) for e in events]
-        known = [(e, v) for e, v in zip(events, predicted, strict=True)]
-        x = [FARTHEST if v is None else max(min((e.measured - v) / e.sigma, FARTHEST), -FARTHEST) for e, v in known]
-        look = {"color": colour, "size": 8, "symbol": ["x" if v is None else "circle" for v in predicted]}
-        said = [off_by(e, v) for e, v in known]
-        traces.append(points(label, plain(x, 4), names, colour, marker=look, text=said, hoverinfo="text+name+y"))
+        pairs = [(e, v) for e, v in zip(events, predicted, strict=True)]
+        x = [AXIS_LIMIT if v is None else max(min((e.measured - v) / e.sigma, AXIS_LIMIT), -AXIS_LIMIT) for e, v in pairs]
+        point_style = {"color": colour, "size": 8, "symbol": ["x" if v is None else "circle" for v in predicted]}
+        labels = [off_by(e, v) for e, v in pairs]
+        traces.append(points(label, plain(x, 4), names, colour, marker=point_style, text=labels, hoverinfo="text+name+y"))
     shade = {"type": "rect", "x0": -2, "x1": 2, "yref": "paper", "y0": 0, "y1": 1, "fillcolor": LINE, "opacity": 0.35}
     return Figure(
         id="events",
-        caption=f"Measured less predicted events in standard errors; those beyond {FARTHEST:g} stand at the edge, "
-        "crosses do not happen in that model's run.",
+        caption=f"Measured less predicted events in standard errors; those beyond {AXIS_LIMIT:g} are drawn at the edge; "
+        "a cross: the event does not happen in that model's run.",
         traces=tuple(traces),
         layout={
-            "xaxis": {"title": {"text": "off by [standard errors]"}},
+            "xaxis": {"title": {"text": "measured less predicted [standard errors]"}},
             "yaxis": {"autorange": "reversed", "type": "category"},
             "shapes": [shade | {"line": {"width": 0}, "layer": "below"}],
         },
@@ -128,34 +143,34 @@ def event_figure(events: tuple[EventResidual, ...]) -> Figure:
 
 
 def ranking_figure(result: Identification) -> Figure:
-    """Bars of the first round's gains."""
-    ranking = [r for r in result.rounds[0].ranking if r.gain is not None][:SHOWN]
+    """Return the delta BIC of the first round's candidates as bars."""
+    ranking = [r for r in result.rounds[0].ranking if r.delta_bic is not None][:MAX_RANKED]
     bars = {
         "type": "bar",
         "orientation": "h",
-        "x": plain(max(r.gain or 0.0, 0.0) for r in ranking),
+        "x": plain(max(r.delta_bic or 0.0, 0.0) for r in ranking),
         "y": [escaped(r.name) for r in ranking],
         "marker": {"color": [AFTER if r.passes else SOFT for r in ranking]},
         "text": ["passes" if r.passes else "" for r in ranking],
         "showlegend": False,
     }
-    least = {"type": "line", "x0": GAIN, "x1": GAIN, "yref": "paper", "y0": 0, "y1": 1}
+    threshold = {"type": "line", "x0": MIN_DELTA_BIC, "x1": MIN_DELTA_BIC, "yref": "paper", "y0": 0, "y1": 1}
     return Figure(
         id="ranking",
-        caption="First round: how much each candidate would gain on the Bayesian information criterion; dotted: the least "
-        "that counts.",
+        caption="First round: delta BIC of each candidate, by which adding it lowers the Bayesian information criterion; "
+        "dotted: the least that is accepted.",
         traces=(bars,),
         layout={
-            "xaxis": {"title": {"text": "gain"}},
+            "xaxis": {"title": {"text": "delta BIC"}},
             "yaxis": {"autorange": "reversed", "type": "category"},
-            "shapes": [least | {"line": DOTTED}],
+            "shapes": [threshold | {"line": DOTTED}],
         },
         height=170 + 26 * len(ranking),
     )
 
 
 def unlisted_figure(force: Unlisted) -> Figure:
-    """Bumps of every side with two standard errors, and the formula."""
+    """Return the unlisted force in every direction with a band of two standard errors, and the formula."""
     traces: list[dict[str, Any]] = []
     for i, p in enumerate(force.profiles):
         s, colour, side = plain(p.coordinate), f"var(--run-{i % len(COLOURS)})", SIDES[p.side]
@@ -165,9 +180,9 @@ def unlisted_figure(force: Unlisted) -> Figure:
         traces += [edge | {"y": low}, edge | {"y": high, "fill": "tonexty", "fillcolor": f"faint {colour}"}]
         curve = {"type": "scatter", "mode": "lines", "x": s, "line": {"color": colour, "width": 2}, "name": side}
         traces.append(curve | {"y": plain(p.value)})
-        if p.written is not None:
+        if p.fitted_formula_values is not None:
             dashed = {"color": colour, "width": 2, "dash": "6px,3px"}
-            traces.append(curve | {"y": plain(p.written), "line": dashed, "name": "its formula"})
+            traces.append(curve | {"y": plain(p.fitted_formula_values), "line": dashed, "name": "its formula"})
     return Figure(
         id="unlisted",
         caption="The unlisted force along its coordinate; bands: two standard errors.",

@@ -1,4 +1,4 @@
-"""The unlisted force in words and as a figure, from the result object."""
+"""Report the unlisted force, in words and as a figure, from the result object."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ SIDES = {
     "across": "across the string, the way it loops",
     "heavy": "on the heavy mass, upward",
 }
+"""Direction of a force (`ForceProfile.side`) -> words."""
 
 
 def section(result: Identification) -> str:
@@ -23,77 +24,104 @@ def section(result: Identification) -> str:
         return ""
     name = force.depends_on.replace("_", " ")
     unit = force.unit
-    head = ["direction", f"largest at {name} [{unit}]", f"largest [{force_unit(force)}]", f"sure between [{unit}]", "formula"]
-    rows = [[SIDES[p.side], number(p.largest_at), number(p.largest), _sure(p), f"`{p.formula}`"] for p in force.profiles]
+    head = [
+        "direction",
+        f"largest at {name} [{unit}]",
+        f"largest [{force_unit(force)}]",
+        f"significant between [{unit}]",
+        "formula",
+    ]
+    rows = [
+        [SIDES[p.side], number(p.largest_at), number(p.largest), _significant_range(p), f"`{p.formula}`"]
+        for p in force.profiles
+    ]
     text = (
         "## The unlisted force\n\n"
-        f"It acts on the {force.acts_on}, {force.phase}, and depends on the {name} (s below). It was found as a row of bumps "
-        f"along that coordinate. {_standing(force)} *Sure*: the bumps are above two standard errors.\n\n"
+        f"It acts on the {force.acts_on}, {force.phase}, and depends on the {name} (s below). It was found as a sum of radial "
+        f"basis functions of that coordinate. {_model_in_words(force)} *Significant*: above two standard errors.\n\n"
         + table(head, rows, left=1)
-        + (_numbers(force.formula) if force.formula else "")
-        + f"\nTwice the log evidence gained by the bumps: {force.gain:.0f}. On data that no fit saw chi2 per value falls from "
-        f"{force.held_out_before:.3f} to {force.held_out_after:.3f}.\n" + _formulas(force)
+        + (_parameters(force.formula) if force.formula else "")
+        + f"\nTwice the log Bayes factor of the radial basis functions over the declared model, by linearised models: "
+        f"{force.twice_log_bayes_factor:.0f}. On held-out data chi2 per value falls from "
+        f"{force.held_out_chi2_before:.3f} to {force.held_out_chi2_after:.3f}.\n" + _formulas(force)
     )
-    if not force.others:
+    if not force.other_closures:
         return text
-    head = ["it acts on", "depends on", "multiplied by", "gain", "unseen chi2/n"]
+    head = ["acts on", "depends on", "multiplied by", "2 log Bayes factor", "held-out chi2/n"]
     rows = [
-        [o.acts_on, *(word.replace("_", " ") for word in (o.depends_on, o.multiplied_by)), number(o.gain), number(o.held_out)]
-        for o in force.others
+        [
+            o.acts_on,
+            *(word.replace("_", " ") for word in (o.depends_on, o.multiplied_by)),
+            number(o.twice_log_bayes_factor),
+            number(o.held_out_chi2),
+        ]
+        for o in force.other_closures
     ]
-    return text + "\nOther coordinates and sides that were fitted as bumps:\n\n" + table(head, rows, left=3)
+    return (
+        text + "\nOther coordinates and directions that were fitted as radial basis functions:\n\n" + table(head, rows, left=3)
+    )
 
 
-def _standing(force: Unlisted) -> str:
+def _model_in_words(force: Unlisted) -> str:
+    """Say whether the repaired model has the formula or the radial basis functions, and why."""
     f = force.formula
     if f is None:
-        return "No simple formula explains unseen data as well as the bumps, so these are the model."
+        return "The repaired model has these, since no simple formula explains held-out data as well."
     return (
-        f"The model is the formula, its numbers fitted to the trajectories together with all of the declared model: it gains "
-        f"{f.gain:.0f} on the information criterion over the declared model and {f.gain - f.gain_of_bumps:.0f} over the bumps."
+        "The repaired model has the formula, whose parameters are fitted to the trajectories together with those of the "
+        f"declared model: its delta BIC is {f.delta_bic:.0f} over the declared model and "
+        f"{f.delta_bic - f.delta_bic_of_profile:.0f} over the radial basis functions."
     )
 
 
-def _numbers(formula: Formula) -> str:
-    head = ["number", "value", "standard error", "unit"]
-    rows = [[n.name.replace("_", ", "), number(n.value, digits=4), number(n.error, digits=2), n.unit] for n in formula.numbers]
-    note = "Widths are standard deviations of a pulse; a pass is a force there and back around its place."
+def _parameters(formula: Formula) -> str:
+    head = ["parameter", "value", "standard error", "unit"]
+    rows = [
+        [n.name.replace("_", ", "), number(n.value, digits=4), number(n.error, digits=2), n.unit] for n in formula.parameters
+    ]
+    note = (
+        "A pulse is a Gaussian, whose width is its standard deviation; a pass is an odd pulse, which changes sign at its place."
+    )
     return "\n" + table(head, rows, left=1) + f"\n{note}\n"
 
 
 def _formulas(force: Unlisted) -> str:
+    """Return the table of all refitted formulas; empty if there are none."""
     if not force.formulas:
         return ""
-    head = ["formula", "depends on", "multiplied by", "stands?", "gain (BIC)", "bumps' gain", "unseen chi2/n", "bumps' chi2/n"]
+    head = ["formula", "depends on", "multiplied by", "accepted?", "delta BIC", "delta BIC of RBF", "held-out chi2/n", "of RBF"]
     rows = [
-        [f.form, *(word.replace("_", " ") for word in (f.depends_on, f.multiplied_by)), "yes" if f.stands else "no",
-         f"{f.gain:.1f}", f"{f.gain_of_bumps:.1f}", number(f.held_out), number(f.held_out_of_bumps)]
+        [f.form, *(word.replace("_", " ") for word in (f.depends_on, f.multiplied_by)), "yes" if f.accepted else "no",
+         f"{f.delta_bic:.1f}", f"{f.delta_bic_of_profile:.1f}", number(f.held_out_chi2), number(f.held_out_chi2_of_profile)]
         for f in force.formulas
     ]  # fmt: skip
-    return "\nFormulas that were refitted by trajectory:\n\n" + table(head, rows, left=4)
+    return (
+        "\nFormulas that were refitted to the trajectories (RBF: the radial basis functions that each was fitted to):\n\n"
+        + table(head, rows, left=4)
+    )
 
 
 def figure(force: Unlisted) -> Figure:
-    """Bumps of every side with two standard errors, and the formula."""
-    drawn = Figure(figsize=(8.0, 3.6), layout="constrained")
-    axes = drawn.subplots()
+    """Draw the force in every direction with a band of two standard errors, and the formula."""
+    chart = Figure(figsize=(8.0, 3.6), layout="constrained")
+    axes = chart.subplots()
     axes.axhline(0.0, color="black", lw=0.8)
     for colour, p in zip(COLOURS, force.profiles, strict=False):
         s, value, error = np.array(p.coordinate), np.array(p.value), np.array(p.error)
         axes.fill_between(s, value - 2 * error, value + 2 * error, color=colour, alpha=0.25, lw=0)
         axes.plot(s, value, color=colour, label=SIDES[p.side])
-        if p.written is not None:
-            axes.plot(s, p.written, "--", color=colour, label="its formula")
+        if p.fitted_formula_values is not None:
+            axes.plot(s, p.fitted_formula_values, "--", color=colour, label="its formula")
     axes.set_xlabel(f"{force.depends_on.replace('_', ' ')} [{force.unit}]")
     axes.set_ylabel(f"unlisted force [{force_unit(force)}]")
     axes.legend(loc="best", fontsize=8)
-    return drawn
+    return chart
 
 
 def force_unit(force: Unlisted) -> str:
-    """Unit of the unlisted force."""
+    """Return the unit of the profile of the unlisted force."""
     return "N" if force.multiplied_by == "constant" else "N s/m"
 
 
-def _sure(p: ForceProfile) -> str:
-    return GAP if p.sure_from is None else f"{number(p.sure_from)} and {number(p.sure_to)}"
+def _significant_range(p: ForceProfile) -> str:
+    return GAP if p.significant_from is None else f"{number(p.significant_from)} and {number(p.significant_to)}"

@@ -1,4 +1,4 @@
-"""Tell in plain data what an unlisted force is like: where it acts, on what, how much of it is sure, and a formula."""
+"""Describe an unlisted force as plain data: where it acts, what it depends on, where it is significant, and its formula."""
 
 from __future__ import annotations
 
@@ -7,85 +7,91 @@ from collections.abc import Sequence
 import numpy as np
 
 from looping_pendulum.discrepancy.result import ForceProfile, Formula, FormulaParameter, OtherClosure, Unlisted
-from looping_pendulum.discrepancy.unlisted.discovery import SIGNIFICANT, TARGETS, RecoveredForce
+from looping_pendulum.discrepancy.unlisted.discovery import SIGNIFICANT_ERRORS, TARGETS, RecoveredForce
 from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
 from looping_pendulum.discrepancy.unlisted.simplify import FormulaTerm
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.reference_ode.effects import Kinematics
 from looping_pendulum.reference_ode.transitions import Mode
 
-POINTS = 60
-"""At which a profile is told."""
-UNITS = {"time": "s", "free_length": "m", "wrap_angle": "rad", "retreat_speed": "m/s", "across_speed": "m/s"}
-TIMES = {"constant": "", "retreat_speed": "-u", "across_speed": "-w"}
-"""What a factor writes before a formula: u away from the rod along the string, w across it."""
+PROFILE_POINTS = 60
+"""Points of a profile in the result."""
+COORDINATE_UNITS = {"time": "s", "free_length": "m", "wrap_angle": "rad", "retreat_speed": "m/s", "across_speed": "m/s"}
+"""Coordinate -> its SI unit."""
+FACTOR_TEXTS = {"constant": "", "retreat_speed": "-u", "across_speed": "-w"}
+"""Factor -> its text before a formula; u is the light mass's speed away from the rod along the string, w across it.
 
-assert set(UNITS) <= set(Kinematics._fields)
+A factor is minus the speed, so a positive function of the coordinate brakes.
+"""
+
+assert set(COORDINATE_UNITS) <= set(Kinematics._fields)
+NO_FORMULA = "no simple formula; twelve radial basis functions"
+"""Text in a formula's place where none is accepted."""
+MOSTLY, SELDOM = 0.8, 0.2
+"""Shares of the force's size while the string slides, from and up to which it is said to act then, or not then."""
 
 
-BUMPS_ONLY = "no simple formula; twelve bumps"
-"""What stands in a formula's place where none explains the data."""
-
-
-def unlisted(found: Sequence[RecoveredForce], written: Sequence[FittedFormula], before: float) -> Unlisted:
-    """Tell of an unlisted force.
+def describe_unlisted_force(
+    forces: Sequence[RecoveredForce], formulas: Sequence[FittedFormula], held_out_chi2_before: float
+) -> Unlisted:
+    """Describe an unlisted force.
 
     Parameters
     ----------
-    found
-        As bumps, the best first.
-    written
-        As formulas refitted by trajectory; if the first stands, it and its own bumps are told of.
-    before
-        Largest chi2 per value of unseen data under the declared model.
+    forces
+        The force as radial basis functions of several closures, the best first.
+    formulas
+        Formulas that were refitted to the trajectories; if the first is accepted, it and its closure are described.
+    held_out_chi2_before
+        Largest chi2 per value of held-out data under the declared model.
     """
-    formula = written[0] if written and written[0].stands else None
-    best = formula.found if formula else found[0]
-    unseen = formula.unseen if formula and formula.unseen else best.unseen
+    formula = formulas[0] if formulas and formulas[0].accepted else None
+    best = formula.force if formula else forces[0]
+    held_out = formula.held_out if formula and formula.held_out else best.held_out
     return Unlisted(
         acts_on=best.closure.target,
         depends_on=best.closure.coordinate,
         multiplied_by=best.closure.factor,
-        unit=UNITS[best.closure.coordinate],
+        unit=COORDINATE_UNITS[best.closure.coordinate],
         profiles=tuple(_profile(best, formula, i) for i in range(len(TARGETS[best.closure.target]))),
         formula=_formula(formula) if formula else None,
-        formulas=tuple(_formula(w) for w in written),
+        formulas=tuple(_formula(f) for f in formulas),
         phase=_phase(best),
-        gain=best.gain,
-        held_out_before=before,
-        held_out_after=unseen.worst,
-        others=tuple(
+        twice_log_bayes_factor=best.twice_log_bayes_factor,
+        held_out_chi2_before=held_out_chi2_before,
+        held_out_chi2_after=held_out.worst,
+        other_closures=tuple(
             OtherClosure(
                 acts_on=f.closure.target,
                 depends_on=f.closure.coordinate,
                 multiplied_by=f.closure.factor,
-                gain=f.gain,
-                held_out=f.unseen.worst,
+                twice_log_bayes_factor=f.twice_log_bayes_factor,
+                held_out_chi2=f.held_out.worst,
             )
-            for f in found
+            for f in forces
             if f is not best
         ),
     )
 
 
-def _formula(written: FittedFormula) -> Formula:
-    closure = written.found.closure
-    rows = zip(written.form.terms, written.q, written.errors, strict=True)
+def _formula(fitted: FittedFormula) -> Formula:
+    closure = fitted.force.closure
+    rows = zip(fitted.form.terms, fitted.values, fitted.errors, strict=True)
     return Formula(
-        form=written.form.name,
+        form=fitted.form.name,
         depends_on=closure.coordinate,
         multiplied_by=closure.factor,
-        numbers=tuple(
+        parameters=tuple(
             FormulaParameter(
-                name=t.name, value=float(v), error=float(e), unit=_unit(t, closure.factor, UNITS[closure.coordinate])
+                name=t.name, value=float(v), error=float(e), unit=_unit(t, closure.factor, COORDINATE_UNITS[closure.coordinate])
             )
             for t, v, e in rows
         ),
-        gain=written.gain,
-        gain_of_bumps=written.gain_of_bumps,
-        held_out=written.unseen.worst if written.unseen else None,
-        held_out_of_bumps=written.found.unseen.worst,
-        stands=written.stands,
+        delta_bic=fitted.delta_bic,
+        delta_bic_of_profile=fitted.delta_bic_of_profile,
+        held_out_chi2=fitted.held_out.worst if fitted.held_out else None,
+        held_out_chi2_of_profile=fitted.force.held_out.worst,
+        accepted=fitted.accepted,
     )
 
 
@@ -97,43 +103,44 @@ def _unit(term: FormulaTerm, factor: str, coordinate: str) -> str:
     return force if not term.power else f"{force}/{per}" + (f"^{term.power}" if term.power > 1 else "")
 
 
-def _profile(found: RecoveredForce, formula: FittedFormula | None, index: int) -> ForceProfile:
-    s = np.linspace(found.coordinates.min(), found.coordinates.max(), POINTS)
-    value, error = found.closure.profile(found.weights[index], s), found.band(index, s)
-    sure = s[np.abs(value) > SIGNIFICANT * error]
-    written = formula.form.profile(formula.q, s)[index] if formula else None
-    told = value if written is None else written
+def _profile(force: RecoveredForce, formula: FittedFormula | None, index: int) -> ForceProfile:
+    s = np.linspace(force.coordinates.min(), force.coordinates.max(), PROFILE_POINTS)
+    value, error = force.closure.profile(force.weights[index], s), force.standard_error(index, s)
+    significant = s[np.abs(value) > SIGNIFICANT_ERRORS * error]
+    formula_values = formula.form.profile(formula.values, s)[index] if formula else None
+    in_model = value if formula_values is None else formula_values
     return ForceProfile(
-        side=TARGETS[found.closure.target][index],
+        side=TARGETS[force.closure.target][index],
         coordinate=tuple(s.tolist()),
         value=tuple(value.tolist()),
         error=tuple(error.tolist()),
-        largest=float(told[np.argmax(np.abs(told))]),
-        largest_at=float(s[np.argmax(np.abs(told))]),
-        sure_from=float(sure.min()) if sure.size else None,
-        sure_to=float(sure.max()) if sure.size else None,
-        formula=_text(formula, index) if formula else BUMPS_ONLY,
-        written=None if written is None else tuple(written.tolist()),
+        largest=float(in_model[np.argmax(np.abs(in_model))]),
+        largest_at=float(s[np.argmax(np.abs(in_model))]),
+        significant_from=float(significant.min()) if significant.size else None,
+        significant_to=float(significant.max()) if significant.size else None,
+        formula=_text(formula, index) if formula else NO_FORMULA,
+        fitted_formula_values=None if formula_values is None else tuple(formula_values.tolist()),
     )
 
 
-def _text(written: FittedFormula, index: int) -> str:
-    """Formula of one side, its numbers filled in."""
-    text = written.form.texts[index]
-    values = {t.name: number(v, digits=4) for t, v in zip(written.form.terms, written.q, strict=True)}
-    factor = TIMES[written.found.closure.factor]
+def _text(fitted: FittedFormula, index: int) -> str:
+    """Return the formula of one side with the values of its parameters."""
+    text = fitted.form.texts[index]
+    values = {t.name: number(v, digits=4) for t, v in zip(fitted.form.terms, fitted.values, strict=True)}
+    factor = FACTOR_TEXTS[fitted.force.closure.factor]
     filled = text.format(**values)
     return f"{factor} ({filled})" if factor and text != "0" else filled
 
 
-def _phase(found: RecoveredForce) -> str:
-    """In which phase most of the force's push comes: "while the string slides", "while it sticks" or "both"."""
-    problem = found.fit.problem
-    modes = np.concatenate([problem.run(found.fit.x, k).mode for k in range(len(problem.data))])
-    size = np.sqrt(sum(found.closure.profile(w, found.coordinates) ** 2 for w in found.weights))
+def _phase(force: RecoveredForce) -> str:
+    """Return the phase of the motion in which most of the force acts: while the string slides, while it does not, or both."""
+    problem = force.fit.problem
+    modes = np.concatenate([problem.run(force.fit.x, k).mode for k in range(len(problem.data))])
+    size = np.sqrt(sum(force.closure.profile(w, force.coordinates) ** 2 for w in force.weights))
     sliding = np.isin(modes, (Mode.SLIDING_DOWN, Mode.SLIDING_UP))
+    # modes are of the repaired model, coordinates of the declared one, and either may reach the rod first
     count = min(len(sliding), len(size))
     share = float(size[:count][sliding[:count]].sum() / max(size[:count].sum(), 1e-300))
-    if share > 0.8:
+    if share > MOSTLY:
         return "while the string slides"
-    return "while the string does not slide" if share < 0.2 else "while the string slides and while it does not"
+    return "while the string does not slide" if share < SELDOM else "while the string slides and while it does not"

@@ -1,9 +1,9 @@
-"""What no library lists: an unknown force as a function of time or of the state, found as a row of bumps.
+"""Search for a force that no library lists, as a function of time or of the state, by radial basis functions.
 
 While the string slides, a force on the heavy mass and one along the light mass's string move everything alike, so a force as
-a function of *time* cannot name its body; as a function of the *state* it can, and data that no fit saw is the judge. Each
-closure (a coordinate, a factor, the sides it acts on) is screened by its sensitivities beyond all fitted numbers, with the
-size of its ridge chosen by evidence; the best are refitted by trajectory.
+a function of *time* cannot name its body; as a function of the *state* it can, and held-out data decide. Each closure (a
+coordinate, a factor, the directions it acts in) is screened by its sensitivities orthogonal to those of all fitted parameters,
+with a ridge (Gaussian prior of the weights) that maximises the evidence; the best are refitted to the trajectories.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from functools import cached_property
 import numpy as np
 
 from looping_pendulum.discrepancy.data.study import Estimate, Study
-from looping_pendulum.discrepancy.fit.calibration import ROUGHLY, Fit, FitError, minimise
+from looping_pendulum.discrepancy.fit.calibration import WINDOW_COST_TOLERANCE, Fit, FitError, minimise
 from looping_pendulum.discrepancy.fit.problem import FreeParameter, ParameterRole, Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import with_noise_of_residuals
-from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, judge
-from looping_pendulum.discrepancy.workers import ALONE, Workers
-from looping_pendulum.reference_ode.effects.closure import BUMPS, COORDINATES, FACTORS, weight
+from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, check_held_out
+from looping_pendulum.discrepancy.workers import SERIAL, Workers
+from looping_pendulum.reference_ode.effects.closure import COORDINATES, FACTORS, N_BASIS_FUNCTIONS, weight_name
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solution import Samples
 
@@ -33,239 +33,273 @@ TARGETS: dict[str, tuple[str, ...]] = {
     "light mass": ("along", "across"),
     "heavy mass": ("heavy",),
 }
-"""Where an unknown force may act -> sides of the closure."""
-MARGIN = 0.5
-"""Bumps beyond either end of the coordinate's range."""
-PROBE = 1e-3
-"""Weight [N] whose effect is taken for the derivative."""
-FLAT = 1e-4
-"""Distance of bumps [SI] below which a coordinate counts as constant."""
-REFITS = 4
-SIGNIFICANT = 2.0
-"""Standard errors that a force must exceed somewhere to be told of there."""
+"""Where an unknown force may act -> sides of the closure in `reference_ode.effects.closure`."""
+END_MARGIN = 0.5
+"""By how many spacings the basis functions reach beyond either end of the coordinate's range."""
+DERIVATIVE_STEP = 1e-3
+"""Weight [N] of the difference quotients: the sensitivity to a weight is the prediction's change by it, over it."""
+MIN_SPACING = 1e-4
+"""Spacing of basis functions [SI] below which a coordinate counts as constant, and is not tried."""
+MAX_REFITS = 4
+"""Closures that are refitted to the trajectories, the best of the screening."""
+SIGNIFICANT_ERRORS = 2.0
+"""Standard errors that a force must exceed at a coordinate to be reported as significant there."""
 
-Tick = Callable[[str], None]
+StepCallback = Callable[[str], None]
+"""Called with a description of each step as it begins."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Closure:
-    """One form that the unknown force may have."""
+    """A sum of radial basis functions of one coordinate, times a factor, as an unknown force on one mass."""
 
     coordinate: str
+    """Name of the coordinate, of `COORDINATES`."""
     factor: str
+    """Name of the factor, of `FACTORS`."""
     target: str
-    low: float
-    """Coordinate of the first bump."""
-    step: float
-    """Distance of the bumps, in units of the coordinate."""
+    """Where the force acts, of `TARGETS`."""
+    first_centre: float
+    """Coordinate of the first basis function's centre."""
+    spacing: float
+    """Distance of neighbouring centres, which is also each basis function's width, in units of the coordinate."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Its weights."""
-        return tuple(weight(side, i) for side in TARGETS[self.target] for i in range(BUMPS))
+        """Names of the weights, side by side."""
+        return tuple(weight_name(side, i) for side in TARGETS[self.target] for i in range(N_BASIS_FUNCTIONS))
 
     @property
     def centres(self) -> Array:
-        """Coordinates of the bumps, shape (BUMPS,)."""
-        return np.asarray(self.low + self.step * np.arange(BUMPS), dtype=np.float64)
+        """Coordinates of the centres, shape (N_BASIS_FUNCTIONS,)."""
+        return np.asarray(self.first_centre + self.spacing * np.arange(N_BASIS_FUNCTIONS), dtype=np.float64)
 
     @property
     def coefficients(self) -> dict[str, float]:
-        """What the effect needs beside its weights."""
+        """Coefficients of the effect beside its weights: which coordinate and factor, and where the centres are."""
         return {
             f"closure_of_{self.coordinate}": 1.0,
             f"closure_by_{self.factor}": 1.0,
-            "closure_scale": 1 / self.step,
-            "closure_start": self.low / self.step,
+            "closure_scale": 1 / self.spacing,
+            "closure_start": self.first_centre / self.spacing,
         }
 
-    def declared(self, study: Study) -> Study:
-        """Return the study with this form, its weights still zero."""
+    def added_to(self, study: Study) -> Study:
+        """Return ``study`` with this closure among its effects, its weights still zero."""
         fixed = {n: Estimate(value=v) for n, v in self.coefficients.items()}
         return dataclasses.replace(study, effects={**study.effects, **fixed})
 
-    def bumps(self, s: Array) -> Array:
-        """Every bump at coordinates ``s``, shape (n, BUMPS)."""
-        return np.asarray(np.exp(-0.5 * ((s[:, None] - self.centres) / self.step) ** 2), dtype=np.float64)
+    def basis_functions(self, s: Array) -> Array:
+        """Return every basis function at coordinates ``s`` of shape (n,), shape (n, N_BASIS_FUNCTIONS)."""
+        return np.asarray(np.exp(-0.5 * ((s[:, None] - self.centres) / self.spacing) ** 2), dtype=np.float64)
 
     def profile(self, weights: Array, s: Array) -> Array:
-        """Sum of the bumps at coordinates ``s``, shape of ``s``; [N], or [N s/m] if multiplied by a speed."""
-        return np.asarray(self.bumps(s) @ weights)
+        """Return the weighted sum at coordinates ``s``, shape of ``s``; [N], or [N s/m] if multiplied by a speed."""
+        return np.asarray(self.basis_functions(s) @ weights)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecoveredForce:
-    """A closure, refitted by trajectory and judged."""
+    """A closure that was refitted to the trajectories and tested on held-out data."""
 
     closure: Closure
     fit: Fit
-    gain: float
-    """On twice the log evidence, over the model without it."""
-    unseen: HeldOutTest
+    twice_log_bayes_factor: float
+    """Twice the log of the Bayes factor over the model without it, from the screening."""
+    held_out: HeldOutTest
     coordinates: Array
-    """Where the training trials went along the coordinate, shape (n,)."""
+    """Values of the coordinate along the training trials, shape (n,)."""
 
     @cached_property
     def weights(self) -> Array:
-        """Of all sides, shape (sides, BUMPS) [N]."""
+        """Weights of all sides [N], shape (sides, N_BASIS_FUNCTIONS)."""
         values = self.fit.values
-        return np.array([values[n] for n in self.closure.names]).reshape(-1, BUMPS)
+        return np.array([values[n] for n in self.closure.names]).reshape(-1, N_BASIS_FUNCTIONS)
 
     def covariance(self, side: int) -> Array:
-        """Of a side's weights [N^2], shape (BUMPS, BUMPS)."""
+        """Return the covariance of a side's weights [N^2], shape (N_BASIS_FUNCTIONS, N_BASIS_FUNCTIONS)."""
         problem = self.fit.problem
-        index = [problem.names.index(n) for n in self.closure.names[side * BUMPS : (side + 1) * BUMPS]]
-        scale = np.array([problem.numbers[i].scale for i in index])
+        index = [problem.names.index(n) for n in self.closure.names[side * N_BASIS_FUNCTIONS : (side + 1) * N_BASIS_FUNCTIONS]]
+        scale = np.array([problem.free_parameters[i].scale for i in index])
         return np.asarray(self.fit.covariance[np.ix_(index, index)] * np.outer(scale, scale))
 
-    def band(self, side: int, s: Array) -> Array:
-        """Standard error of a side's profile at ``s``, shape of ``s``."""
-        bumps = self.closure.bumps(s)
-        return np.asarray(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", bumps, self.covariance(side), bumps), 0.0)))
+    def standard_error(self, side: int, s: Array) -> Array:
+        """Return the standard error of a side's profile at coordinates ``s``, shape of ``s``."""
+        basis = self.closure.basis_functions(s)
+        variance = np.einsum("ij,jk,ik->i", basis, self.covariance(side), basis)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))  # rounding can leave a variance slightly negative
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScreenedClosure:
-    """What the sensitivities promise of a closure."""
+    """Evidence for a closure by the model linearised about a fit."""
 
     closure: Closure
-    gain: float
-    """Twice the log evidence."""
+    twice_log_bayes_factor: float
+    """Twice the log of the Bayes factor over the model without it."""
     ridge: float
-    """Standard deviation of the weights that the evidence prefers [N]."""
+    """Prior standard deviation of the weights that maximises the evidence [N]."""
     weights: Array
+    """Weights that this prior and the data give [N], shape (sides * N_BASIS_FUNCTIONS,)."""
 
 
 def discover(
     base: Fit,
-    held: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
-    tick: Tick = lambda what: None,
-    workers: Workers = ALONE,
+    held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
+    report_step: StepCallback = lambda what: None,
+    workers: Workers = SERIAL,
 ) -> list[RecoveredForce]:
-    """Search all closures; return the best, refitted and judged, those that explain unseen data best first."""
-    tick("screening unknown forces")
+    """Search all closures; return the best ones, refitted, in the order in which they explain held-out data.
+
+    Parameters
+    ----------
+    base
+        Fit of the declared model.
+    held_out
+        Held-out trials, each with the parameters that it alone has; empty: blocks of time are held out.
+    """
+    report_step("screening unknown forces")
     samples = [base.problem.run(base.x, k) for k in range(len(base.problem.data))]
-    screened = sorted(screen(base, samples, workers), key=lambda s: -s.gain)
-    chosen = _different(screened)[:REFITS]
-    about = [f"{s.closure.target} by {s.closure.coordinate}" for s in chosen]
-    found = workers.map(
-        _refit, (base, held, samples), chosen, about, lambda what: tick(f"fitting an unknown force on the {what}")
+    screened = sorted(screen(base, samples, workers), key=lambda s: -s.twice_log_bayes_factor)
+    chosen = _one_per_target_and_coordinate(screened)[:MAX_REFITS]
+    descriptions = [f"{s.closure.target} by {s.closure.coordinate}" for s in chosen]
+    forces = workers.map(
+        _refit,
+        (base, held_out, samples),
+        chosen,
+        descriptions,
+        lambda what: report_step(f"fitting an unknown force on the {what}"),
     )
-    return sorted((f for f in found if f), key=lambda f: f.unseen.worst)
+    return sorted((f for f in forces if f), key=lambda f: f.held_out.worst)
 
 
 def coordinate(samples: Sequence[Samples], name: str) -> Array:
-    """Values of a coordinate along runs, end to end."""
+    """Return the values of a coordinate along all runs, one run after another."""
     return np.concatenate([s.t if name == "time" else getattr(s.state, name) for s in samples])
 
 
-def screen(base: Fit, samples: Sequence[Samples], workers: Workers = ALONE) -> list[ScreenedClosure]:
-    """Score every closure by its evidence on what the fit leaves."""
-    basis, _ = np.linalg.qr(base.jacobian)
-    left = base.residuals - basis @ (basis.T @ base.residuals)
-    forms = []
+def screen(base: Fit, samples: Sequence[Samples], workers: Workers = SERIAL) -> list[ScreenedClosure]:
+    """Return the evidence of every closure by the residuals of a fit."""
+    # What a refit of the declared model's parameters could explain is no evidence for a new force, so both the residuals and
+    # the sensitivities to the weights are projected on the orthogonal complement of the Jacobian.
+    fitted_basis, _ = np.linalg.qr(base.jacobian)
+    unexplained = base.residuals - fitted_basis @ (fitted_basis.T @ base.residuals)
+    closures = []
     for name, factor in itertools.product(COORDINATES, FACTORS):
         values = coordinate(samples, name)
         low, high = np.quantile(values, [0.0, 0.995])
-        step = float(high - low) / (BUMPS - 1 - 2 * MARGIN)
-        if step < FLAT:
+        spacing = float(high - low) / (N_BASIS_FUNCTIONS - 1 - 2 * END_MARGIN)
+        if spacing < MIN_SPACING:
             continue
-        light = Closure(coordinate=name, factor=factor, target="light mass", low=float(low) - MARGIN * step, step=step)
-        forms.append(light)
-    found = workers.map(_screen_form, (base.problem, base.x, basis, left), forms)
-    return [s for screened in found for s in screened]
+        first_centre = float(low) - END_MARGIN * spacing
+        closures.append(
+            Closure(coordinate=name, factor=factor, target="light mass", first_centre=first_centre, spacing=spacing)
+        )
+    screened = workers.map(_screen_all_targets, (base.problem, base.x, fitted_basis, unexplained), closures)
+    return [one for each in screened for one in each]
 
 
-def _screen_form(shared: tuple[Problem, Array, Array, Array], light: Closure) -> list[ScreenedClosure]:
-    """Score a coordinate and factor on all targets."""
-    problem, x, basis, left = shared
+def _screen_all_targets(shared: tuple[Problem, Array, Array, Array], light: Closure) -> list[ScreenedClosure]:
+    """Return the evidence of a closure's coordinate and factor on every target."""
+    problem, x, fitted_basis, unexplained = shared
     heavy = dataclasses.replace(light, target="heavy mass")
-    sensitivity = _sensitivity(problem, x, light, basis) | _sensitivity(problem, x, heavy, basis)
-    found = []
+    sensitivity = _sensitivity(problem, x, light, fitted_basis) | _sensitivity(problem, x, heavy, fitted_basis)
+    screened = []
     for target in TARGETS:
         closure = dataclasses.replace(light, target=target)
-        gain, ridge, weights = _evidence(np.stack([sensitivity[n] for n in closure.names], axis=1), left)
-        found.append(ScreenedClosure(closure=closure, gain=gain, ridge=ridge, weights=weights))
-    return found
+        columns = np.stack([sensitivity[n] for n in closure.names], axis=1)
+        twice_log_bayes_factor, ridge, weights = _evidence(columns, unexplained)
+        screened.append(
+            ScreenedClosure(closure=closure, twice_log_bayes_factor=twice_log_bayes_factor, ridge=ridge, weights=weights)
+        )
+    return screened
 
 
-def _sensitivity(bare: Problem, x: Array, closure: Closure, basis: Array) -> dict[str, Array]:
-    """Weight -> change of the standardised prediction per newton, beyond all fitted numbers."""
-    problem = _problem(bare, closure, PROBE, WEAK_PRIOR)
+def _sensitivity(declared: Problem, x: Array, closure: Closure, fitted_basis: Array) -> dict[str, Array]:
+    """Return weight -> change of the standardised prediction per newton, orthogonal to all fitted parameters."""
+    problem = _problem(declared, closure, DERIVATIVE_STEP, WEAK_PRIOR)
     start = np.append(x, np.zeros(len(closure.names)))
-    here = problem.residuals(start)
-    assert here is not None
-    found = {}
+    residuals = problem.residuals(start)
+    assert residuals is not None
+    sensitivity = {}
     for i, name in enumerate(closure.names):
         moved = start.copy()
         moved[len(x) + i] = 1.0
-        there = problem.residuals(moved)
-        change = np.zeros(len(basis)) if there is None else ((here - there) / PROBE)[: len(basis)]
-        found[name] = change - basis @ (basis.T @ change)
-    return found
+        moved_residuals = problem.residuals(moved)
+        # the sign: a residual is measured less predicted; the rows beyond the declared model's are those of the weights' prior
+        rows = len(fitted_basis)
+        change = np.zeros(rows) if moved_residuals is None else ((residuals - moved_residuals) / DERIVATIVE_STEP)[:rows]
+        sensitivity[name] = change - fitted_basis @ (fitted_basis.T @ change)
+    return sensitivity
 
 
 WEAK_PRIOR = 1e6
+"""Prior standard deviation, in scales of a parameter, that leaves it to the data."""
 
 
 def _problem(problem: Problem, closure: Closure, scale: float, prior: float) -> Problem:
-    """Return the problem with a closure's weights as further numbers."""
+    """Return ``problem`` with a closure's weights as further parameters, of standard deviation ``prior`` times ``scale``."""
     trials = tuple(t.name for t in problem.study.trials)
     added = [
         FreeParameter(
-            name=n, parameter=n, how=ParameterRole.SET, trials=trials, start=0.0, scale=scale, prior=prior, bounds=(-1e6, 1e6)
+            name=n, parameter=n, role=ParameterRole.SET, trials=trials, start=0.0, scale=scale, prior=prior, bounds=(-1e6, 1e6)
         )
         for n in closure.names
     ]
-    numbers = (*problem.numbers, *added)
+    parameters = (*problem.free_parameters, *added)
     mean = np.append(problem.prior_mean, np.zeros(len(added)))
-    weights = np.zeros((len(numbers), len(numbers)))
-    known = len(problem.numbers)
-    weights[:known, :known] = problem.prior_weights
-    weights[known:, known:] = np.eye(len(added)) / prior
-    return Problem(closure.declared(problem.study), problem.data, numbers, (mean, weights))
+    weights = np.zeros((len(parameters), len(parameters)))
+    n_declared = len(problem.free_parameters)
+    weights[:n_declared, :n_declared] = problem.prior_weights
+    weights[n_declared:, n_declared:] = np.eye(len(added)) / prior
+    return Problem(closure.added_to(problem.study), problem.data, parameters, (mean, weights))
 
 
-def _evidence(sensitivity: Array, left: Array) -> tuple[float, float, Array]:
-    """Twice the log evidence of Gaussian weights over none, at the ridge that makes it largest; that ridge; the weights."""
+def _evidence(sensitivity: Array, residuals: Array) -> tuple[float, float, Array]:
+    """Return the largest evidence for Gaussian weights, the ridge that gives it, and the weights' posterior mean.
+
+    The evidence is twice the log of the Bayes factor over the model without the weights. With s the singular values of
+    ``sensitivity`` and r the ridge, it is the sum of p^2 (r s)^2 / (1 + (r s)^2) - log(1 + (r s)^2), where p are the residuals'
+    components along the left singular vectors.
+    """
     u, s, vt = np.linalg.svd(sensitivity, full_matrices=False)
-    projected = u.T @ left
+    projected = u.T @ residuals
     best = (-math.inf, 0.0, np.zeros(sensitivity.shape[1]))
     for ridge in np.logspace(-5, 0, 41):
         power = (ridge * s) ** 2
-        gain = float(np.sum(projected**2 * power / (1 + power) - np.log1p(power)))
-        if gain > best[0]:
-            best = gain, float(ridge), vt.T @ (ridge**2 * s / (1 + power) * projected)
+        twice_log_bayes_factor = float(np.sum(projected**2 * power / (1 + power) - np.log1p(power)))
+        if twice_log_bayes_factor > best[0]:
+            best = twice_log_bayes_factor, float(ridge), vt.T @ (ridge**2 * s / (1 + power) * projected)
     return best
 
 
-def _different(screened: Sequence[ScreenedClosure]) -> list[ScreenedClosure]:
-    """Best first, but one target and coordinate only once: factors are neighbours of each other."""
+def _one_per_target_and_coordinate(screened: Sequence[ScreenedClosure]) -> list[ScreenedClosure]:
+    """Return the first closure of every target and coordinate, in order: those that differ by their factor are alike."""
     seen: set[tuple[str, str]] = set()
-    found = []
+    different = []
     for one in screened:
         key = one.closure.coordinate, one.closure.target
         if key not in seen:
             seen.add(key)
-            found.append(one)
-    return found
+            different.append(one)
+    return different
 
 
 def _refit(
     shared: tuple[Fit, Sequence[tuple[TrialData, Sequence[FreeParameter]]], Sequence[Samples]], screened: ScreenedClosure
 ) -> RecoveredForce | None:
-    """Refit by trajectory with the ridge that the evidence chose."""
-    base, held, samples = shared
+    """Refit a closure to the trajectories with the ridge that maximises the evidence; None if the model cannot run."""
+    base, held_out, samples = shared
     problem = _problem(base.problem, screened.closure, screened.ridge, 1.0)
     start = np.append(base.x, screened.weights / screened.ridge)
     try:
-        fit = with_noise_of_residuals(minimise(problem, start, close=ROUGHLY, most=12))
+        fit = with_noise_of_residuals(minimise(problem, start, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=12))
     except FitError:
         return None
     return RecoveredForce(
         closure=screened.closure,
         fit=fit,
-        gain=screened.gain,
-        unseen=judge(fit, held),
+        twice_log_bayes_factor=screened.twice_log_bayes_factor,
+        held_out=check_held_out(fit, held_out),
         coordinates=coordinate(samples, screened.closure.coordinate),
     )

@@ -1,7 +1,7 @@
-"""Refit formulas of an unlisted force by trajectory, all numbers of the declared model with them, and judge the best.
+"""Refit formulas of an unlisted force to the trajectories, with all parameters of the declared model, and test the best.
 
-A formula acts as the row of bumps that it is laid into, so the reference, the engines and the repaired scenario run it as they
-run the bumps that it came from; what is fitted are its own numbers.
+A formula acts through the radial basis functions that are fitted to it, so the reference, the engines and the repaired scenario
+run it by the same code as the force that it replaces; the parameters of the fit are those of the formula.
 """
 
 from __future__ import annotations
@@ -18,198 +18,223 @@ from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise
 from looping_pendulum.discrepancy.fit.problem import FreeParameter, ParameterRole, Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import with_noise_of_residuals
-from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, judge
-from looping_pendulum.discrepancy.unlisted.discovery import TARGETS, WEAK_PRIOR, RecoveredForce, Tick
+from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, check_held_out
+from looping_pendulum.discrepancy.unlisted.discovery import TARGETS, WEAK_PRIOR, RecoveredForce, StepCallback
 from looping_pendulum.discrepancy.unlisted.simplify import (
-    THINNEST,
+    MIN_WIDTH,
     CoordinateRange,
     FormulaFamily,
     PredictedFormula,
-    promises,
-    range_of,
+    coordinate_range_of,
+    predict_formulas,
 )
-from looping_pendulum.reference_ode.effects.closure import weight
+from looping_pendulum.reference_ode.effects.closure import weight_name
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 
-REFITS = 3
-"""Formulas that are refitted, of all closures."""
-MARGIN = 10.0
-"""Of gain within which formulas count as equally good on what the fit saw; twice that among mere promises."""
-PATIENCE = 15
-"""Iterations of each."""
+MAX_REFITS = 3
+"""Formulas that are refitted to the trajectories, of all closures together."""
+BIC_MARGIN = 10.0
+"""Difference of BIC within which formulas count as equally good on the training data.
+
+Twice this is granted to predictions by the linearised model.
+"""
+MAX_ITERATIONS = 15
+"""Iterations of the refit of each formula."""
 PREFIX = "force_"
-"""Before the names of a formula's numbers in a fit."""
+"""Prefix of the names of a formula's parameters in a fit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FittedFormula:
-    """A formula, refitted by trajectory."""
+    """A formula that was refitted to the trajectories."""
 
-    promise: PredictedFormula
+    prediction: PredictedFormula
     fit: Fit
-    gain: float
-    """On the Bayesian information criterion, over the declared model."""
-    gain_of_bumps: float
-    """The same of the bumps that it came from."""
-    to_match: HeldOutTest
-    """How the best bumps of all explain unseen data."""
-    unseen: HeldOutTest | None = None
-    """None: not judged, another formula gains more."""
+    delta_bic: float
+    """Decrease of the Bayesian information criterion from the declared model."""
+    delta_bic_of_profile: float
+    """The same of the radial basis functions that the formula was fitted to."""
+    held_out_of_best_profile: HeldOutTest
+    """Held-out test of the radial basis functions, of all closures, that pass it best."""
+    held_out: HeldOutTest | None = None
+    """Held-out test of the formula; None: not made, since a better formula was accepted or its delta BIC is too far behind."""
 
     @property
     def form(self) -> FormulaFamily:
-        """Its kind."""
-        return self.promise.form
+        """Kind of formula."""
+        return self.prediction.form
 
     @property
-    def found(self) -> RecoveredForce:
-        """The bumps that it came from."""
-        return self.promise.found
+    def force(self) -> RecoveredForce:
+        """The force as radial basis functions, which the formula was fitted to."""
+        return self.prediction.force
 
     @property
-    def q(self) -> Array:
-        """Its numbers [SI]."""
+    def values(self) -> Array:
+        """Fitted values of its terms [SI]."""
         values = self.fit.values
         return np.array([values[PREFIX + t.name] for t in self.form.terms])
 
     @property
     def errors(self) -> Array:
-        """Standard errors of its numbers [SI]."""
+        """Standard errors of its terms [SI]."""
         errors = self.fit.errors
         return np.array([errors[PREFIX + t.name] for t in self.form.terms])
 
     @property
-    def stands(self) -> bool:
-        """Whether it gains more than its bumps, and explains unseen data to their noise and as well as any bumps do."""
-        if self.gain <= self.gain_of_bumps or self.unseen is None or not self.unseen.explained:
+    def accepted(self) -> bool:
+        """Whether its delta BIC is larger than its basis functions', and explains held-out data as well as any do."""
+        if self.delta_bic <= self.delta_bic_of_profile or self.held_out is None or not self.held_out.passes:
             return False
-        scatter = [math.sqrt(2 / n) for n in self.unseen.counts]
-        pairs = zip(self.unseen.chi2, self.to_match.chi2, scatter, strict=True)
-        return all(own <= bumps + s for own, bumps, s in pairs)
+        scatter = [math.sqrt(2 / n) for n in self.held_out.counts]  # standard deviation of chi2 per value of n values
+        rows = zip(self.held_out.chi2, self.held_out_of_best_profile.chi2, scatter, strict=True)
+        return all(own <= of_profile + s for own, of_profile, s in rows)
 
 
 def refit(
-    base: Fit, found: Sequence[RecoveredForce], held: Sequence[tuple[TrialData, Sequence[FreeParameter]]], tick: Tick
+    base: Fit,
+    forces: Sequence[RecoveredForce],
+    held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
+    report_step: StepCallback,
 ) -> list[FittedFormula]:
-    """Refit the formulas that promise most by trajectory, best first.
+    """Refit the formulas of lowest predicted BIC to the trajectories; return them, largest delta BIC first.
 
-    Of those within `MARGIN` of the best, the first that explains what no fit saw goes to the front.
+    Of those within `BIC_MARGIN` of the best, the first that is accepted on held-out data goes to the front.
     """
-    to_match = min((f.unseen for f in found), key=lambda u: u.worst)
-    written = []
-    for promise in _promising(base, found):
-        tick(f"fitting a formula of the unknown force by {promise.found.closure.coordinate}")
-        refitted = _refit(base, promise, to_match)
-        written += [refitted] if refitted else []
-    written.sort(key=lambda w: -w.gain)
-    for i, w in enumerate(written):
-        if w.gain < written[0].gain - MARGIN:
+    held_out_of_best_profile = min((f.held_out for f in forces), key=lambda u: u.worst)
+    formulas = []
+    for prediction in _best_predictions(base, forces):
+        report_step(f"fitting a formula of the unknown force by {prediction.force.closure.coordinate}")
+        refitted = _refit(base, prediction, held_out_of_best_profile)
+        formulas += [refitted] if refitted else []
+    formulas.sort(key=lambda w: -w.delta_bic)
+    for i, formula in enumerate(formulas):
+        if formula.delta_bic < formulas[0].delta_bic - BIC_MARGIN:
             break
-        final = with_noise_of_residuals(w.fit)
-        written[i] = judged = dataclasses.replace(w, fit=final, unseen=judge(final, held))
-        if judged.stands:
-            return [judged, *written[:i], *written[i + 1 :]]
-    return written
+        final = with_noise_of_residuals(formula.fit)
+        formulas[i] = judged = dataclasses.replace(formula, fit=final, held_out=check_held_out(final, held_out))
+        if judged.accepted:
+            return [judged, *formulas[:i], *formulas[i + 1 :]]
+    return formulas
 
 
-def _promising(base: Fit, found: Sequence[RecoveredForce]) -> list[PredictedFormula]:
-    """Forms of all closures that promise about as much as the best, each once: a side may have nothing to add."""
+def _best_predictions(base: Fit, forces: Sequence[RecoveredForce]) -> list[PredictedFormula]:
+    """Return the formulas of all closures whose predicted BIC is about as low as the lowest.
+
+    Formulas that differ only by a side on which they are zero are the same, and count once.
+    """
     noise = np.concatenate([d.sigma for d in base.problem.data])
-    ranked = sorted((p for one in found for p in promises(one, noise)), key=lambda p: p.score)
+    ranked = sorted((p for force in forces for p in predict_formulas(force, noise)), key=lambda p: p.bic)
     different: dict[object, PredictedFormula] = {}
     for p in ranked:
-        closure = p.found.closure
+        closure = p.force.closure
         different.setdefault((closure.coordinate, closure.factor, frozenset(p.form.texts) - {"0"}), p)
-    return [p for p in different.values() if p.score <= ranked[0].score + 2 * MARGIN][:REFITS]
+    return [p for p in different.values() if p.bic <= ranked[0].bic + 2 * BIC_MARGIN][:MAX_REFITS]
 
 
-def _gain_of_bumps(base: Fit, found: RecoveredForce) -> float:
-    """Gain of bumps on the Bayesian information criterion, each counted as far as the data and not the ridge set it."""
-    fit = found.fit
-    known = len(base.problem.numbers)
+def _delta_bic_of_profile(base: Fit, force: RecoveredForce) -> float:
+    """Return the delta BIC of radial basis functions, with their effective number of parameters."""
+    fit = force.fit
+    n_declared = len(base.problem.free_parameters)
     residuals = fit.problem.with_data(base.problem.data).residuals(fit.x)
     assert residuals is not None
-    added = len(fit.problem.numbers) - known
-    # what the data leave of a weight's variance, in units of the ridge's, is what the data do not set
-    free = added - float(np.trace(fit.covariance[known:, known:]))
-    kept = residuals[:-added]
-    return base.cost - float(kept @ kept) - free * math.log(base.problem.count)
+    n_added = len(fit.problem.free_parameters) - n_declared
+    # The posterior variance of a weight over its prior (ridge) variance is the part of it that the data do not determine, so
+    # the sum of one less that part over all weights is their effective number of parameters.
+    effective = n_added - float(np.trace(fit.covariance[n_declared:, n_declared:]))
+    without_ridge = residuals[:-n_added]
+    return base.cost - float(without_ridge @ without_ridge) - effective * math.log(base.problem.count)
 
 
-def _refit(base: Fit, promise: PredictedFormula, to_match: HeldOutTest) -> FittedFormula | None:
-    problem = _problem(base, promise)
-    known = len(base.problem.numbers)
+def _refit(base: Fit, prediction: PredictedFormula, held_out_of_best_profile: HeldOutTest) -> FittedFormula | None:
+    """Refit one formula to the trajectories from its predicted values; None if the model cannot run."""
+    problem = _problem(base, prediction)
+    n_declared = len(base.problem.free_parameters)
+    # The declared model's parameters start where the fit with radial basis functions left them.
+    start = np.concatenate([prediction.force.fit.x[:n_declared], np.zeros(len(prediction.values))])
     try:
-        fit = minimise(problem, np.concatenate([promise.found.fit.x[:known], np.zeros(len(promise.q))]), most=PATIENCE)
+        fit = minimise(problem, start, max_iterations=MAX_ITERATIONS)
     except FitError:
         return None
-    gain = base.cost - fit.cost - len(promise.q) * math.log(base.problem.count)
-    bumps = _gain_of_bumps(base, promise.found)
-    return FittedFormula(promise=promise, fit=fit, gain=gain, gain_of_bumps=bumps, to_match=to_match)
+    delta_bic = base.cost - fit.cost - len(prediction.values) * math.log(base.problem.count)
+    return FittedFormula(
+        prediction=prediction,
+        fit=fit,
+        delta_bic=delta_bic,
+        delta_bic_of_profile=_delta_bic_of_profile(base, prediction.force),
+        held_out_of_best_profile=held_out_of_best_profile,
+    )
 
 
-def _problem(base: Fit, promise: PredictedFormula) -> Problem:
-    """Return the declared model with the formula's numbers, which start where they are promised."""
-    where = range_of(promise.found)
+def _problem(base: Fit, prediction: PredictedFormula) -> Problem:
+    """Return the declared model with the formula's parameters, which start at their predicted values."""
+    coordinate_range = coordinate_range_of(prediction.force)
     p = base.problem
     study = FormulaStudy(
         **{f.name: getattr(p.study, f.name) for f in dataclasses.fields(Study)},
-        written=lambda numbers: _laid(promise, where, numbers),
-        terms=tuple(PREFIX + t.name for t in promise.form.terms),
-        starts=tuple(promise.q.tolist()),
+        closure_coefficients=lambda values: _closure_coefficients(prediction, coordinate_range, values),
+        formula_parameters=tuple(PREFIX + t.name for t in prediction.form.terms),
+        start_values=tuple(prediction.values.tolist()),
     )
-    added = [_number(promise, i, where, study) for i in range(len(promise.q))]
-    return Problem(study, p.data, (*p.numbers, *added))
+    added = [_free_parameter(prediction, i, coordinate_range, study) for i in range(len(prediction.values))]
+    return Problem(study, p.data, (*p.free_parameters, *added))
 
 
-def _number(promise: PredictedFormula, i: int, where: CoordinateRange, study: Study) -> FreeParameter:
-    term, value, error = promise.form.terms[i], float(promise.q[i]), float(promise.errors[i])
+def _free_parameter(prediction: PredictedFormula, i: int, coordinate_range: CoordinateRange, study: Study) -> FreeParameter:
+    term, value, error = prediction.form.terms[i], float(prediction.values[i]), float(prediction.errors[i])
     bounds = (-1e6, 1e6)
-    least = 0.1 * abs(value)
+    # The scale is the unit of the parameter in the fit; a tenth of the value is the least, lest a tiny predicted error set it.
+    min_scale = 0.1 * abs(value)
     if term.of_coordinate:
-        width = float(promise.q[1])
-        least = 0.1 * width
-        bounds = (where.low - width, where.high + width) if term.name == "place" else (THINNEST * where.step, 1e3 * width)
+        width = float(prediction.values[1])
+        min_scale = 0.1 * width
+        bounds = (MIN_WIDTH * coordinate_range.spacing, 1e3 * width)
+        if term.name == "place":
+            bounds = (coordinate_range.low - width, coordinate_range.high + width)
     return FreeParameter(
         name=PREFIX + term.name,
         parameter=PREFIX + term.name,
-        how=ParameterRole.SET,
+        role=ParameterRole.SET,
         trials=tuple(t.name for t in study.trials),
         start=value,
-        scale=max(error, least, 1e-9),
+        scale=max(error, min_scale, 1e-9),
         prior=WEAK_PRIOR,
         bounds=bounds,
     )
 
 
-def _laid(promise: PredictedFormula, where: CoordinateRange, numbers: Sequence[float]) -> dict[str, float]:
-    """The formula as coefficients of the closure."""
-    q, form, closure = np.asarray(numbers), promise.form, promise.found.closure
-    row = form.row(q, where)
-    sides = zip(TARGETS[closure.target], form.weights(q, row), strict=True)
-    laid = {weight(side, i): float(v) for side, weights in sides for i, v in enumerate(weights)}
-    return laid | dataclasses.replace(closure, low=row.low, step=row.step).coefficients
+def _closure_coefficients(
+    prediction: PredictedFormula, coordinate_range: CoordinateRange, parameters: Sequence[float]
+) -> dict[str, float]:
+    """Return the coefficients of the closure that stands for the formula with these values of its parameters."""
+    values, form, closure = np.asarray(parameters), prediction.form, prediction.force.closure
+    placement = form.placement(values, coordinate_range)
+    sides = zip(TARGETS[closure.target], form.weights(values, placement), strict=True)
+    weights = {weight_name(side, i): float(v) for side, of_side in sides for i, v in enumerate(of_side)}
+    placed = dataclasses.replace(closure, first_centre=placement.first_centre, spacing=placement.spacing)
+    return weights | placed.coefficients
 
 
 @dataclass(frozen=True, kw_only=True)
 class FormulaStudy(Study):
-    """A study whose model has a formula's force, written in numbers of its own."""
+    """A study whose model has a formula's force, with the parameters of the formula as free parameters."""
 
-    written: Callable[[Sequence[float]], Mapping[str, float]] = dataclasses.field(compare=False)
-    """Values of `terms` -> coefficients of the closure."""
-    terms: tuple[str, ...]
-    """Names of the formula's numbers."""
-    starts: tuple[float, ...]
+    closure_coefficients: Callable[[Sequence[float]], Mapping[str, float]] = dataclasses.field(compare=False)
+    """Values of `formula_parameters` -> coefficients of the closure."""
+    formula_parameters: tuple[str, ...]
+    """Names of the formula's parameters in a fit."""
+    start_values: tuple[float, ...]
+    """Values of the formula's parameters before a fit changes them [SI]."""
 
     def parameters(self, values: Mapping[str, float], trial: Trial) -> Parameters:
-        """Reference parameters of a trial, to be changed by a formula's numbers as by any other."""
+        """Return the reference's parameters of a trial, whose `replace` takes the formula's parameters, too."""
         plain = super().parameters(values, trial)
-        return cast(Parameters, _FormulaParameters(plain.replace(**self.written(self.starts)), self))
+        return cast(Parameters, _FormulaParameters(plain.replace(**self.closure_coefficients(self.start_values)), self))
 
 
 class _FormulaParameters:
-    """Parameters that take a formula's numbers in `replace`."""
+    """Parameters of the reference whose `replace` takes a formula's parameters, too; all else is theirs."""
 
     def __init__(self, plain: Parameters, study: FormulaStudy) -> None:
         self._plain = plain
@@ -219,7 +244,6 @@ class _FormulaParameters:
         return getattr(self._plain, name)
 
     def replace(self, **changes: object) -> Parameters:
-        numbers = [
-            cast(float, changes.pop(term, start)) for term, start in zip(self._study.terms, self._study.starts, strict=True)
-        ]
-        return self._plain.replace(**changes, **self._study.written(numbers))
+        starts = zip(self._study.formula_parameters, self._study.start_values, strict=True)
+        values = [cast(float, changes.pop(name, start)) for name, start in starts]
+        return self._plain.replace(**changes, **self._study.closure_coefficients(values))

@@ -1,7 +1,8 @@
-"""Formulas that an unknown force may have, each with few numbers, and which of them the found bumps speak for.
+"""Formulas with few parameters that an unknown force may have, and which of them fit its radial basis functions best.
 
-A form writes all sides of a force at once: a pulse has one place and one width, and a height for every side. Forms are chosen
-by what a fit of their numbers would leave if the model were linear about the bumps; `formula` refits the best by trajectory.
+A formula has all directions of a force at once: a pulse has one place and one width, and a height in every direction. Formulas
+are ranked by the cost that a fit of their parameters would leave if the model were linear about the fitted radial basis
+functions; `formula` refits the best to the trajectories.
 """
 
 from __future__ import annotations
@@ -14,88 +15,93 @@ from functools import cache
 
 import numpy as np
 
-from looping_pendulum.discrepancy.unlisted.discovery import MARGIN, TARGETS, RecoveredForce
-from looping_pendulum.reference_ode.effects.closure import BUMPS
+from looping_pendulum.discrepancy.unlisted.discovery import END_MARGIN, TARGETS, RecoveredForce
+from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS
 from looping_pendulum.reference_ode.geometry import Array
 
-REACH = 2.0
-"""Bumps beyond either end of the coordinate's range on which a polynomial stands, so that its ends are its own."""
-NARROW = 0.6
-"""Distance of the bumps that a pulse is laid in, in its widths."""
-DENSE = 120
-"""Points at which a profile is laid into bumps."""
-WIDTHS = (0.4, 1.0, 2.5)
-"""Widths from which a local form is started, in distances of the found bumps."""
-THINNEST = 0.2
-"""Of a local form, in distances of the found bumps."""
+POLYNOMIAL_MARGIN = 2.0
+"""By how many spacings the basis functions reach beyond either end of the coordinate's range where they stand for a polynomial.
+
+A polynomial does not fall off at the ends of the range as a sum of basis functions does.
+"""
+PULSE_SPACING = 0.6
+"""Spacing of the basis functions that stand for a pulse, in widths of the pulse."""
+PROJECTION_POINTS = 120
+"""Points at which a profile is projected on basis functions by least squares."""
+START_WIDTHS = (0.4, 1.0, 2.5)
+"""Start values of the width of a pulse or step, in spacings of the fitted basis functions."""
+MIN_WIDTH = 0.2
+"""Lower bound of the width of a pulse or step, in spacings of the fitted basis functions."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CoordinateRange:
-    """Where the training trials went along the coordinate."""
+    """Range of the coordinate over the training trials."""
 
     low: float
     high: float
-    step: float
-    """Distance of the bumps that the force was found with."""
+    spacing: float
+    """Spacing of the basis functions that were fitted."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BasisPlacement:
-    """Where a row of bumps stands."""
+    """Centres of the basis functions along the coordinate."""
 
-    low: float
-    """Coordinate of the first bump."""
-    step: float
-    """Their distance."""
+    first_centre: float
+    spacing: float
     margin: float
-    """Bumps at either end that lie beyond where the profile matters; negative: it matters beyond the bumps."""
+    """How many spacings the first and last centres lie outside the range in which the profile matters; negative: inside."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FormulaTerm:
-    """One number of a form."""
+    """One parameter of a formula."""
 
     name: str
     power: int
-    """Its unit is the force's over the coordinate's to this power; None of the force for `of_coordinate`."""
+    """Power of the coordinate that the parameter multiplies: its unit is the force's over the coordinate's to this power."""
     of_coordinate: bool = False
-    """Whether it is a place or a width, in units of the coordinate."""
+    """Whether the parameter is a place or a width, in units of the coordinate; then the power means nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FormulaFamily:
-    """One kind of formula of one coordinate, for all sides of a closure."""
+    """One kind of formula of one coordinate, for all directions (sides) of a closure."""
 
     name: str
     terms: tuple[FormulaTerm, ...]
     profile: Callable[[Array, Array], Array]
-    """(numbers, coordinates of shape (n,)) -> force of every side, shape (sides, n)."""
+    """(values of the terms, coordinates of shape (n,)) -> force of every side, shape (sides, n)."""
     texts: tuple[str, ...]
     """Formula of every side, with the names of its terms in braces."""
     local: bool = False
-    """Whether it is nothing but near its place, and can stand on bumps as narrow as itself."""
+    """Whether the force is negligible except near a place, so that basis functions as narrow as itself can stand for it."""
 
-    def row(self, q: Array, where: CoordinateRange) -> BasisPlacement:
-        """The row of bumps on which the form stands."""
+    def placement(self, values: Array, coordinate_range: CoordinateRange) -> BasisPlacement:
+        """Return the centres of the basis functions that stand for the formula with these values."""
         if self.local:
-            place, step = float(q[0]), NARROW * abs(float(q[1]))
-            return BasisPlacement(low=place - 0.5 * (BUMPS - 1) * step, step=step, margin=-MARGIN)
-        step = (where.high - where.low) / (BUMPS - 1 - 2 * REACH)
-        return BasisPlacement(low=where.low - REACH * step, step=step, margin=REACH)
+            place, spacing = float(values[0]), PULSE_SPACING * abs(float(values[1]))
+            return BasisPlacement(
+                first_centre=place - 0.5 * (N_BASIS_FUNCTIONS - 1) * spacing, spacing=spacing, margin=-END_MARGIN
+            )
+        spacing = (coordinate_range.high - coordinate_range.low) / (N_BASIS_FUNCTIONS - 1 - 2 * POLYNOMIAL_MARGIN)
+        first_centre = coordinate_range.low - POLYNOMIAL_MARGIN * spacing
+        return BasisPlacement(first_centre=first_centre, spacing=spacing, margin=POLYNOMIAL_MARGIN)
 
-    def weights(self, q: Array, row: BasisPlacement) -> Array:
-        """The form as bumps, shape (sides, BUMPS) [N]."""
-        dense, lay = _laying(row.margin)
-        return np.asarray(self.profile(q, row.low + row.step * dense) @ lay.T)
+    def weights(self, values: Array, placement: BasisPlacement) -> Array:
+        """Return the weights of the basis functions that stand for the formula [N], shape (sides, N_BASIS_FUNCTIONS)."""
+        points, projection = _projection_onto_basis(placement.margin)
+        return np.asarray(self.profile(values, placement.first_centre + placement.spacing * points) @ projection.T)
 
 
 @cache
-def _laying(margin: float) -> tuple[Array, Array]:
-    """Places along a row of bumps, and the matrix from a profile at them to the weights nearest to it."""
-    dense = np.linspace(margin, BUMPS - 1 - margin, DENSE)
-    bumps = np.exp(-0.5 * (dense[:, None] - np.arange(BUMPS)) ** 2)
-    return dense, np.asarray(np.linalg.solve(bumps.T @ bumps + 1e-9 * np.eye(BUMPS), bumps.T))
+def _projection_onto_basis(margin: float) -> tuple[Array, Array]:
+    """Return points in spacings from the first centre, and the matrix from a profile at them to the least-squares weights."""
+    points = np.linspace(margin, N_BASIS_FUNCTIONS - 1 - margin, PROJECTION_POINTS)
+    basis = np.exp(-0.5 * (points[:, None] - np.arange(N_BASIS_FUNCTIONS)) ** 2)
+    # The small ridge keeps the system solvable where basis functions lie outside the points (a positive margin).
+    return points, np.asarray(np.linalg.solve(basis.T @ basis + 1e-9 * np.eye(N_BASIS_FUNCTIONS), basis.T))
 
 
 POLYNOMIALS: dict[str, tuple[int, ...]] = {
@@ -105,21 +111,21 @@ POLYNOMIALS: dict[str, tuple[int, ...]] = {
     "square": (2,),
     "parabola": (0, 1, 2),
 }
-"""Form -> powers of the coordinate."""
+"""Polynomial -> powers of the coordinate."""
 PULSES: dict[str, tuple[str, ...]] = {"pulse": ("height",), "pass": ("swing",), "pulse and pass": ("height", "swing")}
-"""Form -> parts: even about its place (a bump), and odd (there and back, as beside an attracting body)."""
+"""Pulse -> parts: "height" is even about the place, a Gaussian; "swing" is odd, as the pull of a body that is passed."""
 
 
 def polynomial(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
-    """Return a polynomial of its own on every side; the name "nothing" leaves one out."""
+    """Return a polynomial of its own on every side; the name "nothing" leaves a side out."""
     powers = [POLYNOMIALS.get(name, ()) for name in chosen]
-    flat = [(i, n) for i, side in enumerate(powers) for n in side]
+    side_powers = [(i, n) for i, side in enumerate(powers) for n in side]
 
-    def profile(q: Array, s: Array) -> Array:
-        found = np.zeros((len(sides), len(s)))
-        for value, (i, n) in zip(q, flat, strict=True):
-            found[i] += value * s**n
-        return found
+    def profile(values: Array, s: Array) -> Array:
+        force = np.zeros((len(sides), len(s)))
+        for value, (i, n) in zip(values, side_powers, strict=True):
+            force[i] += value * s**n
+        return force
 
     def text(i: int) -> str:
         parts = [f"{{{sides[i]}_{n}}}" + ("", " s", " s^2")[n] for n in powers[i]]
@@ -127,7 +133,7 @@ def polynomial(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
 
     return FormulaFamily(
         name=_name(sides, chosen),
-        terms=tuple(FormulaTerm(name=f"{sides[i]}_{n}", power=n) for i, n in flat),
+        terms=tuple(FormulaTerm(name=f"{sides[i]}_{n}", power=n) for i, n in side_powers),
         profile=profile,
         texts=tuple(text(i) for i in range(len(sides))),
     )
@@ -136,15 +142,15 @@ def polynomial(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
 def pulse(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
     """Return pulses at one place and of one width on all sides; "nothing" leaves a side out."""
     parts = [PULSES.get(name, ()) for name in chosen]
-    flat = [(i, part) for i, side in enumerate(parts) for part in side]
+    side_parts = [(i, part) for i, side in enumerate(parts) for part in side]
 
-    def profile(q: Array, s: Array) -> Array:
-        z = (s - q[0]) / q[1]
+    def profile(values: Array, s: Array) -> Array:
+        z = (s - values[0]) / values[1]
         bell = np.exp(-0.5 * z * z)
-        found = np.zeros((len(sides), len(s)))
-        for value, (i, part) in zip(q[2:], flat, strict=True):
-            found[i] += value * (bell if part == "height" else z * bell)
-        return found
+        force = np.zeros((len(sides), len(s)))
+        for value, (i, part) in zip(values[2:], side_parts, strict=True):
+            force[i] += value * (bell if part == "height" else z * bell)
+        return force
 
     def text(i: int) -> str:
         names = [f"{{{sides[i]}_{part}}}" + ("" if part == "height" else " z") for part in parts[i]]
@@ -153,29 +159,29 @@ def pulse(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
 
     return FormulaFamily(
         name=_name(sides, chosen),
-        terms=(*_LOCAL, *(FormulaTerm(name=f"{sides[i]}_{part}", power=0) for i, part in flat)),
+        terms=(*_LOCAL, *(FormulaTerm(name=f"{sides[i]}_{part}", power=0) for i, part in side_parts)),
         profile=profile,
         texts=tuple(text(i) for i in range(len(sides))),
         local=True,
     )
 
 
-def step(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
-    """Return steps at one place and of one width on all sides; "nothing" leaves a side out."""
-    on = [i for i, name in enumerate(chosen) if name != "nothing"]
+def sigmoid_step(sides: Sequence[str], chosen: Sequence[str]) -> FormulaFamily:
+    """Return logistic steps at one place and of one width on all sides; "nothing" leaves a side out."""
+    active = [i for i, name in enumerate(chosen) if name != "nothing"]
 
-    def profile(q: Array, s: Array) -> Array:
-        rise = 1 / (1 + np.exp(-np.clip((s - q[0]) / q[1], -60, 60)))
-        found = np.zeros((len(sides), len(s)))
-        found[on] = np.asarray(q[2:])[:, None] * rise
-        return found
+    def profile(values: Array, s: Array) -> Array:
+        rise = 1 / (1 + np.exp(-np.clip((s - values[0]) / values[1], -60, 60)))  # clipped: exp would overflow
+        force = np.zeros((len(sides), len(s)))
+        force[active] = np.asarray(values[2:])[:, None] * rise
+        return force
 
     text = "{{{}_height}} / (1 + exp(-(s - {{place}}) / {{width}}))"
     return FormulaFamily(
         name=_name(sides, chosen),
-        terms=(*_LOCAL, *(FormulaTerm(name=f"{sides[i]}_height", power=0) for i in on)),
+        terms=(*_LOCAL, *(FormulaTerm(name=f"{sides[i]}_height", power=0) for i in active)),
         profile=profile,
-        texts=tuple(text.format(side) if i in on else "0" for i, side in enumerate(sides)),
+        texts=tuple(text.format(side) if i in active else "0" for i, side in enumerate(sides)),
     )
 
 
@@ -187,133 +193,155 @@ def _name(sides: Sequence[str], chosen: Sequence[str]) -> str:
 
 
 def forms(target: str) -> list[FormulaFamily]:
-    """Every form that a force on a closure's target may have."""
+    """Return every formula family that a force on ``target`` may have."""
     sides = TARGETS[target]
 
-    def each(names: Sequence[str]) -> list[tuple[str, ...]]:
+    def combinations(names: Sequence[str]) -> list[tuple[str, ...]]:
         every = itertools.product(("nothing", *names), repeat=len(sides))
         return [chosen for chosen in every if any(name != "nothing" for name in chosen)]
 
-    found = [polynomial(sides, chosen) for chosen in each(tuple(POLYNOMIALS))]
-    found += [pulse(sides, chosen) for chosen in each(tuple(PULSES))]
-    return found + [step(sides, chosen) for chosen in each(("step",))]
+    families = [polynomial(sides, chosen) for chosen in combinations(tuple(POLYNOMIALS))]
+    families += [pulse(sides, chosen) for chosen in combinations(tuple(PULSES))]
+    return families + [sigmoid_step(sides, chosen) for chosen in combinations(("step",))]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictedFormula:
-    """A form, and what it promises if the model is linear about the found bumps."""
+    """A formula with the values and the cost that it would have if the model were linear about the fitted basis functions."""
 
-    found: RecoveredForce
+    force: RecoveredForce
     form: FormulaFamily
-    q: Array
-    """Its numbers [SI]."""
+    values: Array
+    """Values of the terms [SI]."""
     errors: Array
+    """Standard errors of the terms [SI]."""
     cost: float
-    """Sum of squares that it would leave, at the noise of the declared model."""
+    """Predicted sum of squared residuals in units of the declared model's noise."""
 
     @property
-    def score(self) -> float:
-        """Bayesian information criterion; lower is better."""
-        return self.cost + len(self.q) * math.log(self.found.fit.problem.count)
+    def bic(self) -> float:
+        """Predicted Bayesian information criterion; lower is better."""
+        return self.cost + len(self.values) * math.log(self.force.fit.problem.count)
 
 
-def promises(found: RecoveredForce, noise: Array) -> list[PredictedFormula]:
-    """Every form with its best numbers about the bumps, lowest criterion first.
+def predict_formulas(force: RecoveredForce, noise: Array) -> list[PredictedFormula]:
+    """Return every formula with its best values by the linearised model, lowest BIC first.
 
     Parameters
     ----------
     noise
-        Standard deviation of every value by which costs are told, shape (n,).
+        Standard deviation of every measured value, which costs are in units of, shape (n,).
     """
-    where = range_of(found)
-    closure, problem = found.closure, found.fit.problem
-    known = len(problem.numbers) - len(closure.names)
-    row = BasisPlacement(low=closure.low, step=closure.step, margin=MARGIN)
-    root, target, floor = _reduced(found, noise)
-    scale = np.array([n.scale for n in problem.numbers[known:]])
+    coordinate_range = coordinate_range_of(force)
+    closure, problem = force.closure, force.fit.problem
+    n_declared = len(problem.free_parameters) - len(closure.names)
+    placement = BasisPlacement(first_centre=closure.first_centre, spacing=closure.spacing, margin=END_MARGIN)
+    root, target, unexplained_cost = _reduced_least_squares(force, noise)
+    scale = np.array([n.scale for n in problem.free_parameters[n_declared:]])
 
-    def miss(form: FormulaFamily, q: Array) -> Array:
-        w = form.weights(q, row).ravel() / scale
-        return np.asarray(root @ w - target)
+    def reduced_residuals(form: FormulaFamily, values: Array) -> Array:
+        weights = form.weights(values, placement).ravel() / scale
+        return np.asarray(root @ weights - target)
 
-    kept = [_best(found, form, miss, floor, where) for form in forms(closure.target)]
-    return sorted((p for p in kept if p), key=lambda p: p.score)
-
-
-def range_of(found: RecoveredForce) -> CoordinateRange:
-    """Where the trials went along a closure's coordinate."""
-    s = found.coordinates
-    return CoordinateRange(low=float(s.min()), high=float(s.max()), step=found.closure.step)
+    predictions = [
+        _best_fit(force, form, reduced_residuals, unexplained_cost, coordinate_range) for form in forms(closure.target)
+    ]
+    return sorted((p for p in predictions if p), key=lambda p: p.bic)
 
 
-def _reduced(found: RecoveredForce, noise: Array) -> tuple[Array, Array, float]:
-    """Least squares for the weights alone, all else fitted: root, target and what no weight can explain."""
-    fit = found.fit
+def coordinate_range_of(force: RecoveredForce) -> CoordinateRange:
+    """Return the range of a closure's coordinate over the training trials."""
+    s = force.coordinates
+    return CoordinateRange(low=float(s.min()), high=float(s.max()), spacing=force.closure.spacing)
+
+
+def _reduced_least_squares(force: RecoveredForce, noise: Array) -> tuple[Array, Array, float]:
+    """Reduce the linearised least-squares problem to the weights, all other parameters at their best (variable projection).
+
+    Returns
+    -------
+    root, target, unexplained_cost
+        The cost of weights w, in scales, is ``|root @ w - target|^2 + unexplained_cost``.
+    """
+    fit = force.fit
     count = len(noise)
-    own = np.concatenate([d.sigma for d in fit.problem.data])
-    known = len(fit.problem.numbers) - len(found.closure.names)
+    fit_sigma = np.concatenate([d.sigma for d in fit.problem.data])
+    n_declared = len(fit.problem.free_parameters) - len(force.closure.names)
     with np.errstate(invalid="ignore"):
-        ratio = np.where(np.isfinite(own) & np.isfinite(noise), own / noise, 0.0)
-    # the last rows are the ridge's, which no formula has
-    rows = np.concatenate([ratio, np.ones(known)])
-    jacobian, residuals = fit.jacobian[: count + known] * rows[:, None], fit.residuals[: count + known] * rows
-    basis, _ = np.linalg.qr(jacobian[:, :known])
-    left = residuals - basis @ (basis.T @ residuals)
-    moving = jacobian[:, known:] - basis @ (basis.T @ jacobian[:, known:])
-    q, root = np.linalg.qr(moving)
-    explained = q.T @ left
-    return root, np.asarray(explained + root @ fit.x[known:]), float(left @ left - explained @ explained)
+        ratio = np.where(np.isfinite(fit_sigma) & np.isfinite(noise), fit_sigma / noise, 0.0)
+    # The last rows of the fit are the ridge (prior) of the weights, which no formula has: they are left out.
+    rows = np.concatenate([ratio, np.ones(n_declared)])
+    jacobian, residuals = fit.jacobian[: count + n_declared] * rows[:, None], fit.residuals[: count + n_declared] * rows
+    basis, _ = np.linalg.qr(jacobian[:, :n_declared])
+    unexplained = residuals - basis @ (basis.T @ residuals)
+    weight_sensitivity = jacobian[:, n_declared:] - basis @ (basis.T @ jacobian[:, n_declared:])
+    orthonormal, root = np.linalg.qr(weight_sensitivity)
+    explained = orthonormal.T @ unexplained
+    return root, np.asarray(explained + root @ fit.x[n_declared:]), float(unexplained @ unexplained - explained @ explained)
 
 
-def _best(
-    found: RecoveredForce,
+def _best_fit(
+    force: RecoveredForce,
     form: FormulaFamily,
-    miss: Callable[[FormulaFamily, Array], Array],
-    floor: float,
-    where: CoordinateRange,
+    reduced_residuals: Callable[[FormulaFamily, Array], Array],
+    unexplained_cost: float,
+    coordinate_range: CoordinateRange,
 ) -> PredictedFormula | None:
-    fits = [min((_linear(form, miss, start) for start in starts), key=lambda f: f[0]) for starts in _starts(form, where)]
+    """Fit a formula's values to the reduced problem; None if they do not come out finite."""
+    fits = [
+        min((_fit_linear(form, reduced_residuals, start) for start in starts), key=lambda f: f[0])
+        for starts in _start_values(form, coordinate_range)
+    ]
     if form.terms[0].of_coordinate:
-        fits = [_polished(form, miss, where, q) for _, q, _ in fits]
-    cost, q, jacobian = min(fits, key=lambda f: f[0])
+        fits = [_fit_nonlinear(form, reduced_residuals, coordinate_range, values) for _, values, _ in fits]
+    cost, values, jacobian = min(fits, key=lambda f: f[0])
     errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)), 0.0))
-    return PredictedFormula(found=found, form=form, q=q, errors=errors, cost=cost + floor) if np.all(np.isfinite(q)) else None
+    if not np.all(np.isfinite(values)):
+        return None
+    return PredictedFormula(force=force, form=form, values=values, errors=errors, cost=cost + unexplained_cost)
 
 
-def _polished(
-    form: FormulaFamily, miss: Callable[[FormulaFamily, Array], Array], where: CoordinateRange, q: Array
+def _fit_nonlinear(
+    form: FormulaFamily,
+    reduced_residuals: Callable[[FormulaFamily, Array], Array],
+    coordinate_range: CoordinateRange,
+    values: Array,
 ) -> tuple[float, Array, Array]:
-    """Cost, numbers and derivative where a form's place and width are best."""
+    """Return cost, values and Jacobian of the best fit of all terms, place and width included, from ``values``."""
     from scipy.optimize import least_squares
 
-    low, high = np.full(len(q), -np.inf), np.full(len(q), np.inf)
-    low[:2], high[:2] = (where.low, THINNEST * where.step), (where.high, where.high - where.low)
-    size = np.concatenate([[where.step, where.step], np.maximum(np.abs(q[2:]), 1e-6)])
-    fit = least_squares(lambda v: miss(form, v), q, x_scale=size, bounds=(low, high), max_nfev=60)
-    return 2 * float(fit.cost), fit.x, fit.jac
+    low, high = np.full(len(values), -np.inf), np.full(len(values), np.inf)
+    # of a pulse or step, the first two terms are its place and its width
+    low[:2] = coordinate_range.low, MIN_WIDTH * coordinate_range.spacing
+    high[:2] = coordinate_range.high, coordinate_range.high - coordinate_range.low
+    scale = np.concatenate([[coordinate_range.spacing, coordinate_range.spacing], np.maximum(np.abs(values[2:]), 1e-6)])
+    fit = least_squares(lambda v: reduced_residuals(form, v), values, x_scale=scale, bounds=(low, high), max_nfev=60)
+    return 2 * float(fit.cost), fit.x, fit.jac  # SciPy's cost is half the sum of squares
 
 
-def _linear(
-    form: FormulaFamily, miss: Callable[[FormulaFamily, Array], Array], start: Sequence[float]
+def _fit_linear(
+    form: FormulaFamily, reduced_residuals: Callable[[FormulaFamily, Array], Array], start: Sequence[float]
 ) -> tuple[float, Array, Array]:
-    """Cost, numbers and derivative with the best heights for a place and a width."""
+    """Return cost, values and Jacobian of the best fit of the terms that enter linearly, at a given place and width."""
     linear = [i for i, t in enumerate(form.terms) if not t.of_coordinate]
-    q = np.concatenate([start, np.zeros(len(linear))])
-    nothing = miss(form, q)
-    columns = np.stack([miss(form, q + _unit(len(q), i)) - nothing for i in linear], axis=1)
-    q[linear] = np.linalg.lstsq(columns, -nothing, rcond=1e-10)[0]
-    return float(np.sum((nothing + columns @ q[linear]) ** 2)), q, columns
+    values = np.concatenate([start, np.zeros(len(linear))])
+    residuals_without = reduced_residuals(form, values)
+    columns = np.stack(
+        [reduced_residuals(form, values + _unit_vector(len(values), i)) - residuals_without for i in linear], axis=1
+    )
+    values[linear] = np.linalg.lstsq(columns, -residuals_without, rcond=1e-10)[0]
+    return float(np.sum((residuals_without + columns @ values[linear]) ** 2)), values, columns
 
 
-def _starts(form: FormulaFamily, where: CoordinateRange) -> list[list[tuple[float, ...]]]:
-    """Places to start from, for each width; one empty start where the form has neither."""
+def _start_values(form: FormulaFamily, coordinate_range: CoordinateRange) -> list[list[tuple[float, ...]]]:
+    """Return, for each start width, the starts (place, width); one empty start for a formula without a place."""
     if not form.terms[0].of_coordinate:
         return [[()]]
-    places = np.linspace(where.low, where.high, BUMPS).tolist()
-    return [[(place, width * where.step) for place in places] for width in WIDTHS]
+    places = np.linspace(coordinate_range.low, coordinate_range.high, N_BASIS_FUNCTIONS).tolist()
+    return [[(place, width * coordinate_range.spacing) for place in places] for width in START_WIDTHS]
 
 
-def _unit(n: int, i: int) -> Array:
+def _unit_vector(n: int, i: int) -> Array:
     e = np.zeros(n)
     e[i] = 1.0
     return e

@@ -1,4 +1,4 @@
-"""What the checks run, and how a check says what it needs of an engine."""
+"""Apparatuses that the checks simulate, and the declaration of what a check requires of an engine."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios.scenario import Scenario
 
 Check = Callable[[Engine], None]
-"""It raises AssertionError, with what it found and what it needed, where an engine does not do what it must."""
+"""A check raises AssertionError, with what was found and what was needed, if the engine fails it."""
 
-SMOOTH = Parameters(light_mass=0.01, heavy_mass=0.1, rod_radius=0.02, free_length=0.4, release_angle=radians(112))
+LOSSLESS = Parameters(light_mass=0.01, heavy_mass=0.1, rod_radius=0.02, free_length=0.4, release_angle=radians(112))
 """No friction and no drag; a fat rod, so that chains of a few millimetres a link go over it smoothly."""
-SMOOTH_DURATION = 0.15
-"""[s]"""
+LOSSLESS_DURATION = 0.15
+"""Duration of a run of `LOSSLESS` [s]."""
 
-ROUGH = Parameters(
+LOSSY = Parameters(
     light_mass=0.02,
     heavy_mass=0.1,
     rod_radius=0.0125,
@@ -37,67 +37,67 @@ ROUGH = Parameters(
         "string_drag": 1e-3,
     },
 )
-"""Friction, drag, and no number that `SMOOTH` or a default has, so that one that an engine does not read shows.
+"""With friction and drag. No value equals that of `LOSSLESS` or a default, so that a value that an engine ignores is noticed.
 
 The heavy mass halts at 0.226 s, and the string is wound by more than a full turn from 0.367 s on.
 """
-ROUGH_DURATION = 0.42
-"""[s]"""
+LOSSY_DURATION = 0.42
+"""Duration of a run of `LOSSY` [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Needs:
-    """What an engine must declare for a check to say anything of it."""
+class Requirements:
+    """What an engine must declare for a check to apply to it."""
 
-    parameters: tuple[Parameters, ...] = (SMOOTH,)
-    """Apparatus that it must be able to represent."""
+    parameters: tuple[Parameters, ...] = (LOSSLESS,)
+    """Apparatuses that it must be able to represent."""
     laws: bool = True
-    """Whether somebody must supply the physics of ``parameters``: friction, drag, a static friction of its own."""
+    """Whether it must also have the physics of ``parameters``: friction, drag, a static friction other than the kinetic one."""
     ladders: bool = False
     """Whether it must offer a ladder of refinement."""
 
 
-NEEDS: dict[Check, Needs] = {}
-"""Check -> what it needs; filled by `needs`."""
+REQUIREMENTS: dict[Check, Requirements] = {}
+"""Check -> what it requires of an engine; filled by `requires`."""
 
 
-def needs(*parameters: Parameters, laws: bool = True) -> Callable[[Check], Check]:
-    """Return a decorator that writes down what a check needs of an engine."""
+def requires(*parameters: Parameters, laws: bool = True) -> Callable[[Check], Check]:
+    """Return a decorator that registers what a check requires of an engine."""
 
-    def note(check: Check) -> Check:
-        NEEDS[check] = Needs(parameters=parameters, laws=laws)
+    def register(check: Check) -> Check:
+        REQUIREMENTS[check] = Requirements(parameters=parameters, laws=laws)
         return check
 
-    return note
+    return register
 
 
 def scenario(parameters: Parameters, duration: float) -> Scenario:
-    """Wrap ``parameters`` for a check; ``duration`` is in s."""
+    """Return a scenario with ``parameters`` for a check; ``duration`` is in s."""
     return Scenario(name="conformance", title="", description="", parameters=parameters, duration=duration)
 
 
-def smooth_run(engine: Engine) -> Trajectory:
-    """Run of `SMOOTH`."""
-    return engine.simulate(scenario(SMOOTH, SMOOTH_DURATION))
+def lossless_run(engine: Engine) -> Trajectory:
+    """Return the engine's run of `LOSSLESS`."""
+    return engine.simulate(scenario(LOSSLESS, LOSSLESS_DURATION))
 
 
-def rough_run(engine: Engine) -> Trajectory:
-    """Run of `ROUGH`."""
-    return engine.simulate(scenario(ROUGH, ROUGH_DURATION))
+def lossy_run(engine: Engine) -> Trajectory:
+    """Return the engine's run of `LOSSY`."""
+    return engine.simulate(scenario(LOSSY, LOSSY_DURATION))
 
 
 def sample_times(duration: float) -> Array:
-    """Times of the samples of a run of ``duration`` [s]."""
+    """Return the sample times [s] of a run of ``duration`` [s]."""
     return np.asarray(np.arange(round(duration / SAMPLE_INTERVAL) + 1) * SAMPLE_INTERVAL)
 
 
-def step_of(engine: Engine) -> float:
-    """Time step of ``engine`` [s]; the reference has none and gets zero."""
+def time_step_of(engine: Engine) -> float:
+    """Return the time step of ``engine`` [s]; 0 for the reference, which has none."""
     return float(getattr(engine.settings, "time_step", 0.0))
 
 
-class Remembering:
-    """An engine that runs each scenario once: checks share their runs, failed ones too, and `again` makes one anew."""
+class CachedEngine:
+    """An engine that simulates each scenario only once, so that checks share their runs, including failed ones."""
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
@@ -108,29 +108,29 @@ class Remembering:
 
     def simulate(self, scenario: Scenario, recorder: object = None) -> Trajectory:
         """Return the run of ``scenario``; samples come with the trajectory, not through ``recorder``."""
-        outcome = next((outcome for known, outcome in self._runs if known == scenario), None)
+        outcome = next((outcome for cached, outcome in self._runs if cached == scenario), None)
         if outcome is None:
             try:
                 outcome = self.engine.simulate(scenario)
-            except Exception as error:  # a hang of minutes is not waited for again
+            except Exception as error:  # cached too: a run that hangs for minutes is not repeated
                 outcome = error
             self._runs.append((scenario, outcome))
         if isinstance(outcome, Exception):
             raise outcome
         return outcome
 
-    def again(self, scenario: Scenario) -> Trajectory:
-        """Run ``scenario`` whatever was run before."""
+    def simulate_uncached(self, scenario: Scenario) -> Trajectory:
+        """Simulate ``scenario`` again, even if its run is cached."""
         return self.engine.simulate(scenario)
 
 
-def undisturbed_run(engine: Engine, parameters: Parameters, duration: float) -> Trajectory:
-    """Run of ``parameters`` for ``duration`` [s] or longer: of `SMOOTH` an engine that remembers its runs has a longer one."""
-    if isinstance(engine, Remembering) and parameters == SMOOTH and duration <= SMOOTH_DURATION:
-        return smooth_run(engine)
+def run_without_effect(engine: Engine, parameters: Parameters, duration: float) -> Trajectory:
+    """Return a run of ``parameters`` for at least ``duration`` [s], if possible the cached one of `LOSSLESS`."""
+    if isinstance(engine, CachedEngine) and parameters == LOSSLESS and duration <= LOSSLESS_DURATION:
+        return lossless_run(engine)
     return engine.simulate(scenario(parameters, duration))
 
 
-def fresh_run(engine: Engine, scenario: Scenario) -> Trajectory:
-    """Run ``scenario``, also if ``engine`` remembers having run it."""
-    return engine.again(scenario) if isinstance(engine, Remembering) else engine.simulate(scenario)
+def uncached_run(engine: Engine, scenario: Scenario) -> Trajectory:
+    """Simulate ``scenario``, even if ``engine`` has its run cached."""
+    return engine.simulate_uncached(scenario) if isinstance(engine, CachedEngine) else engine.simulate(scenario)

@@ -1,4 +1,4 @@
-"""Checks against closed forms and invariants, so that the reference is examined like the rest."""
+"""Checks against closed forms and invariants, so that the reference is tested like every other engine."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import math
 import numpy as np
 
 from looping_pendulum.engines.conformance.apparatus import (
-    ROUGH,
-    SMOOTH,
-    needs,
-    rough_run,
+    LOSSLESS,
+    LOSSY,
+    lossless_run,
+    lossy_run,
+    requires,
     scenario,
-    smooth_run,
-    step_of,
+    time_step_of,
 )
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine
 from looping_pendulum.engines.trajectory import Trajectory
@@ -23,88 +23,99 @@ from looping_pendulum.reference_ode.invariants import mechanical_energy
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 ACCELERATION_TOLERANCE = 0.01
-"""Relative. A chain's nodes reach and leave the rod one by one: some 0.5 mm of ripple in a drop of 11 to 16 cm."""
+"""Largest relative error of a fitted acceleration.
+
+A chain's nodes reach and leave the rod one by one, which gives a ripple of about 0.5 mm in a drop of 11 to 16 cm.
+"""
 RELEASE_TOLERANCE = 0.02
-"""Relative. The same ripple in the first `RELEASE_WINDOW`, in which the light mass moves by 4 cm; measured 1.3 % at most."""
+"""Largest relative error of an acceleration at release.
+
+The same ripple is larger here, because the light mass moves by only 4 cm within `RELEASE_WINDOW`; measured 1.3 % at most.
+"""
 RELEASE_WINDOW = 0.08
-"""Time after release from which the accelerations at release are taken [s]; the fit itself then errs by 0.2 %."""
+"""Time after release over which the accelerations at release are fitted [s]; the fit itself then errs by 0.2 %."""
 ENERGY_TOLERANCE = 0.01
-"""Of the potential energy that the heavy mass has given off; chains that do not stretch keep it within 0.1 %."""
+"""Largest energy error as a fraction of the potential energy that the heavy mass has lost.
+
+Chains that do not stretch conserve energy within 0.1 % of it.
+"""
 STRING_TOLERANCE = 1e-3
-"""[m]"""
+"""Largest error of the string's length, and of positions that follow from it [m]."""
 CREEP_TOLERANCE = 2e-4
-"""Way that a held string may creep in 0.1 s [m]: contacts that give way a little creep by less than 1 mm/s; one that slides
-would go 10 mm or more."""
+"""Largest distance that a string held by friction may creep in 0.1 s [m].
 
-DROPPED = SMOOTH.replace(release=Release.DROP)
-ATWOOD = SMOOTH.replace(release=Release.VERTICAL)
-CAPSTAN = SMOOTH.replace(release=Release.VERTICAL, kinetic_friction=0.3)
-CLAMPED = SMOOTH.replace(release=Release.HELD, free_length=0.15, release_angle=math.radians(150))
+Soft contacts creep by less than 1 mm/s; a string that slides would move by 10 mm or more.
+"""
+
+DROPPED = LOSSLESS.replace(release=Release.DROP)
+ATWOOD = LOSSLESS.replace(release=Release.VERTICAL)
+CAPSTAN = LOSSLESS.replace(release=Release.VERTICAL, kinetic_friction=0.3)
+CLAMPED = LOSSLESS.replace(release=Release.HELD, free_length=0.15, release_angle=math.radians(150))
 SLACK = CLAMPED.replace(release_angle=math.radians(40))
-"""Above the rod, so that the light mass falls towards it; it would take 0.2 s and more for the string to be taut again."""
-GRIPPED = ATWOOD.replace(heavy_mass=0.03, kinetic_friction=0.5)
-"""The rod holds tensions of a ratio up to exp(0.5 pi) = 4.8 apart; the masses' is 3."""
-GRIPPED_AT_REST = GRIPPED.replace(kinetic_friction=0.2, static_friction=0.5)
-"""As `GRIPPED` while nothing slides; a sliding string would be held to exp(0.2 pi) = 1.9 only."""
+"""Light mass released above the rod, so that it falls towards it; the string stays slack for 0.2 s and more."""
+HELD_BY_FRICTION = ATWOOD.replace(heavy_mass=0.03, kinetic_friction=0.5)
+"""The rod holds a ratio of tensions up to exp(0.5 pi) = 4.8; the ratio of the masses is 3."""
+HELD_BY_STATIC_FRICTION = HELD_BY_FRICTION.replace(kinetic_friction=0.2, static_friction=0.5)
+"""As `HELD_BY_FRICTION` while nothing slides; once it slides, friction would hold a ratio of exp(0.2 pi) = 1.9 only."""
 
 
-@needs(DROPPED)
+@requires(DROPPED)
 def drop_is_free_fall(engine: Engine) -> None:
-    """Without a string both masses fall g t^2 / 2, but for a first-order step's g t dt."""
+    """Without a string both masses fall by g t^2 / 2, within the error g t dt of a first-order step."""
     run = engine.simulate(scenario(DROPPED, 0.1))
     fallen = closed_forms.free_fall(run.t, mass=1.0, drag=0.0, gravity=9.81)
-    bound = 9.81 * run.t * step_of(engine) + 1e-9
+    bound = 9.81 * run.t * time_step_of(engine) + 1e-9
     for position in (run.light_position, run.heavy_position):
         assert (np.abs(position[0, 1] - position[:, 1] - fallen) <= bound).all(), "free fall"
     assert np.isnan(run.wrap_angle).all(), "a wrap angle without a string"
 
 
-@needs(ATWOOD)
+@requires(ATWOOD)
 def frictionless_vertical_release_is_an_atwood_machine(engine: Engine) -> None:
-    """Both masses hanging, no friction: a = g (M2 - M1) / (M2 + M1)."""
-    _atwood(engine, ATWOOD)
+    """With both masses hanging and no friction, the acceleration is g (M2 - M1) / (M2 + M1)."""
+    _assert_acceleration(engine, ATWOOD)
 
 
-@needs(CAPSTAN)
+@requires(CAPSTAN)
 def vertical_release_obeys_the_capstan_law(engine: Engine) -> None:
-    """Both masses hanging, friction: a = g (M2 - M1 e^{mu pi}) / (M2 + M1 e^{mu pi})."""
-    _atwood(engine, CAPSTAN)
+    """With both masses hanging and friction, the acceleration is g (M2 - M1 e^{mu pi}) / (M2 + M1 e^{mu pi})."""
+    _assert_acceleration(engine, CAPSTAN)
 
 
-def _atwood(engine: Engine, p: Parameters) -> None:
+def _assert_acceleration(engine: Engine, p: Parameters) -> None:
     run = engine.simulate(scenario(p, 0.2))
-    found = fitted_acceleration(run)
+    fitted = fitted_acceleration(run)
     exact = closed_forms.atwood_acceleration(p)
-    assert abs(found / exact - 1) < ACCELERATION_TOLERANCE, f"acceleration {found:.4f}, exact {exact:.4f} m/s^2"
+    assert abs(fitted / exact - 1) < ACCELERATION_TOLERANCE, f"acceleration {fitted:.4f}, exact {exact:.4f} m/s^2"
 
 
 def fitted_acceleration(run: Trajectory) -> float:
-    """Acceleration a of the heavy mass's drop a t^2 / 2, by least squares [m/s^2]."""
+    """Return the acceleration a of a least-squares fit of a t^2 / 2 to the heavy mass's drop [m/s^2]."""
     square = 0.5 * run.t**2
     return float(square @ run.heavy_drop / (square @ square))
 
 
-@needs(GRIPPED)
+@requires(HELD_BY_FRICTION)
 def friction_holds_the_string_of_a_small_overweight(engine: Engine) -> None:
-    """Both masses hanging, M2 < M1 e^{mu pi}: nothing moves."""
-    _stays(engine, GRIPPED)
+    """With both masses hanging and M2 < M1 e^{mu pi}, nothing moves."""
+    _assert_at_rest(engine, HELD_BY_FRICTION)
 
 
-@needs(GRIPPED_AT_REST)
+@requires(HELD_BY_STATIC_FRICTION)
 def static_friction_holds_what_kinetic_friction_would_not(engine: Engine) -> None:
-    """Both masses hanging at rest, M1 e^{mu pi} < M2 < M1 e^{mu_s pi}: nothing moves."""
-    _stays(engine, GRIPPED_AT_REST)
+    """With both masses hanging at rest and M1 e^{mu pi} < M2 < M1 e^{mu_s pi}, nothing moves."""
+    _assert_at_rest(engine, HELD_BY_STATIC_FRICTION)
 
 
-def _stays(engine: Engine, p: Parameters) -> None:
+def _assert_at_rest(engine: Engine, p: Parameters) -> None:
     run = engine.simulate(scenario(p, 0.1))
     moved = float(np.abs(run.heavy_drop).max())
     assert moved < CREEP_TOLERANCE, f"the heavy mass moved by {1e3 * moved:.2f} mm"
 
 
-@needs(CLAMPED)
+@requires(CLAMPED)
 def held_pendulum_swings_to_the_other_side(engine: Engine) -> None:
-    """Heavy mass clamped: it stays, and the light mass crosses the lowest point after a quarter of its period."""
+    """With the heavy mass clamped, it stays, and the light mass passes the lowest point after a quarter of its period."""
     p = CLAMPED
     run = engine.simulate(scenario(p, 0.5))
     assert np.abs(run.heavy_position - run.heavy_position[0]).max() < 1e-4, "the clamped mass moved"
@@ -120,37 +131,37 @@ def held_pendulum_swings_to_the_other_side(engine: Engine) -> None:
     assert np.abs(energy).max() < 0.02 * 9.81 * fall.max(), "energy of the held pendulum"
 
 
-@needs(SMOOTH)
+@requires(LOSSLESS)
 def string_keeps_its_length(engine: Engine) -> None:
     """The light mass stays on the taut string: l + R theta + h is the string's length within 1 mm."""
-    p, run = SMOOTH, smooth_run(engine)
+    p, run = LOSSLESS, lossless_run(engine)
     off = np.abs(run.free_length + p.rod_radius * run.wrap_angle - run.heavy_position[:, 1] - p.string_length)
     assert off.max() < STRING_TOLERANCE, f"string off by {1e3 * off.max():.2f} mm"
 
 
-@needs(SMOOTH)
+@requires(LOSSLESS)
 def heavy_mass_falls_straight_down(engine: Engine) -> None:
     """The heavy mass stays below the rod's edge, at x = R, where nothing pushes it aside."""
-    run = smooth_run(engine)
-    aside = float(np.abs(run.heavy_position[:, 0] - SMOOTH.rod_radius).max())
+    run = lossless_run(engine)
+    aside = float(np.abs(run.heavy_position[:, 0] - LOSSLESS.rod_radius).max())
     assert aside < STRING_TOLERANCE, f"it is {1e3 * aside:.2f} mm beside the edge"
 
 
-@needs(SMOOTH)
+@requires(LOSSLESS)
 def release_has_the_exact_acceleration(engine: Engine) -> None:
     """Released at 112 deg without friction, both masses start at t = 0 with the acceleration of Newton's second law."""
-    _release(smooth_run(engine), SMOOTH)
+    _assert_release_acceleration(lossless_run(engine), LOSSLESS)
 
 
-@needs(ROUGH)
+@requires(LOSSY)
 def release_against_friction_has_the_exact_acceleration(engine: Engine) -> None:
     """Released at 100 deg with friction, both masses start at t = 0 with the acceleration that the capstan law gives."""
-    _release(rough_run(engine), ROUGH)
+    _assert_release_acceleration(lossy_run(engine), LOSSY)
 
 
-def _release(run: Trajectory, p: Parameters) -> None:
+def _assert_release_acceleration(run: Trajectory, p: Parameters) -> None:
     exact = np.array(closed_forms.release_acceleration(p))
-    speed, acceleration = first_moments(run)
+    speed, acceleration = release_velocity_and_acceleration(run)
     for mass, part in (("light", slice(0, 2)), ("heavy", slice(2, 3))):
         size = float(np.linalg.norm(exact[part]))
         off = float(np.linalg.norm(acceleration[part] - exact[part]))
@@ -160,11 +171,12 @@ def _release(run: Trajectory, p: Parameters) -> None:
         assert abs(late) < SAMPLE_INTERVAL / 2, f"the {mass} mass starts at {1e3 * late:.2f} ms, needed 0"
 
 
-def first_moments(run: Trajectory) -> tuple[Array, Array]:
-    """Velocity [m/s] and acceleration [m/s^2] at release of light x, light y and heavy y, each of shape (3,).
+def release_velocity_and_acceleration(run: Trajectory) -> tuple[Array, Array]:
+    """Return velocity [m/s] and acceleration [m/s^2] at release of light x, light y and heavy y, each of shape (3,).
 
-    From rest, motion is even in time until friction or drag turns round, so that its next term is of the fourth order: a fit of
-    v t + a t^2 / 2 + c t^4 to the positions. A velocity is a start at another time.
+    They come from a fit of v t + a t^2 / 2 + c t^4 to the positions: from rest, the motion is even in time until friction or
+    drag changes its direction, so the term after t^2 is of the fourth order. A velocity v that is not 0 means that the engine
+    started the motion earlier or later than t = 0.
     """
     early = run.t <= RELEASE_WINDOW
     t = run.t[early]
@@ -178,33 +190,37 @@ def _vector(values: Array) -> str:
     return ", ".join(f"{value:.3f}" for value in values)
 
 
-@needs(SMOOTH)
+@requires(LOSSLESS)
 def energy_is_kept_without_losses(engine: Engine) -> None:
-    """Without friction and drag, what the heavy mass gives off is in the motion of both."""
-    p, run = SMOOTH, smooth_run(engine)
+    """Without friction and drag, mechanical energy is conserved."""
+    p, run = LOSSLESS, lossless_run(engine)
     energy = _energy(run, p)
-    given = p.heavy_mass * 9.81 * float(run.heavy_drop.max())
+    energy_released = p.heavy_mass * 9.81 * float(run.heavy_drop.max())
     off = float(np.abs(energy - energy[0]).max())
-    assert off < ENERGY_TOLERANCE * given, f"energy off by {1e3 * off:.3f} mJ; the heavy mass gave {1e3 * given:.3f} mJ"
+    assert off < ENERGY_TOLERANCE * energy_released, (
+        f"energy off by {1e3 * off:.3f} mJ; the heavy mass lost {1e3 * energy_released:.3f} mJ"
+    )
 
 
-@needs(ROUGH)
+@requires(LOSSY)
 def energy_never_grows_with_losses(engine: Engine) -> None:
-    """With friction and drag, mechanical energy only falls."""
-    p, run = ROUGH, rough_run(engine)
+    """With friction and drag, mechanical energy never increases."""
+    p, run = LOSSY, lossy_run(engine)
     energy = _energy(run, p)
-    grown = float(np.max(energy - np.minimum.accumulate(energy)))
-    given = p.heavy_mass * p.coefficients["gravity"] * float(run.heavy_drop.max())
-    assert grown < ENERGY_TOLERANCE * given, f"energy grows by {1e3 * grown:.3f} mJ; the heavy mass gave {1e3 * given:.3f} mJ"
+    increase = float(np.max(energy - np.minimum.accumulate(energy)))
+    energy_released = p.heavy_mass * p.coefficients["gravity"] * float(run.heavy_drop.max())
+    assert increase < ENERGY_TOLERANCE * energy_released, (
+        f"energy grows by {1e3 * increase:.3f} mJ; the heavy mass lost {1e3 * energy_released:.3f} mJ"
+    )
 
 
 def _energy(run: Trajectory, p: Parameters) -> Array:
     return mechanical_energy(p, run.light_position, run.light_velocity, run.heavy_position, run.heavy_velocity)
 
 
-@needs(SLACK)
+@requires(SLACK)
 def a_slack_string_pulls_nothing(engine: Engine) -> None:
-    """Heavy mass clamped, the light one let go above the rod: it falls freely until the string is taut again."""
+    """With the heavy mass clamped, a light mass released above the rod falls freely until the string is taut again."""
     run = engine.simulate(scenario(SLACK, 0.1))
     fallen = run.light_position[0, 1] - run.light_position[:, 1]
     free = closed_forms.free_fall(run.t, mass=1.0, drag=0.0, gravity=9.81)

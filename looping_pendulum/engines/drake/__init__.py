@@ -7,5 +7,5 @@ from looping_pendulum.engines.protocol import Engine, Profile
 
 
 def engines(profile: Profile) -> list[Engine]:
-    """Every variant of this engine, in ``profile``."""
+    """Return every variant of this engine with the settings of ``profile``."""
     return [DrakeChain(profile=profile)]

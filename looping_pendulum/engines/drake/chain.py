@@ -1,4 +1,4 @@
-"""Drake: the string as beads that slide over a static sphere under Coulomb contact; no law is fed in."""
+"""Drake: the string is a row of beads that slide over a static sphere under Coulomb contact; no capstan law is fed in."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LIMITS = (
 
 
 class DrakeChain(TunedEngine):
-    """Chain of beads over a static sphere."""
+    """A chain of beads over a static sphere."""
 
     name = "drake"
     distribution = "drake"
@@ -42,13 +42,13 @@ class DrakeChain(TunedEngine):
         validated=shipped_range("drake:chain"),
         main=False,
     )
-    tuned = SETTINGS
+    settings_by_profile = SETTINGS
     settings: DrakeChainSettings
 
     def build(self, scenario: Scenario) -> DrakeChainRig:
-        """Rebuild the scenario's apparatus at the moment of release."""
+        """Build the scenario's apparatus at the moment of release."""
         return DrakeChainRig(scenario.parameters, self.settings)
 
     def studies(self) -> Studies:
-        """Step, links, their mass, contact; Drake's defaults; the rod's shape, the polygon, how often beads are seen to."""
+        """Return ladders of step, links, mass and contact, Drake's defaults, and the adapter's choices."""
         return chain_studies(self.settings, self.with_settings)

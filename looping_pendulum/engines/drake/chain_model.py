@@ -1,4 +1,4 @@
-"""The apparatus as a Drake plant: two masses and beads on two slides each, distance constraints between neighbours."""
+"""The apparatus as a Drake plant: masses and beads on two prismatic joints each, distance constraints between neighbours."""
 
 from __future__ import annotations
 
@@ -14,44 +14,44 @@ from looping_pendulum.engines.protocol import Profile, groups_per_sample
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
-CENTRE = np.zeros(3)
-"""Where links are fixed to a body [m]."""
+BODY_ORIGIN = np.zeros(3)
+"""Point of a body at which its links are attached, in the body's frame [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DrakeChainSettings:
-    """Numerical settings of the bead chain, SI."""
+    """Numerical settings of the bead chain, in SI units."""
 
     time_step: float
-    """[s]; divides the sample interval."""
+    """Length of a step [s]; it must divide the sample interval."""
     bend: float
     """Angle between neighbouring links on the rod [rad]; a link is R times this long."""
     bead_mass_ratio: float
     """Mass of one bead over the light mass."""
     contact_stiffness: float
-    """Of the contact of a bead with the rod [N/m]. Harder: beads bounce as they land; softer: they sink in."""
+    """Stiffness of the contact of a bead with the rod [N/m]. Stiffer: beads bounce as they land; softer: they sink in."""
     contact_approximation: str = "similar"
     """Which convex approximation of Coulomb's law Drake solves: "similar", "lagged" or "sap"."""
     contact_dissipation: float = 10.0
     """Hunt and Crossley's dissipation of the same contact [s/m]."""
     stiction_tolerance: float = 1e-4
-    """Speed below which what should stick creeps [m/s]."""
+    """Speed below which friction is regularised, so that a sticking contact creeps [m/s]."""
     rod_shape: str = "sphere"
-    """"sphere" or "cylinder"; both have the same section in the plane of motion."""
+    """Collision shape, "sphere" or "cylinder"; both have the same section in the plane of motion."""
     bead_radius: float = 1e-3
-    """[m]; the rod is that much thinner, so that the bead's centre runs where the string should."""
+    """Radius of a bead [m]; the rod is thinner by as much, so that the bead's centre moves where the string should."""
     steps_per_group: int = 5
-    """Steps between two updates of the effects' forces and of the beads that come and go."""
+    """Steps between two updates of the effects' forces and of the beads that are added and removed."""
     polygon: bool = True
-    """Whether radius and coefficient are those of the polygon that stands for the circle (`engines.chain`)."""
+    """Whether the rod's radius and coefficient are corrected for the polygon that the links are (`engines.chain`)."""
 
     def __post_init__(self) -> None:
-        """Refuse a step that samples cannot be taken at."""
+        """Raise ValueError where groups of steps do not divide the sample interval."""
         groups_per_sample(self.time_step, self.steps_per_group)
 
     @property
     def groups_per_sample(self) -> int:
-        """Groups of steps in one sample interval."""
+        """Number of groups of steps in one sample interval."""
         return groups_per_sample(self.time_step, self.steps_per_group)
 
     @property
@@ -60,11 +60,11 @@ class DrakeChainSettings:
         return self.steps_per_group * self.time_step
 
     def node_radius(self, rod_radius: float) -> float:
-        """Distance of a bead on the rod from the rod's centre [m]."""
+        """Return the distance of a bead on the rod from the rod's centre [m]."""
         return float(polygon_radius(rod_radius, self.bend)) if self.polygon else rod_radius
 
     def contact_friction(self, friction: float) -> float:
-        """Coefficient of the contacts for a string that rubs with ``friction``."""
+        """Return the contacts' coefficient for a string with the coefficient ``friction``."""
         return polygon_friction(friction, self.bend) if self.polygon else friction
 
 
@@ -75,7 +75,10 @@ SETTINGS = {
 
 
 class ChainModel:
-    """One plant with a set number of beads, and its state. Coordinates are x and y of each body, of the heavy mass y alone."""
+    """One plant with a fixed number of beads, and its state.
+
+    Coordinates are x and y of the light mass and of every bead, then y of the heavy mass.
+    """
 
     def __init__(self, parameters: Parameters, settings: DrakeChainSettings, beads: int) -> None:
         from pydrake.multibody.plant import AddMultibodyPlant, DistanceConstraintParams, MultibodyPlantConfig
@@ -94,12 +97,12 @@ class ChainModel:
         self._plant, scene = AddMultibodyPlant(config, builder)
         self._plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -p.coefficients["gravity"]])
         self._link_parameters = DistanceConstraintParams
-        self._held, self._held_height = p.release is Release.HELD, -p.hanging_length
+        self._is_held, self._held_height = p.release is Release.HELD, -p.hanging_length
         self._bodies = self._add_bodies(p, s, beads, scene)
         self._links: list[Any] = []
         if p.release is not Release.DROP:
             pairs = zip(self._bodies[:-1], self._bodies[1:], strict=True)
-            self._links = [self._plant.AddDistanceConstraint(a, CENTRE, b, CENTRE, 1.0) for a, b in pairs]
+            self._links = [self._plant.AddDistanceConstraint(a, BODY_ORIGIN, b, BODY_ORIGIN, 1.0) for a, b in pairs]
         self._plant.Finalize()
         self._diagram = builder.Build()
         self._root = self._diagram.CreateDefaultContext()
@@ -108,7 +111,7 @@ class ChainModel:
         self._port = self._plant.get_applied_generalized_force_input_port()
 
     def _add_bodies(self, p: Parameters, s: DrakeChainSettings, beads: int, scene: Any) -> list[Any]:
-        """Add light mass, beads and heavy mass in a row, and the rod."""
+        """Add light mass, beads and heavy mass, and the rod with its contacts; return the bodies in the string's order."""
         from pydrake.geometry import (
             AddContactMaterial,
             CollisionFilterDeclaration,
@@ -124,26 +127,26 @@ class ChainModel:
         surface = ProximityProperties()  # of bead and rod alike: Drake's mean of two equal coefficients is their own
         AddContactMaterial(
             dissipation=s.contact_dissipation,
-            point_stiffness=2 * s.contact_stiffness,  # of two in a row, half
+            point_stiffness=2 * s.contact_stiffness,  # Drake takes two equal stiffnesses in series: half of one
             friction=CoulombFriction(friction, friction),
             properties=surface,
         )
         radius = s.node_radius(p.rod_radius) - s.bead_radius
         rod = Sphere(radius) if s.rod_shape == "sphere" else Cylinder(radius, 0.1)
-        place = RigidTransform(RotationMatrix.MakeXRotation(math.pi / 2), CENTRE)
+        pose = RigidTransform(RotationMatrix.MakeXRotation(math.pi / 2), BODY_ORIGIN)
         spheres = GeometrySet()
-        self._plant.RegisterCollisionGeometry(self._plant.world_body(), place, rod, "rod", surface)
+        self._plant.RegisterCollisionGeometry(self._plant.world_body(), pose, rod, "rod", surface)
         bodies = [self._add_body("light", p.light_mass, "xy")]
         for i in range(beads):
             bodies.append(self._add_body(f"bead{i}", s.bead_mass_ratio * p.light_mass, "xy"))
             sphere = Sphere(s.bead_radius)
             spheres.Add(self._plant.RegisterCollisionGeometry(bodies[-1], RigidTransform(), sphere, f"sphere{i}", surface))
-        bodies.append(self._add_held(p) if self._held else self._add_body("heavy", p.heavy_mass, "y", x=p.rod_radius))
+        bodies.append(self._add_held(p) if self._is_held else self._add_body("heavy", p.heavy_mass, "y", x=p.rod_radius))
         scene.collision_filter_manager().Apply(CollisionFilterDeclaration().ExcludeWithin(spheres))
         return bodies
 
     def _add_body(self, name: str, mass: float, axes: str, x: float = 0.0) -> Any:
-        """Add a body that slides along ``axes``; our y is Drake's z."""
+        """Add a body that moves along ``axes``; our y is Drake's z."""
         from pydrake.math import RigidTransform
         from pydrake.multibody.tree import FixedOffsetFrame, PrismaticJoint, SpatialInertia
 
@@ -159,7 +162,7 @@ class ChainModel:
         return body
 
     def _add_held(self, p: Parameters) -> Any:
-        """Add a heavy mass that stays where it is.
+        """Add a heavy mass that is held, as a body that is welded to the world.
 
         Drake 1.51.1 segfaults on a distance constraint to the world body itself, and with a locked joint beside a contact.
         """
@@ -167,38 +170,38 @@ class ChainModel:
         from pydrake.multibody.tree import SpatialInertia
 
         body = self._plant.AddRigidBody("heavy", SpatialInertia.SolidSphereWithMass(p.heavy_mass, 1e-2))
-        place = RigidTransform([p.rod_radius, 0.0, self._held_height])
-        self._plant.WeldFrames(self._plant.world_body().body_frame(), body.body_frame(), place)
+        pose = RigidTransform([p.rod_radius, 0.0, self._held_height])
+        self._plant.WeldFrames(self._plant.world_body().body_frame(), body.body_frame(), pose)
         return body
 
-    def set(self, places: Array, speeds: Array) -> None:
+    def set_state(self, positions: Array, velocities: Array) -> None:
         """Set coordinates [m] and velocities [m/s], shape (2 beads + 3,)."""
         free = self._plant.num_velocities()
-        self._plant.SetPositions(self._context, places[:free])
-        self._plant.SetVelocities(self._context, speeds[:free])
+        self._plant.SetPositions(self._context, positions[:free])
+        self._plant.SetVelocities(self._context, velocities[:free])
 
-    def places(self) -> Array:
-        """Coordinates [m], shape (2 beads + 3,)."""
-        places = self._plant.GetPositions(self._context)
-        return np.append(places, self._held_height) if self._held else np.array(places)
+    def positions(self) -> Array:
+        """Return the coordinates [m], shape (2 beads + 3,)."""
+        positions = self._plant.GetPositions(self._context)
+        return np.append(positions, self._held_height) if self._is_held else np.array(positions)
 
-    def speeds(self) -> Array:
-        """Velocities [m/s], shape (2 beads + 3,)."""
-        speeds = self._plant.GetVelocities(self._context)
-        return np.append(speeds, 0.0) if self._held else np.array(speeds)
+    def velocities(self) -> Array:
+        """Return the velocities [m/s], shape (2 beads + 3,)."""
+        velocities = self._plant.GetVelocities(self._context)
+        return np.append(velocities, 0.0) if self._is_held else np.array(velocities)
 
     def set_link(self, index: int, length: float, taut: bool) -> None:
-        """Give link ``index`` its length [m]; one that is not ``taut`` does nothing."""
+        """Set the length [m] of link ``index``, and whether it acts: one that is not ``taut`` exerts no force."""
         a, b = self._bodies[index : index + 2]
-        rigid = self._link_parameters(a.index(), CENTRE, b.index(), CENTRE, length, math.inf, 0.0)
+        rigid = self._link_parameters(a.index(), BODY_ORIGIN, b.index(), BODY_ORIGIN, length, math.inf, 0.0)
         self._plant.SetDistanceConstraintParams(self._context, self._links[index], rigid)
         self._plant.SetConstraintActiveStatus(self._context, self._links[index], taut)
 
-    def push(self, light: Sequence[float], heavy: float) -> None:
-        """Apply forces [N] to the masses, (x, y) and y, from the next step on."""
+    def apply_forces(self, light: Sequence[float], heavy: float) -> None:
+        """Set the forces [N] on the light mass, (x, y), and on the heavy one, y, from the next step on."""
         forces = np.zeros(self._plant.num_velocities())
         forces[:2] = light
-        if not self._held:
+        if not self._is_held:
             forces[-1] = heavy
         self._port.FixValue(self._context, forces)
 

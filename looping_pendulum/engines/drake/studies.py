@@ -1,4 +1,4 @@
-"""What can be varied of the Drake chain: ladders of refinement, Drake's defaults one at a time, the adapter's choices."""
+"""Studies of the Drake chain: ladders of refinement, Drake's defaults one at a time, and the adapter's choices."""
 
 from __future__ import annotations
 
@@ -6,41 +6,44 @@ from typing import Any
 
 from looping_pendulum.engines.drake.chain_model import DrakeChainSettings
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
-from looping_pendulum.engines.studies import AdapterChoice, Adjusted, HiddenDefault, Ladder, Studies, ladder
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, WithSettings, ladder
 from looping_pendulum.pages.numbers import quantity
 
-STEPS = (5e-5, 2e-5, 1e-5, 5e-6)
-"""[s]"""
+TIME_STEPS = (5e-5, 2e-5, 1e-5, 5e-6)
+"""Time steps of the ladder [s]."""
 BENDS = (0.5, 0.4, 0.3, 0.24)
-"""[rad]"""
-BEAD_MASSES = (2e-3, 1e-3, 5e-4, 2e-4)
-STIFFNESSES = (1e4, 2e4, 5e4, 1e5, 2e5)
-"""Of contacts [N/m]."""
-TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
-"""Of stiction [m/s]."""
+"""Angles between neighbouring links on the rod, of the ladder [rad]."""
+BEAD_MASS_RATIOS = (2e-3, 1e-3, 5e-4, 2e-4)
+"""Masses of a bead over the light mass, of the ladder."""
+CONTACT_STIFFNESSES = (1e4, 2e4, 5e4, 1e5, 2e5)
+"""Contact stiffnesses of the ladder [N/m]."""
+STICTION_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
+"""Stiction tolerances of the ladder [m/s]."""
 
 
-def chain_studies(settings: DrakeChainSettings, adjusted: Adjusted) -> Studies:
-    """Ladders, defaults and choices of the variant that ``adjusted`` changes."""
+def chain_studies(settings: DrakeChainSettings, with_settings: WithSettings) -> Studies:
+    """Return ladders, defaults and choices of the chain with ``settings``."""
     return Studies(
-        ladders=_ladders(settings, adjusted), defaults=_defaults(settings, adjusted), choices=_choices(settings, adjusted)
+        ladders=_ladders(settings, with_settings),
+        defaults=_defaults(settings, with_settings),
+        choices=_choices(settings, with_settings),
     )
 
 
-def _ladders(s: DrakeChainSettings, adjusted: Adjusted) -> tuple[Ladder, ...]:
+def _ladders(s: DrakeChainSettings, with_settings: WithSettings) -> tuple[Ladder, ...]:
     density = s.bead_mass_ratio / s.bend
     bends = ({"bend": bend, "bead_mass_ratio": density * bend} for bend in BENDS)
     follows = "a bead's mass, so that the string's mass per length stays"
     return (
-        ladder(adjusted, "time_step", "s", ({"time_step": dt} for dt in STEPS)),
-        ladder(adjusted, "bend", "rad", bends, follows),
-        ladder(adjusted, "bead_mass_ratio", "", ({"bead_mass_ratio": ratio} for ratio in BEAD_MASSES)),
-        ladder(adjusted, "contact_stiffness", "N/m", ({"contact_stiffness": k} for k in STIFFNESSES)),
-        ladder(adjusted, "stiction_tolerance", "m/s", ({"stiction_tolerance": v} for v in TOLERANCES)),
+        ladder(with_settings, "time_step", "s", ({"time_step": dt} for dt in TIME_STEPS)),
+        ladder(with_settings, "bend", "rad", bends, follows),
+        ladder(with_settings, "bead_mass_ratio", "", ({"bead_mass_ratio": ratio} for ratio in BEAD_MASS_RATIOS)),
+        ladder(with_settings, "contact_stiffness", "N/m", ({"contact_stiffness": k} for k in CONTACT_STIFFNESSES)),
+        ladder(with_settings, "stiction_tolerance", "m/s", ({"stiction_tolerance": v} for v in STICTION_TOLERANCES)),
     )
 
 
-def _defaults(s: DrakeChainSettings, adjusted: Adjusted) -> tuple[HiddenDefault, ...]:
+def _defaults(s: DrakeChainSettings, with_settings: WithSettings) -> tuple[HiddenDefault, ...]:
     rows: tuple[tuple[str, str, str, str, dict[str, Any]], ...] = (
         (
             "time_step",
@@ -72,12 +75,12 @@ def _defaults(s: DrakeChainSettings, adjusted: Adjusted) -> tuple[HiddenDefault,
         ),
     )
     return tuple(
-        HiddenDefault(setting=name, default=default, ours=ours, effect=effect, engine=adjusted(**changes))
+        HiddenDefault(setting=name, default=default, ours=ours, effect=effect, engine=with_settings(**changes))
         for name, default, ours, effect, changes in rows
     )
 
 
-def _choices(s: DrakeChainSettings, adjusted: Adjusted) -> tuple[AdapterChoice, ...]:
+def _choices(s: DrakeChainSettings, with_settings: WithSettings) -> tuple[AdapterChoice, ...]:
     rows: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
         ("convex approximation of Coulomb's law", s.contact_approximation, "sap", {"contact_approximation": "sap"}),
         ("rod", f"a {s.rod_shape}", "a cylinder", {"rod_shape": "cylinder"}),
@@ -86,6 +89,6 @@ def _choices(s: DrakeChainSettings, adjusted: Adjusted) -> tuple[AdapterChoice, 
         ("steps between two updates of drag and beads", f"{s.steps_per_group}", "1", {"steps_per_group": 1}),
     )
     return tuple(
-        AdapterChoice(what=what, ours=ours, instead=instead, engine=adjusted(**changes))
+        AdapterChoice(what=what, ours=ours, instead=instead, engine=with_settings(**changes))
         for what, ours, instead, changes in rows
     )

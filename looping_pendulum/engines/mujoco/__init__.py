@@ -1,4 +1,4 @@
-"""MuJoCo: the string as tendons over a cylinder, a drum, or a chain of beads."""
+"""Adapter of MuJoCo: the string as tendons over a cylinder, in its own coordinates (a drum), or as a chain of beads."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from looping_pendulum.engines.protocol import Engine, Profile
 
 
 def engines(profile: Profile) -> list[Engine]:
-    """Every variant of this engine, in ``profile``."""
+    """Return every variant of this engine, in ``profile``."""
     return [
         *(MujocoTendon(variant=variant, profile=profile) for variant in TendonVariant),
         *(MujocoEffectiveMass(coordinates=coordinates, profile=profile) for coordinates in Coordinates),

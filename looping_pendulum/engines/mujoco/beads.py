@@ -1,4 +1,4 @@
-"""MuJoCo: the string as beads that slide over a cylinder under Coulomb contact; no law is fed in."""
+"""MuJoCo variant with the string as beads that slide over a cylinder; all friction is MuJoCo's own Coulomb contact."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _LIMITS = (
 
 
 class MujocoBeads(TunedEngine):
-    """Chain of beads over a cylinder."""
+    """MuJoCo with the string as a chain of beads over a cylinder."""
 
     name = "mujoco"
     distribution = "mujoco"
@@ -49,7 +49,7 @@ class MujocoBeads(TunedEngine):
         ),
         validated=shipped_range("mujoco:beads"),
     )
-    tuned = SETTINGS
+    settings_by_profile = SETTINGS
     settings: BeadSettings
 
     def build(self, scenario: Scenario) -> BeadRig:
@@ -57,34 +57,34 @@ class MujocoBeads(TunedEngine):
         return BeadRig(scenario.parameters, self.settings)
 
     def studies(self) -> Studies:
-        """Step, softness, links and their mass; MuJoCo's defaults; the polygon, and how often beads are seen to."""
+        """Return the studies: step, softness, links and their mass; MuJoCo's defaults; the polygon and the updates of beads."""
         return Studies(ladders=self._ladders(), defaults=self._defaults(), choices=self._choices())
 
     def _ladders(self) -> tuple[Ladder, ...]:
-        s, adjusted = self.settings, self.with_settings
+        s, with_settings = self.settings, self.with_settings
         density, group_time = s.bead_mass_ratio / s.bend, s.time_step * s.steps_per_group
         return (
             ladder(
-                adjusted,
+                with_settings,
                 "time_step",
                 "s",
                 ({"time_step": dt, "steps_per_group": round(group_time / dt)} for dt in BEAD_STEPS),
                 "steps between two updates of drag and beads, so that the time between them stays",
             ),
             ladder(
-                adjusted,
+                with_settings,
                 "bend",
                 "rad",
                 ({"bend": bend, "bead_mass_ratio": density * bend} for bend in BENDS),
                 "a bead's mass, so that the string's mass per length stays",
             ),
-            ladder(adjusted, "bead_mass_ratio", "", ({"bead_mass_ratio": ratio} for ratio in BEAD_MASSES)),
-            softness_ladder(adjusted, "contact_time_constant", s.time_step),
-            softness_ladder(adjusted, "string_time_constant", s.time_step),
+            ladder(with_settings, "bead_mass_ratio", "", ({"bead_mass_ratio": ratio} for ratio in BEAD_MASSES)),
+            softness_ladder(with_settings, "contact_time_constant", s.time_step),
+            softness_ladder(with_settings, "string_time_constant", s.time_step),
         )
 
     def _defaults(self) -> tuple[HiddenDefault, ...]:
-        s, adjusted = self.settings, self.with_settings
+        s, with_settings = self.settings, self.with_settings
         contact = f"{s.least_contact_impedance:g} to {s.contact_impedance:g} within 0.5 mm"
         ratio = f"{s.friction_to_normal_impedance:g}"
         rows = (
@@ -101,31 +101,35 @@ class MujocoBeads(TunedEngine):
         )
         return (
             time_constant_default(
-                adjusted,
+                with_settings,
                 "string_time_constant",
                 s.string_time_constant,
                 "solref (links)",
                 "how fast links return to their length",
             ),
             time_constant_default(
-                adjusted, "contact_time_constant", s.contact_time_constant, "solref (contacts)", "how fast beads come to rest"
+                with_settings,
+                "contact_time_constant",
+                s.contact_time_constant,
+                "solref (contacts)",
+                "how fast beads come to rest",
             ),
             *(
-                HiddenDefault(setting=name, default=default, ours=ours, effect=effect, engine=adjusted(**changes))
+                HiddenDefault(setting=name, default=default, ours=ours, effect=effect, engine=with_settings(**changes))
                 for name, default, ours, effect, changes in rows
             ),
-            *solver_defaults(adjusted, s, steps_per_group=1),
+            *solver_defaults(with_settings, s, steps_per_group=1),
         )
 
     def _choices(self) -> tuple[AdapterChoice, ...]:
-        s, adjusted = self.settings, self.with_settings
+        s, with_settings = self.settings, self.with_settings
         return (
-            choice("radius and coefficient", "corrected for the polygon", "the circle's own", adjusted(polygon=False)),
+            choice("radius and coefficient", "corrected for the polygon", "the circle's own", with_settings(polygon=False)),
             choice(
                 "steps between two updates of drag and beads",
                 f"{s.steps_per_group}",
                 "1",
-                adjusted(steps_per_group=1),
+                with_settings(steps_per_group=1),
             ),
-            choice("bead radius", quantity(s.bead_radius, "m", 3), "0.5 mm", adjusted(bead_radius=5e-4)),
+            choice("bead radius", quantity(s.bead_radius, "m", 3), "0.5 mm", with_settings(bead_radius=5e-4)),
         )

@@ -14,53 +14,59 @@ class BeadSettings:
     """Numerical settings of the bead chain."""
 
     time_step: float
-    """[s]; divides the sample interval."""
+    """Time step [s]; it divides the sample interval."""
     bend: float
     """Angle between neighbouring links on the rod [rad]; a link is R times this long."""
     bead_mass_ratio: float
-    """Mass of one bead over the light mass. Lighter: it needs shorter steps; heavier: the string's own inertia shows."""
+    """Mass of one bead over the light mass.
+
+    Lighter beads need shorter steps; with heavier ones the string's own inertia becomes visible.
+    """
     contact_time_constant: float = 1e-4
     """Time constant with which contacts and their friction come to rest [s]; MuJoCo's `solref`."""
     string_time_constant: float = 1e-4
     """Time constant with which links return to their length [s]; MuJoCo's `solref`."""
     least_contact_impedance: float = 0.99
-    """Share of a contact that is enforced at once where bead and rod just touch; MuJoCo's `solimp`."""
+    """Impedance of a contact where bead and rod just touch: the fraction enforced at once; MuJoCo's `solimp`."""
     contact_impedance: float = 0.9999
-    """The same half a millimetre deep."""
+    """Impedance of a contact at a penetration of half a millimetre."""
     string_impedance: float = 0.9999
+    """Impedance of the links; MuJoCo's `solimp`."""
     cone: str = "elliptic"
     """Shape of the friction cone; with a pyramidal one the string stretches by millimetres, and nothing halts."""
     friction_to_normal_impedance: float = 100.0
-    """How much harder friction is than the contact; MuJoCo's `impratio`."""
+    """Ratio of the impedance of friction to that of the normal force; MuJoCo's `impratio`."""
     integrator: str = "implicitfast"
     jacobian: str = "sparse"
-    """A third of the time of a dense one. MuJoCo 4.0.0 factorizes some sparse Hessians wrongly; a test shows that a chain's is
-    not among them."""
+    """A sparse Jacobian takes a third of the time of a dense one.
+
+    MuJoCo 4.0.0 factorizes some sparse Hessians wrongly; a test shows that a chain's is not among them.
+    """
     solver: str = "Newton"
     solver_iterations: int = 20
     solver_tolerance: float = 1e-10
     bead_radius: float = 1e-3
-    """[m]; the rod's cylinder is that much thinner, so that the bead's centre runs where the string should."""
+    """Radius of a bead [m]; the rod's cylinder is thinner by it, so that the bead's centre runs where the string should."""
     steps_per_group: int = 20
-    """Steps between two updates of the drag forces and of the beads that come and go; a test shows that it may be 1."""
+    """Steps between two updates of the drag forces and of the number of beads; a test shows that it may be 1."""
     polygon: bool = True
-    """Whether radius and coefficient are those of the polygon that stands for the circle (`engines.chain`)."""
+    """Whether radius and friction coefficient are corrected for the polygon that represents the circle (`engines.chain`)."""
 
     def __post_init__(self) -> None:
-        """Refuse a step that samples cannot be taken at."""
+        """Refuse a time step that does not divide the sample interval."""
         groups_per_sample(self.time_step, self.steps_per_group)
 
     @property
     def groups_per_sample(self) -> int:
-        """Groups of steps in one sample interval."""
+        """Return the number of groups of steps in one sample interval."""
         return groups_per_sample(self.time_step, self.steps_per_group)
 
     def node_radius(self, rod_radius: float) -> float:
-        """Distance of a bead on the rod from the rod's centre [m]."""
+        """Return the distance of a bead on the rod from the rod's centre [m]."""
         return float(polygon_radius(rod_radius, self.bend)) if self.polygon else rod_radius
 
     def contact_friction(self, friction: float) -> float:
-        """Coefficient of the contacts for a string that rubs with ``friction``."""
+        """Return the friction coefficient of the contacts for a string with the coefficient ``friction``."""
         return polygon_friction(friction, self.bend) if self.polygon else friction
 
 
@@ -78,10 +84,10 @@ SETTINGS = {
 
 
 def bead_xml(parameters: Parameters, settings: BeadSettings, beads: int) -> str:
-    """Write the MuJoCo model (MJCF): light mass, ``beads`` beads and heavy mass in a row, each but the last on two slides.
+    """Return the MuJoCo model (MJCF): light mass, ``beads`` beads and heavy mass in a row, each but the last on two slides.
 
-    Joint coordinates are x and y (MuJoCo's x and z) from the rod's centre, the heavy mass's is y. Links between beads keep
-    their length; the straight parts, tendon 0 and the last, are upper limits. The rig sets all lengths.
+    Joint coordinates are x and y (MuJoCo's x and z) from the rod's centre, the heavy mass's is y. Links between beads are
+    equality constraints of their length; the straight parts, tendon 0 and the last, are upper limits. The rig sets all lengths.
     """
     p, s = parameters, settings
     has_string, held = p.release is not Release.DROP, p.release is Release.HELD
@@ -108,7 +114,7 @@ def bead_xml(parameters: Parameters, settings: BeadSettings, beads: int) -> str:
     {"".join(bodies)}
   </worldbody>
   <tendon>{"".join(_link(p, s, i, straight=i in (0, beads)) for i in links)}</tendon>
-  <equality>{"".join(_kept(s, i) for i in links if i not in (0, beads))}</equality>
+  <equality>{"".join(_link_constraint(s, i) for i in links if i not in (0, beads))}</equality>
   <contact>{"".join(_pair(p, s, i) for i in range(1, beads + 1))}</contact>
 </mujoco>"""
 
@@ -116,6 +122,7 @@ def bead_xml(parameters: Parameters, settings: BeadSettings, beads: int) -> str:
 def _body(
     name: str, mass: float, *, site: str, geom: str = "", place: tuple[float, float] = (0.0, 0.0), axes: str = "xz"
 ) -> str:
+    """Return one mass on slide joints along ``axes``, with the site at which its tendons end."""
     joints = "".join(f'<joint type="slide" axis="{"1 0 0" if axis == "x" else "0 0 1"}"/>' for axis in axes)
     inertia = f'<inertial pos="0 0 0" mass="{mass!r}" diaginertia="1e-6 1e-6 1e-6"/>'
     x, y = place
@@ -123,23 +130,25 @@ def _body(
 
 
 def _sphere(i: int, radius: float) -> str:
+    """Return the geometry of bead ``i``."""
     return f'<geom name="sphere{i}" type="sphere" size="{radius!r}"/>'
 
 
 def _link(parameters: Parameters, s: BeadSettings, i: int, *, straight: bool) -> str:
-    """Tendon ``i`` of the row."""
+    """Return tendon ``i`` of the row; a straight part has an upper limit of its length."""
     stiffness = f'solreflimit="{s.string_time_constant!r} 1" solimplimit="{s.string_impedance!r} {s.string_impedance!r} 0.001"'
     limit = f'limited="{"true" if straight else "false"}" range="0 {parameters.string_length!r}" {stiffness}'
     return f'<spatial name="link{i}" {limit}><site site="site{i}"/><site site="site{i + 1}"/></spatial>\n'
 
 
-def _kept(s: BeadSettings, i: int) -> str:
+def _link_constraint(s: BeadSettings, i: int) -> str:
+    """Return the equality constraint that keeps the length of link ``i`` between two beads."""
     solver = f'solref="{s.string_time_constant!r} 1" solimp="{s.string_impedance!r} {s.string_impedance!r} 0.001"'
     return f'<tendon tendon1="link{i}" {solver}/>'
 
 
 def _pair(parameters: Parameters, s: BeadSettings, i: int) -> str:
-    """Contact of bead ``i`` with the rod; the pair's coefficient is the scenario's."""
+    """Return the contact of bead ``i`` with the rod, with the scenario's friction coefficient."""
     friction = s.contact_friction(parameters.coefficients["kinetic_friction"])
     solver = (
         f'solref="{s.contact_time_constant!r} 1" solimp="{s.least_contact_impedance!r} {s.contact_impedance!r} 0.0005"'

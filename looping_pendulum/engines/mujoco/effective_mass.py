@@ -1,4 +1,4 @@
-"""MuJoCo: the capstan law as an effective heavy mass, on a spatial tendon or in the string's own coordinates."""
+"""MuJoCo variants with the capstan law as an effective heavy mass, on a spatial tendon or in the string's own coordinates."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from looping_pendulum.engines.protocol import (
     Abilities,
     Profile,
     SteppedEngine,
-    installed_version,
 )
 from looping_pendulum.engines.studies import HiddenDefault, Studies
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
@@ -24,10 +23,11 @@ from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.versions import installed_version
 
 
 class Coordinates(StrEnum):
-    """What the light mass moves in."""
+    """Coordinates of the light mass."""
 
     EFFECTIVE_MASS = "effective_mass"
     """x and y; the string is a spatial tendon."""
@@ -36,7 +36,8 @@ class Coordinates(StrEnum):
 
 
 SETTINGS = {
-    # At two steps, the least that MuJoCo takes, a string that turns is too stiff for Runge-Kutta: 50 times the error at five.
+    # With a time constant of two steps, the smallest that MuJoCo accepts, a turning string is too stiff for Runge-Kutta: its
+    # error is 50 times that with five steps.
     (Coordinates.EFFECTIVE_MASS, Profile.QUICK): EffectiveMassSettings(time_step=5e-4, string_time_constant=2.5e-3),
     (Coordinates.EFFECTIVE_MASS, Profile.ACCURATE): EffectiveMassSettings(time_step=1e-4, string_time_constant=5e-4),
     (Coordinates.DRUM, Profile.QUICK): EffectiveMassSettings(time_step=1e-3, string_time_constant=2e-3),
@@ -65,12 +66,12 @@ _MORE_LIMITS = {
 
 
 class MujocoEffectiveMass(SteppedEngine):
-    """The capstan law as a factor on the heavy mass.
+    """MuJoCo with the capstan law as a factor on the heavy mass.
 
     Parameters
     ----------
     coordinates
-        What the light mass moves in.
+        Coordinates of the light mass.
     profile
         Chooses the settings.
     settings
@@ -117,7 +118,7 @@ class MujocoEffectiveMass(SteppedEngine):
         return rig(scenario.parameters, self.settings, self.end_length(scenario))
 
     def studies(self) -> Studies:
-        """Step and softness; MuJoCo's defaults; where a step is split and what is made up for."""
+        """Return the studies: step and softness; MuJoCo's defaults; splitting of steps, and the adapter's corrections."""
         s = self.settings
         steps_stiff = round(s.string_time_constant / s.time_step)
         simple = HiddenDefault(
@@ -149,5 +150,5 @@ class MujocoEffectiveMass(SteppedEngine):
         )
 
     def versions(self) -> dict[str, str]:
-        """Version of MuJoCo."""
+        """Return the version of MuJoCo."""
         return {"mujoco": installed_version("mujoco")}

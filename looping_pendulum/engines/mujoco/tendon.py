@@ -1,4 +1,4 @@
-"""MuJoCo: the string as a spatial tendon over a cylinder; what acts between string and rod makes the variants."""
+"""MuJoCo variants with the string as a spatial tendon over a cylinder; they differ in the friction between string and rod."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ from looping_pendulum.engines.protocol import (
     Abilities,
     Profile,
     SteppedEngine,
-    installed_version,
 )
 from looping_pendulum.engines.studies import AdapterChoice, Studies
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
@@ -35,10 +34,11 @@ from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.effects import EffectKind
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.versions import installed_version
 
 
 class TendonVariant(StrEnum):
-    """What acts between string and rod."""
+    """Friction between string and rod; see `MujocoTendon`."""
 
     DOCUMENTED = "documented"
     CAPSTAN = "capstan"
@@ -46,7 +46,7 @@ class TendonVariant(StrEnum):
     DEFAULTS = "defaults"
 
 
-OUT_OF_THE_BOX = TendonSettings(
+MUJOCO_DEFAULTS = TendonSettings(
     time_step=SAMPLE_INTERVAL,
     string_time_constant=DEFAULT_TIME_CONSTANT,
     friction_time_constant=DEFAULT_TIME_CONSTANT,
@@ -58,7 +58,7 @@ OUT_OF_THE_BOX = TendonSettings(
     solver_iterations=100,
     corrections=False,
 )
-"""MuJoCo's own numbers, but for its step of 2 ms, which is longer than the sample interval."""
+"""MuJoCo's default settings, except its step of 2 ms, which is longer than the sample interval."""
 
 _SETTINGS = {
     Profile.QUICK: TendonSettings(time_step=5e-4, string_time_constant=1e-3, friction_time_constant=1e-3),
@@ -67,8 +67,8 @@ _SETTINGS = {
 
 
 def settings_of(variant: TendonVariant, profile: Profile) -> TendonSettings:
-    """Settings of ``variant`` in ``profile``."""
-    return OUT_OF_THE_BOX if variant is TendonVariant.DEFAULTS else _SETTINGS[profile]
+    """Return the settings of ``variant`` in ``profile``."""
+    return MUJOCO_DEFAULTS if variant is TendonVariant.DEFAULTS else _SETTINGS[profile]
 
 
 _WINDING = Supply(by=Supplier.ENGINE, how="spatial tendon wrapped over a cylinder; the adapter counts turns, using two in turn")
@@ -152,21 +152,21 @@ _KNOWN_FAILURES = {
 
 
 class MujocoTendon(SteppedEngine):
-    """Spatial tendon over a cylinder.
+    """MuJoCo with the string as a spatial tendon over a cylinder.
 
     Parameters
     ----------
     variant
-        `TendonVariant.DOCUMENTED`: no friction between string and rod, which is all that MuJoCo documents for a tendon.
+        `TendonVariant.DOCUMENTED`: no friction between string and rod, because MuJoCo documents none for a tendon.
         `TendonVariant.CAPSTAN`: the friction bound of the effects' string laws acts on the heavy mass's slide.
-        `TendonVariant.FRICTIONLOSS`: a constant friction loss, which is the friction that MuJoCo has for tendons.
+        `TendonVariant.FRICTIONLOSS`: a constant friction loss, the only friction that MuJoCo has for tendons.
         `TendonVariant.DEFAULTS`: as documented, with the solver's default settings.
     profile
         Chooses the settings.
     settings
         Replaces the profile's settings, for studies of convergence.
     friction_size
-        How large the constant friction loss of `TendonVariant.FRICTIONLOSS` is.
+        Size of the constant friction loss of `TendonVariant.FRICTIONLOSS`.
     """
 
     name = "mujoco"
@@ -211,7 +211,7 @@ class MujocoTendon(SteppedEngine):
         )
 
     def studies(self) -> Studies:
-        """Step and softness; MuJoCo's defaults; how the string is wound and caught, and how large the constant friction is."""
+        """Return the studies: step and softness; MuJoCo's defaults; the choices of winding, catching and constant friction."""
         s, with_friction = self.settings, self.variant in (TendonVariant.CAPSTAN, TendonVariant.FRICTIONLOSS)
         constants = ("string_time_constant", "friction_time_constant")[: 2 if with_friction else 1]
         followers = () if self.variant == TendonVariant.DEFAULTS else constants
@@ -227,14 +227,15 @@ class MujocoTendon(SteppedEngine):
             "how fast string that is held comes to rest",
         )
         defaults = (*string_defaults(self.with_settings, s), *((friction,) if with_friction else ()))
-        of_the_box = self.variant == TendonVariant.DEFAULTS  # which has nothing but defaults
-        return Studies(ladders=ladders, defaults=() if of_the_box else defaults, choices=() if of_the_box else self._choices())
+        if self.variant == TendonVariant.DEFAULTS:  # it has nothing but defaults
+            return Studies(ladders=ladders)
+        return Studies(ladders=ladders, defaults=defaults, choices=self._choices())
 
     def _choices(self) -> tuple[AdapterChoice, ...]:
         s = self.settings
         other_size = FrictionSize.AT_RELEASE if self.friction_size is FrictionSize.EQUAL_WORK else FrictionSize.EQUAL_WORK
         other = MujocoTendon(variant=self.variant, profile=self.profile, settings=s, friction_size=other_size)
-        resized = choice("size of the constant friction", self.friction_size.value, other_size.value, other)
+        size_choice = choice("size of the constant friction", self.friction_size.value, other_size.value, other)
         return (
             choice(
                 "wrap angle at which the next tendon takes over",
@@ -260,9 +261,9 @@ class MujocoTendon(SteppedEngine):
                 "left out",
                 self.with_settings(corrections=False),
             ),
-            *((resized,) if self.variant == TendonVariant.FRICTIONLOSS else ()),
+            *((size_choice,) if self.variant == TendonVariant.FRICTIONLOSS else ()),
         )
 
     def versions(self) -> dict[str, str]:
-        """Version of MuJoCo."""
+        """Return the version of MuJoCo."""
         return {"mujoco": installed_version("mujoco")}

@@ -1,4 +1,4 @@
-"""How a spatial tendon, which is geometry without memory, is made to wind without end."""
+"""Use two spatial tendons in turn, so that a string without memory of its turns can wind without end."""
 
 from __future__ import annotations
 
@@ -8,54 +8,55 @@ from typing import Any
 from looping_pendulum.reference_ode.parameters import Parameters
 
 SWITCH_UP = math.radians(210)
-"""Tendon k hands over to k + 1 when the wrap angle is this far above k pi [rad]; its path is right up to 240 degrees."""
+"""Tendon k is replaced by tendon k + 1 when the wrap angle is this far above k pi [rad]; its path is right up to 240 deg."""
 SWITCH_DOWN = math.radians(15)
-"""Tendon k hands back to k - 1 when the wrap angle is less than this above k pi [rad]; apart from `SWITCH_UP` - pi, so that a
-light mass that swings to and fro there does not switch at every step."""
+"""Tendon k is replaced by tendon k - 1 when the wrap angle is less than this above k pi [rad].
+
+It differs from `SWITCH_UP` - pi, so that a light mass that swings to and fro there does not switch at every step.
+"""
+TAUT_MARGIN = 1e-9
+"""Length by which the string's limit is reduced [m], so that a string exactly at its rest length counts as taut."""
 
 
-TAUT = 1e-9
-"""The string is this much shorter [m] than it should be, so that one exactly as long as it should be counts as taut."""
-
-
-class TurnTaking:
-    """Uses the two tendons of `tendon_model` in turn.
+class AlternatingTendons:
+    """Activates the two tendons of `tendon_model` in turn.
 
     Parameters
     ----------
     parameters
         Physics.
     model
-        MuJoCo's model; tendon 0 is the even one, tendon 1 the odd one.
+        MuJoCo's model; tendon 0 is for even numbers of half turns, tendon 1 for odd ones.
     switch_up, switch_down
-        Wrap angle above k pi at which tendon k hands over to the next and to the last [rad].
+        Wrap angle above k pi at which tendon k is replaced by the next and by the previous one [rad].
     """
 
     def __init__(self, parameters: Parameters, model: Any, switch_up: float, switch_down: float) -> None:
-        self._limited, self._allowed = model.tendon_limited, model.tendon_range
-        self._turn = 2 * math.pi * parameters.rod_radius
-        self._whole_length = parameters.string_length
-        self._up, self._down = switch_up, switch_down
+        self._limit_enabled, self._length_range = model.tendon_limited, model.tendon_range
+        self._string_per_turn = 2 * math.pi * parameters.rod_radius
+        self._string_length = parameters.string_length
+        self._switch_up, self._switch_down = switch_up, switch_down
         self._half_turns = 0
-        self._use()
+        self._activate()
 
-    def follow(self, wrap_angle: float) -> None:
-        """Use the tendon that is right for ``wrap_angle`` [rad], with its turns taken off the length allowed."""
+    def select(self, wrap_angle: float) -> None:
+        """Activate the tendon that is right for ``wrap_angle`` [rad], with the wound turns subtracted from its length limit."""
         above = wrap_angle - self._half_turns * math.pi
-        if above > self._up:
+        if above > self._switch_up:
             self._half_turns += 1
-        elif above < self._down and self._half_turns > 0:
+        elif above < self._switch_down and self._half_turns > 0:
             self._half_turns -= 1
         else:
             return
-        self._use()
+        self._activate()
 
-    def allow(self, more: float) -> None:
-        """Let the string be ``more`` [m] longer than its rest length."""
-        self._allowed[self.tendon, 1] = self.rest_length + more
+    def allow_extra_length(self, extra: float) -> None:
+        """Set the string's length limit to ``extra`` [m] more than its rest length."""
+        self._length_range[self.tendon, 1] = self.rest_length + extra
 
-    def _use(self) -> None:
+    def _activate(self) -> None:
+        """Enable the length limit of the current tendon, and disable that of the other."""
         self.tendon = self._half_turns % 2
-        self.rest_length = self._whole_length - (self._half_turns // 2) * self._turn
-        self._limited[self.tendon] = 1
-        self._limited[1 - self.tendon] = 0
+        self.rest_length = self._string_length - (self._half_turns // 2) * self._string_per_turn
+        self._limit_enabled[self.tendon] = 1
+        self._limit_enabled[1 - self.tendon] = 0

@@ -10,7 +10,7 @@ from looping_pendulum.engines.pybullet.remade import PybulletRemade
 
 
 def engines(profile: Profile) -> list[Engine]:
-    """Every variant of this engine, in ``profile``."""
+    """Return every variant of this engine with the settings of ``profile``."""
     return [
         PybulletChain(profile=profile),
         PybulletRemade(profile=profile),

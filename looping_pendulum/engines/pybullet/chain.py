@@ -1,4 +1,4 @@
-"""PyBullet: the string as one multibody of links that slides over the rod under Bullet's own Coulomb contact.
+"""PyBullet: the string is one multibody of links that slides over the rod under Bullet's own Coulomb contact.
 
 A Featherstone multibody cannot stretch: a fixed base carries the heavy mass on a vertical slide, and from it one hinge after
 another leads along the string to the light mass. Each link has a small contact sphere at its end, a *node*. The rod is a static
@@ -10,7 +10,7 @@ from __future__ import annotations
 from looping_pendulum.engines.additions import measured_additions
 from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION
 from looping_pendulum.engines.protocol import APPLIED_DRAG, FORCES_AND_RELEASE, Abilities, Profile
-from looping_pendulum.engines.pybullet.chain_model import COARSEST, PybulletChainSettings
+from looping_pendulum.engines.pybullet.chain_model import MAX_LINK_LENGTHENING, PybulletChainSettings
 from looping_pendulum.engines.pybullet.chain_rig import PybulletChainRig
 from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS
 from looping_pendulum.engines.pybullet.studies import (
@@ -49,10 +49,10 @@ SETTINGS = {
 }
 
 LINK_LENGTHS = (6e-3, 5.5e-3, 5e-3, 4.5e-3)
-"""[m] Shorter ones do not fit `MAX_JOINTS` in the ten-to-one trial, and would be laid longer."""
+"""Link lengths of the ladder [m]; shorter ones do not fit `MAX_JOINTS` in the ten-to-one trial, and would be lengthened."""
 
-RIPPLE = "links of several millimetres are long for a thin rod: the string's speed over it ripples as nodes pass"
-UNSTRETCHED = "reduced coordinates cannot stretch: the string stretch is 0 by construction, not a measurement"
+RIPPLE_LIMIT = "links of several millimetres are long for a thin rod: the string's speed over it ripples as nodes pass"
+NO_STRETCH_LIMIT = "reduced coordinates cannot stretch: the string stretch is 0 by construction, not a measurement"
 
 _ABILITIES = Abilities(
     releases=frozenset(Release),
@@ -67,13 +67,13 @@ _ABILITIES = Abilities(
     summary="One Featherstone multibody of links that slides over a static sphere under Coulomb contact.",
     limits=(
         ONE_COEFFICIENT,
-        f"at most {MAX_JOINTS} joints are reported rightly: links of a long string are laid up to {COARSEST:g} times longer "
-        "than the settings say, and a longer string still is refused",
+        f"at most {MAX_JOINTS} joints are reported rightly: links of a long string are laid up to {MAX_LINK_LENGTHENING:g} "
+        "times longer than the settings say, and a longer string still is refused",
         "a link that winds on must not be longer than the rod is thick: quick (8 mm links) refuses rods below 4 mm of radius",
         "explicit steps: where the rod holds back more than at ten_to_one the step is divided",
-        RIPPLE,
+        RIPPLE_LIMIT,
         "forces updated every 5 steps instead of every one move the halt of two_to_one: its figures are one draw each",
-        UNSTRETCHED,
+        NO_STRETCH_LIMIT,
     ),
     additions=(
         f"a string that weighs {100 * MASS_FRACTION:g} % of the light mass, "
@@ -92,25 +92,31 @@ class PybulletChain(PybulletVariant):
 
     variant = "chain"
     abilities = _ABILITIES
-    tuned = SETTINGS
+    settings_by_profile = SETTINGS
     rig = PybulletChainRig
     settings: PybulletChainSettings
 
     def studies(self) -> Studies:
-        """Step, links and the solver's sweeps; PyBullet's defaults; the adapter's choices."""
-        s, adjusted = self.settings, self.with_settings
+        """Return ladders of step, link length and iterations, PyBullet's defaults, and the adapter's choices."""
+        s, with_settings = self.settings, self.with_settings
         return Studies(
-            ladders=(step_ladder(adjusted, s.time_step), self._link_ladder(), iteration_ladder(adjusted, s.solver_iterations)),
-            defaults=(*world_defaults(adjusted, s), *multibody_defaults(adjusted, s)),
+            ladders=(
+                step_ladder(with_settings, s.time_step),
+                self._link_ladder(),
+                iteration_ladder(with_settings, s.solver_iterations),
+            ),
+            defaults=(*world_defaults(with_settings, s), *multibody_defaults(with_settings, s)),
             choices=(
-                *(c for c in common_choices(adjusted, s) if c.engine.settings != s),
+                *(c for c in common_choices(with_settings, s) if c.engine.settings != s),
                 choice(
                     "links below the rod",
                     quantity(s.hanging_link_length, "m", 3),
                     "half as long",
-                    adjusted(hanging_link_length=7.5e-3),
+                    with_settings(hanging_link_length=7.5e-3),
                 ),
-                choice("inertia of a link", f"{s.relative_inertia:g} m h^2", "three times", adjusted(relative_inertia=0.03)),
+                choice(
+                    "inertia of a link", f"{s.relative_inertia:g} m h^2", "three times", with_settings(relative_inertia=0.03)
+                ),
             ),
         )
 
@@ -122,5 +128,5 @@ class PybulletChain(PybulletVariant):
         return ladder(self.with_settings, "link_length", "m", rungs, "links that only wind on, in proportion")
 
     def end_length(self, scenario: Scenario) -> float:
-        """Free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
+        """Return the free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
         return max(super().end_length(scenario), self.settings.outer_link_length)

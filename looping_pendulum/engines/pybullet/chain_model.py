@@ -1,4 +1,4 @@
-"""The chain that stands for the string in PyBullet: where its links lie, how they start, and its URDF."""
+"""The chain that represents the string in PyBullet: its links' positions and velocities at release, and its URDF."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION, polygon_radius
-from looping_pendulum.engines.pybullet.links import LinkPositions
+from looping_pendulum.engines.pybullet.links import ChainState
 from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS
 from looping_pendulum.engines.pybullet.settings import NO_SPEED_LIMIT, WorldSettings
 from looping_pendulum.errors import EngineError
@@ -16,37 +16,37 @@ from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
-COARSEST = 1.5
-"""How many times longer than asked for links may be laid so that a long string fits `MAX_JOINTS`."""
+MAX_LINK_LENGTHENING = 1.5
+"""Largest factor by which links may be longer than the settings say, so that a long string fits `MAX_JOINTS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PybulletChainSettings(WorldSettings):
-    """Numerics of the link chain. Stable below steps of about link length over sqrt(tension / mass per length)."""
+    """Numerical settings of the link chain, stable below steps of about link length over sqrt(tension / mass per length)."""
 
     link_length: float
-    """Length of a link that may slide over the rod [m]; see `lay_chain` for when links are laid longer."""
+    """Length of a link that may slide over the rod [m]; see `chain_at_release` for when links are longer."""
     outer_link_length: float
     """Length of a link near the light mass, which at most winds on to the rod [m]; adjusted to end at the light mass."""
     least_bend: float = 0.2
-    """Links are laid longer than asked for if they would turn by less than this on the rod [rad]: no need on a thick rod."""
+    """Smallest angle between links on the rod [rad]: on a thick rod, which needs no shorter ones, links are longer."""
     sliding_share: float = 0.7
-    """Share of the free string, from the rod on, that is laid in links of `link_length`."""
+    """Fraction of the free string, from the rod on, that consists of links of `link_length`."""
     hanging_link_length: float = 0.015
     """Length of the links below the rod on the heavy side at release, which never come to lie on it [m]."""
     relative_inertia: float = 1e-2
-    """Moment of inertia of a link about its end, in its mass times its length squared: small, but not singular."""
+    """Moment of inertia of a link about its end, over its mass times its length squared: small, but not singular."""
     mass_compensation: float = MASS_COMPENSATION
-    """Share of the chain's mass taken off the light mass, see `engines.chain`."""
+    """Fraction of the chain's mass that is subtracted from the light mass, see `engines.chain`."""
     joint_motors: bool = False
-    """Leave on the motor that PyBullet puts in every joint."""
+    """Whether to leave on the motor that PyBullet puts in every joint."""
     divided_step: bool = True
-    """Divide the step where a wave on the taut chain would pass too much of a link in it."""
+    """Whether to divide the step where a wave on the taut chain would pass too much of a link in it."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReleasedChain(LinkPositions):
-    """A chain at release."""
+class ReleasedChain(ChainState):
+    """The chain at release: positions, velocities, and what each node does where it lies on the rod."""
 
     bends: Array
     """Angle that the string turns through at each inner node where it lies on the rod [rad], shape (n - 2,)."""
@@ -54,10 +54,10 @@ class ReleasedChain(LinkPositions):
     """Distance of each inner node from the rod's centre where it lies on the rod [m], shape (n - 2,)."""
 
 
-def lay_chain(parameters: Parameters, settings: PybulletChainSettings) -> ReleasedChain:
-    """Lay the chain along the string at release: masses exactly in place, nodes on the rod at their circle.
+def chain_at_release(parameters: Parameters, settings: PybulletChainSettings) -> ReleasedChain:
+    """Return the chain along the string at release: masses exactly in place, nodes on the rod at their circle.
 
-    A string that needs more joints than PyBullet can hold gets evenly longer links, up to `COARSEST` times.
+    A string that needs more joints than PyBullet can hold gets evenly longer links, up to `MAX_LINK_LENGTHENING` times.
 
     Raises
     ------
@@ -74,25 +74,25 @@ def lay_chain(parameters: Parameters, settings: PybulletChainSettings) -> Releas
                 f"pybullet:chain: links of {1e3 * outer * coarser:.3g} mm cannot wrap a rod of radius "
                 f"{1e3 * p.rod_radius:.3g} mm; shorten link_length and outer_link_length"
             )
-        chain = _lay(p, s, inner * coarser, outer * coarser)
-        joints = len(chain.places)  # one hinge per link, and the heavy mass's slide
+        chain = _chain_of_links(p, s, inner * coarser, outer * coarser)
+        joints = len(chain.positions)  # one hinge per link, and the heavy mass's slide
         if joints <= MAX_JOINTS:
             return chain
         coarser *= 1.01
-        if coarser > COARSEST:
+        if coarser > MAX_LINK_LENGTHENING:
             raise EngineError(
                 f"pybullet:chain: the string of {p.string_length:.3g} m needs {joints} joints of longer links "
                 f"and PyBullet holds {MAX_JOINTS}; raise link_length or outer_link_length, or shorten the string"
             )
 
 
-def _lay(p: Parameters, s: PybulletChainSettings, inner: float, outer: float) -> ReleasedChain:
-    """Lay links of about ``inner`` and, near the light mass, ``outer`` [m]."""
+def _chain_of_links(p: Parameters, s: PybulletChainSettings, inner: float, outer: float) -> ReleasedChain:
+    """Return a chain of links of about ``inner`` [m] and, near the light mass, ``outer`` [m]."""
     light = np.array(light_position(np, p.free_length, p.release_angle, p.rod_radius))
     heavy = np.array([p.rod_radius, -p.hanging_length])
     if p.release is Release.VERTICAL:
-        # The wrap angle stays. Links that divide it come on and off the rod at the same moments, so that the ripple which a
-        # passing node makes in the string's speed is the same at both ends, and the masses do not feel it.
+        # The wrap angle is constant. Links that divide it reach and leave the rod at the same moments, so that the ripple which
+        # a passing node makes in the string's speed is the same at both ends, and the masses do not feel it.
         wound = p.rod_radius * p.release_angle
         inner = wound / math.ceil(wound / inner)
     on_rod = _nodes_on_rod(p, s, inner)
@@ -104,26 +104,26 @@ def _lay(p: Parameters, s: PybulletChainSettings, inner: float, outer: float) ->
     shares = np.concatenate([np.linspace(0.0, corner, inner_count, endpoint=False), np.linspace(corner, 1.0, outer_count + 1)])
 
     def along(heavy_end: Array, on_rod: Array, light_end: Array) -> Array:
-        """Values at all nodes: even from the heavy end to the rod, those on the rod, even from there to the light end."""
+        """Return values at all nodes: linear from the heavy end to the rod, ``on_rod``, linear from there to the light end."""
         hanging = np.linspace(heavy_end, on_rod[0], hanging_count, endpoint=False)
         return np.concatenate([hanging, on_rod[:-1], on_rod[-1] + shares[:, None] * (light_end - on_rod[-1])])
 
     # A push turns the free part about its tangent point, and slides the string at the heavy mass's speed.
     vx, vy, heavy_v = release_velocity(p)
     sliding = heavy_v / np.hypot(*on_rod.T)[:, None] * np.stack([-on_rod[:, 1], on_rod[:, 0]], axis=1)
-    places = along(heavy, on_rod, light)
+    positions = along(heavy, on_rod, light)
     velocities = along(np.array([0.0, heavy_v]), sliding, np.array([vx, vy]))
-    lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    lengths = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     # Hanging links do not come to lie on the rod: their last node bends as the links above it do.
     lengths_on_rod = np.where(np.arange(len(lengths)) < hanging_count, inner, lengths)
     local = 0.5 * (lengths_on_rod[1:] + lengths_on_rod[:-1])
     bends = local / p.rod_radius
     circles = np.asarray(polygon_radius(p.rod_radius, bends)) if s.polygon else np.full(len(bends), p.rod_radius)
-    return ReleasedChain(places=places, velocities=velocities, bends=bends, node_circles=circles)
+    return ReleasedChain(positions=positions, velocities=velocities, bends=bends, node_circles=circles)
 
 
 def _nodes_on_rod(p: Parameters, s: PybulletChainSettings, link_length: float) -> Array:
-    """Nodes that lie on the rod at release, heavy side first, placed evenly about the middle of the wound string."""
+    """Return the nodes [m] on the rod at release, heavy side first, symmetric about the middle of the wound string."""
     bend = link_length / p.rod_radius
     circle = polygon_radius(p.rod_radius, bend) if s.polygon else p.rod_radius
     links = round(p.release_angle / bend)
@@ -132,11 +132,17 @@ def _nodes_on_rod(p: Parameters, s: PybulletChainSettings, link_length: float) -
 
 
 def chain_urdf(p: Parameters, s: PybulletChainSettings, chain: ReleasedChain, node_radii: Array) -> str:
-    """The multibody as URDF: base, heavy mass on a vertical slide (not if held), links, light mass at the end of the last."""
+    """Return the multibody as URDF: base, heavy mass on a vertical slide (unless held), links, light mass at the last end.
+
+    Parameters
+    ----------
+    node_radii
+        Radius of each inner node's contact sphere [m], heavy side first.
+    """
     string_mass = MASS_FRACTION * p.light_mass
     lengths = chain.lengths
     density = string_mass / lengths.sum()
-    x, y = chain.places[0]
+    x, y = chain.positions[0]
     rows = [_link("base", mass=0.0, at=0.0, inertia=0.0)]
     parent = "base"
     if p.release is not Release.HELD:
@@ -158,7 +164,7 @@ def chain_urdf(p: Parameters, s: PybulletChainSettings, chain: ReleasedChain, no
 
 
 def _link(name: str, *, mass: float, at: float, inertia: float, node_radius: float | None = None) -> str:
-    """A point-like mass ``at`` [m] along the link, with a node there."""
+    """Return the URDF of a link: a point-like mass ``at`` [m] along it, with a contact sphere there if it is a node."""
     origin = f'<origin xyz="{float(at)!r} 0 0"/>'
     i = float(inertia)
     node = f'<collision>{origin}<geometry><sphere radius="{node_radius!r}"/></geometry></collision>' if node_radius else ""

@@ -1,4 +1,4 @@
-"""PyBullet: the chain of links with the settings that PyBullet comes with. It fails; why is part of what it shows."""
+"""PyBullet: the chain of links with the settings that PyBullet comes with. It fails, and shows which default is why."""
 
 from __future__ import annotations
 
@@ -34,29 +34,31 @@ SETTINGS = PybulletChainSettings(
 )
 
 
-_HELD = "joint motors hold every hinge"
+_MOTORS_HOLD_JOINTS = "joint motors hold every hinge"
 _EFFECTS = (
     *("light_drag", "heavy_drag", "light_linear_drag", "heavy_linear_drag", "attitude_drag", "wind"),
     *("side_force", "side_stiffness", "push_across", "push_along"),
 )
 _KNOWN_FAILURES = {
-    "velocity_is_the_rate_of_position": f"measured 66 m/s off, as the chain flies apart after 0.14 s: {_HELD}",
-    "frictionless_vertical_release_is_an_atwood_machine": f"measured -0.0002 m/s^2 for 8.03: {_HELD}",
-    "vertical_release_obeys_the_capstan_law": f"measured -0.0002 m/s^2 for 5.80: {_HELD}",
-    "held_pendulum_swings_to_the_other_side": f"{_HELD}, and take the pendulum's energy",
+    "velocity_is_the_rate_of_position": f"measured 66 m/s off, as the chain flies apart after 0.14 s: {_MOTORS_HOLD_JOINTS}",
+    "frictionless_vertical_release_is_an_atwood_machine": f"measured -0.0002 m/s^2 for 8.03: {_MOTORS_HOLD_JOINTS}",
+    "vertical_release_obeys_the_capstan_law": f"measured -0.0002 m/s^2 for 5.80: {_MOTORS_HOLD_JOINTS}",
+    "held_pendulum_swings_to_the_other_side": f"{_MOTORS_HOLD_JOINTS}, and take the pendulum's energy",
     "string_keeps_its_length": "measured 88 mm off the taut string's path: joint motors hold it bent where it is bent",
-    "release_has_the_exact_acceleration": f"measured no motion of the heavy mass: {_HELD}",
-    "release_against_friction_has_the_exact_acceleration": f"measured no motion of the heavy mass: {_HELD}",
-    "energy_is_kept_without_losses": f"measured no motion of the heavy mass: {_HELD}",
-    "energy_never_grows_with_losses": f"measured no motion of the heavy mass: {_HELD}",
+    "release_has_the_exact_acceleration": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
+    "release_against_friction_has_the_exact_acceleration": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
+    "energy_is_kept_without_losses": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
+    "energy_never_grows_with_losses": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}",
     "follows_the_reference_without_losses": "measured 480 mm off at 0.14 s: the chain flies apart",
     "follows_the_reference_past_the_halt_and_a_full_turn": "measured 220 mm off at 0.42 s: the chain flies apart",
-} | {f"{effect}_acts_as_in_the_reference": f"measured no motion of the heavy mass: {_HELD}" for effect in _EFFECTS}
+} | {
+    f"{effect}_acts_as_in_the_reference": f"measured no motion of the heavy mass: {_MOTORS_HOLD_JOINTS}" for effect in _EFFECTS
+}
 """Checks of `engines.conformance` that it fails, with the measured reason."""
 
 
 class PybulletDefaults(PybulletChain):
-    """The chain as PyBullet sets it up by itself."""
+    """The chain with PyBullet's own settings."""
 
     variant = "defaults"
     abilities = replace(
@@ -79,5 +81,5 @@ class PybulletDefaults(PybulletChain):
         super().__init__(profile=profile, settings=SETTINGS)
 
     def studies(self) -> Studies:
-        """Nothing: each default is measured by itself in the studies of `chain`."""
+        """Return no studies: the studies of `chain` measure each default by itself."""
         return Studies()

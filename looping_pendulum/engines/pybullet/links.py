@@ -1,4 +1,4 @@
-"""What every chain of links between nodes shares: its polygon's friction, its state at one moment, its settings."""
+"""What all chains of links between nodes share: the polygon's friction, the state at one moment, the settings."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
-TURN_TO_HALT = math.pi / 2
-"""How much further than at release the string is typically wound, averaged over a looping mass's way to its halt [rad]."""
-MOST_BEND = 1.3
-"""Largest bend at a node [rad]: friction at such corners no longer is that of a circle."""
+MEAN_TURN_TO_HALT = math.pi / 2
+"""Typical wrap angle beyond the release's, averaged over a looping mass's motion until the halt [rad]."""
+MAX_BEND = 1.3
+"""Largest bend at a node [rad]: beyond it friction at the corners no longer is that of a circle."""
 
 
 def typical_wrap_angle(parameters: Parameters) -> float:
-    """Wrap angle at which the polygon's mean friction is to be right [rad]; it changes little with it."""
-    return parameters.release_angle + (0.0 if parameters.release is Release.VERTICAL else TURN_TO_HALT)
+    """Return the wrap angle [rad] at which the polygon's mean friction shall be that of a circle; it changes little with it."""
+    return parameters.release_angle + (0.0 if parameters.release is Release.VERTICAL else MEAN_TURN_TO_HALT)
 
 
 def contact_friction(friction: float, bend: float, wrap_angle: float) -> float:
-    """Contact friction with which a sliding polygon obeys the capstan law, on average over how its ends lie.
+    """Return the contact friction with which a sliding polygon obeys the capstan law, averaged over its ends' positions.
 
     `polygon_friction` is right for full corners. A corner of angle d makes ln(T2/T1) = 2 artanh(m tan(d/2)), which grows faster
     than d; and the first and last corner on the rod turn by anything from 0 to the full ``bend``, evenly as the string winds.
     So the wrap angle theta is theta / bend - 1 full corners and two such ends, and m solves
     (theta / bend - 1) f(bend) + 2 mean(f) = mu theta.
     """
-    from scipy.optimize import brentq  # slow to import, and every list of engines comes by here
+    from scipy.optimize import brentq  # imported here, as it is slow and every list of engines imports this module
 
     if friction == 0:
         return 0.0
@@ -49,45 +49,45 @@ def contact_friction(friction: float, bend: float, wrap_angle: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LinkPositions:
-    """The string at one moment: its ends and the nodes between, from the heavy mass to the light one."""
+class ChainState:
+    """Positions and velocities of a chain at one moment: its ends and the nodes between, from heavy to light mass."""
 
-    places: Array
-    """Shape (n, 2) [m]"""
+    positions: Array
+    """Of masses and nodes [m], shape (n, 2)."""
     velocities: Array
-    """Shape (n, 2) [m/s]"""
+    """Of masses and nodes [m/s], shape (n, 2)."""
 
     @property
     def lengths(self) -> Array:
-        """Of the links [m], shape (n - 1,)."""
-        return np.asarray(np.hypot(*np.diff(self.places, axis=0).T))
+        """Lengths of the links [m], shape (n - 1,)."""
+        return np.asarray(np.hypot(*np.diff(self.positions, axis=0).T))
 
     @property
     def directions(self) -> Array:
-        """Of the links [rad], shape (n - 1,)."""
-        x, y = np.diff(self.places, axis=0).T
+        """Directions of the links, from the x axis [rad], shape (n - 1,)."""
+        x, y = np.diff(self.positions, axis=0).T
         return np.asarray(np.arctan2(y, x))
 
     @property
     def turn_rates(self) -> Array:
         """Angular velocities of the links [rad/s], shape (n - 1,)."""
-        (x, y), (vx, vy) = np.diff(self.places, axis=0).T, np.diff(self.velocities, axis=0).T
+        (x, y), (vx, vy) = np.diff(self.positions, axis=0).T, np.diff(self.velocities, axis=0).T
         return np.asarray((x * vy - y * vx) / (x * x + y * y))
 
 
 @dataclass(frozen=True, kw_only=True)
 class LinkSettings(WorldSettings):
-    """What variants of links between nodes set."""
+    """Settings of variants that consist of links between nodes."""
 
     link_length: float
-    """Length of a link that may come on the rod [m]; longer on a thick rod, see `least_bend`."""
+    """Length of a link that may lie on the rod [m]; longer on a thick rod, see `least_bend`."""
     bead_mass_ratio: float
     """Mass of a node over the light mass. Stable below steps of about sqrt(its mass x link length / tension)."""
     least_bend: float = 0.2
-    """Links are laid longer than asked for if they would turn by less than this on the rod [rad]: no need on a thick rod."""
+    """Smallest angle between links on the rod [rad]: on a thick rod, which needs no shorter ones, links are longer."""
 
     def length_on_rod(self, parameters: Parameters) -> float:
-        """Length of a link on the rod [m].
+        """Return the length of a link on the rod [m].
 
         Raises
         ------
@@ -95,26 +95,26 @@ class LinkSettings(WorldSettings):
             If it would bend too far there.
         """
         radius = parameters.rod_radius
-        if self.link_length > MOST_BEND * radius:
+        if self.link_length > MAX_BEND * radius:
             raise EngineError(
                 f"pybullet: links of {1e3 * self.link_length:.3g} mm cannot wrap a rod of radius {1e3 * radius:.3g} mm; "
-                f"shorten link_length to {1e3 * MOST_BEND * radius:.2g} mm or less"
+                f"shorten link_length to {1e3 * MAX_BEND * radius:.2g} mm or less"
             )
         length = max(self.link_length, self.least_bend * radius)
         if parameters.release is Release.VERTICAL:
-            # The wrap angle stays. Links that divide it come on and off the rod at the same moments, so that the ripple which a
-            # passing node makes in the string's speed is the same at both ends, and the masses do not feel it.
+            # The wrap angle is constant. Links that divide it reach and leave the rod at the same moments, so that the ripple
+            # which a passing node makes in the string's speed is the same at both ends, and the masses do not feel it.
             wound = radius * parameters.release_angle
             length = wound / math.ceil(wound / length)
         return length
 
     def node_circle(self, parameters: Parameters) -> float:
-        """Distance of a node on the rod from the rod's centre [m]."""
+        """Return the distance of a node on the rod from the rod's centre [m]."""
         radius = parameters.rod_radius
         return float(polygon_radius(radius, self.length_on_rod(parameters) / radius)) if self.polygon else radius
 
     def friction(self, parameters: Parameters, wrap_angle: float, rod_radius: float) -> float:
-        """Contact coefficient of nodes on a rod whose sphere has ``rod_radius`` [m].
+        """Return the contact coefficient of nodes on a rod whose sphere has ``rod_radius`` [m].
 
         Friction acts where a node touches the rod, tension at the node: their lever arms differ by the node's radius.
         """

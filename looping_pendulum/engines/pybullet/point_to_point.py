@@ -1,4 +1,4 @@
-"""PyBullet: the string as rigid bodies in maximal coordinates, pinned to one another point to point."""
+"""PyBullet: the string is a row of rigid bodies in maximal coordinates, pinned to one another point to point."""
 
 from __future__ import annotations
 
@@ -61,31 +61,31 @@ class PybulletPointToPoint(PybulletVariant):
 
     variant = "point_to_point"
     abilities = _ABILITIES
-    tuned = SETTINGS
+    settings_by_profile = SETTINGS
     rig = PointToPointRig
     settings: PointToPointSettings
 
     def end_length(self, scenario: Scenario) -> float:
-        """Free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
+        """Return the free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
         return max(super().end_length(scenario), 2 * self.settings.length_on_rod(scenario.parameters))
 
     def studies(self) -> Studies:
-        """Step, links and sweeps; PyBullet's defaults; the adapter's choices."""
-        s, adjusted = self.settings, self.with_settings
+        """Return ladders of step, link length and iterations, PyBullet's defaults, and the adapter's choices."""
+        s, with_settings = self.settings, self.with_settings
         return Studies(
             ladders=(
-                step_ladder(adjusted, s.time_step),
-                link_ladder(adjusted, s),
-                iteration_ladder(adjusted, s.solver_iterations),
+                step_ladder(with_settings, s.time_step),
+                link_ladder(with_settings, s),
+                iteration_ladder(with_settings, s.solver_iterations),
             ),
-            defaults=world_defaults(adjusted, s),
+            defaults=world_defaults(with_settings, s),
             choices=(
-                *common_choices(adjusted, s),
+                *common_choices(with_settings, s),
                 choice(
                     "inertia of a node's body",
                     f"{s.relative_inertia:g} mass x link^2",
                     "a third of it",
-                    adjusted(relative_inertia=s.relative_inertia / 3),
+                    with_settings(relative_inertia=s.relative_inertia / 3),
                 ),
             ),
         )

@@ -1,7 +1,7 @@
-"""PyBullet: the multibody of links made anew whenever a node comes on the rod or goes: fewer links, and a choice of when.
+"""PyBullet: the multibody of links is created anew whenever a node reaches or leaves the rod, so that it has fewer links.
 
-Only links on the rod have their nodes; each straight part of the string is one long link. It costs less than `chain`, whose
-links stay as they are laid, and is not as good: when a node comes and goes is the adapter's choice, and masses feel it.
+Only links on the rod have nodes; each straight part of the string is one long link. It costs less than `chain`, whose links
+stay as they are at release, and is not as good: the adapter chooses when a node is added or removed, and the masses feel it.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.pybullet.chain import RIPPLE, UNSTRETCHED, PybulletChain
+from looping_pendulum.engines.pybullet.chain import NO_STRETCH_LIMIT, RIPPLE_LIMIT, PybulletChain
 from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS
 from looping_pendulum.engines.pybullet.remade_model import RemadeSettings
 from looping_pendulum.engines.pybullet.remade_rig import RemadeRig
-from looping_pendulum.engines.pybullet.studies import BEAD_MASSES, choice, iteration_ladder, link_ladder, step_ladder
+from looping_pendulum.engines.pybullet.studies import BEAD_MASS_RATIOS, choice, iteration_ladder, link_ladder, step_ladder
 from looping_pendulum.engines.pybullet.variant import ONE_COEFFICIENT, PybulletVariant
 from looping_pendulum.engines.studies import Studies, ladder
 from looping_pendulum.engines.trajectory import Supplier, Supply
@@ -50,49 +50,52 @@ _ABILITIES = replace(
         "its constants were selected on ten_to_one, where it scatters; at mass ratios of 2 and 2.5 it is farther off",
         "when a node comes and goes is the adapter's choice, and moves the vertical drop's acceleration",
         f"at most {MAX_JOINTS} joints are reported rightly: a string wound over more links is refused",
-        RIPPLE,
-        UNSTRETCHED,
+        RIPPLE_LIMIT,
+        NO_STRETCH_LIMIT,
         "straight string is one stiff massless link: no waves run along it, and slack string does not fall",
     ),
 )
 
 
 class PybulletRemade(PybulletVariant):
-    """A chain of links that come and go."""
+    """A chain whose links are added and removed as the string winds."""
 
     variant = "remade"
     abilities = _ABILITIES
-    tuned = SETTINGS
+    settings_by_profile = SETTINGS
     rig = RemadeRig
     settings: RemadeSettings
 
     def studies(self) -> Studies:
-        """Step, links, their mass and the solver's sweeps; when nodes come and go. `chain` studies PyBullet's defaults."""
-        s, adjusted = self.settings, self.with_settings
+        """Return ladders of step, links, their mass and iterations, and choices of when nodes are added and removed.
+
+        PyBullet's defaults are studied by `chain`.
+        """
+        s, with_settings = self.settings, self.with_settings
         return Studies(
             ladders=(
-                step_ladder(adjusted, s.time_step),
-                link_ladder(adjusted, s),
-                iteration_ladder(adjusted, s.solver_iterations),
-                ladder(adjusted, "bead_mass_ratio", "", ({"bead_mass_ratio": ratio} for ratio in BEAD_MASSES)),
+                step_ladder(with_settings, s.time_step),
+                link_ladder(with_settings, s),
+                iteration_ladder(with_settings, s.solver_iterations),
+                ladder(with_settings, "bead_mass_ratio", "", ({"bead_mass_ratio": ratio} for ratio in BEAD_MASS_RATIOS)),
             ),
             choices=(
                 choice(
                     "when a node goes",
                     f"off the rod for {s.goes:g} links",
                     "for 0.5 links: it swings meanwhile",
-                    adjusted(comes=0.3, goes=0.5),
+                    with_settings(comes=0.3, goes=0.5),
                 ),
                 choice(
                     "when a node comes and goes",
                     f"{s.comes:g} and {s.goes:g} links from touching",
                     "0.01 and 0.03",
-                    adjusted(comes=0.01, goes=0.03),
+                    with_settings(comes=0.01, goes=0.03),
                 ),
-                choice("steps between two looks at the nodes", f"{s.look_interval}", "1", adjusted(look_interval=1)),
+                choice("steps between two looks at the nodes", f"{s.look_interval}", "1", with_settings(look_interval=1)),
             ),
         )
 
     def end_length(self, scenario: Scenario) -> float:
-        """Free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
+        """Return the free length [m] at which the run ends: a chain cannot follow once only its last link is left."""
         return max(super().end_length(scenario), 2 * self.settings.length_on_rod(scenario.parameters))

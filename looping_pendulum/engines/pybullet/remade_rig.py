@@ -1,12 +1,12 @@
-"""The rig of the chain that is made anew: one multibody after another, as nodes come on the rod and go."""
+"""The rig of the chain that is created anew: one multibody after another, as nodes reach and leave the rod."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from looping_pendulum.engines.pybullet.links import LinkPositions, typical_wrap_angle
+from looping_pendulum.engines.pybullet.links import ChainState, typical_wrap_angle
 from looping_pendulum.engines.pybullet.multibody import MAX_JOINTS, MultibodyRig, free_joints, set_joints
-from looping_pendulum.engines.pybullet.remade_model import NodeChanges, RemadeSettings, lay
+from looping_pendulum.engines.pybullet.remade_model import NodeChanges, RemadeSettings, nodes_at_release
 from looping_pendulum.engines.pybullet.world import Row, World
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import release_velocity
@@ -14,7 +14,7 @@ from looping_pendulum.reference_ode.parameters import Parameters
 
 
 class RemadeRig(MultibodyRig):
-    """The apparatus with a string."""
+    """The apparatus with a string of links, in a multibody that is replaced when nodes change."""
 
     def __init__(self, parameters: Parameters, settings: RemadeSettings) -> None:
         p, s = parameters, settings
@@ -22,60 +22,63 @@ class RemadeRig(MultibodyRig):
         self._settings = s
         self._length = s.length_on_rod(p)
         rod_radius = s.node_circle(p) - s.node_radius
-        self._world.lay_rod(rod_radius, 1.0)
+        self._world.add_rod(rod_radius, 1.0)
         self._friction = s.friction(p, typical_wrap_angle(p), rod_radius)
         self._node = self._node_shape(self._length)
-        chain = lay(p, s, release_velocity(p))
-        self._watch = NodeChanges(p, s)
-        self._nodes, self.times_laid = 0, 0
-        self._make(chain)
+        chain = nodes_at_release(p, s, release_velocity(p))
+        self._node_changes = NodeChanges(p, s)
+        self._node_count, self.rebuild_count = 0, 0
+        self._create_multibody(chain)
 
     def advance(self) -> None:
-        """Step through one sample interval, applying the effects' forces, then see to the chain."""
+        """Advance by one sample interval with the effects' forces, updating the nodes every `look_interval` steps."""
         steps, interval = self._world.steps, self._settings.look_interval
         for done in range(0, steps, interval):
-            self._drive.steps(min(interval, steps - done), self)
-            self._look()
+            self._stepper.steps(min(interval, steps - done), self)
+            self._update_nodes()
 
-    def _look(self) -> None:
-        """See whether a node comes or goes."""
-        margins = self._watch.margins(self._outermost(), self._nodes)
+    def _update_nodes(self) -> None:
+        """Replace the multibody by one with more or fewer nodes, if any is due."""
+        margins = self._node_changes.margins(self._outermost(), self._node_count)
         if not min(margins) < 0:
             return
-        anew = self._watch.seen_to(self._chain())
+        chain = self._node_changes.with_updated_nodes(self._chain())
         self._world.api.removeBody(self._body, physicsClientId=self._world.client)
-        self._make(anew)
+        self._create_multibody(chain)
 
     def _outermost(self) -> list[Row]:
-        """Places of the masses and of the two outermost nodes on either side [m]."""
+        """Return the positions [m] of the masses and of the two outermost nodes on either side."""
         api, client, last = self._world.api, self._world.client, self._ends[0]
         slide = 0 if self._held else 1
         joints = [*range(slide + 2), last - 2, last - 1, last]
-        places = [row[0][:2] for row in api.getLinkStates(self._body, joints, physicsClientId=client)]
+        positions = [row[0][:2] for row in api.getLinkStates(self._body, joints, physicsClientId=client)]
         p = self._parameters
-        return [(p.rod_radius, -p.hanging_length), *places] if self._held else places
+        return [(p.rod_radius, -p.hanging_length), *positions] if self._held else positions
 
-    def _chain(self) -> LinkPositions:
-        """Places and velocities of the masses and nodes."""
+    def _chain(self) -> ChainState:
+        """Return positions and velocities of the masses and nodes."""
         api, client = self._world.api, self._world.client
         joints = range(self._ends[0] + 1)
         rows = api.getLinkStates(self._body, joints, 1, 1, physicsClientId=client)
-        places, velocities = np.array([row[0][:2] for row in rows]), np.array([row[6][:2] for row in rows])
+        positions, velocities = np.array([row[0][:2] for row in rows]), np.array([row[6][:2] for row in rows])
         if self._held:
             p = self._parameters
-            places, velocities = np.vstack([(p.rod_radius, -p.hanging_length), places]), np.vstack([(0.0, 0.0), velocities])
-        return LinkPositions(places=places, velocities=velocities)
+            positions, velocities = (
+                np.vstack([(p.rod_radius, -p.hanging_length), positions]),
+                np.vstack([(0.0, 0.0), velocities]),
+            )
+        return ChainState(positions=positions, velocities=velocities)
 
-    def _make(self, chain: LinkPositions) -> None:
-        """Make the multibody: base, heavy mass on a vertical slide (not if held), links, light mass at the end of the last."""
+    def _create_multibody(self, chain: ChainState) -> None:
+        """Create the multibody: base, heavy mass on a vertical slide (unless held), links, light mass at the last one's end."""
         api, client, p, s = self._world.api, self._world.client, self._parameters, self._settings
         lengths = chain.lengths.tolist()
         n, node_mass = len(lengths), s.bead_mass_ratio * p.light_mass
-        heavy = [*chain.places[0].tolist(), 0.0]
+        heavy = [*chain.positions[0].tolist(), 0.0]
         slide = 0 if self._held else 1
         starts = [[0.0, 0.0, 0.0]] * slide + [[0.0, 0.0, 0.0]] + [[length, 0.0, 0.0] for length in lengths[:-1]]
         joints = slide + n
-        none = [0.0, 0.0, 0.0, 1.0]
+        no_rotation = [0.0, 0.0, 0.0, 1.0]
         self._body = body = api.createMultiBody(
             0,
             -1,
@@ -85,16 +88,16 @@ class RemadeRig(MultibodyRig):
             linkCollisionShapeIndices=[-1] * slide + [self._node_shape(lengths[0])] + [self._node] * (n - 2) + [-1],
             linkVisualShapeIndices=[-1] * joints,
             linkPositions=starts,
-            linkOrientations=[none] * joints,
+            linkOrientations=[no_rotation] * joints,
             linkInertialFramePositions=[[0.0, 0.0, 0.0]] * slide + [[length, 0.0, 0.0] for length in lengths],
-            linkInertialFrameOrientations=[none] * joints,
+            linkInertialFrameOrientations=[no_rotation] * joints,
             linkParentIndices=list(range(joints)),
             linkJointTypes=[api.JOINT_PRISMATIC] * slide + [api.JOINT_REVOLUTE] * n,
             linkJointAxis=[[0, 1, 0]] * slide + [[0, 0, 1]] * n,
             physicsClientId=client,
         )
-        found = api.getNumJoints(body, physicsClientId=client)
-        if found != joints or joints > MAX_JOINTS:
+        joint_count = api.getNumJoints(body, physicsClientId=client)
+        if joint_count != joints or joints > MAX_JOINTS:
             raise EngineError(
                 f"pybullet:remade: the wound string needs {joints} joints and PyBullet holds {MAX_JOINTS}; raise link_length"
             )
@@ -106,9 +109,9 @@ class RemadeRig(MultibodyRig):
             if joint < joints - 1:
                 self._world.set_friction(body, joint, self._friction)
         set_joints(self._world, body, chain, np.diff(chain.directions, prepend=0.0), sliding=not self._held)
-        self._nodes = len(chain.places) - 2
-        self.times_laid += 1
-        self._light_place, self._heavy_place = [*chain.places[-1].tolist(), 0.0], heavy
+        self._node_count = len(chain.positions) - 2
+        self.rebuild_count += 1
+        self._light_position, self._heavy_position = [*chain.positions[-1].tolist(), 0.0], heavy
 
     def _node_shape(self, length: float) -> int:
         api = self._world.api

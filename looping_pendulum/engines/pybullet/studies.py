@@ -1,4 +1,4 @@
-"""What can be varied of each PyBullet variant: ladders of refinement, PyBullet's defaults one at a time."""
+"""Studies of the PyBullet variants: ladders of refinement, PyBullet's defaults one at a time, and the adapter's choices."""
 
 from __future__ import annotations
 
@@ -14,43 +14,45 @@ from looping_pendulum.engines.pybullet.settings import (
     RodShape,
     WorldSettings,
 )
-from looping_pendulum.engines.studies import AdapterChoice, Adjusted, HiddenDefault, Ladder, ladder
+from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, WithSettings, ladder
 from looping_pendulum.pages.numbers import quantity
 
-Row = tuple[str, str, str, str, dict[str, Any]]
-"""PyBullet's name, its value, ours, what it does, and the changes that set it."""
+DefaultRow = tuple[str, str, str, str, dict[str, Any]]
+"""PyBullet's name of a setting, its default, our value, what it does, and the changes of settings that restore the default."""
 
-REFINEMENTS = (4, 2, 1, 0.5)
-"""Of a step, over the settings' own."""
+STEP_FACTORS = (4, 2, 1, 0.5)
+"""Steps of the ladder, over the settings' own step."""
 LINK_LENGTHS = (4e-3, 3.5e-3, 3e-3, 2.5e-3, 2e-3)
-"""[m]"""
+"""Link lengths of the ladder [m]."""
 ITERATIONS = (5, 10, 20, 40, 80)
-BEAD_MASSES = (2e-3, 1e-3, 5e-4, 2.5e-4)
+"""Solver iterations of the ladder."""
+BEAD_MASS_RATIOS = (2e-3, 1e-3, 5e-4, 2.5e-4)
+"""Masses of a node over the light mass, of the ladder."""
 
 
-def step_ladder(adjusted: Adjusted, time_step: float) -> Ladder:
-    """Make a ladder of time steps."""
-    steps = (min(round(SAMPLE_INTERVAL / time_step / n), round(SAMPLE_INTERVAL / 1e-6)) for n in REFINEMENTS)
-    return ladder(adjusted, "time_step", "s", ({"time_step": SAMPLE_INTERVAL / count} for count in steps))
+def step_ladder(with_settings: WithSettings, time_step: float) -> Ladder:
+    """Return a ladder of time steps."""
+    steps = (min(round(SAMPLE_INTERVAL / time_step / n), round(SAMPLE_INTERVAL / 1e-6)) for n in STEP_FACTORS)
+    return ladder(with_settings, "time_step", "s", ({"time_step": SAMPLE_INTERVAL / count} for count in steps))
 
 
-def link_ladder(adjusted: Adjusted, settings: Any) -> Ladder:
-    """Make a ladder of link lengths, along which the string's mass per length stays."""
+def link_ladder(with_settings: WithSettings, settings: Any) -> Ladder:
+    """Return a ladder of link lengths along which the string's mass per length is constant."""
     density = settings.bead_mass_ratio / settings.link_length
     rungs = ({"link_length": h, "bead_mass_ratio": density * h} for h in LINK_LENGTHS)
-    return ladder(adjusted, "link_length", "m", rungs, "a node's mass, so that the string's mass per length stays")
+    return ladder(with_settings, "link_length", "m", rungs, "a node's mass, so that the string's mass per length stays")
 
 
-def iteration_ladder(adjusted: Adjusted, ours: int) -> Ladder:
-    """Make a ladder of the solver's sweeps, the settings' own among them."""
+def iteration_ladder(with_settings: WithSettings, ours: int) -> Ladder:
+    """Return a ladder of solver iterations that includes the settings' own number."""
     counts = sorted({*ITERATIONS, ours})
-    return ladder(adjusted, "solver_iterations", "", ({"solver_iterations": n} for n in counts))
+    return ladder(with_settings, "solver_iterations", "", ({"solver_iterations": n} for n in counts))
 
 
-def world_defaults(adjusted: Adjusted, settings: WorldSettings) -> tuple[HiddenDefault, ...]:
-    """PyBullet's defaults that every variant meets."""
+def world_defaults(with_settings: WithSettings, settings: WorldSettings) -> tuple[HiddenDefault, ...]:
+    """Return PyBullet's defaults that concern every variant and differ from ``settings``."""
     s = settings
-    rows: tuple[Row, ...] = (
+    rows: tuple[DefaultRow, ...] = (
         (
             "fixedTimeStep",
             "1/240 s (run at 1 ms, where samples fall)",
@@ -94,12 +96,12 @@ def world_defaults(adjusted: Adjusted, settings: WorldSettings) -> tuple[HiddenD
             {"rod": RodShape.CYLINDER},
         ),
     )
-    return _different(adjusted, settings, rows)
+    return _changed_defaults(with_settings, settings, rows)
 
 
-def multibody_defaults(adjusted: Adjusted, settings: WorldSettings) -> tuple[HiddenDefault, ...]:
-    """PyBullet's defaults that only multibodies meet."""
-    rows: tuple[Row, ...] = (
+def multibody_defaults(with_settings: WithSettings, settings: WorldSettings) -> tuple[HiddenDefault, ...]:
+    """Return PyBullet's defaults that concern multibodies only and differ from ``settings``."""
+    rows: tuple[DefaultRow, ...] = (
         (
             "maxJointVelocity",
             f"{DEFAULT_SPEED_LIMIT:g} m/s or rad/s",
@@ -116,34 +118,36 @@ def multibody_defaults(adjusted: Adjusted, settings: WorldSettings) -> tuple[Hid
             {"friction_with_damping": True},
         ),
     )
-    return _different(adjusted, settings, rows)
+    return _changed_defaults(with_settings, settings, rows)
 
 
-def _different(adjusted: Adjusted, settings: WorldSettings, rows: tuple[Row, ...]) -> tuple[HiddenDefault, ...]:
-    """Those of ``rows`` in which PyBullet's default is not the settings' own."""
+def _changed_defaults(
+    with_settings: WithSettings, settings: WorldSettings, rows: tuple[DefaultRow, ...]
+) -> tuple[HiddenDefault, ...]:
+    """Return the defaults among ``rows`` that differ from the settings' own values."""
     return tuple(
-        HiddenDefault(setting=name, default=default, ours=ours, effect=effect, engine=adjusted(**changes))
+        HiddenDefault(setting=name, default=default, ours=ours, effect=effect, engine=with_settings(**changes))
         for name, default, ours, effect, changes in rows
         if any(getattr(settings, field) != value for field, value in changes.items())
     )
 
 
 def choice(what: str, ours: str, instead: str, engine: Engine) -> AdapterChoice:
-    """Something that could be decided otherwise."""
+    """Return a choice of the adapter, with the engine that takes the alternative ``instead``."""
     return AdapterChoice(what=what, ours=ours, instead=instead, engine=engine)
 
 
-def common_choices(adjusted: Adjusted, settings: WorldSettings) -> tuple[AdapterChoice, ...]:
+def common_choices(with_settings: WithSettings, settings: WorldSettings) -> tuple[AdapterChoice, ...]:
     """Return what an adapter of a chain decides: corrections for corners, the contact, how often forces are updated."""
     s = settings
     return (
-        choice("radius and coefficient", "corrected for the corners", "the circle's own", adjusted(polygon=False)),
-        choice("node radius", quantity(s.node_radius, "m", 3), "1 mm", adjusted(node_radius=1e-3)),
-        choice("steps between two updates of the forces", f"{s.force_interval}", "1", adjusted(force_interval=1)),
+        choice("radius and coefficient", "corrected for the corners", "the circle's own", with_settings(polygon=False)),
+        choice("node radius", quantity(s.node_radius, "m", 3), "1 mm", with_settings(node_radius=1e-3)),
+        choice("steps between two updates of the forces", f"{s.force_interval}", "1", with_settings(force_interval=1)),
         choice(
             "share of a penetration taken back in a step",
             f"{s.contact_error_reduction:g}",
             "0.02",
-            adjusted(contact_error_reduction=0.02),
+            with_settings(contact_error_reduction=0.02),
         ),
     )

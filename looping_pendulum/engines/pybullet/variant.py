@@ -1,4 +1,4 @@
-"""What every PyBullet variant is: settings for each profile, and a rig."""
+"""The base of every PyBullet variant: settings for each profile, and a rig."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ COULOMB_AT_NODES = (
 
 
 class PybulletVariant(TunedEngine):
-    """A way to make the apparatus in PyBullet."""
+    """A variant of the apparatus in PyBullet."""
 
     name = "pybullet"
     distribution = "pybullet"
     rig: ClassVar[type[Any]]
-    """Makes the apparatus of parameters and settings, if it has a string."""
+    """Class of the apparatus with a string, called with parameters and settings."""
 
     def build(self, scenario: Scenario) -> Rig:
-        """Rebuild the scenario's apparatus at the moment of release."""
-        rig = FallingRig if scenario.parameters.release is Release.DROP else self.rig
-        made: Rig = rig(scenario.parameters, self.settings)
-        return made
+        """Build the scenario's apparatus at the moment of release."""
+        rig_class = FallingRig if scenario.parameters.release is Release.DROP else self.rig
+        rig: Rig = rig_class(scenario.parameters, self.settings)
+        return rig

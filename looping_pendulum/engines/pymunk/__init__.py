@@ -9,5 +9,5 @@ from looping_pendulum.engines.pymunk.full_settings import FullChainVariant
 
 
 def engines(profile: Profile) -> list[Engine]:
-    """Every variant of this engine, in ``profile``."""
+    """Return every variant of this engine with the settings of ``profile``."""
     return [PymunkChain(profile=profile), *(PymunkFullChain(variant=variant, profile=profile) for variant in FullChainVariant)]

@@ -1,4 +1,4 @@
-"""What the full chains can and cannot do, as data: `protocol.Abilities` of each variant."""
+"""The `protocol.Abilities` of each variant of the full chain: what it can and cannot do, as data."""
 
 from __future__ import annotations
 
@@ -29,8 +29,12 @@ _SUPPLIES = {
 }
 _SUMMARIES = {
     FullChainVariant.BEADS: "Point beads on pin joints along the whole string, slide joints over many; public calls only.",
-    FullChainVariant.SEGMENTS: "Rigid segments on pivot joints along the whole string, slide joints over many; public calls only.",
-    FullChainVariant.DEFAULTS: "Point beads on pin joints along the whole string, with every setting of Chipmunk left as it comes.",
+    FullChainVariant.SEGMENTS: (
+        "Rigid segments on pivot joints along the whole string, slide joints over many; public calls only."
+    ),
+    FullChainVariant.DEFAULTS: (
+        "Point beads on pin joints along the whole string, with every setting of Chipmunk left as it comes."
+    ),
 }
 _SPRING = (
     "nothing damps its joints, which act as a spring: the string rings along its length, and the halted heavy mass with it"
@@ -63,18 +67,18 @@ KNOWN_FAILURES: dict[FullChainVariant, Mapping[str, str]] = {
         "energy_is_kept_without_losses": "measured 1.6 % of what the heavy mass gave, where 1 % is allowed",
         "follows_the_reference_without_losses": "measured 21 mm off at 0.06 s",
         "follows_the_reference_past_the_halt_and_a_full_turn": "measured 10 mm off at 0.05 s",
-        "errs_no_more_than_refining_it_changes": "its finer runs break off like its own: the string stretches without bound",
+        "error_is_covered_by_refinement": "its finer runs break off like its own: the string stretches without bound",
     }
     | {
         f"{effect}_acts_as_in_the_reference": "measured on one mass only: a string that stretches does not pull the other"
         for effect in (*_LOST_EFFECTS, "side_stiffness")
     },
 }
-"""Variant -> checks of `engines.conformance` that it fails, with the measured reason."""
+"""Variant -> the checks of `engines.conformance` that it fails -> the measured reason."""
 
 
 def full_abilities(variant: FullChainVariant) -> Abilities:
-    """What ``variant`` can do."""
+    """Return what ``variant`` can do."""
     return Abilities(
         releases=frozenset(Release),
         effect_kinds=FORCES_AND_RELEASE,

@@ -1,10 +1,10 @@
-"""pymunk (Chipmunk): the string as point-mass beads that slide over a static circle under Coulomb contact.
+"""pymunk (Chipmunk): the string is a row of point-mass beads that slide over a static circle under Coulomb contact.
 
 Chipmunk solves its joints by a few sweeps of projected Gauss-Seidel per step, each joint starting from its impulse of the step
 before. A chain under tension then acts as a spring of stiffness about ``iterations * bead_mass / (links * time_step**2)``:
-few links and a short step make it stiff. So beads stand only where the string touches the rod or is about to; straight string
-is one massless joint. As the string slides or winds, beads come and go on the straight parts, where they carry no load
-sideways; every bead that touches the rod is Chipmunk's alone.
+few links and a short step make it stiff. So there are beads only where the string touches the rod or is about to; a straight
+part of the string is one massless joint. As the string slides or winds, the adapter adds and removes beads on the straight
+parts, where they carry no lateral load; beads that touch the rod are moved by Chipmunk alone.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from looping_pendulum.engines.chain import (
 )
 from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, TunedEngine
 from looping_pendulum.engines.pymunk.calls import (
-    MOST_ALLOWED,
+    MAX_SLOP_IN_RADIUS,
     PUBLIC_ERROR_RATE,
     SETTINGS,
     Calls,
@@ -35,7 +35,7 @@ from looping_pendulum.engines.pymunk.calls import (
     PymunkChainSettings,
     direct_library,
 )
-from looping_pendulum.engines.pymunk.laid_string import Vector, bead_arcs, masses, velocity_on_string
+from looping_pendulum.engines.pymunk.release_state import Vector, bead_arcs, masses, velocity_on_string
 from looping_pendulum.engines.pymunk.space_rig import SpaceRig
 from looping_pendulum.engines.pymunk.studies import chain_studies
 from looping_pendulum.engines.studies import Studies
@@ -44,18 +44,27 @@ from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
 
-NEAR_LINKS = 2.0
-"""A bead is added when the outermost one is nearer than this to its tangent point, in links: it comes free and then lands."""
-FAR_LINKS = 3.5
-"""A bead is taken away when the second one is farther than this; more than a link above `NEAR_LINKS`: none flickers."""
+ADD_WITHIN_LINKS = 2.0
+"""A bead is added when the outermost one is nearer than this to its tangent point [links].
+
+The new bead is then still off the rod, and lands on it later.
+"""
+REMOVE_BEYOND_LINKS = 3.5
+"""A bead is removed when the second one is farther than this from its tangent point [links].
+
+It exceeds `ADD_WITHIN_LINKS` by more than a link, so that no bead is added and removed in turn.
+"""
 MIN_BEADS = 4
-"""Beads that always stay."""
-TAUT = 1e-3
-"""A straight part shorter than its string by more than this fraction hangs slack, and its beads are left alone."""
+"""Number of beads that are never removed."""
+MAX_SLACK_FRACTION = 1e-3
+"""Largest fraction by which the ends of a straight part may be nearer than its string is long, for a bead to be removed.
+
+Beyond it that part hangs slack, and its beads are kept.
+"""
 
 
 class _BeadString:
-    """Light mass, beads and heavy mass in a row, joined by links; the first and the last link are the straight string."""
+    """Light mass, beads and heavy mass in a row, joined by links; the first and the last link are the straight parts."""
 
     def __init__(self, space: Any, parameters: Parameters, settings: PymunkChainSettings, error_bias: float) -> None:
         import pymunk
@@ -69,16 +78,16 @@ class _BeadString:
         self._error_bias = error_bias
         self._slip = SlipGauge()
         self._no_mutual_contact = pymunk.ShapeFilter(group=1)
-        self._shapes: dict[Any, Any] = {}  # bead -> its shape, of the beads in the space
-        self._spare: list[tuple[Any, Any]] = []  # beads taken away, to be used again
+        self._shapes: dict[Any, Any] = {}  # bead in the space -> its shape
+        self._unused_beads: list[tuple[Any, Any]] = []  # removed beads, kept for reuse
         radius, friction = parameters.rod_radius, parameters.coefficients["kinetic_friction"]
         node_radius = polygon_radius(radius, settings.bend) if settings.polygon_radius else radius
-        slop = min(settings.contact_slop, MOST_ALLOWED)
+        slop = min(settings.contact_slop, MAX_SLOP_IN_RADIUS)
         rod = pymunk.Circle(space.static_body, node_radius - settings.bead_radius + slop)
         rod.friction = polygon_friction(friction, settings.bend) if settings.polygon_friction else friction
         space.add(rod)
         light, heavy = masses(space, parameters)
-        arcs = bead_arcs(parameters, self._link_length, NEAR_LINKS)
+        arcs = bead_arcs(parameters, self._link_length, ADD_WITHIN_LINKS)
         beads = [self._bead(point_on_string(parameters, a, node_radius), velocity_on_string(parameters, a)) for a in arcs]
         self.bodies = [light, *beads, heavy]
         pairs = list(zip(self.bodies[:-1], self.bodies[1:], strict=True))
@@ -89,49 +98,52 @@ class _BeadString:
             for i, ((a, b), length) in enumerate(zip(pairs, self.lengths, strict=True))
         ]
 
-    def tend(self, calls: Calls) -> None:
-        """Add or take away a bead on either straight part, so that beads stand where the string will meet the rod."""
-        if self._may_change(calls, 1, 2):
-            self._tend_first(calls)
-        if self._may_change(calls, -2, -3):
-            self._turn_round()
-            self._tend_first(calls)
-            self._turn_round()
+    def update_beads(self, calls: Calls) -> None:
+        """Add or remove a bead on either straight part, so that there are beads where the string will meet the rod."""
+        if self._needs_update(calls, 1, 2):
+            self._update_first_end(calls)
+        if self._needs_update(calls, -2, -3):
+            self._reverse()
+            self._update_first_end(calls)
+            self._reverse()
 
-    def _may_change(self, calls: Calls, outermost: int, second: int) -> bool:
-        """Whether the outermost bead of a side is near its tangent point, or the second one far from it."""
-        if self._tangent_distance(calls, outermost) < NEAR_LINKS * self._link_length:
+    def _needs_update(self, calls: Calls, outermost: int, second: int) -> bool:
+        """Return whether the outermost bead of a side is near its tangent point, or the second one far from it."""
+        if self._tangent_distance(calls, outermost) < ADD_WITHIN_LINKS * self._link_length:
             return True
-        return self._tangent_distance(calls, second) > FAR_LINKS * self._link_length
+        return self._tangent_distance(calls, second) > REMOVE_BEYOND_LINKS * self._link_length
 
-    def _turn_round(self) -> None:
+    def _reverse(self) -> None:
+        """Reverse the row, so that one method serves both ends."""
         for row in (self.bodies, self._links, self.lengths):
             row.reverse()
 
-    def _tend_first(self, calls: Calls) -> None:
-        if self._tangent_distance(calls, 1) < NEAR_LINKS * self._link_length:
+    def _update_first_end(self, calls: Calls) -> None:
+        """Add or remove a bead on the straight part at the row's first end."""
+        if self._tangent_distance(calls, 1) < ADD_WITHIN_LINKS * self._link_length:
             if self.lengths[0] > 2 * self._link_length:
                 self._add_bead(calls)
         elif (
             len(self.bodies) - 2 > MIN_BEADS
-            and self._tangent_distance(calls, 2) > FAR_LINKS * self._link_length
-            and self.bodies[0].position.get_distance(self.bodies[1].position) > (1 - TAUT) * self.lengths[0]
+            and self._tangent_distance(calls, 2) > REMOVE_BEYOND_LINKS * self._link_length
+            and self.bodies[0].position.get_distance(self.bodies[1].position) > (1 - MAX_SLACK_FRACTION) * self.lengths[0]
         ):
-            self._take_bead()
+            self._remove_bead()
 
     def _tangent_distance(self, calls: Calls, index: int) -> float:
-        x, y = calls.place(self.bodies[index])
+        """Return the length [m] of the tangent from body ``index`` to the rod; 0 on the rod."""
+        x, y = calls.position(self.bodies[index])
         return math.sqrt(max(x * x + y * y - self._rod_radius**2, 0.0))
 
     def _add_bead(self, calls: Calls) -> None:
-        """Put a bead where the outermost one is, and move that one a link towards the mass.
+        """Put a new bead where the outermost one is, and move the outermost one a link towards the mass.
 
-        The straight part keeps its joint, and with it the impulse that carries the mass.
+        So the straight part keeps its joint, and with it the warm-start impulse that carries the mass.
         """
         mass, end, following = self.bodies[:3]
         share = self._link_length / self.lengths[0]
-        x, y, vx, vy = calls.motion(end)
-        mass_x, mass_y, mass_vx, mass_vy = calls.motion(mass)
+        x, y, vx, vy = calls.position_and_velocity(end)
+        mass_x, mass_y, mass_vx, mass_vy = calls.position_and_velocity(mass)
         bead = self._bead((x, y), (vx, vy))
         end.position = x + (mass_x - x) * share, y + (mass_y - y) * share
         end.velocity = vx + (mass_vx - vx) * share, vy + (mass_vy - vy) * share
@@ -141,19 +153,19 @@ class _BeadString:
         self.bodies.insert(2, bead)
         self._links[1:2] = [self._link(end, bead, self.lengths[1]), self._link(bead, following, self.lengths[2])]
 
-    def _take_bead(self) -> None:
-        """Take the second bead away and put the outermost one in its place."""
+    def _remove_bead(self) -> None:
+        """Remove the second bead and put the outermost one in its place, so that the straight part keeps its joint."""
         end, bead, following = self.bodies[1:4]
         shape = self._shapes.pop(bead)
         self._space.remove(self._links[1], self._links[2], bead, shape)
-        self._spare.append((bead, shape))
+        self._unused_beads.append((bead, shape))
         end.position, end.velocity = bead.position, bead.velocity
         del self.bodies[2]
         self._set_straight(self.lengths[0] + self.lengths.pop(1))
         self._links[1:3] = [self._link(end, following, self.lengths[1])]
 
     def _bead(self, position: tuple[float, float], velocity: tuple[float, float]) -> Any:
-        bead, shape = self._spare.pop() if self._spare else self._new_bead()
+        bead, shape = self._unused_beads.pop() if self._unused_beads else self._new_bead()
         bead.position, bead.velocity = position, velocity
         self._space.add(bead, shape)
         self._shapes[bead] = shape
@@ -184,31 +196,37 @@ class _BeadString:
         self._links[0].max = length
 
     def read(self, calls: Calls) -> tuple[float, float]:
-        """How much longer than its rest length the string is (negative: it hangs slack), and how far it has slid [m]."""
-        places = [calls.place(body) for body in self.bodies]
+        """Return the string's stretch beyond its rest length (negative: it hangs slack) and its slip over the rod [m]."""
+        places = [calls.position(body) for body in self.bodies]
         stretch = math.fsum(map(math.dist, places[:-1], places[1:])) - math.fsum(self.lengths)
         return stretch, self._slip.read(places, self.lengths)
 
 
-def empty_space(parameters: Parameters, settings: PymunkChainSettings) -> Any:
-    """A Chipmunk space with gravity and the solver's settings."""
+def space_with_gravity(parameters: Parameters, settings: PymunkChainSettings) -> Any:
+    """Create a Chipmunk space with gravity and the solver's settings, and nothing in it."""
     import pymunk
 
     space = pymunk.Space()
     space.gravity = (0.0, -parameters.coefficients["gravity"])
-    space.damping = 1.0  # share of speed kept per second; drag is the effects' business
+    space.damping = 1.0  # fraction of the speed kept per second: drag is applied as forces of the scenario's effects
     space.iterations = settings.iterations
     space.collision_slop = settings.contact_slop
-    space.collision_bias = math.exp(-settings.contact_rate)  # share of an error left after a second
+    space.collision_bias = math.exp(-settings.contact_rate)  # fraction of an error left after a second
     return space
 
 
 class PymunkChainRig(SpaceRig):
-    """The apparatus in one Chipmunk space."""
+    """The apparatus in one Chipmunk space.
+
+    Parameters
+    ----------
+    library
+        Chipmunk's functions below pymunk (`direct_library`); None: published calls only, without the leaky warm start.
+    """
 
     def __init__(self, parameters: Parameters, settings: PymunkChainSettings, library: Any) -> None:
         super().__init__(parameters, settings)
-        self._space = space = empty_space(parameters, settings)
+        self._space = space = space_with_gravity(parameters, settings)
         if library is None:
             self._calls, error_rate = PublicCalls(space, settings.time_step), PUBLIC_ERROR_RATE
         else:
@@ -220,9 +238,9 @@ class PymunkChainRig(SpaceRig):
             self._string = _BeadString(space, parameters, settings, math.exp(-error_rate))
             self._light, self._heavy = self._string.bodies[0], self._string.bodies[-1]
 
-    def _tend(self) -> None:
+    def _update_beads(self) -> None:
         if self._string is not None:
-            self._string.tend(self._calls)
+            self._string.update_beads(self._calls)
 
     def _read_string(self, light: Vector, heavy: Vector) -> tuple[float, float]:
         return (math.nan, math.nan) if self._string is None else self._string.read(self._calls)
@@ -256,7 +274,7 @@ class PymunkChain(TunedEngine):
         ),
         validated=shipped_range("pymunk:chain"),
     )
-    tuned = SETTINGS
+    settings_by_profile = SETTINGS
     settings: PymunkChainSettings
 
     def __init__(self, *, profile: Profile = Profile.QUICK, settings: PymunkChainSettings | None = None) -> None:
@@ -264,16 +282,16 @@ class PymunkChain(TunedEngine):
         self._leaky = True
 
     def build(self, scenario: Scenario) -> PymunkChainRig:
-        """Rebuild the scenario's apparatus at the moment of release."""
+        """Build the scenario's apparatus at the moment of release."""
         library = direct_library()
         self._leaky = library is not None
         return PymunkChainRig(scenario.parameters, self.settings, library)
 
     def studies(self) -> Studies:
-        """Ladders, Chipmunk's defaults one at a time, and choices."""
+        """Return the ladders of refinement, Chipmunk's defaults one at a time, and the adapter's choices."""
         return chain_studies(self.settings, self.with_settings)
 
     def provenance(self) -> Provenance:
-        """Versions, settings and suppliers, and whether the private call was there."""
+        """Return versions, settings and suppliers, and whether the warm start leaks (pymunk had the private call)."""
         provenance = super().provenance()
         return dataclasses.replace(provenance, settings=provenance.settings | {"leaky_warm_start": self._leaky})

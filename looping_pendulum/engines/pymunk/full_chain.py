@@ -1,4 +1,4 @@
-"""pymunk (Chipmunk): links along the whole string, as its user guide would lead one to build it, by public calls only."""
+"""pymunk (Chipmunk): links along the whole string, as a reader of its user guide would build it, by public calls only."""
 
 from __future__ import annotations
 
@@ -8,27 +8,36 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.engines.chain import MASS_COMPENSATION, SlipGauge, point_on_string
-from looping_pendulum.engines.protocol import Profile, SteppedEngine, installed_version
+from looping_pendulum.engines.protocol import Profile, SteppedEngine
 from looping_pendulum.engines.pymunk.abilities import full_abilities
-from looping_pendulum.engines.pymunk.calls import MOST_ALLOWED, PublicCalls
+from looping_pendulum.engines.pymunk.calls import MAX_SLOP_IN_RADIUS, PublicCalls
 from looping_pendulum.engines.pymunk.full_settings import (
     FullChainSettings,
     FullChainVariant,
     contact_friction,
     full_settings,
-    touching_radius,
+    link_contact_radius,
 )
-from looping_pendulum.engines.pymunk.laid_string import Vector, masses, velocity_on_string
+from looping_pendulum.engines.pymunk.release_state import Vector, masses, velocity_on_string
 from looping_pendulum.engines.pymunk.space_rig import SpaceRig
 from looping_pendulum.engines.pymunk.studies import full_studies
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.versions import installed_version
 
 
 class _Beads:
-    """Light mass, beads and heavy mass in a row, a pin joint between neighbours."""
+    """Light mass, beads and heavy mass in a row, with a pin joint between neighbours.
+
+    Parameters
+    ----------
+    nodes
+        Distances of masses and beads from the light mass along the string [m].
+    radius
+        Distance from the rod's centre of a bead on the rod [m].
+    """
 
     def __init__(
         self, space: Any, parameters: Parameters, settings: FullChainSettings, nodes: list[float], radius: float
@@ -58,9 +67,14 @@ class _Beads:
         add_joints(space, long_range_joints(anchors, self._lengths, s.long_range), s)
 
     def read(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
-        """How much longer than its rest length the string is, and how far it has slid [m].
+        """Return the string's stretch beyond its rest length and its slip over the rod [m].
 
-        ``links`` has x, y and angle of every one, shape (n, 3).
+        Parameters
+        ----------
+        light, heavy
+            Positions of the masses [m].
+        links
+            Position [m] and angle [rad] of every bead: x, y, angle, shape (n, 3).
         """
         nodes = np.vstack([light, links[:, :2], heavy])
         stretch = float(np.hypot(*np.diff(nodes, axis=0).T).sum()) - math.fsum(self._lengths)
@@ -68,7 +82,15 @@ class _Beads:
 
 
 class _Segments:
-    """Light mass, rigid segments and heavy mass in a row, a pivot joint between neighbours."""
+    """Light mass, rigid segments and heavy mass in a row, with a pivot joint between neighbours.
+
+    Parameters
+    ----------
+    nodes
+        Distances of masses and joints from the light mass along the string [m].
+    radius
+        Distance from the rod's centre of a joint on the rod [m].
+    """
 
     def __init__(
         self, space: Any, parameters: Parameters, settings: FullChainSettings, nodes: list[float], radius: float
@@ -105,9 +127,16 @@ class _Segments:
         add_joints(space, long_range_joints(anchors, lengths, s.long_range), s)
 
     def read(self, light: Vector, links: Array, heavy: Vector) -> tuple[float, float]:
-        """How much longer than its rest length the string is [m]: the joints' gaps, each along the segment before it; its slip.
+        """Return the string's stretch beyond its rest length and its slip over the rod [m].
 
-        ``links`` has x, y and angle of every segment, shape (n, 3).
+        The stretch is the sum of the joints' gaps, each along the segment before it.
+
+        Parameters
+        ----------
+        light, heavy
+            Positions of the masses [m].
+        links
+            Position of the middle [m] and angle [rad] of every segment: x, y, angle, shape (n, 3).
         """
         directions = np.stack([np.cos(links[:, 2]), np.sin(links[:, 2])], axis=1)
         halves = 0.5 * self._lengths[:, None] * directions
@@ -118,7 +147,7 @@ class _Segments:
 
 
 def add_link_shape(space: Any, body: Any, shape: Any) -> None:
-    """Give ``body`` its shape; links do not touch one another."""
+    """Add ``body`` with its collision shape to ``space``; one group for all links, so that they do not touch one another."""
     import pymunk
 
     shape.friction = 1.0  # Chipmunk multiplies the two shapes' coefficients: the circle's is then the pair's
@@ -127,7 +156,7 @@ def add_link_shape(space: Any, body: Any, shape: Any) -> None:
 
 
 def add_joints(space: Any, joints: list[Any], settings: FullChainSettings) -> None:
-    """Add ``joints`` with the settings' error correction."""
+    """Add ``joints`` to ``space``, with the settings' rate of error correction."""
     for joint in joints:
         joint.error_bias = math.exp(-settings.error_rate)
         joint.collide_bodies = False
@@ -135,7 +164,19 @@ def add_joints(space: Any, joints: list[Any], settings: FullChainSettings) -> No
 
 
 def long_range_joints(anchors: list[tuple[Any, Vector]], lengths: list[float], longest: int) -> list[Any]:
-    """Slide joints over 2, 4, ... ``longest`` links, as long as the string between their ends: slack where it bends."""
+    """Create slide joints over 2, 4, ... ``longest`` links, as long as the string between their ends.
+
+    They pass the pull along straight string in few iterations, and are slack where it bends.
+
+    Parameters
+    ----------
+    anchors
+        Body and point on it [m, in the body's frame] of every node, light mass first.
+    lengths
+        Rest lengths of the links between the nodes [m].
+    longest
+        Longest span [links].
+    """
     import pymunk
 
     joints, span = [], 2
@@ -152,7 +193,7 @@ def _middle(a: Vector, b: Vector) -> Vector:
 
 
 def _rigid_motion(start: Vector, end: Vector, start_velocity: Vector, end_velocity: Vector) -> tuple[Vector, float]:
-    """Velocity of its middle [m/s] and angular velocity [rad/s] of a segment whose ends move like that."""
+    """Return the velocity of the middle [m/s] and the angular velocity [rad/s] of a segment, from those of its ends."""
     x, y = end[0] - start[0], end[1] - start[1]
     vx, vy = end_velocity[0] - start_velocity[0], end_velocity[1] - start_velocity[1]
     return _middle(start_velocity, end_velocity), (x * vy - y * vx) / (x * x + y * y)
@@ -180,8 +221,8 @@ class FullChainRig(SpaceRig):
             count = round(p.string_length / s.link_length)
             nodes = [i * p.string_length / count for i in range(count + 1)]
             bend, friction = s.bend(p.rod_radius), p.coefficients["kinetic_friction"]
-            radius = touching_radius(variant, p.rod_radius, bend) if s.polygon_radius else p.rod_radius
-            allowed = min(s.collision_slop, MOST_ALLOWED)
+            radius = link_contact_radius(variant, p.rod_radius, bend) if s.polygon_radius else p.rod_radius
+            allowed = min(s.collision_slop, MAX_SLOP_IN_RADIUS)
             rod = pymunk.Circle(space.static_body, radius - s.bead_radius + allowed)
             rod.friction = contact_friction(variant, friction, bend) if s.polygon_friction else friction
             space.add(rod)
@@ -198,11 +239,10 @@ class FullChainRig(SpaceRig):
             return math.nan, math.nan
         self._buffer.clear()
         self._batch.get_space_bodies(self._space, self._fields, self._buffer)
-        moving = np.frombuffer(self._buffer.float_buf()).reshape(
-            -1, 3
-        )  # in the order in which they were added, static ones last
+        # pymunk lists bodies in the order in which they were added, static ones last: a clamped heavy mass is static.
+        bodies = np.frombuffer(self._buffer.float_buf()).reshape(-1, 3)
         first = 1 if self._clamped else 2
-        return self._chain.read(light, moving[first : first + self._chain.links], heavy)
+        return self._chain.read(light, bodies[first : first + self._chain.links], heavy)
 
 
 class PymunkFullChain(SteppedEngine):
@@ -234,13 +274,13 @@ class PymunkFullChain(SteppedEngine):
         self.abilities = full_abilities(chosen)
 
     def build(self, scenario: Scenario) -> FullChainRig:
-        """Rebuild the scenario's apparatus at the moment of release."""
+        """Build the scenario's apparatus at the moment of release."""
         return FullChainRig(FullChainVariant(self.variant), scenario.parameters, self.settings)
 
     def studies(self) -> Studies:
-        """Ladders, Chipmunk's defaults one at a time, and choices."""
+        """Return the ladders of refinement, Chipmunk's defaults one at a time, and the adapter's choices."""
         return full_studies(FullChainVariant(self.variant), self.settings, self.with_settings)
 
     def versions(self) -> dict[str, str]:
-        """Version of pymunk."""
+        """Return the version of pymunk."""
         return {"pymunk": installed_version("pymunk")}

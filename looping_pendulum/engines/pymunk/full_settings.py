@@ -22,12 +22,13 @@ class FullChainVariant(StrEnum):
 
 
 DEFAULT_TIME_STEP = 1e-3
-"""[s]; no default of Chipmunk's, but ten times finer than what its guides use."""
+"""Step of the defaults variant [s]. Chipmunk has no default step; this is ten times finer than what its guides use."""
 DEFAULT_ITERATIONS = 10
+"""Chipmunk's default number of solver iterations per step."""
 DEFAULT_COLLISION_SLOP = 0.1
-"""In units of length: here 10 cm."""
+"""Chipmunk's default penetration that contacts leave uncorrected, in units of length: here 10 cm."""
 DEFAULT_RATE = -60 * math.log(1 - 0.1)
-"""Rate at which errors are removed [1/s]: a tenth in every sixtieth of a second."""
+"""Chipmunk's default rate of error correction [1/s]: a tenth of the error in every sixtieth of a second."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,20 +36,23 @@ class FullChainSettings:
     """Numerical settings of a chain of links along the whole string."""
 
     time_step: float
-    """[s]; divides the sample interval."""
+    """Length of a step [s]; it must divide the sample interval."""
     link_length: float
-    """Length of a link; evened out over the string [m]."""
+    """Length of a link [m]; adjusted so that equal links make up the string."""
     iterations: int
-    """Sweeps of the solver per step."""
+    """Iterations (sweeps over all constraints) of the solver per step."""
     long_range: int
     """Longest span, in links, of the slide joints that pass the pull over 2, 4, 8, ... links at once; 0: none."""
     mass_fraction: float = 0.01
     """Mass of the whole chain over the light mass. Lighter: a softer chain; heavier: the string's own inertia shows."""
     error_rate: float = DEFAULT_RATE
-    """Rate at which joints remove their length error [1/s]; Chipmunk's `error_bias` is exp(-rate). Nothing damps the chain, so
-    a fast one makes it ring: of the quick profile's held pendulum, 30 costs 1 % of its energy and 100 costs 12 %."""
+    """Rate at which joints correct their length error [1/s]; Chipmunk's `error_bias` is exp(-rate).
+
+    Nothing damps the chain, so a high rate makes it oscillate: of the quick profile's held pendulum, 30 costs 1 % of its
+    energy and 100 costs 12 %.
+    """
     collision_slop: float = 1e-5
-    """Depth to which links rest in the circle [m]; allowed for in its radius."""
+    """Depth to which links rest in the circle [m]; its radius is larger by as much, up to `MAX_SLOP_IN_RADIUS`."""
     bead_radius: float = 1e-3
     """Half of the links' thickness [m]; the circle is that much smaller, so that their middle runs where the string should."""
     polygon_friction: bool = True
@@ -59,21 +63,21 @@ class FullChainSettings:
     """Steps between two updates of the drag forces."""
 
     def __post_init__(self) -> None:
-        """Refuse steps that samples cannot be taken at."""
+        """Raise ValueError where steps or groups of steps do not divide the sample interval."""
         groups_per_sample(self.time_step, self.force_interval)
 
     @property
     def steps_per_sample(self) -> int:
-        """Steps in one sample interval."""
+        """Number of steps in one sample interval."""
         return steps_per_sample(self.time_step)
 
     def bend(self, rod_radius: float) -> float:
-        """Angle between neighbouring links on the rod [rad]."""
+        """Return the angle between neighbouring links on a rod of ``rod_radius`` [m], in rad."""
         return self.link_length / rod_radius
 
 
 def full_settings(variant: FullChainVariant, profile: Profile) -> FullChainSettings:
-    """Settings of ``variant`` in ``profile``."""
+    """Return the settings of ``variant`` in ``profile``."""
     return _SETTINGS[variant, profile]
 
 
@@ -104,11 +108,11 @@ _SETTINGS = {
     (FullChainVariant.DEFAULTS, Profile.QUICK): _DEFAULTS,
     (FullChainVariant.DEFAULTS, Profile.ACCURATE): _DEFAULTS,
 }
-"""The defaults variant has no better profile: what it shows is what the defaults do."""
+"""Variant and profile -> settings. The defaults variant has one for both profiles, as it shows what the defaults do."""
 
 
 def contact_friction(variant: FullChainVariant, friction: float, bend: float) -> float:
-    """Contact friction with which a polygon of links obeys the capstan law of a circle.
+    """Return the contact friction with which a polygon of links obeys the capstan law of a circle.
 
     Beads touch the circle where the string bends: `engines.chain.polygon_friction`. A rigid segment touches it in its middle,
     and the string bends at its ends. Let joint forces grow by exp(mu b) from one end to the other, at the same angle to the
@@ -120,8 +124,8 @@ def contact_friction(variant: FullChainVariant, friction: float, bend: float) ->
     return polygon_friction(friction, bend)
 
 
-def touching_radius(variant: FullChainVariant, rod_radius: float, bend: float) -> float:
-    """Distance from the rod's centre at which the links' middle lines must touch to wind up R per radian [m].
+def link_contact_radius(variant: FullChainVariant, rod_radius: float, bend: float) -> float:
+    """Return the distance from the rod's centre [m] at which the links' middle lines must touch it to wind up R per radian.
 
     Segments of length h = R b on a circle of radius r turn the string by b where r tan(b/2) = h / 2.
     """

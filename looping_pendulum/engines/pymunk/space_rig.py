@@ -1,4 +1,4 @@
-"""What every apparatus in a Chipmunk space has: steps in groups, forces at their start, and how it is read back."""
+"""Advance and read an apparatus in a Chipmunk space: steps are taken in groups, and forces are applied at a group's start."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import math
 from typing import Any
 
 from looping_pendulum.engines.pymunk.calls import Calls
-from looping_pendulum.engines.pymunk.laid_string import Vector
+from looping_pendulum.engines.pymunk.release_state import Vector
 from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 
 class SpaceRig:
-    """Two masses in a space; a subclass makes them, and what is between them."""
+    """Two masses in a Chipmunk space; a subclass creates the masses and the string between them."""
 
     _light: Any
     _heavy: Any
@@ -25,41 +25,44 @@ class SpaceRig:
         self._groups = 0
 
     def advance(self) -> None:
-        """Step through one `SAMPLE_INTERVAL`."""
+        """Advance the simulation by one `SAMPLE_INTERVAL`."""
         group = self._settings.force_interval
         for _ in range(self._settings.steps_per_sample // group):
-            self._tend()
-            self._push(group)
+            self._update_beads()
+            self._apply_effect_forces(group)
             self._calls.step(group)
             self._groups += 1
 
     def read(self) -> tuple[float, ...]:
-        """Positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
-        lx, ly, lvx, lvy = self._calls.motion(self._light)
-        hx, hy, hvx, hvy = self._calls.motion(self._heavy)
+        """Return positions [m], velocities [m/s], string stretch and slip [m]: `COLUMNS` without the time."""
+        lx, ly, lvx, lvy = self._calls.position_and_velocity(self._light)
+        hx, hy, hvx, hvy = self._calls.position_and_velocity(self._heavy)
         return lx, ly, lvx, lvy, hx, hy, hvx, hvy, *self._read_string((lx, ly), (hx, hy))
 
-    def _push(self, group: int) -> None:
-        """Apply the forces of a group of steps in its first one: Chipmunk forgets forces after each step.
+    def _apply_effect_forces(self, group: int) -> None:
+        """Apply the effects' forces for a whole group of steps in its first step, as Chipmunk clears forces after each step.
 
-        The first group gets half of its own, so that on average over a group the speeds are neither early nor late.
+        The first group gets half of its impulse, so that on average over a group the speeds are neither early nor late.
         """
         if self._force is None:
             return
         share = group if self._groups else 0.5 * group
         time = self._groups * group * self._settings.time_step
-        heavy_vy = self._calls.motion(self._heavy)[3]
-        fx, fy, heavy_fy = self._force(time, *self._calls.motion(self._light), heavy_vy)
-        self._calls.push(self._light, share * fx, share * fy)
+        heavy_vy = self._calls.position_and_velocity(self._heavy)[3]
+        fx, fy, heavy_fy = self._force(time, *self._calls.position_and_velocity(self._light), heavy_vy)
+        self._calls.apply_force(self._light, share * fx, share * fy)
         if not self._clamped:
-            self._calls.push(self._heavy, 0.0, share * heavy_fy)
+            self._calls.apply_force(self._heavy, 0.0, share * heavy_fy)
 
-    def _tend(self) -> None:
-        """See to the string before a group of steps."""
+    def _update_beads(self) -> None:
+        """Add or remove beads before a group of steps; a rig whose links stay as they are does nothing."""
 
     def _read_string(self, light: Vector, heavy: Vector) -> tuple[float, float]:
-        """How much longer than its rest length the string between the masses' places is, and how far it has slid [m].
+        """Return the string's stretch beyond its rest length and its slip over the rod [m]; NaN without a string.
 
-        NaN without a string.
+        Parameters
+        ----------
+        light, heavy
+            Positions of the masses [m].
         """
         return math.nan, math.nan

@@ -1,4 +1,4 @@
-"""Many runs of the hybrid model at once: what became of each, as arrays."""
+"""Solve many runs of the hybrid model at once and return their results as arrays."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from contextlib import nullcontext
 
 import numpy as np
 
-from looping_pendulum.errors import HandedOverWarning, ParameterError
+from looping_pendulum.errors import IntegratorFallbackWarning, ParameterError
 from looping_pendulum.processes import safe_spawning
-from looping_pendulum.reference_ode.batch.numbers import COLUMNS, Columns, member
+from looping_pendulum.reference_ode.batch.numbers import COLUMNS, Columns, parameters_of_run
 from looping_pendulum.reference_ode.batch.result import ENDS, FAILED, BatchResult, sequence_hash
 from looping_pendulum.reference_ode.batch.sharing import BatchRuns, Progress, SharedBatch, work, work_together
 from looping_pendulum.reference_ode.geometry import Array
@@ -32,24 +32,26 @@ def solve_batch(
 ) -> BatchResult:
     """Integrate many runs that share ``base`` but for ``columns``; each result equals that of `solve`.
 
-    With heyoka, and effects that add nothing to the state, all runs are stepped together; else one after another. A run at
-    which heyoka gives up is handed to SciPy, with one `HandedOverWarning` for all, and marked (`BatchResult.handed_over`).
-    A result does not depend, in any bit, on the other runs, their order, or which process has it.
+    With heyoka, and effects that add no state variables, all runs are stepped together; otherwise they are solved one after
+    another. A run at which heyoka gives up is handed to SciPy and marked (`BatchResult.handed_over`), with one
+    `IntegratorFallbackWarning` for all.
+    A result does not depend, in any bit, on the other runs, on their order, or on the process that computes it.
 
     Parameters
     ----------
     base
-        What the runs have in common.
+        Parameters that the runs have in common.
     columns
-        Fields of `Parameters` or coefficients of effects, by name, SI; arrays of shape (n,).
+        Parameters that differ between the runs: fields of `Parameters` or coefficients of effects, by name; arrays of
+        shape (n,), SI.
     duration
         Limit on the simulated time [s].
     tolerance
         Relative tolerance of a step.
     processes
-        How many processes share the work. More than one needs a script with ``if __name__ == "__main__":``.
+        Number of processes that share the work. More than one needs a script with ``if __name__ == "__main__":``.
     progress
-        Called now and then with the number of runs done and of all.
+        Called now and then with the number of runs that have ended and the number of all runs.
 
     Raises
     ------
@@ -60,9 +62,9 @@ def solve_batch(
     n = _checked_length(columns)
     if processes < 1:
         raise ParameterError(f"processes: found {processes}, needed 1 or more")
-    shared_by = max(1, min(processes, n))
-    with safe_spawning() if shared_by > 1 else nullcontext():
-        job = SharedBatch.of(base, columns, n, duration, tolerance, shared_by)
+    worker_count = max(1, min(processes, n))  # a process without a run would only cost its start
+    with safe_spawning() if worker_count > 1 else nullcontext():
+        job = SharedBatch.of(base, columns, n, duration, tolerance, worker_count)
         if job.processes == 1:
             work(BatchRuns(job, progress))
         else:
@@ -70,7 +72,7 @@ def solve_batch(
     result = job.result()
     count = int(np.count_nonzero(result.handed_over))
     if count:
-        warnings.warn(HandedOverWarning(f"heyoka gave up at {count} of {n} runs, so SciPy solved these"), stacklevel=2)
+        warnings.warn(IntegratorFallbackWarning(f"heyoka gave up at {count} of {n} runs, so SciPy solved these"), stacklevel=2)
     return result
 
 
@@ -83,9 +85,9 @@ def sample_batch(
     duration: float = DURATION,
     tolerance: float = TOLERANCE,
 ) -> list[Samples]:
-    """Trajectories of some runs of a batch: samples at times ``t`` [s], ascending, of the runs with these indices.
+    """Return samples of the runs with these indices at times ``t`` [s], ascending.
 
-    Times after a run's end are left out.
+    Each run is solved again by itself. Times after a run's end are left out.
 
     Raises
     ------
@@ -93,11 +95,11 @@ def sample_batch(
         If one of these runs fails.
     """
     _checked_length(columns)
-    return [solve_at(member(base, columns, i), t, duration=duration, tolerance=tolerance) for i in runs]
+    return [solve_at(parameters_of_run(base, columns, i), t, duration=duration, tolerance=tolerance) for i in runs]
 
 
 def _checked_length(columns: Columns) -> int:
-    """Number of runs."""
+    """Check the names and shapes of the columns and return the number of runs."""
     if not columns:
         raise ParameterError("columns: found none, needed at least one array of values, one value per run")
     lengths: dict[str, int] = {}
@@ -109,6 +111,6 @@ def _checked_length(columns: Columns) -> int:
             raise ParameterError(f"columns: {name}: found shape {shape}, needed one value per run, shape (n,)")
         lengths[name] = shape[0]
     if len(set(lengths.values())) > 1:
-        found = ", ".join(f"{name} {length}" for name, length in lengths.items())
-        raise ParameterError(f"columns: found lengths {found}, needed the same for all")
+        listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise ParameterError(f"columns: found lengths {listed}, needed the same for all")
     return next(iter(lengths.values()))

@@ -1,4 +1,4 @@
-"""Runs side by side, as a table."""
+"""A table of runs: one column per run, one row per quantity."""
 
 from __future__ import annotations
 
@@ -7,28 +7,31 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.reference_ode.batch.compiled import LEADING, filler
+from looping_pendulum.reference_ode.batch.compiled import LEADING, padding_columns
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
 
-NOTES = ("run", "mode", "steps", "events")
-"""What is noted of a run beside what the equations need: its index, its mode, how many steps and events it has had."""
-_ROW = {name: row for row, name in enumerate((*NOTES, *LEADING))}
+BOOKKEEPING = ("run", "mode", "steps", "events")
+"""Rows that the equations do not read: index of the run, its mode, and its numbers of steps and events so far."""
+_ROW = {name: row for row, name in enumerate((*BOOKKEEPING, *LEADING))}
 
 
 class Block:
-    """Some runs side by side: a table with a row for each of `NOTES`, `LEADING` and the apparatus, a column for each run."""
+    """Some runs as a table: a row for each of `BOOKKEEPING`, `LEADING` and the apparatus' parameters, a column for each run."""
 
     def __init__(self, table: Array) -> None:
-        """``table``: shape (rows, n)."""
+        """Wrap ``table``, shape (rows, n), without copying it."""
         self.table = table
 
     @classmethod
-    def joined(cls, blocks: Sequence[Block], whole_vectors: bool = False) -> Block:
-        """Columns of all, one block after another; ``whole_vectors``: with copies of the last one that fill whole vectors."""
+    def joined(cls, blocks: Sequence[Block], pad_to_vectors: bool = False) -> Block:
+        """Return the columns of all blocks, one block after another.
+
+        With ``pad_to_vectors``, copies of the last column follow, so that the number of columns is a multiple of the SIMD size.
+        """
         tables = [block.table for block in blocks]
-        if whole_vectors:
-            tables += filler(tables[-1], sum(map(len, blocks)))
+        if pad_to_vectors:
+            tables += padding_columns(tables[-1], sum(map(len, blocks)))
         return cls(np.concatenate(tables, axis=1) if len(tables) > 1 else tables[0])
 
     def __len__(self) -> int:
@@ -43,23 +46,23 @@ class Block:
         self.table[_ROW[name]] = values
 
     @property
-    def numbers(self) -> Array:
-        """The rows that the equations need: `LEADING` and the apparatus."""
-        return self.table[len(NOTES) :]
+    def inputs(self) -> Array:
+        """Rows that the equations read: `LEADING` and the apparatus' parameters. A view: changes reach the table."""
+        return self.table[len(BOOKKEEPING) :]
 
     @property
     def runs(self) -> NDArray[np.int64]:
-        """Indices of the runs."""
+        """Indices of the runs in the batch, shape (n,)."""
         return self["run"].astype(np.int64)
 
-    def part(self, start: int, end: int) -> Block:
-        """Some columns; what changes there changes here."""
+    def view(self, start: int, end: int) -> Block:
+        """Return some columns as a view: changes reach this block."""
         return Block(self.table[:, start:end])
 
     def take(self, columns: NDArray[np.int64]) -> Block:
-        """A copy of some columns."""
+        """Return a copy of some columns."""
         return Block(self.table.take(columns, axis=1))
 
     def present_modes(self) -> list[Mode]:
-        """Modes that some run is in."""
+        """Return the modes that at least one run is in."""
         return [Mode(int(mode)) for mode in np.unique(self["mode"])]

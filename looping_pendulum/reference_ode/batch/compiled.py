@@ -1,6 +1,6 @@
-"""Expressions of the equations, compiled by heyoka into functions of many runs at once.
+"""Functions of the equations, compiled by heyoka for many runs at once.
 
-A run's numbers are a column: `LEADING`, then those of its apparatus.
+The inputs of a run are a column: `LEADING`, then the parameters of its apparatus.
 """
 
 from __future__ import annotations
@@ -21,31 +21,35 @@ from looping_pendulum.reference_ode.state import Effects, Signs, State, heavy_dr
 from looping_pendulum.reference_ode.transitions import Mode
 
 STATE = State._fields[: State._fields.index("slack") + 1]
-"""Entries of the state that a run without effects of its own variables has."""
+"""Entries of the state that every run has, whatever effects act."""
 SIGNS = Signs._fields[: Signs._fields.index("phase") + 1]
+"""Entries of `Signs` that every run has; the others belong to effects that a batch does not support."""
 LEADING = (*STATE, "time", *SIGNS, "duration")
-"""What a run is described by, before the numbers of its apparatus."""
-UNREAD = {"light_radius", "hanging_length"}
-"""Numbers that only others are made of; no equation reads them."""
+"""Inputs of every compiled function, in this order, before the parameters of the apparatus."""
+DERIVED_ONLY = {"light_radius", "hanging_length"}
+"""Parameters from which others are derived (`end_length`, `string_length`), while no equation reads them."""
 
 
 class BatchModel(NamedTuple):
-    """What the equations of a batch depend on, beside the runs' numbers."""
+    """What is compiled into the functions of a batch: its effects, and the names of their inputs."""
 
     effects: Effects
     names: tuple[str, ...]
-    """Numbers of the apparatus that each run has."""
+    """Names of the apparatus' parameters, the inputs after `LEADING`."""
 
 
-def model_of(effects: Effects, numbers: Mapping[str, Any]) -> BatchModel:
-    """The model of runs with these effects and numbers."""
+def batch_model(effects: Effects, parameters: Mapping[str, Any]) -> BatchModel:
+    """Return the model of runs with these effects and parameters.
+
+    A motion at release is left out, as it enters no equation; so are coefficients of effects that do not act.
+    """
     stepped = tuple(effect for effect in effects if effect.kind is not EffectKind.RELEASE)
     absent = {c.name for effect in EFFECTS.values() if effect not in stepped for c in effect.coefficients}
-    return BatchModel(stepped, tuple(sorted(numbers.keys() - absent - UNREAD)))
+    return BatchModel(stepped, tuple(sorted(parameters.keys() - absent - DERIVED_ONLY)))
 
 
 class CompiledFunction:
-    """A compiled function of columns of numbers."""
+    """A compiled function, evaluated on the columns of a table."""
 
     def __init__(self, outputs: Sequence[Any], inputs: Sequence[Any]) -> None:
         hy = load_heyoka()
@@ -53,44 +57,45 @@ class CompiledFunction:
         self._function = hy.cfunc([expression(output) for output in outputs], list(inputs))
 
     def __call__(self, data: Array) -> Array:
-        """Outputs, shape (number of outputs, n), of columns of inputs, shape (number of inputs, n).
+        """Return the outputs, shape (number of outputs, n), of columns of inputs, shape (number of inputs, n).
 
-        What comes of a column does not depend on where it stands, nor on the others: all are computed by vector instructions.
+        The outputs of a column do not depend, in any bit, on its place or on the other columns: the columns are padded, so that
+        vector instructions compute all of them.
         """
         n = data.shape[1]
-        more = filler(data, n)
-        return self.whole_vectors(np.concatenate([data, *more], axis=1) if more else data)[:, :n]
+        padding = padding_columns(data, n)
+        return self.evaluate_padded(np.concatenate([data, *padding], axis=1) if padding else data)[:, :n]
 
-    def whole_vectors(self, data: Array) -> Array:
-        """The same for a number of columns that fills whole vectors."""
+    def evaluate_padded(self, data: Array) -> Array:
+        """Return the outputs of columns whose number is a multiple of `vector_size`."""
         out: Array = self._function(np.ascontiguousarray(data), batch_parallel=False)
         return out
 
 
 @cache
 def vector_size() -> int:
-    """How many numbers this processor takes at once."""
+    """Return how many double-precision numbers one vector instruction of this processor takes."""
     hy = load_heyoka()
 
     return int(hy.recommended_simd_size())
 
 
-def filler(table: Array, n: int) -> list[Array]:
-    """What ``n`` columns, the last one that of ``table``, lack to fill whole vectors: copies of the last, if anything."""
+def padding_columns(table: Array, n: int) -> list[Array]:
+    """Return copies of the last column of ``table`` that fill ``n`` columns up to a multiple of `vector_size`; [] if none."""
     missing = -n % vector_size()
     return [table[:, -1:].repeat(missing, axis=1)] if missing else []
 
 
 def expression(x: Any) -> Any:
-    """A number, or a series' first coefficient, as an expression."""
+    """Return a number, an expression, or the first coefficient of a series as an expression."""
     hy = load_heyoka()
 
     x = x[0] if isinstance(x, Series) else x
     return hy.expression(float(x)) if isinstance(x, (int, float)) else x
 
 
-def size(x: Any) -> Any:
-    """Absolute value, as an expression."""
+def absolute_value(x: Any) -> Any:
+    """Return |x| as an expression."""
     hy = load_heyoka()
 
     x = expression(x)
@@ -98,58 +103,59 @@ def size(x: Any) -> Any:
 
 
 class Symbols:
-    """A run's numbers as series for the equations."""
+    """Symbolic inputs of a run, and the same as constant series, which the equations take as arguments."""
 
     def __init__(self, model: BatchModel) -> None:
         hy = load_heyoka()
 
-        self.book = SeriesAlgebra()
+        self.algebra = SeriesAlgebra()
         self.leading = {name: hy.expression(name) for name in LEADING}
-        numbers = {name: hy.expression(f"given {name}") for name in model.names}
-        self.inputs = [*self.leading.values(), *numbers.values()]
+        # A prefix tells parameters from the state's entries of the same name (free_length)
+        parameters = {name: hy.expression(f"given {name}") for name in model.names}
+        self.inputs = [*self.leading.values(), *parameters.values()]
         absent = {c.name: c.null for effect in EFFECTS.values() for c in effect.coefficients}
-        self.signs = Signs(**{name: self.book.series(self.leading[name]) for name in SIGNS})
-        self.p = SimpleNamespace(**(absent | {name: self.book.series(number) for name, number in numbers.items()}))
+        self.signs = Signs(**{name: self.algebra.series(self.leading[name]) for name in SIGNS})
+        self.p = SimpleNamespace(**(absent | {name: self.algebra.series(symbol) for name, symbol in parameters.items()}))
 
-    def instant(self) -> tuple[Any, State, Signs, Any]:
-        """Time, state, signs and parameters of one instant."""
-        t, *state = (self.book.series(self.leading[name]) for name in ("time", *STATE))
+    def arguments(self) -> tuple[Any, State, Signs, Any]:
+        """Return time, state, signs and parameters, in the order in which `equations` takes them."""
+        t, *state = (self.algebra.series(self.leading[name]) for name in ("time", *STATE))
         return t, State(*state), self.signs, self.p
 
 
 @lru_cache(maxsize=64)
 def holding_margins(model: BatchModel) -> CompiledFunction:
-    """`equations.holding_margins`: down, up."""
+    """Compile `equations.holding_margins`; outputs: margins (down, up) [N]."""
     symbols = Symbols(model)
-    return CompiledFunction(equations.holding_margins(symbols.book, *symbols.instant(), model.effects), symbols.inputs)
+    return CompiledFunction(equations.holding_margins(symbols.algebra, *symbols.arguments(), model.effects), symbols.inputs)
 
 
 @lru_cache(maxsize=64)
 def light_tension(model: BatchModel, mode: Mode) -> CompiledFunction:
-    """The first of `equations.tensions`."""
+    """Compile the first of `equations.tensions`; output: tension of the free string [N]."""
     symbols = Symbols(model)
-    return CompiledFunction(equations.tensions(symbols.book, mode, *symbols.instant(), model.effects)[:1], symbols.inputs)
+    return CompiledFunction(equations.tensions(symbols.algebra, mode, *symbols.arguments(), model.effects)[:1], symbols.inputs)
 
 
 @lru_cache(maxsize=64)
 def rates(model: BatchModel, mode: Mode) -> CompiledFunction:
-    """`equations.rates` of `STATE`."""
+    """Compile `equations.rates`; outputs: derivatives of `STATE`."""
     symbols = Symbols(model)
-    rate = equations.rates(symbols.book, mode, *symbols.instant(), model.effects)
+    rate = equations.rates(symbols.algebra, mode, *symbols.arguments(), model.effects)
     return CompiledFunction([getattr(rate, name) for name in STATE], symbols.inputs)
 
 
 @lru_cache(maxsize=64)
 def impact(model: BatchModel, slide: float) -> CompiledFunction:
-    """`equations.impact`: `STATE`, and the speed at which the string then slides."""
+    """Compile `equations.impact`; outputs: `STATE` just after it, and the speed at which the string then slides [m/s]."""
     symbols = Symbols(model)
-    hit = equations.impact(symbols.book, slide, *symbols.instant(), model.effects)
-    return CompiledFunction([*(getattr(hit.state, name) for name in STATE), hit.sliding], symbols.inputs)
+    after = equations.impact(symbols.algebra, slide, *symbols.arguments(), model.effects)
+    return CompiledFunction([*(getattr(after.state, name) for name in STATE), after.sliding], symbols.inputs)
 
 
 @lru_cache(maxsize=64)
 def drop(model: BatchModel) -> CompiledFunction:
-    """`state.heavy_drop`, of a string that does not lie on itself."""
+    """Compile `state.heavy_drop` [m]; the overlap is 0, as no effect that a batch supports reads it."""
     symbols = Symbols(model)
-    _, y, _, p = symbols.instant()
-    return CompiledFunction([heavy_drop(symbols.book, y, 0.0, p, model.effects)], symbols.inputs)
+    _, y, _, p = symbols.arguments()
+    return CompiledFunction([heavy_drop(symbols.algebra, y, 0.0, p, model.effects)], symbols.inputs)

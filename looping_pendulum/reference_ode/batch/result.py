@@ -1,4 +1,4 @@
-"""What became of each of many runs, as arrays."""
+"""Results of many runs, as arrays."""
 
 from __future__ import annotations
 
@@ -21,15 +21,16 @@ ENDS: tuple[str, ...] = (
     Event.TIME_UP,
     "failed",
 )
-"""What `BatchResult.end` counts in: the event that ended a run, or "failed"."""
+"""Values of `BatchResult.end`, by index: the event that ended a run, or "failed"."""
 FAILED = ENDS.index("failed")
 
+# Offset basis and prime of the 64-bit FNV-1a hash
 HASH_START, _HASH_FACTOR = np.uint64(0xCBF29CE484222325), np.uint64(0x100000001B3)
 
 
 @dataclass(frozen=True, kw_only=True)
 class BatchResult:
-    """What became of each run; every array has shape (n,). A failed run has nan, zero counts and a sequence of 0."""
+    """Result of each run; every array has shape (n,). A failed run has nan, zero counts and a sequence of 0."""
 
     halting_time: Array
     """Start of the sticking that lasts until the light mass reaches the rod [s]; nan without one."""
@@ -40,19 +41,19 @@ class BatchResult:
     drop: Array
     """How far the heavy mass is below its release at the end [m]."""
     wrap_angle: Array
-    """At the end [rad]."""
+    """Wrap angle at the end [rad]."""
     free_length: Array
-    """At the end [m]."""
+    """Free length at the end [m]."""
     stops: NDArray[np.int32]
     """How often the heavy mass's speed became zero."""
     slip_count: NDArray[np.int32]
-    """How often a sticking string broke away."""
+    """How often a sticking string began to slide."""
     slack_intervals: NDArray[np.int32]
     """How often the string was, or became, slack."""
     end: NDArray[np.int8]
     """How the run ended, as an index into `ENDS`."""
     end_time: Array
-    """[s]"""
+    """Time at which the run ended [s]."""
     sequence: NDArray[np.uint64]
     """Hash of the sequence of modes (`sequence_hash`)."""
     handed_over: NDArray[np.int8]
@@ -63,33 +64,37 @@ class BatchResult:
 
     @classmethod
     def empty(cls, n: int) -> BatchResult:
-        """Results of ``n`` runs, all marked as failed until they are filled in."""
+        """Return results of ``n`` runs, all marked as failed until they are filled in."""
         result = cls.over(bytearray(n * BYTES_PER_RUN), n)
         result.clear()
         return result
 
     @classmethod
     def over(cls, memory: Any, n: int) -> BatchResult:
-        """The results of ``n`` runs that a buffer of ``n`` times `BYTES_PER_RUN` holds, which processes may share."""
+        """Return the results of ``n`` runs as views of ``memory``, a buffer of ``n * BYTES_PER_RUN`` bytes.
+
+        Processes may share the buffer.
+        """
         columns, offset = {}, 0
-        for name in sorted((field.name for field in dataclasses.fields(cls)), key=lambda name: -_column_kind(name)[0].itemsize):
-            kind = _column_kind(name)[0]
+        # Largest items first: then every column is aligned, whatever n is
+        for name in sorted((field.name for field in dataclasses.fields(cls)), key=lambda name: -_column_type(name)[0].itemsize):
+            kind = _column_type(name)[0]
             columns[name] = np.frombuffer(memory, kind, count=n, offset=offset)
             offset += n * kind.itemsize
         return cls(**columns)
 
     def clear(self) -> None:
-        """Mark all as failed."""
+        """Mark all runs as failed."""
         for field in dataclasses.fields(self):
-            getattr(self, field.name)[:] = _column_kind(field.name)[1]
+            getattr(self, field.name)[:] = _column_type(field.name)[1]
 
     def put(self, runs: NDArray[np.int64], part: BatchResult) -> None:
-        """Fill in ``runs`` with what became of them."""
+        """Fill in the results ``part`` of ``runs``."""
         for field in dataclasses.fields(self):
             getattr(self, field.name)[runs] = getattr(part, field.name)
 
 
-_COLUMN_KINDS: dict[str, tuple[Any, float]] = {
+_COLUMN_TYPES: dict[str, tuple[Any, float]] = {
     "stops": (np.int32, 0),
     "slip_count": (np.int32, 0),
     "slack_intervals": (np.int32, 0),
@@ -99,31 +104,32 @@ _COLUMN_KINDS: dict[str, tuple[Any, float]] = {
 }
 
 
-def _column_kind(name: str) -> tuple[np.dtype[Any], float]:
-    """Type of a column of results, and what it holds of a run that failed."""
-    kind, start = _COLUMN_KINDS.get(name, (np.float64, np.nan))
+def _column_type(name: str) -> tuple[np.dtype[Any], float]:
+    """Return the type of a column of results, and its value for a run that failed."""
+    kind, start = _COLUMN_TYPES.get(name, (np.float64, np.nan))
     return np.dtype(kind), start
 
 
-BYTES_PER_RUN = sum(_column_kind(field.name)[0].itemsize for field in dataclasses.fields(BatchResult))
+BYTES_PER_RUN = sum(_column_type(field.name)[0].itemsize for field in dataclasses.fields(BatchResult))
+"""Memory that the results of one run take [B]."""
 
 
 def sequence_hash(modes: Iterable[int]) -> int:
-    """64-bit FNV-1a hash of a sequence of modes."""
+    """Return the 64-bit FNV-1a hash of a sequence of modes."""
     value = HASH_START
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore"):  # the product is taken modulo 2^64
         for mode in modes:
-            value = hash_further(value, np.uint64(mode))
+            value = update_hash(value, np.uint64(mode))
     return int(value)
 
 
-def hash_further(value: Any, mode: Any) -> Any:
-    """Add one mode to a hash (numbers or arrays of np.uint64)."""
+def update_hash(value: Any, mode: Any) -> Any:
+    """Return the hash of a sequence with one mode more (numbers or arrays of np.uint64)."""
     return (value ^ mode) * _HASH_FACTOR
 
 
 def summary(run: Run) -> dict[str, Any]:
-    """What a `BatchResult` says of one run."""
+    """Return the entries of a `BatchResult` for one run."""
     end, halt = run.end, run.halt
     assert end.event is not None
     slack = (Mode.SLACK, Mode.CLAMPED_SLACK)

@@ -1,4 +1,4 @@
-"""Where polynomials on [0, 1] first fall through zero, for many polynomials at once."""
+"""Find where polynomials on [0, 1] first fall through zero, for many polynomials at once."""
 
 from __future__ import annotations
 
@@ -9,24 +9,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from looping_pendulum.reference_ode.batch.compiled import CompiledFunction, size
+from looping_pendulum.reference_ode.batch.compiled import CompiledFunction, absolute_value
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 
-DEEPEST = 50
-"""Halvings after which two roots count as one."""
+MAX_BISECTIONS = 50
+"""Number of times that [0, 1] is bisected; two roots that are still in one interval then count as one."""
 NEWTON_STEPS = 8
-POLISHINGS = 60
-CLOSE = 1e-10
-"""Newton's step after which a root is exact but for rounding: the next would be about its square."""
+"""Newton steps in the compiled expressions, where every polynomial takes the same number."""
+MAX_REFINEMENTS = 60
+"""Largest number of Newton or bisection steps for a root that is known to be alone in its interval."""
+ROOT_TOLERANCE = 1e-10
+"""Length of a last Newton step at which a root is taken as exact: the error left is about the square of the step."""
 
 
-def first_falls(polynomials: Array) -> Array:
-    """First root in [0, 1] at which each polynomial changes from above zero to below it; inf without one. Shape (n,).
+def first_falling_roots(polynomials: Array) -> Array:
+    """Return the first root in [0, 1] at which each polynomial falls through zero, shape (n,); inf without one.
 
-    The signs of the coefficients in Bernstein's basis bound the number of roots from above, and exactly where they change no
-    more than once (Descartes' rule of signs). Intervals that they leave open are halved until they do not, so that no pair of
-    roots is missed, however close.
+    The number of sign changes of the coefficients in the Bernstein basis is an upper bound on the number of roots, and exact if
+    it is 0 or 1 (Descartes' rule of signs). Intervals with more sign changes are bisected, so that no pair of roots is missed,
+    however close.
 
     Parameters
     ----------
@@ -37,49 +39,60 @@ def first_falls(polynomials: Array) -> Array:
     first = np.full(polynomials.shape[1], np.inf)
     if not len(first):
         return first
-    found = _look(degree)(polynomials)
-    bernstein, roots, moved = found[:-2], found[-2], found[-1]
+    outputs = _compiled_root_expressions(degree)(polynomials)
+    bernstein, newton_roots, last_steps = outputs[:-2], outputs[-2], outputs[-1]
+    # Each column of `bernstein` belongs to polynomial `owner` on the interval (low, low + width)
     owner, low, width = np.arange(len(first)), np.zeros(len(first)), 1.0
-    for depth in range(DEEPEST):
+    for depth in range(MAX_BISECTIONS):
         positive = bernstein > 0
         changes = np.count_nonzero(positive[1:] != positive[:-1], axis=0)
         falls = np.flatnonzero((changes == 1) & positive[0])
-        at = roots[falls] if depth == 0 else np.full(len(falls), np.nan)
-        unsure = np.flatnonzero(~((at >= 0) & (at <= 1) & (moved[falls] < CLOSE))) if depth == 0 else np.arange(len(falls))
-        at[unsure] = _bracketed(polynomials[:, owner[falls[unsure]]], low[falls[unsure]], width)
+        at = newton_roots[falls] if depth == 0 else np.full(len(falls), np.nan)
+        unsure = (
+            np.flatnonzero(~((at >= 0) & (at <= 1) & (last_steps[falls] < ROOT_TOLERANCE)))
+            if depth == 0
+            else np.arange(len(falls))
+        )
+        at[unsure] = _refine_roots(polynomials[:, owner[falls[unsure]]], low[falls[unsure]], width)
         np.minimum.at(first, owner[falls], at)
         open_ = np.flatnonzero((changes > 1) & (low < first[owner]))
         if not len(open_):
             return first
-        halves = _halves(degree)(bernstein[:, open_])
+        halves = _compiled_halves(degree)(bernstein[:, open_])
         bernstein = np.concatenate([halves[: degree + 1], halves[degree + 1 :]], axis=1)
         width *= 0.5
         owner, low = np.tile(owner[open_], 2), np.concatenate([low[open_], low[open_] + width])
     return first
 
 
-def _bracketed(polynomials: Array, low: Array, width: float) -> Array:
-    """The one root of each polynomial in (low, low + width): Newton's method, or halving where that leaves the interval."""
+def _refine_roots(polynomials: Array, low: Array, width: float) -> Array:
+    """Return the one root of each polynomial in (low, low + width), by Newton's method.
+
+    Where a Newton step would leave the interval that is known to hold the root, the interval is bisected instead.
+    """
     if not len(low):
         return low
     high = low + width
-    x, found = 0.5 * (low + high), np.zeros(len(low), dtype=bool)
-    slopes = polynomials[1:] * np.arange(1.0, len(polynomials))[:, None]
-    for _ in range(POLISHINGS):
+    x, converged = 0.5 * (low + high), np.zeros(len(low), dtype=bool)
+    derivatives = polynomials[1:] * np.arange(1.0, len(polynomials))[:, None]
+    for _ in range(MAX_REFINEMENTS):
         value = horner(polynomials, x)
         above = value > 0
         low, high = np.where(above, x, low), np.where(above, high, x)
         with np.errstate(divide="ignore", invalid="ignore"):
-            newton = x - value / horner(slopes, x)
+            newton = x - value / horner(derivatives, x)
         better = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
-        x, found = np.where(found, x, better), found | (np.abs(better - x) < CLOSE)
-        if found.all():
+        x, converged = np.where(converged, x, better), converged | (np.abs(better - x) < ROOT_TOLERANCE)
+        if converged.all():
             break
     return x
 
 
 def horner(coefficients: Sequence[Any] | Array, x: Any) -> Any:
-    """Polynomials at ``x``, numbers or expressions; coefficients of ascending powers, along the first axis of an array."""
+    """Return polynomials at ``x`` by Horner's scheme; coefficients of ascending powers, along the first axis of an array.
+
+    Coefficients and ``x`` may be numbers, arrays or expressions.
+    """
     value = coefficients[-1]
     for coefficient in coefficients[-2::-1]:
         value = value * x + coefficient
@@ -87,44 +100,44 @@ def horner(coefficients: Sequence[Any] | Array, x: Any) -> Any:
 
 
 class RootExpressions(NamedTuple):
-    """Expressions of what is easily seen of a polynomial on [0, 1]."""
+    """Expressions from which the roots of a polynomial in [0, 1] are found."""
 
     bernstein: list[Any]
-    """Coefficients in Bernstein's basis; the first and the last are the values at 0 and 1."""
+    """Coefficients in the Bernstein basis; the first and the last are the values at 0 and 1."""
     root: Any
-    """The root that Newton's method finds."""
-    moved: Any
-    """Size of its last step."""
+    """Root at which `NEWTON_STEPS` of Newton's method arrive; it may lie outside [0, 1]."""
+    last_step: Any
+    """Length of the last of these steps."""
 
 
-def look(c: list[Any]) -> RootExpressions:
-    """Look at the polynomial with coefficients ``c`` of ascending powers."""
+def root_expressions(c: list[Any]) -> RootExpressions:
+    """Return the expressions of the polynomial with coefficients ``c`` of ascending powers."""
     hy = load_heyoka()
 
     degree = len(c) - 1
     bernstein = [hy.sum([comb(k, j) / comb(degree, j) * c[j] for j in range(k + 1)]) for k in range(degree + 1)]
-    before = x = c[0] / (c[0] - bernstein[-1])  # the secant's
+    before = x = c[0] / (c[0] - bernstein[-1])  # start at the root of the secant through 0 and 1
     for _ in range(NEWTON_STEPS):
         value, slope = c[-1] * x + c[-2], c[-1]
         for coefficient in c[-3::-1]:
             value, slope = value * x + coefficient, slope * x + value
         before, x = x, x - value / slope
-    return RootExpressions(bernstein, x, size(x - before))
+    return RootExpressions(bernstein, x, absolute_value(x - before))
 
 
 @lru_cache(maxsize=8)
-def _look(degree: int) -> CompiledFunction:
-    """Compiled: coefficients -> `RootExpressions`."""
+def _compiled_root_expressions(degree: int) -> CompiledFunction:
+    """Compile `root_expressions`; inputs: coefficients of ascending powers; outputs: the fields of `RootExpressions`."""
     hy = load_heyoka()
 
     c = [hy.expression(f"c{k}") for k in range(degree + 1)]
-    found = look(c)
-    return CompiledFunction([*found.bernstein, found.root, found.moved], c)
+    expressions = root_expressions(c)
+    return CompiledFunction([*expressions.bernstein, expressions.root, expressions.last_step], c)
 
 
 @lru_cache(maxsize=8)
-def _halves(degree: int) -> CompiledFunction:
-    """Compiled: coefficients in Bernstein's basis -> those on the left half and on the right half (de Casteljau)."""
+def _compiled_halves(degree: int) -> CompiledFunction:
+    """Compile de Casteljau's subdivision: Bernstein coefficients on an interval -> on its left half, then on its right half."""
     hy = load_heyoka()
 
     b = [hy.expression(f"b{k}") for k in range(degree + 1)]

@@ -1,7 +1,7 @@
-"""Run many runs side by side: many take a step at once, and many meet their events at once.
+"""Advance many runs together: one compiled function takes a step, or finds an event, for many runs at once.
 
-Each run waits for one of a few tasks: to take steps in its mode, or to look for the event that may lie in its next step. The
-task for which most runs wait is done next, for all of them, so that each is done for many at once.
+Each run is in the queue of one task: to take steps in its mode, or to find the event that may lie in its next step. The task
+with the longest queue is done next, for all runs in it, so that each call works on many runs.
 """
 
 from __future__ import annotations
@@ -15,215 +15,222 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.reference_ode.batch.block import NOTES, Block
+from looping_pendulum.reference_ode.batch.block import BOOKKEEPING, Block
 from looping_pendulum.reference_ode.batch.changes import BatchTransitions
-from looping_pendulum.reference_ode.batch.compiled import LEADING, drop, model_of
-from looping_pendulum.reference_ode.batch.result import ENDS, HASH_START, BatchResult, hash_further
-from looping_pendulum.reference_ode.batch.steps import NONE, UNSURE, stepper
+from looping_pendulum.reference_ode.batch.compiled import LEADING, batch_model, drop
+from looping_pendulum.reference_ode.batch.result import ENDS, HASH_START, BatchResult, update_hash
+from looping_pendulum.reference_ode.batch.steps import NO_EVENT, UNSURE_EVENT, stepper
 from looping_pendulum.reference_ode.driver import MAX_EVENTS
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.state import Effects
 from looping_pendulum.reference_ode.transitions import END_EVENTS, PHASE_EVENTS, PHASE_ZERO, Event, Mode
 
-AT_ONCE = 8192
-"""Runs under way."""
-PAUSE = 8
-"""Steps are taken without a pause until an event may lie ahead of this many runs, or of a tenth."""
+MAX_CONCURRENT_RUNS = 8192
+"""Largest number of runs that are integrated at a time, which bounds the memory."""
+MIN_PENDING_EVENTS = 8
+"""Number of runs, or a tenth of them if that is more, whose next step may hold an event before the stepping of a block ends."""
 MAX_STEPS = 20_000
-"""Steps of a run after which it counts as failed."""
+"""Number of steps of a run after which it counts as failed."""
 Index = NDArray[np.int64]
-_NAMING = {Mode.SLIDING_UP: Mode.SLIDING_DOWN}
-"""Modes that share another one's compiled step."""
-_LOST = -2
-"""In place of a kind of event: the run breaks down."""
+"""Indices of runs in the batch, shape (n,)."""
+_SHARED_STEP_MODES = {Mode.SLIDING_UP: Mode.SLIDING_DOWN}
+"""Mode -> mode whose compiled step it shares: the direction of sliding is an input, the sign `slide`."""
+_BROKEN_DOWN = -2
+"""Value in place of a combination of mode, event and phase: the run breaks down."""
 
 
 class BatchTaskKind(Enum):
-    """What a run may wait for."""
+    """What the next task of a run does."""
 
-    STEPS = "to take steps until an event may lie ahead"
-    EVENT = "to go on to that event, or to the step's end if there is none"
-    SEARCH = "the same where the event is hard to find"
+    STEPS = "take steps until the next one may hold an event"
+    EVENT = "advance to that event, or to the end of the step if there is none"
+    SEARCH = "the same, by the search that is never unsure"
 
 
 URGENCY = {BatchTaskKind.STEPS: 1, BatchTaskKind.EVENT: 1, BatchTaskKind.SEARCH: 16}
-"""How much the wait of one run counts. Searches are rare, and a run that needs one may have a long way to go."""
+"""Weight of one run in the length of a queue. Searches are rare; at weight 1 a run that needs one could wait until the others
+have ended, and then go on alone."""
 
 
 class BatchTask(NamedTuple):
-    """What some runs wait for."""
+    """A task and the mode for which it is done; the key of a queue."""
 
     kind: BatchTaskKind
     mode: Mode
-    """Of those that share a compiled step, the one that names it."""
+    """Mode whose compiled step is used (`_SHARED_STEP_MODES`)."""
 
 
 class RunSource(Protocol):
-    """Where the runs come from."""
+    """Where the runs come from: this process takes some at a time."""
 
     @property
-    def all(self) -> int:
-        """How many there are."""
+    def run_count(self) -> int:
+        """Number of all runs."""
 
-    def take_possible(self, most: int) -> tuple[Index, Mapping[str, Any]]:
-        """The next runs, at most so many, and what the equations need of them, by name: one value, or one per run.
+    def take_valid(self, most: int) -> tuple[Index, Mapping[str, Any]]:
+        """Return the next runs, at most ``most``, and their parameters by name: one value, or one per run.
 
-        None if none are left.
+        No runs are returned if none are left.
         """
 
-    def numbers(self, runs: Index) -> Mapping[str, Any]:
-        """What the equations need of these runs."""
+    def parameter_values(self, runs: Index) -> Mapping[str, Any]:
+        """Return the parameters of these runs, by name."""
 
-    def done(self, runs: int) -> None:
-        """Hear that so many have ended."""
+    def report_ended(self, runs: int) -> None:
+        """Count ``runs`` more runs that have ended."""
 
 
 class Schedule:
-    """Runs that are under way, and the results of those that have ended."""
+    """Integrates the runs of a source, and fills in their results."""
 
     def __init__(
         self, source: RunSource, result: BatchResult, effects: Effects, release: Release, duration: float, tolerance: float
     ) -> None:
-        """``result``: of all runs; those that are taken are filled in."""
+        """Prepare; ``result`` has an entry for every run of the batch, of which those that are taken here are filled in."""
         self._source, self._result = source, result
-        self._model = model = model_of(effects, source.numbers(np.arange(0)))
+        self._model = model = batch_model(effects, source.parameter_values(np.arange(0)))
         self._duration, self._tolerance = duration, tolerance
-        self._changes = BatchTransitions(model, release)
-        self._waiting: dict[BatchTask, list[Block]] = defaultdict(list)
-        self._under_way = 0
+        self._transitions = BatchTransitions(model, release)
+        self._queues: dict[BatchTask, list[Block]] = defaultdict(list)
+        self._running_count = 0
 
     def run(self) -> None:
-        """Run all to their ends. A run that breaks down is left marked as failed."""
+        """Run all runs to their ends. A run that breaks down stays marked as failed."""
         more = True
         with np.errstate(all="ignore"):  # a run that breaks down must not disturb the others
-            while more or self._waiting:
-                task, most = None, AT_ONCE - self._under_way if more else 0
-                for other, blocks in self._waiting.items():
-                    count = URGENCY[other.kind] * sum(map(len, blocks))
-                    if count > most:
-                        task, most = other, count
+            while more or self._queues:
+                # Releasing new runs competes with the queues: its length is the number of places that are free
+                task, longest = None, MAX_CONCURRENT_RUNS - self._running_count if more else 0
+                for candidate, blocks in self._queues.items():
+                    length = URGENCY[candidate.kind] * sum(map(len, blocks))
+                    if length > longest:
+                        task, longest = candidate, length
                 if task is None:
-                    more = self._release(most)
+                    more = self._release(longest)
                 elif task.kind is BatchTaskKind.STEPS:
-                    self._step(task.mode, self._waiting.pop(task))
+                    self._step(task.mode, self._queues.pop(task))
                 else:
-                    self._meet(task, Block.joined(self._waiting.pop(task)))
+                    self._advance_to_event(task, Block.joined(self._queues.pop(task)))
 
-    def _wait(self, kind: BatchTaskKind, mode: Mode, block: Block) -> None:
-        """Let runs wait for a task."""
+    def _enqueue(self, kind: BatchTaskKind, mode: Mode, block: Block) -> None:
+        """Put runs into the queue of a task."""
         if len(block):
-            self._waiting[BatchTask(kind, mode)].append(block)
+            self._queues[BatchTask(kind, mode)].append(block)
 
-    def _go_on(self, block: Block) -> None:
-        """Let runs go on in their modes."""
+    def _enqueue_by_mode(self, block: Block) -> None:
+        """Put runs into the queues of their modes; those that have ended leave."""
         for mode in block.present_modes():
             columns = np.flatnonzero(block["mode"] == mode)
             if mode is Mode.ENDED:
-                self._under_way -= len(columns)
+                self._running_count -= len(columns)
             else:
-                self._wait(BatchTaskKind.STEPS, _NAMING.get(mode, mode), block.take(columns))
+                self._enqueue(BatchTaskKind.STEPS, _SHARED_STEP_MODES.get(mode, mode), block.take(columns))
 
     def _release(self, most: int) -> bool:
         """Release the next runs; return whether there were any."""
-        runs, numbers = self._source.take_possible(most)
+        runs, values = self._source.take_valid(most)
         if not len(runs):
             return False
-        self._under_way += len(runs)
-        block = Block(np.zeros((len(NOTES) + len(LEADING) + len(self._model.names), len(runs))))
+        self._running_count += len(runs)
+        block = Block(np.zeros((len(BOOKKEEPING) + len(LEADING) + len(self._model.names), len(runs))))
         for row, name in enumerate(self._model.names, start=len(LEADING)):
-            block.numbers[row] = numbers[name]
+            block.inputs[row] = values[name]
         block["run"], block["duration"] = runs.astype(float), self._duration
-        block["free_length"], block["wrap_angle"] = numbers["free_length"], numbers["release_angle"]
-        along, across = (np.broadcast_to(numbers[name], len(runs)) for name in ("push_along", "push_across"))
-        self._changes.release(block, along, across)
+        block["free_length"], block["wrap_angle"] = values["free_length"], values["release_angle"]
+        along, across = (np.broadcast_to(values[name], len(runs)) for name in ("push_along", "push_across"))
+        self._transitions.release(block, along, across)
         result = self._result
         result.stops[runs] = result.slip_count[runs] = result.slack_intervals[runs] = 0
         result.sequence[runs] = HASH_START
-        self._note_modes(block, runs)
-        self._go_on(block)
+        self._record_modes(block, runs)
+        self._enqueue_by_mode(block)
         return True
 
     def _step(self, mode: Mode, blocks: list[Block]) -> None:
-        """Take steps until an event may lie in the next step of some."""
+        """Take steps until the next step of enough runs may hold an event (`MIN_PENDING_EVENTS`)."""
         step = stepper(self._model, mode, self._tolerance)
         n = sum(map(len, blocks))
-        block, most = Block.joined(blocks, whole_vectors=True), max(PAUSE, n // 10)
-        numbers = block.numbers
+        block, max_waiting = Block.joined(blocks, pad_to_vectors=True), max(MIN_PENDING_EVENTS, n // 10)
+        inputs = block.inputs
         while True:
-            out = step.step.whole_vectors(numbers)
+            out = step.step.evaluate_padded(inputs)
+            # No event can lie in a step in which the lower bound of all event functions is positive
             clear = (out[-1] > 0) & (block["steps"] < MAX_STEPS)
             for row, new in zip(step.rows, out, strict=False):
-                np.copyto(numbers[row], new, where=clear)
+                np.copyto(inputs[row], new, where=clear)
             block["steps"] += clear
-            going = np.count_nonzero(clear)
-            if not going or len(clear) - going > most:
+            moving_count = np.count_nonzero(clear)
+            if not moving_count or len(clear) - moving_count > max_waiting:
                 break
-        self._wait(BatchTaskKind.STEPS, mode, block.take(np.flatnonzero(clear[:n])))
-        self._wait(BatchTaskKind.EVENT, mode, block.take(np.flatnonzero(~clear[:n])))
+        self._enqueue(BatchTaskKind.STEPS, mode, block.take(np.flatnonzero(clear[:n])))
+        self._enqueue(BatchTaskKind.EVENT, mode, block.take(np.flatnonzero(~clear[:n])))
 
-    def _meet(self, task: BatchTask, block: Block) -> None:
-        """Go on to the first event within the next step and apply it, or to the step's end if there is none."""
+    def _advance_to_event(self, task: BatchTask, block: Block) -> None:
+        """Advance to the first event within the next step and apply it, or to the end of the step if there is none."""
         step = stepper(self._model, task.mode, self._tolerance)
-        moved, event = (step.search if task.kind is BatchTaskKind.SEARCH else step.meet)(block.numbers)
-        unsure = event == UNSURE
+        find_event = step.search_event if task.kind is BatchTaskKind.SEARCH else step.advance_to_event
+        moved, event = find_event(block.inputs)
+        unsure = event == UNSURE_EVENT
         if unsure.any():
-            self._wait(BatchTaskKind.SEARCH, task.mode, block.take(np.flatnonzero(unsure)))
+            self._enqueue(BatchTaskKind.SEARCH, task.mode, block.take(np.flatnonzero(unsure)))
             block, moved, event = block.take(np.flatnonzero(~unsure)), moved[:, ~unsure], event[~unsure]
-        block.numbers[step.rows] = moved
-        if task.mode is Mode.SLIDING_DOWN:
+        block.inputs[step.rows] = moved
+        if (
+            task.mode is Mode.SLIDING_DOWN
+        ):  # and SLIDING_UP: the taut string gives the heavy mass the speed u (`state.full_state`)
             block["heavy_speed"] = block["retreat_speed"]
         block["events"] += event >= 0
-        lost = (block["steps"] >= MAX_STEPS) | (block["events"] > MAX_EVENTS) | ~np.isfinite(moved).all(axis=0)
+        broken_down = (block["steps"] >= MAX_STEPS) | (block["events"] > MAX_EVENTS) | ~np.isfinite(moved).all(axis=0)
+        # One number for mode, event and phase: runs are sorted by it, and their event is applied to all that share it
         kinds = (block["mode"].astype(np.int64) * len(step.events) + event) * 2 + (block["phase"] > 0)
-        kinds[event == NONE] = NONE
-        kinds[lost] = _LOST
+        kinds[event == NO_EVENT] = NO_EVENT
+        kinds[broken_down] = _BROKEN_DOWN
         order = np.argsort(kinds, kind="stable")
         block, kinds = block.take(order), kinds[order]
         for start, end in pairwise([*np.flatnonzero(np.diff(kinds, prepend=np.nan)).tolist(), len(kinds)]):
-            kind, part = int(kinds[start]), block.part(start, end)
-            if kind == _LOST:
+            kind, part = int(kinds[start]), block.view(start, end)
+            if kind == _BROKEN_DOWN:
                 self._fail(part)
             elif kind >= 0:
-                before, watched = Mode(kind // (2 * len(step.events))), step.events[kind // 2 % len(step.events)]
-                self._apply(part, before, watched if kind % 2 else PHASE_ZERO.get(watched, watched))  # as `state.meaning`
-        self._go_on(block)
-
-    # Results
+                before, event_index, phase = Mode(kind // (2 * len(step.events))), kind // 2 % len(step.events), kind % 2
+                in_phase_one = step.events[event_index]
+                self._apply(part, before, in_phase_one if phase else PHASE_ZERO.get(in_phase_one, in_phase_one))
+        self._enqueue_by_mode(block)
 
     def _apply(self, block: Block, mode: Mode, event: Event) -> None:
-        """Apply ``event``, which all, in ``mode``, have met, and note what becomes of them."""
+        """Apply ``event``, at which all runs of the block, in ``mode``, have arrived, and record it in their results."""
         runs = block.runs
-        self._changes.follow(block, mode, event)
+        self._transitions.apply_event(block, mode, event)
         if event in END_EVENTS:
-            self._note_end(block, runs, mode, event)
+            self._record_end(block, runs, mode, event)
         elif event not in PHASE_EVENTS:
             if event is Event.STOP:
                 self._result.stops[runs] += 1
             elif event in (Event.SLIP_ONSET_DOWN, Event.SLIP_ONSET_UP):
                 self._result.slip_count[runs] += 1
-            self._note_modes(block, runs)
+            self._record_modes(block, runs)
 
-    def _note_modes(self, block: Block, runs: Index) -> None:
-        """Note that the runs' modes have changed: the last such change may be the halt."""
+    def _record_modes(self, block: Block, runs: Index) -> None:
+        """Record a change of mode. Time and place are those of the halt if no other change follows."""
         result = self._result
         result.slack_intervals[runs] += (block["mode"] == Mode.SLACK) | (block["mode"] == Mode.CLAMPED_SLACK)
-        result.sequence[runs] = hash_further(result.sequence[runs], block["mode"].astype(np.uint64))
+        result.sequence[runs] = update_hash(result.sequence[runs], block["mode"].astype(np.uint64))
         result.halting_time[runs] = block["time"]
         result.halting_wrap_angle[runs] = block["wrap_angle"]
         result.halting_free_length[runs] = block["free_length"]
 
-    def _note_end(self, block: Block, runs: Index, mode: Mode, event: Event) -> None:
-        """Write down how the runs ended."""
+    def _record_end(self, block: Block, runs: Index, mode: Mode, event: Event) -> None:
+        """Record how the runs ended; halts only where the light mass reached the rod while the string was sticking."""
         result = self._result
         result.end_time[runs] = self._duration if event is Event.TIME_UP else block["time"]
         result.wrap_angle[runs], result.free_length[runs] = block["wrap_angle"], block["free_length"]
-        (result.drop[runs],) = drop(self._model)(block.numbers)
+        (result.drop[runs],) = drop(self._model)(block.inputs)
         result.end[runs] = ENDS.index(event)
-        result.sequence[runs] = hash_further(result.sequence[runs], np.uint64(Mode.ENDED))
+        result.sequence[runs] = update_hash(result.sequence[runs], np.uint64(Mode.ENDED))
         if event is not Event.LIGHT_REACHES_ROD or mode is not Mode.STICKING:
             for values in (result.halting_time, result.halting_wrap_angle, result.halting_free_length):
                 values[runs] = np.nan
-        self._source.done(len(runs))
+        self._source.report_ended(len(runs))
 
     def _fail(self, block: Block) -> None:
         """Mark the runs as failed."""

@@ -1,4 +1,4 @@
-"""How one process or several share the runs of a batch."""
+"""Share the runs of a batch between one process or several."""
 
 from __future__ import annotations
 
@@ -14,56 +14,57 @@ import numpy as np
 
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.processes import end_with_parent
-from looping_pendulum.reference_ode.batch.numbers import Columns, free_parameters_of, member, possible
+from looping_pendulum.reference_ode.batch.numbers import Columns, equation_parameters, parameters_of_run, valid_runs
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult, summary
 from looping_pendulum.reference_ode.batch.schedule import Index, Schedule
-from looping_pendulum.reference_ode.batch.steps import covered
+from looping_pendulum.reference_ode.batch.steps import supports_batch
 from looping_pendulum.reference_ode.effects import COEFFICIENTS
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
-from looping_pendulum.reference_ode.solve import available_integrators, solve_quietly
+from looping_pendulum.reference_ode.solve import available_integrators, solve_without_warning
 
 _SPAWN = multiprocessing.get_context("spawn")
-"""Not forked: a copy of a process whose libraries have threads may hang."""
+"""Processes are spawned, not forked: a copy of a process whose libraries have threads may hang."""
 Progress = Callable[[int, int], None]
-"""Called with the number of runs that are done, and of all."""
+"""Called with the number of runs that have ended and the number of all runs."""
 
 
-class _Count:
-    """A number that only this process has; otherwise as `multiprocessing.Value`."""
+class _LocalCounter:
+    """A counter with the interface of `multiprocessing.Value`, for a batch that only this process works on."""
 
     value = 0
 
     def get_lock(self) -> AbstractContextManager[None]:
-        """Nothing to wait for."""
+        """Return a lock that never waits."""
         return nullcontext()
 
 
 @dataclass(frozen=True, kw_only=True)
 class SharedBatch:
-    """A batch, as the processes that work on it share it."""
+    """A batch in memory that all its processes share."""
 
     base: Parameters
     names: tuple[str, ...]
-    """Of the columns."""
+    """Names of the columns."""
     n: int
-    """How many runs."""
+    """Number of runs."""
     duration: float
+    """Limit on the simulated time [s]."""
     tolerance: float
     processes: int
-    values: Any
-    """Buffer of the columns' numbers, one column after another."""
-    results: Any
-    """Buffer of the results (`BatchResult.over`)."""
-    taken: Any
-    """How many runs have been taken by some process."""
-    ended: Any
-    """How many runs have ended."""
+    column_buffer: Any
+    """Values of the columns, one column after another."""
+    result_buffer: Any
+    """Memory of the results (`BatchResult.over`)."""
+    taken_count: Any
+    """Number of runs that some process has taken; runs are taken in the order of their indices."""
+    ended_count: Any
+    """Number of runs that have ended."""
 
     @classmethod
     def of(cls, base: Parameters, columns: Columns, n: int, duration: float, tolerance: float, processes: int) -> SharedBatch:
-        """A batch of which nothing has been done yet."""
-        numbers, size = n * len(columns), n * BYTES_PER_RUN
+        """Return a batch of which no run has been taken yet."""
+        value_count, result_bytes = n * len(columns), n * BYTES_PER_RUN
         alone = processes == 1
         job = cls(
             base=base,
@@ -72,10 +73,10 @@ class SharedBatch:
             duration=duration,
             tolerance=tolerance,
             processes=processes,
-            values=np.empty(numbers) if alone else _SPAWN.RawArray("d", numbers),
-            results=bytearray(size) if alone else _SPAWN.RawArray("b", size),
-            taken=_Count() if alone else _SPAWN.Value("q", 0),
-            ended=_Count() if alone else _SPAWN.Value("q", 0),
+            column_buffer=np.empty(value_count) if alone else _SPAWN.RawArray("d", value_count),
+            result_buffer=bytearray(result_bytes) if alone else _SPAWN.RawArray("b", result_bytes),
+            taken_count=_LocalCounter() if alone else _SPAWN.Value("q", 0),
+            ended_count=_LocalCounter() if alone else _SPAWN.Value("q", 0),
         )
         for name, values in job.columns().items():
             values[:] = columns[name]
@@ -83,119 +84,124 @@ class SharedBatch:
         return job
 
     def columns(self) -> dict[str, Array]:
-        """The columns, by name."""
-        values = np.frombuffer(self.values) if self.n else np.empty(0)
+        """Return the columns by name, as views of the shared memory."""
+        values = np.frombuffer(self.column_buffer) if self.n else np.empty(0)
         return dict(zip(self.names, values.reshape(len(self.names), self.n), strict=True))
 
     def result(self) -> BatchResult:
-        """The results, which other processes fill in, too."""
-        return BatchResult.over(self.results, self.n)
+        """Return the results, a view of the shared memory, which other processes fill in, too."""
+        return BatchResult.over(self.result_buffer, self.n)
 
 
 class BatchRuns:
-    """The runs of a batch: who takes which, and their numbers."""
+    """The runs of a batch as one process takes them, with their parameters (a `schedule.RunSource`)."""
 
     def __init__(self, job: SharedBatch, progress: Progress | None = None) -> None:
-        self.job, self.all, self._progress = job, job.n, progress
+        self.job, self.run_count, self._progress = job, job.n, progress
         self.columns = job.columns()
-        self._mine: list[Index] = []
+        self._taken_here: list[Index] = []
 
     def take(self, most: int) -> Index:
-        """The next runs; of the last ones only a share, so that all processes end together."""
-        taken = self.job.taken
+        """Take the next runs, at most ``most``, and of the last ones only a share, so that all processes end together."""
+        taken = self.job.taken_count
         with taken.get_lock():
             start = taken.value
-            taken.value = end = start + min(most, -(-(self.all - start) // self.job.processes))
+            taken.value = end = start + min(most, -(-(self.run_count - start) // self.job.processes))  # rounded up
         runs = np.arange(start, end)
-        self._mine.append(runs)
+        self._taken_here.append(runs)
         return runs
 
-    def mine(self) -> Index:
-        """What this process has taken."""
-        return np.concatenate([*self._mine, np.arange(0)])
+    def taken_here(self) -> Index:
+        """Return the indices of all runs that this process has taken."""
+        return np.concatenate([*self._taken_here, np.arange(0)])
 
-    def numbers(self, runs: Index) -> dict[str, Any]:
-        """Every number that the equations need, by name: one value, or one per run."""
-        return free_parameters_of(self.job.base, {name: values[runs] for name, values in self.columns.items()})
+    def parameter_values(self, runs: Index) -> dict[str, Any]:
+        """Return every parameter of ``runs`` that the equations read, by name: one value, or one per run."""
+        return equation_parameters(self.job.base, {name: values[runs] for name, values in self.columns.items()})
 
-    def take_possible(self, most: int) -> tuple[Index, dict[str, Any]]:
-        """The next runs whose values `Parameters` does not refuse, and their numbers."""
+    def take_valid(self, most: int) -> tuple[Index, dict[str, Any]]:
+        """Take the next runs; return those whose values `Parameters` accepts, and their parameters. The others stay failed."""
         while len(runs := self.take(most)):
-            numbers = self.numbers(runs)
-            can = possible(numbers, len(runs))
-            if can.any():
-                return runs[can], {name: v[can] if np.ndim(v) else v for name, v in numbers.items()}
+            values = self.parameter_values(runs)
+            valid = valid_runs(values, len(runs))
+            if valid.any():
+                return runs[valid], {name: v[valid] if np.ndim(v) else v for name, v in values.items()}
         return runs, {}
 
-    def singly(self) -> Iterator[int]:
-        """The next runs, one by one."""
+    def take_single(self) -> Iterator[int]:
+        """Take the next runs one by one."""
         while len(run := self.take(1)):
             yield int(run[0])
 
-    def done(self, runs: int) -> None:
-        """Count runs that have ended."""
-        with self.job.ended.get_lock():
-            self.job.ended.value = ended = self.job.ended.value + runs
+    def report_ended(self, runs: int) -> None:
+        """Count ``runs`` more runs that have ended, and report the progress."""
+        with self.job.ended_count.get_lock():
+            self.job.ended_count.value = ended = self.job.ended_count.value + runs
         if self._progress is not None:
-            self._progress(ended, self.all)
+            self._progress(ended, self.run_count)
 
 
 def work(runs: BatchRuns) -> None:
     """Take runs until none are left, and fill in their results."""
     job, result = runs.job, runs.job.result()
     effects = job.base.effects_with([name for name in job.names if name in COEFFICIENTS])
-    if "heyoka" in available_integrators() and covered(effects):
+    if "heyoka" in available_integrators() and supports_batch(effects):
         Schedule(runs, result, effects, job.base.release, job.duration, job.tolerance).run()
-        mine = runs.mine()
-        left = iter(mine[result.end[mine] == FAILED].tolist())  # a single run says what is wrong with these
+        taken = runs.taken_here()
+        # A run that failed here is solved once more by itself, where SciPy may take over from heyoka
+        remaining = iter(taken[result.end[taken] == FAILED].tolist())
     else:
-        left = runs.singly()
-    for i in left:
+        remaining = runs.take_single()
+    for i in remaining:
         try:
-            run = solve_quietly(member(job.base, runs.columns, i), duration=job.duration, tolerance=job.tolerance)
+            run = solve_without_warning(
+                parameters_of_run(job.base, runs.columns, i), duration=job.duration, tolerance=job.tolerance
+            )
         except (HarnessError, ArithmeticError):
-            pass
+            pass  # the run stays marked as failed
         else:
             for name, value in summary(run).items():
                 getattr(result, name)[i] = value
-        runs.done(1)
+        runs.report_ended(1)
 
 
 def work_together(job: SharedBatch, progress: Progress | None) -> None:
-    """Do as `work`, with helping processes. The runs of one that dies are run again here."""
-    with ProcessPoolExecutor(job.processes - 1, mp_context=_SPAWN, initializer=_take_part, initargs=(job,)) as pool:
-        others = [pool.submit(_help) for _ in range(job.processes - 1)]
+    """Do the same as `work` in several processes. Runs of a process that dies are solved again in this one."""
+    with ProcessPoolExecutor(job.processes - 1, mp_context=_SPAWN, initializer=_initialize_worker, initargs=(job,)) as pool:
+        others = [pool.submit(_work_in_helper) for _ in range(job.processes - 1)]
         try:
             work(BatchRuns(job, progress))
             for other in others:
                 other.result()
         except BrokenProcessPool:
-            _work_again(job)
+            _rerun_unfinished(job)
         finally:
-            job.taken.value = job.n  # so that after an interrupt the others take no more
+            job.taken_count.value = job.n  # so that after an interrupt the others take no more
     if progress is not None:
         progress(job.n, job.n)
 
 
-def _work_again(job: SharedBatch) -> None:
-    """Run what has no result, in this process."""
+def _rerun_unfinished(job: SharedBatch) -> None:
+    """Solve the runs without a result in this process."""
     result = job.result()
-    left = np.flatnonzero(result.end == FAILED)
-    columns = {name: values[left] for name, values in job.columns().items()}
-    rest = SharedBatch.of(job.base, columns, len(left), job.duration, job.tolerance, processes=1)
+    unfinished = np.flatnonzero(result.end == FAILED)
+    columns = {name: values[unfinished] for name, values in job.columns().items()}
+    rest = SharedBatch.of(job.base, columns, len(unfinished), job.duration, job.tolerance, processes=1)
     work(BatchRuns(rest))
-    result.put(left, rest.result())
+    result.put(unfinished, rest.result())
 
 
 _job: SharedBatch
-"""Of a helping process."""
+"""Batch of this process, if it is a helping one."""
 
 
-def _take_part(job: SharedBatch) -> None:
+def _initialize_worker(job: SharedBatch) -> None:
+    """Keep the batch, which can be passed only when a process starts: shared memory cannot be sent to it later."""
     global _job
     end_with_parent()
     _job = job
 
 
-def _help() -> None:
+def _work_in_helper() -> None:
+    """Take part in the work of the batch of this process."""
     work(BatchRuns(_job))

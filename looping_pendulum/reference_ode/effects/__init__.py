@@ -1,6 +1,6 @@
-"""Physics as data: each effect once, for the reference, the fit and the engines. Here: the paper's model, and the library.
+"""Library of physical effects, each defined once for the reference, the fit and the engines; here those of the paper's model.
 
-An effect is a force on a mass, the law of the string on the rod, a property of string, rod or mass, or a motion at release.
+An effect is a force on a mass, a law of the string on the rod, a property of string, rod or mass, or a motion at release.
 Its functions take a math namespace ``xp`` (``math``, ``numpy``, ``sympy`` or ``heyoka``), the :class:`Kinematics` of one
 instant and the parameters ``p`` (an object with a coefficient per attribute), so that numbers, arrays, symbols and compiled
 expressions run the same lines.
@@ -163,14 +163,14 @@ STRING_DRAG = Effect(
 EFFECTS: dict[str, Effect] = {
     e.name: e for e in (GRAVITY, CAPSTAN, LIGHT_DRAG, HEAVY_DRAG, STRING_DRAG, *FURTHER_FORCES, *FURTHER_PROPERTIES, CLOSURE)
 }
-"""The library, by name."""
+"""Every effect of the library, by name."""
 
 COEFFICIENTS: dict[str, Coefficient] = {c.name: c for e in EFFECTS.values() for c in e.coefficients}
 """Every coefficient of every effect, by name."""
 
 
 def drag_coefficient(shape_factor: float, air_density: float, area: float) -> float:
-    """Quadratic drag coefficient gamma = C rho A / 2 [kg/m] (paper, sec. IV).
+    """Return the quadratic drag coefficient gamma = C rho A / 2 [kg/m] (paper, sec. IV).
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def drag_coefficient(shape_factor: float, air_density: float, area: float) -> fl
 
 
 def force_on_light_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> tuple[Any, Any]:
-    """Sum of the forces on the light mass other than the string's pull, (along, across) [N]."""
+    """Return the sum of the forces on the light mass other than the string's pull, (along, across) [N]."""
     along: Any = 0.0
     across: Any = 0.0
     for effect in effects:
@@ -196,7 +196,7 @@ def force_on_light_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, .
 
 
 def force_on_heavy_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
-    """Sum of the upward forces on the heavy mass other than the string's pull [N]."""
+    """Return the sum of the upward forces on the heavy mass other than the string's pull [N]."""
     total: Any = 0.0
     for effect in effects:
         if effect.force_on_heavy_mass is not None:
@@ -205,17 +205,17 @@ def force_on_heavy_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, .
 
 
 def sliding_exponent(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
-    """ln(T2/T1) of a string that slides towards the heavy mass; its negative for the other way."""
+    """Return ln(T2/T1) of a string that slides so that the heavy mass falls; if it rises, ln(T2/T1) is the negative of this."""
     return sum(e.sliding_exponent(xp, k, p) for e in effects if e.sliding_exponent is not None)
 
 
 def holding_exponent(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
-    """Largest |ln(T2/T1)| that the rod can hold while the string sticks."""
+    """Return the largest |ln(T2/T1)| that the rod can hold while the string sticks."""
     return sum(e.holding_exponent(xp, k, p) for e in effects if e.holding_exponent is not None)
 
 
 def inertia_of_light_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> tuple[Any, Any]:
-    """Light mass and what moves with it, (along, across) the string [kg]."""
+    """Return the inertia of the light mass and of what moves with it, (along, across) the string [kg]."""
     along = across = p.light_mass
     for effect in effects:
         if effect.inertia_of_light_mass is not None:
@@ -225,7 +225,7 @@ def inertia_of_light_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect,
 
 
 def inertia_of_heavy_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
-    """Heavy mass and what moves with it [kg]."""
+    """Return the inertia of the heavy mass and of what moves with it [kg]."""
     total = p.heavy_mass
     for effect in effects:
         if effect.inertia_of_heavy_mass is not None:

@@ -1,7 +1,7 @@
-"""An unknown force as a function of the state: a row of bumps along one coordinate, for the search of what no library lists.
+"""A force of unknown form: a sum of radial basis functions of one coordinate, for what no effect of the library describes.
 
-It is an effect like any other, so that the reference, the fit and the engines can all run it; only its many coefficients are
-found by `discrepancy.unlisted.discovery`, never typed.
+It is an effect like any other, so that the reference, the fit and the engines can all run it. Its coefficients, the weights of
+the basis functions, are found by `discrepancy.unlisted.discovery`.
 """
 
 from __future__ import annotations
@@ -11,46 +11,53 @@ from typing import Any
 
 from looping_pendulum.reference_ode.effects.types import Coefficient, Effect, EffectKind, Kinematics
 
-BUMPS = 12
-"""Gaussian bumps along the coordinate, a width apart."""
+N_BASIS_FUNCTIONS = 12
+"""Number of radial basis functions, Gaussians whose centres are one width (standard deviation) apart."""
 COORDINATES = ("time", "free_length", "wrap_angle", "retreat_speed", "across_speed")
-"""What the force may be a function of."""
+"""Coordinates of which the force may be a function."""
 SIDES = ("along", "across", "heavy")
-"""Where it may act: on the light mass along or across the string, on the heavy mass upward."""
+"""Directions in which it may act: on the light mass along or across the string, on the heavy mass upward."""
 FACTORS = ("constant", "retreat_speed", "across_speed")
-"""What the bumps may be multiplied by: 1, or minus a speed."""
+"""Factors by which the basis functions may be multiplied: 1, or minus a speed."""
 
 
-def weight(side: str, i: int) -> str:
-    """Name of the coefficient of bump ``i`` on ``side``."""
+def weight_name(side: str, i: int) -> str:
+    """Return the name of the coefficient that is the weight of basis function ``i`` on ``side``."""
     return f"closure_{side}_{i}"
 
 
-_OF = attrgetter(*(f"closure_of_{name}" for name in COORDINATES))
-_BY = attrgetter(*(f"closure_by_{name}" for name in FACTORS[1:]))
+_IS_FUNCTION_OF = attrgetter(*(f"closure_of_{name}" for name in COORDINATES))
+_IS_MULTIPLIED_BY = attrgetter(*(f"closure_by_{name}" for name in FACTORS[1:]))
 _COORDINATES, _SPEEDS = attrgetter(*COORDINATES), attrgetter(*FACTORS[1:])
-_WEIGHTS = {side: attrgetter(*(weight(side, i) for i in range(BUMPS))) for side in SIDES}
-"""What reads many coefficients at once: a run asks for them at each of its events."""
+_WEIGHTS = {side: attrgetter(*(weight_name(side, i) for i in range(N_BASIS_FUNCTIONS))) for side in SIDES}
+"""Getters of many coefficients at once, for speed: a run reads them at each of its events."""
 
 
-def _number(name: str, meaning: str, unit: str = "", bound: float = 1e6) -> Coefficient:
+def _closure_coefficient(name: str, meaning: str, unit: str = "", bound: float = 1e6) -> Coefficient:
     return Coefficient(name=name, unit=unit, default=0.0, null=0.0, bounds=(-bound, bound), meaning=meaning)
 
 
-def _bumps(xp: Any, k: Kinematics, p: Any) -> list[Any]:
-    s = sum(map(mul, _OF(p), _COORDINATES(k)))
-    x = s * p.closure_scale - p.closure_start
-    factor = p.closure_by_constant - sum(map(mul, _BY(p), _SPEEDS(k)))
-    return [factor * xp.exp(-0.5 * (x - i) * (x - i)) for i in range(BUMPS)]
+def _basis_functions(xp: Any, k: Kinematics, p: Any) -> list[Any]:
+    """Return the values of the basis functions, times the factor, at one instant.
+
+    One ``closure_of_*`` and one ``closure_by_*`` is 1, the others are 0: sums pick the coordinate and the factor, because
+    compiled expressions have no branches.
+    """
+    coordinate = sum(map(mul, _IS_FUNCTION_OF(p), _COORDINATES(k)))
+    x = coordinate * p.closure_scale - p.closure_start
+    factor = p.closure_by_constant - sum(map(mul, _IS_MULTIPLIED_BY(p), _SPEEDS(k)))
+    return [factor * xp.exp(-0.5 * (x - i) * (x - i)) for i in range(N_BASIS_FUNCTIONS)]
 
 
-def _side(bumps: list[Any], p: Any, side: str) -> Any:
-    return sum(map(mul, _WEIGHTS[side](p), bumps))
+def _force_on_side(basis_functions: list[Any], p: Any, side: str) -> Any:
+    """Return the weighted sum of the basis functions on ``side`` [N]."""
+    return sum(map(mul, _WEIGHTS[side](p), basis_functions))
 
 
-def _light(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
-    bumps = _bumps(xp, k, p)
-    return _side(bumps, p, "along"), _side(bumps, p, "across")
+def _force_on_light_mass(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+    """Return the force on the light mass (along, across) [N]."""
+    basis_functions = _basis_functions(xp, k, p)
+    return _force_on_side(basis_functions, p, "along"), _force_on_side(basis_functions, p, "across")
 
 
 CLOSURE = Effect(
@@ -61,12 +68,16 @@ CLOSURE = Effect(
     acts_on="either mass",
     depends_on=COORDINATES,
     coefficients=(
-        *(_number(weight(side, i), f"bump {i} of the unknown force {side}", "N") for side in SIDES for i in range(BUMPS)),
-        *(_number(f"closure_of_{name}", f"1 if the force is a function of {name}") for name in COORDINATES),
-        *(_number(f"closure_by_{name}", f"1 if the bumps are multiplied by {name}") for name in FACTORS),
-        _number("closure_scale", "bumps per unit of the coordinate"),
-        _number("closure_start", "coordinate of the first bump, in bumps"),
+        *(
+            _closure_coefficient(weight_name(side, i), f"weight of basis function {i} of the unknown force {side}", "N")
+            for side in SIDES
+            for i in range(N_BASIS_FUNCTIONS)
+        ),
+        *(_closure_coefficient(f"closure_of_{name}", f"1 if the force is a function of {name}") for name in COORDINATES),
+        *(_closure_coefficient(f"closure_by_{name}", f"1 if the basis functions are multiplied by {name}") for name in FACTORS),
+        _closure_coefficient("closure_scale", "basis functions per unit of the coordinate"),
+        _closure_coefficient("closure_start", "coordinate of the first basis function, in units of their distance"),
     ),
-    force_on_light_mass=_light,
-    force_on_heavy_mass=lambda xp, k, p: _side(_bumps(xp, k, p), p, "heavy"),
+    force_on_light_mass=_force_on_light_mass,
+    force_on_heavy_mass=lambda xp, k, p: _force_on_side(_basis_functions(xp, k, p), p, "heavy"),
 )

@@ -1,4 +1,4 @@
-"""Forces, string laws and releases beyond the paper's model: candidates for what a measurement may show to be missing."""
+"""Forces, string laws and releases beyond the paper's model, candidates for what a measurement may show to be missing."""
 
 from __future__ import annotations
 
@@ -6,57 +6,67 @@ from typing import Any
 
 from looping_pendulum.reference_ode.effects.types import Coefficient, Effect, EffectKind, Kinematics
 
-NO_SPEED = 1e-150
-"""Keeps a ratio of speeds defined at rest [m/s]; lost in the sum with any real speed."""
+MIN_SPEED = 1e-150
+"""Added to a denominator to keep a ratio of speeds defined at rest [m/s]; rounding loses it beside any real speed."""
 
 
-def _one(name: str, unit: str, bounds: tuple[float, float], meaning: str) -> Coefficient:
+def _coefficient(name: str, unit: str, bounds: tuple[float, float], meaning: str) -> Coefficient:
     return Coefficient(name=name, unit=unit, default=0.0, null=0.0, bounds=bounds, meaning=meaning)
 
 
 def _wind_along_and_across(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
-    """Wind, which blows along x, in the string's directions [m/s]."""
+    """Return the velocity of the wind, which blows along x, (along, across) the string [m/s]."""
     return p.wind_speed * xp.sin(k.wrap_angle), -p.wind_speed * xp.cos(k.wrap_angle)
 
 
-def _resistance(p: Any, along: Any, speed: Any) -> Any:
-    """Drag per speed of a light mass that moves at ``speed`` through the air, ``along`` the string [kg/s]."""
-    attitude = p.attitude_drag * along * along / (speed + NO_SPEED)
+def _drag_coefficient(p: Any, along: Any, speed: Any) -> Any:
+    """Return drag force per unit speed [kg/s] on the light mass, including its dependence on attitude.
+
+    Parameters
+    ----------
+    along
+        Velocity through the air along the string [m/s].
+    speed
+        Speed through the air [m/s].
+    """
+    attitude = p.attitude_drag * along * along / (speed + MIN_SPEED)
     return p.light_linear_drag + p.light_drag * (speed + attitude)
 
 
-def _through_air(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any, Any]:
-    """Velocity of the light mass relative to the air (along, across) and its size [m/s]."""
+def _velocity_through_air(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any, Any]:
+    """Return the velocity of the light mass relative to the air, (along, across), and its size [m/s]."""
     wind_along, wind_across = _wind_along_and_across(xp, k, p)
     along, across = -k.retreat_speed - wind_along, k.across_speed - wind_across
     return along, across, xp.sqrt(along * along + across * across + k.sideways_speed * k.sideways_speed)
 
 
-def air_resistance(xp: Any, k: Kinematics, p: Any) -> Any:
-    """Drag per speed of the light mass in the air as it moves [kg/s]."""
-    along, _, speed = _through_air(xp, k, p)
-    return _resistance(p, along, speed)
+def air_drag_coefficient(xp: Any, k: Kinematics, p: Any) -> Any:
+    """Return drag force per unit speed [kg/s] on the light mass, as it moves through the air at this instant."""
+    along, _, speed = _velocity_through_air(xp, k, p)
+    return _drag_coefficient(p, along, speed)
 
 
 def _wind_force(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
-    """Drag in moving air less drag in still air."""
-    along, across, speed = _through_air(xp, k, p)
-    moving = _resistance(p, along, speed)
-    still = _resistance(p, k.retreat_speed, k.light_mass_speed)
+    """Return the drag in moving air less that in still air, which the drag effects give already, (along, across) [N]."""
+    along, across, speed = _velocity_through_air(xp, k, p)
+    moving = _drag_coefficient(p, along, speed)
+    still = _drag_coefficient(p, k.retreat_speed, k.light_mass_speed)
     return -moving * along - still * k.retreat_speed, -moving * across + still * k.across_speed
 
 
-def _attitude_force(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
-    more = p.light_drag * p.attitude_drag * k.retreat_speed * k.retreat_speed / (k.light_mass_speed + NO_SPEED)
+def _attitude_drag_force(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+    """Return the drag that motion along the string adds in still air, (along, across) [N]."""
+    more = p.light_drag * p.attitude_drag * k.retreat_speed * k.retreat_speed / (k.light_mass_speed + MIN_SPEED)
     return more * k.retreat_speed, -more * k.across_speed
 
 
 def _horizontal(xp: Any, k: Kinematics, force: Any) -> tuple[Any, Any]:
-    """(along, across) of a force along x [N]."""
+    """Return a force along x as (along, across) the string [N]."""
     return force * xp.sin(k.wrap_angle), -force * xp.cos(k.wrap_angle)
 
 
 def _side_spring(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+    """Return the horizontal force that is proportional to the light mass's x, (along, across) [N]."""
     x = p.rod_radius * xp.cos(k.wrap_angle) - k.free_length * xp.sin(k.wrap_angle)
     return _horizontal(xp, k, p.side_stiffness * x)
 
@@ -68,7 +78,7 @@ LIGHT_LINEAR_DRAG = Effect(
     source="Stokes drag, 6 pi eta r for a slow sphere",
     acts_on="light mass",
     depends_on=("light_mass_speed",),
-    coefficients=(_one("light_linear_drag", "kg/s", (0.0, 1.0), "linear drag coefficient b1 of the light mass"),),
+    coefficients=(_coefficient("light_linear_drag", "kg/s", (0.0, 1.0), "linear drag coefficient b1 of the light mass"),),
     force_on_light_mass=lambda xp, k, p: (p.light_linear_drag * k.retreat_speed, -p.light_linear_drag * k.across_speed),
 )
 
@@ -79,7 +89,7 @@ HEAVY_LINEAR_DRAG = Effect(
     source="Stokes drag, 6 pi eta r for a slow sphere",
     acts_on="heavy mass",
     depends_on=("heavy_speed",),
-    coefficients=(_one("heavy_linear_drag", "kg/s", (0.0, 10.0), "linear drag coefficient b2 of the heavy mass"),),
+    coefficients=(_coefficient("heavy_linear_drag", "kg/s", (0.0, 10.0), "linear drag coefficient b2 of the heavy mass"),),
     force_on_heavy_mass=lambda xp, k, p: -p.heavy_linear_drag * k.heavy_speed,
 )
 
@@ -90,8 +100,10 @@ ATTITUDE_DRAG = Effect(
     source="drag of a body that is not round and points along its string",
     acts_on="light mass",
     depends_on=("light_mass_speed", "retreat_speed"),
-    coefficients=(_one("attitude_drag", "", (-1.0, 100.0), "growth of gamma1 where the light mass moves along its string"),),
-    force_on_light_mass=_attitude_force,
+    coefficients=(
+        _coefficient("attitude_drag", "", (-1.0, 100.0), "growth of gamma1 where the light mass moves along its string"),
+    ),
+    force_on_light_mass=_attitude_drag_force,
 )
 
 WIND = Effect(
@@ -101,7 +113,7 @@ WIND = Effect(
     source="drag acts against the velocity relative to the air",
     acts_on="light mass",
     depends_on=("light_mass_speed", "retreat_speed", "across_speed", "wrap_angle"),
-    coefficients=(_one("wind_speed", "m/s", (-20.0, 20.0), "speed W of the air along x at the light mass"),),
+    coefficients=(_coefficient("wind_speed", "m/s", (-20.0, 20.0), "speed W of the air along x at the light mass"),),
     force_on_light_mass=_wind_force,
 )
 
@@ -112,7 +124,7 @@ SIDE_FORCE = Effect(
     source="a constant horizontal pull",
     acts_on="light mass",
     depends_on=("wrap_angle",),
-    coefficients=(_one("side_force", "N", (-10.0, 10.0), "horizontal force F0 on the light mass, along x"),),
+    coefficients=(_coefficient("side_force", "N", (-10.0, 10.0), "horizontal force F0 on the light mass, along x"),),
     force_on_light_mass=lambda xp, k, p: _horizontal(xp, k, p.side_force),
 )
 
@@ -124,7 +136,7 @@ SIDE_STIFFNESS = Effect(
     acts_on="light mass",
     depends_on=("free_length", "wrap_angle"),
     coefficients=(
-        _one("side_stiffness", "N/m", (-10.0, 10.0), "horizontal force on the light mass per x; positive: outwards"),
+        _coefficient("side_stiffness", "N/m", (-10.0, 10.0), "horizontal force on the light mass per x; positive: outwards"),
     ),
     force_on_light_mass=_side_spring,
 )
@@ -136,8 +148,10 @@ FRICTION_PER_SPEED = Effect(
     source="friction that depends on speed, to first order",
     acts_on="string on rod",
     depends_on=("wrap_angle", "heavy_speed"),
-    coefficients=(_one("friction_per_speed", "s/m", (-0.1, 10.0), "relative growth of kinetic friction with sliding speed"),),
-    sliding_exponent=lambda xp, k, p: p.kinetic_friction * k.contact_angle * p.friction_per_speed * k.slip,
+    coefficients=(
+        _coefficient("friction_per_speed", "s/m", (-0.1, 10.0), "relative growth of kinetic friction with sliding speed"),
+    ),
+    sliding_exponent=lambda xp, k, p: p.kinetic_friction * k.contact_angle * p.friction_per_speed * k.slip_speed,
 )
 
 FRICTION_PER_WRAP = Effect(
@@ -147,7 +161,7 @@ FRICTION_PER_WRAP = Effect(
     source="departure from the capstan law, as of a string with stiffness, to first order",
     acts_on="string on rod",
     depends_on=("wrap_angle",),
-    coefficients=(_one("friction_per_wrap", "1/rad", (-0.05, 1.0), "relative growth of friction with wrap angle"),),
+    coefficients=(_coefficient("friction_per_wrap", "1/rad", (-0.05, 1.0), "relative growth of friction with wrap angle"),),
     sliding_exponent=lambda xp, k, p: p.kinetic_friction * p.friction_per_wrap * k.contact_angle * k.contact_angle,
     holding_exponent=lambda xp, k, p: p.static_friction * p.friction_per_wrap * k.contact_angle * k.contact_angle,
 )
@@ -159,7 +173,7 @@ STRING_ON_STRING = Effect(
     source="string that lies on string rubs twice",
     acts_on="string on rod",
     depends_on=("wrap_angle",),
-    coefficients=(_one("string_on_string", "", (0.0, 5.0), "friction added to the rod's beyond the first full turn"),),
+    coefficients=(_coefficient("string_on_string", "", (0.0, 5.0), "friction added to the rod's beyond the first full turn"),),
     sliding_exponent=lambda xp, k, p: p.string_on_string * k.wrap_beyond_first_turn,
     holding_exponent=lambda xp, k, p: p.string_on_string * k.wrap_beyond_first_turn,
     watches_first_turn=True,
@@ -172,7 +186,9 @@ PUSH_ACROSS = Effect(
     source="a hand that moves as it lets go",
     acts_on="light mass",
     depends_on=(),
-    coefficients=(_one("push_across", "m/s", (-20.0, 20.0), "speed w0 of the light mass across the string at release"),),
+    coefficients=(
+        _coefficient("push_across", "m/s", (-20.0, 20.0), "speed w0 of the light mass across the string at release"),
+    ),
 )
 
 PUSH_ALONG = Effect(
@@ -182,7 +198,7 @@ PUSH_ALONG = Effect(
     source="a hand that moves as it lets go",
     acts_on="light mass",
     depends_on=(),
-    coefficients=(_one("push_along", "m/s", (-20.0, 20.0), "speed u0 of the light mass away from the rod at release"),),
+    coefficients=(_coefficient("push_along", "m/s", (-20.0, 20.0), "speed u0 of the light mass away from the rod at release"),),
 )
 
 FURTHER_FORCES = (

@@ -1,4 +1,4 @@
-"""Properties of string, rod and masses beyond the paper's model: they change inertias or geometry, or add to the state."""
+"""Properties of string, rod and masses beyond the paper's model; they change inertias or geometry, or add state variables."""
 
 from __future__ import annotations
 
@@ -6,41 +6,45 @@ from typing import Any
 
 from looping_pendulum.reference_ode.effects.types import TURN, Coefficient, Effect, EffectKind, Kinematics
 
-LEAST_LOSS_TIME = 1e-4
-"""Damping over stiffness that any string that stretches has [s]: without it nothing says how fast it passes over the rod."""
+MIN_LOSS_TIME = 1e-4
+"""Least damping over stiffness of a string that stretches [s]: without damping its speed over the rod is not determined."""
 REST_SPEED = 1e-3
-"""Speed below which the drag on a swinging heavy mass is rounded off, |v| being not analytic at 0 [m/s]: 1e-9 N at most."""
+"""Speed below which the drag on a swinging heavy mass is rounded off [m/s], as |v| is not analytic at 0: 1e-9 N at most."""
 
 
-def _one(name: str, unit: str, bounds: tuple[float, float], meaning: str) -> Coefficient:
+def _coefficient(name: str, unit: str, bounds: tuple[float, float], meaning: str) -> Coefficient:
     return Coefficient(name=name, unit=unit, default=0.0, null=0.0, bounds=bounds, meaning=meaning)
 
 
 def _weight_of_free_string(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+    """Return the half of the free string's weight that acts on the light mass, (along, across) [N]."""
     weight = 0.5 * p.string_density * p.gravity * k.free_length
     return weight * xp.cos(k.wrap_angle), weight * xp.sin(k.wrap_angle)
 
 
 def _winding(beyond: Any, p: Any) -> tuple[Any, Any, Any]:
-    """Spiral of Archimedes on the rod: what is added to the radius, its slope, and the radius' integral."""
+    """Return the growth of the radius [m] of a spiral of Archimedes, its slope [m/rad] and its integral [m]."""
     slope = p.string_thickness / TURN
     return slope * beyond, slope, 0.5 * slope * beyond * beyond
 
 
 def swinging_mass(k: Kinematics, p: Any) -> Any:
-    """Mass that swings at the heavy end: with a share of the string, if that has a mass [kg]."""
+    """Return the mass that swings at the heavy end, with the hanging string if that has a mass [kg]."""
     return p.heavy_mass + p.string_density * k.hanging_length
 
 
 def _swing_force(xp: Any, k: Kinematics, p: Any) -> Any:
-    """What a swinging mass pulls along its string, less what a hanging one does: weight and centrifugal force [N]."""
+    """Return the upward force along its string on a swinging mass, less that on a hanging one [N].
+
+    A tilt reduces the weight along the string; the centrifugal force pulls down.
+    """
     length = k.hanging_length + p.rod_radius * k.heavy_tilt
-    less_weight = p.gravity * (1.0 - xp.cos(k.heavy_tilt))
-    return swinging_mass(k, p) * (less_weight - k.heavy_across_speed * k.heavy_across_speed / length)
+    lost_weight = p.gravity * (1.0 - xp.cos(k.heavy_tilt))
+    return swinging_mass(k, p) * (lost_weight - k.heavy_across_speed * k.heavy_across_speed / length)
 
 
-def swing_rates(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
-    """Derivatives of the heavy mass's tilt and of its speed across its string.
+def heavy_swing_rates(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+    """Return the derivatives of the heavy mass's tilt [rad/s] and of its speed across its string [m/s^2].
 
     With d along its string (downwards) and m across it, v2 = -u2 d + w2 m, L = hanging length + R tilt and tilt' = w2 / L:
     M2 (w2' - u2 tilt') = -M2 g sin(tilt) - (gamma2 |v2| + b2) w2.
@@ -58,7 +62,7 @@ STRING_MASS = Effect(
     source="mean over a straight string; its part on the rod and the momentum of what changes sides are left out",
     acts_on="both masses",
     depends_on=("free_length",),
-    coefficients=(_one("string_density", "kg/m", (0.0, 0.1), "mass rho of the string per length"),),
+    coefficients=(_coefficient("string_density", "kg/m", (0.0, 0.1), "mass rho of the string per length"),),
     needs_string=True,
     force_on_light_mass=_weight_of_free_string,
     force_on_heavy_mass=lambda xp, k, p: -p.string_density * p.gravity * k.hanging_length,
@@ -73,7 +77,7 @@ STRING_THICKNESS = Effect(
     source="string that lies on itself winds a spiral of Archimedes",
     acts_on="string on rod",
     depends_on=("wrap_angle",),
-    coefficients=(_one("string_thickness", "m", (0.0, 0.01), "growth d of the wound radius per turn"),),
+    coefficients=(_coefficient("string_thickness", "m", (0.0, 0.01), "growth d of the wound radius per turn"),),
     needs_string=True,
     winding=_winding,
     watches_first_turn=True,
@@ -86,7 +90,9 @@ HEAVY_SWING = Effect(
     source="Newton's second law for a heavy mass that is released at an angle",
     acts_on="heavy mass",
     depends_on=("heavy_speed",),
-    coefficients=(_one("heavy_swing", "rad", (-1.2, 1.2), "angle phi of the heavy mass's string to the vertical at release"),),
+    coefficients=(
+        _coefficient("heavy_swing", "rad", (-1.2, 1.2), "angle phi of the heavy mass's string to the vertical at release"),
+    ),
     needs_string=True,
     force_on_heavy_mass=_swing_force,
     variables=("heavy_tilt", "heavy_across_speed"),
@@ -99,7 +105,7 @@ OUT_OF_PLANE = Effect(
     source="rod unrolled into a plane; the string moves along the rod without friction",
     acts_on="light mass",
     depends_on=("free_length", "wrap_angle"),
-    coefficients=(_one("push_sideways", "m/s", (-5.0, 5.0), "speed of the light mass along the rod at release"),),
+    coefficients=(_coefficient("push_sideways", "m/s", (-5.0, 5.0), "speed of the light mass along the rod at release"),),
     needs_string=True,
     variables=("sideways", "sideways_speed"),
 )
@@ -112,8 +118,10 @@ TURNING_ROD = Effect(
     acts_on="rod",
     depends_on=("wrap_angle",),
     coefficients=(
-        _one("rod_mobility", "1/kg", (0.0, 1e4), "R^2 over the rod's moment of inertia; 0: the rod is fixed"),
-        _one("bearing_friction", "N", (0.0, 100.0), "Coulomb friction F0 of the bearing, as a force at the rod's surface"),
+        _coefficient("rod_mobility", "1/kg", (0.0, 1e4), "R^2 over the rod's moment of inertia; 0: the rod is fixed"),
+        _coefficient(
+            "bearing_friction", "N", (0.0, 100.0), "Coulomb friction F0 of the bearing, as a force at the rod's surface"
+        ),
     ),
     needs_string=True,
     switch="rod_mobility",
@@ -128,8 +136,10 @@ STRING_STRETCH = Effect(
     acts_on="string",
     depends_on=("free_length", "heavy_speed"),
     coefficients=(
-        _one("string_compliance", "m/N", (0.0, 0.1), "stretch C of the whole string per force"),
-        _one("string_loss_time", "s", (0.0, 0.1), "damping over stiffness tau of a string that stretches; at least 0.1 ms"),
+        _coefficient("string_compliance", "m/N", (0.0, 0.1), "stretch C of the whole string per force"),
+        _coefficient(
+            "string_loss_time", "s", (0.0, 0.1), "damping over stiffness tau of a string that stretches; at least 0.1 ms"
+        ),
     ),
     needs_string=True,
     switch="string_compliance",

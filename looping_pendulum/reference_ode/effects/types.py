@@ -1,4 +1,4 @@
-"""What an effect is: its coefficients, what it may depend on, and the places where it enters the equations."""
+"""Types of the effects: their coefficients, what they may depend on, and how they enter the equations."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 TURN = 2 * math.pi
+"""A full turn [rad]."""
 
 
 class Kinematics(NamedTuple):
-    """What an effect may depend on at one instant. SI; numbers, arrays or expressions.
+    """Quantities on which an effect may depend at one instant. SI; numbers, arrays or expressions.
 
-    Engines fill in the first nine; the rest are the reference's own and have a meaning without being given.
+    Engines give the first nine; the others are the reference's, with defaults for where they are not given.
     """
 
     time: Any
@@ -29,7 +30,7 @@ class Kinematics(NamedTuple):
     across_speed: Any
     """Speed of the light mass across the string, w = l theta' [m/s]."""
     across_speed_size: Any
-    """|w| [m/s]; apart because an absolute value is not analytic and the integrators carry its sign."""
+    """|w| [m/s]; given by itself because an absolute value is not analytic and the integrators carry its sign."""
     light_mass_speed: Any
     """Speed of the light mass, hypot(u, w) [m/s]."""
     heavy_speed: Any
@@ -37,11 +38,11 @@ class Kinematics(NamedTuple):
     heavy_speed_size: Any
     """Size of the heavy mass's velocity [m/s]."""
     overlap: Any = None
-    """1 where the string lies on itself, beyond the first turn, else 0; None: to be told from the wrap angle."""
+    """1 where the string lies on itself, beyond the first turn, else 0; None: it follows from the wrap angle."""
     sliding_speed: Any = None
-    """Speed at which the string slides on the rod, not below 0 [m/s]; None: the heavy mass's."""
+    """Speed at which the string slides on the rod, not below 0 [m/s]; None: it is `heavy_speed_size`."""
     hanging_length: Any = None
-    """String from the rod to the heavy mass [m]; None: not known."""
+    """Length of string from the rod to the heavy mass [m]; None: unknown."""
     heavy_tilt: Any = 0.0
     """Angle of the heavy mass's string to the vertical, away from the rod's centre [rad]."""
     heavy_across_speed: Any = 0.0
@@ -55,7 +56,7 @@ class Kinematics(NamedTuple):
         return self.wrap_angle - self.heavy_tilt
 
     @property
-    def slip(self) -> Any:
+    def slip_speed(self) -> Any:
         """Speed at which the string slides on the rod [m/s]."""
         return self.heavy_speed_size if self.sliding_speed is None else self.sliding_speed
 
@@ -66,13 +67,16 @@ class Kinematics(NamedTuple):
         return max(beyond, 0.0) if self.overlap is None else self.overlap * beyond
 
 
-LightForce = Callable[[Any, Kinematics, Any], tuple[Any, Any]]
-Quantity = Callable[[Any, Kinematics, Any], Any]
+LightMassTerm = Callable[[Any, Kinematics, Any], tuple[Any, Any]]
+"""(xp, kinematics, p) -> values along and across the string."""
+ScalarTerm = Callable[[Any, Kinematics, Any], Any]
+"""(xp, kinematics, p) -> value."""
 Winding = Callable[[Any, Any], tuple[Any, Any, Any]]
+"""(wrap angle beyond the first turn, p) -> growth of the radius, its slope and its integral."""
 
 
 class EffectKind(StrEnum):
-    """What sort of physics an effect is."""
+    """Category of an effect."""
 
     FORCE = "force on a mass"
     STRING_LAW = "law of the string on the rod"
@@ -83,7 +87,7 @@ class EffectKind(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Coefficient:
-    """One number of an effect."""
+    """A coefficient of an effect: its name, unit, default and bounds."""
 
     name: str
     unit: str
@@ -92,13 +96,14 @@ class Coefficient:
     null: float
     """Value at which the effect is absent."""
     bounds: tuple[float, float]
-    """Physically possible values."""
+    """Least and largest value that is accepted."""
     meaning: str
+    """What it is, in words, for documentation and messages."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Effect:
-    """One named, fittable piece of physics. Each is itself and no other: compared, and hashed, by identity."""
+    """One named piece of physics with coefficients that can be fitted. Effects are compared and hashed by identity."""
 
     name: str
     kind: EffectKind
@@ -108,32 +113,32 @@ class Effect:
     depends_on: tuple[str, ...]
     coefficients: tuple[Coefficient, ...]
     in_base_model: bool = False
-    """Whether the paper's model has it; such effects are always compiled in, at their null value if need be."""
+    """Whether the effect is part of the paper's model; such effects are always compiled in, even at their null value."""
     needs_string: bool = False
     """Whether the effect is absent without a string (drop release)."""
     switch: str = ""
     """Coefficient at whose null value the effect is absent whatever the others are; '': none."""
-    force_on_light_mass: LightForce | None = None
+    force_on_light_mass: LightMassTerm | None = None
     """(xp, kinematics, p) -> force on the light mass (along, across) [N]."""
-    force_on_heavy_mass: Quantity | None = None
+    force_on_heavy_mass: ScalarTerm | None = None
     """(xp, kinematics, p) -> upward force on the heavy mass [N]."""
-    sliding_exponent: Quantity | None = None
+    sliding_exponent: ScalarTerm | None = None
     """(xp, kinematics, p) -> ln of the tension ratio while the string slides, taken positive."""
-    holding_exponent: Quantity | None = None
+    holding_exponent: ScalarTerm | None = None
     """(xp, kinematics, p) -> ln of the largest tension ratio that the rod can hold without sliding."""
-    inertia_of_light_mass: LightForce | None = None
+    inertia_of_light_mass: LightMassTerm | None = None
     """(xp, kinematics, p) -> mass that moves with the light mass (along, across) [kg]."""
-    inertia_of_heavy_mass: Quantity | None = None
+    inertia_of_heavy_mass: ScalarTerm | None = None
     """(xp, kinematics, p) -> mass that moves with the heavy mass [kg]."""
     winding: Winding | None = None
-    """(wrap angle beyond the first turn, p) -> what it adds to the rod's radius [m], its slope [m/rad] and its integral [m]."""
+    """(wrap angle beyond the first turn, p) -> growth of the rod's radius [m], its slope [m/rad] and its integral [m]."""
     watches_first_turn: bool = False
     """Whether the effect changes its law where the wrap angle passes a full turn."""
     variables: tuple[str, ...] = ()
-    """Entries of the state that only this effect moves."""
+    """Entries of the state that this effect adds."""
 
-    def acts(self, off_null: set[str]) -> bool:
-        """Whether the effect is there, given the names of the coefficients that are not at their null value."""
+    def is_active(self, off_null: set[str]) -> bool:
+        """Return whether the effect acts, given the names of the coefficients that are not at their null value."""
         if self.switch:
             return self.switch in off_null
         return not off_null.isdisjoint(self._names)

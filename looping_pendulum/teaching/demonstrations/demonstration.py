@@ -1,7 +1,7 @@
-"""Demonstrations of what a model assumes: a question, a guess, an experiment that is run, an answer that its numbers carry.
+"""Demonstrations of what a model assumes: a question, a guess, an experiment that is run, and an answer that its run supports.
 
-A demonstration is data. Its answer is made of claims; each has a test on the numbers of the run, and a claim whose test fails
-is shown as not borne out, never as an answer.
+A demonstration is data. Its answer consists of claims; each has a test on the values measured in the run, and a claim whose
+test fails is printed as not borne out, never as an answer.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from looping_pendulum.errors import HarnessError, MissingPackageError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.scenario import Scenario
 
-Numbers = Mapping[str, Mapping[str, Any]]
-"""Quantity -> case -> what was measured: ``numbers["halt"]["reference"]``; None where there is nothing to measure."""
+MeasuredValues = Mapping[str, Mapping[str, Any]]
+"""Quantity -> case -> measured value: ``values["halt"]["reference"]``; None where there is nothing to measure."""
 Progress = Callable[[str, float], None]
-"""Called with what goes on, and the share of the work that is done."""
+"""Called with what is being done, and the fraction of the work that is complete."""
 
 
 class DemonstrationError(HarnessError, ValueError):
-    """A demonstration cannot be shown."""
+    """A demonstration cannot be run."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,25 +38,25 @@ class DemonstrationCase:
     label: str
     """What tables and figures call it."""
     run: Callable[[], Any]
-    """Makes the run; what it returns goes to the quantities and curves."""
+    """Makes the run, and returns what quantities and curves are computed from."""
     reference: bool = False
-    """Whether it is what the others are held against: drawn black."""
+    """Whether the others are compared with it: drawn black."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredColumn:
-    """Something measured in every case: a column of the table."""
+    """A quantity that is measured in every case: a column of the table."""
 
     key: str
     """What claims call it."""
     header: str
-    """With unit."""
+    """Header of the column, with unit."""
     measure: Callable[[Mapping[str, Any], str], Any]
     """Takes the runs by case and the case's key; returns a number, text, or None."""
     digits: str = ".3f"
     """Format of a number."""
     absent: str = "–"
-    """What stands in the table for None."""
+    """Text in the table for None."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,10 +76,11 @@ class DemonstrationFigure:
     """The figure of a demonstration."""
 
     x: str
-    """Label of the axis, with unit."""
+    """Label of the x axis, with unit."""
     y: str
+    """Label of the y axis, with unit."""
     caption: str
-    """What to see; also the text for those who do not see it."""
+    """What the figure shows; also its text for readers who cannot see it."""
     curves: Callable[[Mapping[str, Any], Mapping[str, DemonstrationCase]], Sequence[FigureCurve]]
 
 
@@ -88,39 +89,39 @@ class Claim:
     """One sentence of an answer."""
 
     words: str
-    """Template over `Numbers`: "halts at {halt[reference]:.3f} s"."""
-    holds: Callable[[Numbers], bool]
-    """Whether the numbers bear the sentence out."""
+    """Template that is filled with `MeasuredValues`: "halts at {halt[reference]:.3f} s"."""
+    holds: Callable[[MeasuredValues], bool]
+    """Test on the measured values; returns whether they support the sentence."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Demonstration:
-    """One page."""
+    """A question about a model, with the experiment that answers it: one page."""
 
     name: str
-    """Name on the command line and of its files."""
+    """Name on the command line, and of the page's files."""
     title: str
     question: str
     guess: str
     experiment: str
-    """What is run, in words."""
+    """Description of the runs."""
     scenario: str
-    """Shipped scenario that it starts from."""
+    """Name of the shipped scenario that the experiment starts from."""
     change: str
-    """What to change in it oneself, as lines of YAML or of a command."""
+    """What a reader may change in the scenario, as lines of YAML."""
     commands: tuple[str, ...]
-    """To see it oneself."""
+    """Commands with which a reader repeats the experiment."""
     cases: Callable[[], tuple[DemonstrationCase, ...]]
     quantities: tuple[MeasuredColumn, ...]
     claims: tuple[Claim, ...]
     picture: DemonstrationFigure
     packages: tuple[str, ...] = ()
-    """Packages that run, where the runs do not tell."""
+    """Packages of the engines, where the runs are no trajectories that name them."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedClaim:
-    """A claim after the run."""
+    """A claim after the run: its sentence with numbers, and the outcome of its test."""
 
     text: str
     holds: bool
@@ -128,25 +129,25 @@ class JudgedClaim:
 
 @dataclass(frozen=True, kw_only=True)
 class DemonstrationResult:
-    """A demonstration that was run."""
+    """A demonstration after its run."""
 
     demonstration: Demonstration
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    numbers: Numbers
+    numbers: MeasuredValues
     answer: tuple[JudgedClaim, ...]
     curves: tuple[FigureCurve, ...]
     versions: Mapping[str, str] = field(default_factory=dict)
-    """Package -> version of what ran."""
+    """Package -> version, of the packages that ran."""
 
     @property
-    def borne_out(self) -> bool:
+    def all_claims_hold(self) -> bool:
         """Whether every claim holds in this run."""
         return all(sentence.holds for sentence in self.answer)
 
 
-def show(demonstration: Demonstration, progress: Progress | None = None) -> DemonstrationResult:
-    """Run the experiment of ``demonstration`` and put its page's content together.
+def run_demonstration(demonstration: Demonstration, progress: Progress | None = None) -> DemonstrationResult:
+    """Run the experiment of ``demonstration`` and return the content of its page.
 
     Raises
     ------
@@ -168,19 +169,19 @@ def show(demonstration: Demonstration, progress: Progress | None = None) -> Demo
         header=("run", *(q.header for q in demonstration.quantities)),
         rows=rows,
         numbers=numbers,
-        answer=tuple(_said(claim, numbers) for claim in demonstration.claims),
+        answer=tuple(_judge_claim(claim, numbers) for claim in demonstration.claims),
         curves=tuple(demonstration.picture.curves(runs, cases)),
         versions=_versions(runs.values(), demonstration.packages),
     )
 
 
-def simulated(engine: Engine, scenario: Scenario) -> Trajectory:
-    """Run of ``engine``, in this process: these engines neither crash nor hang.
+def simulate(engine: Engine, scenario: Scenario) -> Trajectory:
+    """Return the run of ``engine``, in this process, as the engines of the demonstrations neither crash nor hang.
 
     Raises
     ------
     MissingPackageError
-        If it is not installed.
+        If the engine is not installed.
     """
     missing = missing_packages(engine)
     if missing:
@@ -188,8 +189,8 @@ def simulated(engine: Engine, scenario: Scenario) -> Trajectory:
     return engine.simulate(scenario)
 
 
-def _said(claim: Claim, numbers: Numbers) -> JudgedClaim:
-    """Write a claim with its numbers; one that does not hold may lack the numbers that it speaks of."""
+def _judge_claim(claim: Claim, numbers: MeasuredValues) -> JudgedClaim:
+    """Test a claim, and fill in its numbers; a claim that does not hold may lack some of them."""
     try:
         text = claim.words.format_map(numbers)
     except (TypeError, ValueError):

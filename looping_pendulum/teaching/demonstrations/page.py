@@ -12,39 +12,49 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from looping_pendulum.compare.export import write_whole
+from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.tables import table
 from looping_pendulum.pages.palette import COLOURS, DASHES, MARKERS
 from looping_pendulum.pages.shell import page
 from looping_pendulum.teaching.demonstrations.chains import POLYGON, STRETCHY
 from looping_pendulum.teaching.demonstrations.demonstration import Demonstration, DemonstrationError, DemonstrationResult
-from looping_pendulum.teaching.demonstrations.friction import CONSTANT, CREEP, TENDON, TURNS
-from looping_pendulum.teaching.demonstrations.reference_model import BREAK_AWAY, DRAG, ITSELF
+from looping_pendulum.teaching.demonstrations.friction import CONSTANT_FRICTION, CREEP, FORGOTTEN_TURNS, TENDON_WITHOUT_FRICTION
+from looping_pendulum.teaching.demonstrations.reference_model import BREAK_AWAY, DRAG, STRING_ON_STRING
 
 DEMONSTRATIONS: Mapping[str, Demonstration] = {
-    d.name: d for d in (TENDON, CONSTANT, TURNS, POLYGON, STRETCHY, CREEP, DRAG, BREAK_AWAY, ITSELF)
+    d.name: d
+    for d in (
+        TENDON_WITHOUT_FRICTION,
+        CONSTANT_FRICTION,
+        FORGOTTEN_TURNS,
+        POLYGON,
+        STRETCHY,
+        CREEP,
+        DRAG,
+        BREAK_AWAY,
+        STRING_ON_STRING,
+    )
 }
 """Every demonstration by name, in the order of the index."""
 HERE = "looping_pendulum.teaching"
 LEAD = (
-    "Every engine that rebuilds the looping pendulum leaves something out. Short experiments show what, each with a "
-    "question and a "
-    "guess before its answer. The numbers come from the run that wrote the page, and each sentence of an answer has a "
-    "test on "
-    "them: one that they do not bear out says so."
+    "Every engine that rebuilds the looping pendulum leaves something out. Short experiments show what, each with a question "
+    "and a guess before its answer. The numbers come from the run that wrote the page, and each sentence of an answer has a "
+    "test on them: one that they do not bear out says so."
 )
 NOT_BORNE_OUT = "Not borne out by this run:"
+"""Words before a claim whose test failed."""
 MADE_WITH = "Made with "
-"""Start of the line that differs from installation to installation."""
+"""Start of the line with the versions, which differs from installation to installation."""
 
 
-def find(names: Sequence[str]) -> tuple[Demonstration, ...]:
-    """Demonstrations of these names; all without any.
+def find_demonstrations(names: Sequence[str]) -> tuple[Demonstration, ...]:
+    """Return the demonstrations of these names, or all if there are none.
 
     Raises
     ------
     DemonstrationError
-        If one is unknown.
+        If a name is unknown.
     """
     for name in names:
         if name not in DEMONSTRATIONS:
@@ -54,29 +64,29 @@ def find(names: Sequence[str]) -> tuple[Demonstration, ...]:
     return tuple(DEMONSTRATIONS[name] for name in names) or tuple(DEMONSTRATIONS.values())
 
 
-def write(shown: DemonstrationResult, folder: Path, *, with_html: bool = True) -> tuple[Path, ...]:
-    """Write NAME.md with NAME.png beside it, and NAME.html, which needs neither."""
-    name = shown.demonstration.name
-    png = figure(shown)
-    files: dict[str, str | bytes] = {f"{name}.png": png, f"{name}.md": markdown(shown)}
+def write_pages(result: DemonstrationResult, folder: Path, *, with_html: bool = True) -> tuple[Path, ...]:
+    """Write NAME.png, NAME.md and, with ``with_html``, the self-contained NAME.html; return their paths."""
+    name = result.demonstration.name
+    png = figure(result)
+    files: dict[str, str | bytes] = {f"{name}.png": png, f"{name}.md": markdown(result)}
     if with_html:
-        files[f"{name}.html"] = html(shown, png)
+        files[f"{name}.html"] = html(result, png)
     for file, content in files.items():
-        write_whole(folder / file, content)
+        write_atomically(folder / file, content)
     return tuple(folder / file for file in files)
 
 
 def write_index(folder: Path) -> Path:
-    """Write index.html, a list of the demonstrations whose pages are in ``folder``."""
-    there = [d for d in DEMONSTRATIONS.values() if (folder / f"{d.name}.html").exists()]
+    """Write index.html, a list of the demonstrations whose HTML pages are in ``folder``; return its path."""
+    written = [d for d in DEMONSTRATIONS.values() if (folder / f"{d.name}.html").exists()]
     title = "Looping pendulum: what each model assumes"
-    text = page(HERE, "demonstrations.html", title=title, lead=LEAD, demonstrations=there)
-    write_whole(folder / "index.html", text)
+    text = page(HERE, "demonstrations.html", title=title, lead=LEAD, demonstrations=written)
+    write_atomically(folder / "index.html", text)
     return folder / "index.html"
 
 
 def index() -> str:
-    """Markdown of the list of all demonstrations."""
+    """Return the list of all demonstrations as Markdown."""
     rows = [[f"[{d.title}]({d.name}.md)", d.question] for d in DEMONSTRATIONS.values()]
     return (
         f"# What each model assumes\n\n{LEAD}\n\n"
@@ -89,66 +99,66 @@ def index() -> str:
     )
 
 
-def markdown(shown: DemonstrationResult) -> str:
-    """Page as Markdown; its figure is NAME.png beside it."""
-    d = shown.demonstration
-    answer = "\n\n".join(s.text if s.holds else f"**{NOT_BORNE_OUT}** {s.text}" for s in shown.answer)
+def markdown(result: DemonstrationResult) -> str:
+    """Return the page as Markdown, which shows NAME.png."""
+    d = result.demonstration
+    answer = "\n\n".join(s.text if s.holds else f"**{NOT_BORNE_OUT}** {s.text}" for s in result.answer)
     commands = "\n".join(d.commands)
     return (
         f"# {d.title}\n\n"
         f"**Question.** {d.question}\n\n"
         f"**Guess.** {d.guess} What is yours?\n\n"
         f"## Experiment\n\n{d.experiment}\n\n"
-        f"{table(shown.header, [list(row) for row in shown.rows])}\n"
+        f"{table(result.header, [list(row) for row in result.rows])}\n"
         f"![{d.picture.caption}]({d.name}.png)\n\n*{d.picture.caption}*\n\n"
         f"## Answer\n\n{answer}\n\n"
         f"## See for yourself\n\n{commands_words(d)}\n\n```sh\n{start(d)}\n{commands}\n```\n\n"
         f"```yaml\n{d.change}\n```\n\n"
-        f"{provenance(shown)}\n"
+        f"{provenance(result)}\n"
     )
 
 
 def commands_words(d: Demonstration) -> str:
-    """What to do with the commands and the lines of YAML."""
+    """Return the sentence that explains the commands and the lines of YAML."""
     return f"Copy the scenario `{d.scenario}`, change the lines below in the copy, and run it."
 
 
 def start(d: Demonstration) -> str:
-    """Command that copies the scenario."""
+    """Return the command that copies the scenario."""
     return f"looping-pendulum scenarios {d.scenario} > mine.yaml"
 
 
-def provenance(shown: DemonstrationResult) -> str:
-    """What wrote the page, and with which versions."""
-    made = ", ".join(f"{name} {version}" for name, version in shown.versions.items())
-    return f"{MADE_WITH}{made}, by `looping-pendulum demonstrations {shown.demonstration.name}`."
+def provenance(result: DemonstrationResult) -> str:
+    """Return the sentence that says which command and which versions wrote the page."""
+    made = ", ".join(f"{name} {version}" for name, version in result.versions.items())
+    return f"{MADE_WITH}{made}, by `looping-pendulum demonstrations {result.demonstration.name}`."
 
 
-def html(shown: DemonstrationResult, png: bytes) -> str:
-    """Page as one HTML file that asks for nothing else."""
-    d = shown.demonstration
+def html(result: DemonstrationResult, png: bytes) -> str:
+    """Return the page as one HTML file that loads no other file."""
+    d = result.demonstration
     return page(
         HERE,
         "demonstration.html",
         title=f"Looping pendulum: {d.title}",
         d=d,
-        shown=shown,
+        result=result,
         not_borne_out=NOT_BORNE_OUT,
         picture=f"data:image/png;base64,{base64.b64encode(png).decode()}",
         words=commands_words(d).replace("`", ""),
         start=start(d),
-        provenance=provenance(shown).replace("`", ""),
+        provenance=provenance(result).replace("`", ""),
     )
 
 
-def figure(shown: DemonstrationResult) -> bytes:
-    """Draw the figure: reference black and broad, the others in colours and dashes that tell them apart without colour."""
-    picture = shown.demonstration.picture
+def figure(result: DemonstrationResult) -> bytes:
+    """Return the figure as PNG: the reference in black, the others in colours, with dashes or markers that differ as well."""
+    picture = result.demonstration.picture
     fig = Figure(figsize=(7.2, 4.0), layout="constrained")
     FigureCanvasAgg(fig)
     axes = fig.subplots()
     others = 0
-    for curve in shown.curves:
+    for curve in result.curves:
         if curve.reference:
             axes.plot(curve.x, curve.y, color="black", lw=3.0, alpha=0.85, label=curve.label, zorder=2)
             continue

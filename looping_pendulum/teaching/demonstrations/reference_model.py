@@ -18,27 +18,27 @@ from looping_pendulum.teaching.demonstrations.demonstration import (
     DemonstrationFigure,
     FigureCurve,
     MeasuredColumn,
-    Numbers,
+    MeasuredValues,
 )
 from looping_pendulum.teaching.demonstrations.measures import (
     Runs,
-    distance,
-    drops,
-    halt_of,
+    drop_curves,
     halting_time,
-    lowest,
+    halting_time_of,
+    largest_drop,
     reference_case,
+    rms_distance,
 )
 
 TEN_TO_ONE: Scenario = load("ten_to_one")
-P = TEN_TO_ONE.parameters
-LOWEST = MeasuredColumn(key="lowest", header="M2 falls at most [cm]", measure=lowest, digits=".1f")
+PARAMETERS = TEN_TO_ONE.parameters
+LARGEST_DROP = MeasuredColumn(key="lowest", header="M2 falls at most [cm]", measure=largest_drop, digits=".1f")
 FRAME = 1e3 / 240
 """Time between two frames of a phone's slow motion [ms]."""
 
 
 def _event(name: str) -> Any:
-    """When something first happens [s]."""
+    """Return a measure of the time of the first event ``name`` [s]."""
 
     def measure(runs: Runs, key: str) -> float | None:
         return next((e.time for e in runs[key].events if e.name == name), None)
@@ -47,7 +47,7 @@ def _event(name: str) -> Any:
 
 
 def _earlier(name: str, than: str) -> Any:
-    """How much earlier than in another case something happens [ms]."""
+    """Return a measure of how much earlier than in case ``than`` the first event ``name`` is [ms]."""
 
     def measure(runs: Runs, key: str) -> float | None:
         own, other = _event(name)(runs, key), _event(name)(runs, than)
@@ -57,17 +57,17 @@ def _earlier(name: str, than: str) -> Any:
 
 
 TWO_TO_ONE: Scenario = load("two_to_one")
-STATIC = (1.0, 1.2, 1.5)
-"""Static over kinetic friction."""
+STATIC_OVER_KINETIC = (1.0, 1.2, 1.5)
+"""Ratios of static to kinetic friction."""
 
 
-def _with_static(ratio: float) -> Scenario:
+def _with_static_friction(ratio: float) -> Scenario:
     kinetic = TWO_TO_ONE.parameters.coefficients["kinetic_friction"]
     parameters = TWO_TO_ONE.parameters.replace(static_friction=ratio * kinetic)
     return replace(TWO_TO_ONE, parameters=parameters, duration=2.5)
 
 
-def _ratio_holds(n: Numbers) -> bool:
+def _ratio_holds(n: MeasuredValues) -> bool:
     same = abs(n["stick"]["r1.2"] - n["stick"]["r1.0"]) < 1e-9  # as far as the reference's times are computed
     return bool(n["away"]["r1.2"] > n["away"]["r1.0"] + 2e-3 and same)
 
@@ -79,21 +79,21 @@ BREAK_AWAY = Demonstration(
     guess="A better grip makes everything stop earlier.",
     experiment=(
         "The exact reference of the 2:1 trial, where the string sticks, slips again and sticks for good, with a static "
-        "friction 1, 1.2 "
-        "and 1.5 times the kinetic one."
+        "friction 1, 1.2 and 1.5 times the kinetic one."
     ),
     scenario="two_to_one",
     change="string:\n  kinetic_friction: 0.26764\n  static_friction: 0.33    # found by trial: where does the motion change?",
     commands=("looping-pendulum run mine.yaml",),
     cases=lambda: tuple(
-        reference_case(_with_static(ratio), f"r{ratio}", f"static / kinetic = {ratio:g}", main=ratio == 1) for ratio in STATIC
+        reference_case(_with_static_friction(ratio), f"r{ratio}", f"static / kinetic = {ratio:g}", main=ratio == 1)
+        for ratio in STATIC_OVER_KINETIC
     ),
     quantities=(
         MeasuredColumn(key="stop", header="first stop [s]", measure=_event("stop"), digits=".4f"),
         MeasuredColumn(key="stick", header="sticks first [s]", measure=_event("stick"), digits=".4f"),
         MeasuredColumn(key="away", header="slips again [s]", measure=_event("slip_onset"), digits=".4f"),
         halting_time(TWO_TO_ONE.parameters),
-        LOWEST,
+        LARGEST_DROP,
     ),
     claims=(
         Claim(
@@ -106,11 +106,9 @@ BREAK_AWAY = Demonstration(
             holds=_ratio_holds,
         ),
         Claim(
-            words="At 1.5 the story is another one: the string already holds at the first stop ({stick[r1.5]:.4f} s), "
-            "where before it "
-            "ran back, and the heavy mass falls {lowest[r1.5]:.1f} cm at most instead of {lowest[r1.0]:.1f} cm. A "
-            "threshold, not a "
-            "gradual change: a fit that follows slopes cannot see it coming.",
+            words="At 1.5 the story is another one: the string already holds at the first stop ({stick[r1.5]:.4f} s), where "
+            "before it ran back, and the heavy mass falls {lowest[r1.5]:.1f} cm at most instead of {lowest[r1.0]:.1f} cm. A "
+            "threshold, not a gradual change: a fit that follows slopes cannot see it coming.",
             holds=lambda n: n["stick"]["r1.5"] < n["stick"]["r1.0"] - 0.05 and n["lowest"]["r1.5"] < n["lowest"]["r1.0"] - 1,
         ),
     ),
@@ -118,7 +116,7 @@ BREAK_AWAY = Demonstration(
         x="time [s]",
         y="M2 has fallen by [cm]",
         caption="The heavy mass's way down for three static frictions: nothing differs until the string first rests.",
-        curves=drops,
+        curves=drop_curves,
     ),
 )
 
@@ -127,30 +125,30 @@ DRAGS = ("light_drag", "heavy_drag", "string_drag")
 
 
 def _with_drag(times: float) -> Scenario:
-    changed = {name: times * P.coefficients[name] for name in DRAGS}
-    return replace(TEN_TO_ONE, parameters=P.replace(**changed), duration=2.0)
+    changed = {name: times * PARAMETERS.coefficients[name] for name in DRAGS}
+    return replace(TEN_TO_ONE, parameters=PARAMETERS.replace(**changed), duration=2.0)
 
 
-def _from_spiral(runs: Runs, key: str) -> float:
-    """Largest distance of the light mass's path after the halt from the closed-form spiral [mm]."""
+def _distance_from_spiral(runs: Runs, key: str) -> float:
+    """Return the largest distance of the light mass's path after the halt from the closed-form spiral [mm]."""
     run: Trajectory = runs[key]
-    halt = halt_of(run, P)
+    halt = halting_time_of(run, PARAMETERS)
     assert halt is not None
     after = run.t > halt
     rho, psi = spiral(
         run.wrap_angle[after],
         halt_length=float(run.free_length[after][0]),
         halt_angle=float(run.wrap_angle[after][0]),
-        rod_radius=P.rod_radius,
+        rod_radius=PARAMETERS.rod_radius,
     )
     places = rho[:, None] * np.stack([np.cos(psi), np.sin(psi)], axis=1)
     return 1e3 * float(np.linalg.norm(places - run.light_position[after], axis=1).max())
 
 
-def _from_simple_clock(runs: Runs, key: str) -> float:
-    """Largest error of the free length by the formula without gravity and drag, the run's own end given [mm]."""
+def _free_length_error(runs: Runs, key: str) -> float:
+    """Return the largest error of the free length by the formula without gravity and drag, given the run's end [mm]."""
     run: Trajectory = runs[key]
-    halt, end = halt_of(run, P), _event("light_reaches_rod")(runs, key)
+    halt, end = halting_time_of(run, PARAMETERS), _event("light_reaches_rod")(runs, key)
     assert halt is not None
     after = (run.t > halt) & (run.t < end)
     t, length = run.t[after], run.free_length[after]
@@ -165,8 +163,7 @@ DRAG = Demonstration(
     guess="A drag of a few 1e-4 kg/m changes nothing that one could see on a video.",
     experiment=(
         "The exact reference of the 10:1 trial without drag, with the drag that the scenario has, and with twice that. The "
-        "path after "
-        "the halt is held against the closed-form spiral, l + R theta = constant; the times against each other."
+        "path after the halt is held against the closed-form spiral, l + R theta = constant; the times against each other."
     ),
     scenario="ten_to_one",
     change="light:\n  drag: 0 kg/m\nheavy:\n  drag: 0 kg/m",
@@ -177,7 +174,7 @@ DRAG = Demonstration(
         reference_case(_with_drag(2.0), "double", "twice the drag", main=False),
     ),
     quantities=(
-        halting_time(P),
+        halting_time(PARAMETERS),
         MeasuredColumn(key="end", header="M1 reaches the rod [s]", measure=_event("light_reaches_rod"), digits=".4f"),
         MeasuredColumn(
             key="earlier", header="earlier by [ms]", measure=_earlier("light_reaches_rod", "declared"), digits="+.1f"
@@ -186,14 +183,16 @@ DRAG = Demonstration(
         MeasuredColumn(
             key="apart",
             header="M1 from the declared run to 1.0 s [mm]",
-            measure=lambda runs, key: distance(runs, key, "declared", 1.0),
+            measure=lambda runs, key: rms_distance(runs, key, "declared", 1.0),
             digits=".1f",
         ),
-        MeasuredColumn(key="spiral", header="path off the closed-form spiral [mm]", measure=_from_spiral, digits=".1e"),
+        MeasuredColumn(
+            key="spiral", header="path off the closed-form spiral [mm]", measure=_distance_from_spiral, digits=".1e"
+        ),
         MeasuredColumn(
             key="clock",
             header="free length off the formula without gravity and drag [mm]",
-            measure=_from_simple_clock,
+            measure=_free_length_error,
             digits=".1f",
         ),
     ),
@@ -204,15 +203,13 @@ DRAG = Demonstration(
             holds=lambda n: max(n["spiral"].values()) < 1e-6,
         ),
         Claim(
-            words="The clock does. Without drag the light mass reaches the rod {earlier[none]:.1f} ms earlier, which is "
-            "more than 5 frames at 240 a second, and is {apart[none]:.0f} mm from where it should be (root mean square to "
-            "1.0 s).",
+            words="The clock does. Without drag the light mass reaches the rod {earlier[none]:.1f} ms earlier, which is more "
+            "than 5 frames at 240 a second, and is {apart[none]:.0f} mm from where it should be (root mean square to 1.0 s).",
             holds=lambda n: n["earlier"]["none"] > 5 * FRAME and n["apart"]["none"] > 5,
         ),
         Claim(
-            words="The halt hardly tells: it moves by {halt_earlier[none]:.1f} ms, less than one frame. So a model that "
-            "is right "
-            "up to the halt may still lack the drag.",
+            words="The halt hardly tells: it moves by {halt_earlier[none]:.1f} ms, less than one frame. So a model that is "
+            "right up to the halt may still lack the drag.",
             holds=lambda n: 0 < n["halt_earlier"]["none"] < FRAME,
         ),
     ),
@@ -227,72 +224,71 @@ DRAG = Demonstration(
     ),
 )
 
-SLIPPERY = 0.05
-"""Friction coefficient of a rod on which the string still slides after a whole turn."""
-GRIP = 0.1
-"""Friction that string on string adds per radian beyond the first turn."""
-THICK = 5e-4
+SLIPPERY_FRICTION = 0.05
+"""Friction coefficient of a slippery rod, on which the string still slides after a whole turn."""
+STRING_ON_STRING_FRICTION = 0.1
+"""Friction coefficient that string on string adds, per radian beyond the first turn."""
+THICKNESS_PER_TURN = 5e-4
 """Growth of the wound radius per turn [m]."""
 
 
-def _with(**changes: float) -> Scenario:
-    return replace(TEN_TO_ONE, parameters=P.replace(**changes), duration=2.0)
+def _with_coefficients(**changes: float) -> Scenario:
+    return replace(TEN_TO_ONE, parameters=PARAMETERS.replace(**changes), duration=2.0)
 
 
 def _turns_at_halt(runs: Runs, key: str) -> float | None:
-    """String on the rod when the heavy mass halts [deg]."""
+    """Return the wrap angle when the heavy mass halts [deg]."""
     run: Trajectory = runs[key]
-    halt = halt_of(run, P)
+    halt = halting_time_of(run, PARAMETERS)
     return None if halt is None else math.degrees(float(np.interp(halt, run.t, run.wrap_angle)))
 
 
-ITSELF = Demonstration(
+STRING_ON_STRING = Demonstration(
     name="string-on-string",
     title="The string that winds on itself",
     question="After a full turn the string lies on string, which grips better than the rod, and makes it thicker. Does it "
     "matter?",
     guess="Better grip and a thicker rod stop the heavy mass earlier.",
     experiment=(
-        f"The exact reference, with a friction of {GRIP:g} per radian added where string lies on string, and with a string "
-        f"that makes the "
-        f"rod {1e3 * THICK:g} mm thicker per turn; on the rod of the 10:1 trial and on a slippery one (friction "
-        f"{SLIPPERY:g})."
+        f"The exact reference, with a friction of {STRING_ON_STRING_FRICTION:g} per radian added where string lies on "
+        f"string, and with a string that makes the rod {1e3 * THICKNESS_PER_TURN:g} mm thicker per turn; on the rod of the "
+        f"10:1 trial and on a slippery one (friction {SLIPPERY_FRICTION:g})."
     ),
     scenario="ten_to_one",
     change="string:\n  kinetic_friction: 0.05\n  static_friction: 0.05\neffects:\n  string_on_string: 0.1",
     commands=("looping-pendulum run mine.yaml",),
     cases=lambda: (
-        reference_case(_with(), "plain", "10:1 trial"),
-        reference_case(_with(string_on_string=GRIP), "grip", "string grips string", main=False),
-        reference_case(_with(string_thickness=THICK), "thick", "string thickens the rod", main=False),
-        reference_case(_with(kinetic_friction=SLIPPERY), "slippery", "slippery rod", main=False),
+        reference_case(_with_coefficients(), "plain", "10:1 trial"),
         reference_case(
-            _with(kinetic_friction=SLIPPERY, string_on_string=GRIP),
+            _with_coefficients(string_on_string=STRING_ON_STRING_FRICTION), "grip", "string grips string", main=False
+        ),
+        reference_case(_with_coefficients(string_thickness=THICKNESS_PER_TURN), "thick", "string thickens the rod", main=False),
+        reference_case(_with_coefficients(kinetic_friction=SLIPPERY_FRICTION), "slippery", "slippery rod", main=False),
+        reference_case(
+            _with_coefficients(kinetic_friction=SLIPPERY_FRICTION, string_on_string=STRING_ON_STRING_FRICTION),
             "slippery_grip",
             "slippery rod, string grips string",
             main=False,
         ),
     ),
     quantities=(
-        halting_time(P),
+        halting_time(PARAMETERS),
         MeasuredColumn(key="stick", header="string first holds [s]", measure=_event("stick"), digits=".3f"),
         MeasuredColumn(key="away", header="slips again [s]", measure=_event("slip_onset"), digits=".3f"),
         MeasuredColumn(key="angle", header="string on the rod at the halt [deg]", measure=_turns_at_halt, digits=".0f"),
-        LOWEST,
+        LARGEST_DROP,
         MeasuredColumn(key="end", header="M1 reaches the rod [s]", measure=_event("light_reaches_rod"), digits=".3f"),
         MeasuredColumn(key="earlier", header="earlier by [ms]", measure=_earlier("light_reaches_rod", "plain"), digits="+.1f"),
     ),
     claims=(
         Claim(
-            words="In the 10:1 trial the grip of string on string does nothing: the heavy mass halts with "
-            "{angle[plain]:.0f} deg of "
-            "string on the rod, before the first turn is complete.",
+            words="In the 10:1 trial the grip of string on string does nothing: the heavy mass halts with {angle[plain]:.0f} "
+            "deg of string on the rod, before the first turn is complete.",
             holds=lambda n: n["angle"]["plain"] < 360 and abs(n["halt"]["grip"] - n["halt"]["plain"]) < 1e-6,
         ),
         Claim(
             words="On a slippery rod it decides the end: without it the string first holds at {stick[slippery]:.3f} s and "
-            "slips "
-            "again at {away[slippery]:.3f} s; with it, it holds for good from {halt[slippery_grip]:.3f} s on, "
+            "slips again at {away[slippery]:.3f} s; with it, it holds for good from {halt[slippery_grip]:.3f} s on, "
             "{angle[slippery_grip]:.0f} deg being on the rod.",
             holds=lambda n: (
                 n["away"]["slippery"] is not None
@@ -303,19 +299,17 @@ ITSELF = Demonstration(
         ),
         Claim(
             words="The thickness does not move the halt, but what follows: string is used up faster on a thicker rod, and "
-            "the light "
-            "mass arrives {earlier[thick]:.0f} ms earlier.",
+            "the light mass arrives {earlier[thick]:.0f} ms earlier.",
             holds=lambda n: n["earlier"]["thick"] > 5 * FRAME and abs(n["halt"]["thick"] - n["halt"]["plain"]) < 1e-6,
         ),
     ),
     picture=DemonstrationFigure(
         x="time [s]",
         y="M2 has fallen by [cm]",
-        caption="The heavy mass's way down. On the rod of the trial the lines lie on one another; on the slippery rod "
-        "string on "
-        "string makes the difference.",
-        curves=drops,
+        caption="The heavy mass's way down. On the rod of the trial the lines lie on one another; on the slippery rod string "
+        "on string makes the difference.",
+        curves=drop_curves,
     ),
 )
 
-__all__ = ["BREAK_AWAY", "DRAG", "ITSELF"]
+__all__ = ["BREAK_AWAY", "DRAG", "STRING_ON_STRING"]

@@ -13,7 +13,7 @@ from looping_pendulum.compare import compare, write
 from looping_pendulum.engines.isolation import run_all
 from looping_pendulum.engines.job import FileRecorder
 from looping_pendulum.engines.reference import Reference
-from looping_pendulum.engines.returned import checked
+from looping_pendulum.engines.result_check import validate_trajectory
 from looping_pendulum.engines.trajectory import Provenance, RunStatus, TrajectoryEvent
 from looping_pendulum.errors import EngineError
 from looping_pendulum.scenarios.scenario import Scenario
@@ -31,13 +31,13 @@ def good():
 
 
 def spoiled(run, what):
-    """The same run with one field as an adapter's author may get it wrong."""
+    """Return the same run with one wrong field, as an adapter's author may get it wrong."""
     supplies = replace(run.provenance.supplies, drag="the engine")
     return replace(run, **{
         "complex": {"light_position": run.light_position.astype(complex)},
         "text": {"light_position": run.light_position.astype(str)},
         "objects": {"light_velocity": np.full((N, 2), None)},
-        "reference values": {"free_length": np.ones(N, dtype=bool)},
+        "booleans": {"free_length": np.ones(N, dtype=bool)},
         "flat": {"light_position": run.light_position.ravel()},
         "transposed": {"heavy_position": run.heavy_position.T},
         "three columns": {"heavy_velocity": np.zeros((N, 3))},
@@ -72,7 +72,7 @@ def spoiled(run, what):
 
 
 SPOILED = (
-    "complex", "text", "objects", "reference values", "flat", "transposed", "three columns", "one short", "a number", "ragged",
+    "complex", "text", "objects", "booleans", "flat", "transposed", "three columns", "one short", "a number", "ragged",
     "tension of another length", "times in a table", "times that fall", "times that stay", "times without number",
     "times before release", "milliseconds", "unknown mode", "mode between", "mode that wraps", "modes by name",
     "event as a pair", "event at no time", "event without a list", "status as text", "another's name", "no provenance",
@@ -84,16 +84,19 @@ SPOILED = (
 @pytest.mark.parametrize("what", SPOILED)
 def test_a_wrong_field_is_named_with_what_was_found_and_needed(good, what):
     with pytest.raises(EngineError, match=r"^simulate returned [a-z_.]+: found .*, needed [^\n]+$"):
-        checked(spoiled(good, what), ENGINE, SCENARIO)
+        validate_trajectory(spoiled(good, what), ENGINE, SCENARIO)
 
 
 def test_a_good_run_comes_back_as_it_was_even_of_other_kinds_of_numbers(good):
     for run in (good, replace(good, light_position=good.light_position.tolist(), mode=good.mode.astype(float))):
-        back = checked(run, ENGINE, SCENARIO)
+        back = validate_trajectory(run, ENGINE, SCENARIO)
         assert back.mode.dtype == np.int8
         assert all(np.array_equal(getattr(back, name), getattr(good, name), equal_nan=True) for name in ("t", "mode"))
         assert np.array_equal(back.light_position, good.light_position)
-    assert checked(replace(good, light_position=np.full((N, 2), np.nan)), ENGINE, SCENARIO).status is RunStatus.NOT_FINITE
+    assert (
+        validate_trajectory(replace(good, light_position=np.full((N, 2), np.nan)), ENGINE, SCENARIO).status
+        is RunStatus.NOT_FINITE
+    )
 
 
 def test_a_wrong_return_is_a_gap_and_the_others_results_stay(tmp_path):

@@ -1,4 +1,4 @@
-"""What pydantic finds wrong with a scenario file, as one line for its author."""
+"""Convert pydantic's errors on a scenario file to one line for its author."""
 
 from __future__ import annotations
 
@@ -14,31 +14,32 @@ from looping_pendulum.scenarios.scenario import FILE_KEYS
 from looping_pendulum.scenarios.schema import suggest
 
 
-def first_fault(error: ValidationError, doc: Document, model: type[BaseModel]) -> ScenarioError:
-    """Return the fault to mend first: an unknown key (it often is the missing one, misspelt), else the topmost."""
-    faults = error.errors(include_url=False)
+def first_error(error: ValidationError, doc: Document, model: type[BaseModel]) -> ScenarioError:
+    """Return the error to correct first: an unknown key (often a missing one, misspelt), else the topmost in the file."""
+    errors = error.errors(include_url=False)
 
-    def order(fault: ErrorDetails) -> tuple[bool, int]:
-        path = _path(fault)
-        known = [doc.lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in doc.lines]
-        return fault["type"] != "extra_forbidden", known[0] if known else 1 << 30
+    def order(details: ErrorDetails) -> tuple[bool, int]:
+        path = _path(details)
+        lines = [doc.lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in doc.lines]
+        return details["type"] != "extra_forbidden", lines[0] if lines else 1 << 30
 
-    fault = min(faults, key=order)
-    return doc.error(_path(fault), _message(fault, model))
+    first = min(errors, key=order)
+    return doc.error(_path(first), _message(first, model))
 
 
-def _path(fault: ErrorDetails) -> Path:
-    path = tuple(part for part in fault["loc"] if part not in ("<direct>", "<shape>", "[key]"))
-    key = fault.get("ctx", {}).get("key")
+def _path(details: ErrorDetails) -> Path:
+    """Return where in the file an error is, without the parts that pydantic adds for unions and keys."""
+    path = tuple(part for part in details["loc"] if part not in ("<direct>", "<shape>", "[key]"))
+    key = details.get("ctx", {}).get("key")
     return (*path, key) if key else path
 
 
-def _message(fault: ErrorDetails, model: type[BaseModel]) -> str:
-    """Say what was found and needed."""
-    path = _path(fault)
-    kind, found = fault["type"], fault["input"]
+def _message(details: ErrorDetails, model: type[BaseModel]) -> str:
+    """Return a message of what was found and what was needed."""
+    path = _path(details)
+    kind, value = details["type"], details["input"]
     if kind == "scenario":
-        return fault["msg"]
+        return details["msg"]
     if kind == "extra_forbidden":
         return _unknown_key(str(path[-1]), keys_below(model, path[:-1]), path)
     if kind == "missing":
@@ -46,14 +47,15 @@ def _message(fault: ErrorDetails, model: type[BaseModel]) -> str:
     if kind == "too_short":
         return "found an empty list, needed at least one entry; write for example '[release.angle]'"
     if kind == "list_type":
-        return f"expected a list, got {quote(found)}; begin each entry with '- '"
+        return f"expected a list, got {quote(value)}; begin each entry with '- '"
     below = keys_below(model, path)
     if below:
-        return f"expected a group of keys ({', '.join(below)}), got {quote(found)}; write them indented below it"
-    return f"expected a group of keys, got {quote(found)}; write 'key: value' lines indented below it"
+        return f"expected a group of keys ({', '.join(below)}), got {quote(value)}; write them indented below it"
+    return f"expected a group of keys, got {quote(value)}; write 'key: value' lines indented below it"
 
 
 def _unknown_key(key: str, known: list[str], path: Path) -> str:
+    """Return the message on an unknown key, with the key that may be meant."""
     hint = suggest(key, known)
     elsewhere = [k for k in FILE_KEYS.values() if k.rpartition(".")[2] == key]
     if path[0] == "effects" and key in FILE_KEYS:
@@ -67,11 +69,11 @@ def _unknown_key(key: str, known: list[str], path: Path) -> str:
 
 
 def _needed(model: type[BaseModel], path: Path) -> str:
-    """What a missing key takes, with an example."""
+    """Return what a missing key takes, with an example."""
     field = _group_at(model, path[:-1]).model_fields[str(path[-1])]
-    for mark in field.metadata:
-        if isinstance(mark, schema.QuantityField):
-            return f"{mark.kind.wanted}; write for example '{path[-1]}: {mark.kind.way_out}'"
+    for item in field.metadata:
+        if isinstance(item, schema.QuantityField):
+            return f"{item.kind.requirement}; write for example '{path[-1]}: {item.kind.example_text}'"
     below = keys_below(model, path)
     if below:
         return f"a group of keys ({', '.join(below)})"
@@ -79,13 +81,13 @@ def _needed(model: type[BaseModel], path: Path) -> str:
 
 
 def keys_below(model: type[BaseModel], path: Path) -> list[str]:
-    """Keys that the group at ``path`` knows; none if it is no group."""
+    """Return the keys that the group at ``path`` may have; none if it is not a group."""
     group = _group_at(model, path)
     return [f.alias or name for name, f in group.model_fields.items()] if group is not BaseModel else []
 
 
 def _group_at(model: type[BaseModel], path: Path) -> type[BaseModel]:
-    """Return the model of the group at ``path``; BaseModel itself, which has no fields, if there is none."""
+    """Return the model of the group at ``path``; BaseModel itself, which has no fields, if it is not a group."""
     if not path:
         return model
     for name, field in model.model_fields.items():
@@ -99,11 +101,12 @@ def _group_at(model: type[BaseModel], path: Path) -> type[BaseModel]:
 
 
 def _is_model(annotation: Any) -> bool:
+    """Return whether a field's annotation is itself a model."""
     return isinstance(annotation, type) and issubclass(annotation, BaseModel)
 
 
 def _model_in(annotation: Any) -> type[BaseModel]:
-    """Return the model somewhere in ``X | None``, ``list[X]`` or ``dict[str, X]``."""
+    """Return the model inside ``X | None``, ``list[X]`` or ``dict[str, X]``."""
     if _is_model(annotation):
         return annotation  # type: ignore[no-any-return]
     inner = [_model_in(a) for a in getattr(annotation, "__args__", ())]

@@ -1,4 +1,4 @@
-"""Where the string is, and how fast it moves, at the moment of release: what the pymunk chains are laid along."""
+"""Position and velocity of the string at the moment of release, along which the pymunk chains are placed."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 Vector = tuple[float, float]
+"""x and y components, in the unit of the quantity."""
 
 
 def bead_arcs(parameters: Parameters, link_length: float, margin: float) -> list[float]:
-    """Distances [m] of beads from the light mass along the string at release, a link apart.
+    """Return the distances [m] of the beads from the light mass along the string at release, a link apart.
 
-    They are on the rod and ``margin`` links beyond it, but a link or more from either mass.
+    Beads lie on the rod and ``margin`` links beyond it on either side, but a link or more from either mass.
     """
     first = parameters.free_length - margin * link_length
     wound = parameters.rod_radius * parameters.release_angle
@@ -25,7 +26,7 @@ def bead_arcs(parameters: Parameters, link_length: float, margin: float) -> list
 
 
 def velocity_on_string(parameters: Parameters, arc: float) -> Vector:
-    """Velocity [m/s] of the taut string just after release, ``arc`` [m] from the light mass.
+    """Return the velocity [m/s] of the taut string just after release, ``arc`` [m] from the light mass.
 
     String on the rod and on the heavy side moves along itself with the heavy mass's speed; on the free part the velocity is
     linear between that of the tangent point and the light mass's.
@@ -40,12 +41,16 @@ def velocity_on_string(parameters: Parameters, arc: float) -> Vector:
 
 
 def masses(space: Any, parameters: Parameters, *, light_mass: float | None = None) -> tuple[Any, Any]:
-    """Light and heavy mass as they are released, as bodies of ``space``; a clamped mass is a static body.
+    """Create the light and the heavy mass as bodies of ``space``, as they are released; a clamped mass is a static body.
 
-    ``light_mass`` [kg] stands for the parameters' own where a chain's mass is taken off it.
+    Parameters
+    ----------
+    light_mass
+        Mass of the light body [kg]; None: that of ``parameters``. A chain subtracts part of its own mass from it.
     """
     import pymunk
 
+    # An infinite moment of inertia: the masses are points, and joints at their centres exert no torque.
     light = pymunk.Body(parameters.light_mass if light_mass is None else light_mass, math.inf)
     if parameters.release is Release.HELD:
         heavy = pymunk.Body(body_type=pymunk.Body.STATIC)

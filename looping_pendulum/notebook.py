@@ -1,0 +1,127 @@
+"""How results show themselves in a notebook: one function for each kind of result.
+
+The results stand in lower layers than the reports that some of them are shown by, so they reach this file by its name, from
+`pages.notebook.ShownInNotebook`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from looping_pendulum.pages.notebook import notebook_html, table
+
+if TYPE_CHECKING:
+    from looping_pendulum.compare.result import ComparisonResult
+    from looping_pendulum.discrepancy.result import Identification
+    from looping_pendulum.engines.trajectory import Trajectory
+    from looping_pendulum.reference_ode.solution import Run
+    from looping_pendulum.scenarios.scenario import Scenario
+
+NOT_NUMBERS = ("title", "description", "inferred", "measured", "tolerances")
+"""Keys of a scenario that are not shown in the table of its numbers."""
+
+
+def html(result: Any) -> str:
+    """Return the HTML that a notebook shows of ``result``, an instance of one of the classes in `FORMATTERS`.
+
+    Raises
+    ------
+    TypeError
+        If nothing is known of its class.
+    """
+    for kind in type(result).__mro__:
+        if kind.__name__ in FORMATTERS:
+            return FORMATTERS[kind.__name__](result)
+    raise TypeError(f"a notebook cannot show {type(result).__name__}; it can show {', '.join(FORMATTERS)}")
+
+
+def reference_run(run: Run) -> str:
+    """Return an exact run's events, with the apparatus at each."""
+    from looping_pendulum.reference_ode.transitions import PHASE_EVENTS
+
+    halt = "never halts" if run.halt is None else f"halts at {run.halt.time:.6f} s"
+    note = f"The heavy mass {halt}; the run ends at {run.end_time:.6f} s. {run.integrator}, tolerance {run.tolerance:g}."
+    rows = [
+        [
+            f"{e.time:.6f}",
+            "release" if e.event is None else str(e.event).replace("_", " "),
+            e.mode_after.name.lower().replace("_", " "),
+            f"{float(run.heavy_drop(e.state)):.4f}",
+            f"{float(e.state.wrap_angle):.4f}",
+            f"{float(e.state.free_length):.4f}",
+        ]
+        for e in run.events
+        if e.event not in PHASE_EVENTS
+    ]
+    head = ["time [s]", "event", "mode after it", "M2 has fallen by [m]", "wrap angle [rad]", "free length [m]"]
+    return notebook_html("Exact reference", note, table(head, rows))
+
+
+def scenario(scenario: Scenario) -> str:
+    """Return a scenario's numbers with their units, and the limits that engines must keep."""
+    import yaml
+
+    from looping_pendulum.scenarios import loader
+    from looping_pendulum.scenarios.scenario import METRICS
+    from looping_pendulum.scenarios.units import show
+
+    tree = yaml.safe_load(loader.dump(scenario))
+    numbers = {key: value for key, value in tree.items() if key not in NOT_NUMBERS}
+    parts = [table(["key", "value"], _leaves(numbers))]
+    if scenario.tolerances:
+        rows = [[t.engine, t.profile, t.metric, show(t.limit, METRICS[t.metric]), t.reason] for t in scenario.tolerances]
+        parts.append(table(["engine", "profile", "metric", "limit", "why this much"], rows))
+    return notebook_html(f"{scenario.name}: {scenario.title}", scenario.description, *parts)
+
+
+def _leaves(tree: dict[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
+    """Yield key and value of every number, keys as "light.mass"."""
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", str(value)
+
+
+def trajectory(run: Trajectory) -> str:
+    """Return how an engine's run ended, what happened in it, and who supplied which physics."""
+    from looping_pendulum.engines.trajectory import supplies_as_rows
+
+    until = (
+        f"{len(run.t)} samples to {run.t[-1]:.3f} s; the heavy mass fell {run.heavy_drop.max():.4f} m at most. "
+        if len(run.t)
+        else ""
+    )
+    versions = ", ".join(f"{name} {version}" for name, version in run.provenance.versions.items())
+    parts = [table(["physics", "by", "how"], supplies_as_rows(run.provenance.supplies))]
+    if run.events:
+        parts.insert(0, table(["time [s]", "event"], [[f"{e.time:.6f}", e.name.replace("_", " ")] for e in run.events]))
+    note = f"{run.status.value}. {until}{run.message} {versions}"
+    return notebook_html(f"{run.label} on {run.scenario}, {run.profile}", note, *parts)
+
+
+def comparison(result: ComparisonResult) -> str:
+    """Return verdict, table and stories of a comparison."""
+    from looping_pendulum.compare.report import before_figures
+    from looping_pendulum.pages.markdown import html as from_markdown
+
+    return str(from_markdown("\n\n".join(before_figures(result))))
+
+
+def identification(result: Identification) -> str:
+    """Return verdict, what was added, and the errors before and after."""
+    from looping_pendulum.discrepancy.report.markdown import before_figures
+    from looping_pendulum.pages.markdown import html as from_markdown
+
+    return str(from_markdown("\n\n".join(before_figures(result))))
+
+
+FORMATTERS: dict[str, Callable[[Any], str]] = {
+    "Run": reference_run,
+    "Scenario": scenario,
+    "Trajectory": trajectory,
+    "ComparisonResult": comparison,
+    "Identification": identification,
+}
+"""Name of a class -> what shows it. By name, so that showing a scenario imports nothing of the reports."""
