@@ -199,7 +199,7 @@ def test_a_budget_leaves_out_what_would_cost_too_much(tmp_path, scenario, counte
     rungs = result.variants[0].ladders[0].rungs
     assert [rung.run.status for rung in rungs] == ["FINISHED"] * 3 + ["SKIPPED"], "cost: 0.1 ms of time step are a second"
     assert rungs[-1].run.why == "left out: expected 1 s"
-    assert "left out: 1" in render(result)
+    assert "1 run was left out" in render(result)
 
 
 def test_an_interrupted_run_is_made_again(tmp_path, scenario, monkeypatch):
@@ -228,9 +228,7 @@ def test_a_run_cut_by_its_time_limit_is_kept_for_that_limit(tmp_path, scenario):
 
 
 def test_a_ladder_out_of_order_is_refused_with_its_name(scenario):
-    with pytest.raises(
-        EngineError, match="delayed:exact: ladder of time_step: values from coarse to fine neither rise nor fall"
-    ):
+    with pytest.raises(EngineError, match="delayed:exact: ladder of time_step: found values .* that neither rise nor fall"):
         plan_variant(DelayedEngine(steps=(4e-4, 1e-4, 2e-4)), scenario, [])
 
 
