@@ -117,6 +117,10 @@ def minimise(
     The Jacobian follows from one step to the next by Broyden's update. It is recomputed if a step with an updated one fails or
     decreases the cost by much less than predicted.
 
+    `scipy.optimize.least_squares` with the same Jacobian finds the same minima, but computes it at every step: of five blind
+    studies a calibration from the study's values took 0.7 times as long, and a whole identification, most of whose fits begin
+    near their minimum, 1.6 to 2.4 times (measured on 2026-11-22).
+
     Parameters
     ----------
     x
