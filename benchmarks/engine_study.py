@@ -32,9 +32,10 @@ DOCS = Path(__file__).parents[1] / "docs"
 SUMMARY, PAGE, FIGURE = DOCS / "data" / "engine_study.json", DOCS / "engine-study.md", DOCS / "img" / "pareto.png"
 COMMAND = "python -m benchmarks.engine_study"
 SCENARIO = "ten_to_one"
-OLD_HALTS = """**These runs were made before the present definition of the halting time.** In them the heavy mass counted as at rest below
-20 mm/s, and rebounds up to 40 mm/s were not noticed. So the halting errors of chains, here and in the other tables, are smaller
-than those in README and in reports, whose halting time is the end of the string's sliding to 0.1 mm. Paths are not affected.
+OLD_HALTS = """**These runs were made before the present definition of the halting time.** In them the heavy mass counted as
+at rest below 20 mm/s, and rebounds up to 40 mm/s were not noticed. So the halting errors of chains, here and
+in the other tables, are smaller than those in README and in reports, whose halting time is the end of the
+string's sliding to 0.1 mm. Paths are not affected.
 
 """
 """Note on the page if the stored study has halting times of version 1."""
@@ -85,9 +86,9 @@ def page(study: Study) -> str:
     result = study.convergence
     return f"""# What the engines' errors are made of
 
-`{COMMAND}` writes this page from `docs/data/engine_study.json`, the stored numbers of one run of all studies; do not edit it by hand.
-`looping-pendulum converge {result.scenario} --engine NAME` writes the same report for one variant, with a figure for every setting. The
-[glossary](glossary.md) explains the terms.
+`{COMMAND}` writes this page from `docs/data/engine_study.json`, the stored numbers of one run of all studies; do not edit it
+by hand. `looping-pendulum converge {result.scenario} --engine NAME` writes the same report for one variant, with a figure for
+every setting. The [glossary](glossary.md) explains the terms.
 
 {report.opening(result)}
 {report.HOW_TO_READ}
