@@ -69,7 +69,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
         file_path.suffix in (".yaml", ".yml") and parent.session.isinitpath(file_path) and _is_scenario(file_path)
     )
     if file_path.name.endswith(SUFFIXES) or is_named_scenario:
-        return ScenarioFile.from_parent(parent, path=file_path)
+        return ScenarioFileCollector.from_parent(parent, path=file_path)
     return None
 
 
@@ -130,7 +130,7 @@ class JudgementError(Exception):
     """A limit is exceeded, or there is no limit to judge."""
 
 
-class ScenarioFile(pytest.File):
+class ScenarioFileCollector(pytest.File):
     """A scenario file, which collects an `EngineVariant` for each engine that it has tolerances for."""
 
     def collect(self) -> Iterable[pytest.Item | pytest.Collector]:

@@ -128,7 +128,7 @@ def divergence_figure(result: ComparisonResult, samples: ResultSamples, shown: S
         distance = np.where(a.distance > MIN_DRAWN_DEVIATION, a.distance * 1e3, np.nan)
         traces.append(line(_name(result, e), _line(a.t), _line(distance, 5), style))
     events = [(name, time) for name, time in events_to_show(result.reference.events) if time <= result.duration]
-    told = [vertical(time, name.replace("_", " ")) for name, time in events]
+    event_lines = [vertical(time, name.replace("_", " ")) for name, time in events]
     return Figure(
         id="divergence",
         caption="Distance of each engine's light mass from the reference's, with the reference's events; dotted: 1 mm, 10 mm.",
@@ -136,8 +136,11 @@ def divergence_figure(result: ComparisonResult, samples: ResultSamples, shown: S
         layout={
             "xaxis": {"title": {"text": TIME}, "range": [0, result.duration]},
             "yaxis": {"title": {"text": "distance [mm]"}, "type": "log", "tickformat": "~g"},
-            "shapes": [*(shape for shape, _ in told), *(horizontal(1e3 * threshold) for threshold in DEPARTURE_THRESHOLDS)],
-            "annotations": [word for _, word in told],
+            "shapes": [
+                *(shape for shape, _ in event_lines),
+                *(horizontal(1e3 * threshold) for threshold in DEPARTURE_THRESHOLDS),
+            ],
+            "annotations": [word for _, word in event_lines],
             "margin": {"t": 90},
             "showlegend": True,
         },

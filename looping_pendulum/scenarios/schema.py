@@ -257,7 +257,7 @@ class ReleaseGroup(Group):
         return self
 
 
-class InferredEntry(Group):
+class InferredGroup(Group):
     """Values that the source does not print."""
 
     parameters: Annotated[list[Annotated[str, BeforeValidator(_parameter_key)]], Field(min_length=1)]
@@ -330,7 +330,7 @@ class ScenarioFile(Group):
         float, QuantityField(QuantityKind(unit="s", low=0.0, high=MAX_DURATION, exclusive_low=True, example="1.05 s"))
     ]
     """How long to watch; a run ends sooner if the light mass reaches the rod."""
-    inferred: list[InferredEntry] = []
+    inferred: list[InferredGroup] = []
     """What the source does not print, and how it was inferred."""
     measured: MeasuredGroup | None = None
     tolerances: dict[str, ProfilesGroup] = {}

@@ -15,7 +15,7 @@ from looping_pendulum.engines.pybullet.chain_rig import (
     largest_rod_friction,
     longest_step,
 )
-from looping_pendulum.engines.pybullet.world import Stepper
+from looping_pendulum.engines.pybullet.world import WorldStepper
 from tests.apparatus import TEN_TO_ONE
 
 QUICK = SETTINGS[Profile.QUICK]
@@ -80,10 +80,10 @@ def test_divided_steps_take_as_long_and_push_as_much(parts, force_interval):
     # Oracle: time and impulse of the same motion with steps as they are: a constant drag over one sample.
     world = FakeWorld(2e-5, force_interval)
     p = TEN_TO_ONE.replace(light_drag=1e-3)
-    drive = Stepper(world, p, lambda *_: 0.99 * world.settings.time_step / (parts - 1) if parts > 1 else 1.0)
+    drive = WorldStepper(world, p, lambda *_: 0.99 * world.settings.time_step / (parts - 1) if parts > 1 else 1.0)
     drive.steps(world.steps, world)
     once = FakeWorld(2e-5, 1)
-    Stepper(once, p).steps(once.steps, once)
+    WorldStepper(once, p).steps(once.steps, once)
     assert world.step == pytest.approx(2e-5 / parts, rel=1e-12)
     assert world.time == pytest.approx(SAMPLE_INTERVAL, rel=1e-12)
     assert world.impulse == pytest.approx(once.impulse, rel=1e-9) != 0

@@ -8,7 +8,7 @@ import numpy as np
 
 from looping_pendulum.engines.chain import SlipGauge
 from looping_pendulum.engines.pybullet.links import ChainState
-from looping_pendulum.engines.pybullet.world import LongestStep, Row, SteppedRig, Stepper, World
+from looping_pendulum.engines.pybullet.world import LongestStep, Row, SteppedRig, World, WorldStepper
 from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -29,7 +29,7 @@ class MultibodyRig(SteppedRig):
 
     def __init__(self, parameters: Parameters, world: World, longest_step: LongestStep | None = None) -> None:
         self._parameters, self._world = parameters, world
-        self._stepper = Stepper(world, parameters, longest_step)
+        self._stepper = WorldStepper(world, parameters, longest_step)
         self._held = parameters.release is Release.HELD
         self._slip = SlipGauge()
 

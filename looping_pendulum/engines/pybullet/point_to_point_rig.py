@@ -9,7 +9,7 @@ import numpy as np
 
 from looping_pendulum.engines.chain import MASS_COMPENSATION, SlipGauge, point_on_string
 from looping_pendulum.engines.pybullet.links import LinkSettings, typical_wrap_angle
-from looping_pendulum.engines.pybullet.world import Row, SteppedRig, Stepper, World
+from looping_pendulum.engines.pybullet.world import Row, SteppedRig, World, WorldStepper
 from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -33,7 +33,7 @@ class PointToPointRig(SteppedRig):
         p, s = parameters, settings
         self._settings = s
         self._world = world = World(p, s)
-        self._stepper = Stepper(world, p)
+        self._stepper = WorldStepper(world, p)
         self._held = p.release is Release.HELD
         rod_radius = s.node_circle(p) - s.node_radius
         rod = world.add_rod(rod_radius, 1.0)

@@ -100,7 +100,7 @@ class World:
         api.applyExternalForce(body, link, (*force, 0.0), position, api.WORLD_FRAME, physicsClientId=self.client)
 
 
-class Stepper:
+class WorldStepper:
     """Steps a world and applies the effects' forces, in the same way for every rig.
 
     Parameters
@@ -157,7 +157,7 @@ class Stepper:
 
 
 class SteppedRig:
-    """Motion and forces of a rig, as `Stepper` needs them."""
+    """Motion and forces of a rig, as `WorldStepper` needs them."""
 
     def read_motion(self) -> tuple[float, float, float, float, float]:
         """Return the light mass's position [m] and velocity [m/s] and the heavy mass's upward velocity [m/s]."""
@@ -174,7 +174,7 @@ class FallingRig(SteppedRig):
     def __init__(self, parameters: Parameters, settings: WorldSettings) -> None:
         p = parameters
         self._world = world = World(p, settings)
-        self._stepper = Stepper(world, p)
+        self._stepper = WorldStepper(world, p)
         vx, vy, heavy_v = release_velocity(p)
         light = light_position(math, p.free_length, p.release_angle, p.rod_radius)
         self._light = self._body(p.light_mass, [*light, 0.0], [vx, vy, 0.0])
