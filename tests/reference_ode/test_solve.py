@@ -184,6 +184,7 @@ def test_sequences_of_random_apparatus_are_the_same_at_three_tolerances():
 @HEYOKA
 @pytest.mark.parametrize("seeds", [range(0, 60, 6), pytest.param(range(3, 60, 6), marks=pytest.mark.accurate)])
 def test_random_apparatus_has_the_same_events_with_either_integrator(seeds):
+    """The daily half holds the guarantee, together with `test_two_integrators_agree`."""
     for seed in seeds:
         p = random_parameters(seed)
         first, second = (solve(p, integrator=name, tolerance=1e-11) for name in ("heyoka", "scipy"))
