@@ -6,7 +6,7 @@ The results stand in lower layers than the reports that some of them are shown b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from looping_pendulum.pages.notebook import notebook_html, table
@@ -104,17 +104,22 @@ def trajectory(run: Trajectory) -> str:
 def comparison(result: ComparisonResult) -> str:
     """Return verdict, table and stories of a comparison."""
     from looping_pendulum.compare.report import before_figures
-    from looping_pendulum.pages.markdown import html as from_markdown
 
-    return str(from_markdown("\n\n".join(before_figures(result))))
+    return _report_start(before_figures(result))
 
 
 def identification(result: Identification) -> str:
     """Return verdict, what was added, and the errors before and after."""
     from looping_pendulum.discrepancy.report.markdown import before_figures
+
+    return _report_start(before_figures(result))
+
+
+def _report_start(sections: Iterable[str]) -> str:
+    """Return the Markdown sections that stand before a report's figures, as HTML."""
     from looping_pendulum.pages.markdown import html as from_markdown
 
-    return str(from_markdown("\n\n".join(before_figures(result))))
+    return str(from_markdown("\n\n".join(sections)))
 
 
 FORMATTERS: dict[str, Callable[[Any], str]] = {

@@ -11,13 +11,14 @@ from __future__ import annotations
 import argparse
 import datetime
 import importlib
-import importlib.metadata
 import json
 import math
 import platform
 import time
 from pathlib import Path
 from typing import Any
+
+from looping_pendulum.versions import MISSING, installed_version
 
 FOLDER = Path(__file__).parents[1] / "docs" / "data" / "measured"
 QUICK = {
@@ -35,6 +36,7 @@ QUICK = {
 TIMINGS = {"reference_speed": "timings"}
 """Measurements of run times, to be made on an otherwise idle machine."""
 MEASUREMENTS = QUICK | TIMINGS
+
 PACKAGES = ("looping-pendulum", "numpy", "scipy", "heyoka", "mujoco", "pymunk", "pybullet", "drake")
 
 
@@ -78,13 +80,8 @@ def measure_and_store(name: str) -> Path:
 
 
 def _versions() -> dict[str, str]:
-    found = {}
-    for package in PACKAGES:
-        try:
-            found[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return found
+    versions = {package: installed_version(package) for package in PACKAGES}
+    return {package: version for package, version in versions.items() if version != MISSING}
 
 
 def _rounded(record: Any) -> Any:

@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from looping_pendulum.compare.json_text import plain
+from looping_pendulum.compare.json_text import dump
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, Landmarks, RunProvenance
 from looping_pendulum.compare.tables import GAP, number, table
 from looping_pendulum.errors import ResultError
@@ -102,8 +101,7 @@ class ResultChanges:
 
     def to_json(self) -> str:
         """Return the text of ``changes.json``."""
-        tree = {"schema": {"id": SCHEMA_ID, "version": SCHEMA_VERSION}} | plain(self)
-        return json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+        return dump(self, SCHEMA_ID, SCHEMA_VERSION)
 
 
 def read_baseline(path: Path, scenario: str) -> ComparisonResult:

@@ -26,11 +26,11 @@ RENAMED = {
     "truth": "reference",
     "truth_values": "reference_values",
     "break_aways": "slip_onsets",
-    "break_away": "slip_onset",
-    "break_away_time": "slip_onset_time",
     "halting_time_blur": "halting_time_uncertainty",
 }
-"""Key, event or event quantity as an older file names it -> its name now."""
+"""Key of an older file -> its name now."""
+RENAMED_EVENTS = {"break_away": "slip_onset", "break_away_time": "slip_onset_time"}
+"""Event or event quantity, a value of an older file -> its name now. Keys are apart from these: a title may be any word."""
 
 
 def plain(value: Any) -> Any:
@@ -112,7 +112,7 @@ def _renamed(value: Any) -> Any:
         return {RENAMED.get(key, key): _renamed(item) for key, item in value.items()}
     if isinstance(value, list):
         return [_renamed(item) for item in value]
-    return RENAMED.get(value, value) if isinstance(value, str) else value
+    return RENAMED_EVENTS.get(value, value) if isinstance(value, str) else value
 
 
 MAX_NESTING = 64

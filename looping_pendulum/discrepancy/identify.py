@@ -13,7 +13,7 @@ from looping_pendulum.discrepancy.identification import Conclusion, identificati
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.next_experiment import best_experiments
 from looping_pendulum.discrepancy.result import Experiment, Identification, Verdict
-from looping_pendulum.discrepancy.search import ProgressCallback, Search
+from looping_pendulum.discrepancy.search import FractionCallback, Search
 from looping_pendulum.discrepancy.unlisted.description import describe_unlisted_force
 from looping_pendulum.discrepancy.workers import Workers, default_process_count
 from looping_pendulum.errors import HarnessError
@@ -38,7 +38,7 @@ def identify(
     study: Study,
     *,
     seed: int = 0,
-    progress: ProgressCallback = lambda what, share: None,
+    progress: FractionCallback = lambda what, share: None,
     workers: int | None = None,
     time_limit: float | None = None,
 ) -> Identification:
@@ -83,7 +83,7 @@ def identify(
         raise OutOfTimeError(f"{message}, or allow more") from None
 
 
-def _identify(study: Study, seed: int, progress: ProgressCallback, workers: Workers) -> Identification:
+def _identify(study: Study, seed: int, progress: FractionCallback, workers: Workers) -> Identification:
     """Identify; an interrupt after the calibration ends the search, one before it is raised."""
     inputs = read_inputs(study)
     search = Search(inputs, seed, progress, workers)

@@ -57,7 +57,7 @@ MIN_REALISED_SHARE = 0.5
 MAX_EFFECTS = 2
 """Effects that are added at most: three of the library can mimic most of what it lacks."""
 
-ProgressCallback = Callable[[str, float], None]
+FractionCallback = Callable[[str, float], None]
 """Called with a description of the step that begins, and the share of all work that is done at least."""
 
 
@@ -116,7 +116,7 @@ class CandidateModel:
 class Search:
     """State and steps of the search for missing effects."""
 
-    def __init__(self, inputs: Inputs, seed: int, progress: ProgressCallback, workers: Workers = SERIAL) -> None:
+    def __init__(self, inputs: Inputs, seed: int, progress: FractionCallback, workers: Workers = SERIAL) -> None:
         self.inputs = inputs
         self.workers = workers
         self.rng = np.random.default_rng(seed)

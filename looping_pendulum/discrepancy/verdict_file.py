@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from typing import Any, cast
 
-from looping_pendulum.compare.json_text import plain
+from looping_pendulum.compare import json_text
 from looping_pendulum.discrepancy.result import Identification
 from looping_pendulum.errors import ResultError
 from looping_pendulum.scenarios.document import quote
@@ -64,8 +64,7 @@ criterion in a ranking, and twice a log Bayes factor in an unlisted force.
 
 def dump(result: Identification) -> str:
     """Write a result as JSON text."""
-    tree: dict[str, Any] = {"schema": {"id": SCHEMA_ID, "version": SCHEMA_VERSION}} | plain(result)
-    return json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    return json_text.dump(result, SCHEMA_ID, SCHEMA_VERSION)
 
 
 def load(text: str) -> dict[str, Any]:

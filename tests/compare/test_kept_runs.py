@@ -67,24 +67,24 @@ def test_a_run_without_a_wall_time_costs_what_its_process_took(runner, make_run)
 
 
 def test_progress_is_the_share_of_the_time_and_not_of_the_runs(tmp_path, make_run):
-    told = []
+    reports = []
     tasks = [RunTask(key=k, engine=None, scenario=None, what=f"run {k}", like="a") for k in "abcd"]
-    runner = Runner(RunCache(tmp_path), jobs=1, time_limit=10.0, budget=5.0, progress=lambda *what: told.append(what))
+    runner = Runner(RunCache(tmp_path), jobs=1, time_limit=10.0, budget=5.0, progress=lambda *what: reports.append(what))
     runner.done["a"] = EndedRun(run=make_run(wall_time=2.0), seconds=2.0)
     runner.done["b"] = EndedRun(run=make_run(wall_time=6.0), seconds=6.0)
     runner._running["c"] = 0.5
     runner._report(tasks)
     # 8 s are done, half of c's 2 s; d is expected to take 2 s.
-    assert told == [(pytest.approx(9 / 12), "2 of 4 runs; run c")]
+    assert reports == [(pytest.approx(9 / 12), "2 of 4 runs; run c")]
 
 
 def test_what_is_beyond_the_budget_does_not_hold_the_progress_back(tmp_path, make_run):
-    told = []
+    reports = []
     tasks = [RunTask(key="a", engine=None, scenario=None, what="a"), rung(1e-4, (("a", 8e-4),))]
-    runner = Runner(RunCache(tmp_path), jobs=1, time_limit=10.0, budget=5.0, progress=lambda *what: told.append(what))
+    runner = Runner(RunCache(tmp_path), jobs=1, time_limit=10.0, budget=5.0, progress=lambda *what: reports.append(what))
     runner.done["a"] = EndedRun(run=make_run(wall_time=2.0), seconds=2.0)
     runner._report(tasks)
-    assert told == [(1.0, "1 of 2 runs; ")], "16 s is more than 5 s: it will be left out"
+    assert reports == [(1.0, "1 of 2 runs; ")], "16 s is more than 5 s: it will be left out"
 
 
 def test_without_a_progress_nobody_is_told(runner):

@@ -189,13 +189,13 @@ def test_every_limit_is_told_with_its_value_and_why(result):
 
 
 def test_the_stories_begin_with_the_reference(result):
-    told = report.render(result)
+    text = report.render(result)
     assert (
-        "- **reference** (reference:closed form): released at 0 s, halt at 0.3375 s, light reaches rod at 1.1000 s.\n" in told
+        "- **reference** (reference:closed form): released at 0 s, halt at 0.3375 s, light reaches rod at 1.1000 s.\n" in text
     )
     never = dataclasses.replace(result.reference, landmarks=Landmarks(), events=(("release", 0.0),))
-    told = report.render(dataclasses.replace(result, reference=never))
-    assert "- **reference** (reference:closed form): released at 0 s, never halts.\n" in told
+    text = report.render(dataclasses.replace(result, reference=never))
+    assert "- **reference** (reference:closed form): released at 0 s, never halts.\n" in text
 
 
 def test_what_an_engine_said_is_its_last_line_and_no_markup(result):
@@ -329,7 +329,7 @@ def test_three_digits_of_a_thousandth(result, size, shown):
     for metric, (_, factor) in report.METRIC_DISPLAY_UNITS.items():
         told_ = report.limit_and_value(limit(GOOD, metric, 1e3 * size / factor, **{"limit": 1e3 * size / factor}))
         assert [one.split()[-2] for one in told_] == [shown, shown], metric
-    text = told(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.2 + size)))
+    text = rendered(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.2 + size)))
     assert cells(text, "stop")[0][2] == f"+{shown}"
 
 
@@ -355,7 +355,7 @@ def test_hundreds_of_thousandths(result):
 # ---- moments
 
 
-def told(result, reference, own, end=1.0, engine=None):
+def rendered(result, reference, own, end=1.0, engine=None):
     true = dataclasses.replace(result.reference, sampled=reference)
     return events_table(with_engine(dataclasses.replace(result, reference=true), landmarks=own, end_time=end, **(engine or {})))
 
@@ -365,11 +365,11 @@ def at(*times):
 
 
 def test_moments_are_numbered_where_there_are_several(result):
-    text = told(result, Landmarks(stops=at(0.2, 0.4)), Landmarks(stops=at(0.203, 0.398, 0.6)))
+    text = rendered(result, Landmarks(stops=at(0.2, 0.4)), Landmarks(stops=at(0.203, 0.398, 0.6)))
     assert cells(text, "stop 1") == [["stop 1", "0.2000", "+3"]]
     assert cells(text, "stop 2") == [["stop 2", "0.4000", "-2"]]
     assert cells(text, "stop 3") == [["stop 3", "–", "at 0.6000 s"]]
-    alone = told(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.203)))
+    alone = rendered(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.203)))
     assert cells(alone, "stop") == [["stop", "0.2000", "+3"]]
     assert "| event | reference [s] | pymunk:chain [ms later] |" in alone
 
@@ -381,21 +381,21 @@ def test_every_kind_of_moment_has_its_rows(result):
             x1_extrema=(Extremum(time=0.3 + off, value=0.0),), y1_extrema=(Extremum(time=0.4 + off, value=0.0),),
         )  # fmt: skip
 
-    text = told(result, marks(0.0), marks(0.005))
+    text = rendered(result, marks(0.0), marks(0.005))
     names = [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("|")][2:]
     assert names == ["stop", "slip onset", "x1 extremum", "y1 extremum", "light mass reaches rod"]
     assert [cells(text, name)[0][1:] for name in names] == [[f"{t:.4f}", "+5"] for t in (0.1, 0.2, 0.3, 0.4, 0.9)]
-    without = told(result, dataclasses.replace(marks(0.0), light_reaches_rod=None), marks(0.005))
+    without = rendered(result, dataclasses.replace(marks(0.0), light_reaches_rod=None), marks(0.005))
     assert "reaches rod" not in without, "the reference's end is not told of an engine alone"
     assert cells(
-        told(result, marks(0.0), dataclasses.replace(marks(0.0), light_reaches_rod=None)), "light mass reaches rod"
+        rendered(result, marks(0.0), dataclasses.replace(marks(0.0), light_reaches_rod=None)), "light mass reaches rod"
     ) == [["light mass reaches rod", "0.9000", "–"]]
-    assert told(result, Landmarks(), Landmarks()) == ""
+    assert rendered(result, Landmarks(), Landmarks()) == ""
 
 
 @pytest.mark.parametrize(("end", "said"), [(0.39, "after its end"), (0.4, "–"), (0.5, "–"), (None, "after its end")])
 def test_a_moment_after_the_end_of_a_run_is_told_as_such(result, end, said):
-    assert cells(told(result, Landmarks(stops=at(0.4)), Landmarks(), end), "stop") == [["stop", "0.4000", said]]
+    assert cells(rendered(result, Landmarks(stops=at(0.4)), Landmarks(), end), "stop") == [["stop", "0.4000", said]]
 
 
 def measured(**fields):

@@ -162,37 +162,37 @@ def test_an_error_of_a_run_is_not_swallowed(tmp_path, tasks, monkeypatch):
 
 
 def test_a_runner_has_as_many_jobs_as_it_is_told_or_as_there_are_cores(tmp_path, monkeypatch):
-    def jobs(told, cores):
+    def jobs(requested, cores):
         monkeypatch.setattr(run_cache.os, "cpu_count", lambda: cores)
-        return Runner(RunCache(tmp_path), jobs=told, time_limit=1.0, budget=None).jobs
+        return Runner(RunCache(tmp_path), jobs=requested, time_limit=1.0, budget=None).jobs
 
     assert [jobs(3, 8), jobs(None, 8), jobs(None, None)] == [3, 8, 1]
 
 
 def test_progress_tells_of_runs_that_go_on_what_share_is_done(tmp_path, tasks, make_run):
-    told = []
-    runner = Runner(RunCache(tmp_path), jobs=1, time_limit=9.0, budget=3.0, progress=lambda *what: told.append(what))
+    reports = []
+    runner = Runner(RunCache(tmp_path), jobs=1, time_limit=9.0, budget=3.0, progress=lambda *what: reports.append(what))
     runner._report([])
-    assert told.pop() == (1.0, "0 of 0 runs; ")
+    assert reports.pop() == (1.0, "0 of 0 runs; ")
     runner._report(tasks)
-    assert told.pop() == (0.0, "0 of 3 runs; ")
+    assert reports.pop() == (0.0, "0 of 3 runs; ")
     runner.done[tasks[0].key] = EndedRun(run=make_run(wall_time=2.0), seconds=4.0)
     runner._running |= {tasks[1].key: 0.5, tasks[2].key: 0.25}
     runner._report(tasks)
     # 4 s are done; of two that are expected to take the usual 2 s each, a half and a quarter.
-    assert told.pop() == (pytest.approx((4 + 1 + 0.5) / 8), "1 of 3 runs; run 1, run 2")
+    assert reports.pop() == (pytest.approx((4 + 1 + 0.5) / 8), "1 of 3 runs; run 1, run 2")
     runner.done["other"] = EndedRun(run=make_run(wall_time=6.0), seconds=6.0)
     both = [dataclasses.replace(tasks[0], key="other"), *tasks]
     runner._report(both)
     # 4 and 6 s are done; the usual is 4 s, the mean of 2 and 6.
-    assert told.pop() == (pytest.approx((4 + 6 + 2 + 1) / 18), "2 of 4 runs; run 1, run 2")
+    assert reports.pop() == (pytest.approx((4 + 6 + 2 + 1) / 18), "2 of 4 runs; run 1, run 2")
     dear = dataclasses.replace(tasks[1], coarser=((tasks[0].key, 1.0),), size=0.5)
     runner._report([tasks[0], dear])
     # Twice as fine is expected to take 4 s, beyond the budget of 3 s, but it is running already.
-    assert told.pop() == (pytest.approx((4 + 2) / 8), "1 of 2 runs; run 1")
+    assert reports.pop() == (pytest.approx((4 + 2) / 8), "1 of 2 runs; run 1")
     del runner._running[tasks[1].key]
     runner._report([tasks[0], dear])
-    assert told.pop() == (1.0, "1 of 2 runs; ")
+    assert reports.pop() == (1.0, "1 of 2 runs; ")
     runner._report([tasks[0], dataclasses.replace(dear, size=2 / 3)])
     # 3 s are just the budget: it will be made.
-    assert told.pop() == (pytest.approx(4 / 7), "1 of 2 runs; ")
+    assert reports.pop() == (pytest.approx(4 / 7), "1 of 2 runs; ")

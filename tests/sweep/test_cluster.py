@@ -15,7 +15,7 @@ from looping_pendulum.errors import EngineError
 from looping_pendulum.sweep import map_file
 from looping_pendulum.sweep.executors import CONNECT_TIME
 from tests.sweep.maps import GRID, LONG, contents, program
-from tests.sweep.test_runner import quiet
+from tests.sweep.test_runner import run_silently
 
 pytest.importorskip("distributed")
 
@@ -53,11 +53,11 @@ def test_a_worker_killed_in_the_middle_loses_nothing(cluster, tmp_path):
             workers[0].send_signal(signal.SIGKILL)
             left.append(runs - done)
 
-    assert quiet(plan, tmp_path / "out", cluster=address, progress=kill).complete
+    assert run_silently(plan, tmp_path / "out", cluster=address, progress=kill).complete
     assert left[0] > 3 * 12  # it had work to do when it was killed
     assert workers[0].wait() == -signal.SIGKILL
     assert workers[1].poll() is None
-    quiet(plan, tmp_path / "here")
+    run_silently(plan, tmp_path / "here")
     assert contents(tmp_path / "out") == contents(tmp_path / "here")
 
 
@@ -70,8 +70,8 @@ def test_an_unreachable_cluster_is_one_line_soon(tmp_path):
         with pytest.raises(
             EngineError, match=f"--cluster: {address}: found no scheduler that answers .*`dask scheduler`"
         ) as caught:
-            quiet(plan, tmp_path, cluster=address)
+            run_silently(plan, tmp_path, cluster=address)
         took = time.monotonic() - before
     assert "\n" not in str(caught.value)
     assert took < 3 * CONNECT_TIME
-    assert quiet(plan, tmp_path).complete
+    assert run_silently(plan, tmp_path).complete

@@ -40,7 +40,7 @@ read = cache(map_file.load_text)
 """The plan of a map file's text; plans are frozen."""
 
 
-def quiet(plan, folder, **also):
+def run_silently(plan, folder, **also):
     return run_map(plan, folder, **({"jobs": 1, "figures": False, "solve": fake.solve} | also))
 
 
@@ -48,7 +48,7 @@ def quiet(plan, folder, **also):
 def whole(tmp_path_factory):
     """An uninterrupted map of the fake solver, to compare with."""
     folder = tmp_path_factory.mktemp("whole")
-    quiet(read(GRID), folder)
+    run_silently(read(GRID), folder)
     return contents(folder)
 
 
@@ -81,7 +81,7 @@ def test_a_grid_says_what_the_batch_says(tmp_path):
 
 def test_a_sample_has_its_parameters_beside_its_results(tmp_path):
     plan = read(SAMPLE)
-    quiet(plan, tmp_path, figures=True)
+    run_silently(plan, tmp_path, figures=True)
     data = open_map(tmp_path)
     expected = plan.design.values_in((slice(0, 100),))
     assert set(data.coords) == {"release_angle", "rod_radius"}
@@ -116,7 +116,7 @@ def test_what_a_killed_process_may_leave_is_made_good(tmp_path, whole):
     """A half-written file under its temporary name, a missing, a cut and a flipped chunk, a store that was only begun."""
     plan = read(GRID)
     (tmp_path / ".map.zarr.part" / "end").mkdir(parents=True)
-    quiet(plan, tmp_path)
+    run_silently(plan, tmp_path)
     store = tmp_path / "map.zarr"
     (store / "drop" / "c" / "1" / "0.0123456789abcdef.partial").write_bytes(b"half")
     (store / "stops" / "c" / "2" / "0").unlink()
@@ -126,7 +126,7 @@ def test_what_a_killed_process_may_leave_is_made_good(tmp_path, whole):
     data = bytearray(flipped.read_bytes())
     data[len(data) // 2] ^= 1
     flipped.write_bytes(data)
-    outcome = quiet(plan, tmp_path)
+    outcome = run_silently(plan, tmp_path)
     assert (outcome.runs_before, outcome.runs_now) == (72 - 3 * 12, 72)
     assert contents(tmp_path) == whole
 
@@ -140,14 +140,14 @@ def flipped(path, bit):
 def test_a_coordinate_that_is_lost_or_damaged_is_found_when_read_and_mended_when_resumed(tmp_path, whole):
     """Coordinates had no checksum: of 53 flipped bits 18 changed values, and without its chunk one was read as zeros."""
     plan = read(GRID)
-    quiet(plan, tmp_path)
+    run_silently(plan, tmp_path)
     chunk = tmp_path / "map.zarr" / "release_angle" / "c" / "0"
     size = 8 * len(chunk.read_bytes())
     for harm in (chunk.unlink, *(partial(flipped, chunk, bit) for bit in range(0, size, size // 4))):
         harm()
         with pytest.raises(MapError, match="^[^\n]*map.zarr: found (it damaged|no values of release_angle)"):
             open_map(tmp_path)
-        outcome = quiet(plan, tmp_path)
+        outcome = run_silently(plan, tmp_path)
         assert (outcome.runs_before, outcome.runs_now) == (72, 72)
         assert contents(tmp_path) == whole
     assert np.allclose(open_map(tmp_path)["release_angle"], np.radians(np.linspace(60, 130, 6)), rtol=1e-15)
@@ -155,10 +155,10 @@ def test_a_coordinate_that_is_lost_or_damaged_is_found_when_read_and_mended_when
 
 def test_a_coordinate_of_a_map_without_checksums_is_mended_too(tmp_path):
     plan = read(GRID)
-    quiet(plan, tmp_path)
+    run_silently(plan, tmp_path)
     group = zarr.open_group(tmp_path / "map.zarr", mode="r+", use_consolidated=False)
     group["mass_ratio"][3] = 3.5
-    quiet(plan, tmp_path)
+    run_silently(plan, tmp_path)
     assert group["mass_ratio"][3] == 4.0
 
 
@@ -166,19 +166,19 @@ def test_a_coordinate_of_a_map_without_checksums_is_mended_too(tmp_path):
 def test_a_damaged_description_is_one_line_that_names_it(tmp_path, file):
     """It ended in a bare JSONDecodeError; a digit in it that is another one changed what was read."""
     plan = read(GRID)
-    quiet(plan, tmp_path)
+    run_silently(plan, tmp_path)
     path = tmp_path / "map.zarr" / file
     good = path.read_bytes()
     for bad in (good[:-20], b"", b"[]", b"[" * 10**5, b"\xff" + good, good.replace(b"12", b"13"), good.replace(b'"m"', b'"k"')):
         if bad != good:
             path.write_bytes(bad)
             with pytest.raises(MapError, match=r"^[^\n]*found (it damaged|something that is no|another) [^\n]*$"):
-                quiet(plan, tmp_path)
+                run_silently(plan, tmp_path)
     path.unlink()
     with pytest.raises(MapError, match="found it damaged|no map"):
-        quiet(plan, tmp_path)
+        run_silently(plan, tmp_path)
     path.write_bytes(good)
-    assert quiet(plan, tmp_path).runs_before == 72
+    assert run_silently(plan, tmp_path).runs_before == 72
 
 
 def test_chunks_without_a_halt_are_done_too(tmp_path):
@@ -190,8 +190,8 @@ def test_chunks_without_a_halt_are_done_too(tmp_path):
             result.values[field.name][:] = field.fill
         return result
 
-    quiet(plan, tmp_path, solve=never)
-    assert quiet(plan, tmp_path, solve=never).runs_before == 72
+    run_silently(plan, tmp_path, solve=never)
+    assert run_silently(plan, tmp_path, solve=never).runs_before == 72
 
 
 def test_ctrl_c_keeps_what_is_done_and_the_same_call_goes_on(tmp_path, whole):
@@ -203,12 +203,12 @@ def test_ctrl_c_keeps_what_is_done_and_the_same_call_goes_on(tmp_path, whole):
         made.append(task.index)
         return fake.solve(task)
 
-    outcome = quiet(plan, tmp_path, solve=interrupted)
+    outcome = run_silently(plan, tmp_path, solve=interrupted)
     assert outcome.interrupted
     assert (outcome.runs_now, outcome.complete) == (48, False)
     data = open_map(tmp_path)
     assert int((data["end"] == -1).sum()) == 72 - 48
-    assert quiet(plan, tmp_path).runs_before == 48
+    assert run_silently(plan, tmp_path).runs_before == 48
     assert contents(tmp_path) == whole
 
 
@@ -280,10 +280,10 @@ def test_a_full_disk_is_one_line_and_leaves_the_rest_whole(tmp_path, whole, monk
 
     monkeypatch.setattr(zarr.storage.LocalStore, "set", full)
     with pytest.raises(MapError, match="found a full disk .*what is finished is kept: free some.*same command again") as caught:
-        quiet(plan, tmp_path)
+        run_silently(plan, tmp_path)
     assert "\n" not in str(caught.value)
     assert 0 < len(chunk_files(tmp_path)) < 6
-    assert quiet(plan, tmp_path).runs_before > 0
+    assert run_silently(plan, tmp_path).runs_before > 0
     assert contents(tmp_path) == whole
 
 
@@ -291,28 +291,28 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path):
     plan = read(GRID)
     (tmp_path / "thesis.tex").write_text("precious")
     with pytest.raises(MapError, match=r"found other files \(thesis.tex\), needed an empty folder.*--out"):
-        quiet(plan, tmp_path)
+        run_silently(plan, tmp_path)
     assert (tmp_path / "thesis.tex").read_text() == "precious"
     assert not (tmp_path / "map.zarr").exists()
 
 
 def test_another_map_is_left_alone(tmp_path, whole):
-    quiet(read(GRID), tmp_path)
+    run_silently(read(GRID), tmp_path)
     for other in (GRID.replace("1e-6", "1e-7"), GRID.replace("count: 12", "count: 13"), SAMPLE):
         with pytest.raises(MapError, match=r"found another map \('A grid', .*needed the map of map.yaml; choose another"):
-            quiet(map_file.load_text(other), tmp_path)
+            run_silently(map_file.load_text(other), tmp_path)
     assert contents(tmp_path) == whole
     commented = map_file.load_text(GRID + "# a comment decides nothing\n")
-    assert quiet(commented, tmp_path).runs_before == 72
+    assert run_silently(commented, tmp_path).runs_before == 72
 
 
 def test_a_map_of_other_versions_is_not_mixed(tmp_path):
     plan = read(GRID)
-    quiet(plan, tmp_path)
+    run_silently(plan, tmp_path)
     group = zarr.open_group(tmp_path / "map.zarr", mode="r+", use_consolidated=False)
     group.attrs["versions"] = {**group.attrs["versions"], "numpy": "1.0"}
     with pytest.raises(MapError, match=r"begun with numpy 1\.0, and here is .*install numpy 1\.0, or choose another folder"):
-        quiet(plan, tmp_path)
+        run_silently(plan, tmp_path)
 
 
 def test_two_at_once_in_one_folder(tmp_path):
@@ -320,10 +320,10 @@ def test_two_at_once_in_one_folder(tmp_path):
 
     def second(task):
         with pytest.raises(MapError, match="found another run that is writing here"):
-            quiet(plan, tmp_path)
+            run_silently(plan, tmp_path)
         return fake.solve(task)
 
-    assert quiet(plan, tmp_path, solve=second).complete
+    assert run_silently(plan, tmp_path, solve=second).complete
 
 
 def test_engines_may_be_mapped_too(tmp_path):
@@ -332,7 +332,7 @@ def test_engines_may_be_mapped_too(tmp_path):
     text = "title: E\nscenario: ten_to_one\nengine: [reference, mujoco:effective_mass]\nparameters:\n  mass_ratio: [9, 10]\n"
     plan = map_file.load_text(text + "duration: 1.5 s\n")
     with pytest.raises(EngineError, match="needs read_landmarks"):
-        quiet(plan, tmp_path)
+        run_silently(plan, tmp_path)
     run_map(plan, tmp_path, jobs=1, read_landmarks=run_landmarks)
     data = open_map(tmp_path)
     assert data["halting_time"].dims == ("engine", "mass_ratio")
@@ -350,10 +350,10 @@ def test_a_disk_that_is_really_full(tmp_path, whole):
         pytest.skip("only root may mount a small disk")
     try:
         with pytest.raises(MapError, match="found a full disk"):
-            quiet(plan, small / "out")
+            run_silently(plan, small / "out")
         assert len(chunk_files(small / "out")) > 0
         subprocess.run(["mount", "-o", "remount,size=64m", str(small)], check=True)
-        assert quiet(plan, small / "out").runs_before > 0
+        assert run_silently(plan, small / "out").runs_before > 0
         assert contents(small / "out") == whole
     finally:
         subprocess.run(["umount", str(small)], check=True)
@@ -362,9 +362,9 @@ def test_a_disk_that_is_really_full(tmp_path, whole):
 def test_processes_change_no_byte_even_if_one_dies(tmp_path, whole):
     plan = read(GRID)
     with pytest.raises(EngineError, match="a worker process died.*run the same command again, with fewer --jobs"):
-        quiet(plan, tmp_path, jobs=2, solve=fake.die_at_last)
+        run_silently(plan, tmp_path, jobs=2, solve=fake.die_at_last)
     assert 0 < len(chunk_files(tmp_path)) < 6
-    assert quiet(plan, tmp_path).runs_before > 0
+    assert run_silently(plan, tmp_path).runs_before > 0
     assert contents(tmp_path) == whole
 
 

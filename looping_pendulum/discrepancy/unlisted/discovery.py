@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,7 +22,7 @@ from looping_pendulum.discrepancy.fit.calibration import WINDOW_COST_TOLERANCE, 
 from looping_pendulum.discrepancy.fit.problem import FreeParameter, ParameterRole, Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, check_held_out
-from looping_pendulum.discrepancy.workers import SERIAL, Workers
+from looping_pendulum.discrepancy.workers import SERIAL, ProgressCallback, Workers
 from looping_pendulum.reference_ode.effects.closure import COORDINATES, FACTORS, N_BASIS_FUNCTIONS, weight_name
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solution import Samples
@@ -44,9 +44,6 @@ MAX_REFITS = 4
 """Closures that are refitted to the trajectories, the best of the screening."""
 SIGNIFICANT_ERRORS = 2.0
 """Standard errors that a force must exceed at a coordinate to be reported as significant there."""
-
-StepCallback = Callable[[str], None]
-"""Called with a description of each step as it begins."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +143,7 @@ class ScreenedClosure:
 def discover(
     base: Fit,
     held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
-    report_step: StepCallback = lambda what: None,
+    report_step: ProgressCallback = lambda what: None,
     workers: Workers = SERIAL,
 ) -> list[RecoveredForce]:
     """Search all closures; return the best ones, refitted, in the order in which they explain held-out data.

@@ -19,7 +19,7 @@ from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise
 from looping_pendulum.discrepancy.fit.problem import FreeParameter, ParameterRole, Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, check_held_out
-from looping_pendulum.discrepancy.unlisted.discovery import TARGETS, WEAK_PRIOR, RecoveredForce, StepCallback
+from looping_pendulum.discrepancy.unlisted.discovery import TARGETS, WEAK_PRIOR, RecoveredForce
 from looping_pendulum.discrepancy.unlisted.simplify import (
     MIN_WIDTH,
     CoordinateRange,
@@ -28,6 +28,7 @@ from looping_pendulum.discrepancy.unlisted.simplify import (
     coordinate_range_of,
     predict_formulas,
 )
+from looping_pendulum.discrepancy.workers import ProgressCallback
 from looping_pendulum.reference_ode.effects.closure import weight_name
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -96,7 +97,7 @@ def refit(
     base: Fit,
     forces: Sequence[RecoveredForce],
     held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
-    report_step: StepCallback,
+    report_step: ProgressCallback,
 ) -> list[FittedFormula]:
     """Refit the formulas of lowest predicted BIC to the trajectories; return them, largest delta BIC first.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from typing import Any
 
 from looping_pendulum.engines.protocol import Engine
@@ -18,6 +17,7 @@ from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import HarnessError, MissingPackageError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.versions import installed_version
 
 MeasuredValues = Mapping[str, Mapping[str, Any]]
 """Quantity -> case -> measured value: ``values["halt"]["reference"]``; None where there is nothing to measure."""
@@ -205,7 +205,7 @@ def _cell(quantity: MeasuredColumn, value: Any) -> str:
 
 
 def _versions(runs: Any, packages: Sequence[str]) -> dict[str, str]:
-    found = {package: version(package) for package in ("looping-pendulum", *packages)}
+    found = {package: installed_version(package) for package in ("looping-pendulum", *packages)}
     for run in runs:
         if isinstance(run, Trajectory):
             found |= run.provenance.versions
