@@ -30,6 +30,8 @@ needs_drake = pytest.mark.skipif(not HERE, reason="pydrake is not installed")
 QUICK = SETTINGS[Profile.QUICK]
 NO_DRAG = {"light_drag": 0.0, "heavy_drag": 0.0, "string_drag": 0.0}
 HANGING = TEN_TO_ONE.replace(release="vertical", free_length=0.4, **NO_DRAG)
+QUARTER = TEN_TO_ONE.replace(free_length=TEN_TO_ONE.free_length / 4)
+"""The trial on a quarter of its string: times are about half as long, so a run costs half; it halts at 0.18 s."""
 
 
 def scenario(parameters, duration):
@@ -84,9 +86,10 @@ def test_studies_vary_one_thing_at_a_time():
 
 
 @pytest.fixture(scope="module")
-def ten_to_one():
-    """Return one run past the halt at 0.385 s, shared by several tests."""
-    return run(TEN_TO_ONE, 0.45)
+def quarter():
+    """Return a run of `QUARTER` until 35 ms after its halt, and the time of the halt, shared by several tests."""
+    halt = solve(QUARTER).halting_time
+    return run(QUARTER, round(halt + 0.035, 3)), halt
 
 
 @needs_drake
@@ -105,7 +108,8 @@ def test_vertical_release_is_an_atwood_machine_with_the_capstan_ratio(rod_radius
 @pytest.mark.parametrize("degrees", [90, *(pytest.param(d, marks=pytest.mark.accurate) for d in (180, 270))])
 def test_tension_ratio_obeys_the_capstan_law(degrees):
     # Oracle: exp(mu theta), measured through the protocol alone. Bound: 1 %, of which 0.1 % is the measurement's own.
-    assert abs(measure_capstan_exponent(DrakeChain(), wrap_angle=math.radians(degrees)).error) < 0.01
+    # At 90 deg the light mass swings, which makes that 0.1 % in 0.15 s; in 0.1 s it is less, and the string slides by 12 links.
+    assert abs(measure_capstan_exponent(DrakeChain(), wrap_angle=math.radians(degrees), duration=0.1).error) < 0.01
 
 
 @needs_drake
@@ -119,38 +123,41 @@ def test_static_capstan(share, holds):
 
 
 @needs_drake
-def test_ten_to_one_follows_the_reference_to_the_halt(ten_to_one):
-    # Oracle: the reference. Bounds: 0.6 mm and 1 mm are those of the other chains; the halt's is two samples.
-    until = ten_to_one.t <= 0.35 + 1e-9
-    exact = solve_at(TEN_TO_ONE, ten_to_one.t, duration=0.6)
-    distance = np.linalg.norm(ten_to_one.light_position - exact.light_position, axis=1)
-    assert math.sqrt(np.mean(distance[until] ** 2)) < 0.6e-3
-    assert ten_to_one.heavy_drop[-1] == pytest.approx(exact.heavy_position[0, 1] - exact.heavy_position[-1, 1], abs=1e-3)
-    speed = ten_to_one.heavy_velocity[:, 1]
-    stops = ten_to_one.t[np.flatnonzero((speed > -1e-3) & (ten_to_one.t > 0.1))[0]]
-    assert stops == pytest.approx(solve(TEN_TO_ONE).halting_time, abs=2e-3)
+def test_ten_to_one_follows_the_reference_to_the_halt(quarter):
+    # Oracle: the reference. Bounds: a quarter of 0.6 mm and of 1 mm, those of the other chains over the whole string, because
+    # the masses go a quarter of the way; the halt's is two samples.
+    found, halt = quarter
+    until = found.t <= 0.91 * halt  # of the trial's 0.385 s, the 0.35 s of the other chains
+    exact = solve_at(QUARTER, found.t, duration=found.t[-1] + 0.01)
+    distance = np.linalg.norm(found.light_position - exact.light_position, axis=1)
+    assert math.sqrt(np.mean(distance[until] ** 2)) < 0.15e-3
+    assert found.heavy_drop[-1] == pytest.approx(exact.heavy_position[0, 1] - exact.heavy_position[-1, 1], abs=0.25e-3)
+    speed = found.heavy_velocity[:, 1]
+    stops = found.t[np.flatnonzero((speed > -1e-3) & (found.t > 0.05))[0]]
+    assert stops == pytest.approx(halt, abs=2e-3)
 
 
 @needs_drake
-def test_halted_string_sticks(ten_to_one):
+def test_halted_string_sticks(quarter):
     # Oracle: sticking is rest. Bound: the stiction tolerance, below which Drake's friction is regularised.
-    rest = ten_to_one.t > 0.41
-    creep = np.polyfit(ten_to_one.t[rest], ten_to_one.heavy_drop[rest], 1)[0]
+    found, halt = quarter
+    rest = found.t > halt + 0.015
+    creep = np.polyfit(found.t[rest], found.heavy_drop[rest], 1)[0]
     assert abs(creep) < QUICK.stiction_tolerance
 
 
 @needs_drake
-def test_string_keeps_its_length(ten_to_one):
+def test_string_keeps_its_length(quarter):
     # Oracle: the constraint, from the masses' positions alone. Bound where the string rests: the stretch that the chain admits,
     # the offset R b^2 / 8 of a string that leaves a polygon and as much again for beads that land, and what beads sink in under
     # a tension T, T b / k, along a wound string on which T falls off as exp(-mu theta): T b / (k mu), for twice the heavy
     # mass's weight. While it slides beads bounce off the rod for some ms: the suite's 1 mm.
-    p = TEN_TO_ONE
-    path = ten_to_one.free_length + p.rod_radius * ten_to_one.wrap_angle - ten_to_one.heavy_position[:, 1]
+    p, (found, halt) = QUARTER, quarter
+    path = found.free_length + p.rod_radius * found.wrap_angle - found.heavy_position[:, 1]
     sunk = 2 * p.heavy_mass * 9.81 * QUICK.bend / (QUICK.contact_stiffness * p.coefficients["kinetic_friction"])
-    resting = np.abs(ten_to_one.string_stretch) + 2 * p.rod_radius * QUICK.bend**2 / 8 + sunk
-    assert np.abs(ten_to_one.string_stretch).max() < 0.3e-3
-    assert np.all(np.abs(path - p.string_length) <= np.where(ten_to_one.t > 0.41, resting, 1e-3))
+    resting = np.abs(found.string_stretch) + 2 * p.rod_radius * QUICK.bend**2 / 8 + sunk
+    assert np.abs(found.string_stretch).max() < 0.3e-3
+    assert np.all(np.abs(path - p.string_length) <= np.where(found.t > halt + 0.015, resting, 1e-3))
 
 
 @needs_drake
@@ -188,7 +195,7 @@ def test_a_slack_string_does_not_push():
 
 
 @needs_drake
-@pytest.mark.accurate  # a tenth, too: every step is seen to; `ten_to_one` holds the grouped run against the reference every day
+@pytest.mark.accurate  # a tenth, too: every step is seen to; `quarter` holds a grouped run against the reference every day
 def test_groups_of_steps_change_little():
     # Oracle: the same engine with drag and beads seen to at every step. Bound: a fifth of the bound against the reference.
     grouped, every = (run(TEN_TO_ONE, 0.1, steps_per_group=n) for n in (QUICK.steps_per_group, 1))

@@ -24,8 +24,8 @@ LEAST = 5e-4
 """[m] by which an effect must move a mass, so that there is something to miss."""
 PUSHES = {"push_across": {"push_across": 0.5}, "push_along": {"push_along": 0.5}}
 """Effect -> coefficients with which it shows."""
-WITHOUT = TEN_TO_ONE.replace(kinetic_friction=0.0, light_drag=0.0, heavy_drag=0.0, string_drag=0.0)
-"""Without friction, so that engines that have none are examined too."""
+WITHOUT = TEN_TO_ONE.replace(free_length=0.2, kinetic_friction=0.0, light_drag=0.0, heavy_drag=0.0, string_drag=0.0)
+"""Without friction, so that engines that have none are examined too; a short string, as every link costs time."""
 
 
 def main_variants():

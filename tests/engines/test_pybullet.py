@@ -170,7 +170,7 @@ def nodes_on_rod(margin: float) -> tuple[list[int], float]:
     """Return the links whose nodes touch the rod after 10 ms of sliding, and the deepest penetration [m]."""
     import pybullet
 
-    rig = PybulletChain().with_settings(neighbour_margin=margin).build(scenario(0.1, free_length=0.58))
+    rig = PybulletChain().with_settings(neighbour_margin=margin).build(scenario(0.1, free_length=0.1))
     for _ in range(10):
         rig.advance()
     contacts = pybullet.getContactPoints(rig._body, physicsClientId=rig._world.client)
@@ -235,7 +235,7 @@ def test_vertical_release_is_an_atwood_machine_with_capstan_friction(radius: flo
     pytest.importorskip("pybullet")
     engine, friction = PybulletChain(), 0.34
     vertical = scenario(
-        0.15, release="vertical", rod_radius=radius, free_length=0.25, coefficients={"kinetic_friction": friction}
+        0.15, release="vertical", rod_radius=radius, free_length=0.12, coefficients={"kinetic_friction": friction}
     )
     run = engine.simulate(vertical).raise_if_failed()
     pull = 0.01 * math.exp(friction * math.pi)
@@ -251,7 +251,7 @@ def test_vertical_release_is_an_atwood_machine_with_capstan_friction(radius: flo
 def test_held_heavy_mass_makes_a_pendulum_that_winds_as_the_reference_does() -> None:
     pytest.importorskip("pybullet")
     engine = PybulletChain()
-    held = scenario(0.15, release="held", coefficients={"kinetic_friction": 0.34, "light_drag": 1e-3})
+    held = scenario(0.15, release="held", free_length=0.2, coefficients={"kinetic_friction": 0.34, "light_drag": 1e-3})
     run = engine.simulate(held).raise_if_failed()
     exact = solve_at(held.parameters, run.t, duration=held.duration)
     error = np.linalg.norm(run.light_position[: len(exact.t)] - exact.light_position, axis=1)
@@ -262,7 +262,7 @@ def test_held_heavy_mass_makes_a_pendulum_that_winds_as_the_reference_does() -> 
 
 def test_looping_release_follows_the_reference_while_the_string_slides() -> None:
     pytest.importorskip("pybullet")
-    looping = scenario(0.15, free_length=0.58, coefficients={"kinetic_friction": 0.34, "light_drag": 1e-3})
+    looping = scenario(0.15, free_length=0.2, coefficients={"kinetic_friction": 0.34, "light_drag": 1e-3})
     engine = PybulletChain()
     run = engine.simulate(looping).raise_if_failed()
     exact = solve_at(looping.parameters, run.t, duration=looping.duration)
@@ -275,8 +275,8 @@ def test_looping_release_follows_the_reference_while_the_string_slides() -> None
 
 def test_forces_may_be_updated_every_few_steps_only() -> None:
     pytest.importorskip("pybullet")
-    windy = scenario(0.03, coefficients={"light_drag": 0.02, "wind_speed": -4.0})
-    calm = PybulletChain().simulate(scenario(0.03))
+    windy = scenario(0.03, free_length=0.1, coefficients={"light_drag": 0.02, "wind_speed": -4.0})
+    calm = PybulletChain().simulate(scenario(0.03, free_length=0.1))
     often = PybulletChain().with_settings(force_interval=1).simulate(windy)
     seldom = PybulletChain().with_settings(force_interval=5).simulate(windy)
     moved = np.linalg.norm(often.light_position[-1] - calm.light_position[-1])
@@ -304,6 +304,6 @@ def test_a_rig_leaves_no_file_and_no_server_behind(tmp_path, monkeypatch) -> Non
 
 def test_same_scenario_gives_the_same_numbers() -> None:
     pytest.importorskip("pybullet")
-    short = scenario(0.01, coefficients={"kinetic_friction": 0.34})
+    short = scenario(0.01, free_length=0.1, coefficients={"kinetic_friction": 0.34})
     first, second = PybulletChain().simulate(short), PybulletChain().simulate(short)
     assert np.array_equal(first.light_position, second.light_position)
