@@ -3,16 +3,44 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
 import yaml
 
+from looping_pendulum.discrepancy import inputs
 from tests.blind.cases import Case, write_case
 
 TWO_RATIOS = ("ten_a", "six", "eight")
 """Two training trials of different mass ratio, and the one that is held out: half the work of all four."""
+
+
+WHOLE_LIBRARY = None
+"""In place of the names of some candidates: all of them."""
+
+
+@contextmanager
+def only_candidates(names: Sequence[str] | None) -> Iterator[None]:
+    """Let an identification search these candidates alone: every other one costs a compilation and some ten model runs.
+
+    The search goes through the same steps with few candidates as with all. Which of all candidates wins is for accurate tests.
+    """
+    if names is WHOLE_LIBRARY:
+        yield
+        return
+    whole = inputs.candidates
+
+    def some(*arguments: Any) -> tuple[Any, ...]:
+        chosen = tuple(c for c in whole(*arguments) if c.name in names)
+        assert {c.name for c in chosen} == set(names)
+        return chosen
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(inputs, "candidates", some)
+        yield
 
 
 def write_study(
