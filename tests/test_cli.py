@@ -19,6 +19,7 @@ from looping_pendulum.engines import registry
 from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.scenarios import loader
 from tests.command_line import here
+from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
 from tests.engines.faulty import offer
 
 REFERENCE = f"reference:{available_integrators()[0]}"
@@ -141,6 +142,7 @@ def test_compare_writes_the_whole_report(compared):
         assert f"figures/{figure.name}" in report
 
 
+@pytest.mark.usefixtures("quick_figures")  # how figures are drawn is for the report above
 def test_a_baseline_lists_what_changed_and_leaves_the_exit_status(compared, tmp_path):
     old, new = tmp_path / "old", tmp_path / "new"
     shutil.copytree(compared, old)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -68,22 +69,33 @@ def test_a_wrong_command_would_be_found(text):
         group.commands[name].make_context(name, rest)
 
 
+def copy(source: Path, target: Path) -> None:
+    """Copy a file or a folder."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    if source.is_dir():
+        shutil.copytree(source, target, dirs_exist_ok=True)
+    else:
+        shutil.copyfile(source, target)
+
+
 def run_in_example_folder(chosen, folder, monkeypatch):
-    """Run commands, each page's in an example folder of its own; one that stood before and writes no file is left out."""
-    seen = set()
+    """Run commands, each page's in an example folder of its own; what one wrote with --out stands for the same one later."""
+    seen: dict[str, Path] = {}
     for page in dict.fromkeys(command.page for command in chosen):
         here = folder / page.replace("/", "-")
         write_example(here)
         monkeypatch.chdir(here)
         for command in (c for c in chosen if c.page == page):
-            if command.text in seen and command.output is None and "--out" not in command.arguments:
+            written = re.search(r"--out (\S+)$", command.text)
+            if command.text in seen and command.output is None and (written or "--out" not in command.arguments):
+                if written:  # for the commands below it
+                    copy(seen[command.text] / written[1], here / written[1])
                 continue
-            seen.add(command.text)
+            seen[command.text] = here
             done = CliRunner().invoke(app, list(command.arguments), input="\n" * 80)
             assert done.exit_code == 0, f"{page}: {command.text}: {done.output[-2000:]} {done.exception}"
             if command.output is not None:
                 Path(command.output).write_text(done.output, encoding="utf-8")
-            written = re.search(r"--out (\S+)$", command.text)
             assert written is None or Path(written[1]).exists(), command.text
 
 

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from scipy.stats import t as students_t
 
 from looping_pendulum.compare.convergence.ladder import (
     Correction,
@@ -53,6 +52,8 @@ def solved(h, values, noise):
 
 def expected(h, values, noise):
     """Order, its uncertainty, limit and its uncertainty of four rungs or more: leave one out, and Roache's factor."""
+    from scipy.stats import t as students_t  # takes a second to import, which every worker would pay
+
     count = len(h)
     order, limit, misfit, finest = solved(h, values, noise)
     others = [solved(np.delete(h, k), [v for j, v in enumerate(values) if j != k], noise) for k in range(count)]

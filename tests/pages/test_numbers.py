@@ -15,7 +15,12 @@ from looping_pendulum.pages.numbers import GAP, amount, number, quantity, signed
 UNITS = ("m", "s", "N", "m/s", "kg", "rad")
 SIGNED_SIZES = st.tuples(st.sampled_from([-1.0, 1.0]), st.floats(1e-8, 1e5)).map(lambda pair: pair[0] * pair[1])
 """What this apparatus and its runs can show: a nanometre's tenth apart from rounding, up to a day's seconds."""
-REGISTRY = pint.UnitRegistry()
+
+
+@pytest.fixture(scope="module")
+def registry():
+    """Made for the test that needs it: that takes most of a second, and every worker of pytest collects this file."""
+    return pint.UnitRegistry()
 
 
 @pytest.mark.parametrize(
@@ -52,9 +57,9 @@ def test_quantities_read_as_a_person_writes_them(value, unit, text):
 
 
 @given(SIGNED_SIZES, st.sampled_from(UNITS), st.sampled_from([2, 3]))
-def test_a_quantity_is_itself_to_its_digits_in_short_and_without_an_exponent(value, unit, digits):
+def test_a_quantity_is_itself_to_its_digits_in_short_and_without_an_exponent(registry, value, unit, digits):
     text = quantity(value, unit, digits)
-    found = REGISTRY.Quantity(text.replace("deg", "degree")).to(unit).magnitude
+    found = registry.Quantity(text.replace("deg", "degree")).to(unit).magnitude
     # Rounded to `digits` digits at least: half a unit of the last one, over a first digit of 1; and rounding of doubles.
     assert abs(found - value) <= (0.5 * 10.0 ** (1 - digits) + 1e-12) * abs(value)
     assert math.copysign(1, found) == math.copysign(1, value)

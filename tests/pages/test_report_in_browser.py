@@ -1,4 +1,8 @@
-"""The reports in a real browser: figures are drawn, tables sort, names stay text, nothing is fetched."""
+"""The reports in a real browser: figures are drawn, tables sort, names stay text, nothing is fetched.
+
+A page takes seconds to open, most of them for Plotly. So each report is opened once, full of hostile names: what holds with
+them is all that a calm page shows, and that nothing of it is run.
+"""
 
 from __future__ import annotations
 
@@ -8,20 +12,25 @@ from looping_pendulum.compare import page as comparison_page
 from looping_pendulum.discrepancy.report import page as identification_page
 from tests.pages.conftest import DESKTOP, PHONE, sideways, until
 from tests.pages.made_up import identification
-from tests.pages.small import HOSTILE, hostile_result, small_result
+from tests.pages.small import HOSTILE, hostile_result
 
 DRAWN = "[...document.querySelectorAll('.figure')].every((box) => box.querySelector('.main-svg'))"
 
 
 @pytest.fixture(scope="module")
 def comparison(visit):
-    return visit(comparison_page.render(small_result()))
+    return visit(comparison_page.render(hostile_result()))
+
+
+@pytest.fixture(scope="module")
+def identified(visit):
+    return visit(identification_page.render(identification(HOSTILE)), viewport=PHONE, color_scheme="dark")
 
 
 def test_comparison_draws_its_figures_and_fetches_nothing(comparison):
     page = comparison.page
     until(page, DRAWN)
-    figures = comparison_page.figures(small_result())
+    figures = comparison_page.figures(hostile_result())
     assert page.locator(".figure").count() == len(figures) == 3
     for figure in figures:
         lines = page.locator(f"#{figure.id} .scatterlayer .trace").count()
@@ -65,22 +74,19 @@ def test_a_phone_shows_it_without_scrolling_sideways(comparison):
     page.set_viewport_size(DESKTOP)
 
 
-def test_identification_draws_every_figure(visit):
-    opened = visit(identification_page.render(identification("calm")), viewport=PHONE, color_scheme="dark")
-    until(opened.page, DRAWN)
-    drawn = [figure.id for figure in identification_page.figures(identification("calm"))]
+def test_identification_draws_every_figure(identified):
+    until(identified.page, DRAWN)
+    drawn = [figure.id for figure in identification_page.figures(identification(HOSTILE))]
     assert drawn == ["errors", "trial-0", "events", "ranking", "unlisted"]
     for name in drawn:
-        assert opened.page.locator(f"#{name} .trace").count() > 0
-    assert sideways(opened.page) == 0
-    opened.quiet(opened.page.url)
+        assert identified.page.locator(f"#{name} .trace").count() > 0
+    assert sideways(identified.page) == 0
+    identified.quiet(identified.page.url)
 
 
-@pytest.mark.parametrize("render", [
-    lambda: comparison_page.render(hostile_result()), lambda: identification_page.render(identification(HOSTILE))
-], ids=["comparison", "identification"])  # fmt: skip
-def test_hostile_names_show_as_text(visit, render):
-    opened = visit(render())
+@pytest.mark.parametrize("report", ["comparison", "identified"])
+def test_hostile_names_show_as_text(request, report):
+    opened = request.getfixturevalue(report)
     until(opened.page, DRAWN)
     assert "onerror=alert(1)" in opened.page.inner_text("h1")
     assert "<script>alert(1)</script>" in opened.page.inner_text("main")

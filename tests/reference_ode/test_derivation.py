@@ -79,13 +79,18 @@ def solve(laws: list[sp.Expr], *unknowns: sp.Symbol) -> dict[sp.Symbol, sp.Expr]
     return solution
 
 
-ALONG, ACROSS = (in_speeds(side) for side in newton_along_and_across())
+@pytest.fixture(scope="module")
+def balance() -> tuple[sp.Expr, sp.Expr]:
+    """The balance along and across in speeds; no constant, as every worker of pytest collects this file."""
+    along, across = (in_speeds(side) for side in newton_along_and_across())
+    return along, across
 
 
 @pytest.mark.parametrize(("mode", "slide"), [(Mode.SLIDING_DOWN, -1), (Mode.SLIDING_UP, 1)])
-def test_sliding_equations_follow_from_newton_with_the_capstan_law(mode, slide):
+def test_sliding_equations_follow_from_newton_with_the_capstan_law(mode, slide, balance):
+    along, across = balance
     heavy = M2 * ud - (T2 - M2 * g - g2 * slide * u0 * u0)  # |u| = slide u while sliding
-    unknown = solve([ALONG - T1, ACROSS, heavy, T2 - T1 * sp.exp(-slide * mu * th0)], ud, wd, T1, T2)
+    unknown = solve([along - T1, across, heavy, T2 - T1 * sp.exp(-slide * mu * th0)], ud, wd, T1, T2)
     y, signs = State(l0, th0, u0, w0, u0, 0), Signs(slide, 1, 0, 1)
     ours = equations.rates(sp, mode, t, y, signs, p, ALL)
     assert is_zero(ours.retreat_speed - unknown[ud])
@@ -97,25 +102,28 @@ def test_sliding_equations_follow_from_newton_with_the_capstan_law(mode, slide):
     assert is_zero(slack - unknown[T1] * (M2 + M1 * sp.exp(-slide * mu * th0)))
 
 
-def test_sticking_equation_follows_from_newton_with_a_resting_heavy_mass():
+def test_sticking_equation_follows_from_newton_with_a_resting_heavy_mass(balance):
+    along, across = balance
     rest = {u0: 0, ud: 0}
-    unknown = solve([(ALONG - T1).subs(rest), ACROSS.subs(rest)], wd, T1)
+    unknown = solve([(along - T1).subs(rest), across.subs(rest)], wd, T1)
     y, signs = State(l0, th0, 0, w0, 0, 0), Signs(-1, 1, 0, 1)
     ours = equations.rates(sp, Mode.STICKING, t, y, signs, p, ALL)
     assert is_zero(ours.across_speed - unknown[wd])
     assert is_zero(equations.tensions(sp, Mode.STICKING, t, y, signs, p, ALL)[0] - unknown[T1])
 
 
-def test_slack_equations_are_free_flight_of_the_light_mass():
-    unknown = solve([ALONG, ACROSS], ud, wd)
+def test_slack_equations_are_free_flight_of_the_light_mass(balance):
+    along, across = balance
+    unknown = solve([along, across], ud, wd)
     y, signs = State(l0, th0, u0, w0, sp.Symbol("u2"), 0), Signs(-1, 1, -1, 1)
     ours = equations.rates(sp, Mode.SLACK, t, y, signs, p, ALL)
     assert is_zero(ours.retreat_speed - unknown[ud])
     assert is_zero(ours.across_speed - unknown[wd])
 
 
-def test_the_papers_combined_equation_lacks_the_light_mass_under_its_string_drag():
+def test_the_papers_combined_equation_lacks_the_light_mass_under_its_string_drag(balance):
     """The erratum: eq. Eqn1 has alpha |l theta'| l^2 theta', the paper's own force balance demands that divided by M1."""
+    _, across = balance
     th_d, l_d = w0 / l0, u0 - R * w0 / l0
     th_dd = (wd - l_d * th_d) / l0
     speed = sp.sqrt(u0**2 + w0**2)
@@ -123,7 +131,7 @@ def test_the_papers_combined_equation_lacks_the_light_mass_under_its_string_drag
         2 * l_d * th_d + l0 * th_dd + R * th_d**2 - g * sp.sin(th0)
         + g1 / M1 * speed * w0 + alpha * sp.Abs(w0) * l0 * w0
     )  # fmt: skip
-    difference = ACROSS / M1 - printed
+    difference = across / M1 - printed
     expected = alpha * sp.Abs(w0) * l0 * w0 * (1 / M1 - 1)
     assert is_zero(difference - expected)
     assert not is_zero(difference)

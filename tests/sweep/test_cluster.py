@@ -8,6 +8,7 @@ import socket
 import subprocess
 import time
 from contextlib import ExitStack
+from importlib.util import find_spec
 
 import pytest
 
@@ -17,7 +18,8 @@ from looping_pendulum.sweep.executors import CONNECT_TIME
 from tests.sweep.maps import GRID, LONG, contents, program
 from tests.sweep.test_runner import run_silently
 
-pytest.importorskip("distributed")
+# Looked for and not imported: that takes most of a second, and every worker of pytest collects this file.
+pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="distributed is not installed")
 
 
 def started(stack, *arguments, **also):

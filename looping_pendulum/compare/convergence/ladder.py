@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+from scipy import special  # scipy.stats takes a second to import
 from scipy.optimize import minimize_scalar
-from scipy.stats import t as students_t
 
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -135,7 +135,7 @@ def classify_sequence(h: Array, values: Sequence[Array], *, floor: float = 0.0, 
     within = spread is not None and scatter <= SIGNIFICANT_CHANGE * max(spread, floor)
     why = "refinement changes it no more than small changes of the start do" if within else _not_monotone(values)
     mean = np.mean(tail, axis=0)
-    half_width = float(students_t.ppf(CONFIDENCE, len(tail) - 1)) * scatter / math.sqrt(len(tail))
+    half_width = float(special.stdtrit(len(tail) - 1, CONFIDENCE)) * scatter / math.sqrt(len(tail))
     drift = rms_norm(np.mean(tail[-2:], axis=0) - mean)  # A trend below the scatter still moves the mean.
     return SequenceFinding(
         kind=SequenceKind.WITHIN_SPREAD if within else SequenceKind.SCATTERS,
@@ -250,7 +250,7 @@ def _converging(h: Array, values: Sequence[Array], fit: _Fit, noise: float) -> S
             if without_k is not None:
                 jackknife_fits.append(without_k)
     known = len(jackknife_fits) == count
-    quantile = float(students_t.ppf(CONFIDENCE, count - 2)) if known else math.nan
+    quantile = float(special.stdtrit(count - 2, CONFIDENCE)) if known else math.nan
     factor = math.sqrt((count - 1) / count)
     order_error = factor * math.sqrt(sum((one.order - fit.order) ** 2 for one in jackknife_fits)) * quantile if known else None
     limit_error = (
