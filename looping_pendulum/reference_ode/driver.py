@@ -10,7 +10,7 @@ from looping_pendulum.errors import IntegrationError
 from looping_pendulum.reference_ode import rules
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import HeyokaIntegrator
-from looping_pendulum.reference_ode.laws import RunLaws, laws_of_numbers
+from looping_pendulum.reference_ode.hybrid_system import SingleRunSystem, system_of_floats
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.scipy_backend import ScipyIntegrator
 from looping_pendulum.reference_ode.solution import RunEvent, Segment, SegmentSamples
@@ -46,13 +46,13 @@ class Driver:
         backend = HeyokaIntegrator if integrator == "heyoka" else ScipyIntegrator
         self.integrator: Integrator = backend(self.values, self.effects, tolerance)
         self.events: list[RunEvent] = []
-        self.laws = self._make_laws()
-        self.motion = rules.release(self.laws, parameters.release, self._state_at_release())
+        self.system = self._make_system()
+        self.motion = rules.release(self.system, parameters.release, self._state_at_release())
         """Where the run stands."""
 
-    def _make_laws(self) -> RunLaws:
+    def _make_system(self) -> SingleRunSystem:
         """Return the equations as the rules ask them."""
-        return laws_of_numbers(self.values, self.effects)
+        return system_of_floats(self.values, self.effects)
 
     def _state_at_release(self) -> State:
         """Return the state at release, before a push along the string has acted on the heavy mass."""
@@ -96,7 +96,7 @@ class Driver:
     def _start_run(self) -> Segment | None:
         """Record the release, enter its mode and leave rest; return the segment of the latter, if there is one."""
         self._record(None, self.motion.mode)
-        self.motion, series, by_series = rules.leave_rest(self.laws, rules.enter(self.laws, self.motion))
+        self.motion, series, by_series = rules.leave_rest(self.system, rules.enter(self.system, self.motion))
         if not by_series:
             return None
         return Segment(
@@ -114,7 +114,7 @@ class Driver:
     def _apply_event(self, event: Event, t: Any, y: State) -> bool:
         """Apply ``event``, which happens at ``t`` [s] in the state ``y``, and record it; return whether the run is over."""
         before = self.motion.mode
-        self.motion = rules.apply_event(self.laws, before, event, self.motion._replace(t=t, y=y))
+        self.motion = rules.apply_event(self.system, before, event, self.motion._replace(t=t, y=y))
         self._record(event, before)
         return self.motion.mode is Mode.ENDED
 

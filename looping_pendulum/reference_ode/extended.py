@@ -20,7 +20,7 @@ from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import MAX_STEPS, HeyokaIntegrator, ModeEquations
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
-from looping_pendulum.reference_ode.laws import RunLaws
+from looping_pendulum.reference_ode.hybrid_system import SingleRunSystem
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Run, SegmentSamples
 from looping_pendulum.reference_ode.solve import DURATION, available_integrators
@@ -77,7 +77,7 @@ class _ExtendedDriver(Driver):
         number_type = _number_type(precision)
         self.motion = self.motion._replace(y=State(*map(number_type, self.motion.y)))
         # Functions of `math` would round to double precision
-        self.laws = RunLaws(Equations(np, self.values, self.effects), Equations(math, self.values, self.effects))
+        self.system = SingleRunSystem(Equations(np, self.values, self.effects), Equations(math, self.values, self.effects))
         self.integrator = _ExtendedIntegrator(self.values, self.effects, tolerance, number_type)
 
 

@@ -4,30 +4,30 @@ from __future__ import annotations
 
 import math
 
-from looping_pendulum.reference_ode.laws import Laws
+from looping_pendulum.reference_ode.hybrid_system import HybridSystem
 from looping_pendulum.reference_ode.state import TINY_SPEED, Motion
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
 
-def stick_roll_or_slide(laws: Laws, m: Motion) -> Motion:
+def stick_roll_or_slide(system: HybridSystem, m: Motion) -> Motion:
     """Return the motion of a string that does not slide now: it sticks, rolls with the rod or slides on it."""
     at_rest = m.y.rod_speed == 0
     margins = (0.0, 0.0)
     if at_rest:
         m = m._replace(mode=Mode.STICKING, signs=m.signs._replace(rod=0.0))
-        light, heavy = laws.tensions(m)
-        margins = laws.holding_margins(m)
-        if abs(light - heavy) > laws.p.bearing_friction:
+        light, heavy = system.tensions(m)
+        margins = system.holding_margins(m)
+        if abs(light - heavy) > system.p.bearing_friction:
             m = begin_to_turn(m, math.copysign(1.0, light - heavy))
         elif min(margins) >= 0:
             return m
     if m.signs.rod:
         rolling = m._replace(mode=Mode.ROLLING)
-        margins = laws.holding_margins(rolling)
+        margins = system.holding_margins(rolling)
         if min(margins) >= 0:
             return rolling
     m = m._replace(mode=Mode.SLIDING_DOWN if margins[0] < 0 else Mode.SLIDING_UP)
-    return turn_if_not_held(laws, m._replace(y=m.y._replace(rod_speed=0.0))) if at_rest else m
+    return turn_if_not_held(system, m._replace(y=m.y._replace(rod_speed=0.0))) if at_rest else m
 
 
 def begin_to_turn(m: Motion, sign: float) -> Motion:
@@ -35,24 +35,24 @@ def begin_to_turn(m: Motion, sign: float) -> Motion:
     return m._replace(signs=m.signs._replace(rod=sign, rod_phase=0.0), y=m.y._replace(rod_speed=sign * TINY_SPEED))
 
 
-def turn_if_not_held(laws: Laws, m: Motion) -> Motion:
+def turn_if_not_held(system: HybridSystem, m: Motion) -> Motion:
     """Return the motion of a rod at rest, which begins to turn if the string rubs it harder than its bearing holds it."""
     m = m._replace(signs=m.signs._replace(rod=0.0))
     if m.mode.sliding:
         slide = 1.0 if m.mode is Mode.SLIDING_UP else -1.0
         m = m._replace(signs=m.signs._replace(slide=slide))
-        light, heavy = laws.tensions(m)
-        if slide * (light - heavy) > laws.p.bearing_friction:
+        light, heavy = system.tensions(m)
+        if slide * (light - heavy) > system.p.bearing_friction:
             return begin_to_turn(m, slide)
     return m
 
 
-def apply_phase_event(laws: Laws, event: Event, m: Motion) -> Motion:
+def apply_phase_event(system: HybridSystem, event: Event, m: Motion) -> Motion:
     """Return the motion after the rod began to slow, or began or ceased to turn under a string that slides or is slack."""
     if event is Event.ROD_SLOWS:
         return m._replace(signs=m.signs._replace(rod_phase=1.0))
     if m.signs.rod:
-        return turn_if_not_held(laws, m._replace(y=m.y._replace(rod_speed=0.0)))
+        return turn_if_not_held(system, m._replace(y=m.y._replace(rod_speed=0.0)))
     return begin_to_turn(m, m.signs.slide)
 
 

@@ -1,8 +1,9 @@
 """Rules of transition: what the release and each event do to mode, state and signs; which mode follows.
 
-Each rule is a pure function from one `Motion` to the next and asks the equations through `Laws`. It decides by ``laws.where``
-and ``laws.choose``, so that one run (numbers) and many runs at once (arrays) follow the same lines. Only what is the same for
-all of these runs, as the event and the effects, is decided by ``if``. A rod that turns has further rules, in `rod`.
+Each rule is a pure function from one `Motion` to the next and asks for the equations through `HybridSystem`. It decides by
+``system.where`` and ``system.choose``, so that one run (numbers) and many runs at once (arrays) follow the same lines. Only
+what is the same for all of these runs, such as the event and the effects, is decided by ``if``. A rod that turns has further
+rules, in `rod`.
 
 Comparisons with 0 are of three kinds. Coefficients are as given, and signs and the speeds of what rests (or `TINY_SPEED`) were
 assigned, so these comparisons are exact. Tensions and margins are computed and have tolerances (`RELATIVE_TENSION_TOLERANCE`,
@@ -16,7 +17,7 @@ from typing import Any, NamedTuple
 
 from looping_pendulum.reference_ode import rod
 from looping_pendulum.reference_ode.equations import Impact
-from looping_pendulum.reference_ode.laws import Laws
+from looping_pendulum.reference_ode.hybrid_system import HybridSystem
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.state import TINY_SPEED, Motion, Signs, State, winding
 from looping_pendulum.reference_ode.transitions import Event, Mode, TransitionChoice, next_mode
@@ -44,18 +45,18 @@ def state_at_release(start: Parameters) -> State:
     return y._replace(heavy_tilt=c["heavy_swing"], sideways_speed=c["push_sideways"])
 
 
-def release(laws: Laws, kind: Release, y: State) -> Motion:
+def release(system: HybridSystem, kind: Release, y: State) -> Motion:
     """Return the motion just after a release with the state ``y``.
 
     A push away from the rod acts on both masses, as when a slack string becomes taut; one towards it leaves the string slack.
     """
-    across = laws.where(y.across_speed < 0, -1.0, 1.0)
+    across = system.where(y.across_speed < 0, -1.0, 1.0)
     m = Motion(Mode.FALLING, 0.0, y, Signs(slide=-1.0, across=across, heavy=-1.0, phase=0.0))
     held = kind is Release.HELD
     if kind is Release.DROP:
         return m
-    if laws.string_stretches:
-        y = laws.with_stretch_at_rest(m)
+    if system.string_stretches:
+        y = system.with_stretch_at_rest(m)
         # What the clamp holds does not stretch
         return (
             m._replace(mode=Mode.CLAMPED, y=y._replace(heavy_stretch=0.0)) if held else m._replace(mode=Mode.SLIDING_DOWN, y=y)
@@ -63,18 +64,18 @@ def release(laws: Laws, kind: Release, y: State) -> Motion:
     push = y.retreat_speed
     slack = m._replace(mode=Mode.CLAMPED_SLACK if held else Mode.SLACK)
     if held:
-        taut = m._replace(mode=Mode.CLAMPED, y=y._replace(retreat_speed=laws.where(push < 0, push, 0.0)))
+        taut = m._replace(mode=Mode.CLAMPED, y=y._replace(retreat_speed=system.where(push < 0, push, 0.0)))
     else:
-        taut = stick_or_slide(laws, m)
-        if laws.any(push > 0):
-            taut = laws.choose(push > 0, slide_or_stick_after_impulse(laws, m), taut)
-    taut = begin_sliding(laws, taut)
+        taut = stick_or_slide(system, m)
+        if system.any(push > 0):
+            taut = system.choose(push > 0, slide_or_stick_after_impulse(system, m), taut)
+    taut = begin_sliding(system, taut)
     # If the light mass does not move backwards the tension grows, so that a tension of zero, but for rounding, is the edge of a
     # taut string. Taken for slack it would never become taut, as its slack neither opens nor closes.
-    weight = laws.p.light_mass * laws.p.gravity
-    least = laws.where(y.across_speed >= 0, -RELATIVE_TENSION_TOLERANCE * weight, 0.0)
-    pulls = laws.tensions(taut)[0] >= least
-    return laws.choose(push < 0, slack, laws.choose(pulls, taut, taut._replace(mode=slack.mode)))
+    weight = system.p.light_mass * system.p.gravity
+    least = system.where(y.across_speed >= 0, -RELATIVE_TENSION_TOLERANCE * weight, 0.0)
+    pulls = system.tensions(taut)[0] >= least
+    return system.choose(push < 0, slack, system.choose(pulls, taut, taut._replace(mode=slack.mode)))
 
 
 class RestSeries(NamedTuple):
@@ -85,7 +86,7 @@ class RestSeries(NamedTuple):
     square: State
 
 
-def leave_rest(laws: Laws, m: Motion) -> tuple[Motion, RestSeries, Any]:
+def leave_rest(system: HybridSystem, m: Motion) -> tuple[Motion, RestSeries, Any]:
     """Take the first `REST_SERIES_DURATION` by a series where the light mass starts at rest, where |v| is not analytic.
 
     Returns
@@ -97,21 +98,21 @@ def leave_rest(laws: Laws, m: Motion) -> tuple[Motion, RestSeries, Any]:
     by_series
         Whether it was taken.
     """
-    rate, y = laws.rates(m), m.y
+    rate, y = system.rates(m), m.y
     across_at_rest = y.across_speed == 0
-    across = laws.where(across_at_rest, laws.where(rate.across_speed >= 0, 1.0, -1.0), m.signs.across)
+    across = system.where(across_at_rest, system.where(rate.across_speed >= 0, 1.0, -1.0), m.signs.across)
     at_rest = across_at_rest & (y.retreat_speed == 0) & (y.sideways_speed == 0)
-    by_series = at_rest & (_is_one_of(m.mode, STRING_MOVES + SLACK) | laws.string_stretches)
+    by_series = at_rest & (_is_one_of(m.mode, STRING_MOVES + SLACK) | system.string_stretches)
     # Speeds grow linearly from rest, so that what they move has these second derivatives
     turning = rate.across_speed / y.free_length
     second_derivatives = State(
-        free_length=rate.retreat_speed - laws.p.rod_radius * turning,
+        free_length=rate.retreat_speed - system.p.rod_radius * turning,
         wrap_angle=turning,
         retreat_speed=0.0,
         across_speed=0.0,
         heavy_speed=0.0,
         slack=rate.heavy_speed - rate.retreat_speed,
-        heavy_tilt=rate.heavy_across_speed / laws.p.hanging_length if laws.heavy_mass_swings else 0.0,
+        heavy_tilt=rate.heavy_across_speed / system.p.hanging_length if system.heavy_mass_swings else 0.0,
     )
     series = RestSeries(
         constant=y,
@@ -120,14 +121,14 @@ def leave_rest(laws: Laws, m: Motion) -> tuple[Motion, RestSeries, Any]:
     )
     signs = m.signs._replace(across=across)
     gone = m._replace(t=REST_SERIES_DURATION, y=State(*(a + b + c for a, b, c in zip(*series, strict=True))), signs=signs)
-    signed = laws.where(across_at_rest, y.across_speed + TINY_SPEED * across, y.across_speed)
-    return laws.choose(by_series, gone, m._replace(y=y._replace(across_speed=signed), signs=signs)), series, by_series
+    signed = system.where(across_at_rest, y.across_speed + TINY_SPEED * across, y.across_speed)
+    return system.choose(by_series, gone, m._replace(y=y._replace(across_speed=signed), signs=signs)), series, by_series
 
 
 # Events
 
 
-def apply_event(laws: Laws, mode: Mode, event: Event, m: Motion) -> Motion:
+def apply_event(system: HybridSystem, mode: Mode, event: Event, m: Motion) -> Motion:
     """Return the motion after ``event``, at which the run, or all runs, arrived in ``mode``."""
     following = next_mode(mode, event)
     if following is Mode.ENDED:
@@ -141,82 +142,82 @@ def apply_event(laws: Laws, mode: Mode, event: Event, m: Motion) -> Motion:
     if event in (Event.SLOWS, Event.CLOSES):
         return m._replace(signs=m.signs._replace(phase=1.0))
     if event is Event.FIRST_TURN:
-        return _cross_first_turn(laws, m)
+        return _cross_first_turn(system, m)
     if event in (Event.ROD_SLOWS, Event.ROD_CHANGES):
-        return rod.apply_phase_event(laws, event, m)
-    return _change_mode(laws, mode, event, following, m)
+        return rod.apply_phase_event(system, event, m)
+    return _change_mode(system, mode, event, following, m)
 
 
-def _change_mode(laws: Laws, mode: Mode, event: Event, following: Mode | TransitionChoice, m: Motion) -> Motion:
+def _change_mode(system: HybridSystem, mode: Mode, event: Event, following: Mode | TransitionChoice, m: Motion) -> Motion:
     """Set the speeds that ``event`` sets, and enter the mode that follows."""
-    if laws.string_stretches:
+    if system.string_stretches:
         if event is Event.TAUT and mode is Mode.SLACK:
-            m = m._replace(y=laws.with_even_stretch(m))
+            m = m._replace(y=system.with_even_stretch(m))
     elif event is Event.STOP:
-        m = _with_string_speed(laws, m, m.y.rod_speed if laws.rod_turns else 0.0)
+        m = _with_string_speed(system, m, m.y.rod_speed if system.rod_turns else 0.0)
     elif event is Event.ROD_STOPS:
-        m = _with_string_speed(laws, m, 0.0)
+        m = _with_string_speed(system, m, 0.0)
         m = m._replace(y=m.y._replace(rod_speed=0.0))
     elif event in (Event.ROD_YIELDS_UP, Event.ROD_YIELDS_DOWN):
         m = rod.begin_to_turn(m, 1.0 if event is Event.ROD_YIELDS_UP else -1.0)
     elif event is Event.TAUT and mode is Mode.CLAMPED_SLACK:
-        m = _after(laws, laws.impact(0.0, m), m)
+        m = _after(system, system.impact(0.0, m), m)
     if isinstance(following, Mode):
         m = m._replace(mode=following)
-    elif following is TransitionChoice.BY_HOLDING or laws.string_stretches:
-        m = stick_or_slide(laws, m)
+    elif following is TransitionChoice.BY_HOLDING or system.string_stretches:
+        m = stick_or_slide(system, m)
     else:
-        m = slide_or_stick_after_impulse(laws, m)
-    m = enter(laws, m)
-    if event is Event.TAUT and not laws.string_stretches:
+        m = slide_or_stick_after_impulse(system, m)
+    m = enter(system, m)
+    if event is Event.TAUT and not system.string_stretches:
         # Other forces may still push the ends of the string together: then it is slack again at once
         loose = m._replace(mode=Mode.CLAMPED_SLACK if mode is Mode.CLAMPED_SLACK else Mode.SLACK)
-        m = laws.choose(laws.tensions(m)[0] < 0, enter(laws, loose), m)
+        m = system.choose(system.tensions(m)[0] < 0, enter(system, loose), m)
     return m
 
 
-def _cross_first_turn(laws: Laws, m: Motion) -> Motion:
+def _cross_first_turn(system: HybridSystem, m: Motion) -> Motion:
     """Change the overlap at a full turn, where the place at which the string leaves the rod jumps.
 
     The free length changes by as much, so that the light mass stays where it is.
     """
     overlap = 1.0 - m.signs.overlap
-    feet = [winding(m.y, beyond, laws.p, laws.effects).foot for beyond in (m.signs.overlap, overlap)]
+    feet = [winding(m.y, beyond, system.p, system.effects).foot for beyond in (m.signs.overlap, overlap)]
     return m._replace(signs=m.signs._replace(overlap=overlap), y=m.y._replace(free_length=m.y.free_length + feet[0] - feet[1]))
 
 
-def _with_string_speed(laws: Laws, m: Motion, speed: Any) -> Motion:
+def _with_string_speed(system: HybridSystem, m: Motion, speed: Any) -> Motion:
     """Give the heavy mass, and the string with it, exactly ``speed`` [m/s]: a root is found only to rounding."""
-    retreat = m.y.retreat_speed if laws.leaves_plane else speed
+    retreat = m.y.retreat_speed if system.leaves_plane else speed
     return m._replace(y=m.y._replace(heavy_speed=speed, retreat_speed=retreat))
 
 
-def stick_or_slide(laws: Laws, m: Motion) -> Motion:
+def stick_or_slide(system: HybridSystem, m: Motion) -> Motion:
     """Return the motion of a string that does not slide now: it sticks if the rod holds it, else begins to slide."""
-    if laws.rod_turns:
-        return rod.stick_roll_or_slide(laws, m)
-    down, up = laws.holding_margins(m._replace(mode=Mode.STICKING))
+    if system.rod_turns:
+        return rod.stick_roll_or_slide(system, m)
+    down, up = system.holding_margins(m._replace(mode=Mode.STICKING))
     # A string that stretches slows down onto the edge of the friction cone, where a margin is 0 but for rounding
-    least = -MARGIN_TOLERANCE if laws.string_stretches else 0.0
-    holds = laws.where(up < least, Mode.SLIDING_UP, Mode.STICKING)
-    return m._replace(mode=laws.where(down < least, Mode.SLIDING_DOWN, holds))
+    least = -MARGIN_TOLERANCE if system.string_stretches else 0.0
+    holds = system.where(up < least, Mode.SLIDING_UP, Mode.STICKING)
+    return m._replace(mode=system.where(down < least, Mode.SLIDING_DOWN, holds))
 
 
-def slide_or_stick_after_impulse(laws: Laws, m: Motion) -> Motion:
+def slide_or_stick_after_impulse(system: HybridSystem, m: Motion) -> Motion:
     """Return the motion after an inelastic impulse along the string.
 
     Exactly one of up, down and sticking is consistent; energy falls in each.
     """
-    up, down, held = (laws.impact(slide, m) for slide in (1.0, -1.0, 0.0))
-    sticking = stick_or_slide(laws, _after(laws, held, m))
-    falling = laws.choose(down.sliding < 0, _after(laws, down, m._replace(mode=Mode.SLIDING_DOWN)), sticking)
-    return laws.choose(up.sliding > 0, _after(laws, up, m._replace(mode=Mode.SLIDING_UP)), falling)
+    up, down, held = (system.impact(slide, m) for slide in (1.0, -1.0, 0.0))
+    sticking = stick_or_slide(system, _after(system, held, m))
+    falling = system.choose(down.sliding < 0, _after(system, down, m._replace(mode=Mode.SLIDING_DOWN)), sticking)
+    return system.choose(up.sliding > 0, _after(system, up, m._replace(mode=Mode.SLIDING_UP)), falling)
 
 
-def _after(laws: Laws, impact: Impact, m: Motion) -> Motion:
+def _after(system: HybridSystem, impact: Impact, m: Motion) -> Motion:
     """Return ``m`` with the state just after an impact, which may have set the rod in motion."""
     m = m._replace(y=impact.state)
-    return rod.with_sign_of_speed(m) if laws.rod_turns else m
+    return rod.with_sign_of_speed(m) if system.rod_turns else m
 
 
 # Entering a mode
@@ -234,33 +235,33 @@ def _is_one_of(mode: Any, modes: tuple[Mode, ...]) -> Any:
     return result
 
 
-def begin_sliding(laws: Laws, m: Motion) -> Motion:
+def begin_sliding(system: HybridSystem, m: Motion) -> Motion:
     """Return the motion with the sign and the phase with which a sliding mode begins."""
     sliding = _is_one_of(m.mode, SLIDING)
-    if not laws.any(sliding):
+    if not system.any(sliding):
         return m
-    resting = False if laws.string_stretches else abs(m.y.heavy_speed - m.y.rod_speed) <= TINY_SPEED
-    slide = laws.where(m.mode == Mode.SLIDING_UP, 1.0, -1.0)
+    resting = False if system.string_stretches else abs(m.y.heavy_speed - m.y.rod_speed) <= TINY_SPEED
+    slide = system.where(m.mode == Mode.SLIDING_UP, 1.0, -1.0)
     return m._replace(
         signs=m.signs._replace(
-            slide=laws.where(sliding, slide, m.signs.slide),
-            phase=laws.where(sliding, laws.where(resting, 0.0, 1.0), m.signs.phase),
+            slide=system.where(sliding, slide, m.signs.slide),
+            phase=system.where(sliding, system.where(resting, 0.0, 1.0), m.signs.phase),
         )
     )
 
 
-def enter(laws: Laws, m: Motion) -> Motion:
+def enter(system: HybridSystem, m: Motion) -> Motion:
     """Return the motion with the signs and the phase with which its mode begins."""
-    if laws.rod_turns:
+    if system.rod_turns:
         m = rod.with_phase(m)
-    m = begin_sliding(laws, m)
+    m = begin_sliding(system, m)
     slack = _is_one_of(m.mode, SLACK)
-    if not laws.any(slack):
+    if not system.any(slack):
         return m
     falls_from_rest = (m.mode == Mode.SLACK) & (m.y.heavy_speed == 0)
-    heavy_speed = laws.where(falls_from_rest, -TINY_SPEED, m.y.heavy_speed)
+    heavy_speed = system.where(falls_from_rest, -TINY_SPEED, m.y.heavy_speed)
     y = m.y._replace(heavy_speed=heavy_speed)
-    if not laws.string_stretches:
-        y = y._replace(slack=laws.where(slack, 0.0, y.slack))
-    heavy = laws.where(slack, laws.where(heavy_speed > 0, 1.0, -1.0), m.signs.heavy)
-    return m._replace(y=y, signs=m.signs._replace(heavy=heavy, phase=laws.where(slack, 0.0, m.signs.phase)))
+    if not system.string_stretches:
+        y = y._replace(slack=system.where(slack, 0.0, y.slack))
+    heavy = system.where(slack, system.where(heavy_speed > 0, 1.0, -1.0), m.signs.heavy)
+    return m._replace(y=y, signs=m.signs._replace(heavy=heavy, phase=system.where(slack, 0.0, m.signs.phase)))

@@ -31,7 +31,7 @@ from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import MAX_STEPS, HeyokaIntegrator, ModeEquations
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
-from looping_pendulum.reference_ode.laws import RunLaws
+from looping_pendulum.reference_ode.hybrid_system import SingleRunSystem
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solution import (
     Run,
@@ -209,8 +209,8 @@ class DualDriver(Driver):
         self.variational = _VariationalIntegrator(self.values, self._float_values, count, self.effects, tolerance)
         self.integrator = self.variational
 
-    def _make_laws(self) -> RunLaws:
-        return RunLaws(Equations(dual, self.values, self.effects), Equations(math, self._float_values, self.effects))
+    def _make_system(self) -> SingleRunSystem:
+        return SingleRunSystem(Equations(dual, self.values, self.effects), Equations(math, self._float_values, self.effects))
 
     @cached_property
     def _float_values(self) -> SimpleNamespace:

@@ -92,7 +92,7 @@ def test_a_driver_takes_the_one_slide_that_is_consistent_and_loses_energy(name):
         driver = Driver(parameters, 1.0, 1e-10, "scipy")
         p, y, _, signs, effects = before(name)
         y = y._replace(heavy_speed=heavy, retreat_speed=retreat)
-        after_impulse = rules.slide_or_stick_after_impulse(driver.laws, driver.motion._replace(y=y, signs=signs))
+        after_impulse = rules.slide_or_stick_after_impulse(driver.system, driver.motion._replace(y=y, signs=signs))
         hits = {slide: Equations(math, p, effects).impact(slide, 0.0, y, signs) for slide in (1.0, -1.0, 0.0)}
         consistent = [slide for slide in (1.0, -1.0) if slide * hits[slide].sliding > 0] or [0.0]
         assert len(consistent) == 1
@@ -313,7 +313,7 @@ def turning(mode: Mode, event: Event, rod_speed: float, slide: float = -1.0, hea
         y._replace(retreat_speed=retreat, heavy_speed=heavy, rod_speed=rod_speed, across_speed=1.0),
         signs._replace(slide=slide, across=1.0, phase=1.0, rod=sign, rod_phase=1.0 if rod_speed else 0.0),
     )
-    return rules.apply_event(driver.laws, mode, event, motion)
+    return rules.apply_event(driver.system, mode, event, motion)
 
 
 @pytest.mark.parametrize("slide", [1.0, -1.0])
@@ -383,7 +383,7 @@ def test_a_stretching_string_that_tightens_pulls_evenly_again():
     driver = released(string_compliance=2e-3, hanging_length=0.2)
     y = State(0.4, 2.0, 0.3, 1.0, -0.3, 0.01, light_stretch=2e-3, heavy_stretch=-1e-3)
     slack = Motion(Mode.SLACK, 0.0, y, driver.motion.signs._replace(phase=1.0))
-    after = rules.apply_event(driver.laws, Mode.SLACK, Event.TAUT, slack)
+    after = rules.apply_event(driver.system, Mode.SLACK, Event.TAUT, slack)
     whole = y.light_stretch + y.heavy_stretch
     assert not after.mode.slack
     assert after.y.light_stretch + after.y.heavy_stretch == pytest.approx(whole, rel=1e-12)

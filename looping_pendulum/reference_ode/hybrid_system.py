@@ -10,7 +10,7 @@ from looping_pendulum.reference_ode.equations import Equations, Impact
 from looping_pendulum.reference_ode.state import Effects, Motion, State
 
 
-class Laws(Protocol):
+class HybridSystem(Protocol):
     """The equations of one run, or of many at once, as `rules` asks them."""
 
     p: Any
@@ -49,7 +49,7 @@ class Laws(Protocol):
         """Return the state with its stretch spread evenly over the string."""
 
 
-class RunLaws:
+class SingleRunSystem:
     """The equations of one run, as `rules` asks them.
 
     Parameters
@@ -103,6 +103,6 @@ class RunLaws:
         return Motion(m.mode, float(m.t), State(*map(float, m.y)), m.signs) if self._convert else m
 
 
-def laws_of_numbers(p: SimpleNamespace, effects: Effects) -> RunLaws:
-    """Return the laws of a run whose numbers are floats."""
-    return RunLaws(Equations(math, p, effects))
+def system_of_floats(p: SimpleNamespace, effects: Effects) -> SingleRunSystem:
+    """Return the system of a run whose numbers are floats."""
+    return SingleRunSystem(Equations(math, p, effects))

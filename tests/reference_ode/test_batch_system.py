@@ -13,7 +13,7 @@ pytest.importorskip("heyoka", reason="without heyoka a batch is a loop over sing
 
 from looping_pendulum.errors import IntegratorFallbackWarning, ParameterError  # noqa: E402
 from looping_pendulum.reference_ode import batch, heyoka_backend  # noqa: E402
-from looping_pendulum.reference_ode.batch import compiled, laws, roots, schedule, sharing, solve_batch, steps  # noqa: E402
+from looping_pendulum.reference_ode.batch import compiled, roots, schedule, sharing, solve_batch, steps, system  # noqa: E402
 from looping_pendulum.reference_ode.batch.block import BOOKKEEPING, Block  # noqa: E402
 from looping_pendulum.reference_ode.batch.compiled import LEADING, SIGNS, STATE, BatchModel, batch_model  # noqa: E402
 from looping_pendulum.reference_ode.batch.numbers import equation_parameters, parameters_of_run, valid_runs  # noqa: E402
@@ -86,7 +86,7 @@ def test_a_release_is_the_single_runs(release):
     if release is Release.VERTICAL:
         every = [p for p in every if p.coefficients["push_across"] in (0.0, 0.5)]
     block, model = block_of(every)
-    laws.release(model, release, block, *pushes(every))
+    system.release(model, release, block, *pushes(every))
     drivers = [Driver(p, 1.0, TOLERANCE, "scipy") for p in every]
     for driver in drivers:
         driver._start_run()
@@ -138,7 +138,7 @@ def test_what_follows_an_event_is_what_follows_it_in_a_single_run(mode, event):
         block[name] = [getattr(driver.motion.y, name) for driver in drivers]
     for name in SIGNS:
         block[name] = [getattr(driver.motion.signs, name) for driver in drivers]
-    laws.apply_event(model, block, mode, event)
+    system.apply_event(model, block, mode, event)
     ended = [driver._apply_event(event, driver.motion.t, driver.motion.y) for driver in drivers]
     if any(ended):
         assert all(ended)
@@ -168,7 +168,7 @@ def test_a_string_that_becomes_taut_under_a_push_is_slack_again(release, mode, h
     driver._apply_event(Event.TAUT, driver.motion.t, driver.motion.y)
     assert driver.motion.mode is mode
     assert driver.motion.signs.phase == 0
-    laws.apply_event(model, block, mode, Event.TAUT)
+    system.apply_event(model, block, mode, Event.TAUT)
     assert_same(block, [driver], bound=1e-13)
 
 

@@ -29,18 +29,18 @@ def release(model: BatchModel, kind: Release, block: Block, push_along: Array, p
     push_along, push_across
         Speeds of the light mass at release, shape (n,) [m/s].
     """
-    laws = BatchLaws(model, block)
+    system = BatchSystem(model, block)
     y = _motion(block).y._replace(retreat_speed=push_along, across_speed=push_across)
-    after, _, _ = rules.leave_rest(laws, rules.enter(laws, rules.release(laws, kind, y)))
+    after, _, _ = rules.leave_rest(system, rules.enter(system, rules.release(system, kind, y)))
     _store(after, block)
 
 
 def apply_event(model: BatchModel, block: Block, mode: Mode, event: Event) -> None:
     """Apply ``event``, at which all runs of the block, in ``mode``, have arrived."""
-    _store(rules.apply_event(BatchLaws(model, block), mode, event, _motion(block)), block)
+    _store(rules.apply_event(BatchSystem(model, block), mode, event, _motion(block)), block)
 
 
-class BatchLaws:
+class BatchSystem:
     """The equations of the runs of a block, as `rules` asks them; numbers are arrays of shape (n,), or the same for all."""
 
     rod_turns = string_stretches = leaves_plane = heavy_mass_swings = False  # what a batch does not support
