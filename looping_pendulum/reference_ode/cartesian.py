@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from looping_pendulum.reference_ode import effects
-from looping_pendulum.reference_ode.driver import Driver
+from looping_pendulum.reference_ode import effects, rules
 from looping_pendulum.reference_ode.effects import GRAVITY, EffectKind, Kinematics
 from looping_pendulum.reference_ode.geometry import light_velocity, next_string_coordinates
+from looping_pendulum.reference_ode.hybrid_system import system_of_floats
 from looping_pendulum.reference_ode.parameters import Parameters
-
-RELEASE_TOLERANCE = 1e-12
-"""Tolerance that the constructor of `Driver` requires; it has no effect, as nothing is integrated here."""
 
 CartesianForce = Callable[[float, float, float, float, float, float], tuple[float, float, float]]
 """(time, x, y, vx, vy, heavy_vy) -> (fx, fy, heavy_fy), SI."""
@@ -61,5 +58,6 @@ def release_velocity(parameters: Parameters) -> tuple[float, float, float]:
 
     They are those of the reference: zero unless the light mass is pushed. A push that pulls at a taut string moves both masses.
     """
-    state = Driver(parameters, 0.0, RELEASE_TOLERANCE, "scipy").y
+    system = system_of_floats(parameters.values(), parameters.effects)
+    state = rules.release(system, parameters.release, rules.state_at_release(parameters)).y
     return (*light_velocity(math, state.wrap_angle, state.retreat_speed, state.across_speed), state.heavy_speed)

@@ -7,6 +7,7 @@ matter.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any
@@ -15,9 +16,11 @@ import numpy as np
 
 from looping_pendulum.errors import IntegrationError, MissingPackageError
 from looping_pendulum.reference_ode.driver import Driver
+from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import MAX_STEPS, HeyokaIntegrator, ModeEquations
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
+from looping_pendulum.reference_ode.hybrid_system import SingleRunSystem
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Run, SegmentSamples
 from looping_pendulum.reference_ode.solve import DURATION, available_integrators
@@ -72,12 +75,10 @@ class _ExtendedDriver(Driver):
     def __init__(self, parameters: Parameters, duration: float, tolerance: float, precision: str) -> None:
         super().__init__(parameters, duration, tolerance, "heyoka")
         number_type = _number_type(precision)
-        self.y = State(*map(number_type, self.y))
-        self.xp = np  # functions of `math` would round to double precision
+        self.motion = self.motion._replace(y=State(*map(number_type, self.motion.y)))
+        # Functions of `math` would round to double precision
+        self.system = SingleRunSystem(Equations(np, self.values, self.effects), Equations(math, self.values, self.effects))
         self.integrator = _ExtendedIntegrator(self.values, self.effects, tolerance, number_type)
-
-    def _float_arguments(self) -> tuple[Any, State, Signs, Any]:
-        return float(self.t), State(*map(float, self.y)), self.signs, self.values
 
 
 class _ExtendedIntegrator(HeyokaIntegrator):

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.errors import IntegratorGaveUpError
-from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
+from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.solution import Segment, SegmentSamples
@@ -46,10 +46,11 @@ class ModeEquations:
         # Coefficients of absent effects are constants, so that heyoka folds their terms away
         absent = {c.name: c.null for effect in EFFECTS.values() for c in effect.coefficients}
         p = SimpleNamespace(**(absent | self.parameters))
-        rates = equations.rates(hy, mode, t, y, signs, p, effects)
+        equations = Equations(hy, p, effects)
+        rates = equations.rates(mode, t, y, signs)
         # A rate that is constant is a Python float; the sum makes it an expression
         self.system = [(self.variables[name], hy.expression(0.0) + getattr(rates, name)) for name in names]
-        self.event_functions = equations.event_functions(hy, mode, t, y, signs, p, effects)
+        self.event_functions = equations.event_functions(mode, t, y, signs)
         self.rows = np.array([State._fields.index(name) for name in names])
 
 

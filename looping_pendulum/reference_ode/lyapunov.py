@@ -105,12 +105,12 @@ def solve_tangent_map(
         names = ", ".join(e.name for e in parameters.effects if e.variables or e.winding)
         raise ParameterError(f"effects: found {names}, needed effects that neither add state variables nor thicken the rod")
     driver = _ReleaseStateDriver(parameters, duration, tolerance)
-    released, count = driver.y, len(driver.seeded)
+    released, count = driver.motion.y, len(driver.seeded)
     parts = driver.run_sampled(np.asarray(t, dtype=float))
     run = Run(**(driver.record() | {"events": driver.events_without_derivatives()}))
     samples = join_samples(run, parts)
     start = np.array([dual.derivatives_of(v, count) for v in released])
-    first = np.repeat(start[:, :, None], len(parts[0].t), axis=2)  # within `driver.REST_SERIES_DURATION` of the release
+    first = np.repeat(start[:, :, None], len(parts[0].t), axis=2)  # within `rules.REST_SERIES_DURATION` of the release
     derivatives = np.concatenate([first, *driver.variational.derivatives], axis=2)
     return TangentMap(samples=samples, names=driver.seeded, start=start, state=derivatives.transpose(2, 0, 1))
 
@@ -119,12 +119,12 @@ class _ReleaseStateDriver(DualDriver):
     """The driver with dual numbers, their derivatives by the entries of the state at release."""
 
     def __init__(self, parameters: Parameters, duration: float, tolerance: float) -> None:
-        mode = Driver(parameters, duration, tolerance, "heyoka").mode
+        mode = Driver(parameters, duration, tolerance, "heyoka").motion.mode
         self.seeded = tuple(name for name in variables(mode, parameters.effects) if name != "slack")  # 0 at every release
         super().__init__(parameters, duration, tolerance, len(self.seeded))
 
-    def _release_state(self) -> State:
-        y = super()._release_state()._asdict()
+    def _state_at_release(self) -> State:
+        y = super()._state_at_release()._asdict()
         for name, unit in zip(self.seeded, np.eye(len(self.seeded)), strict=True):
             y[name] = Dual(float(y[name]), unit)
         if "retreat_speed" in self.seeded and "heavy_speed" not in self.seeded:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property, lru_cache
 from types import MappingProxyType, SimpleNamespace
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import effects as effect_library
@@ -37,6 +37,68 @@ def string_length(free_length: Any, rod_radius: Any, release_angle: Any, hanging
     A heavy mass that hangs at an angle unwinds R times ``heavy_swing`` of it.
     """
     return free_length + rod_radius * (release_angle - heavy_swing) + hanging_length
+
+
+class Requirement(NamedTuple):
+    """What an apparatus must fulfil."""
+
+    is_met: Callable[[Mapping[str, Any]], Any]
+    """Values by name -> whether it is met; an array if a value is one. NaN meets no requirement."""
+    message: Callable[[Mapping[str, Any]], str]
+    """Values by name, all of them numbers -> what was found, and what was needed."""
+
+
+def _positive(name: str) -> Requirement:
+    needed = f"needed a finite number above 0 and at most {MAX_LENGTH_OR_MASS:g}"
+    return Requirement(
+        is_met=lambda v: (v[name] > 0) & (v[name] <= MAX_LENGTH_OR_MASS),
+        message=lambda v: f"{name}: found {v[name]:g}, {needed}",
+    )
+
+
+def _within_bounds(name: str, low: float, high: float) -> Requirement:
+    return Requirement(
+        is_met=lambda v: (v[name] >= low) & (v[name] <= high) & (abs(v[name]) < math.inf),
+        message=lambda v: f"{name}: found {v[name]:g}, needed between {low:g} and {high:g}",
+    )
+
+
+OF_THE_APPARATUS = (
+    *map(_positive, ("light_mass", "heavy_mass", "rod_radius", "free_length", "hanging_length")),
+    Requirement(
+        is_met=lambda v: (v["light_radius"] >= 0) & (v["light_radius"] < math.inf),
+        message=lambda v: f"light_radius: found {v['light_radius']:g}, needed 0 or more",
+    ),
+    Requirement(
+        is_met=lambda v: (v["release_angle"] > 0) & (v["release_angle"] < 2 * math.pi),
+        message=lambda v: f"release_angle: found {math.degrees(v['release_angle']):g} deg, needed between 0 and 360 deg",
+    ),
+)
+OF_COEFFICIENTS = {name: _within_bounds(name, *c.bounds) for name, c in effect_library.COEFFICIENTS.items()}
+OF_SEVERAL = (
+    Requirement(
+        is_met=lambda v: v["static_friction"] >= v["kinetic_friction"],
+        message=lambda v: (
+            f"static_friction: found {v['static_friction']:g}, needed at least kinetic_friction ({v['kinetic_friction']:g})"
+        ),
+    ),
+    Requirement(
+        is_met=lambda v: (v["rod_mobility"] == 0) | (v["string_compliance"] == 0),
+        message=lambda v: "rod_mobility and string_compliance: found both above 0, needed one of them 0",
+    ),
+    Requirement(
+        is_met=lambda v: v["free_length"] > v["end_length"],
+        message=lambda v: (
+            f"free_length: found {v['free_length']:g} m, but the light mass already touches the rod "
+            f"at {v['end_length']:g} m; lengthen the string or shrink light_radius"
+        ),
+    ),
+)
+
+
+def requirements(coefficients: Iterable[str]) -> tuple[Requirement, ...]:
+    """Return what an apparatus must fulfil, in the order in which it is checked; of the coefficients, those named."""
+    return (*OF_THE_APPARATUS, *map(OF_COEFFICIENTS.__getitem__, coefficients), *OF_SEVERAL)
 
 
 class Release(StrEnum):
@@ -101,31 +163,11 @@ class Parameters:
 
     def _refuse_impossible(self, coefficients: Iterable[str]) -> None:
         """Refuse impossible values; of the coefficients, only those named ``coefficients`` are checked against their bounds."""
-        for name in ("light_mass", "heavy_mass", "rod_radius", "free_length", "hanging_length"):
-            value = getattr(self, name)
-            if not 0 < value <= MAX_LENGTH_OR_MASS:
-                raise ParameterError(
-                    f"{name}: found {value:g}, needed a finite number above 0 and at most {MAX_LENGTH_OR_MASS:g}"
-                )
-        if not (math.isfinite(self.light_radius) and self.light_radius >= 0):
-            raise ParameterError(f"light_radius: found {self.light_radius:g}, needed 0 or more")
-        if not 0 < self.release_angle < 2 * math.pi:
-            degrees = math.degrees(self.release_angle)
-            raise ParameterError(f"release_angle: found {degrees:g} deg, needed between 0 and 360 deg")
-        for name in coefficients:
-            value, (low, high) = self.coefficients[name], _BOUNDS[name]
-            if not (low <= value <= high and math.isfinite(value)):
-                raise ParameterError(f"{name}: found {value:g}, needed between {low:g} and {high:g}")
-        kinetic, static = self.coefficients["kinetic_friction"], self.coefficients["static_friction"]
-        if static < kinetic:
-            raise ParameterError(f"static_friction: found {static:g}, needed at least kinetic_friction ({kinetic:g})")
-        if self.coefficients["rod_mobility"] > 0 and self.coefficients["string_compliance"] > 0:
-            raise ParameterError("rod_mobility and string_compliance: found both above 0, needed one of them 0")
-        if self.free_length <= self.end_length:
-            raise ParameterError(
-                f"free_length: found {self.free_length:g} m, but the light mass already touches the rod "
-                f"at {self.end_length:g} m; lengthen the string or shrink light_radius"
-            )
+        values = {name: getattr(self, name) for name in _FIELDS} | self._copied_coefficients()
+        values["end_length"] = self.end_length
+        for requirement in requirements(coefficients):
+            if not requirement.is_met(values):
+                raise ParameterError(requirement.message(values))
 
     @property
     def end_length(self) -> float:

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from looping_pendulum.errors import IntegrationError
-from looping_pendulum.reference_ode import equations
+from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solution import Segment, SegmentSamples
 from looping_pendulum.reference_ode.state import (
@@ -48,8 +48,8 @@ class ScipyIntegrator:
     """Integrates a mode until one of its events."""
 
     def __init__(self, values: SimpleNamespace, effects: Effects, tolerance: float) -> None:
-        self._p = values
         self._effects = effects
+        self._of_numbers, self._of_arrays = (Equations(xp, values, effects) for xp in (math, np))
         self._tolerance = max(tolerance, 1e-13)  # DOP853 warns below about 2e-14 and gains nothing
 
     def advance(self, mode: Mode, t: float, y: State, signs: Signs, until: float) -> tuple[Event, float, State, Segment]:
@@ -104,7 +104,7 @@ class ScipyIntegrator:
 
         def rates(now: float, values: Array) -> list[float]:
             y = full_state(mode, **dict(zip(names, values.tolist(), strict=True)))
-            derivative = equations.rates(math, mode, now, y, signs, self._p, self._effects)
+            derivative = self._of_numbers.rates(mode, now, y, signs)
             return [derivative[i] for i in rows]
 
         return rates
@@ -135,7 +135,7 @@ class ScipyIntegrator:
             """Return the event functions at the fractions ``x`` of the step."""
             y = State(*(polynomial @ np.vander(x, DEGREE + 1, increasing=True).T))
             t = ends[0] + x * (ends[1] - ends[0])
-            functions = equations.event_functions(np, mode, t, y, signs, self._p, self._effects)
+            functions = self._of_arrays.event_functions(mode, t, y, signs)
             return {event: np.broadcast_to(values, x.shape) for event, values in functions.items()}
 
         first: tuple[Event | None, float] = None, 1.0

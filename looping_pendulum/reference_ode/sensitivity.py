@@ -13,6 +13,7 @@ and its output starts the next mode, whose rates are f+: S+ = dy+ - f+ dt. Toget
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -26,9 +27,11 @@ from looping_pendulum.reference_ode import dual, effects
 from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.dual import Dual
 from looping_pendulum.reference_ode.effects.types import Effect
+from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_backend import MAX_STEPS, HeyokaIntegrator, ModeEquations
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
+from looping_pendulum.reference_ode.hybrid_system import SingleRunSystem
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solution import (
     Run,
@@ -135,11 +138,11 @@ def solve_sensitivities(
     moved = _as_dual_numbers(parameters, wrt)
     count = len(wrt)
     driver = DualDriver(moved, duration, tolerance, count)
-    released = driver.y
+    released = driver.motion.y
     parts = driver.run_sampled(np.asarray(t, dtype=float))
     run = Run(parameters=parameters, integrator="heyoka", tolerance=tolerance, events=driver.events_without_derivatives())
     at_start = np.array([dual.derivatives_of(v, count) for v in released])[:, :, None]
-    first = np.repeat(at_start, len(parts[0].t), axis=2)  # within `driver.REST_SERIES_DURATION` of the release
+    first = np.repeat(at_start, len(parts[0].t), axis=2)  # within `rules.REST_SERIES_DURATION` of the release
     derivatives = np.concatenate([first, *driver.variational.derivatives], axis=2)
     return Sensitivities(
         wrt=wrt,
@@ -201,19 +204,17 @@ def _check_wrt(parameters: Parameters, wrt: tuple[str, ...]) -> None:
 class DualDriver(Driver):
     """The driver with dual numbers."""
 
-    xp = dual
-
     def __init__(self, parameters: Parameters, duration: float, tolerance: float, count: int) -> None:
         super().__init__(parameters, duration, tolerance, "heyoka")
         self.variational = _VariationalIntegrator(self.values, self._float_values, count, self.effects, tolerance)
         self.integrator = self.variational
 
+    def _make_system(self) -> SingleRunSystem:
+        return SingleRunSystem(Equations(dual, self.values, self.effects), Equations(math, self._float_values, self.effects))
+
     @cached_property
     def _float_values(self) -> SimpleNamespace:
         return SimpleNamespace(**{name: dual.value_of(value) for name, value in vars(self.values).items()})
-
-    def _float_arguments(self) -> tuple[Any, State, Signs, Any]:
-        return float(self.t), State(*map(dual.value_of, self.y)), self.signs, self._float_values
 
     def events_without_derivatives(self) -> tuple[RunEvent, ...]:
         """Return the events so far, without derivatives."""

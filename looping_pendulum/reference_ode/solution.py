@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.pages.notebook import ShownInNotebook
-from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.effects.types import TURN
+from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array, light_position, light_velocity
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.state import Signs, State, extra_variables, heavy_drop, string_has_thickness, winding
 from looping_pendulum.reference_ode.transitions import PHASE_EVENTS, Event, Mode
 
 MAX_RESTING_ROD_SPEED = 1e-200
-"""Largest surface speed of a rod that counts as at rest [m/s]; it is above `driver.TINY_SPEED`, which stands for zero."""
+"""Largest surface speed of a rod that counts as at rest [m/s]; it is above `state.TINY_SPEED`, which stands for zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,12 +138,12 @@ class Samples:
     @cached_property
     def tensions(self) -> tuple[Array, Array]:
         """Tensions in the free string and above the heavy mass, arrays of shape (n,) [N]."""
-        p, effects = self.run.parameters.values(), self.run.parameters.effects
+        equations = Equations(np, self.run.parameters.values(), self.run.parameters.effects)
         light, heavy = np.zeros(len(self.t)), np.zeros(len(self.t))
         for mode in map(Mode, np.unique(self.mode)):
             here = self.mode == mode
             state, signs = State(*(v[here] for v in self.state)), Signs(*(v[here] for v in self.signs))
-            light[here], heavy[here] = equations.tensions(np, mode, self.t[here], state, signs, p, effects)
+            light[here], heavy[here] = equations.tensions(mode, self.t[here], state, signs)
         return light, heavy
 
 

@@ -69,6 +69,21 @@ class Signs(NamedTuple):
     """The same as `phase`, for the speed of the rod: 0: ROD_SLOWS is watched for; 1: its return to rest is."""
 
 
+class Motion(NamedTuple):
+    """A run at one instant: all that the equations need beside the parameters. Arrays stand for many runs at once."""
+
+    mode: Any
+    """`Mode`, or an array of modes."""
+    t: Any
+    """Time since release [s]."""
+    y: State
+    signs: Signs
+
+
+TINY_SPEED = 1e-300
+"""Speed that stands for zero with a sign [m/s]: the event function of the speed then starts beyond the root just handled."""
+
+
 def event_in_phase(event: Event, signs: Signs) -> Event:
     """Return the event that the function of ``event`` announces in the present phase: in phase 0 it is the turning back."""
     if event in (Event.ROD_CHANGES, Event.ROD_STOPS):

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.batch import solve_batch
+from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import RunEvent, Segment, Solution
@@ -192,9 +192,9 @@ def _ending_modes(run: Solution) -> list[RunEvent]:
 
 def _margins(run: Solution, event: RunEvent) -> tuple[float, float]:
     """Return by how much the rod holds the string against sliding down and up, at an event that stops it [N]."""
-    p, effects = run.parameters.values(), run.parameters.effects
+    equations = Equations(math, run.parameters.values(), run.parameters.effects)
     signs = next(s.signs for s in reversed(run.segments) if s.times[0] < event.time)
-    down, up = equations.holding_margins(math, event.time, event.state, signs, p, effects)
+    down, up = equations.holding_margins(Mode.STICKING, event.time, event.state, signs)
     return float(down), float(up)
 
 
@@ -227,8 +227,8 @@ def least_value(run: Solution, event: Event, start: float, end: float) -> tuple[
 def _event_function(run: Solution, segment: Segment, event: Event, t: Array) -> Array:
     """Evaluate the function of ``event`` in a segment, without the condition that a stop or a pull has to arm first."""
     y = State(*segment.sample(t).values)
-    p, effects = run.parameters.values(), run.parameters.effects
-    functions = equations.event_functions(np, segment.mode, t, y, segment.signs._replace(phase=1.0), p, effects)
+    equations = Equations(np, run.parameters.values(), run.parameters.effects)
+    functions = equations.event_functions(segment.mode, t, y, segment.signs._replace(phase=1.0))
     return np.broadcast_to(functions[event], t.shape)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.reference_ode import equations
+from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.extended import solve_extended
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Run
@@ -152,5 +152,5 @@ def _rates(parameters: Parameters, y: np.ndarray, smooth: bool) -> np.ndarray:
     signs = Signs(slide=slide, across=1.0 if y[3] >= 0 else -1.0, heavy=slide, phase=0.0)
     state = State(*y.tolist(), float(y[2]), 0.0)
     mode = Mode.SLIDING_UP if slide > 0 else Mode.SLIDING_DOWN
-    rate = equations.rates(math, mode, 0.0, state, signs, parameters.values(), parameters.effects)
+    rate = Equations(math, parameters.values(), parameters.effects).rates(mode, 0.0, state, signs)
     return np.array([rate.free_length, rate.wrap_angle, rate.retreat_speed, rate.across_speed])

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.effects import EFFECTS
+from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.state import Signs, State
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
@@ -92,13 +92,13 @@ def test_sliding_equations_follow_from_newton_with_the_capstan_law(mode, slide, 
     heavy = M2 * ud - (T2 - M2 * g - g2 * slide * u0 * u0)  # |u| = slide u while sliding
     unknown = solve([along - T1, across, heavy, T2 - T1 * sp.exp(-slide * mu * th0)], ud, wd, T1, T2)
     y, signs = State(l0, th0, u0, w0, u0, 0), Signs(slide, 1, 0, 1)
-    ours = equations.rates(sp, mode, t, y, signs, p, ALL)
+    ours = Equations(sp, p, ALL).rates(mode, t, y, signs)
     assert is_zero(ours.retreat_speed - unknown[ud])
     assert is_zero(ours.across_speed - unknown[wd])
-    tension = equations.tensions(sp, mode, t, y, signs, p, ALL)
+    tension = Equations(sp, p, ALL).tensions(mode, t, y, signs)
     assert is_zero(tension[0] - unknown[T1])
     assert is_zero(tension[1] - unknown[T2])
-    slack = equations.event_functions(sp, mode, t, y, signs, p, ALL)[Event.LOSES_TENSION]
+    slack = Equations(sp, p, ALL).event_functions(mode, t, y, signs)[Event.LOSES_TENSION]
     assert is_zero(slack - unknown[T1] * (M2 + M1 * sp.exp(-slide * mu * th0)))
 
 
@@ -107,16 +107,16 @@ def test_sticking_equation_follows_from_newton_with_a_resting_heavy_mass(balance
     rest = {u0: 0, ud: 0}
     unknown = solve([(along - T1).subs(rest), across.subs(rest)], wd, T1)
     y, signs = State(l0, th0, 0, w0, 0, 0), Signs(-1, 1, 0, 1)
-    ours = equations.rates(sp, Mode.STICKING, t, y, signs, p, ALL)
+    ours = Equations(sp, p, ALL).rates(Mode.STICKING, t, y, signs)
     assert is_zero(ours.across_speed - unknown[wd])
-    assert is_zero(equations.tensions(sp, Mode.STICKING, t, y, signs, p, ALL)[0] - unknown[T1])
+    assert is_zero(Equations(sp, p, ALL).tensions(Mode.STICKING, t, y, signs)[0] - unknown[T1])
 
 
 def test_slack_equations_are_free_flight_of_the_light_mass(balance):
     along, across = balance
     unknown = solve([along, across], ud, wd)
     y, signs = State(l0, th0, u0, w0, sp.Symbol("u2"), 0), Signs(-1, 1, -1, 1)
-    ours = equations.rates(sp, Mode.SLACK, t, y, signs, p, ALL)
+    ours = Equations(sp, p, ALL).rates(Mode.SLACK, t, y, signs)
     assert is_zero(ours.retreat_speed - unknown[ud])
     assert is_zero(ours.across_speed - unknown[wd])
 

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.effects import EFFECTS
+from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.state import Signs, State
 from looping_pendulum.reference_ode.transitions import Mode
 
@@ -29,7 +29,7 @@ def values(**given):
 
 
 def rates(y, signs, p, *names):
-    return equations.rates(sp, Mode.SLIDING_DOWN, t, y, signs, p, (*BASE, *(EFFECTS[name] for name in names)))
+    return Equations(sp, p, (*BASE, *(EFFECTS[name] for name in names))).rates(Mode.SLIDING_DOWN, t, y, signs)
 
 
 SYMBOLS = (M1, M2, R, g, mu, d, th0, l0, z0, ph0, u0, w0, v0, w2)

@@ -8,16 +8,12 @@ import numpy as np
 import pytest
 
 from looping_pendulum.errors import IntegrationError
-from looping_pendulum.reference_ode import equations
-from looping_pendulum.reference_ode.driver import (
-    MARGIN_TOLERANCE,
-    RELATIVE_TENSION_TOLERANCE,
-    REST_SERIES_DURATION,
-    TINY_SPEED,
-    Driver,
-)
+from looping_pendulum.reference_ode import rules
+from looping_pendulum.reference_ode.driver import Driver
+from looping_pendulum.reference_ode.equations import Equations
+from looping_pendulum.reference_ode.rules import MARGIN_TOLERANCE, RELATIVE_TENSION_TOLERANCE, REST_SERIES_DURATION
 from looping_pendulum.reference_ode.solve import solve, solve_at
-from looping_pendulum.reference_ode.state import Signs, State, extra_variables
+from looping_pendulum.reference_ode.state import TINY_SPEED, Motion, Signs, State, extra_variables
 from looping_pendulum.reference_ode.transitions import Event, Mode
 from tests.apparatus import TEN_TO_ONE, TWO_TO_ONE
 
@@ -77,7 +73,7 @@ def before(name: str):
 @EACH
 def test_momentum_goes_where_newton_and_the_capstan_law_send_it(name, slide):
     p, y, _, signs, effects = before(name)
-    hit, expected = equations.impact(math, slide, 0.3, y, signs, p, effects), after(name, slide)
+    hit, expected = Equations(math, p, effects).impact(slide, 0.3, y, signs), after(name, slide)
     assert hit.state.retreat_speed == pytest.approx(expected["u"], rel=1e-12)
     assert hit.state.sideways_speed == pytest.approx(expected["v"], rel=1e-12)
     assert hit.state.heavy_speed == pytest.approx(expected["heavy"], rel=1e-12, abs=1e-15)
@@ -96,18 +92,17 @@ def test_a_driver_takes_the_one_slide_that_is_consistent_and_loses_energy(name):
         driver = Driver(parameters, 1.0, 1e-10, "scipy")
         p, y, _, signs, effects = before(name)
         y = y._replace(heavy_speed=heavy, retreat_speed=retreat)
-        driver.y, driver.signs = y, signs
-        mode = driver._after_impulse()
-        hits = {slide: equations.impact(math, slide, 0.0, y, signs, p, effects) for slide in (1.0, -1.0, 0.0)}
+        after_impulse = rules.slide_or_stick_after_impulse(driver.system, driver.motion._replace(y=y, signs=signs))
+        hits = {slide: Equations(math, p, effects).impact(slide, 0.0, y, signs) for slide in (1.0, -1.0, 0.0)}
         consistent = [slide for slide in (1.0, -1.0) if slide * hits[slide].sliding > 0] or [0.0]
         assert len(consistent) == 1
         taken = hits[consistent[0]].state
-        assert driver.y[:8] == taken[:8]
+        assert after_impulse.y[:8] == taken[:8]
         if consistent[0]:
-            assert mode is (Mode.SLIDING_UP if consistent[0] > 0 else Mode.SLIDING_DOWN)
+            assert after_impulse.mode is (Mode.SLIDING_UP if consistent[0] > 0 else Mode.SLIDING_DOWN)
         if "rod_speed" in extra_variables(effects):
-            assert driver.y.rod_speed == taken.rod_speed
-            assert driver.signs.rod == math.copysign(1.0, taken.rod_speed)
+            assert after_impulse.y.rod_speed == taken.rod_speed
+            assert after_impulse.signs.rod == math.copysign(1.0, taken.rod_speed)
         if not p.string_density:
 
             def energy(s, p=p):
@@ -136,8 +131,8 @@ def test_a_push_on_a_rod_that_turns_turns_it():
     else:
         stuck = 0.5 * m1 / (m1 + m2 + 0.1)
         expected = (stuck, stuck)
-    assert (driver.y.heavy_speed, driver.y.rod_speed) == pytest.approx(expected, rel=1e-12)
-    assert driver.signs.rod == 1.0
+    assert (driver.motion.y.heavy_speed, driver.motion.y.rod_speed) == pytest.approx(expected, rel=1e-12)
+    assert driver.motion.signs.rod == 1.0
 
 
 @pytest.mark.parametrize(
@@ -174,18 +169,18 @@ def test_a_push_on_a_rod_that_turns_turns_it():
 def test_the_mode_at_release(changes, mode):
     # Oracle: statics. At 60 deg, above the rod, a held string is taut from w^2 = l g cos(60 deg), w = 1.7 m/s.
     driver = released(**changes)
-    assert driver.mode is mode
+    assert driver.motion.mode is mode
     if mode in (Mode.CLAMPED, Mode.STICKING):
-        assert driver.y.retreat_speed == driver.y.heavy_speed == 0
+        assert driver.motion.y.retreat_speed == driver.motion.y.heavy_speed == 0
 
 
 def test_a_push_at_the_horizontal_decides_whether_a_held_string_is_taut():
     # At 90 deg nothing pulls but for rounding. Pushed down, or at rest, the string tightens; pushed up, it goes slack.
     for push, mode in ((1e-9, Mode.CLAMPED), (0.0, Mode.CLAMPED), (-1e-9, Mode.CLAMPED_SLACK)):
-        assert released(release="held", release_angle=math.pi / 2, push_across=push).mode is mode
+        assert released(release="held", release_angle=math.pi / 2, push_across=push).motion.mode is mode
     # Half a degree above it a mass at rest pushes with g sin(0.5 deg) M, 1e13 times rounding, whichever way it is pushed
     for push in (0.01, 0.0, -0.01):
-        assert released(release="held", release_angle=math.radians(89.5), push_across=push).mode is Mode.CLAMPED_SLACK
+        assert released(release="held", release_angle=math.radians(89.5), push_across=push).motion.mode is Mode.CLAMPED_SLACK
     assert RELATIVE_TENSION_TOLERANCE * 0.01 * 9.81 < 1e-14
 
 
@@ -197,9 +192,9 @@ def test_friction_turns_the_rod_that_its_bearing_does_not_hold(of_the_edge, turn
     ratio = math.exp(0.34 * theta)
     _, t1, t2 = np.linalg.solve([[m1, 1, 0], [m2, 0, -1], [0, -ratio, 1]], [-m1 * g * math.cos(theta), -m2 * g, 0])
     driver = released(rod_mobility=0.1, bearing_friction=of_the_edge * (t2 - t1))
-    assert driver.mode is Mode.SLIDING_DOWN
-    assert driver.signs.rod == (-1.0 if turns else 0.0)
-    assert driver.y.rod_speed == (-TINY_SPEED if turns else 0.0)
+    assert driver.motion.mode is Mode.SLIDING_DOWN
+    assert driver.motion.signs.rod == (-1.0 if turns else 0.0)
+    assert driver.motion.y.rod_speed == (-TINY_SPEED if turns else 0.0)
 
 
 @pytest.mark.parametrize(
@@ -216,31 +211,31 @@ def test_friction_turns_the_rod_that_its_bearing_does_not_hold(of_the_edge, turn
 def test_the_series_that_leaves_rest_is_the_motion_to_second_order(changes):
     """Oracle: Newton's laws at rest give what speeds grow with; what has such a speed then moves half that times t^2."""
     driver = released(**changes)
-    start = driver.y
-    (segment,) = driver._start_run()
-    rate = equations.rates(math, driver.mode, 0.0, start, driver.signs, driver.values, driver.effects)
+    start = driver.motion.y
+    segment = driver._start_run()
+    rate = Equations(math, driver.values, driver.effects).rates(driver.motion.mode, 0.0, start, driver.motion.signs)
     constant, linear, square = segment.coefficients[0].T
     np.testing.assert_allclose(constant, np.array(start, dtype=float), rtol=0, atol=TINY_SPEED)
     np.testing.assert_allclose(linear, REST_SERIES_DURATION * np.array(rate), rtol=1e-12, atol=TINY_SPEED)
     h = 1e-4
     later = State(*(a + h * b for a, b in zip(start, rate, strict=True)))
-    then = equations.rates(math, driver.mode, h, later, driver.signs, driver.values, driver.effects)
+    then = Equations(math, driver.values, driver.effects).rates(driver.motion.mode, h, later, driver.motion.signs)
     for name in ("free_length", "wrap_angle", "slack", "heavy_tilt"):
         k = State._fields.index(name)
         growth = (then[k] - rate[k]) / h
         assert square[k] == pytest.approx(0.5 * REST_SERIES_DURATION**2 * growth, rel=1e-3, abs=1e-17), name
-    assert driver.t == REST_SERIES_DURATION
-    np.testing.assert_allclose(np.array(driver.y, dtype=float), constant + linear + square, rtol=1e-15)
+    assert driver.motion.t == REST_SERIES_DURATION
+    np.testing.assert_allclose(np.array(driver.motion.y, dtype=float), constant + linear + square, rtol=1e-15)
 
 
 def test_what_moves_at_release_needs_no_series():
     for changes in ({"push_across": 0.1}, {"push_along": -0.1}, {"push_sideways": 0.1}):
         driver = released(**changes)
-        assert driver._start_run() == []
-        assert driver.t == 0
+        assert driver._start_run() is None
+        assert driver.motion.t == 0
     held = released(release="held")
-    assert held._start_run() == []
-    assert held.y.across_speed == TINY_SPEED
+    assert held._start_run() is None
+    assert held.motion.y.across_speed == TINY_SPEED
 
 
 def test_a_light_mass_released_at_rest_above_the_rod_falls_the_other_way():
@@ -248,10 +243,10 @@ def test_a_light_mass_released_at_rest_above_the_rod_falls_the_other_way():
     for degrees, sign in ((112, 1.0), (200, -1.0)):
         driver = released(release_angle=math.radians(degrees))
         driver._start_run()
-        assert driver.signs.across == sign
-        assert driver.y.across_speed * sign > 0
-    assert released(push_across=-0.3).signs.across == -1.0
-    assert released(push_across=0.3).signs.across == 1.0
+        assert driver.motion.signs.across == sign
+        assert driver.motion.y.across_speed * sign > 0
+    assert released(push_across=-0.3).motion.signs.across == -1.0
+    assert released(push_across=0.3).motion.signs.across == 1.0
 
 
 # A string that stretches
@@ -265,14 +260,14 @@ def test_a_stretched_string_at_release_carries_the_heavy_masss_weight(release):
     t2 = 0.1 * 9.81
     t1 = t2 * math.exp(-0.34 * p.release_angle)
     share = (p.free_length + p.rod_radius * p.release_angle) / p.string_length
-    assert driver.y.light_stretch == pytest.approx(2e-3 * share * t1, rel=1e-12)
-    assert driver.y.heavy_stretch == pytest.approx(0.0 if release == "held" else 2e-3 * (1 - share) * t2, rel=1e-12)
+    assert driver.motion.y.light_stretch == pytest.approx(2e-3 * share * t1, rel=1e-12)
+    assert driver.motion.y.heavy_stretch == pytest.approx(0.0 if release == "held" else 2e-3 * (1 - share) * t2, rel=1e-12)
 
 
 def test_a_slack_strings_stretch_is_spread_by_the_lengths_of_its_sides():
     p = TEN_TO_ONE.replace(string_compliance=2e-3, hanging_length=0.2)
     y = State(0.3, 2.5, 0.5, 1.0, -0.3, 0.0, light_stretch=4e-3, heavy_stretch=-1e-3)
-    actual = equations.with_even_stretch(math, y, Signs(-1.0, 1.0, -1.0, 0.0), p.values(), p.effects)
+    actual = Equations(math, p.values(), p.effects).with_even_stretch(y, Signs(-1.0, 1.0, -1.0, 0.0))
     light = 0.3 + p.rod_radius * 2.5 - 4e-3  # unstretched string on the light side
     assert actual.light_stretch + actual.heavy_stretch == pytest.approx(3e-3, rel=1e-12)
     assert actual.light_stretch / actual.heavy_stretch == pytest.approx(light / (p.string_length - light), rel=1e-12)
@@ -305,45 +300,48 @@ def test_a_rod_that_turns_rolls_slides_and_rests():
 ROD = {"rod_mobility": 1.0, "bearing_friction": 0.2}
 
 
-def turning(mode: Mode, event: Event, rod_speed: float, slide: float = -1.0, heavy: float = -0.7, **changes) -> Driver:
-    """Return a driver just after ``event`` in ``mode``."""
+def turning(mode: Mode, event: Event, rod_speed: float, slide: float = -1.0, heavy: float = -0.7, **changes) -> Motion:
+    """Return the motion just after ``event`` in ``mode``."""
     driver = released(**ROD | changes)
     heavy = rod_speed if mode is Mode.ROLLING or event is Event.STOP else heavy
     retreat = heavy if mode.string_moves else 0.0
-    driver.y = driver.y._replace(retreat_speed=retreat, heavy_speed=heavy, rod_speed=rod_speed, across_speed=1.0)
+    _, t, y, signs = driver.motion
     sign = math.copysign(1.0, rod_speed) if rod_speed else 0.0
-    driver.signs = driver.signs._replace(slide=slide, across=1.0, phase=1.0, rod=sign, rod_phase=1.0 if rod_speed else 0.0)
-    driver.mode = mode
-    assert driver._apply_event(event) is False
-    return driver
+    motion = Motion(
+        mode,
+        t,
+        y._replace(retreat_speed=retreat, heavy_speed=heavy, rod_speed=rod_speed, across_speed=1.0),
+        signs._replace(slide=slide, across=1.0, phase=1.0, rod=sign, rod_phase=1.0 if rod_speed else 0.0),
+    )
+    return rules.apply_event(driver.system, mode, event, motion)
 
 
 @pytest.mark.parametrize("slide", [1.0, -1.0])
 def test_a_rod_begins_to_turn_the_way_the_string_slides(slide):
     mode = Mode.SLIDING_UP if slide > 0 else Mode.SLIDING_DOWN
-    driver = turning(mode, Event.ROD_CHANGES, 0.0, slide, heavy=0.7 * slide)
-    assert (driver.mode, driver.signs.rod, driver.signs.rod_phase) == (mode, slide, 0.0)
-    assert driver.y.rod_speed == slide * TINY_SPEED
-    assert driver.y.heavy_speed == 0.7 * slide
+    after = turning(mode, Event.ROD_CHANGES, 0.0, slide, heavy=0.7 * slide)
+    assert (after.mode, after.signs.rod, after.signs.rod_phase) == (mode, slide, 0.0)
+    assert after.y.rod_speed == slide * TINY_SPEED
+    assert after.y.heavy_speed == 0.7 * slide
 
 
 @pytest.mark.parametrize(("bearing", "rod"), [(0.02, -1.0), (5.0, 0.0)])
 def test_a_rod_that_stops_under_a_sliding_string_turns_its_way_or_rests(bearing, rod):
     # It turned up, and the string slides down: its friction, (exp(mu theta) - 1) T1 of about 0.05 N, takes it along, or not
-    driver = turning(Mode.SLIDING_DOWN, Event.ROD_CHANGES, 0.3, bearing_friction=bearing)
-    assert driver.mode is Mode.SLIDING_DOWN
-    assert (driver.signs.rod, driver.y.rod_speed) == (rod, rod * TINY_SPEED)
+    after = turning(Mode.SLIDING_DOWN, Event.ROD_CHANGES, 0.3, bearing_friction=bearing)
+    assert after.mode is Mode.SLIDING_DOWN
+    assert (after.signs.rod, after.y.rod_speed) == (rod, rod * TINY_SPEED)
 
 
 @pytest.mark.parametrize(("event", "sign"), [(Event.ROD_YIELDS_UP, 1.0), (Event.ROD_YIELDS_DOWN, -1.0)])
 def test_a_bearing_that_yields_lets_the_string_roll(event, sign):
-    driver = turning(Mode.STICKING, event, 0.0, heavy=0.0)
-    assert (driver.mode, driver.signs.rod, driver.y.rod_speed) == (Mode.ROLLING, sign, sign * TINY_SPEED)
+    after = turning(Mode.STICKING, event, 0.0, heavy=0.0)
+    assert (after.mode, after.signs.rod, after.y.rod_speed) == (Mode.ROLLING, sign, sign * TINY_SPEED)
 
 
 def test_a_rod_that_slows_is_watched_for_its_stop():
-    driver = turning(Mode.ROLLING, Event.ROD_SLOWS, -0.3)
-    assert (driver.mode, driver.signs.rod, driver.signs.rod_phase, driver.y.rod_speed) == (Mode.ROLLING, -1.0, 1.0, -0.3)
+    after = turning(Mode.ROLLING, Event.ROD_SLOWS, -0.3)
+    assert (after.mode, after.signs.rod, after.signs.rod_phase, after.y.rod_speed) == (Mode.ROLLING, -1.0, 1.0, -0.3)
 
 
 @pytest.mark.parametrize(
@@ -352,23 +350,23 @@ def test_a_rod_that_slows_is_watched_for_its_stop():
 )
 def test_a_string_that_stops_on_a_turning_rod_has_its_speed(static, mode):
     # T1 is 0.05 N and T2 0.98 N: held by friction of 5 it goes on with the rod, by that of 0.34 it slides on
-    driver = turning(Mode.SLIDING_DOWN, Event.STOP, -0.3, static_friction=static)
-    assert driver.mode is mode
-    assert driver.y.heavy_speed == driver.y.retreat_speed == driver.y.rod_speed == -0.3
-    assert driver.signs.rod_phase == 1.0
+    after = turning(Mode.SLIDING_DOWN, Event.STOP, -0.3, static_friction=static)
+    assert after.mode is mode
+    assert after.y.heavy_speed == after.y.retreat_speed == after.y.rod_speed == -0.3
+    assert after.signs.rod_phase == 1.0
 
 
 def test_what_rolls_stops_altogether():
-    driver = turning(Mode.ROLLING, Event.ROD_STOPS, -0.3, static_friction=5.0, bearing_friction=50.0)
-    assert driver.mode is Mode.STICKING
-    assert driver.y.heavy_speed == driver.y.retreat_speed == driver.y.rod_speed == driver.signs.rod == 0
+    after = turning(Mode.ROLLING, Event.ROD_STOPS, -0.3, static_friction=5.0, bearing_friction=50.0)
+    assert after.mode is Mode.STICKING
+    assert after.y.heavy_speed == after.y.retreat_speed == after.y.rod_speed == after.signs.rod == 0
 
 
 def test_a_string_begins_to_slide_on_a_rolling_rod_with_its_speed():
     for event, mode, slide in ((Event.SLIP_ONSET_DOWN, Mode.SLIDING_DOWN, -1.0), (Event.SLIP_ONSET_UP, Mode.SLIDING_UP, 1.0)):
-        driver = turning(Mode.ROLLING, event, -0.3)
-        assert (driver.mode, driver.signs.slide, driver.signs.phase) == (mode, slide, 0.0)  # relative to the rod it rests
-        assert driver.y.heavy_speed == driver.y.rod_speed == -0.3
+        after = turning(Mode.ROLLING, event, -0.3)
+        assert (after.mode, after.signs.slide, after.signs.phase) == (mode, slide, 0.0)  # relative to the rod it rests
+        assert after.y.heavy_speed == after.y.rod_speed == -0.3
 
 
 @pytest.mark.parametrize("solver", [solve, lambda p, **o: solve_at(p, np.array([0.0, 0.1]), **o)])
@@ -383,13 +381,13 @@ def test_a_run_whose_events_do_not_end_says_where(monkeypatch, solver):
 
 def test_a_stretching_string_that_tightens_pulls_evenly_again():
     driver = released(string_compliance=2e-3, hanging_length=0.2)
-    driver.y = State(0.4, 2.0, 0.3, 1.0, -0.3, 0.01, light_stretch=2e-3, heavy_stretch=-1e-3)
-    driver.mode, driver.signs = Mode.SLACK, driver.signs._replace(phase=1.0)
-    whole = driver.y.light_stretch + driver.y.heavy_stretch
-    driver._apply_event(Event.TAUT)
-    assert not driver.mode.slack
-    assert driver.y.light_stretch + driver.y.heavy_stretch == pytest.approx(whole, rel=1e-12)
+    y = State(0.4, 2.0, 0.3, 1.0, -0.3, 0.01, light_stretch=2e-3, heavy_stretch=-1e-3)
+    slack = Motion(Mode.SLACK, 0.0, y, driver.motion.signs._replace(phase=1.0))
+    after = rules.apply_event(driver.system, Mode.SLACK, Event.TAUT, slack)
+    whole = y.light_stretch + y.heavy_stretch
+    assert not after.mode.slack
+    assert after.y.light_stretch + after.y.heavy_stretch == pytest.approx(whole, rel=1e-12)
     light = 0.4 + 2 * 0.00625 - 2e-3  # unstretched
     ratio = light / (driver.parameters.string_length - light)
-    assert driver.y.light_stretch / driver.y.heavy_stretch == pytest.approx(ratio, rel=1e-12)
-    assert (driver.y.retreat_speed, driver.y.heavy_speed) == (0.3, -0.3)  # springs: nothing jumps
+    assert after.y.light_stretch / after.y.heavy_stretch == pytest.approx(ratio, rel=1e-12)
+    assert (after.y.retreat_speed, after.y.heavy_speed) == (0.3, -0.3)  # springs: nothing jumps

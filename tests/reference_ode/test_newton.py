@@ -11,8 +11,8 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.effects.properties import REST_SPEED
+from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.state import Signs, State, extra_variables, string_path
 from looping_pendulum.reference_ode.transitions import Event, Mode
 from tests.apparatus import TEN_TO_ONE
@@ -105,8 +105,8 @@ class Instant:
         rod_sign = float(np.sign(self.y.rod_speed))
         across, heavily = math.copysign(1.0, w), math.copysign(1.0, heavy)
         self.signs = Signs(slide, across, heavily, 1.0, self.overlap, rod=rod_sign, rod_phase=1.0)
-        self.rates = equations.rates(math, mode, 0.3, self.y, self.signs, self.p, self.effects)
-        self.t1, self.t2 = equations.tensions(math, mode, 0.3, self.y, self.signs, self.p, self.effects)
+        self.rates = Equations(math, self.p, self.effects).rates(mode, 0.3, self.y, self.signs)
+        self.t1, self.t2 = Equations(math, self.p, self.effects).tensions(mode, 0.3, self.y, self.signs)
 
     def moved(self, h: float) -> State:
         return State(*(a + h * b for a, b in zip(self.y, self.rates, strict=True)))
@@ -291,7 +291,7 @@ def test_the_rod_obeys_newton(mode, name):
             continue
         bearing = i.p.bearing_friction * math.copysign(1.0, i.y.rod_speed)
         assert i.rates.rod_speed == pytest.approx(i.p.rod_mobility * (i.t1 - i.t2 - bearing), rel=1e-9)
-        held = equations.rates(math, mode, 0.3, i.y, i.signs._replace(rod=0.0), i.p, i.effects)
+        held = Equations(math, i.p, i.effects).rates(mode, 0.3, i.y, i.signs._replace(rod=0.0))
         if mode is not Mode.ROLLING:
             assert held.rod_speed == 0
 
@@ -307,7 +307,7 @@ def test_what_an_effect_alone_moves_rests_without_it(mode, name):
 
 
 def events(i: Instant, y: State | None = None, **signs: float) -> dict[Event, float]:
-    return equations.event_functions(math, i.mode, 0.3, i.y if y is None else y, i.signs._replace(**signs), i.p, i.effects)
+    return Equations(math, i.p, i.effects).event_functions(i.mode, 0.3, i.y if y is None else y, i.signs._replace(**signs))
 
 
 @EVERY
@@ -358,7 +358,7 @@ def test_a_slide_ends_where_its_speed_or_its_tension_vanishes(mode, name):
             slowing = events(i, rod_phase=0.0)[Event.ROD_CHANGES]
             assert slowing == pytest.approx(i.signs.rod * i.rates.rod_speed, rel=1e-9)
             resting = i.y._replace(rod_speed=0.0)
-            t1, t2 = equations.tensions(math, mode, 0.3, resting, i.signs._replace(rod=0.0), i.p, i.effects)
+            t1, t2 = Equations(math, i.p, i.effects).tensions(mode, 0.3, resting, i.signs._replace(rod=0.0))
             held = events(i, resting, rod=0.0)[Event.ROD_CHANGES]
             assert held == pytest.approx(i.p.bearing_friction - slide * (t1 - t2), rel=1e-9)
 
@@ -369,7 +369,7 @@ def test_a_hold_ends_at_the_edge_of_the_friction_cone(mode, name):
         actual, hold = events(i), math.exp(i.capstan(i.p.static_friction, 0.0))
         assert actual[Event.SLIP_ONSET_DOWN] == pytest.approx(i.t1 * hold - i.t2, rel=1e-9)
         assert actual[Event.SLIP_ONSET_UP] == pytest.approx(i.t2 * hold - i.t1, rel=1e-9)
-        margins = equations.holding_margins(math, 0.3, i.y, i.signs, i.p, i.effects, mode)
+        margins = Equations(math, i.p, i.effects).holding_margins(mode, 0.3, i.y, i.signs)
         assert margins == (actual[Event.SLIP_ONSET_DOWN], actual[Event.SLIP_ONSET_UP])
         turns = "rod_speed" in extra_variables(i.effects)
         assert (Event.ROD_YIELDS_UP in actual) is (turns and mode is Mode.STICKING)

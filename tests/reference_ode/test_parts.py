@@ -10,13 +10,13 @@ import pytest
 import scipy.integrate
 
 from looping_pendulum.reference_ode import parameters as parameter_module
-from looping_pendulum.reference_ode import scipy_backend, solution, state
+from looping_pendulum.reference_ode import rules, scipy_backend, solution, state
 from looping_pendulum.reference_ode.closed_forms import HELD_PERIOD_NODES
 from looping_pendulum.reference_ode.driver import MAX_EVENTS, Driver
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
 from looping_pendulum.reference_ode.effects.closure import COORDINATES, FACTORS, N_BASIS_FUNCTIONS, SIDES, weight_name
 from looping_pendulum.reference_ode.effects.properties import REST_SPEED
-from looping_pendulum.reference_ode.equations import event_functions
+from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.scipy_backend import CHECKS, DEGREE, ScipyIntegrator
 from looping_pendulum.reference_ode.solution import Run, RunEvent, Segment, SegmentSamples, join_samples
@@ -151,7 +151,7 @@ def test_every_event_ends_a_mode_changes_it_or_leaves_it():
 def test_what_changes_its_law_at_a_full_turn_looks_for_it(values, watches):
     p = TEN_TO_ONE.replace(**values)
     y = State(0.5, 6.0, -0.1, 1.0, -0.1, 0.0)
-    actual = event_functions(math, Mode.SLIDING_DOWN, 0.0, y, UP._replace(slide=-1.0), p.values(), p.effects)
+    actual = Equations(math, p.values(), p.effects).event_functions(Mode.SLIDING_DOWN, 0.0, y, UP._replace(slide=-1.0))
     assert (Event.FIRST_TURN in actual) is watches
 
 
@@ -159,13 +159,13 @@ def test_at_the_first_turn_a_string_steps_out_and_the_light_mass_stays():
     """Oracle: continuity of the place of the light mass, of the string's length and of the direction of the string."""
     p = TEN_TO_ONE.replace(string_thickness=2e-3)
     driver = Driver(p, 1.0, 1e-10, "scipy")
-    driver.y = State(0.3, 2 * math.pi, -0.2, 1.5, -0.2, 0.0)
+    m = driver.motion._replace(mode=Mode.SLIDING_DOWN, y=State(0.3, 2 * math.pi, -0.2, 1.5, -0.2, 0.0))
     positions, paths = [], []
     for overlap in (0.0, 1.0, 0.0):
-        assert driver.signs.overlap == overlap
-        positions.append(solution.light_mass_position(math, driver.y, overlap, p))
-        paths.append(state.string_path(math, driver.y, overlap, driver.values, p.effects))
-        driver._apply_event(Event.FIRST_TURN)
+        assert m.signs.overlap == overlap
+        positions.append(solution.light_mass_position(math, m.y, overlap, p))
+        paths.append(state.string_path(math, m.y, overlap, driver.values, p.effects))
+        m = rules.apply_event(driver.system, Mode.SLIDING_DOWN, Event.FIRST_TURN, m)
     np.testing.assert_allclose(positions, np.broadcast_to(positions[0], (3, 2)), rtol=0, atol=1e-15)
     np.testing.assert_allclose(paths, paths[0], rtol=1e-14)
 

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.batch.series import Series, SeriesAlgebra
 from looping_pendulum.reference_ode.effects import EFFECTS, EffectKind
+from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.state import Effects, Signs, State, heavy_drop
@@ -116,40 +116,41 @@ class Symbols:
         absent = {c.name: c.null for effect in EFFECTS.values() for c in effect.coefficients}
         self.signs = Signs(**{name: self.algebra.series(self.leading[name]) for name in SIGNS})
         self.p = SimpleNamespace(**(absent | {name: self.algebra.series(symbol) for name, symbol in parameters.items()}))
+        self.equations = Equations(self.algebra, self.p, model.effects)
 
-    def arguments(self) -> tuple[Any, State, Signs, Any]:
-        """Return time, state, signs and parameters, in the order in which `equations` takes them."""
+    def arguments(self) -> tuple[Any, State, Signs]:
+        """Return time, state and signs, in the order in which the equations take them."""
         t, *state = (self.algebra.series(self.leading[name]) for name in ("time", *STATE))
-        return t, State(*state), self.signs, self.p
+        return t, State(*state), self.signs
 
 
 @lru_cache(maxsize=64)
 def holding_margins(model: BatchModel) -> CompiledFunction:
-    """Compile `equations.holding_margins`; outputs: margins (down, up) [N]."""
+    """Compile `Equations.holding_margins`; outputs: margins (down, up) [N]."""
     symbols = Symbols(model)
-    return CompiledFunction(equations.holding_margins(symbols.algebra, *symbols.arguments(), model.effects), symbols.inputs)
+    return CompiledFunction(symbols.equations.holding_margins(Mode.STICKING, *symbols.arguments()), symbols.inputs)
 
 
 @lru_cache(maxsize=64)
 def light_tension(model: BatchModel, mode: Mode) -> CompiledFunction:
-    """Compile the first of `equations.tensions`; output: tension of the free string [N]."""
+    """Compile the first of `Equations.tensions`; output: tension of the free string [N]."""
     symbols = Symbols(model)
-    return CompiledFunction(equations.tensions(symbols.algebra, mode, *symbols.arguments(), model.effects)[:1], symbols.inputs)
+    return CompiledFunction(symbols.equations.tensions(mode, *symbols.arguments())[:1], symbols.inputs)
 
 
 @lru_cache(maxsize=64)
 def rates(model: BatchModel, mode: Mode) -> CompiledFunction:
-    """Compile `equations.rates`; outputs: derivatives of `STATE`."""
+    """Compile `Equations.rates`; outputs: derivatives of `STATE`."""
     symbols = Symbols(model)
-    rate = equations.rates(symbols.algebra, mode, *symbols.arguments(), model.effects)
+    rate = symbols.equations.rates(mode, *symbols.arguments())
     return CompiledFunction([getattr(rate, name) for name in STATE], symbols.inputs)
 
 
 @lru_cache(maxsize=64)
 def impact(model: BatchModel, slide: float) -> CompiledFunction:
-    """Compile `equations.impact`; outputs: `STATE` just after it, and the speed at which the string then slides [m/s]."""
+    """Compile `Equations.impact`; outputs: `STATE` just after it, and the speed at which the string then slides [m/s]."""
     symbols = Symbols(model)
-    after = equations.impact(symbols.algebra, slide, *symbols.arguments(), model.effects)
+    after = symbols.equations.impact(slide, *symbols.arguments())
     return CompiledFunction([*(getattr(after.state, name) for name in STATE), after.sliding], symbols.inputs)
 
 
@@ -157,5 +158,5 @@ def impact(model: BatchModel, slide: float) -> CompiledFunction:
 def drop(model: BatchModel) -> CompiledFunction:
     """Compile `state.heavy_drop` [m]; the overlap is 0, as no effect that a batch supports reads it."""
     symbols = Symbols(model)
-    _, y, _, p = symbols.arguments()
-    return CompiledFunction([heavy_drop(symbols.algebra, y, 0.0, p, model.effects)], symbols.inputs)
+    _, y, _ = symbols.arguments()
+    return CompiledFunction([heavy_drop(symbols.algebra, y, 0.0, symbols.p, model.effects)], symbols.inputs)

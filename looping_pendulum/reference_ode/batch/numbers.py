@@ -12,17 +12,16 @@ from numpy.typing import NDArray
 from looping_pendulum.reference_ode.effects import COEFFICIENTS
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import (
-    MAX_LENGTH_OR_MASS,
     POINT_MASS_END,
     Parameters,
     Release,
+    requirements,
     string_length,
     touching_length,
 )
 
 Columns = Mapping[str, Array]
 """Name, one of `COLUMNS` -> one value per run, shape (n,), SI."""
-_LENGTHS_AND_MASSES = ("light_mass", "heavy_mass", "rod_radius", "free_length", "hanging_length")
 _FIELDS = tuple(field.name for field in dataclasses.fields(Parameters) if field.name not in ("release", "coefficients"))
 COLUMNS = (*_FIELDS, *COEFFICIENTS)
 """Names that a column may have."""
@@ -56,19 +55,8 @@ _STRING = ("free_length", "rod_radius", "release_angle", "hanging_length")
 
 
 def valid_runs(values: Mapping[str, Any], n: int) -> NDArray[np.bool_]:
-    """Return which of ``n`` runs have values that `Parameters` accepts.
-
-    The comparisons are those of `Parameters`, written so that nan fails each of them.
-    """
-    checks = [np.greater(values[name], 0) & np.less_equal(values[name], MAX_LENGTH_OR_MASS) for name in _LENGTHS_AND_MASSES]
-    checks += [np.isfinite(values["light_radius"]) & np.greater_equal(values["light_radius"], 0)]
-    checks += [np.greater(values["release_angle"], 0) & np.less(values["release_angle"], 2 * np.pi)]
-    for name, coefficient in COEFFICIENTS.items():
-        low, high = coefficient.bounds
-        checks.append(np.greater_equal(values[name], low) & np.less_equal(values[name], high) & np.isfinite(values[name]))
-    checks.append(np.greater_equal(values["static_friction"], values["kinetic_friction"]))
-    checks.append(np.greater(values["free_length"], values["end_length"]))
+    """Return which of ``n`` runs have values that `Parameters` accepts."""
     valid = np.ones(n, dtype=bool)
-    for check in checks:
-        valid &= check
+    for requirement in requirements(COEFFICIENTS):
+        valid &= requirement.is_met(values)
     return valid

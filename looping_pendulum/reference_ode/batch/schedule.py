@@ -15,8 +15,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from looping_pendulum.reference_ode.batch import system
 from looping_pendulum.reference_ode.batch.block import BOOKKEEPING, Block
-from looping_pendulum.reference_ode.batch.changes import BatchTransitions
 from looping_pendulum.reference_ode.batch.compiled import LEADING, batch_model, drop
 from looping_pendulum.reference_ode.batch.result import ENDS, HASH_START, BatchResult, update_hash
 from looping_pendulum.reference_ode.batch.steps import NO_EVENT, UNSURE_EVENT, stepper
@@ -88,9 +88,9 @@ class Schedule:
     ) -> None:
         """Prepare; ``result`` has an entry for every run of the batch, of which those that are taken here are filled in."""
         self._source, self._result = source, result
-        self._model = model = batch_model(effects, source.parameter_values(np.arange(0)))
+        self._model = batch_model(effects, source.parameter_values(np.arange(0)))
         self._duration, self._tolerance = duration, tolerance
-        self._transitions = BatchTransitions(model, release)
+        self._kind = release
         self._queues: dict[BatchTask, list[Block]] = defaultdict(list)
         self._running_count = 0
 
@@ -138,7 +138,7 @@ class Schedule:
         block["run"], block["duration"] = runs.astype(float), self._duration
         block["free_length"], block["wrap_angle"] = values["free_length"], values["release_angle"]
         along, across = (np.broadcast_to(values[name], len(runs)) for name in ("push_along", "push_across"))
-        self._transitions.release(block, along, across)
+        system.release(self._model, self._kind, block, along, across)
         result = self._result
         result.stops[runs] = result.slip_count[runs] = result.slack_intervals[runs] = 0
         result.sequence[runs] = HASH_START
@@ -200,7 +200,7 @@ class Schedule:
     def _apply(self, block: Block, mode: Mode, event: Event) -> None:
         """Apply ``event``, at which all runs of the block, in ``mode``, have arrived, and record it in their results."""
         runs = block.runs
-        self._transitions.apply_event(block, mode, event)
+        system.apply_event(self._model, block, mode, event)
         if event in END_EVENTS:
             self._record_end(block, runs, mode, event)
         elif event not in PHASE_EVENTS:

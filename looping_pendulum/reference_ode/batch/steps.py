@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.reference_ode import equations
 from looping_pendulum.reference_ode.batch.compiled import (
     LEADING,
     BatchModel,
@@ -110,9 +109,9 @@ def _series(symbols: Symbols, mode: Mode, effects: Effects) -> tuple[dict[str, S
     }
     t = motion_series["time"]
     y = full_state(mode, **{name: series for name, series in motion_series.items() if name != "time"})
-    by_time = equations.rates(algebra, mode, t, y, symbols.signs, symbols.p, effects)._asdict() | {"time": 1.0}
+    by_time = symbols.equations.rates(mode, t, y, symbols.signs)._asdict() | {"time": 1.0}
     rates.update({name: y.free_length * by_time[name] for name in motion_series})
-    event_series = equations.event_functions(algebra, mode, t, y, symbols.signs, symbols.p, effects)
+    event_series = symbols.equations.event_functions(mode, t, y, symbols.signs)
     event_series |= {event: y.free_length * function for event, function in event_series.items() if event in FORCE_EVENTS}
     event_series[Event.TIME_UP] = algebra.series(inputs["duration"]) - t
     return motion_series, {event: algebra.series(function) for event, function in event_series.items()}

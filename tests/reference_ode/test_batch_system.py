@@ -13,18 +13,18 @@ pytest.importorskip("heyoka", reason="without heyoka a batch is a loop over sing
 
 from looping_pendulum.errors import IntegratorFallbackWarning, ParameterError  # noqa: E402
 from looping_pendulum.reference_ode import batch, heyoka_backend  # noqa: E402
-from looping_pendulum.reference_ode.batch import compiled, roots, schedule, sharing, solve_batch, steps  # noqa: E402
+from looping_pendulum.reference_ode.batch import compiled, roots, schedule, sharing, solve_batch, steps, system  # noqa: E402
 from looping_pendulum.reference_ode.batch.block import BOOKKEEPING, Block  # noqa: E402
-from looping_pendulum.reference_ode.batch.changes import BatchTransitions  # noqa: E402
-from looping_pendulum.reference_ode.batch.compiled import LEADING, SIGNS, STATE, batch_model  # noqa: E402
+from looping_pendulum.reference_ode.batch.compiled import LEADING, SIGNS, STATE, BatchModel, batch_model  # noqa: E402
 from looping_pendulum.reference_ode.batch.numbers import equation_parameters, parameters_of_run, valid_runs  # noqa: E402
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult  # noqa: E402
 from looping_pendulum.reference_ode.batch.steps import stepper  # noqa: E402
-from looping_pendulum.reference_ode.driver import REST_SERIES_DURATION, TINY_SPEED, Driver  # noqa: E402
+from looping_pendulum.reference_ode.driver import Driver  # noqa: E402
 from looping_pendulum.reference_ode.effects import COEFFICIENTS  # noqa: E402
 from looping_pendulum.reference_ode.parameters import Parameters, Release  # noqa: E402
+from looping_pendulum.reference_ode.rules import REST_SERIES_DURATION  # noqa: E402
 from looping_pendulum.reference_ode.solve import TOLERANCE, solve, solve_at  # noqa: E402
-from looping_pendulum.reference_ode.state import State  # noqa: E402
+from looping_pendulum.reference_ode.state import TINY_SPEED, Motion, State  # noqa: E402
 from looping_pendulum.reference_ode.transitions import TABLE, Event, Mode  # noqa: E402
 from tests.apparatus import TEN_TO_ONE  # noqa: E402
 from tests.reference_ode.test_batch import BASE, random_columns  # noqa: E402
@@ -47,8 +47,8 @@ def apparatus(release: Release) -> list[Parameters]:
     return [base.replace(**changes) for changes in given]
 
 
-def block_of(all_parameters: list[Parameters]) -> tuple[Block, BatchTransitions]:
-    """Return the runs as a block, as `Schedule._release` makes it."""
+def block_of(all_parameters: list[Parameters]) -> tuple[Block, BatchModel]:
+    """Return the runs as a block, and their model, as `Schedule._release` makes it."""
     numbers = [equation_parameters(p, {}) for p in all_parameters]
     model = batch_model(all_parameters[0].effects, numbers[0])
     block = Block(np.zeros((len(BOOKKEEPING) + len(LEADING) + len(model.names), len(numbers))))
@@ -56,7 +56,7 @@ def block_of(all_parameters: list[Parameters]) -> tuple[Block, BatchTransitions]
         block.inputs[row] = [n[name] for n in numbers]
     for entry, name in (("free_length", "free_length"), ("wrap_angle", "release_angle")):
         block[entry] = [n[name] for n in numbers]
-    return block, BatchTransitions(model, all_parameters[0].release)
+    return block, model
 
 
 def pushes(all_parameters: list[Parameters]) -> tuple[np.ndarray, ...]:
@@ -65,9 +65,9 @@ def pushes(all_parameters: list[Parameters]) -> tuple[np.ndarray, ...]:
 
 def assert_same(block: Block, drivers: list[Driver], bound: float = ROUNDING) -> None:
     """Check each column against its driver: mode and signs exactly, the state to rounding, `TINY_SPEED` with its sign."""
-    assert [Mode(int(mode)) for mode in block["mode"]] == [driver.mode for driver in drivers]
+    assert [Mode(int(mode)) for mode in block["mode"]] == [driver.motion.mode for driver in drivers]
     for name in STATE:
-        expected = np.array([float(getattr(driver.y, name)) for driver in drivers])
+        expected = np.array([float(getattr(driver.motion.y, name)) for driver in drivers])
         np.testing.assert_allclose(block[name], expected, rtol=0, atol=bound, err_msg=name)
         np.testing.assert_array_equal(np.sign(block[name]), np.sign(expected), err_msg=name)
         tiny = np.abs(expected) <= TINY_SPEED
@@ -76,8 +76,8 @@ def assert_same(block: Block, drivers: list[Driver], bound: float = ROUNDING) ->
     read["phase"] = lambda mode: mode.sliding or (mode.slack and mode is not Mode.FALLING)
     for name in SIGNS:
         for column, driver in enumerate(drivers):
-            if read[name](driver.mode):
-                assert block[name][column] == getattr(driver.signs, name), (name, driver.mode)
+            if read[name](driver.motion.mode):
+                assert block[name][column] == getattr(driver.motion.signs, name), (name, driver.motion.mode)
 
 
 @pytest.mark.parametrize("release", list(Release))
@@ -85,18 +85,18 @@ def test_a_release_is_the_single_runs(release):
     every = apparatus(release)
     if release is Release.VERTICAL:
         every = [p for p in every if p.coefficients["push_across"] in (0.0, 0.5)]
-    block, changes = block_of(every)
-    changes.release(block, *pushes(every))
+    block, model = block_of(every)
+    system.release(model, release, block, *pushes(every))
     drivers = [Driver(p, 1.0, TOLERANCE, "scipy") for p in every]
     for driver in drivers:
         driver._start_run()
     assert_same(block, drivers)
-    np.testing.assert_array_equal(block["time"], [driver.t for driver in drivers])
+    np.testing.assert_array_equal(block["time"], [driver.motion.t for driver in drivers])
     # What the first instant adds is small beside what it is added to; so its second order is compared by itself.
-    at_rest = [i for i, driver in enumerate(drivers) if driver.t == REST_SERIES_DURATION]
+    at_rest = [i for i, driver in enumerate(drivers) if driver.motion.t == REST_SERIES_DURATION]
     assert at_rest or release is Release.HELD
     for name in ("free_length", "wrap_angle"):
-        moved = np.array([getattr(d.y, name) - getattr(d.parameters, name.replace("wrap", "release")) for d in drivers])
+        moved = np.array([getattr(d.motion.y, name) - getattr(d.parameters, name.replace("wrap", "release")) for d in drivers])
         actual = block[name] - [getattr(p, name.replace("wrap", "release")) for p in every]
         np.testing.assert_allclose(actual[at_rest], moved[at_rest], rtol=0, atol=5e-16, err_msg=name)  # rounding of about 1
 
@@ -123,31 +123,30 @@ def test_what_follows_an_event_is_what_follows_it_in_a_single_run(mode, event):
             u, heavy = (heavy, u) if mode is Mode.SLACK else (-u, heavy)
         slack = rng.uniform(0, 0.1) if mode.slack else 0.0
         w = rng.normal(0, 1)
-        driver.y = State(rng.uniform(0.2, 0.5), rng.uniform(1.0, 9.0), u, w, heavy, slack)
-        slide = 1.0 if mode is Mode.SLIDING_UP else -1.0
-        driver.signs = driver.signs._replace(
-            slide=slide,
+        y = State(rng.uniform(0.2, 0.5), rng.uniform(1.0, 9.0), u, w, heavy, slack)
+        signs = driver.motion.signs._replace(
+            slide=1.0 if mode is Mode.SLIDING_UP else -1.0,
             across=math.copysign(1.0, w),
             heavy=math.copysign(1.0, heavy),
             phase=0.0 if event is Event.SLOWS else 1.0,
         )
-        driver.mode = mode
+        driver.motion = Motion(mode, 0.0, y, signs)
         drivers.append(driver)
-    block, changes = block_of([driver.parameters for driver in drivers])
+    block, model = block_of([driver.parameters for driver in drivers])
     block["mode"] = float(mode)
     for name in STATE:
-        block[name] = [getattr(driver.y, name) for driver in drivers]
+        block[name] = [getattr(driver.motion.y, name) for driver in drivers]
     for name in SIGNS:
-        block[name] = [getattr(driver.signs, name) for driver in drivers]
-    changes.apply_event(block, mode, event)
-    ended = [driver._apply_event(event) for driver in drivers]
+        block[name] = [getattr(driver.motion.signs, name) for driver in drivers]
+    system.apply_event(model, block, mode, event)
+    ended = [driver._apply_event(event, driver.motion.t, driver.motion.y) for driver in drivers]
     if any(ended):
         assert all(ended)
         assert np.all(block["mode"] == Mode.ENDED)
         return
     assert_same(block, drivers, bound=1e-13)  # an impact divides by sums of masses
     if event is Event.TAUT and mode is Mode.SLACK:
-        assert {driver.mode for driver in drivers} >= {Mode.SLIDING_UP, Mode.SLIDING_DOWN}
+        assert {driver.motion.mode for driver in drivers} >= {Mode.SLIDING_UP, Mode.SLIDING_DOWN}
 
 
 @pytest.mark.parametrize(
@@ -158,18 +157,18 @@ def test_a_string_that_becomes_taut_under_a_push_is_slack_again(release, mode, h
     """Above the rod a slow light mass weighs on a clamped string; a heavy mass that air slows at 58 m/s^2 does so, too."""
     p = TEN_TO_ONE.replace(release=release, release_angle=math.radians(30), heavy_drag=drag)
     driver = Driver(p, 1.0, TOLERANCE, "scipy")
-    driver.y = State(0.4, math.radians(30), 0.5, 0.1, heavy_speed, 0.0)
-    driver.mode, driver.signs = mode, driver.signs._replace(phase=1.0, across=1.0)
-    block, changes = block_of([p])
+    y = State(0.4, math.radians(30), 0.5, 0.1, heavy_speed, 0.0)
+    driver.motion = Motion(mode, 0.0, y, driver.motion.signs._replace(phase=1.0, across=1.0))
+    block, model = block_of([p])
     block["mode"] = float(mode)
     for name in STATE:
-        block[name] = getattr(driver.y, name)
+        block[name] = getattr(driver.motion.y, name)
     for name in SIGNS:
-        block[name] = getattr(driver.signs, name)
-    driver._apply_event(Event.TAUT)
-    assert driver.mode is mode
-    assert driver.signs.phase == 0
-    changes.apply_event(block, mode, Event.TAUT)
+        block[name] = getattr(driver.motion.signs, name)
+    driver._apply_event(Event.TAUT, driver.motion.t, driver.motion.y)
+    assert driver.motion.mode is mode
+    assert driver.motion.signs.phase == 0
+    system.apply_event(model, block, mode, Event.TAUT)
     assert_same(block, [driver], bound=1e-13)
 
 

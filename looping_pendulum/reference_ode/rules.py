@@ -1,0 +1,267 @@
+"""Rules of transition: what the release and each event do to mode, state and signs; which mode follows.
+
+Each rule is a pure function from one `Motion` to the next and asks for the equations through `HybridSystem`. It decides by
+``system.where`` and ``system.choose``, so that one run (numbers) and many runs at once (arrays) follow the same lines. Only
+what is the same for all of these runs, such as the event and the effects, is decided by ``if``. A rod that turns has further
+rules, in `rod`.
+
+Comparisons with 0 are of three kinds. Coefficients are as given, and signs and the speeds of what rests (or `TINY_SPEED`) were
+assigned, so these comparisons are exact. Tensions and margins are computed and have tolerances (`RELATIVE_TENSION_TOLERANCE`,
+`MARGIN_TOLERANCE`, `equations.FRICTION_CONE_TOLERANCE`). Other computed numbers are far from 0, except where an event is only
+grazed; there both of the possible modes are right to rounding.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from looping_pendulum.reference_ode import rod
+from looping_pendulum.reference_ode.equations import Impact
+from looping_pendulum.reference_ode.hybrid_system import HybridSystem
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.state import TINY_SPEED, Motion, Signs, State, winding
+from looping_pendulum.reference_ode.transitions import Event, Mode, TransitionChoice, next_mode
+
+REST_SERIES_DURATION = 1e-6
+"""Length of the step by which a run leaves rest [s]: |v| is not analytic at v = 0, so a series of second order takes it.
+
+The next term of the series is of order REST_SERIES_DURATION^3.
+"""
+MARGIN_TOLERANCE = 1e-9
+"""Margin within which a tension is on the edge of the friction cone where a string that stretches comes to rest [N]."""
+RELATIVE_TENSION_TOLERANCE = 1e-14
+"""Tension at release, as a fraction of the light mass's weight, that is zero but for rounding (-6e-17 at 90 deg)."""
+
+
+# Release
+
+
+def state_at_release(start: Parameters) -> State:
+    """Return the state at release, before a push along the string has acted on the heavy mass."""
+    c = start.coefficients
+    y = State(start.free_length, start.release_angle, c["push_along"], c["push_across"], 0.0, 0.0)
+    if start.release is Release.DROP:
+        return y
+    return y._replace(heavy_tilt=c["heavy_swing"], sideways_speed=c["push_sideways"])
+
+
+def release(system: HybridSystem, kind: Release, y: State) -> Motion:
+    """Return the motion just after a release with the state ``y``.
+
+    A push away from the rod acts on both masses, as when a slack string becomes taut; one towards it leaves the string slack.
+    """
+    across = system.where(y.across_speed < 0, -1.0, 1.0)
+    m = Motion(Mode.FALLING, 0.0, y, Signs(slide=-1.0, across=across, heavy=-1.0, phase=0.0))
+    held = kind is Release.HELD
+    if kind is Release.DROP:
+        return m
+    if system.string_stretches:
+        y = system.with_stretch_at_rest(m)
+        # What the clamp holds does not stretch
+        return (
+            m._replace(mode=Mode.CLAMPED, y=y._replace(heavy_stretch=0.0)) if held else m._replace(mode=Mode.SLIDING_DOWN, y=y)
+        )
+    push = y.retreat_speed
+    slack = m._replace(mode=Mode.CLAMPED_SLACK if held else Mode.SLACK)
+    if held:
+        taut = m._replace(mode=Mode.CLAMPED, y=y._replace(retreat_speed=system.where(push < 0, push, 0.0)))
+    else:
+        taut = stick_or_slide(system, m)
+        if system.any(push > 0):
+            taut = system.choose(push > 0, slide_or_stick_after_impulse(system, m), taut)
+    taut = begin_sliding(system, taut)
+    # If the light mass does not move backwards the tension grows, so that a tension of zero, but for rounding, is the edge of a
+    # taut string. Taken for slack it would never become taut, as its slack neither opens nor closes.
+    weight = system.p.light_mass * system.p.gravity
+    least = system.where(y.across_speed >= 0, -RELATIVE_TENSION_TOLERANCE * weight, 0.0)
+    pulls = system.tensions(taut)[0] >= least
+    return system.choose(push < 0, slack, system.choose(pulls, taut, taut._replace(mode=slack.mode)))
+
+
+class RestSeries(NamedTuple):
+    """State after `REST_SERIES_DURATION` as the terms of a series: constant, linear and square."""
+
+    constant: State
+    linear: State
+    square: State
+
+
+def leave_rest(system: HybridSystem, m: Motion) -> tuple[Motion, RestSeries, Any]:
+    """Take the first `REST_SERIES_DURATION` by a series where the light mass starts at rest, where |v| is not analytic.
+
+    Returns
+    -------
+    after
+        The motion after that, or ``m`` with the sign of the light mass's speed where no series is needed.
+    series
+        Terms of the series.
+    by_series
+        Whether it was taken.
+    """
+    rate, y = system.rates(m), m.y
+    across_at_rest = y.across_speed == 0
+    across = system.where(across_at_rest, system.where(rate.across_speed >= 0, 1.0, -1.0), m.signs.across)
+    at_rest = across_at_rest & (y.retreat_speed == 0) & (y.sideways_speed == 0)
+    by_series = at_rest & (_is_one_of(m.mode, STRING_MOVES + SLACK) | system.string_stretches)
+    # Speeds grow linearly from rest, so that what they move has these second derivatives
+    turning = rate.across_speed / y.free_length
+    second_derivatives = State(
+        free_length=rate.retreat_speed - system.p.rod_radius * turning,
+        wrap_angle=turning,
+        retreat_speed=0.0,
+        across_speed=0.0,
+        heavy_speed=0.0,
+        slack=rate.heavy_speed - rate.retreat_speed,
+        heavy_tilt=rate.heavy_across_speed / system.p.hanging_length if system.heavy_mass_swings else 0.0,
+    )
+    series = RestSeries(
+        constant=y,
+        linear=State(*(REST_SERIES_DURATION * r for r in rate)),
+        square=State(*(0.5 * REST_SERIES_DURATION**2 * r for r in second_derivatives)),
+    )
+    signs = m.signs._replace(across=across)
+    gone = m._replace(t=REST_SERIES_DURATION, y=State(*(a + b + c for a, b, c in zip(*series, strict=True))), signs=signs)
+    signed = system.where(across_at_rest, y.across_speed + TINY_SPEED * across, y.across_speed)
+    return system.choose(by_series, gone, m._replace(y=y._replace(across_speed=signed), signs=signs)), series, by_series
+
+
+# Events
+
+
+def apply_event(system: HybridSystem, mode: Mode, event: Event, m: Motion) -> Motion:
+    """Return the motion after ``event``, at which the run, or all runs, arrived in ``mode``."""
+    following = next_mode(mode, event)
+    if following is Mode.ENDED:
+        return m._replace(mode=Mode.ENDED)
+    if event is Event.ACROSS_REVERSES:
+        across = -1.0 * m.signs.across
+        return m._replace(signs=m.signs._replace(across=across), y=m.y._replace(across_speed=TINY_SPEED * across))
+    if event is Event.HEAVY_REVERSES:
+        heavy = -1.0 * m.signs.heavy
+        return m._replace(signs=m.signs._replace(heavy=heavy), y=m.y._replace(heavy_speed=TINY_SPEED * heavy))
+    if event in (Event.SLOWS, Event.CLOSES):
+        return m._replace(signs=m.signs._replace(phase=1.0))
+    if event is Event.FIRST_TURN:
+        return _cross_first_turn(system, m)
+    if event in (Event.ROD_SLOWS, Event.ROD_CHANGES):
+        return rod.apply_phase_event(system, event, m)
+    return _change_mode(system, mode, event, following, m)
+
+
+def _change_mode(system: HybridSystem, mode: Mode, event: Event, following: Mode | TransitionChoice, m: Motion) -> Motion:
+    """Set the speeds that ``event`` sets, and enter the mode that follows."""
+    if system.string_stretches:
+        if event is Event.TAUT and mode is Mode.SLACK:
+            m = m._replace(y=system.with_even_stretch(m))
+    elif event is Event.STOP:
+        m = _with_string_speed(system, m, m.y.rod_speed if system.rod_turns else 0.0)
+    elif event is Event.ROD_STOPS:
+        m = _with_string_speed(system, m, 0.0)
+        m = m._replace(y=m.y._replace(rod_speed=0.0))
+    elif event in (Event.ROD_YIELDS_UP, Event.ROD_YIELDS_DOWN):
+        m = rod.begin_to_turn(m, 1.0 if event is Event.ROD_YIELDS_UP else -1.0)
+    elif event is Event.TAUT and mode is Mode.CLAMPED_SLACK:
+        m = _after(system, system.impact(0.0, m), m)
+    if isinstance(following, Mode):
+        m = m._replace(mode=following)
+    elif following is TransitionChoice.BY_HOLDING or system.string_stretches:
+        m = stick_or_slide(system, m)
+    else:
+        m = slide_or_stick_after_impulse(system, m)
+    m = enter(system, m)
+    if event is Event.TAUT and not system.string_stretches:
+        # Other forces may still push the ends of the string together: then it is slack again at once
+        loose = m._replace(mode=Mode.CLAMPED_SLACK if mode is Mode.CLAMPED_SLACK else Mode.SLACK)
+        m = system.choose(system.tensions(m)[0] < 0, enter(system, loose), m)
+    return m
+
+
+def _cross_first_turn(system: HybridSystem, m: Motion) -> Motion:
+    """Change the overlap at a full turn, where the place at which the string leaves the rod jumps.
+
+    The free length changes by as much, so that the light mass stays where it is.
+    """
+    overlap = 1.0 - m.signs.overlap
+    feet = [winding(m.y, beyond, system.p, system.effects).foot for beyond in (m.signs.overlap, overlap)]
+    return m._replace(signs=m.signs._replace(overlap=overlap), y=m.y._replace(free_length=m.y.free_length + feet[0] - feet[1]))
+
+
+def _with_string_speed(system: HybridSystem, m: Motion, speed: Any) -> Motion:
+    """Give the heavy mass, and the string with it, exactly ``speed`` [m/s]: a root is found only to rounding."""
+    retreat = m.y.retreat_speed if system.leaves_plane else speed
+    return m._replace(y=m.y._replace(heavy_speed=speed, retreat_speed=retreat))
+
+
+def stick_or_slide(system: HybridSystem, m: Motion) -> Motion:
+    """Return the motion of a string that does not slide now: it sticks if the rod holds it, else begins to slide."""
+    if system.rod_turns:
+        return rod.stick_roll_or_slide(system, m)
+    down, up = system.holding_margins(m._replace(mode=Mode.STICKING))
+    # A string that stretches slows down onto the edge of the friction cone, where a margin is 0 but for rounding
+    least = -MARGIN_TOLERANCE if system.string_stretches else 0.0
+    holds = system.where(up < least, Mode.SLIDING_UP, Mode.STICKING)
+    return m._replace(mode=system.where(down < least, Mode.SLIDING_DOWN, holds))
+
+
+def slide_or_stick_after_impulse(system: HybridSystem, m: Motion) -> Motion:
+    """Return the motion after an inelastic impulse along the string.
+
+    Exactly one of up, down and sticking is consistent; energy falls in each.
+    """
+    up, down, held = (system.impact(slide, m) for slide in (1.0, -1.0, 0.0))
+    sticking = stick_or_slide(system, _after(system, held, m))
+    falling = system.choose(down.sliding < 0, _after(system, down, m._replace(mode=Mode.SLIDING_DOWN)), sticking)
+    return system.choose(up.sliding > 0, _after(system, up, m._replace(mode=Mode.SLIDING_UP)), falling)
+
+
+def _after(system: HybridSystem, impact: Impact, m: Motion) -> Motion:
+    """Return ``m`` with the state just after an impact, which may have set the rod in motion."""
+    m = m._replace(y=impact.state)
+    return rod.with_sign_of_speed(m) if system.rod_turns else m
+
+
+# Entering a mode
+
+SLIDING = (Mode.SLIDING_DOWN, Mode.SLIDING_UP)
+STRING_MOVES = tuple(mode for mode in Mode if mode.string_moves)
+SLACK = tuple(mode for mode in Mode if mode.slack)
+
+
+def _is_one_of(mode: Any, modes: tuple[Mode, ...]) -> Any:
+    """Return whether ``mode``, or each of an array, is one of ``modes``."""
+    result: Any = mode == modes[0]
+    for other in modes[1:]:
+        result = result | (mode == other)
+    return result
+
+
+def begin_sliding(system: HybridSystem, m: Motion) -> Motion:
+    """Return the motion with the sign and the phase with which a sliding mode begins."""
+    sliding = _is_one_of(m.mode, SLIDING)
+    if not system.any(sliding):
+        return m
+    resting = False if system.string_stretches else abs(m.y.heavy_speed - m.y.rod_speed) <= TINY_SPEED
+    slide = system.where(m.mode == Mode.SLIDING_UP, 1.0, -1.0)
+    return m._replace(
+        signs=m.signs._replace(
+            slide=system.where(sliding, slide, m.signs.slide),
+            phase=system.where(sliding, system.where(resting, 0.0, 1.0), m.signs.phase),
+        )
+    )
+
+
+def enter(system: HybridSystem, m: Motion) -> Motion:
+    """Return the motion with the signs and the phase with which its mode begins."""
+    if system.rod_turns:
+        m = rod.with_phase(m)
+    m = begin_sliding(system, m)
+    slack = _is_one_of(m.mode, SLACK)
+    if not system.any(slack):
+        return m
+    falls_from_rest = (m.mode == Mode.SLACK) & (m.y.heavy_speed == 0)
+    heavy_speed = system.where(falls_from_rest, -TINY_SPEED, m.y.heavy_speed)
+    y = m.y._replace(heavy_speed=heavy_speed)
+    if not system.string_stretches:
+        y = y._replace(slack=system.where(slack, 0.0, y.slack))
+    heavy = system.where(slack, system.where(heavy_speed > 0, 1.0, -1.0), m.signs.heavy)
+    return m._replace(y=y, signs=m.signs._replace(heavy=heavy, phase=system.where(slack, 0.0, m.signs.phase)))
