@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
-from looping_pendulum.discrepancy.data.measurement import CAMERA
+from looping_pendulum.discrepancy.data.measurement import CAMERA, CAMERA_ERRORS
 from looping_pendulum.discrepancy.data.observations import Observations, merge, mirrored, with_event_errors
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -230,16 +230,16 @@ class Study:
         acting += ["scale", "tilt"] if observations.events else []
         acting += ["tilt"] if "angle" in named else []
         acting += ["origin_y", "scale"] if "height" in named else []
-        priors = {n: Estimate(value=CAMERA[n].null, sigma=CAMERA[n].sigma) for n in dict.fromkeys(acting)}
+        priors = {n: Estimate(value=CAMERA[n].null, sigma=CAMERA_ERRORS[n]) for n in dict.fromkeys(acting)}
         if named:
             step = max((float(np.median(np.diff(c.t))) for c in named.values() if len(c) > 1), default=0.0)
             # The first frame after the release is known to a frame or two.
-            priors["clock_offset"] = Estimate(value=0.0, sigma=max(CAMERA["clock_offset"].sigma, 2 * step))
+            priors["clock_offset"] = Estimate(value=0.0, sigma=max(CAMERA_ERRORS["clock_offset"], 2 * step))
         if "height" in named:
             height = named["height"].value
             # Heights are measured from the ground. That of the release is the first point's, to a fiftieth of the fall.
             priors["origin_y"] = Estimate(
-                value=float(height[0]), sigma=max(float(np.ptp(height)) / 50, CAMERA["origin_y"].sigma)
+                value=float(height[0]), sigma=max(float(np.ptp(height)) / 50, CAMERA_ERRORS["origin_y"])
             )
         return priors | {n: e for n, e in trial.camera.items() if n in priors}
 
