@@ -19,9 +19,9 @@ COUNT = """(colour) => {
   const canvas = document.getElementById("stage"), context = canvas.getContext("2d");
   const [r, g, b] = [1, 3, 5].map((i) => parseInt(colour.slice(i, i + 2), 16));
   const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
-  let found = 0;
-  for (let i = 0; i < data.length; i += 4) if (data[i] === r && data[i + 1] === g && data[i + 2] === b) found += 1;
-  return found;
+  let count = 0;
+  for (let i = 0; i < data.length; i += 4) if (data[i] === r && data[i + 1] === g && data[i + 2] === b) count += 1;
+  return count;
 }"""
 """Pixels of the stage that have a colour."""
 
