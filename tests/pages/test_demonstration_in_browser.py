@@ -1,4 +1,4 @@
-"""A demonstration's page in a real browser: no requests or complaints, readable on a phone, dark on request, hostile text as text."""
+"""A demonstration's page in a real browser: no requests or complaints, fits a phone, dark on request, hostile text as text."""
 
 from __future__ import annotations
 
