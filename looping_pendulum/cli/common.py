@@ -137,7 +137,7 @@ def comparison_folder(folder: Path, result: ComparisonResult) -> Path:
         folder,
         "result.json",
         interrupted=interrupted(e.status for e in result.engines),
-        was_interrupted=lambda found: interrupted(e["status"] for e in found["engines"]),
+        was_interrupted=lambda tree: interrupted(e["status"] for e in tree["engines"]),
     )
 
 

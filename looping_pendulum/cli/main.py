@@ -299,14 +299,14 @@ def _show_changes(changes: ResultChanges) -> None:
     from looping_pendulum.compare.baseline import HEADER, MAX_CONSOLE_CHANGES, heading, rows
 
     say(heading(changes))
-    found = rows(changes)
+    changed_rows = rows(changes)
     table = new_table(*HEADER)
-    for row in found[:MAX_CONSOLE_CHANGES]:
+    for row in changed_rows[:MAX_CONSOLE_CHANGES]:
         table.add_row(*row)
-    if found:
+    if changed_rows:
         show_table(table)
-    if len(found) > MAX_CONSOLE_CHANGES:
-        say(f"... and {len(found) - MAX_CONSOLE_CHANGES} more in report.md and changes.json")
+    if len(changed_rows) > MAX_CONSOLE_CHANGES:
+        say(f"... and {len(changed_rows) - MAX_CONSOLE_CHANGES} more in report.md and changes.json")
 
 
 def _short_warning(message: Warning | str, *_: object, **__: object) -> str:

@@ -301,8 +301,8 @@ def _fit_report(model: CandidateModel) -> FitReport:
                 name=n.name,
                 value=values[n.name],
                 error=errors[n.name],
-                measured=n.start,
-                measured_error=n.scale if n.prior == 1.0 else None,
+                measured=n.init_value,
+                measured_error=n.sigma,
                 at_bound=n.name in at_bounds,
             )
             for n in fit.problem.free_parameters

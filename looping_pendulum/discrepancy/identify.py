@@ -124,6 +124,6 @@ def _identify(study: Study, seed: int, progress: FractionCallback, workers: Work
 
 def _provenance() -> dict[str, str]:
     """Return package -> version."""
-    found = {package: installed_version(package) for package in ("numpy", "scipy", "heyoka")}
-    installed = {package: version for package, version in found.items() if version != MISSING}
+    versions = {package: installed_version(package) for package in ("numpy", "scipy", "heyoka")}
+    installed = {package: version for package, version in versions.items() if version != MISSING}
     return {"looping-pendulum": __version__, "python": platform.python_version()} | installed

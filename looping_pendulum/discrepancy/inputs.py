@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.observations import DataError, Observations
 from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.discrepancy.fit.other_units import refuse_wrong_units
-from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem, TrialData, free_parameters_of
+from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
 from looping_pendulum.discrepancy.fit.residual import trial_data
 from looping_pendulum.discrepancy.listed.candidates import Candidate, candidates
 

@@ -9,10 +9,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.observations import Channel, DataError, Observations
 from looping_pendulum.discrepancy.data.study import Estimate, Study, Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem, TrialData, free_parameters_of
+from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
 from looping_pendulum.discrepancy.result import Experiment
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
@@ -126,11 +127,11 @@ def _problem_of_trial(study: Study, data: TrialData, own: Sequence[FreeParameter
     added = [
         dataclasses.replace(n, trials=(*n.trials, TRIAL_NAME))
         for n in fit.problem.free_parameters
-        if "." not in n.name and n.name not in own_names
+        if n.shared and n.name not in own_names
     ]
     parameters = [*own, *added]
     x = np.zeros(len(parameters))
-    covariance = np.diag([(n.prior or 10.0) ** 2 for n in parameters])
+    covariance = np.diag([n.prior_sigma**2 for n in parameters])
     shared = [i for i, n in enumerate(parameters) if n.name in index]
     in_fit = [index[parameters[i].name] for i in shared]
     x[shared] = fit.x[in_fit]

@@ -136,7 +136,7 @@ class EventResidual:
 
 @dataclass(frozen=True, kw_only=True)
 class FittedParameter:
-    """One parameter of a fit."""
+    """Value and standard error of a `FreeParameter` after a fit, beside what was known of it before."""
 
     name: str
     value: float
@@ -144,9 +144,9 @@ class FittedParameter:
     error: float
     """Standard error [SI]."""
     measured: float
-    """Measured value, or the start value where nothing was measured [SI]."""
+    """Measured value, or the initial value where nothing was measured [SI]: `FreeParameter.init_value`."""
     measured_error: float | None
-    """Standard error of the measured value [SI]; None: nothing was measured."""
+    """Standard error of the measured value [SI], `FreeParameter.sigma`; None: nothing was measured."""
     at_bound: bool
 
 

@@ -86,8 +86,8 @@ def load(text: str) -> dict[str, Any]:
     if version == OLDEST_VERSION:
         return cast(dict[str, Any], _renamed(tree))
     if version != SCHEMA_VERSION:
-        needed = f"found version {quote(version)}, needed {OLDEST_VERSION} or {SCHEMA_VERSION}"
-        raise ResultError(f"verdict.json: schema: {needed}; write it again with `looping-pendulum identify`")
+        problem = f"found version {quote(version)}, needed {OLDEST_VERSION} or {SCHEMA_VERSION}"
+        raise ResultError(f"verdict.json: schema: {problem}; write it again with `looping-pendulum identify`")
     return cast(dict[str, Any], tree)
 
 

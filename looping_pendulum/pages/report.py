@@ -59,7 +59,7 @@ def render(
 
 def _section(html: Markup, name: str) -> Section:
     """Separate a section's heading from its body, for the table of contents."""
-    found = re.match(r"<h2>(.*?)</h2>\n?", html, re.DOTALL)
-    if found is None:
+    heading = re.match(r"<h2>(.*?)</h2>\n?", html, re.DOTALL)
+    if heading is None:
         return Section(id=name, title="", body=html)
-    return Section(id=name, title=Markup(found[1]).striptags(), body=Markup(html[found.end() :]))
+    return Section(id=name, title=Markup(heading[1]).striptags(), body=Markup(html[heading.end() :]))

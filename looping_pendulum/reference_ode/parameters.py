@@ -49,10 +49,10 @@ class Requirement(NamedTuple):
 
 
 def _positive(name: str) -> Requirement:
-    needed = f"needed a finite number above 0 and at most {MAX_LENGTH_OR_MASS:g}"
+    allowed = f"needed a finite number above 0 and at most {MAX_LENGTH_OR_MASS:g}"
     return Requirement(
         is_met=lambda v: (v[name] > 0) & (v[name] <= MAX_LENGTH_OR_MASS),
-        message=lambda v: f"{name}: found {v[name]:g}, {needed}",
+        message=lambda v: f"{name}: found {v[name]:g}, {allowed}",
     )
 
 

@@ -95,9 +95,14 @@ def coefficient(name: str) -> QuantityField:
     return _quantity_of(effect_library.COEFFICIENTS[name])
 
 
+def quantity_kind(c: Coefficient, example: str = "") -> QuantityKind:
+    """Return the kind of a coefficient's values: its unit, its bounds, and an ``example`` for messages."""
+    return QuantityKind(unit=c.unit, low=c.bounds[0], high=c.bounds[1], example=example)
+
+
 def _quantity_of(c: Coefficient) -> QuantityField:
     """Return the field type of a coefficient."""
-    return QuantityField(QuantityKind(unit=c.unit, low=c.bounds[0], high=c.bounds[1]))
+    return QuantityField(quantity_kind(c))
 
 
 def _text(value: object) -> str:

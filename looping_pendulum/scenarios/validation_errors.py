@@ -43,7 +43,7 @@ def _message(details: ErrorDetails, model: type[BaseModel]) -> str:
     if kind == "extra_forbidden":
         return _unknown_key(str(path[-1]), keys_below(model, path[:-1]), path)
     if kind == "missing":
-        return f"missing, needed {_needed(model, path)}"
+        return f"missing, needed {_requirement(model, path)}"
     if kind == "too_short":
         return "found an empty list, needed at least one entry; write for example '[release.angle]'"
     if kind == "list_type":
@@ -64,11 +64,11 @@ def _unknown_key(key: str, known: list[str], path: Path) -> str:
         hint = f"; did you mean '{FILE_KEYS[key]}'?"
     elif len(elsewhere) == 1 and not hint:
         hint = f"; did you mean '{elsewhere[0]}'?"
-    needed = f"needed one of: {', '.join(known)}" if known else "and no keys are known here"
-    return f"found an unknown key, {needed}{hint}"
+    choices = f"needed one of: {', '.join(known)}" if known else "and no keys are known here"
+    return f"found an unknown key, {choices}{hint}"
 
 
-def _needed(model: type[BaseModel], path: Path) -> str:
+def _requirement(model: type[BaseModel], path: Path) -> str:
     """Return what a missing key takes, with an example."""
     field = _group_at(model, path[:-1]).model_fields[str(path[-1])]
     for item in field.metadata:

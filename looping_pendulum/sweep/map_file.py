@@ -37,29 +37,29 @@ TITLE_LIMIT = 200
 """Largest number of characters of a title; a longer one is cut."""
 
 
-def _count(found: object) -> int:
-    if isinstance(found, str) and found.isascii() and found.isdigit() and 0 < int(found[:10]) < 10**10 and len(found) < 11:
-        return int(found)
-    raise input_error(f"expected a whole number from 1, got {quote(found)}; write for example '100'")
+def _count(raw: object) -> int:
+    if isinstance(raw, str) and raw.isascii() and raw.isdigit() and 0 < int(raw[:10]) < 10**10 and len(raw) < 11:
+        return int(raw)
+    raise input_error(f"expected a whole number from 1, got {quote(raw)}; write for example '100'")
 
 
-def _seed(found: object) -> int:
-    return 0 if found == "0" else _count(found)
+def _seed(raw: object) -> int:
+    return 0 if raw == "0" else _count(raw)
 
 
 def _one_of(*known: str) -> BeforeValidator:
-    def choose(found: object) -> str:
-        if isinstance(found, str) and found in known:
-            return found
-        raise input_error(f"expected one of {', '.join(known)}, got {quote(found)}{suggest(str(found), known)}")
+    def choose(raw: object) -> str:
+        if isinstance(raw, str) and raw in known:
+            return raw
+        raise input_error(f"expected one of {', '.join(known)}, got {quote(raw)}{suggest(str(raw), known)}")
 
     return BeforeValidator(choose)
 
 
-def _names(found: object) -> list[str]:
-    listed = found if isinstance(found, list) else [found]
+def _names(raw: object) -> list[str]:
+    listed = raw if isinstance(raw, list) else [raw]
     if not listed or not all(isinstance(name, str) for name in listed):
-        raise input_error(f"expected an engine or a list of them, got {quote(found)}; write for example 'reference'")
+        raise input_error(f"expected an engine or a list of them, got {quote(raw)}; write for example 'reference'")
     return [str(name) for name in listed]
 
 
@@ -174,8 +174,8 @@ def refuse_unintended_size(plan: MapPlan, most: int | None = None) -> None:
     if plan.runs > limit:
         sizes = " x ".join(f"{name} {size}" for name, size in zip(plan.design.dims, plan.design.shape, strict=True))
         engines = f" x engines {len(plan.engines)}" if len(plan.engines) > 1 else ""
-        found = f"{plan.file}: found {plan.runs} runs ({sizes}{engines}), needed at most {limit}"
-        raise ScenarioError(one_line(f"{found}; lower a 'count', or if you mean it give --max-runs {plan.runs}"))
+        message = f"{plan.file}: found {plan.runs} runs ({sizes}{engines}), needed at most {limit}"
+        raise ScenarioError(one_line(f"{message}; lower a 'count', or if you mean it give --max-runs {plan.runs}"))
 
 
 def _read(name_or_path: str | Path) -> tuple[bytes, str, str, Path | None]:
@@ -231,13 +231,13 @@ def _engines(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[str, 
 
 
 def _axes(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[Axis, ...]:
-    found = checked.parameters
-    if not isinstance(found, dict) or not 1 <= len(found) <= MAX_AXES:
-        number = f"{len(found)} quantities" if isinstance(found, dict) else quote(found)
+    parameters = checked.parameters
+    if not isinstance(parameters, dict) or not 1 <= len(parameters) <= MAX_AXES:
+        number = f"{len(parameters)} quantities" if isinstance(parameters, dict) else quote(parameters)
         example = "release_angle: {from: 60 deg, to: 130 deg, count: 71}"
         raise doc.error(("parameters",), f"found {number}, needed one to {MAX_AXES}; write for example '{example}'")
     axes = []
-    for key, content in found.items():
+    for key, content in parameters.items():
         variable = _variable(doc, key)
         if variable.name == "release_angle" and scenario.parameters.release is Release.VERTICAL:
             message = "found an angle, but a vertical release hangs at 180 deg, needed another quantity; leave it out"
@@ -248,7 +248,7 @@ def _axes(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[Axis, ..
             below = error.context.get("key", "") if error.context else ""
             path = ("parameters", key, *((below,) if below else ()))
             raise doc.error(path, str(error)) from None
-    _refuse_overlaps(doc, [axis.name for axis in axes], list(found))
+    _refuse_overlaps(doc, [axis.name for axis in axes], list(parameters))
     return tuple(axes)
 
 
@@ -306,11 +306,11 @@ def _axis(variable: Variable, content: object, *, sampled: bool) -> Axis:
     )
 
 
-def _spacing(found: object) -> bool:
+def _spacing(raw: object) -> bool:
     """Return whether the values are spaced by a constant factor."""
-    if found not in ("linear", "log"):
-        raise input_error(f"expected linear or log, got {quote(found)}; leave it out for linear", "spacing")
-    return found == "log"
+    if raw not in ("linear", "log"):
+        raise input_error(f"expected linear or log, got {quote(raw)}; leave it out for linear", "spacing")
+    return raw == "log"
 
 
 def _listed(quantity: QuantityField, group: dict[str, Any]) -> tuple[Array, str]:

@@ -84,17 +84,17 @@ ALLOWED_OVERLAPS = frozenset({("mass_scale", "mass_ratio")})
 @functools.cache
 def variables() -> MappingProxyType[str, Variable]:
     """Return every quantity that a map may vary, by name."""
-    found = {}
+    by_name = {}
     for name, key in FILE_KEYS.items():
         if name not in NOT_VARIABLE and name not in effect_library.COEFFICIENTS:
             kind, meaning = _of_scenario(key)
-            found[name] = Variable(name=name, kind=kind, meaning=meaning, sets=(name,))
+            by_name[name] = Variable(name=name, kind=kind, meaning=meaning, sets=(name,))
     for name, c in effect_library.COEFFICIENTS.items():
-        found[name] = Variable(name=name, kind=coefficient(name).kind, meaning=c.meaning, sets=(name,))
+        by_name[name] = Variable(name=name, kind=coefficient(name).kind, meaning=c.meaning, sets=(name,))
     for name, r in RATIOS.items():
         kind = QuantityKind(unit="", low=r.low, exclusive_low=r.exclusive_low, example=r.example)
-        found[name] = Variable(name=name, kind=kind, meaning=r.meaning, sets=r.sets)
-    return MappingProxyType(found)
+        by_name[name] = Variable(name=name, kind=kind, meaning=r.meaning, sets=r.sets)
+    return MappingProxyType(by_name)
 
 
 def _of_scenario(key: str) -> tuple[QuantityKind, str]:
@@ -111,9 +111,9 @@ def _of_scenario(key: str) -> tuple[QuantityKind, str]:
 def _quantity_in(field: Any) -> QuantityField:
     """Return the quantity field inside an annotation such as ``Annotated[float, Quantity] | None``."""
     inside = field.metadata if isinstance(field, FieldInfo) else ()
-    found = [mark for mark in (*inside, *getattr(field, "__metadata__", ())) if isinstance(mark, QuantityField)]
-    if found:
-        return found[0]
+    quantity_fields = [mark for mark in (*inside, *getattr(field, "__metadata__", ())) if isinstance(mark, QuantityField)]
+    if quantity_fields:
+        return quantity_fields[0]
     parts = get_args(field.annotation if isinstance(field, FieldInfo) else field)
     return next(q for q in map(_quantity_in, parts) if q is not None)
 

@@ -175,10 +175,10 @@ def _fill(
     )
 
 
-def _refuse_other_versions(found: dict[str, str], needed: dict[str, str]) -> None:
+def _refuse_other_versions(worker_versions: dict[str, str], own_versions: dict[str, str]) -> None:
     """Refuse results of a worker whose package versions differ from this process's."""
-    for package in sorted({*found, *needed}):
-        there, here = found.get(package, "none"), needed.get(package, "none")
+    for package in sorted({*worker_versions, *own_versions}):
+        there, here = worker_versions.get(package, "none"), own_versions.get(package, "none")
         if there != here:
             message = f"--cluster: found {package} {there} on a worker, needed {here} as on this machine"
             raise EngineError(one_line(f"{message}; install {package} {here} there"))

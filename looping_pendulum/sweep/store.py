@@ -134,8 +134,8 @@ def open_store(plan: MapPlan, folder: Path) -> MapStore:
     if not (folder / STORE).exists():
         others = sorted(entry.name for entry in folder.iterdir() if entry.name != LOCK)
         if others:
-            found = f"{folder}: found other files ({shorten(', '.join(others))}), needed an empty folder or one of this map"
-            raise MapError(one_line(f"{found}; choose another with --out"))
+            message = f"{folder}: found other files ({shorten(', '.join(others))}), needed an empty folder or one of this map"
+            raise MapError(one_line(f"{message}; choose another with --out"))
         _create(plan, part)
         os.replace(part, folder / STORE)
     else:
@@ -188,16 +188,16 @@ def _refuse_other(plan: MapPlan, folder: Path) -> None:
     """Refuse a store of another map, or one begun with other versions of packages: the results would be mixed."""
     way_out = "choose another folder with --out, or delete this one"
     try:
-        found: dict[str, Any] = dict(zarr.open_group(folder / STORE, mode="r", use_consolidated=False).attrs)
+        stored: dict[str, Any] = dict(zarr.open_group(folder / STORE, mode="r", use_consolidated=False).attrs)
     except Exception:
         message = f"{folder / STORE}: found something that is no map, needed a map of this file; {way_out}"
         raise MapError(one_line(message)) from None
     wanted = attributes(plan)
-    if found.get("map_id") != wanted["map_id"]:
-        title = shorten(str(found.get("title", "?")))
+    if stored.get("map_id") != wanted["map_id"]:
+        title = shorten(str(stored.get("title", "?")))
         message = f"{folder}: found another map ({title!r}, or this one before a change), needed the map of {plan.file}"
         raise MapError(one_line(f"{message}; {way_out}"))
-    before, now = found.get("versions", {}), wanted["versions"]
+    before, now = stored.get("versions", {}), wanted["versions"]
     for package in sorted({*before, *now}):
         old, new = before.get(package, "none"), now.get(package, "none")
         if old != new:
@@ -219,13 +219,13 @@ def _refuse_damaged(plan: MapPlan, path: Path) -> None:
         own = f"{old}/{METADATA}"
         for file, description in ((own, descriptions[own]), (METADATA, consolidated.get(old) or {})):
             for key in _checked_keys(plan, name):
-                found = description.get(key)
-                if key == "attributes" and old != name and isinstance(found, dict):
-                    found = found | {
+                actual = description.get(key)
+                if key == "attributes" and old != name and isinstance(actual, dict):
+                    actual = actual | {
                         "long_name": wanted["attributes"]["long_name"]
                     }  # an older name came with an older explanation
-                if found != wanted[key]:
-                    what = f"{key} {shorten(json.dumps(found))} of {old}, needed {shorten(json.dumps(wanted[key]))}"
+                if actual != wanted[key]:
+                    what = f"{key} {shorten(json.dumps(actual))} of {old}, needed {shorten(json.dumps(wanted[key]))}"
                     raise _damaged(path / file, what)
 
 
@@ -244,12 +244,12 @@ def _description(path: Path) -> dict[str, Any]:
         If the file is missing or damaged.
     """
     try:
-        found = json.loads(path.read_bytes())
+        description = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError) as error:
         raise _damaged(path, f"{type(error).__name__}: {error}") from None
-    if not isinstance(found, dict):
+    if not isinstance(description, dict):
         raise _damaged(path, "no description of an array")
-    return found
+    return description
 
 
 def _damaged(path: Path, what: str) -> MapError:

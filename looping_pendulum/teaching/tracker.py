@@ -107,8 +107,8 @@ def overlay(motion: TrackedMotion, *, frame_rate: float = FRAME_RATE, start: flo
     if not (math.isfinite(frame_rate) and 0 < frame_rate <= 1e5):
         raise TrackerError(f"--fps: found {frame_rate:g}, needed frames per second above 0; write for example --fps 240")
     if not 0 <= start <= MAX_START:
-        needed = f"the time of the release in the video, 0 s to {MAX_START:.0f} s"
-        raise TrackerError(f"--start: found {start:g}, needed {needed}; write for example --start 0.35")
+        allowed = f"the time of the release in the video, 0 s to {MAX_START:.0f} s"
+        raise TrackerError(f"--start: found {start:g}, needed {allowed}; write for example --start 0.35")
     first = math.ceil(start * frame_rate - FRAME_ROUNDING)
     last = math.floor((start + motion.end) * frame_rate + FRAME_ROUNDING)
     if last < first:
@@ -116,8 +116,8 @@ def overlay(motion: TrackedMotion, *, frame_rate: float = FRAME_RATE, start: flo
             f"--fps: found {frame_rate:g}, at which no frame falls into the {motion.end:g} s of {motion.name}; raise it"
         )
     if last - first >= MAX_FRAMES:
-        found = f"found {frame_rate:g}, at which {motion.name} lasts {last - first + 1} frames"
-        raise TrackerError(f"--fps: {found}, needed at most {MAX_FRAMES}; lower it")
+        problem = f"found {frame_rate:g}, at which {motion.name} lasts {last - first + 1} frames"
+        raise TrackerError(f"--fps: {problem}, needed at most {MAX_FRAMES}; lower it")
     t = np.arange(first, last + 1) / frame_rate
     heavy, light = motion.positions(np.clip(t - start, 0.0, motion.end))
     return Overlay(name=motion.name, first_frame=first, frame_rate=frame_rate, t=t, heavy=heavy, light=light)
@@ -195,11 +195,11 @@ def _file_of_run(folder: Path, engine: str | None) -> Path:
         )
     wanted = "reference" if engine is None else engine.replace(":", "-")
     stems = {file.stem: file for file in files}
-    found = [stem for stem in stems if stem == wanted or stem.startswith(f"{wanted}-")]
-    if len(found) != 1:
-        which = f"{len(found)} runs of {wanted!r}" if found else f"no run of {wanted!r}"
+    matching = [stem for stem in stems if stem == wanted or stem.startswith(f"{wanted}-")]
+    if len(matching) != 1:
+        which = f"{len(matching)} runs of {wanted!r}" if matching else f"no run of {wanted!r}"
         raise TrackerError(f"{folder}: found {which}, needed one; there are {', '.join(stems)}; choose by --engine")
-    return stems[found[0]]
+    return stems[matching[0]]
 
 
 def _motion_of_file(path: Path) -> TrackedMotion:

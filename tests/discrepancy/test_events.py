@@ -44,9 +44,9 @@ def row(quantity, index=1, value=0.0, sigma=0.01):
 
 
 def test_extrema_are_zeros_of_the_exact_speed(scenario):
-    found = prediction.landmarks(prediction.run_for_events(scenario.parameters), Camera())
+    landmarks = prediction.landmarks(prediction.run_for_events(scenario.parameters), Camera())
     exact = solve(scenario.parameters)
-    for axis, series in ((0, found.x1_extrema), (1, found.y1_extrema)):
+    for axis, series in ((0, landmarks.x1_extrema), (1, landmarks.y1_extrema)):
         for extremum in series[:6]:
             speed = lambda t, axis=axis: exact.sample(np.array([t])).light_velocity[0, axis]  # noqa: E731
             zero = brentq(speed, extremum.time - 2e-4, extremum.time + 2e-4, xtol=1e-15)
@@ -58,9 +58,9 @@ def test_a_turn_that_falls_on_a_sample_is_one_turn(turn):
     # Where the speed was exactly 0 at a sample, no product of neighbours was below zero, and the turn was lost.
     t = np.arange(1001) * 1e-3
     speed = 2 * (t - turn)
-    (found,) = prediction._extrema_of_coordinate(t, (t - turn) ** 2, np.where(np.abs(t - turn) < 1e-9, 0.0, speed))
-    assert found.time == pytest.approx(turn, abs=1e-12)
-    assert found.value == pytest.approx(0.0, abs=1e-12)
+    (extremum,) = prediction._extrema_of_coordinate(t, (t - turn) ** 2, np.where(np.abs(t - turn) < 1e-9, 0.0, speed))
+    assert extremum.time == pytest.approx(turn, abs=1e-12)
+    assert extremum.value == pytest.approx(0.0, abs=1e-12)
 
 
 def test_every_quantity_is_what_compare_says_of_the_reference(scenario):
@@ -68,12 +68,12 @@ def test_every_quantity_is_what_compare_says_of_the_reference(scenario):
     true = reference_landmarks(Reference(scenario), grid)
     samples = prediction.run_for_events(scenario.parameters)
     for quantity in EVENT_QUANTITIES:
-        (found,) = prediction.predict_events(samples, Camera(), [row(quantity)])
+        (predicted,) = prediction.predict_events(samples, Camera(), [row(quantity)])
         expected = event_value(true, quantity, 1)
         if expected is None:
-            assert np.isnan(found)
+            assert np.isnan(predicted)
         else:  # the comparison takes extrema from parabolas through samples a millisecond apart
-            assert found == pytest.approx(expected, abs=2e-5 if "extremum" in quantity else 1e-9)
+            assert predicted == pytest.approx(expected, abs=2e-5 if "extremum" in quantity else 1e-9)
 
 
 @pytest.mark.parametrize("parameter", ["release_angle", "free_length", "kinetic_friction"])
@@ -104,11 +104,11 @@ def test_the_camera_acts_on_times_and_lengths(scenario):
 def test_an_event_that_does_not_happen_counts_as_missed_by_a_fixed_number_of_errors():
     samples = prediction.run_for_events(loader.load("ten_to_one").parameters)
     rows = [row("stop_time", 2, value=0.5, sigma=0.002), row("stop_time", 1, value=0.38)]
-    found = prediction.predict_events(samples, Camera(), rows)
-    assert np.isnan(found[0])
-    counted = prediction.with_missed_events(found, rows)
+    predicted = prediction.predict_events(samples, Camera(), rows)
+    assert np.isnan(predicted[0])
+    counted = prediction.with_missed_events(predicted, rows)
     assert (rows[0].value - counted[0]) / rows[0].sigma == pytest.approx(prediction.MISSED_EVENT_ERRORS)
-    assert counted[1] == found[1]
+    assert counted[1] == predicted[1]
 
 
 @pytest.mark.parametrize(
@@ -204,8 +204,8 @@ def paper_study(folder, **trials):
 
 
 def off_by(result, trial, quantity):
-    found = next(e for e in result.events if (e.trial, e.quantity) == (trial, quantity))
-    return (found.measured - found.before) / found.sigma
+    event = next(e for e in result.events if (e.trial, e.quantity) == (trial, quantity))
+    return (event.measured - event.before) / event.sigma
 
 
 def test_the_papers_ten_to_one_trial_is_explained_by_its_model(tmp_path):

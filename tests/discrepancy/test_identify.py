@@ -31,7 +31,7 @@ INDISTINGUISHABLE = {"wrong_gravity", "clock_ratio"}
 """With drag that grows with the square of the speed and friction by the capstan law, gravity only sets the clock."""
 
 
-def found_in(folder, case, seed, **options):
+def identified(folder, case, seed, **options):
     return identify(load(write_study(folder, CASES[case], seed, **options)))
 
 
@@ -60,12 +60,12 @@ def assert_named_with_its_value(result, case):
 @pytest.mark.parametrize("case", ["string_thickness", "linear_drag", "side_force", "scale"])
 def test_what_was_hidden_is_named_with_its_value(tmp_path, case):
     """Daily with linear drag in three trials, and with the scale in one, in the tests below."""
-    assert_named_with_its_value(found_in(tmp_path, case, 1), case)
+    assert_named_with_its_value(identified(tmp_path, case, 1), case)
 
 
 @pytest.mark.accurate  # daily, the listed drag that has its formula is named in the test below
 def test_a_declared_term_left_out_is_found(tmp_path):
-    result = found_in(tmp_path, "clean", 3, undeclared=["light_drag"], trials=TWO_RATIOS)
+    result = identified(tmp_path, "clean", 3, undeclared=["light_drag"], trials=TWO_RATIOS)
     assert result.names == ("light_drag",)
     assert abs(result.effects[0].value - 1e-3) < 3 * result.effects[0].error
 
@@ -80,7 +80,7 @@ def test_a_declared_term_left_out_is_found(tmp_path):
 def test_one_trial_alone_is_judged_on_its_own_blocks(tmp_path, library):
     """Daily beside those that come nearest of the whole library; linear drag is named from all of it daily, in a test below."""
     with only_candidates(library):
-        result = found_in(tmp_path, "scale", 1, trials=["ten_a"])
+        result = identified(tmp_path, "scale", 1, trials=["ten_a"])
     assert result.names == ("scale",)
     assert result.judged_on == "held-out blocks of time"
     assert abs(result.effects[0].value - EXPECTED["scale"][1]) < 3 * result.effects[0].error
@@ -99,7 +99,7 @@ def ambiguous(tmp_path_factory, request):
     Daily beside the two that come next of the whole library, 37 and 41 behind in delta BIC.
     """
     with only_candidates(request.param):
-        return found_in(tmp_path_factory.mktemp("frame_rate"), "frame_rate", 0, trials=["ten_a", "eight"])
+        return identified(tmp_path_factory.mktemp("frame_rate"), "frame_rate", 0, trials=["ten_a", "eight"])
 
 
 def test_what_cannot_be_told_apart_is_tied_and_an_experiment_is_named(ambiguous):
@@ -125,7 +125,7 @@ def test_files_are_as_promised_and_the_same_again(tmp_path, ambiguous):
 
 
 def test_what_was_hidden_is_named_from_two_trials(tmp_path):
-    assert_named_with_its_value(found_in(tmp_path, "linear_drag", 1, trials=TWO_RATIOS), "linear_drag")
+    assert_named_with_its_value(identified(tmp_path, "linear_drag", 1, trials=TWO_RATIOS), "linear_drag")
 
 
 @pytest.mark.accurate  # daily, test_workers.py shares work between processes
@@ -206,14 +206,15 @@ TWO_AT_ONCE = {
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("case", sorted(TWO_AT_ONCE))
 def test_two_effects_at_once_are_named_or_tied(tmp_path, case, seed):
-    result = found_in(tmp_path, case, seed)
+    result = identified(tmp_path, case, seed)
     assert TWO_AT_ONCE[case] in [{e.name for e in tie} for tie in result.ties or (result.effects,)]
 
 
 @pytest.mark.accurate
 def test_half_of_what_moves_the_light_mass_by_3_mm_is_named(tmp_path):
-    found = {}
+    is_named = {}
     for case in sorted(EXPECTED):
         small = with_signature(CASES[case], 3e-3)
-        found[case] = right_effect(identify(load(write_study(tmp_path / case, small, 1, trials=TWO_RATIOS))), case) is not None
-    assert sum(found.values()) >= len(found) / 2, found
+        result = identify(load(write_study(tmp_path / case, small, 1, trials=TWO_RATIOS)))
+        is_named[case] = right_effect(result, case) is not None
+    assert sum(is_named.values()) >= len(is_named) / 2, is_named

@@ -63,7 +63,7 @@ def held_out(chi2_per_value, count, monkeypatch):
 
 
 @pytest.mark.parametrize("count", [1000, 4000, 100_000])
-def test_unseen_data_are_explained_up_to_what_clean_ones_reach(count, monkeypatch):
+def test_held_out_data_are_explained_up_to_what_clean_ones_reach(count, monkeypatch):
     # 120 clean studies of about a thousand values reached 1.072. A signature of a third of the noise's size adds 1/9 to that of
     # noise alone, 1, and must not be called explained.
     assert held_out(1.072, count, monkeypatch)

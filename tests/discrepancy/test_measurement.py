@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.data import noise
-from looping_pendulum.discrepancy.data.measurement import CAMERA, Camera, estimate_noise, predict, sampler, speed_at
+from looping_pendulum.discrepancy.data.measurement import (
+    CAMERA,
+    CAMERA_ERRORS,
+    Camera,
+    estimate_noise,
+    predict,
+    sampler,
+    speed_at,
+)
 from looping_pendulum.discrepancy.data.observations import Channel, DataError
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve
@@ -43,8 +52,8 @@ def test_a_perfect_camera_measures_the_run(run):
 
 
 def test_null_values_change_nothing_and_every_bound_holds_them():
-    assert {name: getattr(Camera(), name) for name in CAMERA} == {name: p.null for name, p in CAMERA.items()}
-    assert all(p.bounds[0] < p.null < p.bounds[1] and p.sigma > 0 for p in CAMERA.values())
+    assert {f.name for f in dataclasses.fields(Camera)} == set(CAMERA) == set(CAMERA_ERRORS)
+    assert all(c.bounds[0] < c.null < c.bounds[1] and CAMERA_ERRORS[c.name] > 0 for c in CAMERA.values())
     point = np.array([[0.3, -0.4], [1.0, 0.0]])
     assert Camera().project(point) == pytest.approx(point, abs=0)
     with pytest.raises(DataError, match="camera scale: found -1"):

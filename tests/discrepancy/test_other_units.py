@@ -54,9 +54,9 @@ def test_lengths_and_times_in_another_unit_are_refused_with_the_factor(study, ob
     for what in ("lengths", "times"):
         with pytest.raises(DataError, match=rf"^trial '(first|second)': found {what} that are [^\n]+$") as caught:
             refuse_wrong_units(problem(study, observed, which, **{what: factor}))
-        found = float(str(caught.value).partition("(times ")[2].partition(",")[0])
+        factor_in_message = float(str(caught.value).partition("(times ")[2].partition(",")[0])
         # tried factors on times are a fourth of an octave apart; those on lengths follow from the points, to 3 % here
-        assert abs(np.log2(found * factor)) <= (1 / 4 if what == "times" else 0.05) + 0.005
+        assert abs(np.log2(factor_in_message * factor)) <= (1 / 4 if what == "times" else 0.05) + 0.005
 
 
 @pytest.mark.parametrize("which", [0, 1])

@@ -37,7 +37,7 @@ FALL_SPEED = {"wiffle_ball_1": 35 / 3.47, "tennis_ball": 36 / 3.07}
 """Mean speed of a drop [m/s], height by time of the file's last rows."""
 
 
-def found_in(folder, study):
+def identified(folder, study):
     path = folder / "study.yaml"
     path.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
     return identify(load(path))
@@ -46,7 +46,7 @@ def found_in(folder, study):
 def falling(folder, ball):
     file = str(real(f"falling_balls/{ball}.csv").resolve())
     camera = {"clock_offset": "0 s +/- 0.1 s", "clock_ratio": "1 +/- 0.001", "scale": "1 +/- 0.03"}
-    return found_in(
+    return identified(
         folder,
         {
             "title": f"{ball}, two drops",
@@ -77,7 +77,7 @@ def test_the_wiffle_ball_is_braked_by_the_air(wiffle):
     assert held_out_error(wiffle).rms_after <= 0.15 * held_out_error(wiffle).rms_before
 
 
-def test_what_is_left_of_the_wiffle_ball_is_told(wiffle):
+def test_what_is_left_of_the_wiffle_ball_is_reported(wiffle):
     assert wiffle.remainder is not None
     assert 0.02 < wiffle.remainder.rms < 0.36  # quadratic drag fitted to each drop by itself leaves 0.18 to 0.36 m
     assert wiffle.remainder.unit == "m"
@@ -131,7 +131,7 @@ def decaying_pendulum(folder):
         "camera": {"clock_offset": "0 s +/- 0.05 s"},
     }
     study = {"title": "A pendulum that decays", "apparatus": {"light": {"mass": "41.52 g"}}, "trials": [trial]}
-    return found_in(folder, study | {"effects": {"gravity": "9.81 m/s^2", "light_linear_drag": "free"}})
+    return identified(folder, study | {"effects": {"gravity": "9.81 m/s^2", "light_linear_drag": "free"}})
 
 
 @pytest.mark.accurate

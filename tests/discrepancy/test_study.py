@@ -85,15 +85,15 @@ def test_what_was_measured(study):
 
 
 def test_a_parameter_is_shared_by_the_trials_that_use_the_same_part(study):
-    uncertain = {u.name: u for u in study.uncertain_parameters()}
-    assert SHARED | FREE < set(uncertain)
-    assert "heavy_drag" not in uncertain
-    assert uncertain["rod_radius"].trials == ("first", "c")
-    assert uncertain["heavy_mass"].trials == ("first",)
-    assert uncertain["c.heavy_mass"].trials == ("c",)
-    assert uncertain["light_drag"].sigma is None
-    assert uncertain["light_drag"].bounds == (0.0, 1.0)
-    everything = {u.name: u for u in study.uncertain_parameters(study.trials)}
+    free = {u.name: u for u in study.free_parameters()}
+    assert SHARED | FREE < set(free)
+    assert "heavy_drag" not in free
+    assert free["rod_radius"].trials == ("first", "c")
+    assert free["heavy_mass"].trials == ("first",)
+    assert free["c.heavy_mass"].trials == ("c",)
+    assert free["light_drag"].sigma is None
+    assert free["light_drag"].bounds == (0.0, 1.0)
+    everything = {u.name: u for u in study.free_parameters(study.trials)}
     assert everything["c.heavy_mass"].trials == ("c", "test")  # the same 60 g
     assert "test.heavy_mass" not in everything
 
@@ -116,7 +116,7 @@ def test_parameters_of_a_trial(study):
 def test_fit_names_what_may_change():
     study = load_text(STUDY.replace("trials:\n", "fit: [kinetic_friction, light_drag, release_angle]\ntrials:\n"), "two.yaml")
     wanted = ["kinetic_friction", "light_drag", "first.release_angle", "c.release_angle"]
-    assert [u.name for u in study.uncertain_parameters()] == wanted
+    assert [u.name for u in study.free_parameters()] == wanted
 
 
 def test_a_written_study_reads_back_the_same(study):
@@ -247,7 +247,7 @@ trials:
     observations = read_trial(study, one)
     priors = study.camera_priors(one, observations)
     assert set(priors) == {"origin_y", "scale", "clock_offset", "clock_ratio"}
-    assert [u.name for u in study.uncertain_parameters()] == ["heavy_mass"]
+    assert [u.name for u in study.free_parameters()] == ["heavy_mass"]
     # Gravity alone, with nothing but the time of release looked for: the near-null control misses by some tenths of a metre.
     height = observations.channel("height")
 
@@ -269,7 +269,7 @@ trials:
   - {{file: {path.name}, release: {{kind: held, angle: 221 deg +/- 1 deg, free_length: (65 +/- 1) cm}}}}
 """
     study = load_text(text, "pendulum.yaml", Path(path).parent)
-    assert [u.name for u in study.uncertain_parameters()] == [
+    assert [u.name for u in study.free_parameters()] == [
         "light_drag",
         "free_decay_65cm.release_angle",
         "free_decay_65cm.free_length",

@@ -24,7 +24,7 @@ class Opened:
     requests: list[str] = field(default_factory=list)
     dialogs: list[str] = field(default_factory=list)
 
-    def quiet(self, url: str) -> None:
+    def assert_no_requests_or_complaints(self, url: str) -> None:
         """Hold that it asked for nothing but itself and complained of nothing."""
         assert self.requests == [url]
         assert self.complaints == []

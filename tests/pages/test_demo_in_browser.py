@@ -19,9 +19,9 @@ COUNT = """(colour) => {
   const canvas = document.getElementById("stage"), context = canvas.getContext("2d");
   const [r, g, b] = [1, 3, 5].map((i) => parseInt(colour.slice(i, i + 2), 16));
   const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
-  let found = 0;
-  for (let i = 0; i < data.length; i += 4) if (data[i] === r && data[i + 1] === g && data[i + 2] === b) found += 1;
-  return found;
+  let count = 0;
+  for (let i = 0; i < data.length; i += 4) if (data[i] === r && data[i + 1] === g && data[i + 2] === b) count += 1;
+  return count;
 }"""
 """Pixels of the stage that have a colour."""
 
@@ -60,7 +60,7 @@ def test_it_loads_without_complaint_or_request(opened):
     opened.page.click("#theme")
     opened.page.click("#end")
     opened.page.click("#theme")
-    opened.quiet(opened.page.url)
+    opened.assert_no_requests_or_complaints(opened.page.url)
 
 
 def test_masses_are_where_the_runs_have_them(opened):
@@ -196,9 +196,9 @@ def test_marks_are_where_the_result_has_them(opened):
     kinds = page.eval_on_selector_all(
         "#timeline g[data-run=reference] g.mark", "(marks) => marks.map((m) => [m.dataset.kind, Number(m.dataset.time)])"
     )
-    told = dict(result.reference.events)
+    events = dict(result.reference.events)
     expected = [["stop", result.reference.landmarks.stops[0].time], ["stick", result.reference.landmarks.stops[1].time]]
-    assert kinds == [*expected, ["slip", told["slip_onset"]], ["halt", told["halt"]]]
+    assert kinds == [*expected, ["slip", events["slip_onset"]], ["halt", events["halt"]]]
 
 
 def test_gaps_say_why(opened):
@@ -255,4 +255,4 @@ def test_hostile_names_show_as_text(visit):
     assert HOSTILE in opened.page.locator("#runs .name").nth(1).inner_text()
     assert HOSTILE in opened.page.locator("#now th").nth(7).text_content()
     assert opened.page.locator("img").count() == 0
-    opened.quiet(opened.page.url)
+    opened.assert_no_requests_or_complaints(opened.page.url)

@@ -1,4 +1,4 @@
-"""A demonstration's page in a real browser: quiet, readable on a phone, dark on request, hostile text as text."""
+"""A demonstration's page in a real browser: no requests or complaints, fits a phone, dark on request, hostile text as text."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def result():
 
 def asked_for_nothing(opened):
     opened.requests[:] = [url for url in opened.requests if not url.startswith("data:")]
-    opened.quiet(opened.page.url)
+    opened.assert_no_requests_or_complaints(opened.page.url)
 
 
-def test_a_page_is_quiet_and_fits_a_phone(visit, result):
+def test_a_page_asks_for_nothing_and_fits_a_phone(visit, result):
     opened = visit(html(result, figure(result)), viewport=PHONE)
     asked_for_nothing(opened)
     assert opened.page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]

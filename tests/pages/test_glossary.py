@@ -16,11 +16,11 @@ ROOT = Path(__file__).parents[2]
 
 def names_in_code() -> set[str]:
     """All identifiers of the package."""
-    found = set()
+    names = set()
     for path in (ROOT / "looping_pendulum").rglob("*.py"):
         tokens = tokenize.generate_tokens(io.StringIO(path.read_text(encoding="utf-8")).readline)
-        found |= {token.string for token in tokens if token.type == tokenize.NAME}
-    return found
+        names |= {token.string for token in tokens if token.type == tokenize.NAME}
+    return names
 
 
 def test_the_documentations_page_is_the_packages_file():

@@ -59,10 +59,10 @@ def test_quantities_read_as_a_person_writes_them(value, unit, text):
 @given(SIGNED_SIZES, st.sampled_from(UNITS), st.sampled_from([2, 3]))
 def test_a_quantity_is_itself_to_its_digits_in_short_and_without_an_exponent(registry, value, unit, digits):
     text = quantity(value, unit, digits)
-    found = registry.Quantity(text.replace("deg", "degree")).to(unit).magnitude
+    read_back = registry.Quantity(text.replace("deg", "degree")).to(unit).magnitude
     # Rounded to `digits` digits at least: half a unit of the last one, over a first digit of 1; and rounding of doubles.
-    assert abs(found - value) <= (0.5 * 10.0 ** (1 - digits) + 1e-12) * abs(value)
-    assert math.copysign(1, found) == math.copysign(1, value)
+    assert abs(read_back - value) <= (0.5 * 10.0 ** (1 - digits) + 1e-12) * abs(value)
+    assert math.copysign(1, read_back) == math.copysign(1, value)
     written, _, _ = text.partition(" ")
     assert re.fullmatch(r"-?(0\.\d+|[1-9]\d*(\.\d+)?)", written), text
     assert len(written.strip("-0.").replace(".", "")) <= (7 if abs(float(written)) >= 1000 else 3), text
@@ -86,9 +86,9 @@ def test_a_sign_is_shown_on_request_and_nothing_else_changes(value, unit):
 @given(st.floats(-1e300, 1e300), st.integers(1, 9))
 def test_a_number_keeps_its_digits_at_every_size(value, digits):
     text = number(value, digits=digits)
-    found = float(text)
+    read_back = float(text)
     # Below the smallest normal double the digits themselves are fewer: 5e-324 is one unit of those.
-    assert abs(found - value) <= (0.5 * 10.0 ** (1 - digits) + 1e-12) * abs(value) + 5e-324
+    assert abs(read_back - value) <= (0.5 * 10.0 ** (1 - digits) + 1e-12) * abs(value) + 5e-324
     if 1e-4 <= abs(value) < 9.9e6:
         assert "e" not in text
     assert not re.search(r"\.\d*0$|\.$", text.partition("e")[0]), "a point and zeros say nothing"
@@ -137,7 +137,7 @@ def test_a_value_ends_where_its_error_begins(value, error, text):
 def test_a_value_and_its_error_are_read_back_to_half_the_errors_last_digit(value, error):
     text = uncertain(value, error)
     power = 10.0 ** int(text.partition(")e")[2] or 0)
-    found, spread = (float(x) * power for x in text.partition(")e")[0].strip("(").split(" +/- "))
+    read_back, spread = (float(x) * power for x in text.partition(")e")[0].strip("(").split(" +/- "))
     # Half a unit of the error's second digit is a twentieth of it at most; six digits of the value where the error is tiny.
     assert abs(spread - error) <= 0.0501 * error
-    assert abs(found - value) <= 0.0501 * error + 0.5e-5 * abs(value) + 1e-12
+    assert abs(read_back - value) <= 0.0501 * error + 0.5e-5 * abs(value) + 1e-12

@@ -38,7 +38,7 @@ def test_comparison_draws_its_figures_and_fetches_nothing(comparison):
     page.click("#theme")  # drawn again in the other colours
     until(page, "document.querySelector('#path .main-svg').style.background !== 'rgb(255, 255, 255)'")
     page.click("#theme")
-    comparison.quiet(page.url)
+    comparison.assert_no_requests_or_complaints(page.url)
 
 
 def test_tables_sort(comparison):
@@ -81,7 +81,7 @@ def test_identification_draws_every_figure(identified):
     for name in drawn:
         assert identified.page.locator(f"#{name} .trace").count() > 0
     assert sideways(identified.page) == 0
-    identified.quiet(identified.page.url)
+    identified.assert_no_requests_or_complaints(identified.page.url)
 
 
 @pytest.mark.parametrize("report", ["comparison", "identified"])
@@ -91,7 +91,7 @@ def test_hostile_names_show_as_text(request, report):
     assert "onerror=alert(1)" in opened.page.inner_text("h1")
     assert "<script>alert(1)</script>" in opened.page.inner_text("main")
     assert opened.page.locator("img").count() == 0
-    opened.quiet(opened.page.url)
+    opened.assert_no_requests_or_complaints(opened.page.url)
 
 
 def test_print_opens_what_is_folded_and_leaves_out_switches(comparison):

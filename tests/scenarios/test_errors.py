@@ -184,9 +184,9 @@ def test_an_empty_file_says_so(text):
     assert fault(text).startswith("my.yaml: found an empty file, needed a scenario")
 
 
-@pytest.mark.parametrize(("text", "found"), [("- a", "a list"), ("hello", "'hello'")])
-def test_a_file_without_keys_says_so(text, found):
-    assert fault(text).startswith(f"my.yaml: found {found}, needed keys with values")
+@pytest.mark.parametrize(("text", "shown"), [("- a", "a list"), ("hello", "'hello'")])
+def test_a_file_without_keys_says_so(text, shown):
+    assert fault(text).startswith(f"my.yaml: found {shown}, needed keys with values")
 
 
 def test_an_alias_bomb_is_refused_at_its_first_anchor():

@@ -51,9 +51,9 @@ def test_begins_with_a_comment_for_the_reader(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_says_of_every_number_that_the_paper_does_not_print_how_it_came_about(name):
-    told = {key for entry in load(name).inferred for key in entry.parameters}
-    assert {"release.free_length", "release.hanging_length", "rod.radius"} <= told
-    assert load(name).parameters.release is Release.VERTICAL or "release.angle" in told or name == "two_and_a_half_to_one"
+    explained = {key for entry in load(name).inferred for key in entry.parameters}
+    assert {"release.free_length", "release.hanging_length", "rod.radius"} <= explained
+    assert load(name).parameters.release is Release.VERTICAL or "release.angle" in explained or name == "two_and_a_half_to_one"
 
 
 @pytest.mark.parametrize(
@@ -115,28 +115,28 @@ def test_unknown_attribute_is_still_an_error():
 def problems(schema: dict, data: object, root: dict, at: str = "") -> list[str]:
     if "$ref" in schema:
         return problems(root["$defs"][schema["$ref"].removeprefix("#/$defs/")], data, root, at)
-    found = []
+    faults = []
     for choice in ("anyOf", "oneOf"):
         if choice in schema and not any(not problems(s, data, root, at) for s in schema[choice]):
-            found.append(f"{at}: none of {choice}")
+            faults.append(f"{at}: none of {choice}")
     types = {"object": dict, "array": list, "string": str, "number": (int, float)}
     if "type" in schema and not isinstance(data, types[schema["type"]]):
         return [f"{at}: not a {schema['type']}"]
     if "pattern" in schema and not re.search(schema["pattern"], str(data)):
-        found.append(f"{at}: pattern")
+        faults.append(f"{at}: pattern")
     if "enum" in schema and data not in schema["enum"]:
-        found.append(f"{at}: enum")
+        faults.append(f"{at}: enum")
     if isinstance(data, int | float) and not schema.get("minimum", data) <= data <= schema.get("maximum", data):
-        found.append(f"{at}: bounds")
+        faults.append(f"{at}: bounds")
     if isinstance(data, list):
         for i, item in enumerate(data):
-            found += problems(schema.get("items", {}), item, root, f"{at}[{i}]")
+            faults += problems(schema.get("items", {}), item, root, f"{at}[{i}]")
     if isinstance(data, dict):
-        found += [f"{at}.{key}: missing" for key in schema.get("required", []) if key not in data]
+        faults += [f"{at}.{key}: missing" for key in schema.get("required", []) if key not in data]
         for key, value in data.items():
             below = schema.get("properties", {}).get(key, schema.get("additionalProperties", {}))
-            found += [f"{at}.{key}: unknown"] if below is False else problems(below, value, root, f"{at}.{key}")
-    return found
+            faults += [f"{at}.{key}: unknown"] if below is False else problems(below, value, root, f"{at}.{key}")
+    return faults
 
 
 def as_an_editor_reads(text: str) -> object:

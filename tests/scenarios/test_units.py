@@ -129,7 +129,7 @@ def test_what_is_known_without_pint_is_what_pint_says(written, unit, monkeypatch
     assert units.factor.__wrapped__(written, unit) == COMMON[written, unit]
 
 
-def test_bounds_are_kept_and_told():
+def test_bounds_are_kept_and_named():
     kind = QuantityKind(unit="m", low=0.0, high=1.0, exclusive_low=True)
     assert kind.requirement == "a length above 0 up to 1 m"
     assert kind.parse("100 cm") == 1.0

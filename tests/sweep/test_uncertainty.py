@@ -30,9 +30,9 @@ def exponent_of(outcome, dimension, replicates=6):
 
 
 def test_a_smooth_boundary_has_exponent_one():
-    found, fractions = exponent_of(inside_a_circle, 2)
-    assert abs(found.value - 1) < 4 * found.standard_error + 0.005
-    assert found.standard_error < 0.02
+    exponent, fractions = exponent_of(inside_a_circle, 2)
+    assert abs(exponent.value - 1) < 4 * exponent.standard_error + 0.005
+    assert exponent.standard_error < 0.02
     # neighbours along the axes reach a boundary of length s from both sides: 2 eps times its mean of max(|cos|, |sin|)
     expected = 2 * EPS[-1] * 0.3 * 2 * math.pi * (2 * math.sqrt(2) / math.pi)
     assert abs(fractions[-1] / expected - 1) < 0.2
@@ -40,8 +40,8 @@ def test_a_smooth_boundary_has_exponent_one():
 
 def test_the_cantor_set_has_the_exponent_that_its_dimension_leaves():
     """1 - ln 2 / ln 3 = 0.369; its neighbours' outcomes agree by chance now and then, which leaves a percent."""
-    found, _ = exponent_of(gap_of_the_cantor_set, 1)
-    assert abs(found.value - (1 - math.log(2) / math.log(3))) < 4 * found.standard_error + 0.005
+    exponent, _ = exponent_of(gap_of_the_cantor_set, 1)
+    assert abs(exponent.value - (1 - math.log(2) / math.log(3))) < 4 * exponent.standard_error + 0.005
 
 
 def test_fractions_are_those_of_plain_counting_where_counting_can_see_them():

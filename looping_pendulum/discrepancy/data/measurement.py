@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.noise import Noise, estimate_noise, speed_at
 from looping_pendulum.discrepancy.data.observations import Channel, DataError
+from looping_pendulum.reference_ode.effects import Coefficient
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.sensitivity import Sensitivities
@@ -25,8 +26,8 @@ from looping_pendulum.reference_ode.solve import solve_at
 
 __all__ = [
     "CAMERA",
+    "CAMERA_ERRORS",
     "Camera",
-    "CameraParameter",
     "Noise",
     "Prediction",
     "SampleFunction",
@@ -43,89 +44,56 @@ It may leave out times past the run's end.
 """
 
 
-@dataclass(frozen=True, kw_only=True)
-class CameraParameter:
-    """One parameter of the camera model."""
-
-    name: str
-    unit: str
-    """SI unit; '' if dimensionless."""
-    null: float
-    """Value for a perfect camera [SI]."""
-    bounds: tuple[float, float]
-    """Allowed values [SI]."""
-    sigma: float
-    """Standard error of a careful set-up [SI], used as its prior."""
-    meaning: str
+def _coefficient(name: str, unit: str, null: float, bounds: tuple[float, float], meaning: str) -> Coefficient:
+    return Coefficient(name=name, unit=unit, default=null, null=null, bounds=bounds, meaning=meaning)
 
 
 CAMERA = MappingProxyType(
     {
-        p.name: p
-        for p in (
-            CameraParameter(
-                name="origin_x",
-                unit="m",
-                null=0.0,
-                bounds=(-2e3, 2e3),
-                sigma=5e-3,
-                meaning="x at which the rod's centre is measured",
-            ),
-            CameraParameter(
-                name="origin_y",
-                unit="m",
-                null=0.0,
-                bounds=(-2e3, 2e3),
-                sigma=5e-3,
-                meaning="y at which the rod's centre is measured",
-            ),
-            CameraParameter(
-                name="scale", unit="", null=1.0, bounds=(0.2, 5.0), sigma=0.005, meaning="measured length per true length"
-            ),
-            CameraParameter(
-                name="tilt",
-                unit="rad",
-                null=0.0,
-                bounds=(-math.pi, math.pi),
-                sigma=math.radians(0.5),
-                meaning="angle by which the picture is turned, counterclockwise",
-            ),
-            CameraParameter(
-                name="clock_offset",
-                unit="s",
-                null=0.0,
-                bounds=(-60.0, 60.0),
-                sigma=4e-3,
-                meaning="true time since release at which the file's clock is 0",
-            ),
-            CameraParameter(
-                name="clock_ratio", unit="", null=1.0, bounds=(0.01, 100.0), sigma=0.002, meaning="true time per measured time"
-            ),
+        c.name: c
+        for c in (
+            _coefficient("origin_x", "m", 0.0, (-2e3, 2e3), "x at which the rod's centre is measured"),
+            _coefficient("origin_y", "m", 0.0, (-2e3, 2e3), "y at which the rod's centre is measured"),
+            _coefficient("scale", "", 1.0, (0.2, 5.0), "measured length per true length"),
+            _coefficient("tilt", "rad", 0.0, (-math.pi, math.pi), "angle by which the picture is turned, counterclockwise"),
+            _coefficient("clock_offset", "s", 0.0, (-60.0, 60.0), "true time since release at which the file's clock is 0"),
+            _coefficient("clock_ratio", "", 1.0, (0.01, 100.0), "true time per measured time"),
         )
     }
 )
-"""Parameters of the camera model, by name."""
+"""Coefficients of the camera model, by name; the null values are those of a perfect camera."""
+CAMERA_ERRORS = MappingProxyType(
+    {
+        "origin_x": 5e-3,
+        "origin_y": 5e-3,
+        "scale": 0.005,
+        "tilt": math.radians(0.5),
+        "clock_offset": 4e-3,
+        "clock_ratio": 0.002,
+    }
+)
+"""Coefficient of the camera model -> its standard error in a careful set-up [SI], used as its prior."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Camera:
     """Camera of one trial; the default is a perfect one."""
 
-    origin_x: float = 0.0
+    origin_x: float = CAMERA["origin_x"].null
     """[m]"""
-    origin_y: float = 0.0
+    origin_y: float = CAMERA["origin_y"].null
     """[m]"""
-    scale: float = 1.0
-    tilt: float = 0.0
+    scale: float = CAMERA["scale"].null
+    tilt: float = CAMERA["tilt"].null
     """[rad]"""
-    clock_offset: float = 0.0
+    clock_offset: float = CAMERA["clock_offset"].null
     """[s]"""
-    clock_ratio: float = 1.0
+    clock_ratio: float = CAMERA["clock_ratio"].null
 
     def __post_init__(self) -> None:
         """Refuse values out of their bounds."""
-        for name, p in CAMERA.items():
-            low, high = p.bounds
+        for name, c in CAMERA.items():
+            low, high = c.bounds
             if not low <= getattr(self, name) <= high:
                 raise DataError(f"camera {name}: found {getattr(self, name):g}, needed between {low:g} and {high:g}")
 

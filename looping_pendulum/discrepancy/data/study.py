@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.measurement import CAMERA
+from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
+from looping_pendulum.discrepancy.data.measurement import CAMERA, CAMERA_ERRORS
 from looping_pendulum.discrepancy.data.observations import Observations, merge, mirrored, with_event_errors
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -26,6 +27,8 @@ DEFAULT_HANGING_LENGTH = 0.03
 
 It does not influence the motion: it only shifts the measured height of the heavy mass.
 """
+FREE_SCALE = 1 / 3
+"""Scale of a parameter that was not measured, relative to its initial value."""
 PLACEHOLDERS = MappingProxyType(
     {"light_mass": 1.0, "heavy_mass": 1.0, "rod_radius": 1e-6, "free_length": 1.0, "release_angle": 0.5 * math.pi}
 )
@@ -105,24 +108,6 @@ class ExperimentLimits:
 
 
 @dataclass(frozen=True, kw_only=True)
-class UncertainParameter:
-    """A parameter of the declared model that a fit may change."""
-
-    name: str
-    """Name of the parameter, with that of the trial in front if it is not shared: "first.release_angle"."""
-    parameter: str
-    """Name of the parameter or coefficient without the trial."""
-    trials: tuple[str, ...]
-    """Names of the trials in which it acts."""
-    start: float
-    """Measured value, or initial value [SI]."""
-    sigma: float | None
-    """Standard error of the measured value [SI]; None: nothing is known."""
-    bounds: tuple[float, float]
-    """Physically possible values [SI]."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Study:
     """Trials of one apparatus, with the measured values and effects that are declared for it."""
 
@@ -163,27 +148,28 @@ class Study:
         """Return the value of a parameter or coefficient in a trial; None: there is none, and the release does not need it."""
         return trial.estimates.get(parameter) or self.apparatus.get(parameter) or self.effects.get(parameter)
 
-    def uncertain_parameters(self, trials: tuple[Trial, ...] | None = None) -> tuple[UncertainParameter, ...]:
-        """Return every parameter that a fit of ``trials`` (default: the training trials) may change, each once."""
-        uncertain: dict[str, UncertainParameter] = {}
+    def free_parameters(self, trials: tuple[Trial, ...] | None = None) -> tuple[FreeParameter, ...]:
+        """Return every parameter of the model that a fit of ``trials`` (default: the training trials) changes, each once."""
+        free: dict[str, FreeParameter] = {}
         for trial in self.training if trials is None else trials:
             for parameter, name in self._names[trial.name].items():
                 known = self.estimate(parameter, trial)
                 assert known is not None
-                before = uncertain[name].trials if name in uncertain else ()
-                uncertain[name] = UncertainParameter(
+                before = free[name].trials if name in free else ()
+                free[name] = FreeParameter(
                     name=name,
                     parameter=parameter,
                     trials=(*before, trial.name),
-                    start=known.value,
-                    sigma=known.sigma,
+                    init_value=known.value,
+                    scale=known.sigma or FREE_SCALE * abs(known.value) or 1e-3,
+                    prior=1.0 if known.sigma else None,
                     bounds=_bounds(parameter),
                 )
-        return tuple(uncertain.values())
+        return tuple(free.values())
 
     @cached_property
     def _names(self) -> dict[str, dict[str, str]]:
-        """Trial -> parameter that a fit may change in it -> name of the `UncertainParameter`."""
+        """Trial -> parameter that a fit may change in it -> name of the `FreeParameter`."""
         names: dict[str, dict[str, str]] = {}
         owners: dict[tuple[str, Estimate], str] = {}
         for trial in (*self.training, *self.held_out):
@@ -210,7 +196,7 @@ class Study:
         Parameters
         ----------
         values
-            Name of an `UncertainParameter`, or of any parameter or coefficient -> value [SI]. All others keep their measured
+            Name of a `FreeParameter`, or of any parameter or coefficient -> value [SI]. All others keep their measured
             value. A name with the trial ("first.free_length") takes precedence over the shared one.
 
         Raises
@@ -219,9 +205,9 @@ class Study:
             If they are impossible together.
         """
         here = {
-            u.parameter: values[u.name]
-            for u in self.uncertain_parameters((*self.trials,))
-            if trial.name in u.trials and u.name in values
+            n.parameter: values[n.name]
+            for n in self.free_parameters((*self.trials,))
+            if trial.name in n.trials and n.name in values
         }
         fields: dict[str, Any] = {"release": trial.release}
         coefficients = {}
@@ -244,16 +230,16 @@ class Study:
         acting += ["scale", "tilt"] if observations.events else []
         acting += ["tilt"] if "angle" in named else []
         acting += ["origin_y", "scale"] if "height" in named else []
-        priors = {n: Estimate(value=CAMERA[n].null, sigma=CAMERA[n].sigma) for n in dict.fromkeys(acting)}
+        priors = {n: Estimate(value=CAMERA[n].null, sigma=CAMERA_ERRORS[n]) for n in dict.fromkeys(acting)}
         if named:
             step = max((float(np.median(np.diff(c.t))) for c in named.values() if len(c) > 1), default=0.0)
             # The first frame after the release is known to a frame or two.
-            priors["clock_offset"] = Estimate(value=0.0, sigma=max(CAMERA["clock_offset"].sigma, 2 * step))
+            priors["clock_offset"] = Estimate(value=0.0, sigma=max(CAMERA_ERRORS["clock_offset"], 2 * step))
         if "height" in named:
             height = named["height"].value
             # Heights are measured from the ground. That of the release is the first point's, to a fiftieth of the fall.
             priors["origin_y"] = Estimate(
-                value=float(height[0]), sigma=max(float(np.ptp(height)) / 50, CAMERA["origin_y"].sigma)
+                value=float(height[0]), sigma=max(float(np.ptp(height)) / 50, CAMERA_ERRORS["origin_y"])
             )
         return priors | {n: e for n, e in trial.camera.items() if n in priors}
 

@@ -20,7 +20,7 @@ from looping_pendulum.errors import ScenarioError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.document import Document, Path, quote
-from looping_pendulum.scenarios.schema import Group, QuantityField, Text, input_error, suggest
+from looping_pendulum.scenarios.schema import Group, QuantityField, Text, input_error, quantity_kind, suggest
 from looping_pendulum.scenarios.units import QuantityKind, UnitError, show, to_si
 
 FREE_STARTS = {"kinetic_friction": 0.3, "static_friction": 0.3, "light_drag": 1e-3, "heavy_drag": 1e-3, "string_drag": 1e-3}
@@ -101,10 +101,8 @@ def _mass(example: str) -> MeasuredField:
 
 
 def _camera_kind(name: str) -> MeasuredField:
-    p = CAMERA[name]
-    return MeasuredField(
-        QuantityKind(unit=p.unit, low=p.bounds[0], high=p.bounds[1], example=show(p.null, p.unit)), start=p.null
-    )
+    c = CAMERA[name]
+    return MeasuredField(quantity_kind(c, example=show(c.null, c.unit)), start=c.null)
 
 
 def _flag(raw: object) -> bool:
@@ -178,9 +176,8 @@ def _effects(raw: object) -> dict[str, Estimate]:
                 near = suggest(name, known)
                 raise input_error(f"found an unknown key, needed one of: {', '.join(known)}{near}", key)
             c = known[name]
-            kind = QuantityKind(unit=c.unit, low=c.bounds[0], high=c.bounds[1])
             try:
-                values[name] = MeasuredField(kind, start=FREE_STARTS.get(name, c.default)).estimate(each)
+                values[name] = MeasuredField(quantity_kind(c), start=FREE_STARTS.get(name, c.default)).estimate(each)
             except PydanticCustomError as error:
                 raise input_error(str(error), key) from None
     return values

@@ -75,7 +75,7 @@ class Fit:
     @property
     def values(self) -> dict[str, float]:
         """Return parameter -> value [SI]."""
-        return {n.name: n.start + n.scale * float(v) for n, v in zip(self.problem.free_parameters, self.x, strict=True)}
+        return {n.name: n.init_value + n.scale * float(v) for n, v in zip(self.problem.free_parameters, self.x, strict=True)}
 
     @property
     def errors(self) -> dict[str, float]:

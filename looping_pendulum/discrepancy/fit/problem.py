@@ -1,6 +1,6 @@
 """The least-squares problem of a fit: free parameters, data of all trials, priors; residuals and their derivatives.
 
-A parameter has the value start + scale x, with x of order one. Its prior is a further row of the residuals.
+A parameter has the value init_value + scale x, with x of order one. Its prior is a further row of the residuals.
 """
 
 from __future__ import annotations
@@ -9,13 +9,13 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.data.measurement import DIFFERENTIABLE_CHANNELS, Camera, predict, predicted_derivatives
 from looping_pendulum.discrepancy.data.observations import Channel, DataError, EventObservation
 from looping_pendulum.discrepancy.data.study import Study, Trial
@@ -32,65 +32,10 @@ DIFFERENCE_STEP = 1e-3
 
 Derivatives are good to about 2e-4 as long as the sequence of events stays the same.
 """
-FREE_SCALE = 1 / 3
-"""Scale of a parameter that was not measured, relative to its initial value."""
 RELEASES_WITH_FEW_EVENTS = (Release.LOOPING, Release.VERTICAL)
 """Releases whose runs have few events, so that variational equations cost half of what finite differences do."""
-WEAK_PRIOR_SIGMA = 10.0
-"""Standard error of the prior of a parameter that was not measured, in units of its scale.
-
-It keeps the parameter within reason in early windows and is too weak to influence the result.
-"""
-
-
-class ParameterRole(StrEnum):
-    """How a free parameter enters the parameter of the model that it is named after.
-
-    The values are words for the report.
-    """
-
-    SET = "is"
-    """It replaces the model's value."""
-    TIMES = "multiplies"
-    """It is a factor on the model's value."""
-    CAMERA = "is, of the camera,"
-    """It replaces a value of the trial's camera."""
-
 
 _TIMES, _CAMERA = ParameterRole.TIMES, ParameterRole.CAMERA  # for an inner loop
-
-
-@dataclass(frozen=True, kw_only=True)
-class FreeParameter:
-    """One parameter that a fit changes, as lmfit's ``Parameter`` with ``vary=True``."""
-
-    name: str
-    """Name in the fit, with that of the trial in front if it is not shared: "first.release_angle"."""
-    parameter: str
-    """Parameter of the model or camera that it changes."""
-    role: ParameterRole
-    """How it enters that parameter."""
-    trials: tuple[str, ...]
-    """Names of the trials in which it acts."""
-    start: float
-    """Initial value [SI]: the measured one if there is one."""
-    scale: float
-    """Change of the value per unit of x [SI]: the standard error if the value was measured."""
-    prior: float | None
-    """Standard error of the prior, in units of `scale`; None: not measured, the prior has `WEAK_PRIOR_SIGMA`."""
-    bounds: tuple[float, float]
-    """Smallest and largest value [SI]."""
-
-    @property
-    def shared(self) -> bool:
-        """Return whether it acts in all trials alike, not in a single one."""
-        return "." not in self.name
-
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Return the bounds of x."""
-        low, high = ((b - self.start) / self.scale for b in self.bounds)
-        return low, high
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -149,16 +94,7 @@ def free_parameters_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tup
     trials
         Pairs of a trial and its observations.
     """
-    parameters = []
-    for u in study.uncertain_parameters(tuple(t for t, _ in trials)):
-        scale = u.sigma or FREE_SCALE * abs(u.start) or 1e-3
-        prior = 1.0 if u.sigma else None
-        parameters.append(
-            FreeParameter(
-                name=u.name, parameter=u.parameter, role=ParameterRole.SET, trials=u.trials, start=u.start, scale=scale,
-                prior=prior, bounds=u.bounds,
-            )
-        )  # fmt: skip
+    parameters = list(study.free_parameters(tuple(t for t, _ in trials)))
     for trial, observations in trials:
         for name, known in study.camera_priors(trial, observations).items():
             if name in ("origin_x", "origin_y") or (name in trial.camera and known.uncertain):
@@ -170,8 +106,8 @@ def _camera_parameter(name: str, trial: Trial, value: float, sigma: float | None
     """Return a parameter of one trial's camera as a free parameter."""
     scale = sigma or {"origin_x": 0.1, "origin_y": 0.1}.get(name, 0.05)
     return FreeParameter(
-        name=f"{trial.name}.{name}", parameter=name, role=ParameterRole.CAMERA, trials=(trial.name,), start=value, scale=scale,
-        prior=1.0 if sigma else None, bounds=(-math.inf, math.inf),
+        name=f"{trial.name}.{name}", parameter=name, role=ParameterRole.CAMERA, trials=(trial.name,), init_value=value,
+        scale=scale, prior=1.0 if sigma else None,
     )  # fmt: skip
 
 
@@ -195,7 +131,7 @@ class Problem:
         self.data = tuple(data)
         self.free_parameters = tuple(free_parameters)
         self.names = tuple(n.name for n in free_parameters)
-        weights = np.diag([1 / (n.prior or WEAK_PRIOR_SIGMA) for n in self.free_parameters])
+        weights = np.diag([1 / n.prior_sigma for n in self.free_parameters])
         self.prior_mean: Array = prior[0] if prior else np.zeros(len(free_parameters))
         self.prior_weights: Array = prior[1] if prior else weights
         self.low, self.high = np.array([n.limits for n in self.free_parameters]).reshape(-1, 2).T
@@ -205,7 +141,7 @@ class Problem:
         )
         self._acting_in_trial = [[i for i, n in enumerate(self.free_parameters) if d.trial.name in n.trials] for d in self.data]
         self._base = [study.parameters({}, d.trial) for d in self.data]
-        self._study_parameters = {u.name for u in study.uncertain_parameters(study.trials)}
+        self._study_parameters = {n.name for n in study.free_parameters(study.trials)}
         self._camera = [{n: e.value for n, e in d.trial.camera.items()} for d in self.data]
         self._cached_run: list[tuple[Parameters, Array, Samples] | None] = [None] * len(self.data)
         self._cached_event_run: list[EventRun | None] = [None] * len(self.data)
@@ -248,7 +184,7 @@ class Problem:
         for i in self._acting_in_trial[k]:
             n = self.free_parameters[i]
             low, high = n.bounds
-            value = min(max(n.start + n.scale * x_list[i], low), high)
+            value = min(max(n.init_value + n.scale * x_list[i], low), high)
             if n.role is _CAMERA:
                 camera[n.parameter] = value
             elif n.role is _TIMES:

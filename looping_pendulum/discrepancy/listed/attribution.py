@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
 from looping_pendulum.discrepancy.fit.event_tests import max_held_out_chi2
-from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem, TrialData
+from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate
@@ -162,7 +163,7 @@ def _restart(fit: Fit, screened: ScreenedCandidate) -> list[Fit]:
     for i, companion in enumerate(screened.companions, start=len(fit.x) - len(screened.companions)):
         for factor in RESTART_FACTORS:
             x = fit.x.copy()
-            x[i] = (factor * fit.values[companion.name] - companion.start) / companion.scale
+            x[i] = (factor * fit.values[companion.name] - companion.init_value) / companion.scale
             with contextlib.suppress(FitError):
                 fits.append(minimise(fit.problem, x, max_iterations=MAX_ITERATIONS))
     return fits
@@ -256,7 +257,7 @@ def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter],
     parameters = [*own, *added]
     here = [i for i, n in enumerate(parameters) if n.name in known]  # parameters of the training fit, by their place here
     there = [known[parameters[i].name] for i in here]  # and by their place in that fit
-    mean, weights = np.zeros(len(parameters)), np.diag([1 / (n.prior or 10.0) for n in parameters])
+    mean, weights = np.zeros(len(parameters)), np.diag([1 / n.prior_sigma for n in parameters])
     if here:
         covariance = fit.covariance[np.ix_(there, there)]
         # a square root of the inverse covariance; tiny eigenvalues are raised, because the covariance may be singular

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.data.measurement import CAMERA
 from looping_pendulum.discrepancy.data.study import Study
-from looping_pendulum.discrepancy.fit.problem import FreeParameter, ParameterRole
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
 from looping_pendulum.reference_ode.parameters import Release
@@ -76,21 +76,19 @@ class Candidate:
             FreeParameter(
                 name=c.name,
                 parameter=c.name,
-                role=ParameterRole.SET,
                 trials=self.trials,
-                start=v,
+                init_value=v,
                 scale=0.5 * v,
-                prior=None,
                 bounds=c.bounds,
             )
             for c, v in zip(self.companions, values, strict=True)
         )
 
-    def free_parameter(self, scale: float, prior: float | None = None) -> FreeParameter:
+    def free_parameter(self, scale: float) -> FreeParameter:
         """Return the candidate as a free parameter that starts at its null value; ``scale`` is in SI units."""
         return FreeParameter(
-            name=self.name, parameter=self.parameter, role=self.role, trials=self.trials, start=self.null, scale=scale,
-            prior=prior, bounds=self.bounds,
+            name=self.name, parameter=self.parameter, role=self.role, trials=self.trials, init_value=self.null,
+            scale=scale, bounds=self.bounds,
         )  # fmt: skip
 
 

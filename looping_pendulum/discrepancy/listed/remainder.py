@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
-from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem, TrialData
+from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import ResidualTests
 from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, check_held_out, position_slices
 
@@ -167,7 +168,7 @@ def _with_prior_bounds(parameters: Sequence[FreeParameter]) -> tuple[FreeParamet
     """Bound measured parameters to within `MAX_PRIOR_SIGMAS` standard errors of their values."""
     bounded = []
     for n in parameters:
-        reach = MAX_PRIOR_SIGMAS * n.scale if n.prior == 1.0 else math.inf
-        bounds = max(n.bounds[0], n.start - reach), min(n.bounds[1], n.start + reach)
+        reach = math.inf if n.sigma is None else MAX_PRIOR_SIGMAS * n.sigma
+        bounds = max(n.bounds[0], n.init_value - reach), min(n.bounds[1], n.init_value + reach)
         bounded.append(dataclasses.replace(n, bounds=bounds))
     return tuple(bounded)

@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.fit.problem import FreeParameter, Problem
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.reference_ode.geometry import Array

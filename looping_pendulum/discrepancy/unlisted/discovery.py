@@ -17,9 +17,10 @@ from functools import cached_property
 
 import numpy as np
 
+from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.study import Estimate, Study
 from looping_pendulum.discrepancy.fit.calibration import WINDOW_COST_TOLERANCE, Fit, FitError, minimise
-from looping_pendulum.discrepancy.fit.problem import FreeParameter, ParameterRole, Problem, TrialData
+from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, check_held_out
 from looping_pendulum.discrepancy.workers import SERIAL, ProgressCallback, Workers
@@ -238,9 +239,7 @@ def _problem(problem: Problem, closure: Closure, scale: float, prior: float) -> 
     """Return ``problem`` with a closure's weights as further parameters, of standard deviation ``prior`` times ``scale``."""
     trials = tuple(t.name for t in problem.study.trials)
     added = [
-        FreeParameter(
-            name=n, parameter=n, role=ParameterRole.SET, trials=trials, start=0.0, scale=scale, prior=prior, bounds=(-1e6, 1e6)
-        )
+        FreeParameter(name=n, parameter=n, trials=trials, init_value=0.0, scale=scale, prior=prior, bounds=(-1e6, 1e6))
         for n in closure.names
     ]
     parameters = (*problem.free_parameters, *added)

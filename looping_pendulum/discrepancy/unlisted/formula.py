@@ -14,9 +14,10 @@ from typing import Any, cast
 
 import numpy as np
 
+from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise
-from looping_pendulum.discrepancy.fit.problem import FreeParameter, ParameterRole, Problem, TrialData
+from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, check_held_out
 from looping_pendulum.discrepancy.unlisted.discovery import TARGETS, WEAK_PRIOR, RecoveredForce
@@ -196,9 +197,8 @@ def _free_parameter(prediction: PredictedFormula, i: int, coordinate_range: Coor
     return FreeParameter(
         name=PREFIX + term.name,
         parameter=PREFIX + term.name,
-        role=ParameterRole.SET,
         trials=tuple(t.name for t in study.trials),
-        start=value,
+        init_value=value,
         scale=max(error, min_scale, 1e-9),
         prior=WEAK_PRIOR,
         bounds=bounds,

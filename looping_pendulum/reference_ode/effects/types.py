@@ -87,14 +87,14 @@ class EffectKind(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Coefficient:
-    """A coefficient of an effect: its name, unit, default and bounds."""
+    """A coefficient of an effect, or of another model that can be fitted: its name, unit, default and bounds."""
 
     name: str
     unit: str
     """SI unit, as pint reads it; '' for a pure number."""
     default: float
     null: float
-    """Value at which the effect is absent."""
+    """Value at which the effect is absent [SI]."""
     bounds: tuple[float, float]
     """Least and largest value that is accepted."""
     meaning: str

@@ -205,8 +205,8 @@ def _cell(quantity: MeasuredColumn, value: Any) -> str:
 
 
 def _versions(runs: Any, packages: Sequence[str]) -> dict[str, str]:
-    found = {package: installed_version(package) for package in ("looping-pendulum", *packages)}
+    versions = {package: installed_version(package) for package in ("looping-pendulum", *packages)}
     for run in runs:
         if isinstance(run, Trajectory):
-            found |= run.provenance.versions
-    return dict(sorted(found.items()))
+            versions |= run.provenance.versions
+    return dict(sorted(versions.items()))
