@@ -198,9 +198,20 @@ def process_pool(
     try:
         yield pool
     finally:
-        for process in list((pool._processes or {}).values()):  # the public `kill_workers` is new in Python 3.14
-            process.kill()
+        _kill(pool)
         pool.shutdown(cancel_futures=True)
+
+
+def _kill(pool: Any) -> None:
+    """Kill the processes of an executor: the public `kill_workers` is new in Python 3.14.
+
+    A process may be killed in the middle of a message. The executor's threads would wait for its rest, or for a reader, as
+    long as this process itself held the other ends of their pipes open; they close these, too, once a process has ended.
+    """
+    pool._call_queue._reader.close()
+    pool._result_queue._writer.close()
+    for process in list((pool._processes or {}).values()):
+        process.kill()
 
 
 class _PoolProcess(SpawnProcess):

@@ -1,7 +1,7 @@
 """Map a function over independent items in this process and in worker processes beside it.
 
-The results are the same for any number of processes. A worker process calls what it is sent until its input ends. It is started
-early and takes items as soon as it is ready. If it dies, its item is done by this process.
+The results are the same for any number of processes. A worker process is started early and takes items as soon as it is ready.
+If it dies, its item is done by another.
 """
 
 from __future__ import annotations
