@@ -1,8 +1,8 @@
 """First code of every Python process that `processes` starts; it is run by its path, before anything else is imported.
 
-It restricts what may be imported, and makes the process end with its parent. An engine's process also gets a supervisor: a
-small process that waits until the parent asks for the end, or has itself ended, then kills the engine with all that it has
-started and removes their folder. This file imports only the standard library, and little of it, because it runs at every start.
+It restricts what may be imported. An engine's process also gets a supervisor: a small process that waits until the parent asks
+for the end, or has itself ended, then kills the engine with all that it has started and removes their folder. This file imports
+only the standard library, and little of it, because it runs at every start.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import shutil
 import signal
 import sys
 import threading
-import time
 from collections.abc import Mapping
 from importlib.machinery import ModuleSpec, PathFinder
 from typing import Any
@@ -27,52 +26,35 @@ END_COMMAND = b"end\n"
 """Message on a supervisor's standard input that makes it end its worker; the end of the input makes the supervisor end, too."""
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 """Options of Linux's prctl, from <sys/prctl.h>."""
-_POLL_INTERVAL = 0.5
-"""Time between two checks that the parent still exists [s]; only systems without a parent-death signal depend on it."""
 
 
 class NamedModuleFinder:
     """Import finder for a few modules by name, each in a given folder; it finds nothing else in these folders."""
 
     def __init__(self, folders: Mapping[str, str]) -> None:
-        self._folders = folders
+        self.module_folders = folders
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         """Return what Python needs to import ``name``; None if it is not one of the given modules."""
-        if path is not None or name not in self._folders:
+        if path is not None or name not in self.module_folders:
             return None
-        return PathFinder.find_spec(name, [self._folders[name]], target)
+        return PathFinder.find_spec(name, [self.module_folders[name]], target)
 
 
 def main(request: Mapping[str, Any]) -> None:
-    """Call the function that the parent names.
+    """Call a function in a supervised process of its own.
 
-    ``request`` has the keys "function" ("module:name"), "arguments", "modules" (name -> folder) and, if the process shall be
-    supervised, "folder".
+    ``request`` has the keys "function" ("module:name"), "folder" (the process's own, and the function's argument) and "modules"
+    (name -> folder).
     """
-    folder = request.get("folder")
-    if folder is None:
-        end_with_parent()
-    elif hasattr(os, "fork"):
+    folder = request["folder"]
+    if hasattr(os, "fork"):
         fork_worker(folder)
     else:
         work_without_supervisor(folder)
     sys.meta_path.insert(0, NamedModuleFinder(request["modules"]))
     module, _, name = request["function"].partition(":")
-    getattr(importlib.import_module(module), name)(*request["arguments"])
-
-
-def end_with_parent() -> None:
-    """Make this process end when its parent has ended, whatever it is doing then."""
-    parent = os.getppid()
-    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL if hasattr(signal, "SIGKILL") else signal.SIGTERM)
-
-    def exit_after_parent() -> None:
-        while os.getppid() == parent:
-            time.sleep(_POLL_INTERVAL)
-        os._exit(1)
-
-    threading.Thread(target=exit_after_parent, daemon=True).start()
+    getattr(importlib.import_module(module), name)(folder)
 
 
 def fork_worker(folder: str) -> None:
@@ -237,3 +219,5 @@ def _prctl(option: int, value: int) -> None:
 
 if __name__ == "__main__":
     main(json.loads(sys.argv[1]))
+elif __name__ == "__mp_main__":  # multiprocessing's name for the module that a new process of a pool imports first
+    sys.meta_path.insert(0, NamedModuleFinder(json.loads(sys.argv[1])["modules"]))

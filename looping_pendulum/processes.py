@@ -18,7 +18,10 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import spawn
+from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
 from typing import Any
 
@@ -48,9 +51,14 @@ def import_path() -> list[str]:
 
 
 def modules_from_unsafe_folders() -> dict[str, str]:
-    """Map each module that this process has imported from one of the `unsafe_import_folders` to that folder."""
+    """Map each module that this process has imported from one of the `unsafe_import_folders` to that folder.
+
+    Modules that this process, itself a child, may import by name are among them, so that its own children may import them, too.
+    """
     unsafe = unsafe_import_folders()
     module_folders: dict[str, str] = {}
+    for finder in sys.meta_path:
+        module_folders |= getattr(finder, "module_folders", {})  # of `process_start.NamedModuleFinder`
     for name, module in list(sys.modules.items()):
         if "." in name or name in ("__main__", "__mp_main__"):
             continue
@@ -69,34 +77,6 @@ def _source_paths(module: Any) -> list[str]:
         return [str(folder) for folder in folders]
     file = getattr(module, "__file__", None)
     return [file] if isinstance(file, str) else []
-
-
-def start_process(
-    function: str,
-    arguments: Sequence[str],
-    *,
-    folder: Path | None = None,
-    environment: Mapping[str, str] | None = None,
-    stderr: int | None = subprocess.DEVNULL,
-) -> subprocess.Popen[bytes]:
-    """Start a Python process that calls ``function``, "module:name", with ``arguments``, and ends when this process does.
-
-    The process may import from `import_path` and the `modules_from_unsafe_folders`. The two processes communicate over its
-    standard input and output. It leads its own session, so that Ctrl-C reaches only this process, which then decides what to
-    do. With a ``folder`` the process is a supervisor (`SupervisedProcess`).
-    """
-    request = {"function": function, "arguments": list(arguments), "modules": modules_from_unsafe_folders()}
-    request |= {} if folder is None else {"folder": str(folder)}
-    # PYTHONPATH cannot quote its separator, so an entry that contains one is left out.
-    path = os.pathsep.join(entry for entry in import_path() if os.pathsep not in entry)
-    return subprocess.Popen(
-        [sys.executable, "-P", str(Path(process_start.__file__)), json.dumps(request)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=stderr,
-        env=os.environ | dict(environment or {}) | {"PYTHONPATH": path},
-        start_new_session=True,
-    )
 
 
 class SupervisedProcess:
@@ -124,10 +104,27 @@ class SupervisedProcess:
         self.start_error = ""
         """Why the worker could not start; empty if it did."""
         self._ended = threading.Event()
-        self._process = start_process(function, [str(self.folder)], folder=self.folder, environment=environment)
+        self._process = self._start_supervisor(function, environment or {})
         self._listener = threading.Thread(target=self._read_reports, daemon=True)
         self._listener.start()
         self._send(len(job).to_bytes(8, "little") + job)
+
+    def _start_supervisor(self, function: str, environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
+        """Start the supervisor: it takes commands on its standard input and reports on its standard output.
+
+        It leads its own session, so that Ctrl-C reaches only this process, which then decides what to do.
+        """
+        request = {"function": function, "folder": str(self.folder), "modules": modules_from_unsafe_folders()}
+        # PYTHONPATH cannot quote its separator, so an entry that contains one is left out.
+        path = os.pathsep.join(entry for entry in import_path() if os.pathsep not in entry)
+        return subprocess.Popen(
+            [sys.executable, "-P", process_start.__file__, json.dumps(request)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=os.environ | environment | {"PYTHONPATH": path},
+            start_new_session=True,
+        )
 
     def wait(self, seconds: float) -> bool:
         """Wait until the worker has ended, at most ``seconds``; return whether it has."""
@@ -179,8 +176,88 @@ class SupervisedProcess:
         self._ended.set()
 
 
-def end_with_parent() -> None:
-    """Make this process, started by `multiprocessing`, leave Ctrl-C to its parent and end when the parent has ended."""
+@contextlib.contextmanager
+def process_pool(
+    count: int, initializer: Callable[..., object] | None = None, initargs: tuple[Any, ...] = ()
+) -> Iterator[ProcessPoolExecutor]:
+    """Return a context with an executor of ``count`` processes; they end with the context or this process, even when busy.
+
+    They leave Ctrl-C to this process. They may import from `import_path` and the `modules_from_unsafe_folders`, but they do not
+    import the running script: it needs no ``if __name__ == "__main__"``, and what it defines itself cannot be sent to them.
+    They are spawned, not forked, because a copy of a process whose libraries have threads may hang.
+
+    Parameters
+    ----------
+    count
+        Number of processes; each starts when it is first needed.
+    initializer, initargs
+        Function that each process calls first, and its arguments, which may include shared memory.
+    """
+    with safe_spawning():  # the executor's locks start a process of their own
+        pool = ProcessPoolExecutor(count, _PoolContext(), _initialize, (initializer, initargs))
+    try:
+        yield pool
+    finally:
+        _kill(pool)
+        pool.shutdown(cancel_futures=True)
+
+
+def _kill(pool: Any) -> None:
+    """Kill the processes of an executor: the public `kill_workers` is new in Python 3.14.
+
+    A process may be killed in the middle of a message. The executor's threads would wait for its rest, or for a reader, as
+    long as this process itself held the other ends of their pipes open; they close these, too, once a process has ended.
+    """
+    pool._call_queue._reader.close()
+    pool._result_queue._writer.close()
+    for process in list((pool._processes or {}).values()):
+        process.kill()
+
+
+class _PoolProcess(SpawnProcess):
+    """A process of a `process_pool`."""
+
+    def start(self) -> None:
+        """Start the process as `multiprocessing` does, but for what it may import and for signals."""
+        with safe_spawning(), _without_interrupts():
+            spawn.get_preparation_data = _preparation_data
+            try:
+                super().start()
+            finally:
+                spawn.get_preparation_data = _usual_preparation_data
+
+
+class _PoolContext(SpawnContext):
+    Process = _PoolProcess
+
+
+_usual_preparation_data = spawn.get_preparation_data
+
+
+def _preparation_data(name: str) -> dict[str, Any]:
+    """Return what `multiprocessing` shall do first in a process: import `process_start` instead of the running script."""
+    data = _usual_preparation_data(name)
+    data.pop("init_main_from_name", None)
+    request = json.dumps({"modules": modules_from_unsafe_folders()})
+    script = process_start.__file__
+    return data | {"sys_path": import_path(), "sys_argv": [script, request], "init_main_from_path": script}
+
+
+@contextlib.contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Block Ctrl-C in this thread; processes that it starts inherit that, so that none is interrupted while it starts."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _initialize(initializer: Callable[..., object] | None, initargs: tuple[Any, ...]) -> None:
+    """Make this process of a pool ignore Ctrl-C and end when its parent has ended; then call the initializer."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None
@@ -190,36 +267,27 @@ def end_with_parent() -> None:
         os._exit(1)
 
     threading.Thread(target=exit_after_parent, daemon=True).start()
+    if initializer is not None:
+        initializer(*initargs)
 
 
-_spawn_lock = threading.Lock()
-_nesting_depth = 0
-"""How many `safe_spawning` contexts are open, in all threads."""
-_saved_values: list[str | None] = []
-"""Value of `_SAFE_PATH` before the outermost open context."""
+_spawn_lock = threading.RLock()
 
 
 @contextlib.contextmanager
 def safe_spawning() -> Iterator[None]:
-    """Keep processes that `multiprocessing` spawns inside this context from importing from the working folder.
+    """Keep processes that `multiprocessing` starts inside this context from importing from the working folder.
 
-    `multiprocessing` starts them with ``python -c``, which would look for its own modules there first. The environment
-    belongs to the whole process, so contexts that overlap in several threads are counted: the last to end restores it.
+    It starts them with ``python -c``, which would look for its own modules there first. The environment belongs to the whole
+    process, so one thread at a time may change it.
     """
-    global _nesting_depth
     with _spawn_lock:
-        _nesting_depth += 1
-        if _nesting_depth == 1:
-            _saved_values.append(os.environ.get(_SAFE_PATH))
-            os.environ[_SAFE_PATH] = "1"
-    try:
-        yield
-    finally:
-        with _spawn_lock:
-            _nesting_depth -= 1
-            if _nesting_depth == 0:
-                saved = _saved_values.pop()
-                if saved is None:
-                    os.environ.pop(_SAFE_PATH, None)
-                else:
-                    os.environ[_SAFE_PATH] = saved
+        saved = os.environ.get(_SAFE_PATH)
+        os.environ[_SAFE_PATH] = "1"
+        try:
+            yield
+        finally:
+            if saved is None:
+                del os.environ[_SAFE_PATH]
+            else:
+                os.environ[_SAFE_PATH] = saved

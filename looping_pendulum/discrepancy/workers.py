@@ -1,21 +1,20 @@
 """Map a function over independent items in this process and in worker processes beside it.
 
-The results are the same for any number of processes. A worker process calls what it is sent until its input ends. It is started
-early and takes items as soon as it is ready. If it dies, its item is done by this process.
+The results are the same for any number of processes. A worker process is started early and takes items as soon as it is ready.
+If it dies, its item is done by another.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
-import pickle
-import sys
 import threading
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
 from importlib import import_module
 from typing import Any, Self
 
-from looping_pendulum.processes import start_process
+from looping_pendulum.processes import process_pool
 
 MAX_PROCESSES = 2
 """Largest number of processes, this one included, that is used without being asked for: each needs some 300 MiB."""
@@ -43,12 +42,14 @@ class Workers:
         self._closed = False
         self._worker_of_label: dict[str, int] = {}
         """Label of an item -> number of the worker that has its equations compiled; 0 is this process."""
-        self._processes: list[_WorkerProcess] = []
+        self._pools = contextlib.ExitStack()
+        self._threads: list[threading.Thread] = []
         with contextlib.suppress(OSError):  # where no process can be started, this one does everything
-            self._processes += (_WorkerProcess() for _ in range(count - 1))
-        self._threads = [
-            threading.Thread(target=self._feed, args=(i, p), daemon=True) for i, p in enumerate(self._processes, start=1)
-        ]
+            for worker in range(1, count):
+                # a pool of its own for each process, since an executor chooses itself which of its processes gets an item
+                executor = self._pools.enter_context(process_pool(1, _start_worker))
+                started = executor.submit(int)  # the process starts now
+                self._threads.append(threading.Thread(target=self._feed, args=(worker, executor, started), daemon=True))
         for thread in self._threads:
             thread.start()
 
@@ -62,12 +63,9 @@ class Workers:
             self._closed = True
             self._condition.notify_all()
         # A thread may be waiting for an answer: only the end of its process lets it go on.
-        for process in self._processes:
-            process.kill()
+        self._pools.close()
         for thread in self._threads:
             thread.join()
-        for process in self._processes:
-            process.close()
 
     def prepare(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any], labels: Sequence[str]) -> None:
         """Let idle worker processes call ``function(shared, item)`` for each item, so that its equations are compiled there."""
@@ -153,26 +151,23 @@ class Workers:
                 self._condition.wait()
             return None
 
-    def _feed(self, worker: int, process: _WorkerProcess) -> None:
+    def _feed(self, worker: int, executor: Executor, started: Future[Any]) -> None:
         """Hand items to a worker process, as long as it lives: the main function of its thread."""
-        answer = process.read()
-        known: _Batch | None = None
-        while answer is not None:
-            batch = self._wait_for_batch()
-            if batch is None:
-                return
-            i = self._take_item(batch, worker)
-            if i is None:
-                continue
-            # function and shared argument are sent once for a batch
-            header = (batch.function, batch.shared) if batch is not known else None
-            known = batch
-            try:
-                process.write((header, batch.items[i]))
-                answer = process.read()
-            except Exception:  # what cannot be pickled is done by this process, and so is all that follows
+        with contextlib.suppress(Exception):
+            started.result()
+            known: _Batch | None = None
+            while (batch := self._wait_for_batch()) is not None:
+                i = self._take_item(batch, worker)
+                if i is None:
+                    continue
                 answer = None
-            self._store_answer(batch, i, answer)
+                try:
+                    # function and shared argument are sent once for a batch
+                    sent = None if batch is known else (batch.function, batch.shared)
+                    answer = executor.submit(_call_in_worker, sent, batch.items[i]).result()
+                    known = batch
+                finally:  # what cannot be pickled is done by this process, and so is all that follows
+                    self._store_answer(batch, i, answer)
 
 
 SERIAL = Workers()
@@ -190,68 +185,25 @@ class _Batch:
         """Number of an item -> whether the function returned, and its result or the exception that it raised."""
 
 
-class _WorkerProcess:
-    """A process that calls functions for this one."""
-
-    def __init__(self) -> None:
-        self._process = start_process("looping_pendulum.discrepancy.workers:serve", [])
-
-    def write(self, message: Any) -> None:
-        """Send a message; nothing happens if the process is dead.
-
-        Raises
-        ------
-        Exception
-            If the message cannot be pickled.
-        """
-        assert self._process.stdin is not None
-        data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
-        with contextlib.suppress(OSError):
-            self._process.stdin.write(data)
-            self._process.stdin.flush()
-
-    def read(self) -> Any:
-        """Receive a message; None if the process is dead."""
-        assert self._process.stdout is not None
-        try:
-            return pickle.load(self._process.stdout)
-        except (EOFError, OSError, pickle.UnpicklingError):
-            return None
-
-    def kill(self) -> None:
-        """End the process."""
-        self._process.kill()
-        self._process.wait()
-
-    def close(self) -> None:
-        """Close the pipes of a process that has ended."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        for pipe in (self._process.stdin, self._process.stdout):
-            with contextlib.suppress(OSError):  # what the process has not read is lost
-                pipe.close()
-
-
-def serve() -> None:
-    """Call what the parent process sends until its end: the main function of a worker process."""
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a function prints must not come between the answers
+def _start_worker() -> None:
+    """Prepare this worker process: it prints nothing, and imports what it will need."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
     for module in IMPORTED_EARLY:
         import_module(module)
 
-    message: Any = "ready"
-    function: Any = None
-    shared: Any = None
-    while True:
-        try:
-            pickle.dump(message, answers, protocol=pickle.HIGHEST_PROTOCOL)
-            answers.flush()
-            header, item = pickle.load(sys.stdin.buffer)
-        except (EOFError, OSError):
-            return
-        if header is not None:
-            function, shared = header
-        message = _call(function, shared, item)
+
+_batch: tuple[Callable[[Any, Any], Any], Any]
+"""Function and shared argument of the batch that this process, if it is a worker, was sent last."""
+
+
+def _call_in_worker(batch: tuple[Callable[[Any, Any], Any], Any] | None, item: Any) -> tuple[bool, Any]:
+    """Do the same as `_call`, for an item of a new batch or (None) of the batch before."""
+    global _batch
+    if batch is not None:
+        _batch = batch
+    return _call(*_batch, item)
 
 
 def _call(function: Callable[[Any, Any], Any], shared: Any, item: Any) -> tuple[bool, Any]:

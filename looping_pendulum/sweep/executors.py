@@ -6,16 +6,15 @@ Each executor takes tasks one by one, submits only a few at a time, and yields r
 from __future__ import annotations
 
 import itertools
-import multiprocessing
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from importlib import import_module
 from typing import Any
 from urllib.parse import urlsplit
 
 from looping_pendulum.errors import EngineError, HarnessError, MissingPackageError
-from looping_pendulum.processes import end_with_parent, safe_spawning
+from looping_pendulum.processes import process_pool
 from looping_pendulum.scenarios.document import one_line, quote
 from looping_pendulum.sweep.cells import CellResult, CellTask
 
@@ -47,27 +46,17 @@ def in_processes(tasks: Iterator[CellTask], solve: Solve, jobs: int) -> Iterator
     EngineError
         If one of them dies.
     """
-    with safe_spawning():
-        yield from _in_pool(tasks, solve, jobs)
-
-
-def _in_pool(tasks: Iterator[CellTask], solve: Solve, jobs: int) -> Iterator[CellResult]:
-    before = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=end_with_parent)
     try:
-        running: set[Future[CellResult]] = {pool.submit(solve, task) for task in itertools.islice(tasks, 2 * jobs)}
-        while running:
-            done, running = wait(running, return_when=FIRST_COMPLETED)
-            running |= {pool.submit(solve, task) for task in itertools.islice(tasks, len(done))}
-            for future in done:
-                yield future.result()
+        with process_pool(jobs) as pool:
+            running: set[Future[CellResult]] = {pool.submit(solve, task) for task in itertools.islice(tasks, 2 * jobs)}
+            while running:
+                done, running = wait(running, return_when=FIRST_COMPLETED)
+                running |= {pool.submit(solve, task) for task in itertools.islice(tasks, len(done))}
+                for future in done:
+                    yield future.result()
     except BrokenProcessPool:
         message = "a worker process died; was the machine out of memory? What is finished is kept: run the same command again"
         raise EngineError(f"{message}, with fewer --jobs") from None
-    finally:
-        for child in set(multiprocessing.active_children()) - before:
-            child.terminate()
-        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def check_address(address: str) -> None:

@@ -83,7 +83,8 @@ def run_map(
     time_limit, memory_limit
         Limits of each run of an engine [s], [bytes].
     read_landmarks
-        Function that finds landmarks in an engine's samples (`compare.landmarks.run_landmarks`); needed for engines.
+        Function that finds landmarks in an engine's samples (`compare.landmarks.run_landmarks`); needed for engines. With
+        several processes it must be defined in a module, not in the running script, which they do not import.
     progress
         Callback after each chunk.
     solve

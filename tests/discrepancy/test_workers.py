@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 
+import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.workers import Workers
@@ -99,6 +100,16 @@ def test_worker_processes_end_with_their_pool():
         (worker_process,) = set(workers.map(place, 0.1, range(4))) - {HERE}
     with pytest.raises(ProcessLookupError):
         os.kill(worker_process, 0)
+
+
+@pytest.mark.parametrize("shared", [1, np.ones(10**6)], ids=["small", "larger than a pipe holds"])
+def test_a_pool_ends_while_its_worker_process_is_busy(shared):
+    """The executor waited for ever for the rest of an answer whose process was killed while it sent it."""
+    for pause in (0.0, 0.003, 0.01):
+        with Workers(2) as workers:
+            wait_for_a_worker_process(workers)
+            workers.prepare(square, 2, [shared] * 50, [""] * 50)
+            time.sleep(pause)
 
 
 def test_after_an_interrupt_the_next_call_is_complete(two_workers):

@@ -49,7 +49,7 @@ def sprung(folder):
 
 
 def run(folder, *arguments):
-    clean = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONSAFEPATH")}
+    clean = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"} | {"PYTHONPATH": str(ROOT)}
     return subprocess.run(arguments, cwd=folder, capture_output=True, text=True, timeout=300, env=clean)
 
 
@@ -75,22 +75,38 @@ from looping_pendulum.reference_ode.batch import solve_batch
 from looping_pendulum.sweep.executors import in_processes
 from tests.apparatus import TEN_TO_ONE
 from tests.discrepancy.test_workers import place
-if __name__ == "__main__":
-    assert list(in_processes(iter(range(2)), abs, 2)) != []
-    solve_batch(TEN_TO_ONE, {"heavy_mass": np.array([-1.0, -1.0])}, processes=2)  # impossible, so that nothing is compiled
-    sys.path.insert(0, "")  # as in a notebook
-    with Workers(2) as pair:
-        while len(set(pair.map(place, 0.1, range(2)))) < 2:
-            pass
+print("begun")
+sys.path.insert(0, "")  # as in a notebook
+assert list(in_processes(iter(range(2)), abs, 2)) != []
+solve_batch(TEN_TO_ONE, {"heavy_mass": np.array([-1.0, -1.0])}, processes=2)  # impossible, so that nothing is compiled
+with Workers(2) as pair:
+    while len(set(pair.map(place, 0.1, range(2)))) < 2:
+        pass
 """
+"""Script without a guard: a process that imported it would start everything again."""
 
 
-def test_helpers_import_nothing_from_the_working_folder(planted):
+def test_helpers_import_neither_the_script_nor_anything_beside_it(planted):
     """multiprocessing starts its processes with -c, which looked in the working folder for multiprocessing itself."""
     (planted / "script.py").write_text(HELPERS)
     done = run(planted, sys.executable, "-P", "script.py")
     assert sprung(planted) == []
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert (done.returncode, done.stdout) == (0, "begun\n"), done.stdout + done.stderr
+
+
+def test_what_a_script_imports_from_its_folder_travels_to_a_pool_and_to_what_that_starts(tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "mine.py").write_text(
+        "import importlib.util, os\nfrom looping_pendulum.processes import process_pool\n"
+        "def answer(depth):\n"
+        "    if depth:\n"
+        "        with process_pool(1) as pool:\n            return pool.submit(answer, depth - 1).result()\n"
+        "    return [os.path.basename(__file__), importlib.util.find_spec('trap')]\n"
+    )
+    (tmp_path / "trap.py").write_text("")
+    (tmp_path / "script.py").write_text("from mine import answer\nprint(answer(2))\n")
+    done = run(tmp_path / "elsewhere", sys.executable, str(tmp_path / "script.py"))
+    assert done.stdout == "['mine.py', None]\n", done.stdout + done.stderr
 
 
 def test_an_engine_that_a_script_imports_from_its_folder_travels_and_nothing_else_does(tmp_path):

@@ -49,7 +49,7 @@ def solve_batch(
     tolerance
         Relative tolerance of a step.
     processes
-        Number of processes that share the work. More than one needs a script with ``if __name__ == "__main__":``.
+        Number of processes that share the work.
     progress
         Called now and then with the number of runs that have ended and the number of all runs.
 
@@ -63,12 +63,12 @@ def solve_batch(
     if processes < 1:
         raise ParameterError(f"processes: found {processes}, needed 1 or more")
     worker_count = max(1, min(processes, n))  # a process without a run would only cost its start
-    with safe_spawning() if worker_count > 1 else nullcontext():
+    with safe_spawning() if worker_count > 1 else nullcontext():  # shared memory starts a process of its own
         job = SharedBatch.of(base, columns, n, duration, tolerance, worker_count)
-        if job.processes == 1:
-            work(BatchRuns(job, progress))
-        else:
-            work_together(job, progress)
+    if job.processes == 1:
+        work(BatchRuns(job, progress))
+    else:
+        work_together(job, progress)
     result = job.result()
     count = int(np.count_nonzero(result.handed_over))
     if count:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.errors import HarnessError
-from looping_pendulum.processes import end_with_parent
+from looping_pendulum.processes import process_pool
 from looping_pendulum.reference_ode.batch.numbers import Columns, equation_parameters, parameters_of_run, valid_runs
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult, summary
 from looping_pendulum.reference_ode.batch.schedule import Index, Schedule
@@ -24,7 +23,7 @@ from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import available_integrators, solve_without_warning
 
 _SPAWN = multiprocessing.get_context("spawn")
-"""Processes are spawned, not forked: a copy of a process whose libraries have threads may hang."""
+"""Source of shared memory for a `process_pool`, whose processes are spawned."""
 Progress = Callable[[int, int], None]
 """Called with the number of runs that have ended and the number of all runs."""
 
@@ -167,7 +166,7 @@ def work(runs: BatchRuns) -> None:
 
 def work_together(job: SharedBatch, progress: Progress | None) -> None:
     """Do the same as `work` in several processes. Runs of a process that dies are solved again in this one."""
-    with ProcessPoolExecutor(job.processes - 1, mp_context=_SPAWN, initializer=_initialize_worker, initargs=(job,)) as pool:
+    with process_pool(job.processes - 1, _keep_job, (job,)) as pool:
         others = [pool.submit(_work_in_helper) for _ in range(job.processes - 1)]
         try:
             work(BatchRuns(job, progress))
@@ -175,8 +174,6 @@ def work_together(job: SharedBatch, progress: Progress | None) -> None:
                 other.result()
         except BrokenProcessPool:
             _rerun_unfinished(job)
-        finally:
-            job.taken_count.value = job.n  # so that after an interrupt the others take no more
     if progress is not None:
         progress(job.n, job.n)
 
@@ -195,10 +192,9 @@ _job: SharedBatch
 """Batch of this process, if it is a helping one."""
 
 
-def _initialize_worker(job: SharedBatch) -> None:
+def _keep_job(job: SharedBatch) -> None:
     """Keep the batch, which can be passed only when a process starts: shared memory cannot be sent to it later."""
     global _job
-    end_with_parent()
     _job = job
 
 
