@@ -63,6 +63,7 @@ def solve_batch(
     if processes < 1:
         raise ParameterError(f"processes: found {processes}, needed 1 or more")
     worker_count = max(1, min(processes, n))  # a process without a run would only cost its start
+    # Spawned processes would otherwise look for their modules in the working folder first
     with safe_spawning() if worker_count > 1 else nullcontext():
         job = SharedBatch.of(base, columns, n, duration, tolerance, worker_count)
         if job.processes == 1:
