@@ -88,6 +88,7 @@ class ReferenceEngine:
             times,
             duration=max(DURATION, scenario.duration),  # only a run to its end shows whether a stop is the halt
             tolerance=self.settings.tolerance,
+            # "auto" lets SciPy take over a run that heyoka cannot finish; an integrator that was chosen by name does not change
             integrator="auto" if self.settings.integrator == available_integrators()[0] else self.settings.integrator,
         )
         wall_time = time.perf_counter() - started

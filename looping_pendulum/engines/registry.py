@@ -105,6 +105,7 @@ def load_engines(profile: Profile) -> tuple[list[Engine], dict[str, str]]:
     faults: dict[str, str] = {}
     for adapter in adapter_modules():
         if not adapter.package and adapter.name in ADAPTERS:
+            # Not within the try: a fault in an adapter of this package is a bug, and must show
             engines += import_module(adapter.module).engines(profile)
             continue
         taken = {engine.name for engine in engines} | ADAPTERS.keys()

@@ -118,6 +118,7 @@ def _events(value: object) -> tuple[TrajectoryEvent, ...]:
 
 
 def _is_number(value: object) -> bool:
+    # In Python bool is a kind of int
     return isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
 
 

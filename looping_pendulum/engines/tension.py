@@ -37,6 +37,7 @@ def string_impulses(run: Trajectory, parameters: Parameters) -> tuple[Array, Arr
     angle = 0.5 * (run.wrap_angle[1:] + run.wrap_angle[:-1])
     towards_rod = np.stack([np.sin(angle), -np.cos(angle)], axis=1)
     force = _other_forces(run, p)
+    # The trapezoidal rule, as exact as samples of the velocity allow
     other_impulses = 0.5 * (force[1:] + force[:-1]) * np.diff(run.t)[:, None]
     light = p.light_mass * np.diff(run.light_velocity, axis=0) - other_impulses[:, :2]
     return np.sum(light * towards_rod, axis=1), p.heavy_mass * np.diff(run.heavy_velocity[:, 1]) - other_impulses[:, 2]

@@ -124,6 +124,7 @@ def held_pendulum_swings_to_the_other_side(engine: Engine) -> None:
     assert turns.size, "the light mass never rises"
     turn = turns[0]
     half = closed_forms.held_period(p) / 2
+    # Not exactly half of it: the winding string is longer on one side of the swing than on the other
     assert 0.3 * half < turn < 0.7 * half, f"lowest point at {turn:.3f} s, half a period is {half:.3f} s"
     speed = np.hypot(*run.light_velocity.T)
     fall = run.light_position[0, 1] - run.light_position[:, 1]

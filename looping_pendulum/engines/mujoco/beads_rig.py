@@ -99,6 +99,7 @@ class BeadRig:
         rows = [light, *beads, (p.rod_radius, -p.hanging_length)]
         self.lengths = [math.dist(a, b) for a, b in zip(rows[:-1], rows[1:], strict=True)]
         sliding = [(-heavy_v * math.sin(a), heavy_v * math.cos(a)) for a in angles]
+        # Cut off: a heavy mass that is held has no coordinate
         places = np.array([*light, *np.ravel(beads), -p.hanging_length][: 2 * count + 2 + self._heavy_dofs])
         speeds = np.array([vx, vy, *np.ravel(sliding), heavy_v][: 2 * count + 2 + self._heavy_dofs])
         self._switch_model(count, 0.0, places, speeds, np.zeros_like(places))

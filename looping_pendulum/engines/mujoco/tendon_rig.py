@@ -179,6 +179,7 @@ class TendonRig:
         """Return how much longer than its rest length the string is [m]."""
         if self._tendons is None:
             return math.nan
+        # mj_step leaves the tendon lengths of the step's start in its data
         self._mj_position(self._model, self._data)
         return float(self._data.ten_length[self._tendons.tendon]) - self._tendons.rest_length
 

@@ -78,6 +78,7 @@ def chain_at_release(parameters: Parameters, settings: PybulletChainSettings) ->
         joints = len(chain.positions)  # one hinge per link, and the heavy mass's slide
         if joints <= MAX_JOINTS:
             return chain
+        # By trial, as the number of links is known only once they are laid
         coarser *= 1.01
         if coarser > MAX_LINK_LENGTHENING:
             raise EngineError(
@@ -147,6 +148,7 @@ def chain_urdf(p: Parameters, s: PybulletChainSettings, chain: ReleasedChain, no
     parent = "base"
     if p.release is not Release.HELD:
         parent = "heavy"
+        # The moment of inertia has no influence on a slide, but URDF requires one
         rows += [_link(parent, mass=p.heavy_mass, at=0.0, inertia=p.heavy_mass * p.rod_radius**2)]
         rows += [_joint("prismatic", "base", parent, x=x, y=y, turn=0.0, axis="0 1 0")]
         x = y = 0.0

@@ -87,6 +87,7 @@ class PointToPointRig(SteppedRig):
                 api.JOINT_POINT2POINT,
                 [0, 0, 0],
                 [0, 0, 0],
+                # In this body's frame, whose x axis points along the link, away from the body before
                 [-length, 0, 0],
                 physicsClientId=client,
             )

@@ -172,6 +172,7 @@ class _BeadString:
         return bead
 
     def _new_bead(self) -> tuple[Any, Any]:
+        # An infinite moment of inertia: beads are points, which slide and do not roll
         body = self._pymunk.Body(self._bead_mass, math.inf)
         shape = self._pymunk.Circle(body, self._bead_radius)
         shape.friction = 1.0  # Chipmunk multiplies the two shapes' coefficients: the circle's is then the pair's
@@ -184,6 +185,7 @@ class _BeadString:
         return self._join(joint)
 
     def _straight(self, a: Any, b: Any, length: float) -> Any:
+        # From 0 to the length: it pulls, and never pushes
         return self._join(self._pymunk.SlideJoint(a, b, (0, 0), (0, 0), 0, length))
 
     def _join(self, joint: Any) -> Any:

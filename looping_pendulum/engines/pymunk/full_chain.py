@@ -227,6 +227,7 @@ class FullChainRig(SpaceRig):
             rod.friction = contact_friction(variant, friction, bend) if s.polygon_friction else friction
             space.add(rod)
             if variant is FullChainVariant.SEGMENTS:
+                # Segments touch the circle in their middle, so their joints lie farther from its centre than ``radius``
                 self._chain = _Segments(space, p, s, nodes, math.hypot(radius, s.link_length / 2))
             else:
                 self._chain = _Beads(space, p, s, nodes, radius)
