@@ -12,6 +12,8 @@ from typing import Any
 import yaml
 
 from looping_pendulum.errors import ScenarioError
+
+# `as` exports them once more, for readers of files that use this module
 from looping_pendulum.errors import one_line as one_line
 from looping_pendulum.errors import shorten as shorten
 
@@ -147,6 +149,7 @@ def _plain(node: yaml.Node, path: Path, lines: dict[Path, int], file: str) -> An
     """Return the data of a node, and store the line of everything below it in ``lines``."""
     if isinstance(node, yaml.ScalarNode):
         _check_surrogates(node, file)
+        # Without quotes (no style): a quoted "null" is a text
         return EMPTY_VALUE if node.style is None and node.value in _NULLS else node.value
     if isinstance(node, yaml.SequenceNode):
         for i, item in enumerate(node.value):
