@@ -145,6 +145,7 @@ def new_study(ask: Ask, *, name: str, folder: Path, files: Sequence[str], given:
     for key in answer.unused:
         raise AnswerError(f"--set: found {key!r}, which is not asked for; ask for the file and change it there")
     text = STUDY_HEAD + _yaml(tree, ("title", "apparatus", "effects", "trials"))
+    # Loaded for its errors alone: contradictions between answers show here, before the file is written
     study_io.load_text(text, f"{name}.yaml", folder)
     return text
 
