@@ -180,5 +180,6 @@ def point_on_string(parameters: Parameters, arc: float, node_radius: float) -> t
         return light_position(math, -wound_arc, p.release_angle, p.rod_radius)
     hanging_arc = wound_arc - p.rod_radius * p.release_angle
     if hanging_arc < 0:
+        # Without free length this is a point on the nodes' circle; the angle follows from R, by which the string is wound
         return light_position(math, 0.0, p.release_angle - wound_arc / p.rod_radius, node_radius)
     return (p.rod_radius, -hanging_arc)

@@ -39,6 +39,7 @@ MAX_RETURNED_OUTPUT = 2**16
 ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
+    # so that a crash in C code leaves its stack in the output
     "PYTHONFAULTHANDLER": "1",
     "PYTHONUNBUFFERED": "1",  # so that what was printed before a crash is in the file
 }
@@ -152,6 +153,7 @@ def run_all(
             finished(trajectory)
         return trajectory
 
+    # Threads suffice, as each only waits for its process
     with ThreadPoolExecutor(max_workers=jobs or os.cpu_count() or 1) as pool:
         futures = [pool.submit(run_one, engine) for engine in engines]
         while not all(future.done() for future in futures):

@@ -65,6 +65,7 @@ def physics_of(parameters: Parameters) -> tuple[str, ...]:
     # A held string does not slide over the rod
     if parameters.release in (Release.LOOPING, Release.VERTICAL) and c["kinetic_friction"] > 0:
         pieces += ["friction_law", "stick_slip"]
+    # Every coefficient of drag has such a name
     if any(value > 0 for name, value in c.items() if name.endswith("_drag")):
         pieces.append("drag")
     return tuple(pieces)
@@ -347,6 +348,7 @@ def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequenc
             )  # inside this interval, and the rig may have stopped there: so its end is no sample
         # Multiplied, not summed up, so that rounding does not accumulate in the times
         add((sample * SAMPLE_INTERVAL, *row))
+        # False for NaN, the stretch of an engine that does not know it
         if has_string and row[8] > max_stretch:
             return RunStatus.STRING_DRIFT
     return RunStatus.FINISHED

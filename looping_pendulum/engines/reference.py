@@ -166,6 +166,7 @@ def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine, w
     light_tension, heavy_tension = samples.tensions
     # The clamp holds the heavy mass, so the tension above it is not determined by the motion.
     heavy_tension = np.where(np.isin(samples.mode, (Mode.CLAMPED, Mode.CLAMPED_SLACK)), math.nan, heavy_tension)
+    # The run itself goes on beyond the scenario's duration, see `simulate`
     reached = run.end.event is Event.LIGHT_REACHES_ROD and run.end_time <= scenario.duration
     return from_samples(
         _rows(samples),

@@ -181,6 +181,7 @@ def select(names: Iterable[str], profile: Profile) -> list[Engine]:
         _warn(faults)
     chosen: list[Engine] = []
     for name in names:
+        # Another package's faulty adapter under one of our names does not make our engine unusable
         if name.partition(":")[0] in faults.keys() - ADAPTERS.keys():
             raise EngineError(f"--engine: {faults[name.partition(':')[0]]}")
         matches = [engine for engine in engines if name in (engine.name, label(engine))]

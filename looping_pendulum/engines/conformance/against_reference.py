@@ -63,6 +63,7 @@ _cached_runs: deque[tuple[Parameters, Array, Array]] = deque(maxlen=64)
 
 def reference_positions(p: Parameters, t: Array) -> Array:
     """Return light x, light y and heavy y of the reference at times ``t`` [s], shape (n, 3) [m]; fewer if it ends sooner."""
+    # A search, because parameters and arrays cannot be hashed
     for cached, times, reference in _cached_runs:
         if np.array_equal(times, t) and cached == p:
             return reference

@@ -75,6 +75,7 @@ class BeadRig:
         for _ in range(self._settings.groups_per_sample):
             places = self._current.qpos.tolist()
             self._prepare(self._update_beads(places) if self._has_string else places)
+            # One call for the whole group, which spares Python between its steps
             self._step(self._current.model, self._current.data, self._settings.steps_per_group)
 
     def read(self) -> tuple[float, ...]:

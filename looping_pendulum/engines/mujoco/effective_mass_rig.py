@@ -155,6 +155,7 @@ class EffectiveMassRig(abc.ABC):
             return 1
         _, _, vx, vy = self._light_mass_state()
         turn = self._dt * math.hypot(vx, vy) / length * max(self._parameters.rod_radius / length, 1.0)
+        # A run that breaks down is left to `read`
         return max(math.ceil(turn / MAX_TURN_PER_STEP), 1) if math.isfinite(turn) else 1
 
     def _scale_time_constants(self, parts: int) -> None:
@@ -295,6 +296,7 @@ class EffectiveMassRig(abc.ABC):
             return
         if self._held:
             return
+        # Stopped and locked first, as only the tensions at rest tell whether the rod can hold the string
         self._qvel[HEAVY_DOF] = 0.0
         self._motion, self._mass_ratio = EffectiveMassMotion.STICKING, 1.0
         self._set_mass()

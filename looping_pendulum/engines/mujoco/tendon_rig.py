@@ -227,6 +227,7 @@ class CapstanFriction:
             return 0.0
         after = self._friction(math.copysign(sliding, -holding_force), tension_without)
         self._bound[HEAVY_DOF] = max(abs(after), NO_FRICTION)
+        # Until the string stops within the step, the friction of its earlier direction acts
         return (before - after) * fraction
 
     def _without_friction(self) -> tuple[float, float]:

@@ -75,6 +75,7 @@ def longest_step(parameters: Parameters, chain: ReleasedChain) -> LongestStep:
     )
 
     def longest(x: float, y: float, vx: float, vy: float) -> float:
+        # Not less than a link, with which the run has ended
         free = math.sqrt(max(x * x + y * y - radius_square, shortest * shortest))
         tension = p.light_mass * ((vx * vx + vy * vy) / free + gravity)
         return min(contacts, MAX_WAVE_FRACTION * shortest * math.sqrt(density / tension))

@@ -55,6 +55,7 @@ class PointToPointRig(SteppedRig):
     def _positions(p: Parameters, s: LinkSettings) -> Array:
         """Return the positions [m] of light mass, nodes a link apart, and heavy mass at release, shape (n, 2)."""
         length = s.length_on_rod(p)
+        # The last link, above the heavy mass, takes up what does not fit
         count = math.floor(p.string_length / length)
         circle = s.node_circle(p)
         arcs = [i * length for i in range(count)]

@@ -147,6 +147,7 @@ class _BeadString:
         bead = self._bead((x, y), (vx, vy))
         end.position = x + (mass_x - x) * share, y + (mass_y - y) * share
         end.velocity = vx + (mass_vx - vx) * share, vy + (mass_vy - vy) * share
+        # A joint cannot change its bodies, so the links beside the new bead are created anew
         self._space.remove(self._links[1])
         self._set_straight(self.lengths[0] - self._link_length)
         self.lengths.insert(1, self._link_length)

@@ -109,6 +109,7 @@ class _Segments:
         for i in range(len(nodes) - 1):
             start, end = places[i : i + 2]
             length = math.dist(start, end)
+            # The moment of inertia of a thin rod about its middle
             body = pymunk.Body(mass, mass * length * length / 12)
             body.position, body.angle = _middle(start, end), math.atan2(end[1] - start[1], end[0] - start[0])
             body.velocity, body.angular_velocity = _rigid_motion(start, end, *speeds[i : i + 2])
