@@ -133,6 +133,7 @@ class _Loader(yaml.BaseLoader):
             name = f"{sign}{shorten(event.anchor)}"
             message = f"{self.file}:{line}: found the YAML anchor or alias '{name}', needed the value itself; write it out"
             raise ScenarioError(one_line(message))
+        # Counted while composing: the depth of a hostile file must not reach Python's recursion limit first
         self.depth += 1
         if self.depth > MAX_DEPTH:
             message = f"{self.file}:{line}: found more than {MAX_DEPTH} levels of nesting, needed at most five"

@@ -129,6 +129,7 @@ class Scenario(ShownInNotebook):
         order = {metric: i for i, metric in enumerate(METRICS)}
         keys = [(t.engine, PROFILES.index(t.profile), order[t.metric]) for t in self.tolerances]
         ordered = [t for _, t in sorted(zip(keys, self.tolerances, strict=True), key=lambda pair: pair[0])]
+        # The class is frozen, for everyone but its own constructor
         object.__setattr__(self, "tolerances", tuple(ordered))
         for one, other in zip(ordered, ordered[1:], strict=False):
             if (one.engine, one.profile, one.metric) == (other.engine, other.profile, other.metric):
