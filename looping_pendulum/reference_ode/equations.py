@@ -29,8 +29,8 @@ from looping_pendulum.reference_ode.state import Effects, Signs, State, extra_va
 from looping_pendulum.reference_ode.stretch import Springs, light_share, springs
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
-# Without this offset, the phases and `state.TINY_SPEED`, 57 of 2000 random apparatus had a wrong sequence of modes, the same 57
-# at every tolerance. 1e-18 is lost in rounding beside any event function that is not zero.
+# Without this offset, the phases (`state.Signs.phase`) and `state.TINY_SPEED`, 57 of 2000 random apparatus had a wrong sequence
+# of modes, the same 57 at every tolerance. Rounding loses 1e-18 beside an event function above 0.01 [N or m/s].
 EVENT_FUNCTION_OFFSET = 1e-18
 """Added to the event function of phase 0: heyoka misses later roots of a function that is exactly zero where it starts."""
 PASSING_SPEED_OFFSET = 1e-12

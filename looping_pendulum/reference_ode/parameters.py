@@ -135,7 +135,7 @@ class Parameters:
     """String l from the rod's tangent point to the light mass at release [m]."""
     release_angle: float
     """Wrap angle theta at release [rad]; 0: straight up, pi/2: horizontal, pi: straight down."""
-    # It only says how high the heavy mass hangs, and so when it would reach the rod
+    # In the paper's model it only says how high the heavy mass hangs, and so when it would reach the rod
     hanging_length: float = 0.03
     """String h from the rod's tangent point to the heavy mass at release [m]."""
     light_radius: float = 0.0
@@ -220,7 +220,7 @@ class Parameters:
 
     def replace(self, **changes: object) -> Parameters:
         """Return a copy with fields or coefficients changed (``replace(light_mass=0.02, kinetic_friction=0.3)``)."""
-        # Dual numbers come in a subclass, whose constructor decides which effects act
+        # A subclass, as of dual numbers, may derive more from its fields, so it is built by its constructor
         if type(self) is Parameters and changes.keys() <= _NUMBERS:
             return self._replace_numbers(changes)
         coefficients = self._copied_coefficients()
