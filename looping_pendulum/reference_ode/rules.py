@@ -255,8 +255,8 @@ def enter(system: HybridSystem, m: Motion) -> Motion:
     slack = _is_one_of(m.mode, SLACK)
     if not system.any(slack):
         return m
-    # Not 0: an event function that starts at exactly 0 would hide its next root from heyoka
     falls_from_rest = (m.mode == Mode.SLACK) & (m.y.heavy_speed == 0)
+    # Not 0: an event function that starts at exactly 0 would hide its next root from heyoka
     heavy_speed = system.where(falls_from_rest, -TINY_SPEED, m.y.heavy_speed)
     y = m.y._replace(heavy_speed=heavy_speed)
     if not system.string_stretches:

@@ -39,8 +39,8 @@ MIN_DIP_DEPTH = 1e-6
 
 # Values at `CHECKS` -> values of the interpolating polynomial at `BETWEEN`
 _BETWEEN_FROM_CHECKS = np.vander(BETWEEN, len(CHECKS)) @ np.linalg.inv(np.vander(CHECKS, len(CHECKS)))
-# Any DEGREE + 1 points determine the polynomial; these keep the conversion to powers, which `Segment` stores, well conditioned.
-# Chebyshev nodes on [0, 1]; values there -> coefficients of ascending powers
+# Chebyshev nodes on [0, 1]; values there -> coefficients of ascending powers, which `Segment` stores. Any DEGREE + 1 points
+# would determine the polynomial; with these the conversion is well conditioned.
 _NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
 _TO_POWERS = np.linalg.inv(np.vander(_NODES, DEGREE + 1, increasing=True))
 
