@@ -177,6 +177,7 @@ class MemoryRecorder:
         return np.array(self._rows, dtype=float).reshape(-1, len(COLUMNS))
 
 
+# `registry` asks isinstance of engines that other packages offer
 @runtime_checkable
 class Engine(Protocol):
     """Simulates scenarios.

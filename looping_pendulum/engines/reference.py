@@ -93,6 +93,7 @@ class ReferenceEngine:
         )
         wall_time = time.perf_counter() - started
         trajectory = _trajectory(samples, scenario, self, wall_time)
+        # All at the end, as the solution is not computed sample by sample
         for row in _rows(samples):
             recorder.add(row.tolist())
         return trajectory
@@ -119,6 +120,7 @@ class Reference:
         self.scenario = scenario
         self.engine = ReferenceEngine(available_integrators()[0], profile)
         tolerance = self.engine.settings.tolerance
+        # Solved once for all times, unlike `ReferenceEngine`: each engine is compared at times of its own
         self.solution = solve(scenario.parameters, duration=max(DURATION, scenario.duration), tolerance=tolerance)
 
     def __call__(self, t: Array) -> Trajectory:

@@ -55,6 +55,7 @@ def _other_forces(run: Trajectory, p: Parameters) -> Array:
 
 def _mean_force(impulses: Array, t: Array) -> Array:
     """Return the mean force within half of `AVERAGING_TIME` before and after each sample [N], shape (n,)."""
+    # Differences of the running sum are the impulses over any interval
     total = np.concatenate([[0.0], np.cumsum(impulses)])
     half = 0.5 * AVERAGING_TIME * (1 + 1e-6)  # the margin includes samples exactly half of it away, despite rounding
     first, last = np.searchsorted(t, t - half), np.searchsorted(t, t + half, side="right") - 1

@@ -108,6 +108,7 @@ class ChainModel:
         self._diagram = builder.Build()
         self._root = self._diagram.CreateDefaultContext()
         self._context = self._plant.GetMyMutableContextFromRoot(self._root)
+        # Memory for the state after a step, which every step uses again
         self._next = self._diagram.AllocateDiscreteVariables()
         self._port = self._plant.get_applied_generalized_force_input_port()
 

@@ -102,6 +102,7 @@ def _chain_of_links(p: Parameters, s: PybulletChainSettings, inner: float, outer
     outer_count = max(1, round((straight - inner_count * inner) / outer))
     hanging_count = max(1, round(math.dist(heavy, on_rod[0]) / s.hanging_link_length))
     corner = inner_count * inner / straight
+    # First short links, which may slide over the rod, then long ones, which at most wind on to it
     shares = np.concatenate([np.linspace(0.0, corner, inner_count, endpoint=False), np.linspace(corner, 1.0, outer_count + 1)])
 
     def along(heavy_end: Array, on_rod: Array, light_end: Array) -> Array:
@@ -155,6 +156,7 @@ def chain_urdf(p: Parameters, s: PybulletChainSettings, chain: ReleasedChain, no
     last = len(lengths) - 1
     for i, (turn, length) in enumerate(zip(np.diff(chain.directions, prepend=0.0), lengths, strict=True)):
         if i < last:
+            # A node carries half the mass of either link beside it
             mass, node_radius = density * 0.5 * (length + lengths[i + 1]), float(node_radii[i])
         else:
             mass, node_radius = p.light_mass - s.mass_compensation * string_mass, None

@@ -102,6 +102,7 @@ class _BeadString:
         """Add or remove a bead on either straight part, so that there are beads where the string will meet the rod."""
         if self._needs_update(calls, 1, 2):
             self._update_first_end(calls)
+        # The same two beads, counted from the other end
         if self._needs_update(calls, -2, -3):
             self._reverse()
             self._update_first_end(calls)

@@ -61,6 +61,7 @@ class _Beads:
         pairs = list(zip(bodies[:-1], bodies[1:], strict=True))
         joints = [pymunk.PinJoint(a, b, origin, origin) for a, b in pairs]
         add_joints(space, joints, s)
+        # A pin joint keeps the distance that its ends have when it is created
         self._lengths = [joint.distance for joint in joints]
         self._slip = SlipGauge()
         anchors = [(body, origin) for body in bodies]
