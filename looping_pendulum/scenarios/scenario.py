@@ -49,6 +49,7 @@ FILE_KEYS = MappingProxyType(
 )
 """Name of a parameter or coefficient -> where a scenario file writes it; any other coefficient stands under ``effects``."""
 
+# The values of `engines.protocol.Profile`, which stands in a higher layer and cannot be imported here
 PROFILES = ("quick", "accurate")
 """Profiles for which a tolerance may be given."""
 

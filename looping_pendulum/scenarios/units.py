@@ -171,6 +171,7 @@ class QuantityKind:
         """
         value = to_si(text, self.unit)
         if value > self.high or value < self.low or (self.exclusive_low and value == self.low):
+            # Without words, as the caller says what is required
             raise RangeError("")
         return value
 
