@@ -187,6 +187,7 @@ def _sampled_motion(run: Trajectory, distance: Array | None, p: Parameters, rate
     motion: dict[str, Any] = {"count": len(t), "drop": _rounded(at(run.heavy_drop), 6)}
     heavy_x, heavy_y = run.heavy_position.T
     motion["heavy"] = [round(float(heavy_x[0]), 6), round(float(heavy_y[0]), 6)]
+    # Nearly always it falls straight down, so that one x serves for all times
     if np.ptp(heavy_x) > POSITION_TOLERANCE:
         motion["heavy_x"] = _rounded(at(heavy_x), 5)
     if p.release is not Release.DROP:
