@@ -41,6 +41,7 @@ def write_atomically(path: Path, content: bytes | str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     data = utf8(content) if isinstance(content, str) else content
     partial = path.with_name(f".{path.name[:MAX_STEM_LENGTH]}.{secrets.token_hex(6)}.part")
+    # Not tempfile.mkstemp, whose files are readable by their owner alone: 0o666 leaves the mode to the umask, as open() does
     file = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:
         with os.fdopen(file, "wb") as stream:
@@ -98,6 +99,7 @@ def prepare_output_folder(folder: Path, *, files: Sequence[str] = (), folders: S
         probe = folder / f".{secrets.token_hex(6)}.part"
         try:
             with probe.open("xb") as file:
+                # A byte, because a full disk may still have room for the name of an empty file
                 file.write(b"\0")
         finally:
             probe.unlink(missing_ok=True)

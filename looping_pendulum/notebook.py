@@ -30,6 +30,7 @@ def html(result: Any) -> str:
     TypeError
         If nothing is known of its class.
     """
+    # Base classes, too: a `Solution` is shown as the `Run` that it is
     for kind in type(result).__mro__:
         if kind.__name__ in FORMATTERS:
             return FORMATTERS[kind.__name__](result)

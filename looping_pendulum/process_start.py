@@ -71,13 +71,16 @@ def fork_worker(folder: str) -> None:
     if not _receive(folder):
         os._exit(1)
     supervisor = os.getpid()
+    # Safe here: this process has no threads yet, and has imported no library that starts some
     worker = os.fork()
     if worker == 0:
+        # The supervisor's signal handling is not the engine's
         signal.set_wakeup_fd(-1)
         for number in (signal.SIGCHLD, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, signal.SIG_DFL)
         os.close(signals)
         os.close(signal_writer)
+        # A group of its own, which the supervisor can kill as a whole
         os.setsid()
         _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() != supervisor:  # it ended between fork and prctl, so its death signal will never come
@@ -141,6 +144,7 @@ def _redirect(folder: str) -> None:
     """Make the standard input empty, and send all that Python or C code prints to the file `OUTPUT` in ``folder``."""
     empty = os.open(os.devnull, os.O_RDONLY)
     output = os.open(os.path.join(folder, OUTPUT), os.O_WRONLY | os.O_APPEND)
+    # On the descriptors themselves, because C code does not write to sys.stdout
     os.dup2(empty, 0)
     os.dup2(output, 1)
     os.dup2(output, 2)

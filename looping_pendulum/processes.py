@@ -59,7 +59,9 @@ def modules_from_unsafe_folders() -> dict[str, str]:
     module_folders: dict[str, str] = {}
     for finder in sys.meta_path:
         module_folders |= getattr(finder, "module_folders", {})  # of `process_start.NamedModuleFinder`
+    # A copy, as another thread may import while this one looks
     for name, module in list(sys.modules.items()):
+        # A submodule is found through its package; these two are the script itself, which a child does not import
         if "." in name or name in ("__main__", "__mp_main__"):
             continue
         for path in _source_paths(module):
@@ -135,6 +137,7 @@ class SupervisedProcess:
         if not self._ended.is_set():
             self._send(process_start.END_COMMAND)
             if not self._ended.wait(END_TIMEOUT):
+                # The worker dies with its supervisor (by its parent-death signal, on Linux)
                 self._process.kill()
                 self._ended.wait(END_TIMEOUT)
 

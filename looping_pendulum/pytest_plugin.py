@@ -75,6 +75,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 
 def _is_scenario(path: Path) -> bool:
     try:
+        # -sig, because editors on Windows may begin a file with a byte-order mark
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError):
         return False
@@ -222,6 +223,7 @@ class EngineVariant(pytest.Collector):
             if self.why_not_run:
                 item.add_marker(pytest.mark.skip(reason=self.why_not_run))
             if self.config.pluginmanager.hasplugin("xdist"):
+                # One worker judges all limits of a run (with --dist loadgroup). Without xdist the mark would be unknown.
                 item.add_marker(pytest.mark.xdist_group(self.nodeid))
             yield item
 
@@ -279,6 +281,7 @@ class EngineVariant(pytest.Collector):
 
         report_option = self.config.getoption("--lp-report")
         name = self.path.name.removesuffix(self.path.suffix).removesuffix(".scenario")
+        # A path on the command line is relative to where pytest was started, not to its root folder
         base = self.config.invocation_params.dir / report_option if report_option else self._folder()
         return base / file_stem(name) / file_stem(self.name, self.config.getoption("--lp-profile"))
 

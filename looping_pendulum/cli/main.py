@@ -86,6 +86,7 @@ def scenarios(
 
     To write your own:  looping-pendulum scenarios ten_to_one > mine.yaml
     """
+    # Imported here, and so in every command, as --help and a mistyped command must not wait for NumPy
     from looping_pendulum.scenarios import loader
 
     if schema:
@@ -330,14 +331,17 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")  # a character that the terminal cannot show must not end a command
     debug = "--debug" in sys.argv
     if debug:
+        # Removed before typer parses the rest, so that it may stand before or after the command
         sys.argv.remove("--debug")
     else:
         warnings.formatwarning = _short_warning
     try:
+        # Not standalone, so that errors come here instead of being printed by typer
         sys.exit(app(standalone_mode=False))
     except USAGE_ERROR as error:
         text = io.StringIO()
         error.show(file=text)
+        # Only the message quotes what was typed, and may be long
         usage, error_sign, message = text.getvalue().rstrip("\n").partition("\nError: ")
         say(f"{usage}{error_sign}{shorten(one_line(message), MAX_MESSAGE_LENGTH)}", err=True)
         sys.exit(BAD_INPUT)

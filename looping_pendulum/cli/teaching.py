@@ -89,6 +89,7 @@ def demo(
     assert result.samples is not None
     runs = [aligned.run for aligned in result.samples.aligned]
     show_output_of_failed(runs)
+    # The command shows the motion, and judges no tolerance
     exit_with_status(runs, within=True)
 
 

@@ -30,6 +30,7 @@ def new_table(*columns: str) -> Any:
     from rich.table import Table
     from rich.text import Text
 
+    # Defined here, as rich, whose import is slow, is imported on use
     class PlainTable(Table):
         def add_row(self, *cells: Any, **options: Any) -> None:
             super().add_row(*(Text(printable(str(cell))) for cell in cells), **options)

@@ -13,6 +13,7 @@ from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters
 
+# A compromise: a lighter chain is softer or needs shorter steps, and in a heavier one the string's own inertia shows
 MASS_FRACTION = 0.01
 """Mass of the whole chain as a fraction of the light mass; the reference's string has no mass."""
 MASS_COMPENSATION = 0.4
@@ -93,6 +94,7 @@ class BeadCountRule:
     def __init__(self, rod_radius: float, bend: float, node_radius: float) -> None:
         self.link_length = rod_radius * bend
         unit = rod_radius * bend**2
+        # Squares, so that the rule, which is asked many times per sample, takes no roots
         self._add_below, self._remove_above = ((node_radius + n * unit) ** 2 for n in (ADD_THRESHOLD, REMOVE_THRESHOLD))
 
     def bead_count_change(self, mass: Point, outermost: Point, following: Point, rest_length: float, beads: int) -> int:
@@ -178,5 +180,6 @@ def point_on_string(parameters: Parameters, arc: float, node_radius: float) -> t
         return light_position(math, -wound_arc, p.release_angle, p.rod_radius)
     hanging_arc = wound_arc - p.rod_radius * p.release_angle
     if hanging_arc < 0:
+        # Without free length this is a point on the nodes' circle; the angle follows from R, by which the string is wound
         return light_position(math, 0.0, p.release_angle - wound_arc / p.rod_radius, node_radius)
     return (p.rod_radius, -hanging_arc)

@@ -39,6 +39,7 @@ MAX_RETURNED_OUTPUT = 2**16
 ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
+    # so that a crash in C code leaves its stack in the output
     "PYTHONFAULTHANDLER": "1",
     "PYTHONUNBUFFERED": "1",  # so that what was printed before a crash is in the file
 }
@@ -83,6 +84,7 @@ def run_isolated(
         return _empty_trajectory(engine, scenario, RunStatus.UNSUPPORTED, unsupported)
     try:
         job = pickle.dumps(EngineJob(engine=engine, scenario=scenario))
+    # Another package's engine may hold anything, and raise anything on being pickled
     except Exception as error:
         why = f"it cannot be pickled for its process: {type(error).__name__}: {error}"
         return _empty_trajectory(engine, scenario, RunStatus.FAILED, why)
@@ -109,8 +111,10 @@ def _result(
         try:
             trajectory: Trajectory = pickle.loads((folder / RESULT).read_bytes())
             return replace(trajectory, output=output, **declared(engine, scenario.parameters))
+        # The worker ended without a result; what it recorded is returned below
         except FileNotFoundError:
             pass
+        # Unpickling runs the code of another package's classes
         except Exception as error:
             status, message = RunStatus.FAILED, f"its result cannot be read: {type(error).__name__}: {error}"
     return from_samples(
@@ -149,10 +153,12 @@ def run_all(
             finished(trajectory)
         return trajectory
 
+    # Threads suffice, as each only waits for its process
     with ThreadPoolExecutor(max_workers=jobs or os.cpu_count() or 1) as pool:
         futures = [pool.submit(run_one, engine) for engine in engines]
         while not all(future.done() for future in futures):
             try:
+                # Not future.result(): Ctrl-C is to be noticed here, where every run is told to stop and its samples are kept
                 time.sleep(POLL_INTERVAL)
             except KeyboardInterrupt:
                 cancelled.set()
@@ -189,6 +195,7 @@ def _wait_for_worker(
         if _size(output) > OUTPUT_LIMIT:  # the worker appends, so it goes on writing at the file's new end
             os.truncate(output, 0)
         if progress is not None:
+            # The size of the file of samples says how far a run is, without the worker having to report it
             progress(engine, min(1.0, _size(samples) / ROW_BYTES / expected))
     if progress is not None:
         progress(engine, 1.0)

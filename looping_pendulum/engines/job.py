@@ -47,6 +47,7 @@ def read_rows(path: Path) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     """Return the complete rows of a recorder's file; a half-written last one is left out."""
     data = path.read_bytes() if path.exists() else b""
     rows = len(data) // ROW_BYTES
+    # A copy, as an array over bytes cannot be written to
     return np.frombuffer(data[: rows * ROW_BYTES], dtype=float).reshape(rows, len(COLUMNS)).copy()
 
 

@@ -62,8 +62,10 @@ def physics_of(parameters: Parameters) -> tuple[str, ...]:
     pieces: list[str] = []
     if parameters.release is not Release.DROP:
         pieces.append("winding")
+    # A held string does not slide over the rod
     if parameters.release in (Release.LOOPING, Release.VERTICAL) and c["kinetic_friction"] > 0:
         pieces += ["friction_law", "stick_slip"]
+    # Every coefficient of drag has such a name
     if any(value > 0 for name, value in c.items() if name.endswith("_drag")):
         pieces.append("drag")
     return tuple(pieces)
@@ -175,6 +177,7 @@ class MemoryRecorder:
         return np.array(self._rows, dtype=float).reshape(-1, len(COLUMNS))
 
 
+# `registry` asks isinstance of engines that other packages offer
 @runtime_checkable
 class Engine(Protocol):
     """Simulates scenarios.
@@ -226,6 +229,7 @@ class SteppedEngine(abc.ABC):
 
     def end_length(self, scenario: Scenario) -> float:
         """Return the free length [m] at which the run ends; an adapter raises it where its rig cannot follow further."""
+        # With less than 4 mm of string the light mass turns so fast that steps cannot follow; MuJoCo breaks down there
         return max(scenario.parameters.end_length, 4e-3)
 
     def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
@@ -249,6 +253,7 @@ class SteppedEngine(abc.ABC):
 
     def with_settings(self, **changes: object) -> Self:
         """Return this variant with some settings changed."""
+        # A copy, not a call of the constructor, whose arguments differ between variants
         changed = copy.copy(self)
         changed.settings = dataclasses.replace(self.settings, **changes)
         return changed
@@ -342,7 +347,9 @@ def _run(rig: Rig, scenario: Scenario, end_length: float, add: Callable[[Sequenc
             return (
                 RunStatus.LIGHT_REACHED_ROD
             )  # inside this interval, and the rig may have stopped there: so its end is no sample
+        # Multiplied, not summed up, so that rounding does not accumulate in the times
         add((sample * SAMPLE_INTERVAL, *row))
+        # False for NaN, the stretch of an engine that does not know it
         if has_string and row[8] > max_stretch:
             return RunStatus.STRING_DRIFT
     return RunStatus.FINISHED

@@ -88,10 +88,12 @@ class ReferenceEngine:
             times,
             duration=max(DURATION, scenario.duration),  # only a run to its end shows whether a stop is the halt
             tolerance=self.settings.tolerance,
+            # "auto" lets SciPy take over a run that heyoka cannot finish; an integrator that was chosen by name does not change
             integrator="auto" if self.settings.integrator == available_integrators()[0] else self.settings.integrator,
         )
         wall_time = time.perf_counter() - started
         trajectory = _trajectory(samples, scenario, self, wall_time)
+        # All at the end, as the solution is not computed sample by sample
         for row in _rows(samples):
             recorder.add(row.tolist())
         return trajectory
@@ -118,6 +120,7 @@ class Reference:
         self.scenario = scenario
         self.engine = ReferenceEngine(available_integrators()[0], profile)
         tolerance = self.engine.settings.tolerance
+        # Solved once for all times, unlike `ReferenceEngine`: each engine is compared at times of its own
         self.solution = solve(scenario.parameters, duration=max(DURATION, scenario.duration), tolerance=tolerance)
 
     def __call__(self, t: Array) -> Trajectory:
@@ -165,6 +168,7 @@ def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine, w
     light_tension, heavy_tension = samples.tensions
     # The clamp holds the heavy mass, so the tension above it is not determined by the motion.
     heavy_tension = np.where(np.isin(samples.mode, (Mode.CLAMPED, Mode.CLAMPED_SLACK)), math.nan, heavy_tension)
+    # The run itself goes on beyond the scenario's duration, see `simulate`
     reached = run.end.event is Event.LIGHT_REACHES_ROD and run.end_time <= scenario.duration
     return from_samples(
         _rows(samples),

@@ -105,6 +105,7 @@ def load_engines(profile: Profile) -> tuple[list[Engine], dict[str, str]]:
     faults: dict[str, str] = {}
     for adapter in adapter_modules():
         if not adapter.package and adapter.name in ADAPTERS:
+            # Not within the try: a fault in an adapter of this package is a bug, and must show
             engines += import_module(adapter.module).engines(profile)
             continue
         taken = {engine.name for engine in engines} | ADAPTERS.keys()
@@ -180,6 +181,7 @@ def select(names: Iterable[str], profile: Profile) -> list[Engine]:
         _warn(faults)
     chosen: list[Engine] = []
     for name in names:
+        # Another package's faulty adapter under one of our names does not make our engine unusable
         if name.partition(":")[0] in faults.keys() - ADAPTERS.keys():
             raise EngineError(f"--engine: {faults[name.partition(':')[0]]}")
         matches = [engine for engine in engines if name in (engine.name, label(engine))]

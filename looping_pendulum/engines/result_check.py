@@ -75,6 +75,7 @@ def _numbers(name: str, value: object, shape: tuple[int, ...]) -> Array:
         array = np.asarray(value)
     except (TypeError, ValueError) as error:
         raise _field_error(name, f"what is no array ({error})", f"an array of shape {shape}") from None
+    # Floats and integers, signed or not: no complex numbers, flags, texts or objects
     if array.dtype.kind not in "fiu":
         raise _field_error(name, f"an array of {array.dtype}", "one of real numbers")
     if array.shape != shape:
@@ -118,6 +119,7 @@ def _events(value: object) -> tuple[TrajectoryEvent, ...]:
 
 
 def _is_number(value: object) -> bool:
+    # In Python bool is a kind of int
     return isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
 
 

@@ -37,6 +37,7 @@ def string_impulses(run: Trajectory, parameters: Parameters) -> tuple[Array, Arr
     angle = 0.5 * (run.wrap_angle[1:] + run.wrap_angle[:-1])
     towards_rod = np.stack([np.sin(angle), -np.cos(angle)], axis=1)
     force = _other_forces(run, p)
+    # The trapezoidal rule, as exact as samples of the velocity allow
     other_impulses = 0.5 * (force[1:] + force[:-1]) * np.diff(run.t)[:, None]
     light = p.light_mass * np.diff(run.light_velocity, axis=0) - other_impulses[:, :2]
     return np.sum(light * towards_rod, axis=1), p.heavy_mass * np.diff(run.heavy_velocity[:, 1]) - other_impulses[:, 2]
@@ -54,6 +55,7 @@ def _other_forces(run: Trajectory, p: Parameters) -> Array:
 
 def _mean_force(impulses: Array, t: Array) -> Array:
     """Return the mean force within half of `AVERAGING_TIME` before and after each sample [N], shape (n,)."""
+    # Differences of the running sum are the impulses over any interval
     total = np.concatenate([[0.0], np.cumsum(impulses)])
     half = 0.5 * AVERAGING_TIME * (1 + 1e-6)  # the margin includes samples exactly half of it away, despite rounding
     first, last = np.searchsorted(t, t - half), np.searchsorted(t, t + half, side="right") - 1

@@ -233,6 +233,7 @@ def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Tr
         heavy_velocity=samples[:, 7:9],
         string_stretch=samples[:, 9],
         string_slip=slip if np.isfinite(slip).any() else None,
+        # An engine that knows mode, free length or wrap angle itself passes its own
         **(defaults | fields),
     )
 

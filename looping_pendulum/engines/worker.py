@@ -20,6 +20,7 @@ def main(folder_path: str) -> None:
     recorder = FileRecorder(folder / SAMPLES)
     try:
         trajectory = validate_trajectory(job.engine.simulate(job.scenario, recorder), job.engine, job.scenario)
+        # Within the try, as a result that cannot be pickled is a failed run. The parent adds the output, which may still grow.
         result = pickle.dumps(replace(trajectory, output=""))
     except Exception as error:  # foreign code may raise anything; the parent gets it as a failed run
         traceback.print_exc()

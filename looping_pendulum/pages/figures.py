@@ -107,6 +107,7 @@ def band(low: float, high: float, axis: str = "y") -> dict[str, Any]:
 
 def plain(values: Iterable[float], digits: int = 6) -> list[float | None]:
     """Return ``values`` rounded to ``digits`` significant digits, None where they are not finite."""
+    # Six digits are more than a screen shows, and keep the page small; None is a gap in plotly, while NaN is no JSON
     return [float(f"{v:.{digits}g}") if math.isfinite(v) else None for v in values]
 
 

@@ -120,6 +120,7 @@ def uncertain(value: float | None, error: float | None, unit: str = "") -> str:
         return f"{number(value, digits=4)} {unit}".rstrip()
     largest = max(abs(value), error)
     power = math.floor(math.log10(largest))
+    # Of the error as it will be written: 0.0996 becomes 0.10, which has one decimal less
     last = math.floor(math.log10(float(f"{error:.1e}"))) - 1
     if power - last > MAX_DIGITS:  # more digits would not be readable
         text = f"{number(value, digits=MAX_DIGITS)} +/- {number(error, digits=2)}"

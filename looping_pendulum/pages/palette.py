@@ -32,10 +32,13 @@ class Style:
 def styles(labels: Iterable[str]) -> dict[str, Style]:
     """Return a style per label, chosen by its checksum; of labels with the same one, later ones take the next free."""
     taken: dict[int, str] = {}
+    # Sorted, so that a style depends on which labels there are, not on their order
     for label in sorted(set(labels)):
+        # Not hash(), which differs from process to process
         wanted = zlib.crc32(utf8(label)) % len(COLOURS)
         free = [slot for k in range(len(COLOURS)) if (slot := (wanted + k) % len(COLOURS)) not in taken]
         taken[free[0] if free else len(taken)] = label
+    # When all colours are taken, the next round pairs each with another dash and marker
     count = len(COLOURS)
     return {
         label: Style(

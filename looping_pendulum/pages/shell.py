@@ -28,6 +28,7 @@ def asset(package: str, name: str) -> str:
 
 def embedded(data: Any) -> str:
     """Return ``data`` as JSON that is safe inside a script element: no text in it can end the element or open another."""
+    # NaN is no JSON: a browser would refuse the whole page's data, so it is refused here
     text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     for character in "<>&\u2028\u2029":
         text = text.replace(character, f"\\u{ord(character):04x}")
@@ -74,6 +75,7 @@ def page(
 @cache
 def _compiled(package: str, template: str) -> Template:
     sources = {"base.html": asset(SHARED_PACKAGE, "base.html"), template: asset(package, template)}
+    # StrictUndefined: a misspelt variable is an error, not an empty place on the page
     environment = Environment(loader=DictLoader(sources), autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     return environment.get_template(template)
 

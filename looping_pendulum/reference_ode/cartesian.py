@@ -28,10 +28,12 @@ def cartesian_force(parameters: Parameters) -> CartesianForce | None:
         for effect in parameters.effects
         if effect.kind in (EffectKind.FORCE, EffectKind.CLOSURE)
         and effect is not GRAVITY
+        # Effects of the paper's model are always listed, even at their null value
         and any(parameters.coefficients[c.name] != c.null for c in effect.coefficients)
     )
     if not acting:
         return None
+    # Sorted out once, as engines call the function at every step
     on_light = tuple(effect for effect in acting if effect.force_on_light_mass is not None)
     on_heavy = tuple(effect for effect in acting if effect.force_on_heavy_mass is not None)
     last_angle = parameters.release_angle

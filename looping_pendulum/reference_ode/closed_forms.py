@@ -33,6 +33,7 @@ def free_fall(t: Array, *, mass: float, drag: float, gravity: float) -> Array:
     if drag == 0:  # exactly, as it is given, not computed
         return 0.5 * gravity * t**2
     x = math.sqrt(gravity * drag / mass) * t
+    # ln cosh x without cosh itself, which overflows at a large x
     return mass / drag * (np.logaddexp(x, -x) - math.log(2))
 
 
@@ -74,6 +75,7 @@ def held_period(parameters: Parameters) -> float:
     ValueError
         If the string would go slack: at the release, or at the turn on the other side, where it is shorter and so higher.
     """
+    # Imported on use: SciPy's optimizers are slow to import, and the conformance checks import this module
     from scipy.optimize import brentq
 
     p, gravity, start = parameters, parameters.coefficients["gravity"], parameters.release_angle
@@ -85,6 +87,7 @@ def held_period(parameters: Parameters) -> float:
     # Beyond 270 deg, where the string leaves the rod's lowest point, a mass at rest would fall away from the string's line
     if start >= math.pi or height(start) > -p.rod_radius:
         raise ValueError("held_period: needs a release between 90 and 180 deg, below the rod; else the string goes slack")
+    # The bracket: straight down the mass is below its start; straight up, or with all its string wound, it is not
     turn = brentq(lambda theta: float(height(theta) - height(start)), math.pi, min(2 * math.pi, total / p.rod_radius))
     nodes = (np.arange(HELD_PERIOD_NODES) + 0.5) * math.pi / HELD_PERIOD_NODES
     theta = (start + turn) / 2 - (turn - start) / 2 * np.cos(nodes)
@@ -97,6 +100,7 @@ def simple_pendulum_period(length: float, amplitude: float, gravity: float) -> f
     """Return the period of a pendulum on a thin pivot, any amplitude [rad]: 4 sqrt(l / g) K(sin^2(A / 2)) [s]."""
     from scipy.special import ellipk
 
+    # SciPy's ellipk takes the parameter m = k^2, not the modulus k
     return float(4 * math.sqrt(length / gravity) * ellipk(math.sin(amplitude / 2) ** 2))
 
 

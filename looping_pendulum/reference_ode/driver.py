@@ -17,6 +17,7 @@ from looping_pendulum.reference_ode.solution import RunEvent, Segment, SegmentSa
 from looping_pendulum.reference_ode.state import Effects, Signs, State
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
+# Far above need: of the shipped scenarios, `frictionless` has the most events, 19
 MAX_EVENTS = 4000
 """Number of events after which a run is given up as endless."""
 
@@ -76,6 +77,7 @@ class Driver:
     def run_sampled(self, times: Array) -> list[SegmentSamples]:
         """Run to the end; return samples at ``times`` [s], ascending, in parts between the events."""
         times = times[times <= self.duration]
+        # An integrator returns samples after its start only, so that those at t = 0 come from the release itself
         at_release = np.repeat(np.array(self.motion.y, dtype=float)[:, None], np.count_nonzero(times == 0), axis=1)
         # The series step that leaves rest, if there is one, yields the samples within it
         early = times[: np.searchsorted(times, rules.REST_SERIES_DURATION, side="right")]
@@ -86,6 +88,7 @@ class Driver:
             mode, signs = self.motion.mode, self.motion.signs
             parts = [SegmentSamples(mode=mode, signs=signs, t=early[early == 0], values=at_release)]
         for _ in range(MAX_EVENTS):
+            # As a float: the time may be a dual number. "right": the part before has the sample at the very time of the event
             remaining_times = times[np.searchsorted(times, float(self.motion.t), side="right") :]
             event, t, y, part = self.integrator.advance_sampled(*self.motion, self.duration, remaining_times)
             parts.append(part)

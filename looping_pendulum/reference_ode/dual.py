@@ -108,6 +108,7 @@ def exp(x: Any) -> Any:
     """Return e**x."""
     if not isinstance(x, Dual):
         return math.exp(x)
+    # NumPy's function, here and below, as the value may be an array of samples, which `math` does not take
     value = np.exp(x.value)
     return Dual(value, value * x.derivatives)
 

@@ -29,6 +29,8 @@ from looping_pendulum.reference_ode.state import Effects, Signs, State, extra_va
 from looping_pendulum.reference_ode.stretch import Springs, light_share, springs
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
+# Without this offset, the phases (`state.Signs.phase`) and `state.TINY_SPEED`, 57 of 2000 random apparatus had a wrong sequence
+# of modes, the same 57 at every tolerance. Rounding loses 1e-18 beside an event function above 0.01 [N or m/s].
 EVENT_FUNCTION_OFFSET = 1e-18
 """Added to the event function of phase 0: heyoka misses later roots of a function that is exactly zero where it starts."""
 PASSING_SPEED_OFFSET = 1e-12
@@ -208,6 +210,7 @@ class Equations:
         if not (mode.sliding or mode is Mode.SLACK):
             return 0.0
         light, heavy = _tensions(mode, b, heavy_rate)
+        # The square is 0 while the bearing holds the rod, else 1: compiled expressions have no branches
         return signs.rod * signs.rod * p.rod_mobility * (light - heavy - p.bearing_friction * signs.rod)
 
     def rates(self, mode: Mode, t: Any, y: State, signs: Signs) -> State:
@@ -230,6 +233,7 @@ class Equations:
             passing_speed = y.heavy_speed if mode.slack else b.springs.passing_speed
             light_stretching, heavy_stretching = b.string_speed - passing_speed, passing_speed - y.heavy_speed
         tilt_rate = swing_rate = 0.0
+        # A clamp holds the heavy mass against swinging, too
         if self.heavy_mass_swings and mode not in (Mode.CLAMPED, Mode.CLAMPED_SLACK):
             tilt_rate, swing_rate = heavy_swing_rates(xp, b.k, p)
         return State(
@@ -280,6 +284,7 @@ class Equations:
         if any(effect.watches_first_turn for effect in effects):
             # The sign makes it fall through zero from either side of the full turn
             functions[Event.FIRST_TURN] = (2.0 * signs.overlap - 1.0) * (y.wrap_angle - TURN)
+        # In the other modes the heavy mass rests
         if mode.string_moves or mode is Mode.SLACK:
             functions[Event.HEAVY_REACHES_ROD] = hanging_length
         if mode.sliding:
@@ -291,6 +296,7 @@ class Equations:
                 bearing_margin = p.bearing_friction - signs.slide * (light - heavy)
                 rod_rate = self._rod_rate(mode, signs, b, heavy_rate)
                 drive = signs.slide * (heavy_rate - rod_rate)
+                # One function for both: the return to rest of a rod that turns, and the bearing's margin of one that rests
                 functions[Event.ROD_CHANGES] = _rod_returns(signs, y, rod_rate) + (1.0 - signs.rod * signs.rod) * bearing_margin
             if b.springs is not None:
                 functions[Event.STOP] = signs.slide * b.springs.passing_speed + PASSING_SPEED_OFFSET
@@ -313,11 +319,13 @@ class Equations:
             slack, closing = y.slack, y.heavy_speed - b.string_speed + EVENT_FUNCTION_OFFSET
             if b.springs is not None:
                 slack = -b.springs.taut_margin
+                # The rate of this slack, which contains the rate of the stretch, too
                 closing = closing + p.string_loss_time * (self._heavy_rate(mode, signs, b) - b.light_pull / b.light_mass)
             functions[Event.TAUT] = signs.phase * slack + (1.0 - signs.phase) * closing
             if mode is Mode.SLACK:
                 functions[Event.HEAVY_REVERSES] = signs.heavy * y.heavy_speed
                 if self.rod_turns:
+                    # 1 for a rod at rest, so that it never falls: a slack string does not set the rod in motion
                     functions[Event.ROD_CHANGES] = signs.rod * y.rod_speed + (1.0 - signs.rod * signs.rod)
         return functions
 
@@ -329,6 +337,7 @@ class Equations:
         slide.
         """
         xp, p, effects = self.xp, self.p, self.effects
+        # Only inertias, speeds and geometry of it are read; in this mode they need no tension ratio
         b = self._force_balance(Mode.SLACK, t, y, signs)
         ratio = xp.exp(-slide * forces.sliding_exponent(xp, b.k, p, effects))
         light_string_speed = b.string_speed

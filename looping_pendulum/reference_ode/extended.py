@@ -63,6 +63,7 @@ def _number_type(precision: str) -> Any:
     """Return the type of the numbers; refuse one that this machine does not have."""
     hy = load_heyoka()
 
+    # longdouble has a significand of 64 bits on x86; on other machines it may be a plain double
     number_type = np.longdouble if precision == "80-bit" else getattr(hy, "real128", None)
     if number_type is None or (precision == "80-bit" and np.finfo(np.longdouble).nmant < 63):
         raise MissingPackageError(f"precision: {precision} numbers are not available on this machine; use another precision")
@@ -132,6 +133,7 @@ class _ExtendedIntegratorOfMode:
                 for function in mode_equations.event_functions.values()
             ],
             fp_type=number_type,
+            # Compiles faster and runs slower, which suits these few runs
             compact_mode=True,
         )
         self.time_limit = hy.taylor_outcome.time_limit

@@ -32,6 +32,7 @@ def next_string_coordinates(x: float, y: float, rod_radius: float, wrap_angle: f
     This is :func:`string_coordinates` step by step: ``wrap_angle`` is that of less than half a turn ago, from which turns are
     counted on.
     """
+    # An engine's step may end inside the rod, while forces divide by the length
     free_length = math.sqrt(max(x * x + y * y - rod_radius * rod_radius, 1e-16))
     angle = math.atan2(y, x) - math.atan2(free_length, rod_radius)
     return free_length, wrap_angle + ((angle - wrap_angle + math.pi) % (2 * math.pi) - math.pi)
@@ -45,5 +46,6 @@ def string_coordinates(light_position: Array, rod_radius: float, release_angle: 
     x, y = light_position[:, 0], light_position[:, 1]
     free_length = np.sqrt(np.maximum(x * x + y * y - rod_radius**2, 0.0))
     angle = np.arctan2(y, x) - np.arctan2(free_length, rod_radius)
+    # The release angle stands first, as NumPy counts turns from the first value
     unwrapped = np.unwrap(np.concatenate([[release_angle], angle]))[1:]
     return free_length, unwrapped

@@ -11,6 +11,7 @@ from typing import cast
 
 FOLDER_VARIABLE = "HEYOKA_CACHE_DIR"
 """Environment variable of heyoka. Whoever sets it has chosen a folder, and the limit that is stored there; both are kept."""
+# heyoka's own folder grew by hundreds of megabytes with each run of the tests
 DISK_LIMIT = 200 * 10**6
 """Largest size of the cache on disk [B]; heyoka's default is 21 GB."""
 

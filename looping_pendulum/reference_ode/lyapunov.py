@@ -29,6 +29,7 @@ from looping_pendulum.reference_ode.state import State, extra_variables, string_
 
 OBSERVABLES = ("x1", "y1", "vx1", "vy1", "y2", "vy2")
 """Quantities in the norm: position and velocity of the light mass, height and speed of the heavy one."""
+# A direction that is lost has a singular value of rounding size, whose digits depend on the processor
 MIN_RELATIVE_GROWTH = 1e-13
 """Growth, relative to the largest at that time, that is zero but for rounding: a stop has taken the direction away."""
 
@@ -50,6 +51,7 @@ class TangentMap:
     def scales(self) -> Array:
         """Scales by which `OBSERVABLES` are divided: l0 [m] for a position, sqrt(g l0) [m/s] for a velocity."""
         p = self.samples.run.parameters
+        # Without gravity the scale of speeds would be 0
         length, gravity = p.free_length, p.coefficients["gravity"] or GRAVITY.coefficients[0].default
         speed = math.sqrt(gravity * length)
         return np.array([length, length, speed, speed, length, speed])
@@ -119,6 +121,7 @@ class _ReleaseStateDriver(DualDriver):
     """The driver with dual numbers, their derivatives by the entries of the state at release."""
 
     def __init__(self, parameters: Parameters, duration: float, tolerance: float) -> None:
+        # Which entries can differ depends on the mode at release, which a driver without derivatives finds
         mode = Driver(parameters, duration, tolerance, "heyoka").motion.mode
         self.seeded = tuple(name for name in variables(mode, parameters.effects) if name != "slack")  # 0 at every release
         super().__init__(parameters, duration, tolerance, len(self.seeded))
@@ -128,6 +131,7 @@ class _ReleaseStateDriver(DualDriver):
         for name, unit in zip(self.seeded, np.eye(len(self.seeded)), strict=True):
             y[name] = Dual(float(y[name]), unit)
         if "retreat_speed" in self.seeded and "heavy_speed" not in self.seeded:
+            # A taut string carries the heavy mass along
             y["heavy_speed"] = y["retreat_speed"]
         return State(**y)
 

@@ -48,6 +48,7 @@ class Requirement(NamedTuple):
     """Values by name, all of them numbers -> what was found, and what was needed."""
 
 
+# Conditions are joined by `&`, not `and`, because a value may be an array with one entry per run of a batch.
 def _positive(name: str) -> Requirement:
     allowed = f"needed a finite number above 0 and at most {MAX_LENGTH_OR_MASS:g}"
     return Requirement(
@@ -134,6 +135,7 @@ class Parameters:
     """String l from the rod's tangent point to the light mass at release [m]."""
     release_angle: float
     """Wrap angle theta at release [rad]; 0: straight up, pi/2: horizontal, pi: straight down."""
+    # In the paper's model it only says how high the heavy mass hangs, and so when it would reach the rod
     hanging_length: float = 0.03
     """String h from the rod's tangent point to the heavy mass at release [m]."""
     light_radius: float = 0.0
@@ -218,10 +220,12 @@ class Parameters:
 
     def replace(self, **changes: object) -> Parameters:
         """Return a copy with fields or coefficients changed (``replace(light_mass=0.02, kinetic_friction=0.3)``)."""
+        # A subclass, as of dual numbers, may derive more from its fields, so it is built by its constructor
         if type(self) is Parameters and changes.keys() <= _NUMBERS:
             return self._replace_numbers(changes)
         coefficients = self._copied_coefficients()
         if self.static_equals_kinetic:
+            # Not given, it follows the kinetic friction
             del coefficients["static_friction"]
         for name in [n for n in changes if n in effect_library.COEFFICIENTS]:
             coefficients[name] = float(changes.pop(name))  # type: ignore[arg-type]
@@ -242,6 +246,7 @@ class Parameters:
         fields["coefficients"] = MappingProxyType(coefficients | moved)
         copy._refuse_impossible(moved)
         active = frozenset(name for name, value in moved.items() if value != _NULLS[name])
+        # Fills in the cached property: only coefficients that moved can have changed it
         fields["_active_coefficients"] = self._active_coefficients.difference(moved) | active
         return copy
 

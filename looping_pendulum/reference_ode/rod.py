@@ -17,15 +17,18 @@ def stick_roll_or_slide(system: HybridSystem, m: Motion) -> Motion:
         m = m._replace(mode=Mode.STICKING, signs=m.signs._replace(rod=0.0))
         light, heavy = system.tensions(m)
         margins = system.holding_margins(m)
+        # A string that sticks pulls the rod by T1 - T2, and only the bearing resists
         if abs(light - heavy) > system.p.bearing_friction:
             m = begin_to_turn(m, math.copysign(1.0, light - heavy))
         elif min(margins) >= 0:
             return m
     if m.signs.rod:
+        # On a rod that turns, or now begins to, the string may stick and turn with it
         rolling = m._replace(mode=Mode.ROLLING)
         margins = system.holding_margins(rolling)
         if min(margins) >= 0:
             return rolling
+    # The string slides. A rod that was at rest turns only if the string's rubbing overcomes its bearing
     m = m._replace(mode=Mode.SLIDING_DOWN if margins[0] < 0 else Mode.SLIDING_UP)
     return turn_if_not_held(system, m._replace(y=m.y._replace(rod_speed=0.0))) if at_rest else m
 

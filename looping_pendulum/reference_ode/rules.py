@@ -27,13 +27,11 @@ REST_SERIES_DURATION = 1e-6
 
 The next term of the series is of order REST_SERIES_DURATION^3.
 """
+# 1e-8 of the weight of a 10 g mass
 MARGIN_TOLERANCE = 1e-9
 """Margin within which a tension is on the edge of the friction cone where a string that stretches comes to rest [N]."""
 RELATIVE_TENSION_TOLERANCE = 1e-14
 """Tension at release, as a fraction of the light mass's weight, that is zero but for rounding (-6e-17 at 90 deg)."""
-
-
-# Release
 
 
 def state_at_release(start: Parameters) -> State:
@@ -67,6 +65,7 @@ def release(system: HybridSystem, kind: Release, y: State) -> Motion:
         taut = m._replace(mode=Mode.CLAMPED, y=y._replace(retreat_speed=system.where(push < 0, push, 0.0)))
     else:
         taut = stick_or_slide(system, m)
+        # In a batch the impulses are compiled on first use, so they are computed only where a run needs them
         if system.any(push > 0):
             taut = system.choose(push > 0, slide_or_stick_after_impulse(system, m), taut)
     taut = begin_sliding(system, taut)
@@ -102,6 +101,7 @@ def leave_rest(system: HybridSystem, m: Motion) -> tuple[Motion, RestSeries, Any
     across_at_rest = y.across_speed == 0
     across = system.where(across_at_rest, system.where(rate.across_speed >= 0, 1.0, -1.0), m.signs.across)
     at_rest = across_at_rest & (y.retreat_speed == 0) & (y.sideways_speed == 0)
+    # In the other modes only the speed across the string leaves zero, and its size is its sign times itself
     by_series = at_rest & (_is_one_of(m.mode, STRING_MOVES + SLACK) | system.string_stretches)
     # Speeds grow linearly from rest, so that what they move has these second derivatives
     turning = rate.across_speed / y.free_length
@@ -123,9 +123,6 @@ def leave_rest(system: HybridSystem, m: Motion) -> tuple[Motion, RestSeries, Any
     gone = m._replace(t=REST_SERIES_DURATION, y=State(*(a + b + c for a, b, c in zip(*series, strict=True))), signs=signs)
     signed = system.where(across_at_rest, y.across_speed + TINY_SPEED * across, y.across_speed)
     return system.choose(by_series, gone, m._replace(y=y._replace(across_speed=signed), signs=signs)), series, by_series
-
-
-# Events
 
 
 def apply_event(system: HybridSystem, mode: Mode, event: Event, m: Motion) -> Motion:
@@ -220,8 +217,6 @@ def _after(system: HybridSystem, impact: Impact, m: Motion) -> Motion:
     return rod.with_sign_of_speed(m) if system.rod_turns else m
 
 
-# Entering a mode
-
 SLIDING = (Mode.SLIDING_DOWN, Mode.SLIDING_UP)
 STRING_MOVES = tuple(mode for mode in Mode if mode.string_moves)
 SLACK = tuple(mode for mode in Mode if mode.slack)
@@ -229,6 +224,7 @@ SLACK = tuple(mode for mode in Mode if mode.slack)
 
 def _is_one_of(mode: Any, modes: tuple[Mode, ...]) -> Any:
     """Return whether ``mode``, or each of an array, is one of ``modes``."""
+    # By `==` and `|`, which serve one mode and an array of modes alike
     result: Any = mode == modes[0]
     for other in modes[1:]:
         result = result | (mode == other)
@@ -240,6 +236,7 @@ def begin_sliding(system: HybridSystem, m: Motion) -> Motion:
     sliding = _is_one_of(m.mode, SLIDING)
     if not system.any(sliding):
         return m
+    # The stop of a string that stretches is watched for at once: its event function has no phases
     resting = False if system.string_stretches else abs(m.y.heavy_speed - m.y.rod_speed) <= TINY_SPEED
     slide = system.where(m.mode == Mode.SLIDING_UP, 1.0, -1.0)
     return m._replace(
@@ -259,6 +256,7 @@ def enter(system: HybridSystem, m: Motion) -> Motion:
     if not system.any(slack):
         return m
     falls_from_rest = (m.mode == Mode.SLACK) & (m.y.heavy_speed == 0)
+    # Not 0: an event function that starts at exactly 0 would hide its next root from heyoka
     heavy_speed = system.where(falls_from_rest, -TINY_SPEED, m.y.heavy_speed)
     y = m.y._replace(heavy_speed=heavy_speed)
     if not system.string_stretches:

@@ -39,7 +39,8 @@ MIN_DIP_DEPTH = 1e-6
 
 # Values at `CHECKS` -> values of the interpolating polynomial at `BETWEEN`
 _BETWEEN_FROM_CHECKS = np.vander(BETWEEN, len(CHECKS)) @ np.linalg.inv(np.vander(CHECKS, len(CHECKS)))
-# Chebyshev nodes on [0, 1]; values there -> coefficients of ascending powers
+# Chebyshev nodes on [0, 1]; values there -> coefficients of ascending powers, which `Segment` stores. Any DEGREE + 1 points
+# would determine the polynomial; with these the conversion is well conditioned.
 _NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
 _TO_POWERS = np.linalg.inv(np.vander(_NODES, DEGREE + 1, increasing=True))
 
@@ -68,6 +69,7 @@ class ScipyIntegrator:
             self._rates(mode, names, signs),
             t,
             np.array([float(y[i]) for i in rows]),
+            # No bound: a mode ends at an event, or at the first step past ``until``
             np.inf,
             rtol=self._tolerance,
             atol=0.1 * self._tolerance,  # values near 0 count as 0.1 m, rad or m/s
@@ -88,6 +90,7 @@ class ScipyIntegrator:
             times.append(float(solver.t_old + fraction * (solver.t - solver.t_old)))
             if event is not None or solver.t >= until:
                 segment = Segment(mode=mode, signs=signs, times=np.array(times), coefficients=np.array(steps))
+                # The sum of all coefficients is the value at fraction 1
                 return event or Event.TIME_UP, times[-1], State(*polynomial.sum(axis=1).tolist()), segment
         raise IntegrationError(f"{mode.name.lower()}: no event within {MAX_STEPS} steps")
 

@@ -46,6 +46,7 @@ from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_
 from looping_pendulum.reference_ode.state import Effects, Signs, State, event_in_phase, fill_in_heavy_speed, full_state
 from looping_pendulum.reference_ode.transitions import PHASE_ZERO, Event, Mode
 
+# Ample: derivatives are tested to 1e-6 (tests/reference_ode/test_sensitivity.py)
 DERIVATIVE_TOLERANCE = 1e-10
 """Relative tolerance of a step of the variational equations, unless that of the run is larger."""
 GRAZING_STEP = 1e-6
@@ -168,6 +169,7 @@ def _as_dual_numbers(parameters: Parameters, wrt: tuple[str, ...]) -> Parameters
     coefficients: dict[str, Any] = dict(parameters.coefficients)
     unit = dict(zip(wrt, np.eye(len(wrt)), strict=True))
     if "kinetic_friction" in unit and parameters.static_equals_kinetic:
+        # Added, as the static friction may itself be among ``wrt``
         unit["static_friction"] = unit["kinetic_friction"] + unit.get("static_friction", 0.0)
     for name, derivatives in unit.items():
         target: dict[str, Any] = coefficients if name in coefficients else fields
@@ -247,6 +249,7 @@ class _VariationalIntegrator(HeyokaIntegrator):
         )
         pars, x, count = np.array([*signs, *self._numbers]), variational.variables(plain), len(part.t)
         rates, _ = variational.rates_and_gradients(x, pars, start)
+        # S+ = dy+ - f+ dt: from derivatives of the state at the event to those at fixed time
         before = np.array([dual.derivatives_of(v, self._count) for v in variational.variables(y)]) - np.outer(
             rates, dual.derivatives_of(t, self._count)
         )
@@ -303,6 +306,7 @@ class _Variational:
         occurring = set(hy.get_params([rate for _, rate in mode_equations.system]))
         self.columns = np.array([i for i, p in enumerate(parameters) if p in occurring], dtype=int)
         system = hy.var_ode_sys(mode_equations.system, [*variables, *(parameters[i] for i in self.columns)])
+        # compact_mode: a variational system is large, and its code without loops takes long to compile
         self.taylor = hy.taylor_adaptive(system, [1.0] * len(variables), tol=tolerance, compact_mode=True)
         clock = hy.make_vars("clock")  # heyoka differentiates by variables and parameters only
         arguments = [*variables, clock, *parameters]
@@ -333,6 +337,8 @@ class _Variational:
         width = n + len(self.columns)
         taylor.time = grid[0]
         taylor.state[:n] = x
+        # The equations are linear, so the fundamental matrix, integrated once from the identity, serves any number of
+        # derivatives
         taylor.state[n:] = np.eye(n, width).ravel()
         taylor.pars[:] = pars[: len(taylor.pars)]
         outcome, *_, rows = taylor.propagate_grid(grid, max_steps=MAX_STEPS)

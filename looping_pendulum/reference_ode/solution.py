@@ -74,6 +74,7 @@ class Run(ShownInNotebook):
         """The event that began the sticking that lasted until the light mass reached the rod; None without one."""
         if self.end.event is not Event.LIGHT_REACHES_ROD or self.end.mode_before is not Mode.STICKING:
             return None
+        # The last change of mode before the end is the one that began the sticking
         return next(e for e in reversed(self.events[:-1]) if e.event not in PHASE_EVENTS)
 
     @property
@@ -140,6 +141,7 @@ class Samples:
         """Tensions in the free string and above the heavy mass, arrays of shape (n,) [N]."""
         equations = Equations(np, self.run.parameters.values(), self.run.parameters.effects)
         light, heavy = np.zeros(len(self.t)), np.zeros(len(self.t))
+        # Each mode has equations of its own
         for mode in map(Mode, np.unique(self.mode)):
             here = self.mode == mode
             state, signs = State(*(v[here] for v in self.state)), Signs(*(v[here] for v in self.signs))

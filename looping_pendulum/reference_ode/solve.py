@@ -18,6 +18,7 @@ from looping_pendulum.reference_ode.solution import Run, Samples, Solution, join
 
 T = TypeVar("T")
 
+# heyoka and SciPy then agree within 1e-9 m and s up to the halt, 1e-7 m to the end (tests/reference_ode/test_solve.py)
 TOLERANCE = 1e-12
 """Default relative tolerance of a step."""
 DURATION = 5.0
@@ -109,6 +110,7 @@ def _warn_if_handed_over(run: Run) -> None:
 @cache
 def available_integrators() -> tuple[str, ...]:
     """Return the integrators that are installed, the default first."""
+    # Looked for, not imported, as the import is slow
     return ("heyoka", "scipy") if find_spec("heyoka") else ("scipy",)
 
 

@@ -80,6 +80,7 @@ class Motion(NamedTuple):
     signs: Signs
 
 
+# Still a normal number (they end at 2e-308), and lost beside any real speed
 TINY_SPEED = 1e-300
 """Speed that stands for zero with a sign [m/s]: the event function of the speed then starts beyond the root just handled."""
 
@@ -216,9 +217,11 @@ def _with_extra_variables(xp: Any, mode: Mode, y: State, signs: Signs, p: Any, e
     own = extra_variables(effects)
     if "heavy_tilt" in own:
         across = y.heavy_across_speed
+        # A swinging mass has a velocity of two components, so that no sign makes a size of it
         heavy_size = xp.sqrt(y.heavy_speed * y.heavy_speed + across * across + REST_SPEED * REST_SPEED)
     if "rod_speed" in own:
         slip_speed = signs.slide * (y.heavy_speed - y.rod_speed) if mode.sliding else 0.0
+        # ``slide`` is the direction relative to the rod's surface; the heavy mass itself may reverse without an event
         if mode.sliding and "heavy_tilt" not in own:
             heavy_size = xp.sqrt(y.heavy_speed * y.heavy_speed + REST_SPEED * REST_SPEED)
     return k._replace(

@@ -25,6 +25,7 @@ class Mode(IntEnum):
     """No string at all (drop release)."""
     ENDED = 7
     """The run is over: what follows is beyond the model."""
+    # After ENDED, though it belongs to the moving modes: files and hashes of sequences contain these numbers
     ROLLING = 8
     """The string sticks to a rod that turns in its bearing."""
 

@@ -12,6 +12,8 @@ from typing import Any
 import yaml
 
 from looping_pendulum.errors import ScenarioError
+
+# `as` exports them once more, for readers of files that use this module
 from looping_pendulum.errors import one_line as one_line
 from looping_pendulum.errors import shorten as shorten
 
@@ -131,6 +133,7 @@ class _Loader(yaml.BaseLoader):
             name = f"{sign}{shorten(event.anchor)}"
             message = f"{self.file}:{line}: found the YAML anchor or alias '{name}', needed the value itself; write it out"
             raise ScenarioError(one_line(message))
+        # Counted while composing: the depth of a hostile file must not reach Python's recursion limit first
         self.depth += 1
         if self.depth > MAX_DEPTH:
             message = f"{self.file}:{line}: found more than {MAX_DEPTH} levels of nesting, needed at most five"
@@ -147,6 +150,7 @@ def _plain(node: yaml.Node, path: Path, lines: dict[Path, int], file: str) -> An
     """Return the data of a node, and store the line of everything below it in ``lines``."""
     if isinstance(node, yaml.ScalarNode):
         _check_surrogates(node, file)
+        # Without quotes (no style): a quoted "null" is a text
         return EMPTY_VALUE if node.style is None and node.value in _NULLS else node.value
     if isinstance(node, yaml.SequenceNode):
         for i, item in enumerate(node.value):

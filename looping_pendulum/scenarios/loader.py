@@ -88,6 +88,7 @@ def _read(name_or_path: str | Path) -> tuple[bytes, str, str]:
         raise ScenarioError(one_line(_not_found(path, shown)))
     try:
         with path.open("rb") as stream:
+            # One byte more than is allowed: enough to refuse a larger file, without reading all of it
             raw = stream.read(document.MAX_FILE_SIZE + 1)
     except OSError as error:
         raise ScenarioError(one_line(f"{shown}: cannot be read: {error.strerror}")) from None
@@ -103,6 +104,7 @@ def load_text(text: str, name: str) -> Scenario:
         If the text has an error.
     """
     stem = Path(name).stem if name.endswith(SUFFIXES) else name
+    # Lone surrogates are passed on to the reader, which refuses them with their line
     return _scenario(document.parse(text.encode("utf-8", "surrogatepass"), name), stem)
 
 
@@ -160,6 +162,7 @@ def _parameters(file: ScenarioFile) -> Parameters:
         if value is not None:
             (coefficients if parameter in effect_library.COEFFICIENTS else fields)[parameter] = value
     if fields["release"] == Release.VERTICAL.value:
+        # `Parameters` requires an angle, though this release determines it
         fields["release_angle"] = math.pi
     return Parameters(**fields, coefficients=coefficients)
 

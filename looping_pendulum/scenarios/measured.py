@@ -155,6 +155,7 @@ def _row(file: str, line: int, cells: tuple[str, ...]) -> MeasuredEventRow:
     quantity, index, measured, numerical, unit = cells
     if not quantity:
         raise _error(file, line, "quantity", "found nothing, needed a name; write for example 'halting_time'")
+    # isascii, as other scripts have digits, too; nine digits at most, as int() itself refuses thousands
     if not (index.isascii() and index.isdigit() and 0 < int(index[:9]) and len(index) < 10):
         raise _error(file, line, "index", f"found {quote(index)}, needed a whole number from 1")
     si = _si_unit(file, line, unit)

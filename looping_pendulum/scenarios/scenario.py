@@ -49,6 +49,7 @@ FILE_KEYS = MappingProxyType(
 )
 """Name of a parameter or coefficient -> where a scenario file writes it; any other coefficient stands under ``effects``."""
 
+# The values of `engines.protocol.Profile`, which stands in a higher layer and cannot be imported here
 PROFILES = ("quick", "accurate")
 """Profiles for which a tolerance may be given."""
 
@@ -129,6 +130,7 @@ class Scenario(ShownInNotebook):
         order = {metric: i for i, metric in enumerate(METRICS)}
         keys = [(t.engine, PROFILES.index(t.profile), order[t.metric]) for t in self.tolerances]
         ordered = [t for _, t in sorted(zip(keys, self.tolerances, strict=True), key=lambda pair: pair[0])]
+        # The class is frozen, for everyone but its own constructor
         object.__setattr__(self, "tolerances", tuple(ordered))
         for one, other in zip(ordered, ordered[1:], strict=False):
             if (one.engine, one.profile, one.metric) == (other.engine, other.profile, other.metric):

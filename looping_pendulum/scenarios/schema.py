@@ -84,6 +84,7 @@ class QuantityField:
             }
         return {
             "type": "string",
+            # A unit may begin with 1, as 1/rad does
             "pattern": rf"^{NUMBER_PATTERN} ?[A-Za-z°µ1].*$",
             "examples": [self.kind.example_text],
             _QUANTITY_TEXT: f"{self.kind.requirement}, with its unit",
@@ -178,6 +179,7 @@ def _drag_form(value: object) -> str:
     return "<shape>" if isinstance(value, dict) else "<direct>"
 
 
+# Tags in brackets, as no key has them: `validation_errors` takes them out of the paths that it shows
 LightDrag = Annotated[
     Annotated[float, coefficient("light_drag"), Tag("<direct>")] | Annotated[DragShape, Tag("<shape>")],
     Discriminator(_drag_form),
@@ -340,6 +342,7 @@ class ScenarioFile(Group):
     measured: MeasuredGroup | None = None
     tolerances: dict[str, ProfilesGroup] = {}
     """Engine and variant ("pymunk:chain"), profile and metric -> limit."""
+    # A placeholder: `_file_model` puts a group with the library's coefficients here
     effects: Any = None
     """Coefficients of further effects."""
 

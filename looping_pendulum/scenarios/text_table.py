@@ -10,6 +10,7 @@ MAX_LINE_LENGTH = 100_000
 
 A row of measured data has about a hundred, and the csv module refuses a cell of more than 131 072.
 """
+# Not str.splitlines, which also splits at form feeds and other characters at which editors do not
 _LINE_ENDS = re.compile(r"\r\n|\r|\n")
 
 

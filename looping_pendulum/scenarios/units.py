@@ -104,12 +104,14 @@ pint gives the same factors, but importing it takes longer than a whole command 
 
 _DECIMAL_CONTEXT = decimal.Context(prec=60, Emin=-9999, Emax=9999)
 """Arithmetic with far more digits than a float has, so that only the final conversion to float rounds."""
+# At most three digits of exponent, as many as a float has
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 # Only one digit per exponent and a few factors are allowed: pint expands powers, and m^999999999 would fill the memory.
 _FACTOR = r"[A-Za-zµ°%]{1,20}(?:(?:\^|\*\*)-?[1-9])?"
 _UNIT = re.compile(rf"(?:1 ?/ ?)?{_FACTOR}(?: ?[*/ ] ?{_FACTOR}){{0,5}}")
 _MAX_LENGTH = 80
 """Longest text that is read as a quantity [characters]."""
+# Characters that keyboards, editors and copied text put in place of those on the right
 _SPELLINGS = str.maketrans({"μ": "µ", "·": "*", "⋅": "*", "×": "*", "−": "-", "²": "^2", "³": "^3", "\u00a0": " "})
 
 
@@ -169,6 +171,7 @@ class QuantityKind:
         """
         value = to_si(text, self.unit)
         if value > self.high or value < self.low or (self.exclusive_low and value == self.low):
+            # Without words, as the caller says what is required
             raise RangeError("")
         return value
 
@@ -268,6 +271,7 @@ def show(value: float, unit: str) -> str:
             return float(_DECIMAL_CONTEXT.multiply(number, per_unit)) == value
 
         number = _shortest_decimal(value, per_unit, round_trips)
+        # A number that would be long in the convenient unit, such as degrees of an arbitrary angle, is written in the SI unit
         if number is not None and (text_unit == pretty(unit) or len(number.as_tuple().digits) <= 12):
             return f"{_decimal_text(number)} {text_unit}".rstrip()
     return f"{value!r} {pretty(unit)}".rstrip()

@@ -96,6 +96,7 @@ def _group_at(model: type[BaseModel], path: Path) -> type[BaseModel]:
             is_collection = not _is_model(field.annotation) and path[0] in ("inferred", "tolerances")
             if is_collection and not rest:
                 return BaseModel
+            # [1:]: a number in the list, or an engine's name, stands between the collection and its group
             return _group_at(below, rest[1:] if is_collection else rest)
     return BaseModel
 

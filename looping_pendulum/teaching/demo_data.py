@@ -176,15 +176,18 @@ def _sampled_motion(run: Trajectory, distance: Array | None, p: Parameters, rate
     """
     if not len(run.t):
         return {"count": 0}
+    # The margin keeps the last position where rounding puts the run's end just before it
     t = np.arange(int(run.t[-1] * rate + 1e-6) + 1) / rate
 
     def at(values: Array) -> Array:
         return np.interp(t, run.t, values)
 
     x, y, free_length, wrap_angle = *map(at, run.light_position.T), at(run.free_length), at(run.wrap_angle)
+    # Rounded, to a micrometre here, because the page holds every digit as text
     motion: dict[str, Any] = {"count": len(t), "drop": _rounded(at(run.heavy_drop), 6)}
     heavy_x, heavy_y = run.heavy_position.T
     motion["heavy"] = [round(float(heavy_x[0]), 6), round(float(heavy_y[0]), 6)]
+    # Nearly always it falls straight down, so that one x serves for all times
     if np.ptp(heavy_x) > POSITION_TOLERANCE:
         motion["heavy_x"] = _rounded(at(heavy_x), 5)
     if p.release is not Release.DROP:

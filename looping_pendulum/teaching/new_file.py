@@ -88,6 +88,7 @@ def new_scenario(ask: Ask, *, name: str, like: str, given: Mapping[str, str]) ->
         if key == STATIC_FRICTION_KEY and _get(defaults, key) in (None, _get(defaults, "string.kinetic_friction")):
             continue  # one coefficient is enough where the defaults are from; the file takes the kinetic one for both
         default = _get(defaults, key)
+        # The scenario ``like`` may have no number for a question, as a vertical release has no angle
         default = _get(usual, key) if default is None else default
         _set(tree, key, answer(key, question.text, str(default), question.check))
     _set(tree, "release.kind", kind)
@@ -145,6 +146,7 @@ def new_study(ask: Ask, *, name: str, folder: Path, files: Sequence[str], given:
     for key in answer.unused:
         raise AnswerError(f"--set: found {key!r}, which is not asked for; ask for the file and change it there")
     text = STUDY_HEAD + _yaml(tree, ("title", "apparatus", "effects", "trials"))
+    # Loaded for its errors alone: contradictions between answers show here, before the file is written
     study_io.load_text(text, f"{name}.yaml", folder)
     return text
 
@@ -165,6 +167,7 @@ def _trial(answer: _Answers, index: int, count: int, file: str, *, folder: Path,
         check_file(file)
     else:
         path = answer(f"{at}.file", f"Trial {index + 1}: file of its marks", f"trial{index + 1}.csv", check_file)
+    # With forward slashes, so that the study also loads on another system
     tree: Tree = {"name": Path(path).stem, "file": Path(os.path.relpath(path, folder)).as_posix(), "tracks": tracks}
     held_out = "no" if count == 1 or index < count - 1 else "yes"
     asked_question = f"Trial {index + 1}: keep it away from the fit, to judge the verdict on"

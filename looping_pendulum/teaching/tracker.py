@@ -119,6 +119,7 @@ def overlay(motion: TrackedMotion, *, frame_rate: float = FRAME_RATE, start: flo
         problem = f"found {frame_rate:g}, at which {motion.name} lasts {last - first + 1} frames"
         raise TrackerError(f"--fps: {problem}, needed at most {MAX_FRAMES}; lower it")
     t = np.arange(first, last + 1) / frame_rate
+    # Clipped: `FRAME_ROUNDING` may put the first or last frame just outside the motion
     heavy, light = motion.positions(np.clip(t - start, 0.0, motion.end))
     return Overlay(name=motion.name, first_frame=first, frame_rate=frame_rate, t=t, heavy=heavy, light=light)
 
@@ -193,6 +194,7 @@ def _file_of_run(folder: Path, engine: str | None) -> Path:
         raise TrackerError(
             f"{folder}: found no runs, needed a folder that `looping-pendulum compare` wrote; or name a scenario"
         )
+    # As `files.file_stem` writes the label into the file's name
     wanted = "reference" if engine is None else engine.replace(":", "-")
     stems = {file.stem: file for file in files}
     matching = [stem for stem in stems if stem == wanted or stem.startswith(f"{wanted}-")]

@@ -63,6 +63,7 @@ _cached_runs: deque[tuple[Parameters, Array, Array]] = deque(maxlen=64)
 
 def reference_positions(p: Parameters, t: Array) -> Array:
     """Return light x, light y and heavy y of the reference at times ``t`` [s], shape (n, 3) [m]; fewer if it ends sooner."""
+    # A search, because parameters and arrays cannot be hashed
     for cached, times, reference in _cached_runs:
         if np.array_equal(times, t) and cached == p:
             return reference
@@ -119,6 +120,7 @@ def error_is_covered_by_refinement(engine: Engine) -> None:
         change = np.linalg.norm(other - own, axis=1)
         error += change / abs(1 - ratio)
     deviation = np.linalg.norm(own - reference_positions(LOSSLESS, run.t), axis=1)
+    # The largest estimate so far: where the paths of two rungs cross, their difference says nothing about the error
     bound = IGNORED_ERROR + SAFETY * np.maximum.accumulate(error)
     i = int(np.argmax(deviation / bound))
     assert deviation[i] <= bound[i], (
@@ -238,6 +240,7 @@ def displacement(engine: Engine, case: EffectCase) -> tuple[Array, Array]:
     for run in runs:
         assert len(run.t) > 1, f"a run of {len(run.t)} samples"
     end = min(float(run.t[-1]) for run in runs)
+    # The margin finds the sample at ``end`` despite rounding
     last = [positions(run)[int(np.searchsorted(run.t, end - 1e-9))] for run in runs]
     reference = [reference_positions(p, np.array([end]))[-1] for p in (case.parameters_with, case.parameters_without)]
     return reference[0] - reference[1], last[0] - last[1]

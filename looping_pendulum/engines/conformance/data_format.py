@@ -77,6 +77,7 @@ def free_length_and_wrap_angle_are_those_of_the_position(engine: Engine) -> None
     assert error < COORDINATE_TOLERANCE, f"they place it {1e3 * error:.2f} mm from its position"
     assert abs(run.wrap_angle[0] - p.release_angle) < 1e-6, f"wrap angle at release {run.wrap_angle[0]:.4f} rad"
     jump = float(np.abs(np.diff(run.wrap_angle)).max())
+    # A larger jump is a turn that was counted twice, or not at all
     assert jump < math.pi, f"the wrap angle jumps by {jump:.2f} rad from one sample to the next"
 
 

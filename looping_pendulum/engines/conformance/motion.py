@@ -63,6 +63,7 @@ HELD_BY_STATIC_FRICTION = HELD_BY_FRICTION.replace(kinetic_friction=0.2, static_
 def drop_is_free_fall(engine: Engine) -> None:
     """Without a string both masses fall by g t^2 / 2, within the error g t dt of a first-order step."""
     run = engine.simulate(scenario(DROPPED, 0.1))
+    # Without drag the mass plays no part
     fallen = closed_forms.free_fall(run.t, mass=1.0, drag=0.0, gravity=9.81)
     bound = 9.81 * run.t * time_step_of(engine) + 1e-9
     for position in (run.light_position, run.heavy_position):
@@ -124,6 +125,7 @@ def held_pendulum_swings_to_the_other_side(engine: Engine) -> None:
     assert turns.size, "the light mass never rises"
     turn = turns[0]
     half = closed_forms.held_period(p) / 2
+    # Not exactly half of it: the winding string is longer on one side of the swing than on the other
     assert 0.3 * half < turn < 0.7 * half, f"lowest point at {turn:.3f} s, half a period is {half:.3f} s"
     speed = np.hypot(*run.light_velocity.T)
     fall = run.light_position[0, 1] - run.light_position[:, 1]
@@ -167,6 +169,7 @@ def _assert_release_acceleration(run: Trajectory, p: Parameters) -> None:
         off = float(np.linalg.norm(acceleration[part] - exact[part]))
         found, needed = _vector(acceleration[part]), _vector(exact[part])
         assert off < RELEASE_TOLERANCE * size, f"acceleration of the {mass} mass {found}, exact {needed} m/s^2"
+        # A velocity at t = 0, along the exact acceleration, as the time by which the motion began too late
         late = -float(speed[part] @ exact[part]) / size**2
         assert abs(late) < SAMPLE_INTERVAL / 2, f"the {mass} mass starts at {1e3 * late:.2f} ms, needed 0"
 

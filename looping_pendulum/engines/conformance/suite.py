@@ -89,6 +89,7 @@ class CheckResult:
 
 def run_checks(engine: Engine, *, checks: Sequence[Check] = CHECKS, time_limit: float = TIME_LIMIT) -> Iterator[CheckResult]:
     """Run ``checks`` on ``engine`` and yield the results; each run has its own process and at most ``time_limit`` [s]."""
+    # Cached outside, so that a run that crashes its process is not repeated for the next check either
     isolated = CachedEngine(IsolatedEngine(engine, time_limit=time_limit))
     for check in checks:
         why = skip_reason(check, engine)

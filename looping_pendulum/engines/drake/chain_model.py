@@ -102,11 +102,13 @@ class ChainModel:
         self._links: list[Any] = []
         if p.release is not Release.DROP:
             pairs = zip(self._bodies[:-1], self._bodies[1:], strict=True)
+            # 1.0 stands for the length, which the rig sets (`set_link`)
             self._links = [self._plant.AddDistanceConstraint(a, BODY_ORIGIN, b, BODY_ORIGIN, 1.0) for a, b in pairs]
         self._plant.Finalize()
         self._diagram = builder.Build()
         self._root = self._diagram.CreateDefaultContext()
         self._context = self._plant.GetMyMutableContextFromRoot(self._root)
+        # Memory for the state after a step, which every step uses again
         self._next = self._diagram.AllocateDiscreteVariables()
         self._port = self._plant.get_applied_generalized_force_input_port()
 
@@ -133,6 +135,7 @@ class ChainModel:
         )
         radius = s.node_radius(p.rod_radius) - s.bead_radius
         rod = Sphere(radius) if s.rod_shape == "sphere" else Cylinder(radius, 0.1)
+        # Drake's cylinder lies along z, the rod along y; a sphere does not care
         pose = RigidTransform(RotationMatrix.MakeXRotation(math.pi / 2), BODY_ORIGIN)
         spheres = GeometrySet()
         self._plant.RegisterCollisionGeometry(self._plant.world_body(), pose, rod, "rod", surface)
@@ -154,6 +157,8 @@ class ChainModel:
         parent = self._plant.AddFrame(FixedOffsetFrame(f"{name}_base", base, RigidTransform([x, 0.0, 0.0])))
         for axis in axes:
             last = axis == axes[-1]
+            # Only the body behind the last slide has the mass. The radius of 1 cm has no influence, as no joint lets a body
+            # rotate.
             inertia = SpatialInertia.SolidSphereWithMass(mass, 1e-2) if last else SpatialInertia.Zero()
             body = self._plant.AddRigidBody(name if last else f"{name}_slide", inertia)
             along = [1.0, 0.0, 0.0] if axis == "x" else [0.0, 0.0, 1.0]

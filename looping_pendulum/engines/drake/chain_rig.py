@@ -136,6 +136,7 @@ class DrakeChainRig:
 
     def _update_beads(self, end: int) -> None:
         """Add or remove a bead on the straight part at ``end``, if one is due."""
+        # The beads of a slack part do not lie on the line to its mass
         if not self._taut[end]:
             return
         link = self._straight_index(end)

@@ -100,6 +100,7 @@ def bead_xml(parameters: Parameters, settings: BeadSettings, beads: int) -> str:
     axes = "" if held else "z"
     bodies.append(_body("heavy", p.heavy_mass, site=f"site{beads + 1}", place=heavy_mass_position, axes=axes))
     links = range(beads + 1) if has_string else ()
+    # autoreset is off: after a breakdown MuJoCo would go on from the first state, with a mere warning
     return f"""
 <mujoco model="looping pendulum, beads">
   <compiler angle="degree" inertiafromgeom="false"/>
@@ -124,6 +125,7 @@ def _body(
 ) -> str:
     """Return one mass on slide joints along ``axes``, with the site at which its tendons end."""
     joints = "".join(f'<joint type="slide" axis="{"1 0 0" if axis == "x" else "0 0 1"}"/>' for axis in axes)
+    # MuJoCo requires moments of inertia; on slides they have no influence
     inertia = f'<inertial pos="0 0 0" mass="{mass!r}" diaginertia="1e-6 1e-6 1e-6"/>'
     x, y = place
     return f'<body name="{name}" pos="{x!r} 0 {y!r}">{joints}{inertia}{geom}<site name="{site}"/></body>\n'

@@ -75,6 +75,7 @@ class BeadRig:
         for _ in range(self._settings.groups_per_sample):
             places = self._current.qpos.tolist()
             self._prepare(self._update_beads(places) if self._has_string else places)
+            # One call for the whole group, which spares Python between its steps
             self._step(self._current.model, self._current.data, self._settings.steps_per_group)
 
     def read(self) -> tuple[float, ...]:
@@ -99,6 +100,7 @@ class BeadRig:
         rows = [light, *beads, (p.rod_radius, -p.hanging_length)]
         self.lengths = [math.dist(a, b) for a, b in zip(rows[:-1], rows[1:], strict=True)]
         sliding = [(-heavy_v * math.sin(a), heavy_v * math.cos(a)) for a in angles]
+        # Cut off: a heavy mass that is held has no coordinate
         places = np.array([*light, *np.ravel(beads), -p.hanging_length][: 2 * count + 2 + self._heavy_dofs])
         speeds = np.array([vx, vy, *np.ravel(sliding), heavy_v][: 2 * count + 2 + self._heavy_dofs])
         self._switch_model(count, 0.0, places, speeds, np.zeros_like(places))

@@ -27,6 +27,7 @@ def drum_xml(parameters: Parameters, settings: EffectiveMassSettings) -> str:
     held, string = p.release is Release.HELD, p.release is not Release.DROP
     heavy_joint = f'<joint name="heavy_y" type="slide" axis="0 0 1" ref="{-p.hanging_length!r}"/>'
     heavy_coordinate = '<joint joint="heavy_y" coef="-1"/>'
+    # The limit's lower end, -1 m, is out of reach: a range needs one, while a string only pulls
     max_sum = p.string_length - (p.hanging_length if held else 0.0)
     lock = f'<joint name="lock" joint1="heavy_y" active="false" solref="{s.string_time_constant!r} 1" solimp="{s.solimp}"/>'
     return f"""

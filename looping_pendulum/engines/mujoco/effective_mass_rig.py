@@ -137,6 +137,7 @@ class EffectiveMassRig(abc.ABC):
         if not self._held:
             self._qvel[HEAVY_DOF] = self._release_velocity[2]
         if self._has_string and not self._held:
+            # `_update_motion` asks MuJoCo for forces, to which those of the effects belong
             self._mujoco.set_mjcb_passive(self._passive)
             try:
                 self._update_motion()
@@ -154,6 +155,7 @@ class EffectiveMassRig(abc.ABC):
             return 1
         _, _, vx, vy = self._light_mass_state()
         turn = self._dt * math.hypot(vx, vy) / length * max(self._parameters.rod_radius / length, 1.0)
+        # A run that breaks down is left to `read`
         return max(math.ceil(turn / MAX_TURN_PER_STEP), 1) if math.isfinite(turn) else 1
 
     def _scale_time_constants(self, parts: int) -> None:
@@ -189,6 +191,7 @@ class EffectiveMassRig(abc.ABC):
             if not self._split:
                 return
             length *= 1 - share
+            # A string that was just caught is exactly at its rest length
             spare, margins = self._slack_length() if changed <= caught else 0.0, self._margins()
         self._engine_step(length)
 
@@ -247,6 +250,7 @@ class EffectiveMassRig(abc.ABC):
 
     def _passive(self, model: Any, data: Any) -> None:
         """Apply the effects' forces; MuJoCo calls this at every stage of its integrator."""
+        # The callback is called for any model that this process steps
         if self._force is None or model is not self._model:
             return
         x, y, vx, vy = self._light_mass_state()
@@ -292,9 +296,11 @@ class EffectiveMassRig(abc.ABC):
             return
         if self._held:
             return
+        # Stopped and locked first, as only the tensions at rest tell whether the rod can hold the string
         self._qvel[HEAVY_DOF] = 0.0
         self._motion, self._mass_ratio = EffectiveMassMotion.STICKING, 1.0
         self._set_mass()
+        # MuJoCo counts the locked coordinate from the joint's position in the model
         self._model.eq_data[LOCK_ROW, 0] = float(self._qpos[HEAVY_DOF] - self._model.qpos0[HEAVY_DOF])
         self._data.eq_active[LOCK_ROW] = 1
         falls, rises = self._holding_margins()

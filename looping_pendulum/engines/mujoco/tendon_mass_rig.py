@@ -42,6 +42,7 @@ class TendonMassRig(EffectiveMassRig):
         if self._tendons is not None:
             self._tendons.select(kinematics.wrap_angle)
             transverse_speed = kinematics.across_speed
+            # Substeps divide the time constant, of which the shift is the square
             shift = self._turning_shift / (self._substeps * self._substeps)
             self._tendons.allow_extra_length(
                 self._catch_stretch - TAUT_MARGIN - shift * transverse_speed * transverse_speed / kinematics.free_length

@@ -35,6 +35,7 @@ class StringSettings:
 
     def option(self, gravity: float) -> str:
         """Return MuJoCo's `option` element, with contacts disabled; ``gravity`` is in m/s^2."""
+        # autoreset is off: after a breakdown MuJoCo would go on from the first state, with a mere warning
         return f"""<option timestep="{self.time_step!r}" integrator="{self.integrator}" jacobian="{self.jacobian}"
           tolerance="{self.solver_tolerance!r}" iterations="{self.solver_iterations}" gravity="0 0 {-gravity!r}">
     <flag contact="disable" autoreset="disable"/>

@@ -179,6 +179,7 @@ class TendonRig:
         """Return how much longer than its rest length the string is [m]."""
         if self._tendons is None:
             return math.nan
+        # mj_step leaves the tendon lengths of the step's start in its data
         self._mj_position(self._model, self._data)
         return float(self._data.ten_length[self._tendons.tendon]) - self._tendons.rest_length
 
@@ -226,6 +227,7 @@ class CapstanFriction:
             return 0.0
         after = self._friction(math.copysign(sliding, -holding_force), tension_without)
         self._bound[HEAVY_DOF] = max(abs(after), NO_FRICTION)
+        # Until the string stops within the step, the friction of its earlier direction acts
         return (before - after) * fraction
 
     def _without_friction(self) -> tuple[float, float]:

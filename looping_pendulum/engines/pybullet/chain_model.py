@@ -78,6 +78,7 @@ def chain_at_release(parameters: Parameters, settings: PybulletChainSettings) ->
         joints = len(chain.positions)  # one hinge per link, and the heavy mass's slide
         if joints <= MAX_JOINTS:
             return chain
+        # By trial, as the number of links is known only once they are laid
         coarser *= 1.01
         if coarser > MAX_LINK_LENGTHENING:
             raise EngineError(
@@ -101,6 +102,7 @@ def _chain_of_links(p: Parameters, s: PybulletChainSettings, inner: float, outer
     outer_count = max(1, round((straight - inner_count * inner) / outer))
     hanging_count = max(1, round(math.dist(heavy, on_rod[0]) / s.hanging_link_length))
     corner = inner_count * inner / straight
+    # First short links, which may slide over the rod, then long ones, which at most wind on to it
     shares = np.concatenate([np.linspace(0.0, corner, inner_count, endpoint=False), np.linspace(corner, 1.0, outer_count + 1)])
 
     def along(heavy_end: Array, on_rod: Array, light_end: Array) -> Array:
@@ -147,12 +149,14 @@ def chain_urdf(p: Parameters, s: PybulletChainSettings, chain: ReleasedChain, no
     parent = "base"
     if p.release is not Release.HELD:
         parent = "heavy"
+        # The moment of inertia has no influence on a slide, but URDF requires one
         rows += [_link(parent, mass=p.heavy_mass, at=0.0, inertia=p.heavy_mass * p.rod_radius**2)]
         rows += [_joint("prismatic", "base", parent, x=x, y=y, turn=0.0, axis="0 1 0")]
         x = y = 0.0
     last = len(lengths) - 1
     for i, (turn, length) in enumerate(zip(np.diff(chain.directions, prepend=0.0), lengths, strict=True)):
         if i < last:
+            # A node carries half the mass of either link beside it
             mass, node_radius = density * 0.5 * (length + lengths[i + 1]), float(node_radii[i])
         else:
             mass, node_radius = p.light_mass - s.mass_compensation * string_mass, None

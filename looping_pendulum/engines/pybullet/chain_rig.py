@@ -37,12 +37,14 @@ class PybulletChainRig(MultibodyRig):
         world = World(p, settings)
         super().__init__(p, world, longest_step(p, chain) if settings.divided_step else None)
         rod_radius = float(chain.node_circles.min()) - settings.node_radius
+        # PyBullet multiplies both coefficients: with 1 here, each node carries that of its contact
         world.add_rod(rod_radius, 1.0)
         node_radii = chain.node_circles - rod_radius
         self._body = _load(world, chain_urdf(p, settings, chain, node_radii))
         links = len(chain.lengths)
         joints = links + (not self._held)
         joint_count = world.api.getNumJoints(self._body, physicsClientId=world.client)
+        # PyBullet drops joints beyond its limit without an error
         if joint_count != joints:
             raise EngineError(f"pybullet:chain: {joints} joints were given, PyBullet took {joint_count}")
         self._ends = (joints - 1, 0)
@@ -73,6 +75,7 @@ def longest_step(parameters: Parameters, chain: ReleasedChain) -> LongestStep:
     )
 
     def longest(x: float, y: float, vx: float, vy: float) -> float:
+        # Not less than a link, with which the run has ended
         free = math.sqrt(max(x * x + y * y - radius_square, shortest * shortest))
         tension = p.light_mass * ((vx * vx + vy * vy) / free + gravity)
         return min(contacts, MAX_WAVE_FRACTION * shortest * math.sqrt(density / tension))
@@ -96,6 +99,7 @@ def _load(world: World, urdf: str) -> int:
     try:
         with os.fdopen(handle, "w") as file:
             file.write(urdf)
+        # Without the flag PyBullet computes the inertias from the collision shapes
         body: int = world.api.loadURDF(
             path, useFixedBase=1, flags=world.api.URDF_USE_INERTIA_FROM_FILE, physicsClientId=world.client
         )

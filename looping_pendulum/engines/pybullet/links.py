@@ -44,6 +44,7 @@ def contact_friction(friction: float, bend: float, wrap_angle: float) -> float:
         ends = float(weights @ np.arctanh(m * tangents)) * 2  # the weights add up to 2: both ends
         return (wrap_angle / bend - 1) * 2 * math.atanh(m * full) + ends
 
+    # At 1 / tan(bend / 2) a full corner would hold any tension
     lowest, highest = polygon_friction(friction, bend), (1 - 1e-12) / full
     return float(brentq(lambda m: exponent(m) - friction * wrap_angle, 0.5 * lowest, highest, xtol=1e-15))
 

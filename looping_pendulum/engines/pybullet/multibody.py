@@ -46,12 +46,14 @@ class MultibodyRig(SteppedRig):
     def _read_slip(self, heavy_y: float) -> float:
         """Return how far the string has slid over the rod [m]; links are rigid, so node distances are their rest lengths."""
         nodes = range(0 if self._held else 1, self._ends[0] + 1)  # the first link is the heavy mass's, unless it is held
+        # Positions as PyBullet computed them for `read_motion`, a moment before
         rows = self._world.api.getLinkStates(self._body, nodes, physicsClientId=self._world.client)
         positions = [*(row[0][:2] for row in reversed(rows)), (self._parameters.rod_radius, heavy_y)]
         return self._slip.read(positions, list(map(math.dist, positions[:-1], positions[1:])))
 
     def read_motion(self) -> tuple[float, float, float, float, float]:
         """Return the light mass's position [m] and velocity [m/s] and the heavy mass's upward velocity [m/s]."""
+        # 1, 1: with velocities, and positions computed anew; PyBullet otherwise gives those of the step before
         light, heavy = self._world.api.getLinkStates(self._body, self._ends, 1, 1, physicsClientId=self._world.client)
         self._light_position, self._heavy_position = light[0], heavy[0]
         (x, y, _), (vx, vy, _) = light[0], light[6]

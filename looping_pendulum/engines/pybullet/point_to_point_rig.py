@@ -55,6 +55,7 @@ class PointToPointRig(SteppedRig):
     def _positions(p: Parameters, s: LinkSettings) -> Array:
         """Return the positions [m] of light mass, nodes a link apart, and heavy mass at release, shape (n, 2)."""
         length = s.length_on_rod(p)
+        # The last link, above the heavy mass, takes up what does not fit
         count = math.floor(p.string_length / length)
         circle = s.node_circle(p)
         arcs = [i * length for i in range(count)]
@@ -67,6 +68,7 @@ class PointToPointRig(SteppedRig):
         length = float(self._lengths[max(i - 1, 0)])
         x, y = positions[i] - positions[i - 1] if i else positions[1] - positions[0]
         turn = api.getQuaternionFromEuler([0, 0, math.atan2(y, x)])
+        # -1 is no shape: the masses touch nothing
         shape = self._node if 0 < i < last else -1
         position = [*positions[i].tolist(), 0.0]
         body: int = api.createMultiBody(mass, shape, -1, position, turn, useMaximalCoordinates=1, physicsClientId=client)
@@ -87,6 +89,7 @@ class PointToPointRig(SteppedRig):
                 api.JOINT_POINT2POINT,
                 [0, 0, 0],
                 [0, 0, 0],
+                # In this body's frame, whose x axis points along the link, away from the body before
                 [-length, 0, 0],
                 physicsClientId=client,
             )
@@ -104,6 +107,7 @@ class PointToPointRig(SteppedRig):
         on_free = np.arange(len(positions)) * self._settings.length_on_rod(p) < p.free_length
         share = np.clip(1 - np.cumsum([0, *self._lengths]) / p.free_length, 0, 1)[:, None]
         across = light - (light @ along[0]) * along[0]
+        # The free part, besides sliding, turns about its tangent point
         velocities[on_free] += (share * across)[on_free]
         for body, velocity in zip(self._bodies, velocities, strict=True):
             self._world.api.resetBaseVelocity(body, [*velocity.tolist(), 0.0], physicsClientId=self._world.client)

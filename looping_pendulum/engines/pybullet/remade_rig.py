@@ -43,6 +43,7 @@ class RemadeRig(MultibodyRig):
         if not min(margins) < 0:
             return
         chain = self._node_changes.with_updated_nodes(self._chain())
+        # PyBullet cannot add a link to a multibody, so another one takes its place
         self._world.api.removeBody(self._body, physicsClientId=self._world.client)
         self._create_multibody(chain)
 

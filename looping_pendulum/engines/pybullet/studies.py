@@ -32,6 +32,7 @@ BEAD_MASS_RATIOS = (2e-3, 1e-3, 5e-4, 2.5e-4)
 
 def step_ladder(with_settings: WithSettings, time_step: float) -> Ladder:
     """Return a ladder of time steps."""
+    # Whole numbers of steps per sample, and no step below 1 us
     steps = (min(round(SAMPLE_INTERVAL / time_step / n), round(SAMPLE_INTERVAL / 1e-6)) for n in STEP_FACTORS)
     return ladder(with_settings, "time_step", "s", ({"time_step": SAMPLE_INTERVAL / count} for count in steps))
 

@@ -36,6 +36,7 @@ class World:
 
         self.api: Any = pybullet
         self.client: int = pybullet.connect(pybullet.DIRECT)
+        # A server lives until it is disconnected, whatever becomes of the Python objects
         weakref.finalize(self, pybullet.disconnect, self.client)
         self.settings = settings
         self.steps = steps_per_sample(settings.time_step)

@@ -102,6 +102,7 @@ class _BeadString:
         """Add or remove a bead on either straight part, so that there are beads where the string will meet the rod."""
         if self._needs_update(calls, 1, 2):
             self._update_first_end(calls)
+        # The same two beads, counted from the other end
         if self._needs_update(calls, -2, -3):
             self._reverse()
             self._update_first_end(calls)
@@ -147,6 +148,7 @@ class _BeadString:
         bead = self._bead((x, y), (vx, vy))
         end.position = x + (mass_x - x) * share, y + (mass_y - y) * share
         end.velocity = vx + (mass_vx - vx) * share, vy + (mass_vy - vy) * share
+        # A joint cannot change its bodies, so the links beside the new bead are created anew
         self._space.remove(self._links[1])
         self._set_straight(self.lengths[0] - self._link_length)
         self.lengths.insert(1, self._link_length)
@@ -172,6 +174,7 @@ class _BeadString:
         return bead
 
     def _new_bead(self) -> tuple[Any, Any]:
+        # An infinite moment of inertia: beads are points, which slide and do not roll
         body = self._pymunk.Body(self._bead_mass, math.inf)
         shape = self._pymunk.Circle(body, self._bead_radius)
         shape.friction = 1.0  # Chipmunk multiplies the two shapes' coefficients: the circle's is then the pair's
@@ -184,6 +187,7 @@ class _BeadString:
         return self._join(joint)
 
     def _straight(self, a: Any, b: Any, length: float) -> Any:
+        # From 0 to the length: it pulls, and never pushes
         return self._join(self._pymunk.SlideJoint(a, b, (0, 0), (0, 0), 0, length))
 
     def _join(self, joint: Any) -> Any:

@@ -61,6 +61,7 @@ class _Beads:
         pairs = list(zip(bodies[:-1], bodies[1:], strict=True))
         joints = [pymunk.PinJoint(a, b, origin, origin) for a, b in pairs]
         add_joints(space, joints, s)
+        # A pin joint keeps the distance that its ends have when it is created
         self._lengths = [joint.distance for joint in joints]
         self._slip = SlipGauge()
         anchors = [(body, origin) for body in bodies]
@@ -109,6 +110,7 @@ class _Segments:
         for i in range(len(nodes) - 1):
             start, end = places[i : i + 2]
             length = math.dist(start, end)
+            # The moment of inertia of a thin rod about its middle
             body = pymunk.Body(mass, mass * length * length / 12)
             body.position, body.angle = _middle(start, end), math.atan2(end[1] - start[1], end[0] - start[0])
             body.velocity, body.angular_velocity = _rigid_motion(start, end, *speeds[i : i + 2])
@@ -227,6 +229,7 @@ class FullChainRig(SpaceRig):
             rod.friction = contact_friction(variant, friction, bend) if s.polygon_friction else friction
             space.add(rod)
             if variant is FullChainVariant.SEGMENTS:
+                # Segments touch the circle in their middle, so their joints lie farther from its centre than ``radius``
                 self._chain = _Segments(space, p, s, nodes, math.hypot(radius, s.link_length / 2))
             else:
                 self._chain = _Beads(space, p, s, nodes, radius)

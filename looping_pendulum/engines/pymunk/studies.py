@@ -30,6 +30,7 @@ FULL_CHAIN_STEPS = (5e-5, 2e-5, 1e-5, 5e-6)
 FULL_CHAIN_LINK_LENGTHS = (8e-3, 6e-3, 4e-3, 3e-3)
 """Link lengths of the full chains' ladder [m]."""
 FULL_CHAIN_ITERATIONS = (5, 10, 20, 40)
+"""Solver iterations per step of the full chains' ladder."""
 FULL_CHAIN_MASS_FRACTIONS = (0.04, 0.02, 0.01, 0.005)
 """String masses of the full chains' ladder, as fractions of the light mass."""
 DEFAULT_STEP_TEXT = "none; 1 ms is finer than its guides use"

@@ -53,6 +53,7 @@ class Block:
     @property
     def runs(self) -> NDArray[np.int64]:
         """Indices of the runs in the batch, shape (n,)."""
+        # Stored as a float, as the table is one array for the compiled functions; exact up to 2^53
         return self["run"].astype(np.int64)
 
     def view(self, start: int, end: int) -> Block:

@@ -68,6 +68,7 @@ class CompiledFunction:
 
     def evaluate_padded(self, data: Array) -> Array:
         """Return the outputs of columns whose number is a multiple of `vector_size`."""
+        # heyoka would start threads of its own; a batch uses processes, which also share the work between the calls
         out: Array = self._function(np.ascontiguousarray(data), batch_parallel=False)
         return out
 

@@ -13,10 +13,13 @@ from looping_pendulum.reference_ode.batch.compiled import CompiledFunction, abso
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 
+# An interval is then 2^-50 of the step, four roundings of 1
 MAX_BISECTIONS = 50
 """Number of times that [0, 1] is bisected; two roots that are still in one interval then count as one."""
+# They need not suffice for every polynomial: one whose last step is not small is refined or searched by itself
 NEWTON_STEPS = 8
 """Newton steps in the compiled expressions, where every polynomial takes the same number."""
+# Bisection alone, the worst case, then arrives at 2^-60
 MAX_REFINEMENTS = 60
 """Largest number of Newton or bisection steps for a root that is known to be alone in its interval."""
 ROOT_TOLERANCE = 1e-10
@@ -47,6 +50,7 @@ def first_falling_roots(polynomials: Array) -> Array:
         positive = bernstein > 0
         changes = np.count_nonzero(positive[1:] != positive[:-1], axis=0)
         falls = np.flatnonzero((changes == 1) & positive[0])
+        # The compiled Newton steps belong to the whole of [0, 1], not to its parts
         at = newton_roots[falls] if depth == 0 else np.full(len(falls), np.nan)
         unsure = (
             np.flatnonzero(~((at >= 0) & (at <= 1) & (last_steps[falls] < ROOT_TOLERANCE)))
@@ -54,6 +58,7 @@ def first_falling_roots(polynomials: Array) -> Array:
             else np.arange(len(falls))
         )
         at[unsure] = _refine_roots(polynomials[:, owner[falls[unsure]]], low[falls[unsure]], width)
+        # `at`, because several intervals may belong to one polynomial
         np.minimum.at(first, owner[falls], at)
         open_ = np.flatnonzero((changes > 1) & (low < first[owner]))
         if not len(open_):

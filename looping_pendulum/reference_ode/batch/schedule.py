@@ -156,12 +156,14 @@ class Schedule:
             out = step.step.evaluate_padded(inputs)
             # No event can lie in a step in which the lower bound of all event functions is positive
             clear = (out[-1] > 0) & (block["steps"] < MAX_STEPS)
+            # Not strict: the last row of ``out`` is the lower bound
             for row, new in zip(step.rows, out, strict=False):
                 np.copyto(inputs[row], new, where=clear)
             block["steps"] += clear
             moving_count = np.count_nonzero(clear)
             if not moving_count or len(clear) - moving_count > max_waiting:
                 break
+        # [:n]: without the columns that only fill the last vector
         self._enqueue(BatchTaskKind.STEPS, mode, block.take(np.flatnonzero(clear[:n])))
         self._enqueue(BatchTaskKind.EVENT, mode, block.take(np.flatnonzero(~clear[:n])))
 
@@ -187,6 +189,7 @@ class Schedule:
         kinds[broken_down] = _BROKEN_DOWN
         order = np.argsort(kinds, kind="stable")
         block, kinds = block.take(order), kinds[order]
+        # NaN differs from every number, so that the first group begins at 0
         for start, end in pairwise([*np.flatnonzero(np.diff(kinds, prepend=np.nan)).tolist(), len(kinds)]):
             kind, part = int(kinds[start]), block.view(start, end)
             if kind == _BROKEN_DOWN:

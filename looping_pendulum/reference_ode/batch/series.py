@@ -98,6 +98,7 @@ class SeriesAlgebra:
         """Return ``x`` as a series; an expression or a number becomes a constant one."""
         if isinstance(x, Series):
             return x
+        # An id is unique here, as the cached series keeps its expression alive
         key = ("constant", x if isinstance(x, (int, float)) else id(x))
         cached_series = self._cache.get(key)
         if cached_series is None:
@@ -106,6 +107,7 @@ class SeriesAlgebra:
 
     def variable(self, start: Any, rate: Callable[[], Series]) -> Series:
         """Return the series that begins with ``start`` and whose derivative is the series that ``rate`` returns."""
+        # ``rate`` is called late: the rates are series of the variables, which must exist before
         return Series(self, lambda n, _: rate()[n - 1] * (1.0 / n) if n else start)
 
     def cached(self, operation: str, a: Series, b: Series, compute: Callable[[int, Series], Any]) -> Series:

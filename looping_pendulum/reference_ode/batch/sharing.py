@@ -134,6 +134,7 @@ class BatchRuns:
 
     def report_ended(self, runs: int) -> None:
         """Count ``runs`` more runs that have ended, and report the progress."""
+        # Read, then written: without the lock two processes might count as one
         with self.job.ended_count.get_lock():
             self.job.ended_count.value = ended = self.job.ended_count.value + runs
         if self._progress is not None:
@@ -166,6 +167,7 @@ def work(runs: BatchRuns) -> None:
 
 def work_together(job: SharedBatch, progress: Progress | None) -> None:
     """Do the same as `work` in several processes. Runs of a process that dies are solved again in this one."""
+    # One fewer, as this process works, too
     with process_pool(job.processes - 1, _keep_job, (job,)) as pool:
         others = [pool.submit(_work_in_helper) for _ in range(job.processes - 1)]
         try:
@@ -181,6 +183,7 @@ def work_together(job: SharedBatch, progress: Progress | None) -> None:
 def _rerun_unfinished(job: SharedBatch) -> None:
     """Solve the runs without a result in this process."""
     result = job.result()
+    # A run that failed by itself cannot be told from one that was never solved; it fails again
     unfinished = np.flatnonzero(result.end == FAILED)
     columns = {name: values[unfinished] for name, values in job.columns().items()}
     rest = SharedBatch.of(job.base, columns, len(unfinished), job.duration, job.tolerance, processes=1)

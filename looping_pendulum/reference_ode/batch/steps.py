@@ -33,6 +33,7 @@ FORCE_EVENTS = (Event.STOP, Event.LOSES_TENSION, Event.SLIP_ONSET_DOWN, Event.SL
 """Events whose functions are forces that contain w^2 / l. Times l, which changes no sign, they stay smooth as l shrinks."""
 LAST_TERM_TOLERANCE = 0.05
 """Largest last term of a step's series, as a fraction of the tolerance: errors of some hundred steps add up."""
+# Needed where the last terms of the series vanish, for which the formula of the step's length gives infinity
 MAX_STEP_LENGTH = 100.0
 """Longest step in s [s/m]."""
 

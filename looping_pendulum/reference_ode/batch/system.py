@@ -58,6 +58,7 @@ class BatchSystem:
         """Return the motion ``a`` where ``condition`` holds, else ``b``."""
 
         def pick(x: Any, y: Any) -> Any:
+            # A rule leaves most entries as they are: then both motions hold the same array
             return x if x is y else np.where(condition, x, y)
 
         return Motion(

@@ -109,6 +109,7 @@ LIGHT_DRAG = Effect(
     ),
     in_base_model=True,
     force_on_light_mass=lambda xp, k, p: (
+        # The light mass's velocity is -u along e1 and w along t1, hence the two signs
         p.light_drag * k.light_mass_speed * k.retreat_speed,
         -p.light_drag * k.light_mass_speed * k.across_speed,
     ),
@@ -160,6 +161,7 @@ STRING_DRAG = Effect(
     ),
 )
 
+# Forces and exponents are summed in this order: another order would change the last bits of every result
 EFFECTS: dict[str, Effect] = {
     e.name: e for e in (GRAVITY, CAPSTAN, LIGHT_DRAG, HEAVY_DRAG, STRING_DRAG, *FURTHER_FORCES, *FURTHER_PROPERTIES, CLOSURE)
 }

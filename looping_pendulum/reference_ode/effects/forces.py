@@ -101,6 +101,7 @@ ATTITUDE_DRAG = Effect(
     acts_on="light mass",
     depends_on=("light_mass_speed", "retreat_speed"),
     coefficients=(
+        # Down to -1, where drag along the string vanishes
         _coefficient("attitude_drag", "", (-1.0, 100.0), "growth of gamma1 where the light mass moves along its string"),
     ),
     force_on_light_mass=_attitude_drag_force,
@@ -149,6 +150,7 @@ FRICTION_PER_SPEED = Effect(
     acts_on="string on rod",
     depends_on=("wrap_angle", "heavy_speed"),
     coefficients=(
+        # Down to -0.1, so that friction stays positive up to 10 m/s
         _coefficient("friction_per_speed", "s/m", (-0.1, 10.0), "relative growth of kinetic friction with sliding speed"),
     ),
     sliding_exponent=lambda xp, k, p: p.kinetic_friction * k.contact_angle * p.friction_per_speed * k.slip_speed,
@@ -161,6 +163,7 @@ FRICTION_PER_WRAP = Effect(
     source="departure from the capstan law, as of a string with stiffness, to first order",
     acts_on="string on rod",
     depends_on=("wrap_angle",),
+    # Down to -0.05, so that friction stays positive up to 20 rad, three turns
     coefficients=(_coefficient("friction_per_wrap", "1/rad", (-0.05, 1.0), "relative growth of friction with wrap angle"),),
     sliding_exponent=lambda xp, k, p: p.kinetic_friction * p.friction_per_wrap * k.contact_angle * k.contact_angle,
     holding_exponent=lambda xp, k, p: p.static_friction * p.friction_per_wrap * k.contact_angle * k.contact_angle,

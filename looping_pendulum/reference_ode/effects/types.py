@@ -64,6 +64,7 @@ class Kinematics(NamedTuple):
     def wrap_beyond_first_turn(self) -> Any:
         """Wrap angle beyond a full turn, or 0 [rad]."""
         beyond = self.wrap_angle - TURN
+        # Engines give numbers; the reference gives the overlap, as max() is not analytic
         return max(beyond, 0.0) if self.overlap is None else self.overlap * beyond
 
 
