@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from looping_pendulum.compare.json_text import dump
-from looping_pendulum.compare.result import ComparisonResult, EngineResult, Landmarks, RunProvenance
+from looping_pendulum.compare.result import ComparisonResult, EngineResult, RunProvenance
 from looping_pendulum.compare.tables import GAP, number, table
+from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.errors import ResultError
 from looping_pendulum.scenarios.scenario import METRICS
 

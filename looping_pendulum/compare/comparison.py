@@ -11,21 +11,15 @@ import numpy as np
 
 from looping_pendulum.compare import metrics as measure
 from looping_pendulum.compare.align import Aligned, Reference, align
+from looping_pendulum.compare.comparability import why_not_comparable
 from looping_pendulum.compare.event_quantities import event_value
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.compare.landmarks import (
-    SampledReference,
-    finite_length,
-    first_samples,
-    reference_landmarks,
-    run_landmarks,
-)
+from looping_pendulum.compare.reference_landmarks import SampledReference, reference_landmarks
 from looping_pendulum.compare.result import (
     Clock,
     ComparisonResult,
     EngineResult,
     InferredEntry,
-    Landmarks,
     MeasuredRow,
     ReferenceResult,
     ResultSamples,
@@ -35,9 +29,9 @@ from looping_pendulum.compare.result import (
 )
 from looping_pendulum.compare.stories import missing_physics, story
 from looping_pendulum.compare.tolerances import NOT_RUN_STATUSES, judge
-from looping_pendulum.compare.watching import why_not_comparable
+from looping_pendulum.engines.landmarks import Landmarks, run_landmarks
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
-from looping_pendulum.engines.trajectory import Provenance, Trajectory, supplies_as_rows
+from looping_pendulum.engines.trajectory import Provenance, Trajectory, finite_length, first_samples, supplies_as_rows
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.scenario import Scenario
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from looping_pendulum.compare.align import Aligned, Reference, sample_reference
-from looping_pendulum.compare.landmarks import finite_length
-from looping_pendulum.compare.result import Departure, Landmarks, Tube
+from looping_pendulum.compare.result import Departure, Tube
 from looping_pendulum.compare.words import events_to_show, mode_description
-from looping_pendulum.engines.trajectory import TrajectoryEvent
+from looping_pendulum.engines.landmarks import Landmarks
+from looping_pendulum.engines.trajectory import TrajectoryEvent, finite_length
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.effects import GRAVITY, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
@@ -156,7 +156,7 @@ def metrics(
     tube
         Result of `evaluate_tube`.
     comparable
-        Whether both runs are long enough to compare their halting times (`watching`).
+        Whether both runs are long enough to compare their halting times (`comparability`).
     """
     both_halt = comparable and own.halting_time is not None and expected.halting_time is not None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from looping_pendulum.compare import baseline, halts, paper_table
+from looping_pendulum.compare import baseline, halting_table, paper_table
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, RunProvenance, ToleranceOutcome, ToleranceResult
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 from looping_pendulum.compare.tolerances import LOWER_LIMIT_METRICS
@@ -68,7 +68,7 @@ def after_figures(result: ComparisonResult) -> list[str]:
         sections.append("## Against the paper's trial\n\n" + paper_table.render(result))
     return [
         *sections,
-        *halts.render(result),
+        *halting_table.render(result),
         "## Detail\n\n" + _detail(result),
         "## Who supplies the physics\n\n" + _supplies(result),
         "## Tolerances\n\n" + _tolerances(result),

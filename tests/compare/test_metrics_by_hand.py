@@ -10,7 +10,6 @@ import pytest
 
 from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import Aligned, align, sample_reference
-from looping_pendulum.compare.landmarks import run_landmarks
 from looping_pendulum.compare.metrics import (
     TUBE,
     acceleration_error,
@@ -22,8 +21,9 @@ from looping_pendulum.compare.metrics import (
     metrics,
     rms_until,
 )
-from looping_pendulum.compare.result import Departure, Landmarks, Rebound
+from looping_pendulum.compare.result import Departure
 from looping_pendulum.compare.tolerances import _passes, judge
+from looping_pendulum.engines.landmarks import Landmarks, Rebound, run_landmarks
 from looping_pendulum.engines.trajectory import TrajectoryEvent
 from looping_pendulum.reference_ode.parameters import Release
 from tests.compare.conftest import PARAMETERS

@@ -10,24 +10,13 @@ import pytest
 
 from looping_pendulum.compare import compare, report
 from looping_pendulum.compare.export import trajectory_csv, trajectory_files
-from looping_pendulum.compare.halts import render as render_halts
+from looping_pendulum.compare.halting_table import render as render_halts
 from looping_pendulum.compare.paper_table import events_table
 from looping_pendulum.compare.paper_table import render as render_paper
-from looping_pendulum.compare.result import (
-    Departure,
-    Extremum,
-    HaltingTimeAt,
-    InferredEntry,
-    Landmarks,
-    MeasuredRow,
-    Rebound,
-    Stop,
-    ToleranceOutcome,
-    ToleranceResult,
-    WallTime,
-)
-from looping_pendulum.compare.slides import RESOLUTIONS
+from looping_pendulum.compare.result import Departure, InferredEntry, MeasuredRow, ToleranceOutcome, ToleranceResult, WallTime
 from looping_pendulum.compare.tables import table as markdown
+from looping_pendulum.engines.landmarks import Extremum, HaltingTimeAt, Landmarks, Rebound, Stop
+from looping_pendulum.engines.string_motion import RESOLUTIONS
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.parameters import Release
 

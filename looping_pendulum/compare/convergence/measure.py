@@ -28,10 +28,11 @@ from looping_pendulum.compare.convergence.result import (
     ErrorSplit,
     RunSummary,
 )
-from looping_pendulum.compare.landmarks import SampledReference, run_landmarks
 from looping_pendulum.compare.metrics import END_TIME_TOLERANCE, rms_until
+from looping_pendulum.compare.reference_landmarks import SampledReference
 from looping_pendulum.compare.run_cache import EndedRun
 from looping_pendulum.compare.tables import number
+from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.studies import Ladder
