@@ -127,6 +127,14 @@ def _engine(
     own, expected = run_landmarks(run, scenario.parameters), sampled.landmarks_beside(aligned.run)
     not_comparable = why_not_comparable(aligned.run, own, sampled)
     tube = measure.evaluate_tube(aligned, reference)
+    compared = measure.ComparedRun(
+        aligned=aligned,
+        parameters=scenario.parameters,
+        landmarks=own,
+        reference_landmarks=expected,
+        tube=tube,
+        comparable=not not_comparable,
+    )
     departures = measure.departures(aligned, reference_run.events)
     provenance = _provenance(run.provenance)
     return EngineResult(
@@ -141,7 +149,7 @@ def _engine(
         samples=len(run.t),
         end_time=float(aligned.t[-1]) if len(aligned.t) else None,
         landmarks=own,
-        metrics=measure.metrics(aligned, scenario.parameters, own, expected, tube, comparable=not not_comparable),
+        metrics=measure.metrics(compared),
         not_comparable=not_comparable,
         tube=tube,
         departures=departures,

@@ -19,6 +19,7 @@ from looping_pendulum.engines.landmarks import Extremum, HaltingTimeAt, Landmark
 from looping_pendulum.engines.string_motion import RESOLUTIONS
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.scenarios import metrics
 
 OWN = Landmarks(
     halting_time=0.41234567,
@@ -315,7 +316,7 @@ def test_three_digits_of_a_thousandth(result, size, shown):
     assert own[2:5] + own[6:9] == [shown] * 3 + [f"+{shown}"] * 3
     detail = cells(report.render(all_alike), ME, "## Detail")[0]
     assert [detail[6], detail[9], detail[11], detail[12]] == [shown, f"+{shown}", f"+{shown}", shown]
-    for metric, (_, factor) in report.METRIC_DISPLAY_UNITS.items():
+    for metric, (_, factor) in ((name, known.shown_in) for name, known in metrics.METRICS.items()):
         told_ = report.limit_and_value(limit(GOOD, metric, 1e3 * size / factor, **{"limit": 1e3 * size / factor}))
         assert [one.split()[-2] for one in told_] == [shown, shown], metric
     text = rendered(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.2 + size)))
