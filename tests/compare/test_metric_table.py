@@ -42,7 +42,7 @@ def test_the_unit_in_which_it_is_shown_is_that_many_of_the_si_unit(metric):
 def test_a_scenario_may_limit_it_in_the_unit_in_which_it_is_shown(metric, scenario, reference, make_run):
     written = f"3 {metric.shown_in.name}" if metric.unit else f"{3 / metric.shown_in.per_si_unit}"
     text = f'{SCENARIO}tolerances: {{"pymunk:chain": {{quick: {{{metric.name}: {{limit: {written}, reason: test}}}}}}}}\n'
-    (tolerance,) = load_text(text).tolerances
+    (tolerance,) = load_text(text, "a").tolerances
     assert tolerance.limit == pytest.approx(3 / metric.shown_in.per_si_unit, rel=1e-12)
     judged = judge_tolerance(tolerance, compare(scenario, reference, [make_run()]).engines[0])
     limit, value = limit_and_value(judged)

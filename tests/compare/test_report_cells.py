@@ -336,8 +336,8 @@ def test_hundreds_of_thousandths(result):
     text = render_paper(dataclasses.replace(result, measured=rows))
     assert cells(text, "halting time")[0][3:] == ["0.70 (+600)", "0.7000 (+600)", "0.7000 (+600)"]
     assert cells(text, "RMS difference of the times")[0][3:] == ["600.0 (1 of 1)"] * 3
-    wide = dataclasses.replace(result.engines[0].tube, half_time=0.123456, half_width=0.654321, fraction=0.97654)
-    section = report.render(with_engine(result, tube=wide))
+    wide = dataclasses.replace(result.engines[0].tube, half_time=0.123456, half_width=0.654321)
+    section = report.render(with_engine(result, tube=wide, metrics=METRICS | {"tube_fraction": 0.97654}))
     assert "The half-widths of the tube are 123.456 ms and 654.321 mm" in section
     assert cells(section, ME, "## Detail")[0][1] == "97.7"
 
