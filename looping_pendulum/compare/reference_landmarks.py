@@ -41,11 +41,9 @@ def reference_event_times(events: Iterable[TrajectoryEvent]) -> EventTimes:
     for event in events:
         named.setdefault(event.name, []).append(event.time)
     at_rest = named.get("stop", []) + named.get("stick", []) + named.get("halt", [])
-    stops = _without_repetitions(
-        [time for time in at_rest if time > 0]
-    )  # A string that sticks from the release on has not stopped.
     return EventTimes(
-        stops=tuple(stops),
+        # A string that sticks from the release on has not stopped.
+        stops=tuple(_without_repetitions([time for time in at_rest if time > 0])),
         slip_onsets=tuple(_without_repetitions(named.get("slip_onset", []))),
         halting_time=named["halt"][0] if "halt" in named else None,
         light_reaches_rod=named["light_reaches_rod"][0] if "light_reaches_rod" in named else None,
