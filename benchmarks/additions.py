@@ -17,16 +17,17 @@ from typing import Any
 from benchmarks.engine_range import rounded
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.export import write_atomically
-from looping_pendulum.compare.metrics import RMS_END_TIMES, rms_until
+from looping_pendulum.compare.metrics import rms_until
 from looping_pendulum.engines.additions import FILE
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.scenarios import load
+from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 
 PACKAGE_DATA = Path(str(files("looping_pendulum.engines"))) / FILE
 SCENARIO, DURATION = "ten_to_one", 0.7
-METRICS = ("rms_0.35s", "rms_0.7s")
+RMS_METRICS = ("rms_0.35s", "rms_0.7s")
 
 Without = Callable[[Any], Engine]
 """Function of an engine variant that returns the variant without the addition."""
@@ -73,7 +74,7 @@ def measure(name: str, report: Callable[[str], None]) -> list[dict[str, Any]]:
     def rms_errors(engine: Engine) -> list[float] | None:
         run = engine.simulate(scenario)
         aligned = align(run, reference)
-        errors = [rms_until(aligned, RMS_END_TIMES[metric]) for metric in METRICS]
+        errors = [rms_until(aligned, RMS_END_TIMES[metric]) for metric in RMS_METRICS]
         return None if not run.status.ok or None in errors else [float(x) for x in errors if x is not None]
 
     (engine,) = select([name], Profile.QUICK)

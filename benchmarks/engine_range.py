@@ -31,8 +31,9 @@ from looping_pendulum.engines.protocol import STATIC_FRICTION, Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label, select
 from looping_pendulum.engines.trajectory import Trajectory
-from looping_pendulum.engines.validated import FILE, QUANTITIES, Spread, ValidatedRange, to_plain
+from looping_pendulum.engines.validated import FILE, QUANTITIES, VALIDATED_METRICS, Spread, ValidatedRange, to_plain
 from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from looping_pendulum.scenarios.scenario import Scenario
 
 DATA = Path(__file__).parents[1] / "docs" / "data" / "engine_range.json"
@@ -43,7 +44,6 @@ SCENARIOS = 48
 """Enough that nine tenths of them are 43; every eighth is a vertical release, every sixth has static above kinetic friction."""
 DURATION = 0.7
 """Simulated time of each run [s]; a vertical release is cut earlier, before the light mass meets the rod."""
-RMS_END_TIMES = {"rms_0.35s": 0.35, "rms_0.7s": 0.7}
 MAIN = ("mujoco:documented", "mujoco:capstan", "mujoco:beads", "pymunk:chain", "pybullet:chain")
 CHEAP = ("mujoco:effective_mass", "mujoco:drum")
 """Other variants, measured because their runs cost next to nothing."""
@@ -112,8 +112,9 @@ def row(run: Trajectory, scenario: Scenario, reference: Reference) -> dict[str, 
         "status": run.status.name,
         "end_time": float(run.t[-1]) if len(run.t) else None,
         **{
-            name: _rms(aligned.distance, known & (aligned.t <= end_time + END_TIME_TOLERANCE))
-            for name, end_time in RMS_END_TIMES.items()
+            name: _rms(aligned.distance, known & (aligned.t <= RMS_END_TIMES[name] + END_TIME_TOLERANCE))
+            for name in VALIDATED_METRICS
+            if name in RMS_END_TIMES
         },
         "heavy_position": float(heavy.max()) if len(heavy) else None,
         "halting_time_error": result.metrics["halting_time_error"],
@@ -182,7 +183,7 @@ def validated(profile: str, rows: list[dict[str, Any]], sample: dict[str, Parame
         values = [value for p in inside if (value := quantity.of(p)) is not None]
         if values:
             bounds[quantity.name] = (min(values), max(values))
-    errors = {name: spread([r[name] for r in ended]) for name in (*RMS_END_TIMES, "halting_time_error")}
+    errors = {name: spread([r[name] for r in ended]) for name in VALIDATED_METRICS}
     return ValidatedRange(
         profile=profile,
         scenarios=len(rows),

@@ -64,14 +64,14 @@ def scenario(scenario: Scenario) -> str:
     import yaml
 
     from looping_pendulum.scenarios import loader
-    from looping_pendulum.scenarios.scenario import METRICS
+    from looping_pendulum.scenarios.metrics import METRICS
     from looping_pendulum.scenarios.units import show
 
     tree = yaml.safe_load(loader.dump(scenario))
     numbers = {key: value for key, value in tree.items() if key not in NOT_NUMBERS}
     parts = [table(["key", "value"], _leaves(numbers))]
     if scenario.tolerances:
-        rows = [[t.engine, t.profile, t.metric, show(t.limit, METRICS[t.metric]), t.reason] for t in scenario.tolerances]
+        rows = [[t.engine, t.profile, t.metric, show(t.limit, METRICS[t.metric].unit), t.reason] for t in scenario.tolerances]
         parts.append(table(["engine", "profile", "metric", "limit", "why this much"], rows))
     return notebook_html(f"{scenario.name}: {scenario.title}", scenario.description, *parts)
 

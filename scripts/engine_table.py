@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from looping_pendulum.pages.numbers import amount, quantity
+from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 
 FOLDER = Path(__file__).parents[1] / "docs" / "data" / "ten_to_one"
 BEGIN, END = "<!-- table of engines: python -m scripts.docs_numbers -->", "<!-- end of the table -->"
@@ -27,7 +28,6 @@ ROWS = {
     "pybullet:chain": ("PyBullet, link chain over a sphere", ("quick", "accurate")),
 }
 """Variant -> its name in the table, and the profiles for which the table has a row."""
-RMS_METRICS = ("rms_0.35s", "rms_0.7s", "rms_1.0s")
 MICROMETRE_LIMIT = 1e-6
 """Distance below which a row is given in micrometres [m]."""
 PROFILES = ("quick", "accurate")
@@ -75,8 +75,8 @@ def table() -> str:
 
 def _row(title: str, profile: str, engine: dict[str, Any]) -> str:
     m = engine["metrics"]
-    scale, unit = (1e3, "mm") if max(m[metric] or 0.0 for metric in RMS_METRICS) >= MICROMETRE_LIMIT else (1e6, "µm")
-    path = " / ".join(amount(m[metric], scale) for metric in RMS_METRICS)
+    scale, unit = (1e3, "mm") if max(m[metric] or 0.0 for metric in RMS_END_TIMES) >= MICROMETRE_LIMIT else (1e6, "µm")
+    path = " / ".join(amount(m[metric], scale) for metric in RMS_END_TIMES)
     error = m["halting_time_error"]
     halt = "never halts" if error is None else quantity(abs(error), "s")
     then = quantity(m.get("rebound"), "m")

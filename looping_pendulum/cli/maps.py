@@ -105,7 +105,6 @@ def map_(
 
     looping-pendulum map quick --out report/quick-map
     """
-    from looping_pendulum.compare.landmarks import run_landmarks
     from looping_pendulum.engines.memory import parse_memory
     from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.sweep import executors, map_file, report, runner
@@ -134,7 +133,6 @@ def map_(
             figures=figures,
             time_limit=time_limit,
             memory_limit=memory_bytes,
-            read_landmarks=run_landmarks,
             progress=_run_counter(bars),
         )
     if outcome.interrupted:

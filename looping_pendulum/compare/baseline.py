@@ -15,10 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from looping_pendulum.compare.json_text import dump
-from looping_pendulum.compare.result import ComparisonResult, EngineResult, Landmarks, RunProvenance
+from looping_pendulum.compare.result import ComparisonResult, EngineResult, RunProvenance
 from looping_pendulum.compare.tables import GAP, number, table
+from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.errors import ResultError
-from looping_pendulum.scenarios.scenario import METRICS
+from looping_pendulum.pages.numbers import DISPLAY_UNITS, DisplayUnit
+from looping_pendulum.scenarios.metrics import metric_called
 
 SCHEMA_ID = "looping-pendulum/changes"
 SCHEMA_VERSION = 1
@@ -41,8 +43,6 @@ LANDMARK_UNITS = {
     "free_length_at_halt": "m",
     "light_reaches_rod": "s",
 }
-DISPLAY_UNITS = {"m": ("mm", 1e3), "s": ("ms", 1e3), "rad": ("mrad", 1e3)}
-"""SI unit -> the unit in which reports show it, and the number of such units in one SI unit."""
 
 MAX_BASELINE_BYTES = 64 * 1024 * 1024
 """Largest size of a baseline file [bytes]; the result of a dozen engines has 0.2 MiB."""
@@ -185,7 +185,7 @@ def _runs(before: ComparisonResult, after: ComparisonResult, relative: float) ->
 def _run(run: str, old: EngineResult, new: EngineResult, relative: float) -> Iterator[ResultChange]:
     yield from _differences(ChangeKind.STATUS, run, {"status": old.status}, {"status": new.status})
     for name in (name for name in new.metrics if name in old.metrics):  # one that only one version knows cannot be compared
-        unit = METRICS.get(name, "")
+        unit = metric_called(name).unit
         was, now = old.metrics[name], new.metrics[name]
         if _has_changed(was, now, max(MIN_METRIC_CHANGES[unit], relative * abs(was or 0.0))):
             yield ResultChange(kind=ChangeKind.METRIC, run=run, what=name, unit=unit, before=was, after=now)
@@ -200,7 +200,7 @@ def _tolerances(run: str, before: ComparisonResult, after: ComparisonResult, eng
     for metric in (metric for metric in judged[1] if metric in judged[0]):
         limits = [known[metric].limit for known in judged]
         if limits[0] != limits[1]:  # exact: limits are read, not computed
-            unit = METRICS.get(metric, "")
+            unit = metric_called(metric).unit
             yield ResultChange(
                 kind=ChangeKind.TOLERANCE, run=run, what=f"limit of {metric}", unit=unit, before=limits[0], after=limits[1]
             )
@@ -302,7 +302,7 @@ def _cell(value: Any, unit: str) -> str:
         return GAP
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return str(value)
-    shown, scale = DISPLAY_UNITS.get(unit, (unit, 1.0))
+    shown, scale = DISPLAY_UNITS.get(unit, DisplayUnit(unit, 1.0))
     return f"{number(value, scale, digits=6)} {shown}".rstrip()
 
 

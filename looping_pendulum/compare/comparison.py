@@ -11,21 +11,15 @@ import numpy as np
 
 from looping_pendulum.compare import metrics as measure
 from looping_pendulum.compare.align import Aligned, Reference, align
+from looping_pendulum.compare.comparability import why_not_comparable
 from looping_pendulum.compare.event_quantities import event_value
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.compare.landmarks import (
-    SampledReference,
-    finite_length,
-    first_samples,
-    reference_landmarks,
-    run_landmarks,
-)
+from looping_pendulum.compare.reference_landmarks import SampledReference, reference_landmarks
 from looping_pendulum.compare.result import (
     Clock,
     ComparisonResult,
     EngineResult,
     InferredEntry,
-    Landmarks,
     MeasuredRow,
     ReferenceResult,
     ResultSamples,
@@ -35,9 +29,9 @@ from looping_pendulum.compare.result import (
 )
 from looping_pendulum.compare.stories import missing_physics, story
 from looping_pendulum.compare.tolerances import NOT_RUN_STATUSES, judge
-from looping_pendulum.compare.watching import why_not_comparable
+from looping_pendulum.engines.landmarks import Landmarks, run_landmarks
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
-from looping_pendulum.engines.trajectory import Provenance, Trajectory, supplies_as_rows
+from looping_pendulum.engines.trajectory import Provenance, Trajectory, finite_length, first_samples, supplies_as_rows
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -133,6 +127,14 @@ def _engine(
     own, expected = run_landmarks(run, scenario.parameters), sampled.landmarks_beside(aligned.run)
     not_comparable = why_not_comparable(aligned.run, own, sampled)
     tube = measure.evaluate_tube(aligned, reference)
+    compared = measure.ComparedRun(
+        aligned=aligned,
+        parameters=scenario.parameters,
+        landmarks=own,
+        reference_landmarks=expected,
+        tube=tube,
+        comparable=not not_comparable,
+    )
     departures = measure.departures(aligned, reference_run.events)
     provenance = _provenance(run.provenance)
     return EngineResult(
@@ -147,7 +149,7 @@ def _engine(
         samples=len(run.t),
         end_time=float(aligned.t[-1]) if len(aligned.t) else None,
         landmarks=own,
-        metrics=measure.metrics(aligned, scenario.parameters, own, expected, tube, comparable=not not_comparable),
+        metrics=measure.metrics(compared),
         not_comparable=not_comparable,
         tube=tube,
         departures=departures,

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from looping_pendulum.compare.result import Landmarks
+from looping_pendulum.engines.landmarks import Landmarks
 
 ReadQuantity = Callable[[Landmarks, int], float | None]
 """Function of a run's landmarks and an index from 1 that returns the value [SI], or None where the run has none."""

@@ -1,23 +1,22 @@
-"""Metrics of how far an engine's run is from the reference. Their names are those of `scenarios.scenario.METRICS`."""
+"""Computes how far an engine's run is from the reference; `scenarios.metrics.METRICS` lists the metrics."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from looping_pendulum.compare.align import Aligned, Reference, sample_reference
-from looping_pendulum.compare.landmarks import finite_length
-from looping_pendulum.compare.result import Departure, Landmarks, Tube
+from looping_pendulum.compare.result import Departure, Tube
 from looping_pendulum.compare.words import events_to_show, mode_description
-from looping_pendulum.engines.trajectory import TrajectoryEvent
+from looping_pendulum.engines.landmarks import Landmarks
+from looping_pendulum.engines.trajectory import TrajectoryEvent, finite_length
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.effects import GRAVITY, EffectKind
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-
-RMS_END_TIMES = {"rms_0.35s": 0.35, "rms_0.7s": 0.7, "rms_1.0s": 1.0}
-"""Metric name -> time [s] up to which the deviation is averaged: the fall, the first loops, nearly all of a trial."""
+from looping_pendulum.scenarios.metrics import METRICS
 
 TUBE = (5e-3, 5e-3)
 """Half-widths of the tube in time [s] and distance [m]: half of the last digit that the paper prints of each."""
@@ -144,41 +143,64 @@ def acceleration_error(aligned: Aligned, parameters: Parameters) -> float | None
     return None if fitted is None or not exact else fitted / exact - 1
 
 
-def metrics(
-    aligned: Aligned, parameters: Parameters, own: Landmarks, expected: Landmarks, tube: Tube, *, comparable: bool = True
-) -> dict[str, float | None]:
-    """Return every metric of one run, SI; None where it is not defined.
+@dataclass(frozen=True, kw_only=True)
+class ComparedRun:
+    """One engine's run beside the reference: all from which its metrics are computed."""
 
-    Parameters
-    ----------
-    own, expected
-        Landmarks of the run's samples and of the reference's, found by the same detector.
-    tube
-        Result of `evaluate_tube`.
-    comparable
-        Whether both runs are long enough to compare their halting times (`watching`).
-    """
-    both_halt = comparable and own.halting_time is not None and expected.halting_time is not None
+    aligned: Aligned
+    parameters: Parameters
+    landmarks: Landmarks
+    """Landmarks of the run's samples."""
+    reference_landmarks: Landmarks
+    """Landmarks of the reference's samples, found by the same detector."""
+    tube: Tube
+    """Result of `evaluate_tube`."""
+    comparable: bool = True
+    """Whether both runs are long enough to compare their halting times (`comparability`)."""
 
-    def at_halt(name: str) -> float | None:
-        return _difference(getattr(own, name), getattr(expected, name)) if both_halt else None
+    def rms_until(self, end_time: float) -> float | None:
+        """Return the root mean square of the light mass's deviation up to ``end_time`` [m]; see `rms_until`."""
+        return rms_until(self.aligned, end_time)
 
-    samples = finite_length(aligned.run)
-    stretch = aligned.run.string_stretch[:samples]
-    known = stretch[np.isfinite(stretch)]
-    return {
-        **{name: rms_until(aligned, end_time) for name, end_time in RMS_END_TIMES.items()},
-        "rms_halt": rms_until(aligned, expected.halting_time),
-        "halting_time_error": at_halt("halting_time"),
-        "rebound": None if own.rebound is None else own.rebound.travel,
-        "drop_error": at_halt("drop_at_halt"),
-        "wrap_angle_error": at_halt("wrap_angle_at_halt"),
-        "free_length_error": at_halt("free_length_at_halt"),
-        "string_stretch": float(np.abs(known).max()) if len(known) else None,
-        "acceleration_error": acceleration_error(aligned, parameters),
-        "tube_fraction": tube.fraction,
-        "simulated_time": float(aligned.run.t[samples - 1]) if samples else None,
-    }
+    @property
+    def rms_until_halt(self) -> float | None:
+        """Root mean square of the light mass's deviation up to the reference's halt [m]."""
+        return rms_until(self.aligned, self.reference_landmarks.halting_time)
+
+    def error_at_halt(self, landmark: str) -> float | None:
+        """Return a landmark of the halt less the reference's; None unless both halt and their halts are comparable."""
+        both_halt = self.landmarks.halting_time is not None and self.reference_landmarks.halting_time is not None
+        if not (self.comparable and both_halt):
+            return None
+        return _difference(getattr(self.landmarks, landmark), getattr(self.reference_landmarks, landmark))
+
+    @property
+    def rebound(self) -> float | None:
+        """Distance between the string's extreme positions after its first rest [m]."""
+        return None if self.landmarks.rebound is None else self.landmarks.rebound.travel
+
+    @property
+    def string_stretch(self) -> float | None:
+        """Largest magnitude of the stretch in the samples that are finite [m]."""
+        stretch = self.aligned.run.string_stretch[: finite_length(self.aligned.run)]
+        known = stretch[np.isfinite(stretch)]
+        return float(np.abs(known).max()) if len(known) else None
+
+    @property
+    def acceleration_error(self) -> float | None:
+        """Relative error of the heavy mass's acceleration in a vertical release; see `acceleration_error`."""
+        return acceleration_error(self.aligned, self.parameters)
+
+    @property
+    def simulated_time(self) -> float | None:
+        """Time of the last finite sample [s]."""
+        samples = finite_length(self.aligned.run)
+        return float(self.aligned.run.t[samples - 1]) if samples else None
+
+
+def metrics(run: ComparedRun) -> dict[str, float | None]:
+    """Return every metric of one run, SI; None where it is not defined."""
+    return {name: metric.value(run) for name, metric in METRICS.items()}
 
 
 def _difference(own: float | None, expected: float | None) -> float | None:

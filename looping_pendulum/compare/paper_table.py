@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES
-from looping_pendulum.compare.result import ComparisonResult, Extremum, MeasuredRow
+from looping_pendulum.compare.result import ComparisonResult, MeasuredRow
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
+from looping_pendulum.engines.landmarks import Extremum
 
 DECIMALS = {"s": 4, "m": 4, "rad": 3}
 

@@ -5,30 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from looping_pendulum.compare import baseline, halts, paper_table
+from looping_pendulum.compare import baseline, halting_table, paper_table
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, RunProvenance, ToleranceOutcome, ToleranceResult
-from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
-from looping_pendulum.compare.tolerances import LOWER_LIMIT_METRICS
+from looping_pendulum.compare.tables import GAP, fixed, number, table
 from looping_pendulum.compare.words import events_to_show
 from looping_pendulum.pages.glossary import glossary
-
-METRIC_DISPLAY_UNITS: dict[str, tuple[str, float]] = {
-    "rms_0.35s": ("mm", 1e3),
-    "rms_0.7s": ("mm", 1e3),
-    "rms_1.0s": ("mm", 1e3),
-    "rms_halt": ("mm", 1e3),
-    "halting_time_error": ("ms", 1e3),
-    "rebound": ("mm", 1e3),
-    "drop_error": ("mm", 1e3),
-    "wrap_angle_error": ("mrad", 1e3),
-    "free_length_error": ("mm", 1e3),
-    "string_stretch": ("mm", 1e3),
-    "acceleration_error": ("%", 1e2),
-    "tube_fraction": ("%", 1e2),
-    "simulated_time": ("s", 1.0),
-}
-"""Metric -> the unit in which reports show it, and the number of such units in one SI unit."""
-
+from looping_pendulum.scenarios.metrics import METRICS, RMS_END_TIMES, metric_called
 
 FAILING_PREFIXES = ("no:", "no (")
 """Beginnings of the table cells that say that an engine is outside tolerance; the report shows them in bold."""
@@ -68,7 +50,7 @@ def after_figures(result: ComparisonResult) -> list[str]:
         sections.append("## Against the paper's trial\n\n" + paper_table.render(result))
     return [
         *sections,
-        *halts.render(result),
+        *halting_table.render(result),
         "## Detail\n\n" + _detail(result),
         "## Who supplies the physics\n\n" + _supplies(result),
         "## Tolerances\n\n" + _tolerances(result),
@@ -85,19 +67,24 @@ def name(engine: EngineResult) -> str:
 def verdict_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
     """Return header and rows of the verdict table as plain text, the reference first, for Markdown and for a terminal."""
     vertical = any(e.metrics.get("acceleration_error") is not None for e in result.engines)
-    head = ["engine", "within tolerance?", "RMS to 0.35 s [mm]", "to 0.7 s [mm]", "to 1.0 s [mm]", "halting time [s]"]
-    head += ["halting error [ms]", "drop error [mm]", *(["acceleration error [%]"] if vertical else []), "wall time [s per s]"]
+    errors = ["drop_error", *(["acceleration_error"] if vertical else [])]
+    first, *others = (METRICS[metric].column for metric in RMS_END_TIMES)
+    head = ["engine", "within tolerance?", first, *(column.removeprefix("RMS ") for column in others), "halting time [s]"]
+    head += [*(METRICS[metric].column for metric in ("halting_time_error", *errors)), "wall time [s per s]"]
     reference = result.reference.sampled
     blank = [GAP] * (3 + vertical)
     rows = [["reference", GAP, *blank[:3], fixed(reference.halting_time, 4), GAP, GAP, *blank[3:], GAP]]
     for engine, wall in zip(result.engines, result.clock.wall_times, strict=True):
-        m, halt = engine.metrics, engine.landmarks.halting_time
-        cells = [number(m[k], 1e3) for k in ("rms_0.35s", "rms_0.7s", "rms_1.0s")]
-        late = "not comparable" if engine.not_comparable else signed(m["halting_time_error"], 1e3)
-        cells += [fixed(halt, 4), late, signed(m["drop_error"], 1e3)]
-        cells += [signed(m["acceleration_error"], 1e2)] if vertical else []
+        cells = [*(metric_cell(engine, metric) for metric in RMS_END_TIMES), fixed(engine.landmarks.halting_time, 4)]
+        cells += ["not comparable" if engine.not_comparable else metric_cell(engine, "halting_time_error")]
+        cells += [metric_cell(engine, metric) for metric in errors]
         rows.append([name(engine), _within(result, engine), *cells, number(wall.per_simulated_second, digits=2)])
     return head, rows
+
+
+def metric_cell(engine: EngineResult, metric: str) -> str:
+    """Return the value of ``engine``'s metric as a table shows it."""
+    return METRICS[metric].cell(engine.metrics[metric])
 
 
 def _verdict(result: ComparisonResult) -> str:
@@ -168,20 +155,22 @@ def _figures(figures: Mapping[str, str]) -> str:
 
 
 def _detail(result: ComparisonResult) -> str:
-    head = ["engine", "in tube [%]", "leaves tube [s]", "beyond 1 mm at [s]", "beyond 10 mm at [s]", "growth rate [1/s]"]
-    head += ["RMS to halt [mm]", "drop at halt [m]", "wrap angle at halt [rad]", "error [mrad]"]
-    head += ["free length at halt [m]", "error [mm]", "stretch [mm]"]
+    head = ["engine", METRICS["tube_fraction"].column, "leaves tube [s]", "beyond 1 mm at [s]", "beyond 10 mm at [s]"]
+    head += ["growth rate [1/s]", METRICS["rms_halt"].column, "drop at halt [m]"]
+    head += ["wrap angle at halt [rad]", f"error [{METRICS['wrap_angle_error'].shown_in.name}]"]
+    head += ["free length at halt [m]", f"error [{METRICS['free_length_error'].shown_in.name}]"]
+    head += [METRICS["string_stretch"].column]
     reference = result.reference.sampled
     first = ["reference", *[GAP] * 6, fixed(reference.drop_at_halt, 4), fixed(reference.wrap_angle_at_halt, 4), GAP]
     rows = [[*first, fixed(reference.free_length_at_halt, 4), GAP, GAP]]
     for e in result.engines:
         crossings = {d.threshold: d.time for d in e.departures}
-        row = [name(e), number(e.tube.fraction, 100), fixed(e.tube.first_exit, 3)]
+        row = [name(e), metric_cell(e, "tube_fraction"), fixed(e.tube.first_exit, 3)]
         row += [fixed(crossings.get(threshold), 3) for threshold in (1e-3, 1e-2)]
-        row += [number(e.growth_rate, digits=2), number(e.metrics["rms_halt"], 1e3), fixed(e.landmarks.drop_at_halt, 4)]
-        row += [fixed(e.landmarks.wrap_angle_at_halt, 4), signed(e.metrics["wrap_angle_error"], 1e3)]
-        row += [fixed(e.landmarks.free_length_at_halt, 4), signed(e.metrics["free_length_error"], 1e3)]
-        rows.append([*row, number(e.metrics["string_stretch"], 1e3)])
+        row += [number(e.growth_rate, digits=2), metric_cell(e, "rms_halt"), fixed(e.landmarks.drop_at_halt, 4)]
+        row += [fixed(e.landmarks.wrap_angle_at_halt, 4), metric_cell(e, "wrap_angle_error")]
+        row += [fixed(e.landmarks.free_length_at_halt, 4), metric_cell(e, "free_length_error")]
+        rows.append([*row, metric_cell(e, "string_stretch")])
     width = next((f"{e.tube.half_time * 1e3:g} ms and {e.tube.half_width * 1e3:g} mm" for e in result.engines), "")
     text = f"The half-widths of the tube are {width}.\n\n{table(head, rows)}" if width else "No engine was run.\n"
     return text + "\n" + paper_table.events_table(result)
@@ -211,9 +200,8 @@ def _tolerances(result: ComparisonResult) -> str:
 
 def limit_and_value(t: ToleranceResult) -> tuple[str, str]:
     """Return limit and value with their unit, for example ("at most 0.6 mm", "0.41 mm")."""
-    unit, scale = METRIC_DISPLAY_UNITS.get(t.metric, ("SI", 1.0))
-    limit = f"{'at least' if t.metric in LOWER_LIMIT_METRICS else 'at most'} {number(t.limit, scale)} {unit}"
-    return limit, GAP if t.value is None else f"{number(t.value, scale)} {unit}"
+    metric = metric_called(t.metric)
+    return f"{metric.limit_words} {metric.quantity(t.limit)}", metric.quantity(t.value)
 
 
 def _tolerance_row(t: ToleranceResult) -> list[str]:

@@ -1,10 +1,11 @@
 """Result of a comparison: frozen, free of NaN (a missing number is None), and the same JSON for the same input.
 
-`result.json` is this tree of dataclasses, one JSON object per dataclass and one key per field, in the order below; the text
-under a field is its documentation. Units are SI and radians throughout. One key is added, ``schema``, the first: it holds
-`SCHEMA_ID` and `SCHEMA_VERSION`. One is left out: `ComparisonResult.samples`, the trajectories, are written as CSV instead.
-Everything that differs between two runs of the same input (times of day, wall times) is in the last block, ``clock``.
-A reader must refuse another id and a higher version; a version grows when a key changes its name or meaning or goes away.
+`result.json` is this tree of dataclasses (`Landmarks` is defined in `engines.landmarks`), one JSON object per dataclass and one
+key per field, in the order of the fields; the text under a field is its documentation. Units are SI and radians throughout. One
+key is added, ``schema``, the first: it holds `SCHEMA_ID` and `SCHEMA_VERSION`. One is left out: `ComparisonResult.samples`, the
+trajectories, are written as CSV instead. Everything that differs between two runs of the same input (times of day, wall times)
+is in the last block, ``clock``. A reader must refuse another id and a higher version; a version grows when a key changes its
+name or meaning or goes away.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 from looping_pendulum.compare.json_text import dump, load
+from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.pages.notebook import ShownInNotebook
 
 if TYPE_CHECKING:
@@ -22,81 +24,6 @@ if TYPE_CHECKING:
 
 SCHEMA_ID = "looping-pendulum/comparison"
 SCHEMA_VERSION = 3
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stop:
-    """An instant at which the heavy mass's speed is zero."""
-
-    time: float
-    """[s]"""
-    height_change: float
-    """Height of the heavy mass less its height at release [m]; negative below."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Extremum:
-    """An extremum of a coordinate."""
-
-    time: float
-    """[s]"""
-    value: float
-    """[m]"""
-
-
-@dataclass(frozen=True, kw_only=True)
-class HaltingTimeAt:
-    """The halting time that the detector finds with one resolution."""
-
-    resolution: float
-    """Largest motion of the string that does not count as sliding [m]."""
-    time: float | None
-    """[s]; None if the string slid by more until the end of the run."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rebound:
-    """Motion of the string after its first rest, from which on it stays within `slides.FIRST_REST_RESOLUTION`."""
-
-    travel: float
-    """Distance between the extreme positions [m]."""
-    speed: float
-    """Largest mean speed over one sample interval [m/s]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Landmarks:
-    """Landmarks of one run: times of events, and the state of the apparatus at the halt."""
-
-    stops: tuple[Stop, ...] = ()
-    """Stops of the string: it turns, or comes to rest."""
-    slip_onsets: tuple[float, ...] = ()
-    """Times at which a string at rest began to slide again [s]."""
-    halting_time: float | None = None
-    """Time at which the string stops sliding for good: until the light mass reaches the rod, or the run ends [s].
-
-    Read from samples with the resolution `slides.RESOLUTION`; the reference's own events give it to rounding.
-    """
-    halting_confirmed: bool = False
-    """Whether that rest lasted until the light mass reached the rod; if not, the run was cut during the rest."""
-    halting_times: tuple[HaltingTimeAt, ...] = ()
-    """Halting times with several resolutions, the finest first; empty for landmarks that come from exact events."""
-    halting_time_uncertainty: float | None = None
-    """How far the halting time moves [s] if `slides.RESOLUTION` is a quarter larger or smaller; None: no halt then."""
-    rebound: Rebound | None = None
-    """Motion after the first rest; None where the string never comes to rest."""
-    drop_at_halt: float | None = None
-    """How far the heavy mass is below its height at release, at the halt [m]."""
-    wrap_angle_at_halt: float | None = None
-    """Wrap angle at the halt [rad]."""
-    free_length_at_halt: float | None = None
-    """Free length at the halt [m]."""
-    light_reaches_rod: float | None = None
-    """Time at which the light mass reaches the rod [s]; an engine's run ends a little early, at a small free length."""
-    x1_extrema: tuple[Extremum, ...] = ()
-    """Extrema of the light mass's x."""
-    y1_extrema: tuple[Extremum, ...] = ()
-    """Extrema of the light mass's y."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,10 +5,11 @@ The sentences use only the numbers of the result and the record of who supplies 
 
 from __future__ import annotations
 
-from looping_pendulum.compare.result import Departure, Landmarks, SupplyEntry
-from looping_pendulum.compare.slides import RESOLUTION
+from looping_pendulum.compare.result import Departure, SupplyEntry
 from looping_pendulum.compare.words import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS
+from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.engines.protocol import STATIC_FRICTION, physics_of
+from looping_pendulum.engines.string_motion import RESOLUTION
 from looping_pendulum.engines.trajectory import RunStatus, Supplier, Trajectory
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Parameters, Release

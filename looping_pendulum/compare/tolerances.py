@@ -6,10 +6,8 @@ from collections.abc import Iterable
 
 from looping_pendulum.compare.result import EngineResult, ToleranceOutcome, ToleranceResult
 from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.scenario import Tolerance
-
-LOWER_LIMIT_METRICS = frozenset({"tube_fraction", "simulated_time"})
-"""Metrics whose limit is the smallest value allowed; of all others the magnitude must be at most the limit."""
 
 NOT_RUN_STATUSES = frozenset({RunStatus.MISSING, RunStatus.UNSUPPORTED, RunStatus.INTERRUPTED})
 """Statuses of a run that was not made or not finished for reasons outside the engine: its tolerances neither pass nor fail."""
@@ -44,7 +42,7 @@ def judge_tolerance(tolerance: Tolerance, run: EngineResult) -> ToleranceResult:
 def _outcome(tolerance: Tolerance, run: EngineResult, value: float | None) -> tuple[ToleranceOutcome, str]:
     if value is None and not run.available:
         return ToleranceOutcome.NOT_RUN, run.status_sentence
-    passes = value is not None and _passes(tolerance, value)
+    passes = value is not None and METRICS[tolerance.metric].is_within(value, tolerance.limit)
     if tolerance.expected_failure:
         if passes:
             return ToleranceOutcome.UNEXPECTED_PASS, "passes although a failure is expected; correct the scenario"
@@ -52,10 +50,6 @@ def _outcome(tolerance: Tolerance, run: EngineResult, value: float | None) -> tu
     if passes:
         return ToleranceOutcome.PASSED, ""
     return ToleranceOutcome.FAILED, "" if value is not None else _why_no_value(run)
-
-
-def _passes(tolerance: Tolerance, value: float) -> bool:
-    return value >= tolerance.limit if tolerance.metric in LOWER_LIMIT_METRICS else abs(value) <= tolerance.limit
 
 
 def _why_no_value(run: EngineResult) -> str:

@@ -7,24 +7,18 @@ from collections.abc import Sequence
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.registry import label
 from looping_pendulum.engines.trajectory import supplies_as_rows
-from looping_pendulum.engines.validated import QUANTITIES, Spread, ValidatedQuantity
+from looping_pendulum.engines.validated import QUANTITIES, VALIDATED_METRICS, Spread, ValidatedQuantity
 from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.scenarios import loader
+from looping_pendulum.scenarios.metrics import METRICS, Metric
 
 COMMAND = "looping-pendulum engines --support --markdown > docs/support.md"
 """Command that writes the page docs/support.md."""
 
 YES = "yes"
 """Cell of a scenario that a variant represents completely."""
-
-ERRORS = {
-    "rms_0.35s": "RMS to 0.35 s [mm]",
-    "rms_0.7s": "RMS to 0.7 s [mm]",
-    "halting_time_error": "halting time [ms]",
-}
-"""Key of `ValidatedRange.errors` -> column header; its cells are median / 90 % / worst."""
 
 Table = tuple[list[str], list[list[str]]]
 """Header and rows."""
@@ -91,20 +85,21 @@ def accuracy_tables(engines: Sequence[Engine]) -> list[Table]:
     ranges: list[list[str]] = []
     for name, validated in labelled_ranges:
         ended_properly = f"{validated.scenarios - validated.failed} of {validated.scenarios}"
-        errors.append([name, validated.profile, ended_properly, *(_spread_cell(validated.errors.get(key)) for key in ERRORS)])
+        cells = [_spread_cell(METRICS[metric], validated.errors.get(metric)) for metric in VALIDATED_METRICS]
+        errors.append([name, validated.profile, ended_properly, *cells])
         ranges.append([name, validated.profile, *(_range_cell(q, validated.bounds.get(q.name)) for q in QUANTITIES)])
     headers = [f"{q.name} [{q.unit}]" if q.unit else q.name for q in QUANTITIES]
     return [
-        (["variant", "profile", "ended properly", *ERRORS.values()], errors),
+        (["variant", "profile", "ended properly", *(METRICS[metric].column for metric in VALIDATED_METRICS)], errors),
         (["variant", "profile", *headers], ranges),
     ]
 
 
-def _spread_cell(spread: Spread | None) -> str:
-    """Return median, 90 % and worst, in thousandths of the SI unit (mm or ms)."""
+def _spread_cell(metric: Metric, spread: Spread | None) -> str:
+    """Return median, 90 % and worst in the unit in which ``metric`` is shown."""
     if spread is None:
         return "-"
-    return " / ".join(amount(value, 1e3) for value in (spread.median, spread.ninety, spread.worst))
+    return " / ".join(amount(value, metric.shown_in.per_si_unit) for value in (spread.median, spread.ninety, spread.worst))
 
 
 def _range_cell(quantity: ValidatedQuantity, bounds: tuple[float, float] | None) -> str:

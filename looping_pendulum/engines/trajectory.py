@@ -243,3 +243,22 @@ def supplies_as_rows(supplies: Supplies) -> list[tuple[str, str, str]]:
     return [
         (f.name.replace("_", " "), s.by.value, s.how) for f in dataclasses.fields(supplies) if (s := getattr(supplies, f.name))
     ]
+
+
+def finite_length(run: Trajectory) -> int:
+    """Return the number of samples before the first that is not finite."""
+    if len(run.t) == 0:
+        return 0
+    columns = (run.light_position, run.heavy_position, run.heavy_velocity)
+    bad = ~np.isfinite(np.hstack(columns)).all(axis=1)
+    return int(np.argmax(bad)) if bad.any() else len(run.t)
+
+
+def first_samples(run: Trajectory, count: int) -> Trajectory:
+    """Return ``run`` reduced to its first ``count`` samples."""
+    if count >= len(run.t):
+        return run
+    per_sample: dict[str, Any] = {
+        f.name: value[:count] for f in dataclasses.fields(run) if isinstance(value := getattr(run, f.name), np.ndarray)
+    }
+    return dataclasses.replace(run, **per_sample)

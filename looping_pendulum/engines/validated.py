@@ -66,6 +66,10 @@ QUANTITIES: tuple[ValidatedQuantity, ...] = (
 )
 
 
+VALIDATED_METRICS = ("rms_0.35s", "rms_0.7s", "halting_time_error")
+"""Metrics whose distribution over the scenarios is measured; deviations to the end of the run if that is earlier."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Spread:
     """Distribution of one error over the scenarios [SI]."""
@@ -91,7 +95,7 @@ class ValidatedRange:
     bounds: Mapping[str, tuple[float, float]]
     """Name of a `ValidatedQuantity` -> smallest and largest value among the scenarios [SI]."""
     errors: Mapping[str, Spread]
-    """Name of an error -> its distribution: "rms_0.35s" and "rms_0.7s" [m], each to the end of the run if that is earlier."""
+    """Metric of `VALIDATED_METRICS` -> the distribution of its magnitude."""
 
 
 def outside_range(validated: Sequence[ValidatedRange], profile: str, parameters: Parameters) -> tuple[str, ...]:

@@ -4,11 +4,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
 GAP = "–"
 """Text in place of a missing number."""
+
+
+class DisplayUnit(NamedTuple):
+    """Unit in which tables show a column of numbers, whatever their size."""
+
+    name: str
+    per_si_unit: float
+    """Number of these units in one SI unit."""
+
+
+DISPLAY_UNITS = MappingProxyType({"m": DisplayUnit("mm", 1e3), "s": DisplayUnit("ms", 1e3), "rad": DisplayUnit("mrad", 1e3)})
+"""SI unit -> unit in which errors and deviations are shown."""
+
+PERCENT = DisplayUnit("%", 1e2)
+"""Unit in which relative errors and shares are shown."""
 
 PLAIN_EXPONENTS = range(-4, 7)
 """Powers of ten of a number's first digit at which it is written without an exponent: 0.0001 to 9999999."""

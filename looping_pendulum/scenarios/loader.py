@@ -19,9 +19,9 @@ from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios import document, schema
 from looping_pendulum.scenarios.document import Document, one_line
+from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.scenario import (
     FILE_KEYS,
-    METRICS,
     PROFILES,
     Inference,
     MeasuredTrial,
@@ -236,7 +236,7 @@ def _tolerance_tree(scenario: Scenario) -> dict[str, Any]:
     """Return the tolerances as nested groups: engine, profile, metric."""
     tree: dict[str, Any] = {}
     for t in scenario.tolerances:
-        unit = METRICS[t.metric]
+        unit = METRICS[t.metric].unit
         entry: dict[str, Any] = {"limit": show(t.limit, unit) if unit else float(t.limit), "reason": t.reason}
         if t.expected_failure:
             entry["expected_failure"] = t.expected_failure

@@ -9,25 +9,7 @@ from types import MappingProxyType
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.pages.notebook import ShownInNotebook
 from looping_pendulum.reference_ode.parameters import Parameters
-
-METRICS = MappingProxyType(
-    {
-        "rms_0.35s": "m",
-        "rms_0.7s": "m",
-        "rms_1.0s": "m",
-        "rms_halt": "m",
-        "halting_time_error": "s",
-        "rebound": "m",
-        "drop_error": "m",
-        "wrap_angle_error": "rad",
-        "free_length_error": "m",
-        "string_stretch": "m",
-        "acceleration_error": "",
-        "tube_fraction": "",
-        "simulated_time": "s",
-    }
-)
-"""Metric that a tolerance may limit -> its SI unit; '' for a plain number (a relative error, a share of the samples)."""
+from looping_pendulum.scenarios.metrics import METRICS
 
 FILE_KEYS = MappingProxyType(
     {
@@ -70,7 +52,7 @@ class Tolerance:
     metric: str
     """Name of the metric, "rms_0.35s"."""
     limit: float
-    """Largest absolute value allowed, in the metric's SI unit; of the tube fraction, the smallest."""
+    """Largest magnitude allowed, in the metric's SI unit; of a metric that `has_lower_limit`, the smallest value."""
     reason: str
     """Source of the limit."""
     expected_failure: str = ""

@@ -34,7 +34,8 @@ from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode import parameters
 from looping_pendulum.reference_ode.effects import Coefficient
 from looping_pendulum.scenarios.document import quote
-from looping_pendulum.scenarios.scenario import FILE_KEYS, METRICS, file_key
+from looping_pendulum.scenarios.metrics import METRICS
+from looping_pendulum.scenarios.scenario import FILE_KEYS, file_key
 from looping_pendulum.scenarios.units import QuantityKind, RangeError, UnitError
 
 NUMBER_PATTERN = r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"
@@ -303,11 +304,12 @@ def _limit_of(unit: str) -> type[Limit]:
     return create_model(f"Limit of {unit or 'a number'}", __base__=Limit, limit=(Annotated[float, quantity], ...))
 
 
-_LIMITS = {unit: _limit_of(unit) for unit in dict.fromkeys(METRICS.values())}
+_LIMITS = {unit: _limit_of(unit) for unit in dict.fromkeys(metric.unit for metric in METRICS.values())}
 
 # Names such as rms_0.35s are not valid Python names, so they are aliases of the fields.
 _METRIC_FIELDS: dict[str, Any] = {
-    f"metric_{i}": (_LIMITS[unit] | None, Field(None, alias=name)) for i, (name, unit) in enumerate(METRICS.items())
+    f"metric_{i}": (_LIMITS[metric.unit] | None, Field(None, alias=metric.name, description=metric.description))
+    for i, metric in enumerate(METRICS.values())
 }
 Limits: type[BaseModel] = create_model("Limits", __base__=Group, **_METRIC_FIELDS)
 

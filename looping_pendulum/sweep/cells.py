@@ -6,14 +6,14 @@ Each worker process imports this module first, so it imports neither the reader 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
 from looping_pendulum import __version__
 from looping_pendulum.engines.isolation import TIME_LIMIT, run_isolated
+from looping_pendulum.engines.landmarks import Landmarks, run_landmarks
 from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import select
@@ -35,38 +35,6 @@ _ONE_AT_A_TIME = threading.Lock()
 """The compiled integrators are kept per process and are not for several threads at once (a Dask worker may have some)."""
 
 
-class RunLandmarks(Protocol):
-    """Protocol of the landmarks that a map needs of an engine's run; `compare.result.Landmarks` has them."""
-
-    @property
-    def stops(self) -> tuple[object, ...]:
-        """Times at which the heavy mass's speed is zero."""
-
-    @property
-    def slip_onsets(self) -> tuple[float, ...]:
-        """Times at which a string at rest began to slide again [s]."""
-
-    @property
-    def halting_time(self) -> float | None:
-        """Halting time [s]."""
-
-    @property
-    def halting_confirmed(self) -> bool:
-        """Whether the rest lasted until the light mass reached the rod."""
-
-    @property
-    def wrap_angle_at_halt(self) -> float | None:
-        """Wrap angle at the halt [rad]."""
-
-    @property
-    def free_length_at_halt(self) -> float | None:
-        """Free length at the halt [m]."""
-
-
-ReadLandmarks = Callable[[Trajectory, Parameters], RunLandmarks]
-"""Function that finds the landmarks of an engine's run from its samples."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class CellTask:
     """Input of `solve`: the runs of one chunk. It is pickled."""
@@ -81,8 +49,6 @@ class CellTask:
     tolerance: float
     duration: float
     """Limit on the simulated time of a run [s]."""
-    read_landmarks: ReadLandmarks | None = None
-    """Function that finds landmarks; needed for engines other than the reference."""
     time_limit: float = TIME_LIMIT
     """Limit on the wall time of an engine's run [s]."""
     memory_limit: int = MEMORY_LIMIT
@@ -136,7 +102,6 @@ def _member(task: CellTask, i: int) -> Parameters | None:
 
 
 def _engine(task: CellTask) -> Values:
-    assert task.read_landmarks is not None
     engine = engine_called(task.engine, task.profile)
     n = len(next(iter(task.columns.values())))
     values: Values = {field.name: np.full(n, field.fill, dtype=field.dtype) for field in FIELDS}
@@ -147,12 +112,12 @@ def _engine(task: CellTask) -> Values:
             continue
         scenario = replace(task.scenario, parameters=parameters, duration=task.duration, tolerances=(), measured=None)
         run = run_isolated(engine, scenario, time_limit=task.time_limit, memory_limit=task.memory_limit)
-        for name, value in _summary(run, task.read_landmarks(run, parameters)).items():
+        for name, value in _summary(run, run_landmarks(run, parameters)).items():
             values[name][i] = value
     return values
 
 
-def _summary(run: Trajectory, landmarks: RunLandmarks) -> dict[str, float]:
+def _summary(run: Trajectory, landmarks: Landmarks) -> dict[str, float]:
     """Return the fields of a map for an engine's run."""
     known = {RunStatus.LIGHT_REACHED_ROD: str(Event.LIGHT_REACHES_ROD), RunStatus.FINISHED: str(Event.TIME_UP)}
     summary: dict[str, float] = {"end": end_code(known.get(run.status) or run.status.name.lower())}

@@ -18,7 +18,6 @@ from looping_pendulum.files import write_atomically
 from looping_pendulum.scenarios.document import one_line
 from looping_pendulum.sweep import cells, executors, report
 from looping_pendulum.sweep.executors import Solve
-from looping_pendulum.sweep.fields import REFERENCE
 from looping_pendulum.sweep.plan import MapPlan
 from looping_pendulum.sweep.store import STORE, MapStore, claimed, full_disk_as_map_error, open_store
 from looping_pendulum.sweep.summary import EngineSummary
@@ -62,7 +61,6 @@ def run_map(
     figures: bool = True,
     time_limit: float = TIME_LIMIT,
     memory_limit: int = MEMORY_LIMIT,
-    read_landmarks: cells.ReadLandmarks | None = None,
     progress: Progress | None = None,
     solve: Solve = cells.solve,
 ) -> MapOutcome:
@@ -82,9 +80,6 @@ def run_map(
         Whether to draw the figure.
     time_limit, memory_limit
         Limits of each run of an engine [s], [bytes].
-    read_landmarks
-        Function that finds landmarks in an engine's samples (`compare.landmarks.run_landmarks`); needed for engines. With
-        several processes it must be defined in a module, not in the running script, which they do not import.
     progress
         Callback after each chunk.
     solve
@@ -98,12 +93,10 @@ def run_map(
         If a worker process or the cluster fails.
     """
     folder = Path(folder)
-    if read_landmarks is None and set(plan.engines) != {REFERENCE}:
-        raise EngineError("a map of engines needs read_landmarks; give compare.landmarks.run_landmarks")
     with full_disk_as_map_error(folder), claimed(folder):
         store = open_store(plan, folder)
         missing = store.missing()
-        tasks = _tasks(plan, missing, read_landmarks, time_limit, memory_limit)
+        tasks = _tasks(plan, missing, time_limit, memory_limit)
         outcome = _fill(plan, store, folder, missing, _results(tasks, solve, jobs, cluster, len(missing)), progress)
         if outcome.seconds:
             _note_time(folder, outcome, "a cluster" if cluster else f"{jobs or _cores()} processes")
@@ -117,9 +110,7 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _tasks(
-    plan: MapPlan, missing: list[int], read_landmarks: cells.ReadLandmarks | None, time_limit: float, memory_limit: int
-) -> Iterator[cells.CellTask]:
+def _tasks(plan: MapPlan, missing: list[int], time_limit: float, memory_limit: int) -> Iterator[cells.CellTask]:
     for index in missing:
         unit = plan.unit(index)
         yield cells.CellTask(
@@ -130,7 +121,6 @@ def _tasks(
             columns=plan.columns(unit),
             tolerance=plan.tolerance,
             duration=plan.duration,
-            read_landmarks=None if plan.engines[unit.engine] == REFERENCE else read_landmarks,
             time_limit=time_limit,
             memory_limit=memory_limit,
         )

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from looping_pendulum.compare.align import Aligned
-from looping_pendulum.compare.landmarks import RELEASES_WITHOUT_STOPS
 from looping_pendulum.compare.report import name
-from looping_pendulum.compare.result import ComparisonResult, EngineResult, Landmarks, ResultSamples, SupplyEntry
+from looping_pendulum.compare.result import ComparisonResult, EngineResult, ResultSamples, SupplyEntry
 from looping_pendulum.compare.words import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, events_to_show, mode_description
+from looping_pendulum.engines.landmarks import RELEASES_WITHOUT_STOPS, Landmarks
 from looping_pendulum.engines.protocol import physics_of
 from looping_pendulum.engines.tension import tension_from_motion
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Supplier, Trajectory

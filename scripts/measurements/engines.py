@@ -11,7 +11,7 @@ from unittest import mock
 
 import numpy as np
 
-from looping_pendulum.compare.landmarks import run_landmarks
+from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.protocol import Profile, SteppedEngine
 from looping_pendulum.engines.pybullet.settings import RodShape
 from looping_pendulum.engines.registry import select

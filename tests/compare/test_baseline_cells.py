@@ -24,7 +24,7 @@ from looping_pendulum.compare.baseline import (
     thresholds,
 )
 from looping_pendulum.compare.json_text import MAX_INTEGER_DIGITS, MAX_NESTING, dump, load, plain
-from looping_pendulum.compare.result import Extremum, Landmarks, Stop
+from looping_pendulum.engines.landmarks import Extremum, Landmarks, Stop
 from looping_pendulum.errors import ResultError
 
 ME = "pymunk:chain, quick"

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare
-from looping_pendulum.compare.landmarks import SampledReference
-from looping_pendulum.compare.slides import MIN_REST, RESOLUTION, REST_TIME
+from looping_pendulum.compare.reference_landmarks import SampledReference
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference, ReferenceEngine
+from looping_pendulum.engines.string_motion import MIN_REST, RESOLUTION, REST_TIME
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import available_integrators

@@ -14,7 +14,7 @@ from looping_pendulum.compare.metrics import acceleration_error, departures, eva
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE
 from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Release
-from looping_pendulum.scenarios.scenario import METRICS
+from looping_pendulum.scenarios.metrics import METRICS
 
 
 def test_a_run_shifted_by_3_mm_has_an_rms_of_3_mm_at_every_mark(scenario, reference, make_run):

@@ -10,9 +10,9 @@ import pytest
 
 from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import Aligned, align, sample_reference
-from looping_pendulum.compare.landmarks import run_landmarks
 from looping_pendulum.compare.metrics import (
     TUBE,
+    ComparedRun,
     acceleration_error,
     departures,
     drag_acts,
@@ -22,10 +22,12 @@ from looping_pendulum.compare.metrics import (
     metrics,
     rms_until,
 )
-from looping_pendulum.compare.result import Departure, Landmarks, Rebound
-from looping_pendulum.compare.tolerances import _passes, judge
+from looping_pendulum.compare.result import Departure
+from looping_pendulum.compare.tolerances import judge
+from looping_pendulum.engines.landmarks import Landmarks, Rebound, run_landmarks
 from looping_pendulum.engines.trajectory import TrajectoryEvent
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.scenarios.metrics import METRICS
 from tests.compare.conftest import PARAMETERS
 
 
@@ -207,7 +209,12 @@ def test_growth_needs_two_departures_at_two_times():
 
 def said(make_run, reference, own, true, comparable=True):
     aligned = align(make_run(), reference)
-    return metrics(aligned, PARAMETERS, own, true, evaluate_tube(aligned, reference), comparable=comparable)
+    tube = evaluate_tube(aligned, reference)
+    return metrics(
+        ComparedRun(
+            aligned=aligned, parameters=PARAMETERS, landmarks=own, reference_landmarks=true, tube=tube, comparable=comparable
+        )
+    )
 
 
 AT = Landmarks(halting_time=0.4, drop_at_halt=0.3, wrap_angle_at_halt=5.0, free_length_at_halt=0.2)
@@ -256,8 +263,8 @@ def test_a_run_that_ends_in_nonsense_is_judged_up_to_there(scenario, reference, 
     [("drop_error", 1.0, True), ("drop_error", -1.0, True), ("drop_error", 1.01, False), ("tube_fraction", 1.0, True),
      ("tube_fraction", 0.99, False), ("simulated_time", 1.01, True)],
 )  # fmt: skip
-def test_just_the_limit_is_kept(limit, metric, value, kept):
-    assert _passes(limit(metric, 1.0), value) is kept
+def test_just_the_limit_is_kept(metric, value, kept):
+    assert METRICS[metric].is_within(value, 1.0) is kept
 
 
 def test_a_limit_is_for_one_engine_in_one_profile(scenario, reference, make_run, limit):

@@ -10,26 +10,16 @@ import pytest
 
 from looping_pendulum.compare import compare, report
 from looping_pendulum.compare.export import trajectory_csv, trajectory_files
-from looping_pendulum.compare.halts import render as render_halts
+from looping_pendulum.compare.halting_table import render as render_halts
 from looping_pendulum.compare.paper_table import events_table
 from looping_pendulum.compare.paper_table import render as render_paper
-from looping_pendulum.compare.result import (
-    Departure,
-    Extremum,
-    HaltingTimeAt,
-    InferredEntry,
-    Landmarks,
-    MeasuredRow,
-    Rebound,
-    Stop,
-    ToleranceOutcome,
-    ToleranceResult,
-    WallTime,
-)
-from looping_pendulum.compare.slides import RESOLUTIONS
+from looping_pendulum.compare.result import Departure, InferredEntry, MeasuredRow, ToleranceOutcome, ToleranceResult, WallTime
 from looping_pendulum.compare.tables import table as markdown
+from looping_pendulum.engines.landmarks import Extremum, HaltingTimeAt, Landmarks, Rebound, Stop
+from looping_pendulum.engines.string_motion import RESOLUTIONS
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.scenarios import metrics
 
 OWN = Landmarks(
     halting_time=0.41234567,
@@ -326,7 +316,7 @@ def test_three_digits_of_a_thousandth(result, size, shown):
     assert own[2:5] + own[6:9] == [shown] * 3 + [f"+{shown}"] * 3
     detail = cells(report.render(all_alike), ME, "## Detail")[0]
     assert [detail[6], detail[9], detail[11], detail[12]] == [shown, f"+{shown}", f"+{shown}", shown]
-    for metric, (_, factor) in report.METRIC_DISPLAY_UNITS.items():
+    for metric, (_, factor) in ((name, known.shown_in) for name, known in metrics.METRICS.items()):
         told_ = report.limit_and_value(limit(GOOD, metric, 1e3 * size / factor, **{"limit": 1e3 * size / factor}))
         assert [one.split()[-2] for one in told_] == [shown, shown], metric
     text = rendered(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.2 + size)))
@@ -346,8 +336,8 @@ def test_hundreds_of_thousandths(result):
     text = render_paper(dataclasses.replace(result, measured=rows))
     assert cells(text, "halting time")[0][3:] == ["0.70 (+600)", "0.7000 (+600)", "0.7000 (+600)"]
     assert cells(text, "RMS difference of the times")[0][3:] == ["600.0 (1 of 1)"] * 3
-    wide = dataclasses.replace(result.engines[0].tube, half_time=0.123456, half_width=0.654321, fraction=0.97654)
-    section = report.render(with_engine(result, tube=wide))
+    wide = dataclasses.replace(result.engines[0].tube, half_time=0.123456, half_width=0.654321)
+    section = report.render(with_engine(result, tube=wide, metrics=METRICS | {"tube_fraction": 0.97654}))
     assert "The half-widths of the tube are 123.456 ms and 654.321 mm" in section
     assert cells(section, ME, "## Detail")[0][1] == "97.7"
 

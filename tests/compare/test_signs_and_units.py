@@ -12,14 +12,14 @@ import pytest
 from looping_pendulum.compare import compare
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.export import trajectory_csv
-from looping_pendulum.compare.landmarks import run_landmarks
 from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS, departures, growth_rate
 from looping_pendulum.compare.report import limit_and_value, render, verdict_rows
 from looping_pendulum.compare.result import ToleranceOutcome
-from looping_pendulum.compare.tolerances import LOWER_LIMIT_METRICS, judge_tolerance
+from looping_pendulum.compare.tolerances import judge_tolerance
+from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.transitions import Mode
-from looping_pendulum.scenarios.scenario import METRICS
+from looping_pendulum.scenarios.metrics import METRICS
 
 HALF_A_SAMPLE = 0.5e-3
 """[s]; delays are whole samples, so that a detector errs alike with and without one, and by no more than this."""
@@ -81,13 +81,13 @@ def test_a_longer_free_string_has_a_positive_free_length_error(scenario, referen
 def test_a_limit_holds_for_either_sign(scenario, reference, make_run, limit, metric, factor, kept):
     engine = compare(scenario, reference, [make_run()]).engines[0]
     judged = judge_tolerance(limit(metric, 0.01), dataclasses.replace(engine, metrics=engine.metrics | {metric: 0.01 * factor}))
-    if metric in LOWER_LIMIT_METRICS:  # more is better, and a share or a time is not negative
+    if METRICS[metric].has_lower_limit:  # more is better, and a share or a time is not negative
         kept = factor >= 1
     assert judged.outcome is (ToleranceOutcome.PASSED if kept else ToleranceOutcome.FAILED)
 
 
 def test_only_what_is_good_when_large_has_a_least_value():
-    assert LOWER_LIMIT_METRICS == {"tube_fraction", "simulated_time"}
+    assert {name for name, metric in METRICS.items() if metric.has_lower_limit} == {"tube_fraction", "simulated_time"}
 
 
 @pytest.mark.parametrize("late", [3e-3, -3e-3])
@@ -111,7 +111,7 @@ def test_an_engine_that_is_early_breaks_its_limit_as_one_that_is_late(scenario, 
 def test_limits_are_told_in_the_unit_of_the_paper(scenario, reference, make_run, limit, metric, value, shown):
     judged = judge_tolerance(limit(metric, value), compare(scenario, reference, [make_run()]).engines[0])
     told = limit_and_value(dataclasses.replace(judged, value=value / 2))
-    assert told[0] == f"{'at least' if metric in LOWER_LIMIT_METRICS else 'at most'} {shown}"
+    assert told[0] == f"{'at least' if METRICS[metric].has_lower_limit else 'at most'} {shown}"
     number, unit = told[1].split()
     assert float(number) == pytest.approx(float(shown.split()[0]) / 2, rel=5e-3)
     assert unit == shown.split()[1]

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare.align import SAME_TIME
-from looping_pendulum.compare.result import Departure, Landmarks, Rebound, Stop, SupplyEntry
-from looping_pendulum.compare.slides import MIN_REST
+from looping_pendulum.compare.comparability import why_not_comparable
+from looping_pendulum.compare.result import Departure, SupplyEntry
 from looping_pendulum.compare.stories import missing_physics, story
-from looping_pendulum.compare.watching import why_not_comparable
 from looping_pendulum.compare.words import EVENT_DESCRIPTIONS, events_to_show, mode_description
+from looping_pendulum.engines.landmarks import Landmarks, Rebound, Stop
+from looping_pendulum.engines.string_motion import MIN_REST
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, RunStatus
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.transitions import Mode

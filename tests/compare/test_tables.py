@@ -13,7 +13,7 @@ from looping_pendulum.compare import compare
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
 from looping_pendulum.compare.paper_table import events_table, quantity_label, render
 from looping_pendulum.compare.report import render as render_report
-from looping_pendulum.compare.result import Extremum, Landmarks, Stop
+from looping_pendulum.engines.landmarks import Extremum, Landmarks, Stop
 
 FOUND = Landmarks(
     stops=(Stop(time=0.4, height_change=-0.3), Stop(time=0.7, height_change=-0.2), Stop(time=0.9, height_change=-0.25)),

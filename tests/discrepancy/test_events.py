@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
-from looping_pendulum.compare.landmarks import reference_landmarks
+from looping_pendulum.compare.reference_landmarks import reference_landmarks
 from looping_pendulum.discrepancy.data.measurement import Camera
 from looping_pendulum.discrepancy.data.observations import DataError, EventObservation
 from looping_pendulum.discrepancy.data.study_io import load

@@ -9,8 +9,11 @@ bound of what the whole suite catches.
 
 CONVENTIONS = "tests/test_conventions.py"
 FOLDERS = {
-    "compare": ("looping_pendulum/compare", ("tests/compare", CONVENTIONS)),
-    "reference_ode": ("looping_pendulum/reference_ode", ("tests/reference_ode", CONVENTIONS)),
-    "fit": ("looping_pendulum/discrepancy/fit", ("tests/discrepancy", CONVENTIONS)),
+    "compare": (
+        ("looping_pendulum/compare", "looping_pendulum/engines/landmarks.py", "looping_pendulum/engines/string_motion.py"),
+        ("tests/compare", "tests/engines/test_string_motion.py", "tests/engines/test_string_motion_by_hand.py", CONVENTIONS),
+    ),
+    "reference_ode": (("looping_pendulum/reference_ode",), ("tests/reference_ode", CONVENTIONS)),
+    "fit": (("looping_pendulum/discrepancy/fit",), ("tests/discrepancy", CONVENTIONS)),
 }
-"""Name -> folder that is mutated, and the tests that must notice."""
+"""Name -> folders and files that are mutated, and the tests that must notice."""

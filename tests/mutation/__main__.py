@@ -26,8 +26,8 @@ QUICK = 0.5
 def main() -> int:
     asked_for = _arguments()
     if asked_for.list:
-        for name, (folder, _) in FOLDERS.items():
-            print(f"{name}: {len(all_mutants(ROOT, folder))} mutants in {folder}")
+        for name, (places, _) in FOLDERS.items():
+            print(f"{name}: {len(all_mutants(ROOT, places))} mutants in {', '.join(places)}")
         return 0
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     processes.preload()
@@ -67,8 +67,8 @@ def _arguments() -> argparse.Namespace:
 
 
 def _run(name: str, asked_for: argparse.Namespace) -> tuple[list[Asked], int, list[str]]:
-    folder, tests = FOLDERS[name]
-    population = all_mutants(ROOT, folder)
+    places, tests = FOLDERS[name]
+    population = all_mutants(ROOT, places)
     drawn = sample(population, asked_for.sample, asked_for.seed)
     store = _Store(asked_for.work / f"{name}.jsonl")
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -76,7 +76,7 @@ def _run(name: str, asked_for: argparse.Namespace) -> tuple[list[Asked], int, li
     with processes.project_copy(ROOT) as copy, Progress(*columns) as progress:
         task = progress.add_task(name, total=len(drawn))
         coverage = covering.measure(
-            ROOT, copy, folder, tests, asked_for.work / "coverage", lambda text: progress.update(task, description=text)
+            ROOT, copy, places, tests, asked_for.work / "coverage", lambda text: progress.update(task, description=text)
         )
         asker = _Asker(copy, coverage, asked_for.work / f"{name}.log")
         deadline = time.monotonic() + 60 * (asked_for.stop_after or 1e9)

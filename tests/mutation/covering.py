@@ -99,7 +99,7 @@ def statement(root: Path, mutant: Mutant) -> tuple[int, int, bool]:
 
 
 def measure(
-    root: Path, copy: Path, folder: str, tests: Iterable[str], cache_folder: Path, tell: Callable[[str], None]
+    root: Path, copy: Path, places: Iterable[str], tests: Iterable[str], cache_folder: Path, tell: Callable[[str], None]
 ) -> Coverage:
     """Run each test file once under coverage, or take what an earlier call on the same files found."""
     package = sorted((root / "looping_pendulum").rglob("*.py"))
@@ -108,11 +108,11 @@ def measure(
     cache_folder.mkdir(parents=True, exist_ok=True)
     total = Coverage()
     for file in _test_files(root, tests):
-        key = _digest(f"{folder} {sources} {helpers} {source_hash(root / file)}")
-        stored = cache_folder / f"{file.replace('/', '-')}-{folder.replace('/', '-')}-{key}.json"
+        key = _digest(f"{places} {sources} {helpers} {source_hash(root / file)}")
+        stored = cache_folder / f"{file.replace('/', '-')}-{key}.json"
         if not stored.exists():
             tell(f"which lines {file} runs")
-            _measure_file(copy, folder, file, stored)
+            _measure_file(copy, places, file, stored)
         _add(total, json.loads(stored.read_text()))
     return total
 
@@ -171,11 +171,12 @@ class _Watch:
         self.outcomes.setdefault(report.nodeid, set()).add(report.outcome)
 
 
-def _measure_file(copy: Path, folder: str, file: str, out: Path) -> None:
+def _measure_file(copy: Path, places: Iterable[str], file: str, out: Path) -> None:
     def work() -> int:
         import coverage
 
-        measured = coverage.Coverage(data_file=None, config_file=False, source=[str(copy / folder)], data_suffix=False)
+        files = [str(copy / place) if place.endswith(".py") else f"{copy / place}/*" for place in places]
+        measured = coverage.Coverage(data_file=None, config_file=False, include=files, data_suffix=False)
         measured.start()
         watch = _Watch(measured)
         status = pytest.main([*(a for a in PYTEST if a != "-x"), file], plugins=[watch])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import random
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -58,9 +58,10 @@ class Mutant:
         return f"{self.path} {self.operator} {self.occurrence}"
 
 
-def all_mutants(root: Path, folder: str) -> list[Mutant]:
-    """Every mutant below ``root / folder``, in an order that depends on the files alone."""
-    files = sorted(path.relative_to(root).as_posix() for path in (root / folder).rglob("*.py"))
+def all_mutants(root: Path, places: Iterable[str]) -> list[Mutant]:
+    """Every mutant of the files and folders ``places`` below ``root``, in an order that depends on the files alone."""
+    found = {path for place in places for path in ([root / place] if place.endswith(".py") else (root / place).rglob("*.py"))}
+    files = sorted(path.relative_to(root).as_posix() for path in found)
     return [mutant for path in files for mutant in _of_file(root, path)]
 
 

@@ -46,7 +46,7 @@ def test_the_interval_is_wilsons(caught, of):
 
 
 def test_mutants_change_code_and_neither_annotations_nor_signatures(project):
-    mutants = all_mutants(project, "package")
+    mutants = all_mutants(project, ["package"])
     changes = {changed_lines(project, m) for m in mutants}
     before = "return part / (whole - 1)"
     assert (before, "return part * (whole - 1)") in changes
@@ -61,7 +61,7 @@ def test_mutants_change_code_and_neither_annotations_nor_signatures(project):
 
 
 def test_a_larger_sample_begins_with_the_smaller_one(project):
-    mutants = all_mutants(project, "package")
+    mutants = all_mutants(project, ["package"])
     assert sample(mutants, 5, seed=3) == sample(mutants, 10, seed=3)[:5]
     assert sample(mutants, 10, seed=3) != sample(mutants, 10, seed=4)
     assert sorted(sample(mutants, None, seed=3)) == sorted(mutants)
@@ -69,7 +69,7 @@ def test_a_larger_sample_begins_with_the_smaller_one(project):
 
 def test_every_mutant_is_drawn_equally_often(project):
     # Oracle: a binomial count of 2000 draws; bound: 5 standard deviations, for fewer than a hundred mutants together.
-    mutants = all_mutants(project, "package")
+    mutants = all_mutants(project, ["package"])
     counts = dict.fromkeys(mutants, 0)
     for seed in range(2000):
         (one,) = sample(mutants, 1, seed)

@@ -13,9 +13,9 @@ from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios import dump, json_schema, load, load_text
+from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.scenario import (
     FILE_KEYS,
-    METRICS,
     PROFILES,
     Inference,
     MeasuredTrial,

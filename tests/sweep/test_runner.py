@@ -329,13 +329,9 @@ def test_two_at_once_in_one_folder(tmp_path):
 
 
 def test_engines_may_be_mapped_too(tmp_path):
-    from looping_pendulum.compare.landmarks import run_landmarks
-
     text = "title: E\nscenario: ten_to_one\nengine: [reference, mujoco:effective_mass]\nparameters:\n  mass_ratio: [9, 10]\n"
     plan = map_file.load_text(text + "duration: 1.5 s\n")
-    with pytest.raises(EngineError, match="needs read_landmarks"):
-        run_silently(plan, tmp_path)
-    run_map(plan, tmp_path, jobs=1, read_landmarks=run_landmarks)
+    run_map(plan, tmp_path, jobs=1)
     data = open_map(tmp_path)
     assert data["halting_time"].dims == ("engine", "mass_ratio")
     assert list(data["engine"].values) == ["reference", "mujoco:effective_mass"]

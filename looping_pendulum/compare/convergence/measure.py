@@ -28,13 +28,15 @@ from looping_pendulum.compare.convergence.result import (
     ErrorSplit,
     RunSummary,
 )
-from looping_pendulum.compare.landmarks import SampledReference, run_landmarks
 from looping_pendulum.compare.metrics import END_TIME_TOLERANCE, rms_until
+from looping_pendulum.compare.reference_landmarks import SampledReference
 from looping_pendulum.compare.run_cache import EndedRun
 from looping_pendulum.compare.tables import number
+from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.studies import Ladder
+from looping_pendulum.pages.numbers import DISPLAY_UNITS
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -44,8 +46,6 @@ NUMBER_FLOOR = 1e-6
 """Smallest change of the halting time [s] or of the drop at the halt [m] that counts."""
 SAMPLE_SHIFTS = 8
 """Number of shifts of the sampling grid, within one interval, with which the reference's own halt is read from samples."""
-DISPLAY_UNITS = {"m": ("mm", 1e3), "s": ("ms", 1e3)}
-"""SI unit -> the unit that sentences use, and the number of such units in one SI unit."""
 
 Errors = Mapping[str, Array | None]
 """Quantity -> engine less reference, shape (samples, components); a number is one sample of one component. None: no value."""

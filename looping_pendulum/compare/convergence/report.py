@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from looping_pendulum.compare.convergence.ladder import ErrorCause, SequenceKind
-from looping_pendulum.compare.convergence.measure import DISPLAY_UNITS
 from looping_pendulum.compare.convergence.result import (
     DROP,
     HALT,
@@ -18,7 +17,7 @@ from looping_pendulum.compare.convergence.result import (
     VariationStudy,
 )
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
-from looping_pendulum.pages.numbers import quantity
+from looping_pendulum.pages.numbers import DISPLAY_UNITS, quantity
 from looping_pendulum.scenarios.units import pretty
 
 QUANTITY_LABELS = {

@@ -17,7 +17,7 @@ from looping_pendulum.compare.result import RunProvenance
 
 SCHEMA_ID = "looping-pendulum/convergence"
 SCHEMA_VERSION = 3
-"""Since version 2, halting times are the end of the string's sliding (`compare.slides`); in 1 they were read from speeds.
+"""Since version 2, halting times are the end of the string's sliding; in version 1 they were read from speeds.
 
 Version 3 renamed keys (`compare.json_text.RENAMED`).
 """

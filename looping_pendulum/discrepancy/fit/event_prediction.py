@@ -14,12 +14,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
-from looping_pendulum.compare.landmarks import EXTREMUM_BAND, reference_event_times
-from looping_pendulum.compare.result import Extremum, Landmarks, Stop
-from looping_pendulum.compare.slides import turning_points
+from looping_pendulum.compare.reference_landmarks import reference_event_times
 from looping_pendulum.discrepancy.data.measurement import Camera
 from looping_pendulum.discrepancy.data.observations import DataError, EventObservation, Observations
+from looping_pendulum.engines.landmarks import EXTREMUM_BAND, Extremum, Landmarks, Stop
 from looping_pendulum.engines.reference import event_names
+from looping_pendulum.engines.string_motion import turning_points
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Samples
@@ -167,7 +167,7 @@ def _extrema(samples: Samples, camera: Camera) -> tuple[tuple[Extremum, ...], tu
 
 
 def _extrema_of_coordinate(t: Array, position: Array, velocity: Array) -> tuple[Extremum, ...]:
-    """Return the extrema of one coordinate, by the zeros of its velocity; `slides.turning_points` says which of them count."""
+    """Return the extrema of one coordinate, by the zeros of its velocity, of those that `turning_points` counts."""
     # A sample may fall exactly on an extremum: its zero velocity takes the sign before it, so that the sign changes once.
     sign = np.sign(velocity)
     if not sign[1:].all():

@@ -11,11 +11,10 @@ from looping_pendulum.compare.plots import without_mathtext
 from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.fit.event_prediction import MISSED_EVENT_ERRORS
 from looping_pendulum.discrepancy.result import EventResidual, Identification
+from looping_pendulum.pages.numbers import DISPLAY_UNITS
 
 AXIS_LIMIT = 15.0
 """Largest residual on the axis [standard errors]; larger ones are drawn there, and as crosses the events that do not happen."""
-DISPLAY_UNITS = {"s": (1e3, "ms"), "m": (1e3, "mm"), "rad": (1e3, "mrad")}
-"""SI unit -> factor and unit in which errors of events are shown."""
 
 
 def section(result: Identification) -> str:
@@ -44,8 +43,8 @@ def off_by(event: EventResidual, predicted: float | None) -> str:
 def _by_unit(result: Identification) -> str:
     """Return the table of RMS errors of events by trial and unit; empty if there are none."""
     rows = [
-        [e.trial, "yes" if e.held_out else "no", DISPLAY_UNITS[unit][1],
-         number(e.events_before.get(unit), DISPLAY_UNITS[unit][0]), number(e.events_after.get(unit), DISPLAY_UNITS[unit][0])]
+        [e.trial, "yes" if e.held_out else "no", DISPLAY_UNITS[unit].name,
+         *(number(errors.get(unit), DISPLAY_UNITS[unit].per_si_unit) for errors in (e.events_before, e.events_after))]
         for e in result.errors
         for unit in sorted({*e.events_before, *e.events_after})
         if unit in DISPLAY_UNITS

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.compare.landmarks import run_landmarks
+from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import ReferenceEngine
 from looping_pendulum.engines.trajectory import Trajectory

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from looping_pendulum.compare.landmarks import SampledReference
-from looping_pendulum.compare.result import Landmarks
-from looping_pendulum.compare.slides import MIN_REST
+from looping_pendulum.compare.reference_landmarks import SampledReference
+from looping_pendulum.engines.landmarks import Landmarks
+from looping_pendulum.engines.string_motion import MIN_REST
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from looping_pendulum.compare.slides import (
+from looping_pendulum.engines.string_motion import (
     MIN_REST,
     RESOLUTION,
     REST_TIME,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from looping_pendulum.compare.result import ComparisonResult
-from looping_pendulum.compare.slides import FIRST_REST_RESOLUTION, RESOLUTION
 from looping_pendulum.compare.tables import GAP, fixed, number, table
+from looping_pendulum.engines.string_motion import FIRST_REST_RESOLUTION, RESOLUTION
 from looping_pendulum.pages.numbers import quantity
 
 HALT_AGREEMENT = 5e-4

@@ -74,26 +74,26 @@ def turning_points(values: Array, band: float) -> list[int]:
     return extrema
 
 
-def resting_samples(place: Array, resolution: float) -> Array:
+def resting_samples(slip: Array, resolution: float) -> Array:
     """Mark the samples of every interval of `REST_TIME` in which the string moves by at most ``resolution`` [m], shape (n,)."""
     width = round(REST_TIME / SAMPLE_INTERVAL) + 1
-    still = np.zeros(len(place), dtype=bool)
-    if len(place) < width:
+    still = np.zeros(len(slip), dtype=bool)
+    if len(slip) < width:
         return still
-    windows = np.lib.stride_tricks.sliding_window_view(place, width)
+    windows = np.lib.stride_tricks.sliding_window_view(slip, width)
     for start in np.flatnonzero(np.ptp(windows, axis=1) <= resolution):
         still[start : start + width] = True
     return still
 
 
-def final_rest_start(place: Array, resolution: float) -> int:
+def final_rest_start(slip: Array, resolution: float) -> int:
     """Return the index of the first sample from which on the string moves by at most ``resolution`` [m]."""
-    backwards = place[::-1]
+    backwards = slip[::-1]
     spread = np.maximum.accumulate(backwards) - np.minimum.accumulate(backwards)
-    return len(place) - int(np.searchsorted(spread, resolution, side="right"))
+    return len(slip) - int(np.searchsorted(spread, resolution, side="right"))
 
 
-def stop_time(t: Array, place: Array, first: int, resolution: float) -> float:
+def stop_time(t: Array, slip: Array, first: int, resolution: float) -> float:
     """Return the time [s] at which the sliding ends.
 
     At sample ``first`` the string has at most ``resolution`` left to slide, and at the sample before it more. The stop is the
@@ -107,13 +107,13 @@ def stop_time(t: Array, place: Array, first: int, resolution: float) -> float:
     if first == 0:
         return float(t[0])
     sliding = first - 1
-    last_speed = abs(place[first] - place[sliding]) / (t[first] - t[sliding])
+    last_speed = abs(slip[first] - slip[sliding]) / (t[first] - t[sliding])
     for k in range(max(first - 2, 2), len(t) - 1):
         if last_speed * (t[k] - t[first]) > 3 * resolution:
             break
-        direction = 1.0 if place[k - 1] >= place[k - 2] else -1.0
-        speed_before = direction * (place[k - 1] - place[k - 2]) / (t[k - 1] - t[k - 2])
-        speed = direction * (place[k] - place[k - 1]) / (t[k] - t[k - 1])
+        direction = 1.0 if slip[k - 1] >= slip[k - 2] else -1.0
+        speed_before = direction * (slip[k - 1] - slip[k - 2]) / (t[k - 1] - t[k - 2])
+        speed = direction * (slip[k] - slip[k - 1]) / (t[k] - t[k - 1])
         if speed <= 0 and k - 1 >= sliding:  # It has turned or come to rest between the samples.
             return float(t[k - 1])
         if 0 < speed < speed_before:
@@ -123,7 +123,7 @@ def stop_time(t: Array, place: Array, first: int, resolution: float) -> float:
     return float(t[first])
 
 
-def slip_onset(t: Array, place: Array, rest: Rest, power: int) -> float | None:
+def slip_onset(t: Array, slip: Array, rest: Rest, power: int) -> float | None:
     """Return when a string at rest began to slide again [s]; None if it only turned there, or did not move again.
 
     The distance grows as the time since the onset to the ``power``: its root is a straight line, which is extrapolated to zero
@@ -131,7 +131,7 @@ def slip_onset(t: Array, place: Array, rest: Rest, power: int) -> float | None:
     """
     if rest.last == rest.first:
         return None
-    moved = np.abs(place[rest.last :] - np.median(place[rest.first : rest.last + 1]))
+    moved = np.abs(slip[rest.last :] - np.median(slip[rest.first : rest.last + 1]))
     # Two distances whose ratio is 8: with the cubic law their roots differ by a factor of 2.
     near, far = (np.flatnonzero(moved > times * RESOLUTION) for times in (1, 8))
     if not len(far):
@@ -144,27 +144,27 @@ def slip_onset(t: Array, place: Array, rest: Rest, power: int) -> float | None:
     return max(onset, rest.stop) if onset - rest.stop >= REST_TIME else None
 
 
-def find_rests(t: Array, place: Array, resolution: float = RESOLUTION) -> list[Rest]:
+def find_rests(t: Array, slip: Array, resolution: float = RESOLUTION) -> list[Rest]:
     """Return every stop of the string in order of time: turns, and rests of at least `REST_TIME`.
 
     A rest that lasts since the release comes first, with its stop at the time of the first sample.
     """
-    still = resting_samples(place, resolution)
+    still = resting_samples(slip, resolution)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
     stops = [
-        Rest(stop=stop_time(t, place, int(first), resolution), first=int(first), last=int(end) - 1)
+        Rest(stop=stop_time(t, slip, int(first), resolution), first=int(first), last=int(end) - 1)
         for first, end in zip(edges[::2], edges[1::2], strict=True)
     ]
-    for turn in turning_points(place, resolution):
+    for turn in turning_points(slip, resolution):
         if not still[turn]:
             near = turn - 1
-            while near > 0 and abs(place[near] - place[turn]) <= resolution:
+            while near > 0 and abs(slip[near] - slip[turn]) <= resolution:
                 near -= 1
-            stops.append(Rest(stop=stop_time(t, place, near + 1, resolution), first=turn, last=turn))
+            stops.append(Rest(stop=stop_time(t, slip, near + 1, resolution), first=turn, last=turn))
     return sorted(stops, key=lambda rest: rest.stop)
 
 
-def halting_time(t: Array, place: Array, resolution: float, *, ended: bool) -> float | None:
+def halting_time(t: Array, slip: Array, resolution: float, *, ended: bool) -> float | None:
     """Return the start [s] of the final rest, in which the string moves by at most ``resolution`` [m].
 
     None if there is no such rest, or if it is too short: `MIN_REST` is needed where the run was cut, `REST_TIME` where it
@@ -172,6 +172,6 @@ def halting_time(t: Array, place: Array, resolution: float, *, ended: bool) -> f
     """
     if len(t) < 3:
         return None
-    first = final_rest_start(place, resolution)
-    time = stop_time(t, place, first, resolution)
+    first = final_rest_start(slip, resolution)
+    time = stop_time(t, slip, first, resolution)
     return time if t[-1] - time >= (REST_TIME if ended else MIN_REST) else None

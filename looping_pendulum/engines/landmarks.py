@@ -1,0 +1,186 @@
+"""Landmarks of a run: stops, halting time, slip onsets, extrema, and the state of the apparatus at the halt.
+
+Engines and reference are read by the same detector (`string_motion`), from samples at the same times, so that an engine with
+the exact motion gets exactly the reference's values.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.engines.string_motion import (
+    FIRST_REST_RESOLUTION,
+    RESOLUTION,
+    RESOLUTIONS,
+    UNCERTAINTY_FACTORS,
+    find_rests,
+    halting_time,
+    slip_distance,
+    slip_onset,
+    turning_points,
+)
+from looping_pendulum.engines.trajectory import RunStatus, Trajectory, finite_length
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Parameters, Release
+
+EXTREMUM_BAND = 1e-3
+"""Smallest turn of a coordinate that counts as an extremum [m]; smaller ones are noise."""
+
+RELEASES_WITHOUT_STOPS = (Release.HELD, Release.DROP)
+"""Releases whose heavy mass cannot stop: it is clamped, or falls freely."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """An instant at which the heavy mass's speed is zero."""
+
+    time: float
+    """[s]"""
+    height_change: float
+    """Height of the heavy mass less its height at release [m]; negative below."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Extremum:
+    """An extremum of a coordinate."""
+
+    time: float
+    """[s]"""
+    value: float
+    """[m]"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HaltingTimeAt:
+    """The halting time that the detector finds with one resolution."""
+
+    resolution: float
+    """Largest motion of the string that does not count as sliding [m]."""
+    time: float | None
+    """[s]; None if the string slid by more until the end of the run."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rebound:
+    """Motion of the string after its first rest, from which on it stays within `string_motion.FIRST_REST_RESOLUTION`."""
+
+    travel: float
+    """Distance between the extreme positions [m]."""
+    speed: float
+    """Largest mean speed over one sample interval [m/s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Landmarks:
+    """Landmarks of one run: times of events, and the state of the apparatus at the halt."""
+
+    stops: tuple[Stop, ...] = ()
+    """Stops of the string: it turns, or comes to rest."""
+    slip_onsets: tuple[float, ...] = ()
+    """Times at which a string at rest began to slide again [s]."""
+    halting_time: float | None = None
+    """Time at which the string stops sliding for good: until the light mass reaches the rod, or the run ends [s].
+
+    Read from samples with the resolution `string_motion.RESOLUTION`; the reference's own events give it to rounding.
+    """
+    halting_confirmed: bool = False
+    """Whether that rest lasted until the light mass reached the rod; if not, the run was cut during the rest."""
+    halting_times: tuple[HaltingTimeAt, ...] = ()
+    """Halting times with several resolutions, the finest first; empty for landmarks that come from exact events."""
+    halting_time_uncertainty: float | None = None
+    """How far the halting time moves [s] if `string_motion.RESOLUTION` is a quarter larger or smaller; None: no halt then."""
+    rebound: Rebound | None = None
+    """Motion after the first rest; None where the string never comes to rest."""
+    drop_at_halt: float | None = None
+    """How far the heavy mass is below its height at release, at the halt [m]."""
+    wrap_angle_at_halt: float | None = None
+    """Wrap angle at the halt [rad]."""
+    free_length_at_halt: float | None = None
+    """Free length at the halt [m]."""
+    light_reaches_rod: float | None = None
+    """Time at which the light mass reaches the rod [s]; an engine's run ends a little early, at a small free length."""
+    x1_extrema: tuple[Extremum, ...] = ()
+    """Extrema of the light mass's x."""
+    y1_extrema: tuple[Extremum, ...] = ()
+    """Extrema of the light mass's y."""
+
+
+def extrema(t: Array, values: Array) -> tuple[Extremum, ...]:
+    """Return turns by more than `EXTREMUM_BAND` within the run, each at the apex of the parabola through three samples."""
+    return tuple(_parabola_apex(t, values, i) for i in turning_points(values, EXTREMUM_BAND))
+
+
+def _parabola_apex(t: Array, values: Array, i: int) -> Extremum:
+    before, after = t[i] - t[i - 1], t[i + 1] - t[i]
+    d1, d2 = (values[i] - values[i - 1]) / before, (values[i + 1] - values[i]) / after
+    curvature = (d2 - d1) / (before + after)
+    if curvature == 0:  # three equal samples: the parabola has no apex
+        return Extremum(time=float(t[i]), value=float(values[i]))
+    slope = (d1 * after + d2 * before) / (before + after)
+    shift = float(np.clip(-slope / (2 * curvature), -before, after))
+    return Extremum(time=float(t[i] + shift), value=float(values[i] + slope * shift + curvature * shift**2))
+
+
+def run_landmarks(run: Trajectory, parameters: Parameters) -> Landmarks:
+    """Return the landmarks of a run, an engine's or the reference's, from its samples alone."""
+    count = finite_length(run)
+    t = run.t[:count]
+    if count < 3:
+        return Landmarks()
+    ended = run.status is RunStatus.LIGHT_REACHED_ROD
+    light = run.light_position[:count]
+    fields: dict[str, Any] = {
+        "light_reaches_rod": float(t[-1]) if ended else None,
+        "x1_extrema": extrema(t, light[:, 0]),
+        "y1_extrema": extrema(t, light[:, 1]),
+    }
+    if parameters.release in RELEASES_WITHOUT_STOPS:
+        return Landmarks(**fields)
+    slip = slip_distance(run, count)
+    times = tuple(
+        HaltingTimeAt(resolution=resolution, time=halting_time(t, slip, resolution, ended=ended)) for resolution in RESOLUTIONS
+    )
+    halt = next(each.time for each in times if each.resolution == RESOLUTION)
+    first_rest = next(each.time for each in times if each.resolution == FIRST_REST_RESOLUTION)
+
+    def at(time: float, values: Array) -> float:
+        return float(np.interp(time, t, values[:count]))
+
+    stops_and_rests = find_rests(t, slip)
+    # With one friction coefficient the force that starts the sliding grows from zero, so the distance grows as t^3; a static
+    # friction above the kinetic one leaves a finite force at the onset, hence t^2.
+    power = 3 if parameters.coefficients["static_friction"] == parameters.coefficients["kinetic_friction"] else 2
+    onsets = (slip_onset(t, slip, rest, power) for rest in stops_and_rests)
+    return Landmarks(
+        stops=tuple(
+            Stop(time=rest.stop, height_change=-at(rest.stop, run.heavy_drop)) for rest in stops_and_rests if rest.stop > t[0]
+        ),
+        slip_onsets=tuple(onset for onset in onsets if onset is not None),
+        halting_time=halt,
+        halting_confirmed=halt is not None and ended,
+        halting_times=times,
+        halting_time_uncertainty=None if halt is None else _halting_time_uncertainty(t, slip, halt, ended=ended),
+        rebound=None if first_rest is None else _rebound(t, slip, first_rest),
+        drop_at_halt=None if halt is None else at(halt, run.heavy_drop),
+        wrap_angle_at_halt=None if halt is None else at(halt, run.wrap_angle),
+        free_length_at_halt=None if halt is None else at(halt, run.free_length),
+        **fields,
+    )
+
+
+def _halting_time_uncertainty(t: Array, slip: Array, halt: float, *, ended: bool) -> float | None:
+    """Return how far the halting time moves [s] with a slightly different resolution; None if one of these gives no halt."""
+    others = [halting_time(t, slip, factor * RESOLUTION, ended=ended) for factor in UNCERTAINTY_FACTORS]
+    moved = [abs(time - halt) for time in others if time is not None]
+    return max(moved) if len(moved) == len(others) else None
+
+
+def _rebound(t: Array, slip: Array, first_rest: float) -> Rebound:
+    """Return how far and how fast the string still moves after its first rest."""
+    after = np.flatnonzero(t >= first_rest)
+    moving = slip[after]
+    speeds = np.abs(np.diff(moving) / np.diff(t[after]))
+    return Rebound(travel=float(np.ptp(moving)), speed=float(speeds.max(initial=0.0)))
