@@ -57,17 +57,20 @@ def find_outliers(residual: Array, sigma: Array, area: float) -> NDArray[np.bool
     """
     if len(residual) < 2 * HALF_WINDOW + 1:
         return np.zeros(len(residual), dtype=bool)
-    outliers = _blocks(residual, sigma, _single(residual, sigma, area), area)
+    place = np.arange(len(residual))
+    single = _single(place, residual, sigma, area)
+    blocks = _blocks(residual, sigma, single, area)
+    rest = np.flatnonzero(~blocks)
+    if not blocks.any() or len(rest) <= 2 * HALF_WINDOW:
+        return single | blocks
     # Beside a block the neighbours' median was wrong: what is left is looked at again without it
-    rest = np.flatnonzero(~outliers)
-    if len(rest) > 2 * HALF_WINDOW:
-        outliers[rest] = _single(residual[rest], sigma[rest], area)
-    return outliers
+    blocks[rest] = _single(rest, residual[rest], sigma[rest], area)
+    return blocks
 
 
-def _single(residual: Array, sigma: Array, area: float) -> NDArray[np.bool_]:
-    """Return which points are far from where their neighbours lead one to expect them."""
-    return _improbable(residual - _neighbours_median(residual), sigma, area)
+def _single(place: NDArray[np.int_], residual: Array, sigma: Array, area: float) -> NDArray[np.bool_]:
+    """Return which points, at ``place`` in the film, are far from where their neighbours lead one to expect them."""
+    return _improbable(_distance_from_neighbours(place, residual), sigma, area)
 
 
 def _improbable(distance: Array, sigma: Array, area: float) -> NDArray[np.bool_]:
@@ -88,29 +91,36 @@ def _improbable(distance: Array, sigma: Array, area: float) -> NDArray[np.bool_]
     return np.asarray(probability > 0.5)
 
 
-def _neighbours_median(residual: Array) -> Array:
-    """Return the median of each point's neighbours, itself left out, shape (n, components); at the ends, of those there are.
+def _distance_from_neighbours(place: NDArray[np.int_], residual: Array) -> Array:
+    """Return how far each point is from the medians of its neighbours, shape (n, components).
 
-    Both sides count alike, so that a residual that changes at a steady rate has the value of the point itself.
+    Of the neighbours on both sides, of those before and of those after, the nearest median counts: where the residual jumps,
+    for a bumped camera or an event that the model misses, a point agrees with one side. On both sides together, a residual that
+    changes at a steady rate has the value of the point itself.
     """
     n, width = len(residual), HALF_WINDOW
-    padded = np.concatenate([np.full((width, residual.shape[1]), np.nan), residual, np.full((width, residual.shape[1]), np.nan)])
+    padded = np.pad(residual, ((width, width), (0, 0)), constant_values=np.nan)
     windows = sliding_window_view(padded, 2 * width + 1, axis=0)
-    neighbours = np.delete(windows, width, axis=2)
-    medians = np.nanmedian(neighbours, axis=2)
-    # At the ends there are more neighbours on one side: a line through them leads to the point itself
-    for i in (*range(min(width, n)), *range(max(n - width, 0), n)):
-        start = min(max(i - width, 0), n - 2 * width - 1)
-        others = np.array([j for j in range(start, start + 2 * width + 1) if j != i])
-        medians[i] = _theil_sen(others - i, residual[others])
-    return np.asarray(medians)
+    before, after = windows[..., :width], windows[..., width + 1 :]
+    expected = [np.median(part, axis=2) for part in (np.concatenate([before, after], axis=2), before, after)]
+    # At the ends one side lacks neighbours: a line through the others leads to the point
+    ends = np.array([*range(width), *range(n - width, n)])
+    nearest = np.where(ends[:, None] < width, np.arange(2 * width + 1), np.arange(n - 2 * width - 1, n))
+    others = nearest[nearest != ends[:, None]].reshape(len(ends), 2 * width)
+    expected[0][ends] = _theil_sen(place[others] - place[ends][:, None], residual[others])
+    distance = residual - np.array(expected)
+    size = np.nan_to_num(np.linalg.norm(distance, axis=2), nan=np.inf)
+    return np.asarray(distance[size.argmin(axis=0), np.arange(n)])
 
 
 def _theil_sen(x: NDArray[np.int_], values: Array) -> Array:
-    """Return the value at x = 0 of a line through points by the medians of slopes and of remainders (Theil and Sen)."""
-    i, j = np.triu_indices(len(x), 1)
-    slope = np.median((values[j] - values[i]) / (x[j] - x[i])[:, None], axis=0)
-    return np.asarray(np.median(values - slope * x[:, None], axis=0))
+    """Return the values at x = 0 of lines by the medians of slopes and of remainders (Theil and Sen), shape (k, components).
+
+    Each of the k lines goes through points of its own, ``x`` of shape (k, points) and ``values`` of (k, points, components).
+    """
+    i, j = np.triu_indices(x.shape[1], 1)
+    slope = np.median((values[:, j] - values[:, i]) / (x[:, j] - x[:, i])[..., None], axis=1)
+    return np.asarray(np.median(values - slope[:, None] * x[..., None], axis=1))
 
 
 def _blocks(residual: Array, sigma: Array, single: NDArray[np.bool_], area: float) -> NDArray[np.bool_]:
