@@ -15,6 +15,7 @@ from looping_pendulum.discrepancy.fit.event_tests import event_rms_by_unit
 from looping_pendulum.discrepancy.fit.likelihood import likelihood_interval
 from looping_pendulum.discrepancy.listed.attribution import rms
 from looping_pendulum.discrepancy.listed.candidates import Candidate
+from looping_pendulum.discrepancy.outlier_summary import is_outlier, outliers_in_words, summarise_outliers
 from looping_pendulum.discrepancy.result import (
     EventResidual,
     Experiment,
@@ -73,12 +74,13 @@ def identification(
     before, after = conclusion.before, conclusion.after
     effects = _effects(after)
     ties = tuple(_effects(t) for t in conclusion.ties)
+    outliers = summarise_outliers([(fit, k, held_out) for _, fit, k, held_out in _fits_of_trials(before, after)])
     return Identification(
         study=study.name,
         title=study.title,
         seed=seed,
         verdict=verdict,
-        sentence=_sentence(verdict, effects, ties, conclusion),
+        sentence=_sentence(verdict, effects, ties, conclusion) + outliers_in_words(outliers),
         effects=effects,
         ties=ties,
         unlisted=conclusion.unlisted,
@@ -87,6 +89,7 @@ def identification(
         rounds=conclusion.rounds,
         errors=_errors(before, after, conclusion.autocorrelation_time),
         events=_events(before, after),
+        outliers=outliers,
         before=_fit_report(before),
         after=_fit_report(after),
         judged_on="held-out trials" if before.held_out.fits else "held-out blocks of time",
@@ -351,6 +354,7 @@ def _trial_figures(before: CandidateModel, after: CandidateModel, autocorrelatio
 def _trial_figure(before: Fit, after: Fit, k: int, held_out: bool, factor: float) -> TrialFigure:
     """Return the arrays of a trial's figure, residuals times ``factor``, the root of the autocorrelation time."""
     d = before.problem.data[k]
+    wild = is_outlier(after, k)
 
     def by_channel(values: Array) -> dict[str, Array]:
         return {name: values[part] for name, part in d.slices.items()}
@@ -363,6 +367,7 @@ def _trial_figure(before: Fit, after: Fit, k: int, held_out: bool, factor: float
         measured=by_channel(d.value),
         before=by_channel(before.problem.predict(before.x, k)),
         after=by_channel(after.problem.predict(after.x, k)),
-        residual_before=by_channel(factor * _standardised(before, k)),
-        residual_after=by_channel(factor * _standardised(after, k)),
+        residual_before=by_channel(np.where(wild, np.nan, factor * _standardised(before, k))),
+        residual_after=by_channel(np.where(wild, np.nan, factor * _standardised(after, k))),
+        outliers={name: wild[part] for name, part in d.slices.items()},
     )

@@ -9,6 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import numpy as np
+from numpy.typing import NDArray
+
 from looping_pendulum.pages.notebook import ShownInNotebook
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -113,6 +116,24 @@ class TrialError:
     """SI unit -> RMS of measured less predicted events of that unit, by the calibrated declared model."""
     events_after: Mapping[str, float]
     """The same by the repaired model."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outliers:
+    """Tracked points of one body in one trial that do not show it, and so were left out of all fits and tests."""
+
+    trial: str
+    held_out: bool
+    channels: tuple[str, ...]
+    """Channels of the body."""
+    count: int
+    of: int
+    """Number of tracked points of the body, outliers included."""
+    intervals: tuple[tuple[float, float], ...]
+    """First and last time of each run of neighbouring outliers, by the file's clock [s]."""
+    largest_distance: float
+    """Largest distance of an outlier from the repaired model [unit]."""
+    unit: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -317,7 +338,10 @@ class TrialFigure:
     before: Mapping[str, Array]
     after: Mapping[str, Array]
     residual_before: Mapping[str, Array]
+    """NaN for outliers."""
     residual_after: Mapping[str, Array]
+    outliers: Mapping[str, NDArray[np.bool_]]
+    """Which values were left out as outliers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -344,6 +368,8 @@ class Identification(ShownInNotebook):
     errors: tuple[TrialError, ...]
     events: tuple[EventResidual, ...]
     """Every row of every event table."""
+    outliers: tuple[Outliers, ...]
+    """For each trial and body that has some, the tracked points that were left out as outliers."""
     before: FitReport
     """Fit of the declared model."""
     after: FitReport

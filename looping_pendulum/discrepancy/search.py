@@ -17,9 +17,8 @@ from looping_pendulum.discrepancy.fit.residual import (
     best_of,
     calibrate_from_random_start,
     check_residuals,
-    refit_with_estimated_noise,
-    with_noise_of_residuals,
 )
+from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs
 from looping_pendulum.discrepancy.listed.attribution import MAX_NULL_SCORE, HeldOutTest, Refit, check_held_out, refit, refits
 from looping_pendulum.discrepancy.listed.candidates import Candidate

@@ -15,7 +15,7 @@ import numpy as np
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.fit.residual import refit_with_estimated_noise
+from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate, screen
 from looping_pendulum.reference_ode.extended import solve_extended

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
@@ -86,3 +87,36 @@ def _trial(known: dict[str, Any], trial: dict[str, Any]) -> dict[str, Any]:
 
 def _measured(known: dict[str, float], unit: str, convert: Any = float, shown: str = "") -> str:
     return f"{convert(known['value'])!r} {shown or unit} +/- {convert(known['uncertainty'])!r} {shown or unit}"
+
+
+def put_on_another_object(
+    file: Path, *, share: float = 0.0, block: int = 0, distance: float = 0.03, seed: int = 0
+) -> list[float]:
+    """Move some of a table's points of the light mass to another object, as an autotracker does; return their times [s].
+
+    Parameters
+    ----------
+    share
+        Share of single points, each off in a direction of its own.
+    block
+        Number of frames in a row for which the tracker follows something that keeps its distance from the mass.
+    distance
+        Distance of the other object from the mass [m].
+    """
+    rng = np.random.default_rng(seed)
+    lines = file.read_text(encoding="utf-8").splitlines()
+    rows = [i for i, line in enumerate(lines) if line[:1].isdigit() and all(line.split(",")[1:3])]
+    wild = rng.random(len(rows)) < share
+    direction = rng.uniform(0, 2 * np.pi, len(rows))
+    if block:
+        start = int(rng.integers(20, len(rows) - block - 20))
+        wild[start : start + block], direction[start : start + block] = True, 0.7
+    for i, angle in zip(np.array(rows)[wild], direction[wild], strict=True):
+        cells = lines[i].split(",")
+        cells[1:3] = (
+            f"{float(cells[1]) + distance * math.cos(angle):.6f}",
+            f"{float(cells[2]) + distance * math.sin(angle):.6f}",
+        )
+        lines[i] = ",".join(cells)
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return [float(lines[i].split(",")[0]) for i in np.array(rows)[wild]]

@@ -7,7 +7,7 @@ import pytest
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.fit.residual import refit_with_estimated_noise
+from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.listed.attribution import BLOCK_COUNT, MAX_NULL_SCORE, check_held_out, refit
 from looping_pendulum.discrepancy.listed.screening import screen

@@ -10,7 +10,7 @@ import pytest
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.fit.residual import refit_with_estimated_noise
+from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from tests.blind import Apparatus
 from tests.blind.cases import CLEAN, TRIALS

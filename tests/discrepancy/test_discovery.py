@@ -11,7 +11,7 @@ from scipy.optimize import curve_fit
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.fit.residual import refit_with_estimated_noise
+from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.markdown import render

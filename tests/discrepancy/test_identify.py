@@ -15,7 +15,7 @@ from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.likelihood import cost_rise
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.fit.residual import refit_with_estimated_noise, with_noise_of_residuals
+from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.listed.attribution import refit

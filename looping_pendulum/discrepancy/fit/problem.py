@@ -47,6 +47,8 @@ class TrialData:
     events: tuple[EventObservation, ...] = ()
     sigma: Array
     """Standard deviation of every value [SI], shape (n,); infinite: left out of the fit."""
+    outliers: NDArray[np.bool_] | None = None
+    """Values that are left out because they do not show the mass, shape (n,); None: none were looked for yet."""
 
     @cached_property
     def value(self) -> Array:
@@ -80,7 +82,8 @@ class TrialData:
             for c in self.channels
         )
         events = tuple(e for e, k in zip(self.events, kept[self.event_slice], strict=True) if k)
-        return dataclasses.replace(self, channels=channels, events=events, sigma=self.sigma[kept])
+        outliers = None if self.outliers is None else self.outliers[kept]
+        return dataclasses.replace(self, channels=channels, events=events, sigma=self.sigma[kept], outliers=outliers)
 
 
 def free_parameters_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tuple[FreeParameter, ...]:

@@ -6,7 +6,6 @@ value of those studies stands with it below.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,11 +15,12 @@ from numpy.typing import NDArray
 from scipy import special
 
 from looping_pendulum.discrepancy.data.noise import estimate_noise, speed_at
-from looping_pendulum.discrepancy.data.observations import BODIES, Observations
+from looping_pendulum.discrepancy.data.observations import Observations
 from looping_pendulum.discrepancy.data.study import Trial
-from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
+from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate
 from looping_pendulum.discrepancy.fit.event_tests import EventTest, check_event_residuals
 from looping_pendulum.discrepancy.fit.problem import TrialData
+from looping_pendulum.discrepancy.fit.residual_noise import modes, sample_index
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
@@ -46,12 +46,6 @@ The minimum of the clean studies is -2.98.
 """
 MIN_GROUP_SIZE = 20
 """Smallest number of values of a group that is tested."""
-MIN_SIGMA_RATIO = 0.2
-"""Smallest sigma of a point, as a part of the median sigma of its body's points."""
-MAX_STEP_RATIO = 1.5
-"""Time steps longer than this many median steps are gaps."""
-OUTLIER_SIGMAS = 4.0
-"""Differences of more standard deviations than this are outliers, which are clipped."""
 
 
 def trial_data(trial: Trial, observations: Observations) -> TrialData:
@@ -72,39 +66,6 @@ def trial_data(trial: Trial, observations: Observations) -> TrialData:
     return TrialData(trial=trial, channels=channels, events=observations.events, sigma=sigma)
 
 
-def with_noise_of_residuals(fit: Fit) -> Fit:
-    """Estimate each trial's noise from differences of neighbouring residuals, and refit with it.
-
-    Such differences do not see slow misfits. With them, chi2 scatters by 1/sqrt(n); with second differences 1.5 times as much;
-    with the points' own differences of fourth order, which need no model, twice as much.
-    """
-    data = []
-    jacobian = None if fit.final_jacobian is None else fit.final_jacobian.copy()
-    row = 0
-    for k, d in enumerate(fit.problem.data):
-        residual = d.value - fit.problem.predict(fit.x, k)
-        sigma = d.sigma.copy()
-        for names in BODIES.values():
-            channels = [c for c in d.channels if c.name in names]
-            if channels:
-                law = _noise_of_body(fit, k, residual, [c.name for c in channels])
-                for c in channels:
-                    # values that are left out of the fit, with infinite sigma, stay so
-                    sigma[d.slices[c.name]] = np.where(np.isfinite(sigma[d.slices[c.name]]), law[c.name], np.inf)
-        data.append(dataclasses.replace(d, sigma=sigma))
-        if jacobian is not None:
-            # rows of the Jacobian are in units of sigma, so new errors only rescale them
-            counts = np.isfinite(sigma)
-            jacobian[row : row + len(sigma)][counts] *= (d.sigma[counts] / sigma[counts])[:, None]
-        row += len(sigma)
-    return minimise(fit.problem.with_data(data), fit.x, initial_jacobian=jacobian)
-
-
-def refit_with_estimated_noise(fit: Fit) -> Fit:
-    """Estimate noise and refit, twice in turn; after two rounds they agree."""
-    return with_noise_of_residuals(with_noise_of_residuals(fit))
-
-
 def best_of(fits: Sequence[Fit]) -> Fit:
     """Return the fit of lowest cost."""
     return min(fits, key=lambda f: f.cost)
@@ -114,68 +75,6 @@ def calibrate_from_random_start(fit: Fit, rng: np.random.Generator) -> Fit:
     """Fit the same problem again from an initial value drawn from the prior."""
     p = fit.problem
     return calibrate(p, np.clip(p.prior_mean + rng.standard_normal(len(p.free_parameters)), p.low, p.high))
-
-
-def _noise_of_body(fit: Fit, k: int, residual: Array, names: Sequence[str]) -> dict[str, Array]:
-    """Return channel -> sigma of its points, a + b |v|, for one body, by differences of neighbouring residuals."""
-    d = fit.problem.data[k]
-    speeds = {n: _speed(fit, k, n) for n in names}
-    differences, mean_speeds = [], []
-    for n in names:
-        part = d.slices[n]
-        t, mode = d.t[part], _modes(fit, k)[part]
-        if len(t) < MIN_GROUP_SIZE:
-            continue
-        step = np.diff(t)
-        counts = np.isfinite(d.sigma[part][:-1] + d.sigma[part][1:])
-        kept = counts & (mode[:-1] == mode[1:]) & (step < MAX_STEP_RATIO * np.median(step))
-        # Only neighbours in one mode: the model's error may jump where the mode changes.
-        differences.append((np.diff(residual[part]) / math.sqrt(2))[kept])
-        mean_speeds.append(0.5 * (speeds[n][1:] + speeds[n][:-1])[kept])
-    if not differences or sum(map(len, differences)) < MIN_GROUP_SIZE:
-        return {n: d.sigma[d.slices[n]] for n in names}
-    a, b = _fit_noise_law(np.concatenate(differences), np.concatenate(mean_speeds))
-    return {n: np.maximum(a + b * speeds[n], MIN_SIGMA_RATIO * (a + b * float(np.median(speeds[n])))) for n in names}
-
-
-def _fit_noise_law(difference: Array, v: Array) -> tuple[float, float]:
-    """Fit sigma = a + b v with a, b >= 0 to Gaussian differences by maximum likelihood; outliers are clipped."""
-    a, b = 1.4826 * float(np.median(np.abs(difference))) + 1e-12, 0.0
-    for _ in range(40):
-        sigma = np.maximum(a + b * v, 0.05 * a + 1e-12)
-        y = 0.5 * (sigma + np.minimum(difference**2, (OUTLIER_SIGMAS * sigma) ** 2) / sigma)
-        w = 1 / sigma**2
-        middle = float(w @ v / w.sum())
-        spread = float(w @ (v - middle) ** 2)
-        b = max(float(w @ ((v - middle) * y)) / spread, 0.0) if spread > 1e-12 * w.sum() else 0.0
-        a = float(w @ y / w.sum()) - b * middle
-        if a < 0:
-            a, b = 1e-12, float(w @ (v * y) / (w @ v**2))
-    return a, b
-
-
-def _sample_index(fit: Fit, k: int) -> NDArray[np.intp]:
-    """Return the index of the run's sample that belongs to each value of trial ``k``."""
-    samples = fit.problem.run(fit.x, k)
-    _, camera = fit.problem.parameters_and_camera(fit.x, k)
-    t = np.maximum(camera.true_time(fit.problem.data[k].t), 0.0)
-    return np.minimum(np.searchsorted(samples.t, t - 1e-12), len(samples.t) - 1)
-
-
-def _modes(fit: Fit, k: int) -> NDArray[np.int8]:
-    """Return the mode of the run at each value of trial ``k``."""
-    return np.asarray(fit.problem.run(fit.x, k).mode[_sample_index(fit, k)])
-
-
-def _speed(fit: Fit, k: int, channel: str) -> Array:
-    """Return the speed [unit/s] of the body that a channel shows, at its points, by the model."""
-    samples = fit.problem.run(fit.x, k)
-    at = _sample_index(fit, k)[fit.problem.data[k].slices[channel]]
-    state = samples.state
-    if channel.startswith("angle"):
-        return np.asarray(np.abs(state.across_speed / state.free_length)[at])
-    heavy = channel.startswith("heavy") or (channel == "height" and fit.problem.data[k].trial.dropped == "heavy")
-    return np.asarray(np.linalg.norm(samples.heavy_velocity if heavy else samples.light_velocity, axis=1)[at])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -264,18 +163,21 @@ def _residuals_by_group(fit: Fit, k: int, z: Array) -> dict[str, Array]:
 
     Those of the light mass are turned along and across its string, if both coordinates are there.
     """
-    d, modes, index = fit.problem.data[k], _modes(fit, k), _sample_index(fit, k)
+    d, mode_of, index = fit.problem.data[k], modes(fit, k), sample_index(fit, k)
+    used = np.isfinite(d.sigma)
     series: dict[str, tuple[Array, NDArray[np.int8]]] = {}
     if {"light_x", "light_y"} <= set(d.slices):
         sx, sy = d.slices["light_x"], d.slices["light_y"]
         _, ix, iy = np.intersect1d(d.t[sx], d.t[sy], return_indices=True)
+        both = used[sx][ix] & used[sy][iy]
+        ix, iy = ix[both], iy[both]
         angle = fit.problem.run(fit.x, k).state.wrap_angle[index[sx][ix]]
-        zx, zy, mode = z[sx][ix], z[sy][iy], modes[sx][ix]
+        zx, zy, mode = z[sx][ix], z[sy][iy], mode_of[sx][ix]
         series["light along"] = zx * np.sin(angle) - zy * np.cos(angle), mode
         series["light across"] = -zx * np.cos(angle) - zy * np.sin(angle), mode
     for name, part in d.slices.items():
         if not (name.startswith("light") and "light along" in series):
-            series[name] = z[part], modes[part]
+            series[name] = z[part][used[part]], mode_of[part][used[part]]
     groups = {}
     for direction, (values, mode) in series.items():
         sliding = np.isin(mode, [Mode.SLIDING_UP.value, Mode.SLIDING_DOWN.value])

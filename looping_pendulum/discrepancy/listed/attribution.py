@@ -15,7 +15,7 @@ from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
 from looping_pendulum.discrepancy.fit.event_tests import max_held_out_chi2
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
-from looping_pendulum.discrepancy.fit.residual import with_noise_of_residuals
+from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate
 from looping_pendulum.discrepancy.workers import SERIAL, ProgressCallback, Workers

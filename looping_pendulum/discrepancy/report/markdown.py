@@ -9,7 +9,7 @@ from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.report import event_report, unlisted_report
 from looping_pendulum.discrepancy.result import FitReport, Identification, IdentifiedEffect, Round, Verdict
 from looping_pendulum.discrepancy.search import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN
-from looping_pendulum.pages.numbers import uncertain
+from looping_pendulum.pages.numbers import quantity, uncertain
 
 HEADLINES = {
     Verdict.NO_MISSING_EFFECT: "Nothing is missing",
@@ -41,6 +41,7 @@ def before_figures(result: Identification) -> list[str]:
         _remainder(result),
         unlisted_report.section(result),
         "## Error before and after\n\n" + _errors(result),
+        _outliers(result),
         event_report.section(result),
         _ties(result),
     ]
@@ -105,6 +106,27 @@ def _errors(result: Identification) -> str:
         f"verdict rests on {result.judged_on}.\n\n"
     )
     return note + table(head, rows, left=2)
+
+
+def _outliers(result: Identification) -> str:
+    if not result.outliers:
+        return ""
+    head = ["trial", "held out?", "channels", "outliers", "of", "farthest off", "when, by the file's clock [s]"]
+    rows = [
+        [o.trial, "yes" if o.held_out else "no", ", ".join(o.channels), str(o.count), str(o.of),
+         quantity(o.largest_distance, o.unit), ", ".join(_interval(*i) for i in o.intervals)]
+        for o in result.outliers
+    ]  # fmt: skip
+    note = (
+        "These tracked points are far from where their neighbours lead one to expect them, so that they show another object; "
+        "neither fits nor tests use them. What a model lacks moves many neighbouring points together and is not mistaken for "
+        "an outlier. Correct them in the tracker, if you can.\n\n"
+    )
+    return "## Outliers\n\n" + note + table(head, rows, left=3)
+
+
+def _interval(first: float, last: float) -> str:
+    return number(first, digits=4) if first == last else f"{number(first, digits=4)} to {number(last, digits=4)}"
 
 
 def _ties(result: Identification) -> str:

@@ -85,7 +85,9 @@ def trial_figure(picture: TrialFigure, index: int) -> Figure:
         layout["shapes"].append(band(-2, 2, axis))
         colour = f"var(--run-{i % len(COLOURS)})"
         point_style = {"color": colour, "size": 4}
-        traces.append(points(f"{name}, tracked", t, plain(picture.measured[channel]), colour, marker=point_style))
+        wild = picture.outliers[channel]
+        symbols = {"symbol": ["x" if w else "circle" for w in wild]} if wild.any() else {}
+        traces.append(points(f"{name}, tracked", t, plain(picture.measured[channel]), colour, marker=point_style | symbols))
         for side, label, shade in MODELS:
             line_style = {
                 "color": INK if side == "after" else SOFT,
@@ -109,7 +111,8 @@ def trial_figure(picture: TrialFigure, index: int) -> Figure:
     role = "held out" if picture.held_out else "training"
     return Figure(
         id=f"trial-{index}",
-        caption=f"Trial {picture.trial} ({role}): tracked points and both models; below, residuals in units of noise.",
+        caption=f"Trial {picture.trial} ({role}): tracked points (crosses: outliers, left out) and both models; below, "
+        "residuals in units of noise.",
         traces=tuple(traces),
         layout=layout,
         height=300 + 110 * rows,

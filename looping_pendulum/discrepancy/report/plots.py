@@ -59,12 +59,16 @@ def trial_figure(picture: TrialFigure) -> Figure:
         t = picture.t[name]
         colour = COLOURS[i % len(COLOURS)]
         axes[0].plot(t, picture.measured[name], ".", ms=2.5, color=colour, label=name)
+        wild = picture.outliers[name]
+        axes[0].plot(t[wild], picture.measured[name][wild], "x", ms=5, mew=1.2, color=colour)
         axes[0].plot(t, picture.before[name], "--", lw=0.9, color=GREY)
         axes[0].plot(t, picture.after[name], "-", lw=0.9, color="black")
         _residual(axes[1 + i], picture, name)
     axes[0].set_ylabel("measured [SI]")
     axes[0].legend(loc="best", fontsize=8, ncols=count)
-    axes[0].set_title("points: tracked; dashed grey: declared model; black: repaired model", fontsize=9)
+    axes[0].set_title(
+        "points: tracked; crosses: outliers, left out; dashed grey: declared model; black: repaired model", fontsize=9
+    )
     axes[1].legend(loc="upper left", fontsize=8, ncols=2)
     axes[-1].set_xlabel("time by the file's clock [s]")
     return figure

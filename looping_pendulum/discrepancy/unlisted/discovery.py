@@ -21,7 +21,7 @@ from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.study import Estimate, Study
 from looping_pendulum.discrepancy.fit.calibration import WINDOW_COST_TOLERANCE, Fit, FitError, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
-from looping_pendulum.discrepancy.fit.residual import with_noise_of_residuals
+from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, check_held_out
 from looping_pendulum.discrepancy.workers import SERIAL, ProgressCallback, Workers
 from looping_pendulum.reference_ode.effects.closure import COORDINATES, FACTORS, N_BASIS_FUNCTIONS, weight_name

@@ -18,7 +18,7 @@ from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
-from looping_pendulum.discrepancy.fit.residual import with_noise_of_residuals
+from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, check_held_out
 from looping_pendulum.discrepancy.unlisted.discovery import TARGETS, WEAK_PRIOR, RecoveredForce
 from looping_pendulum.discrepancy.unlisted.simplify import (

@@ -1,0 +1,60 @@
+"""Summarise which tracked points the fits left out as outliers, for the result and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.discrepancy.data.observations import BODIES
+from looping_pendulum.discrepancy.fit.calibration import Fit
+from looping_pendulum.discrepancy.result import Outliers
+from looping_pendulum.pages.numbers import quantity
+
+
+def is_outlier(fit: Fit, k: int) -> NDArray[np.bool_]:
+    """Return which values of trial ``k`` the fit leaves out as outliers."""
+    d = fit.problem.data[k]
+    return np.zeros(len(d.t), dtype=bool) if d.outliers is None else d.outliers
+
+
+def summarise_outliers(fits: Sequence[tuple[Fit, int, bool]]) -> tuple[Outliers, ...]:
+    """Return the outliers of each trial and body; ``fits``: fit, index of the trial in it, whether the trial is held out."""
+    rows = []
+    for fit, k, held_out in fits:
+        d, wild = fit.problem.data[k], is_outlier(fit, k)
+        residual = d.value - fit.problem.predict(fit.x, k)
+        for names in BODIES.values():
+            channels = [c for c in d.channels if c.name in names and wild[d.slices[c.name]].any()]
+            if not channels:
+                continue
+            parts = [d.slices[c.name] for c in channels]
+            index = np.flatnonzero(np.any([wild[p] for p in parts], axis=0))
+            t = channels[0].t
+            runs = np.split(index, 1 + np.flatnonzero(np.diff(index) > 1))
+            rows.append(
+                Outliers(
+                    trial=d.trial.name,
+                    held_out=held_out,
+                    channels=tuple(c.name for c in channels),
+                    count=len(index),
+                    of=len(t),
+                    intervals=tuple((float(t[run[0]]), float(t[run[-1]])) for run in runs),
+                    largest_distance=float(np.max(np.linalg.norm([residual[p][index] for p in parts], axis=0))),
+                    unit=channels[0].unit,
+                )
+            )
+    return tuple(rows)
+
+
+def outliers_in_words(outliers: Sequence[Outliers]) -> str:
+    """Return a sentence about the points that were left out, with a space before it; empty without any."""
+    if not outliers:
+        return ""
+    count, of = sum(o.count for o in outliers), sum(o.of for o in outliers)
+    largest = max(outliers, key=lambda o: o.largest_distance)
+    return (
+        f" {count} of {of} tracked points do not show the mass, being off by up to "
+        f"{quantity(largest.largest_distance, largest.unit)} beside neighbours that are not; they were left out."
+    )
