@@ -286,7 +286,7 @@ def _events(before: CandidateModel, after: CandidateModel) -> tuple[EventResidua
 
 def _chi2(fit: Fit, k: int) -> float:
     """Return chi-square per value of trial ``k``."""
-    return float(np.mean(np.square(_standardised(fit, k))))
+    return float(np.mean(np.square(_standardised(fit, k)[np.isfinite(fit.problem.data[k].sigma)])))
 
 
 def _standardised(fit: Fit, k: int) -> Array:

@@ -241,7 +241,8 @@ def rms(fit: Fit, k: int) -> float | None:
     if not d.channels:
         return None
     residual = d.value - fit.problem.predict(fit.x, k)
-    return math.sqrt(sum(float(np.mean(residual[p] ** 2)) for p in position_slices(d)))
+    used = np.isfinite(d.sigma)
+    return math.sqrt(sum(float(np.mean(residual[p][used[p]] ** 2)) for p in position_slices(d)))
 
 
 def position_slices(d: TrialData) -> list[slice]:
