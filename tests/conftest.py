@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import shutil
 from collections.abc import Iterator
 from typing import Any
@@ -31,6 +32,12 @@ def pytest_collection_modifyitems(items):
                 raise pytest.UsageError(f"{item.nodeid}: fails_on: found {marker}, needed names of backends and a reason")
             if current() in marker.args:
                 item.add_marker(pytest.mark.xfail(strict=True, **marker.kwargs))
+
+
+def pytest_collection_finish():
+    """Take what collection made out of the garbage collector's reach: it would go through all of it again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare.comparison import compare
-from looping_pendulum.compare.metrics import RMS_END_TIMES
 from looping_pendulum.engines.chain import polygon_radius
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pymunk import chain as adapter
@@ -25,6 +24,7 @@ from looping_pendulum.reference_ode.closed_forms import atwood_acceleration
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve, solve_at
 from looping_pendulum.scenarios import loader
+from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
 
