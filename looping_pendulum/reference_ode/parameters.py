@@ -264,7 +264,6 @@ _NUMBERS = frozenset({*_FIELDS, *effect_library.COEFFICIENTS} - {"release"})
 """Names of the numbers that `Parameters.replace` may change."""
 _DEFAULTS = {name: c.default for name, c in effect_library.COEFFICIENTS.items()}
 _NULLS = {name: c.null for name, c in effect_library.COEFFICIENTS.items()}
-_BOUNDS = {name: c.bounds for name, c in effect_library.COEFFICIENTS.items()}
 
 
 @lru_cache(maxsize=256)
