@@ -13,7 +13,7 @@ from importlib.util import find_spec
 import pytest
 
 from looping_pendulum.errors import EngineError
-from looping_pendulum.sweep import map_file
+from looping_pendulum.sweep import executors, map_file
 from looping_pendulum.sweep.executors import CONNECT_TIME
 from tests.sweep.maps import GRID, LONG, contents, program
 from tests.sweep.test_runner import run_silently
@@ -63,7 +63,8 @@ def test_a_worker_killed_in_the_middle_loses_nothing(cluster, tmp_path):
     assert contents(tmp_path / "out") == contents(tmp_path / "here")
 
 
-def test_an_unreachable_cluster_is_one_line_soon(tmp_path):
+def test_an_unreachable_cluster_is_one_line_soon(tmp_path, monkeypatch):
+    monkeypatch.setattr(executors, "CONNECT_TIME", 1.0)
     plan = map_file.load_text(GRID)
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # not listening: nobody answers there

@@ -103,11 +103,17 @@ def _distance_from_neighbours(place: NDArray[np.int_], residual: Array) -> Array
     windows = sliding_window_view(padded, 2 * width + 1, axis=0)
     before, after = windows[..., :width], windows[..., width + 1 :]
     expected = [np.median(part, axis=2) for part in (np.concatenate([before, after], axis=2), before, after)]
-    # At the ends one side lacks neighbours: a line through the others leads to the point
+    # At the ends one side lacks neighbours: a line through the others leads to the point, or where the model lacks something
+    # large and the frames are few, a parabola
     ends = np.array([*range(width), *range(n - width, n)])
     nearest = np.where(ends[:, None] < width, np.arange(2 * width + 1), np.arange(n - 2 * width - 1, n))
     others = nearest[nearest != ends[:, None]].reshape(len(ends), 2 * width)
-    expected[0][ends] = _theil_sen(place[others] - place[ends][:, None], residual[others])
+    steps = place[others] - place[ends][:, None]
+    expected[0][ends] = _theil_sen(steps, residual[others])
+    parabola = np.full_like(residual, np.nan)
+    value_at_point = np.linalg.pinv(steps[..., None] ** np.arange(3.0))[:, 0]  # least squares, by the twelve neighbours
+    parabola[ends] = np.einsum("kp,kpc->kc", value_at_point, residual[others])
+    expected.append(parabola)
     distance = residual - np.array(expected)
     size = np.nan_to_num(np.linalg.norm(distance, axis=2), nan=np.inf)
     return np.asarray(distance[size.argmin(axis=0), np.arange(n)])
