@@ -17,6 +17,7 @@ def render(result: ComparisonResult) -> list[str]:
     runs = [(label, landmarks) for label, landmarks in runs if landmarks.halting_times]
     if not any(each.time is not None for _, landmarks in runs for each in landmarks.halting_times):
         return []
+    # The first run stands for all: one detector reads them, with the same resolutions
     head = ["run", *(f"halts, to within {quantity(each.resolution, 'm')} [s]" for each in runs[0][1].halting_times)]
     head += ["uncertainty [ms]", "rebound [mm]", "rebound speed, at most [mm/s]"]
     rows = []

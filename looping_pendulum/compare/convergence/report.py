@@ -88,6 +88,7 @@ def _runs(result: ConvergenceResult) -> list[RunSummary]:
     for v in result.variants:
         found += [v.own, *(r.run for ladder in v.ladders for r in ladder.rungs), *(s.run for s in v.starts)]
         found += [one.run for one in (*v.choices, *v.defaults)]
+    # One run may be a rung of several ladders
     return list({run.key: run for run in found}.values())
 
 
