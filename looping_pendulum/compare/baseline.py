@@ -36,6 +36,7 @@ MIN_METRIC_CHANGES = {"m": 1e-6, "s": 1e-6, "rad": 1e-6, "": 1e-6}
 MIN_LANDMARK_CHANGES = {"m": 1e-4, "s": 1e-4, "rad": 1e-3}
 """SI unit -> smallest change of an engine's landmark that is listed: a tenth of the sample interval, and the motion in it."""
 
+# The fields of `Landmarks` that are single numbers; the others are tuples of events, or no numbers
 LANDMARK_UNITS = {
     "halting_time": "s",
     "drop_at_halt": "m",
@@ -177,6 +178,7 @@ def _runs(before: ComparisonResult, after: ComparisonResult, relative: float) ->
         run = ", ".join(part for part in key if part)
         if key in old and key in new:
             yield from _run(run, old[key], new[key], relative)
+            # Either run serves, as only its label and profile are asked for
             yield from _tolerances(run, before, after, old[key])
         else:
             statuses = [known[key].status if key in known else NOT_RUN_TEXT for known in (old, new)]

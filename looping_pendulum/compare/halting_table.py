@@ -14,6 +14,7 @@ HALT_AGREEMENT = 5e-4
 def render(result: ComparisonResult) -> list[str]:
     """Return the section, or nothing where no run halts."""
     runs = [("reference", result.reference.sampled), *((f"{e.label}, {e.profile}", e.landmarks) for e in result.engines)]
+    # A run with hardly any samples has no landmarks at all
     runs = [(label, landmarks) for label, landmarks in runs if landmarks.halting_times]
     if not any(each.time is not None for _, landmarks in runs for each in landmarks.halting_times):
         return []

@@ -67,6 +67,7 @@ def plain(value: Any) -> Any:
 def dump(result: Any, schema_id: str, version: int) -> str:
     """Write a result, a dataclass, as JSON text."""
     tree = {"schema": {"id": schema_id, "version": version}} | plain(result)
+    # A NaN that got through would be an error here rather than a file that other programs cannot read
     return json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 

@@ -77,6 +77,7 @@ def departures(aligned: Aligned, events: tuple[TrajectoryEvent, ...]) -> tuple[D
     """Return the first crossing of each of `DEPARTURE_THRESHOLDS`, with the state of the reference at that time."""
     crossings = []
     for threshold in DEPARTURE_THRESHOLDS:
+        # NaN, where either run has ended, compares as false
         beyond = np.flatnonzero(aligned.distance > threshold)
         if len(beyond):
             crossings.append(_departure(aligned, int(beyond[0]), threshold, events))

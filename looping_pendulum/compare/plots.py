@@ -57,6 +57,7 @@ def path_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str
     """Path of the light mass, equal axes."""
     figure, (axes,) = make_figure(7.0, 6.4)
     reference = samples.reference
+    # Thick and behind, so that it shows on both sides of a run that follows it
     axes.plot(*reference.light_position.T, color="black", lw=2.4, label="reference", zorder=2)
     for aligned in _drawn(samples):
         style = look[aligned.run.label]
@@ -81,6 +82,7 @@ def _widen(axes: Axes) -> None:
 
 
 def _halts(axes: Axes, result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> None:
+    # The reference's star is larger and behind, so that both are seen where a run halts at the same place
     runs = [(samples.reference, result.reference.landmarks.halting_time, "black", 190.0, 5)]
     runs += [
         (a.run, e.landmarks.halting_time, look[e.label].colour, 70.0, 6)

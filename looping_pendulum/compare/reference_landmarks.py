@@ -89,6 +89,7 @@ class SampledReference:
         # The detector takes a rest for a confirmed halt by this status, as it does for an engine's run
         self.run = dataclasses.replace(whole, status=RunStatus.LIGHT_REACHED_ROD if ended else RunStatus.FINISHED)
         """The run from the release to the reference's own end, which may be later than the scenario's."""
+        # Kept, since nearly every engine is compared with it
         self._whole = run_landmarks(self.run, parameters)
 
     def landmarks_until(self, end: float) -> Landmarks:
@@ -102,6 +103,7 @@ class SampledReference:
         If the engine's run ended because its light mass reached the rod, the reference is cut where its free length is as
         short: the engine's run does not show the last millimetres.
         """
+        # One chain of comparisons: both runs ended because the light mass reached the rod
         if run is None or not self.run.status is run.status is RunStatus.LIGHT_REACHED_ROD:
             return self._whole
         shortest = run.free_length[finite_length(run) - 1] - LENGTH_ROUNDING

@@ -170,6 +170,7 @@ def _detail(result: ComparisonResult) -> str:
     for e in result.engines:
         crossings = {d.threshold: d.time for d in e.departures}
         row = [name(e), metric_cell(e, "tube_fraction"), fixed(e.tube.first_exit, 3)]
+        # The literals of `DEPARTURE_THRESHOLDS`, so that they are exact keys
         row += [fixed(crossings.get(threshold), 3) for threshold in (1e-3, 1e-2)]
         row += [number(e.growth_rate, digits=2), metric_cell(e, "rms_halt"), fixed(e.landmarks.drop_at_halt, 4)]
         row += [fixed(e.landmarks.wrap_angle_at_halt, 4), metric_cell(e, "wrap_angle_error")]

@@ -92,6 +92,7 @@ def run_key(engine: Engine, scenario: Scenario) -> str:
         "versions": versions,
         "source": _source(type(engine).__module__),
     }
+    # 80 bits, so that no two runs share a name by chance
     digest = hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()[:20]
     return f"{file_stem(label(engine))}-{digest}"
 
@@ -131,6 +132,7 @@ class RunCache:
     def _read(path: Path, task: RunTask, time_limit: float) -> EndedRun | None:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:  # np.load leaves a damaged file open
             rows, said = np.asarray(file["rows"], dtype=float), json.loads(str(file["said"]))
+        # An intact archive may still hold something else than a run
         if not (rows.ndim == 2 and rows.shape[1] == len(COLUMNS) and (np.diff(rows[:, 0]) > 0).all()):
             raise ValueError(f"{path}: found rows of shape {rows.shape}, needed {len(COLUMNS)} columns and rising times")
         status = RunStatus[said["status"]]
@@ -288,6 +290,7 @@ class Runner:
                 weight, share = ended.seconds or 0.0, 1.0
             else:
                 weight, share = self.expected(task) or usual, running.get(task.key, 0.0)
+                # A run that will be left out takes no time
                 weight = 0.0 if self.budget is not None and weight > self.budget and task.key not in running else weight
             total, finished = total + weight, finished + share * weight
         running_tasks = ", ".join(task.what for task in tasks if task.key in running)

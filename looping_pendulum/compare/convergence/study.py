@@ -201,6 +201,7 @@ def study_convergence(
             written=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
             run_times=tuple(
                 RunTime(key=key, seconds=ended_runs[key].seconds)
+                # Sorted, because runs end in any order
                 for key in sorted({task.key for task in tasks} & ended_runs.keys())
             ),
         ),
