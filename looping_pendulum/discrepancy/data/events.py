@@ -83,6 +83,7 @@ def _read_tidy_table(table: DelimitedTable, name: str) -> Observations:
         if event is None:
             missing.append(f"{row.cells[0]} {row.cells[1]}")
             continue
+        # By today's names, which `_event` gives: an older name and a newer one may be the same quantity
         first = first_lines.setdefault((event.quantity, event.index), row.line)
         if first != row.line:
             message = f"found {event.quantity} {event.index} again (first on line {first}), needed it once; delete one"
