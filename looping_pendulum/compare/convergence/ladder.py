@@ -138,6 +138,7 @@ def classify_sequence(h: Array, values: Sequence[Array], *, floor: float = 0.0, 
     within = spread is not None and scatter <= SIGNIFICANT_CHANGE * max(spread, floor)
     why = "refinement changes it no more than small changes of the start do" if within else _not_monotone(values)
     mean = np.mean(tail, axis=0)
+    # Student's t, because the scatter itself comes from a few rungs
     half_width = float(special.stdtrit(len(tail) - 1, CONFIDENCE)) * scatter / math.sqrt(len(tail))
     drift = rms_norm(np.mean(tail[-2:], axis=0) - mean)  # A trend below the scatter still moves the mean.
     return SequenceFinding(
@@ -231,7 +232,7 @@ def _fit(h: Array, values: Sequence[Array], noise: float) -> _Fit | None:
         return np.asarray(np.trace(gram) - np.trace(bases.swapaxes(-1, -2) @ gram @ bases, axis1=-2, axis2=-1))
 
     best = int(np.argmin(residuals_of(np.asarray(ORDERS))))
-    # At an end the best order lies outside, and the fit has found no minimum
+    # At an end the best order may lie outside, so that the fit has found no minimum
     if best in (0, len(ORDERS) - 1):
         return None
     bounds = (ORDERS[best - 1], ORDERS[best + 1])
@@ -266,10 +267,10 @@ def _converging(h: Array, values: Sequence[Array], fit: _Fit, noise: float) -> S
     limit_error = (
         factor * math.sqrt(sum(rms_norm(one.limit - fit.limit) ** 2 for one in jackknife_fits)) * quantile if known else 0.0
     )
+    # With an interval that includes zero, no order is certain
     orders_agree = order_error is not None and order_error < fit.order
     to_limit = rms_norm(values[-1] - fit.limit)
-    # Roache's interval reaches from the finest rung to the factor times the distance of the limit; this is the part beyond the
-    # limit
+    # Roache's interval reaches the factor times the limit's distance from the finest rung; this is what lies beyond the limit
     margin = ((SAFETY_FACTOR if orders_agree else CAUTIOUS_SAFETY_FACTOR) - 1) * to_limit
     return SequenceFinding(
         kind=SequenceKind.CONVERGES,

@@ -244,6 +244,7 @@ def is_contained(one: LadderResult, others: Sequence[LadderResult]) -> bool:
 
     Of two ladders that refine each other's setting, the later one is contained.
     """
+    # By identity, because results hold arrays, which have no hash
     places = {id(c): place for place, c in enumerate(others)}
     for other in others:
         finest = other.finest(one.ladder.setting)

@@ -153,6 +153,7 @@ def halting_verdict(v: VariantStudy) -> str:
         return "never halts"
     if not v.own.ok:
         return "not known: the run with its own settings does not end properly"
+    # One ladder without a limit is enough, whatever the others do
     if SequenceKind.SCATTERS in kinds or SequenceKind.NEVER in kinds:
         if v.own.halting_time is None:
             return "no; it halts only with some settings"

@@ -221,6 +221,7 @@ def evaluate_variant(
         return measure_run(task.key, ended_runs.get(task.key), against)
 
     own = measured(plan.own)
+    # Each against its own reference: the spread is that of the engine's error, not that of the motion
     starts = [(what, measured(task, changed_references[what])) for what, task in plan.starts]
     spread = {name: _spread(name, [own, *(m for _, m in starts)]) for name in QUANTITIES}
     results = [
