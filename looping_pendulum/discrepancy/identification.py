@@ -169,6 +169,7 @@ def _sentence(
             f"{number(force.held_out_chi2_after)}."
         )
     rounds = conclusion.rounds
+    # Of the first round: later ones already have an effect in the model that was not accepted
     best = next((r for r in rounds[0].ranking if r.delta_bic is not None), None) if rounds else None
     nearest = f" The nearest is {best.name}, which does not pass: {best.reason}." if best else ""
     rest = ""

@@ -53,6 +53,7 @@ def best_experiments(study: Study, fits: Sequence[Fit], names: Sequence[tuple[st
         # A trial that one of the explanations cannot run is not proposed; the others still are
         except (HarnessError, ValueError, np.linalg.LinAlgError):
             continue
+        # A trial is worth as much as it separates those two explanations that it separates least
         distance, (i, j) = min(pairs)
         masses = [known.value for p in ("heavy_mass", "light_mass") if (known := study.estimate(p, trial)) is not None]
         experiments.append(
@@ -79,6 +80,7 @@ def _trials(study: Study, fit: Fit) -> Iterator[Trial]:
         # a drop has no string, and where the heavy mass is held its mass does not matter
         if release is Release.DROP or (release is Release.HELD and ratio != ratios[0]):
             continue
+        # A vertical release has no angle, so that one turn of the loop is enough
         for angle in angles if release is not Release.VERTICAL else angles[:1]:
             own = dict(template.estimates)
             heavy = template.estimates.get("heavy_mass") or study.apparatus.get("heavy_mass")

@@ -156,6 +156,7 @@ class Workers:
 
     def _feed(self, worker: int, executor: Executor, started: Future[Any]) -> None:
         """Hand items to a worker process, as long as it lives: the main function of its thread."""
+        # A worker process that cannot start, or dies, leaves its items to the others
         with contextlib.suppress(Exception):
             started.result()
             known: _Batch | None = None

@@ -150,6 +150,7 @@ def _bytes(path: Path, file: str) -> bytes:
 def _decode(raw: bytes, file: str) -> str:
     way_out = "export it as text (in Tracker: File > Export > Data)"
     for start, what in _OTHER_FORMATS.items():
+        # XML may begin with a byte order mark
         if raw.removeprefix(b"\xef\xbb\xbf").startswith(start):
             raise data_error(file, None, "", f"found {what}, needed a text table; {way_out}")
     try:

@@ -44,6 +44,7 @@ def read_events(path: str | Path, table: DelimitedTable, name: str) -> Observati
 def _read_printed_table(path: str | Path, table: DelimitedTable, name: str) -> Observations:
     """Read a table without standard errors: one unit of the last printed digit stands for each."""
     try:
+        # By the reader of the scenarios' tables, whose form this is; the cells are needed beside it for their printed digits
         rows = read_event_table(Path(path)).rows
     except ScenarioError as error:
         raise DataError(str(error)) from None

@@ -96,7 +96,7 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
                 fits.append(minimise(problem, x, max_iterations=MAX_ITERATIONS))
         except FitError:
             continue
-        # Enough is gained, or too little could be gained for another start to matter
+        # The decrease is large enough, or the predicted one too small for another start to matter
         if fits[-1].cost < predicted_cost or (screened.score**2 < delta_bic_to_beat and fits[-1].cost < base.cost + 1):
             break
     if not fits:
