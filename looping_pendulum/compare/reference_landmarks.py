@@ -89,7 +89,7 @@ class SampledReference:
         # The detector takes a rest for a confirmed halt by this status, as it does for an engine's run
         self.run = dataclasses.replace(whole, status=RunStatus.LIGHT_REACHED_ROD if ended else RunStatus.FINISHED)
         """The run from the release to the reference's own end, which may be later than the scenario's."""
-        # Kept, since nearly every engine is compared with it
+        # Kept, since it is asked for beside every engine
         self._whole = run_landmarks(self.run, parameters)
 
     def landmarks_until(self, end: float) -> Landmarks:
