@@ -35,6 +35,7 @@ def write(result: ComparisonResult, folder: Path | str, changes: ResultChanges |
     if result.samples is not None:
         write_atomically(folder / "trajectories" / "reference.csv", trajectory_csv(result.samples.reference))
         for aligned, name in zip(result.samples.aligned, trajectory_files(result), strict=True):
+            # A run without samples has no trajectory to write
             if len(aligned.run.t):
                 write_atomically(folder / "trajectories" / name, trajectory_csv(aligned.run))
     figures = draw(result)

@@ -77,8 +77,10 @@ def sample_reference(reference: Reference, times: Array) -> ReferenceSamples:
     times
         Shape (n,). Negative times and times after the reference's end give NaN.
     """
+    # A reference takes ascending times only, and the tubes around the samples give them in another order
     ascending, inverse = np.unique(times, return_inverse=True)
     samples = reference(ascending[np.isfinite(ascending) & (ascending >= 0)])
+    # A reference may leave out times, so that its samples are found by their time and not by their place
     nearest = np.clip(np.searchsorted(samples.t, ascending), 0, max(len(samples.t) - 1, 0))
     known = np.abs(samples.t[nearest] - ascending) < SAME_TIME if len(samples.t) else np.zeros(len(ascending), dtype=bool)
 
@@ -87,6 +89,7 @@ def sample_reference(reference: Reference, times: Array) -> ReferenceSamples:
         out[known] = values[nearest[known]]
         return np.asarray(out[inverse])
 
+    # Apart from the others, because integers have no NaN
     mode = np.full(len(ascending), UNKNOWN_MODE, dtype=np.int8)
     mode[known] = samples.mode[nearest[known]]
     return ReferenceSamples(

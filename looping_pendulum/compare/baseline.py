@@ -36,6 +36,7 @@ MIN_METRIC_CHANGES = {"m": 1e-6, "s": 1e-6, "rad": 1e-6, "": 1e-6}
 MIN_LANDMARK_CHANGES = {"m": 1e-4, "s": 1e-4, "rad": 1e-3}
 """SI unit -> smallest change of an engine's landmark that is listed: a tenth of the sample interval, and the motion in it."""
 
+# The fields of `Landmarks` that are single numbers; the others are tuples of events, or no numbers
 LANDMARK_UNITS = {
     "halting_time": "s",
     "drop_at_halt": "m",
@@ -115,6 +116,7 @@ def read_baseline(path: Path, scenario: str) -> ComparisonResult:
     file = path / "result.json" if path.is_dir() else path
     try:
         with file.open("rb") as stream:
+            # One byte more than is allowed tells that a file is too large, however large it is
             raw = stream.read(MAX_BASELINE_BYTES + 1)
         text = raw.decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -176,6 +178,7 @@ def _runs(before: ComparisonResult, after: ComparisonResult, relative: float) ->
         run = ", ".join(part for part in key if part)
         if key in old and key in new:
             yield from _run(run, old[key], new[key], relative)
+            # Either run serves, as only its label and profile are asked for
             yield from _tolerances(run, before, after, old[key])
         else:
             statuses = [known[key].status if key in known else NOT_RUN_TEXT for known in (old, new)]
@@ -187,6 +190,7 @@ def _run(run: str, old: EngineResult, new: EngineResult, relative: float) -> Ite
     for name in (name for name in new.metrics if name in old.metrics):  # one that only one version knows cannot be compared
         unit = metric_called(name).unit
         was, now = old.metrics[name], new.metrics[name]
+        # The absolute floor is for values near zero, whose relative changes are rounding
         if _has_changed(was, now, max(MIN_METRIC_CHANGES[unit], relative * abs(was or 0.0))):
             yield ResultChange(kind=ChangeKind.METRIC, run=run, what=name, unit=unit, before=was, after=now)
     yield from _landmarks(run, old.landmarks, new.landmarks, MIN_LANDMARK_CHANGES)
@@ -217,11 +221,13 @@ def _landmarks(run: str, before: Landmarks, after: Landmarks, floors: Mapping[st
             unit = LANDMARK_UNITS.get(f.name, "")
             if _has_changed(old, new, floors[unit]) if unit else old != new:
                 yield change(name, unit, old, new)
+        # Events are told apart by their index: if one is missing, all that follow would be compared with the wrong one
         elif len(old) != len(new):
             yield change(f"number of {name}", "", len(old), len(new))
         else:
             pairs = zip(map(_quantities, old), map(_quantities, new), strict=True)
             for index, (was, now) in enumerate(pairs, 1):
+                # A slip onset has only a time, a stop a height besides, and an extremum a value
                 for what, unit in (("time", "s"), ("height_change", "m"), ("value", "m")):
                     if what in now and _has_changed(was[what], now[what], floors[unit]):
                         yield change(f"{name} {index}, {what.replace('_', ' ')}", unit, was[what], now[what])

@@ -80,10 +80,12 @@ def compare(
     trajectories
         One per engine, including failed and missing ones: they keep their row.
     """
+    # Whole numbers times the interval: with a fractional step, np.arange may or may not include the end, by rounding
     grid: Array = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL
     reference_run = reference(grid)
     exact_landmarks = reference_landmarks(reference, grid)
     sampled = SampledReference(reference, scenario.parameters)
+    # A run that broke down may end in NaN; what it has before is compared
     aligned = tuple(align(first_samples(run, finite_length(run)), reference) for run in trajectories)
     engines = tuple(
         _engine(run, a, scenario, reference, reference_run, sampled) for run, a in zip(trajectories, aligned, strict=True)
@@ -192,6 +194,7 @@ def _measured(
             unit=row.unit,
             measured=plain(row.measured),
             paper_numerical=plain(row.paper_numerical),
+            # By its own events: here the reference is compared with a measurement, not with runs that only have samples
             reference=event_value(exact_landmarks, row.quantity, row.index),
             engines=tuple(event_value(e.landmarks, row.quantity, row.index) for e in engines),
         )

@@ -48,6 +48,7 @@ def trajectory_csv(run: Trajectory) -> str:
 
 def trajectory_files(result: ComparisonResult) -> list[str]:
     """Return a distinct name for the CSV file of each engine's trajectory."""
+    # The reference's file is in the same folder, so that its name is taken, too
     return [f"{stem}.csv" for stem in file_stems([("reference",), *((e.label, e.profile) for e in result.engines)])[1:]]
 
 

@@ -14,9 +14,11 @@ HALT_AGREEMENT = 5e-4
 def render(result: ComparisonResult) -> list[str]:
     """Return the section, or nothing where no run halts."""
     runs = [("reference", result.reference.sampled), *((f"{e.label}, {e.profile}", e.landmarks) for e in result.engines)]
+    # A run with hardly any samples has no landmarks at all
     runs = [(label, landmarks) for label, landmarks in runs if landmarks.halting_times]
     if not any(each.time is not None for _, landmarks in runs for each in landmarks.halting_times):
         return []
+    # The first run stands for all: one detector reads them, with the same resolutions
     head = ["run", *(f"halts, to within {quantity(each.resolution, 'm')} [s]" for each in runs[0][1].halting_times)]
     head += ["uncertainty [ms]", "rebound [mm]", "rebound speed, at most [mm/s]"]
     rows = []

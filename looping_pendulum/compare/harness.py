@@ -70,6 +70,7 @@ def compare_engines(
         If a tolerance names an engine that is not known.
     """
     profile = Profile(profile)
+    # Before the runs: a tolerance that names an unknown engine ends the command at once
     scenario = expand_tolerances(scenario, profile)
     chosen = chosen_engines(engines, profile)
     reference = Reference(scenario)
@@ -84,6 +85,7 @@ def compare_engines(
         finished=finished,
     )
     result = compare(scenario, reference, runs, measured)
+    # `compare` knows trajectories only, and a key takes the engine with its settings
     return dataclasses.replace(result, run_keys=tuple(run_key(engine, scenario) for engine in chosen))
 
 

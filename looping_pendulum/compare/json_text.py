@@ -39,8 +39,10 @@ def plain(value: Any) -> Any:
     Anything else becomes its text, so that an engine's odd setting never costs the whole result.
     """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        # A field that does not count in comparisons, such as the trajectories, is not written either
         return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value) if f.compare}
     if isinstance(value, Mapping):
+        # Sorted, so that the bytes do not depend on the order in which a dict was filled
         return {str(key): plain(value[key]) for key in sorted(value, key=str)}
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
@@ -48,6 +50,7 @@ def plain(value: Any) -> Any:
         return [plain(item) for item in value]
     if isinstance(value, (set, frozenset)):
         return sorted((plain(item) for item in value), key=str)
+    # Before float and str, of which many enums and NumPy's own numbers are subclasses
     if isinstance(value, Enum):
         return plain(value.value)
     if isinstance(value, np.generic):
@@ -64,6 +67,7 @@ def plain(value: Any) -> Any:
 def dump(result: Any, schema_id: str, version: int) -> str:
     """Write a result, a dataclass, as JSON text."""
     tree = {"schema": {"id": schema_id, "version": version}} | plain(result)
+    # A NaN that got through would be an error here rather than a file that other programs cannot read
     return json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 
@@ -84,8 +88,10 @@ def load(
         Name of the file and a way to write it again, both for the messages of errors.
     """
     try:
+        # By default Python reads NaN and Infinity, which are not JSON, and 1e999 as infinite
         tree = json.loads(text, parse_int=_integer, parse_float=_finite, parse_constant=_finite)
         _refuse_unwritable(tree)
+    # First, as it is a ValueError, too, and knows the line
     except json.JSONDecodeError as error:
         raise ResultError(f"{file}: line {error.lineno}: {error.msg}; {rewrite_hint}") from None
     except ValueError as error:
@@ -98,6 +104,7 @@ def load(
     if not isinstance(schema.get("version"), int) or not 0 < schema["version"] <= version:
         found = f"found version {quote(schema.get('version'))}, needed {version} or less"
         raise ResultError(f"{file}: schema: {found}; update looping-pendulum")
+    # Only then: in a file of today, a title may be a word that was a name once
     if schema["version"] < RENAMED_IN:
         tree = _renamed(tree)
     try:
@@ -136,6 +143,7 @@ def _finite(digits: str) -> float:
 
 def _refuse_unwritable(tree: Any) -> None:
     """Refuse what could be read but not traversed or written again: very deep nesting, and halves of surrogate pairs."""
+    # Level by level: a recursive function would itself fail at the nesting that it is to refuse
     level = [tree]
     for _ in range(MAX_NESTING):
         strings = [each for each in level if isinstance(each, str)]
@@ -163,6 +171,7 @@ def _build(kind: Any, value: Any, where: str) -> Any:
     if kind is Any:
         return value
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
+    # The only unions are of one type and None
     if origin is types.UnionType or origin is typing.Union:
         return None if value is None else _build(next(k for k in inner if k is not type(None)), value, where)
     if origin is tuple:
@@ -182,6 +191,7 @@ def _build(kind: Any, value: Any, where: str) -> Any:
             raise ValueError(f"{where}: found {quote(value)}, needed one of {', '.join(known)}")
         return kind(value)
     if kind is float:
+        # Other programs write 1.0 as 1
         whole = isinstance(value, int) and not isinstance(value, bool)
         return float(value if whole else _checked(float, _TYPE_NAMES[float], value, where))
     return _checked(kind, _TYPE_NAMES[kind], value, where)

@@ -77,6 +77,7 @@ def departures(aligned: Aligned, events: tuple[TrajectoryEvent, ...]) -> tuple[D
     """Return the first crossing of each of `DEPARTURE_THRESHOLDS`, with the state of the reference at that time."""
     crossings = []
     for threshold in DEPARTURE_THRESHOLDS:
+        # NaN, where either run has ended, compares as false
         beyond = np.flatnonzero(aligned.distance > threshold)
         if len(beyond):
             crossings.append(_departure(aligned, int(beyond[0]), threshold, events))
@@ -96,6 +97,7 @@ def _departure(aligned: Aligned, i: int, threshold: float, events: tuple[Traject
         mode=mode_description(int(reference.mode[i])),
         after=after,
         after_time=after_time,
+        # Lengths and angles are NaN where there is no string
         along=_number(run.free_length[i] - free_length) or 0.0,
         across=_number(free_length * angle_error) or 0.0,
         heavy=float(aligned.heavy_deviation[i]),
@@ -112,6 +114,7 @@ def growth_rate(departures: tuple[Departure, ...]) -> float | None:
 
 def fitted_acceleration(t: Array, drop: Array) -> float | None:
     """Return the constant acceleration [m/s^2] that fits ``drop`` [m], from rest at t = 0, by least squares."""
+    # The drop is a t^2 / 2, so that least squares give a = 2 sum(drop t^2) / sum(t^4)
     weight = float((t**4).sum())
     return float(2 * (drop * t**2).sum() / weight) if weight > 0 and np.isfinite(drop).all() else None
 
@@ -139,6 +142,7 @@ def acceleration_error(aligned: Aligned, parameters: Parameters) -> float | None
     t = aligned.t[known]
     fitted = fitted_acceleration(t, aligned.run.heavy_drop[known])
     height = aligned.reference.heavy_height[known]
+    # With the same fit on both sides, an engine with the exact motion has no error, although its acceleration is not constant
     exact = fitted_acceleration(t, height[0] - height) if drag_acts(parameters) else atwood_acceleration(parameters)
     return None if fitted is None or not exact else fitted / exact - 1
 

@@ -101,7 +101,9 @@ def drop_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) 
     for e, a, style in shown:
         name, times = _name(result, e), _line(a.t)
         traces.append(line(name, times, _line(a.run.heavy_drop), style, legendgroup=e.label))
+        # NaN makes a gap in the line: a logarithmic axis cannot show zero
         off = np.where(np.abs(a.heavy_deviation) > MIN_DRAWN_DEVIATION, np.abs(a.heavy_deviation) * 1e3, np.nan)
+        # One entry of the legend for both panels; a click on it hides the run in both
         traces.append(line(name, times, _line(off, 5), style, legendgroup=e.label, showlegend=False, yaxis="y2"))
     measured = measured_drops(result)
     if measured:
@@ -113,6 +115,7 @@ def drop_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) 
         caption="Drop of the heavy mass (down is down), and below it how far each engine is from the reference.",
         traces=tuple(traces),
         layout={
+            # The time axis is drawn below the lower panel, y2
             "xaxis": {"title": {"text": TIME}, "anchor": "y2"},
             "yaxis": {"title": {"text": "drop [m]"}, "domain": [0.44, 1], "autorange": "reversed"},
             "yaxis2": {"title": {"text": "off the reference [mm]"}, "domain": [0, 0.38], "type": "log", "tickformat": "~g"},
@@ -141,7 +144,9 @@ def divergence_figure(result: ComparisonResult, samples: ResultSamples, shown: S
                 *(horizontal(1e3 * threshold) for threshold in DEPARTURE_THRESHOLDS),
             ],
             "annotations": [word for _, word in event_lines],
+            # Room for the slanted names of the events
             "margin": {"t": 90},
+            # Without it Plotly shows no legend for a single line
             "showlegend": True,
         },
         height=460,
@@ -200,5 +205,6 @@ def _name(result: ComparisonResult, engine: EngineResult) -> str:
 
 def _line(values: Array, digits: int = 6) -> list[float | None]:
     """Evenly thinned ``values`` to ``digits`` significant digits, None where they are not finite."""
+    # Division that rounds up, so that there are never more points than allowed
     stride = -(-len(values) // MAX_LINE_POINTS)
     return plain(values[::stride], digits)

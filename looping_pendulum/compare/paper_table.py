@@ -9,6 +9,7 @@ from looping_pendulum.compare.result import ComparisonResult, MeasuredRow
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
 from looping_pendulum.engines.landmarks import Extremum
 
+# Two decimals more than the paper prints for times and lengths, so that smaller differences show, too
 DECIMALS = {"s": 4, "m": 4, "rad": 3}
 
 

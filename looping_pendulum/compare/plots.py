@@ -57,6 +57,7 @@ def path_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str
     """Path of the light mass, equal axes."""
     figure, (axes,) = make_figure(7.0, 6.4)
     reference = samples.reference
+    # Thick and behind, so that it shows on both sides of a run that follows it
     axes.plot(*reference.light_position.T, color="black", lw=2.4, label="reference", zorder=2)
     for aligned in _drawn(samples):
         style = look[aligned.run.label]
@@ -81,6 +82,7 @@ def _widen(axes: Axes) -> None:
 
 
 def _halts(axes: Axes, result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> None:
+    # The reference's star is larger and behind, so that both are seen where a run halts at the same place
     runs = [(samples.reference, result.reference.landmarks.halting_time, "black", 190.0, 5)]
     runs += [
         (a.run, e.landmarks.halting_time, look[e.label].colour, 70.0, 6)
@@ -113,6 +115,7 @@ def drop_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str
     top.set(ylabel="drop of the heavy mass [m]", title=f"{without_mathtext(result.scenario)}: heavy mass")
     below.axhline(0, color="black", lw=1.2)
     below.set_yscale("symlog", linthresh=0.1)
+    # At least twice the linear part of the axis, so that runs without a visible deviation are a flat line
     below.set_ylim(min(below.get_ylim()[0], -0.2), max(below.get_ylim()[1], 0.2))
     below.yaxis.set_major_formatter("{x:g}")
     below.set(xlabel="time since release [s]", ylabel="drop, engine less reference\n[mm] (linear within ±0.1)")
@@ -135,11 +138,13 @@ def divergence_figure(result: ComparisonResult, samples: ResultSamples, look: di
     largest, smallest = DEPARTURE_THRESHOLDS[1], DEPARTURE_THRESHOLDS[0]
     for aligned in _drawn(samples):
         distance = np.where(aligned.distance > MIN_DRAWN_DEVIATION, aligned.distance, np.nan)
+        # A line without any point still has its entry in the legend, which then says why none is seen
         seen = bool(np.isfinite(distance).any())
         label = _name(aligned, result) if seen else f"{_name(aligned, result)} (below {MIN_DRAWN_DEVIATION * 1e3:g} mm)"
         axes.plot(aligned.t, distance * 1e3, **_line(look[aligned.run.label]), label=label, zorder=3)
         if seen:
             largest = max(largest, float(np.nanmax(distance)))
+            # Not the minimum: where a run crosses the reference, a single sample comes arbitrarily close to it
             smallest = min(smallest, float(np.nanpercentile(distance, 5)))
     for threshold in DEPARTURE_THRESHOLDS:
         axes.axhline(threshold * 1e3, color=GREY, lw=0.8, dashes=(1, 2))
@@ -180,6 +185,7 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
     for place, i in enumerate(shown):
         engine = result.engines[i]
         style = look[engine.label]
+        # Within its row each run has a height of its own, so that equal times do not hide each other
         offset = -0.04 + 0.36 * place / max(len(shown) - 1, 1)
         points(
             [r.engines[i] for r in rows],
@@ -192,6 +198,7 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
     axes.set_yticks(y, [quantity_label(r.quantity, r.index) for r in rows])
     axes.invert_yaxis()
     axes.set_xscale("symlog", linthresh=20)
+    # Setting ticks widens the limits to include them all
     limits = axes.get_xlim()
     axes.set_xticks([-500, -100, -20, -10, 0, 10, 20, 100, 500])
     axes.set_xlim(limits)
@@ -228,6 +235,7 @@ def _line(style: Style) -> dict[str, Any]:
 def make_figure(width: float, height: float, rows: tuple[int, ...] = (1,)) -> tuple[Figure, tuple[Axes, ...]]:
     """Make a figure [inches] of axes below each other, with the ratio of their heights."""
     figure = Figure(figsize=(width, height), dpi=130, layout="constrained")
+    # Not by pyplot, which keeps every figure open and may look for a display
     FigureCanvasAgg(figure)
     grid = figure.subplots(len(rows), 1, squeeze=False, sharex=True, height_ratios=list(rows))
     for axes in grid[:, 0]:

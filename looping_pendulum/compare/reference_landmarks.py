@@ -63,6 +63,7 @@ def reference_landmarks(reference: Reference, grid: Array) -> Landmarks:
             Stop(time=time, height_change=float(height) - release_height)
             for time, height in zip(stops, at.heavy_height[-len(stops) :], strict=True)
         )
+        # Not left to the slice: with no stops, [-0:] is the whole array
         if stops
         else (),
         slip_onsets=times.slip_onsets,
@@ -81,11 +82,14 @@ class SampledReference:
     """The reference's run, sampled every `SAMPLE_INTERVAL` and cut like an engine's, so that both are read in the same way."""
 
     def __init__(self, reference: Reference, parameters: Parameters) -> None:
+        # As long as the reference goes, because only what follows it shows whether a rest is the halt
         whole = reference(np.arange(round(DURATION / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL)
         ended = reference_event_times(whole.events).light_reaches_rod is not None
         self.parameters = parameters
+        # The detector takes a rest for a confirmed halt by this status, as it does for an engine's run
         self.run = dataclasses.replace(whole, status=RunStatus.LIGHT_REACHED_ROD if ended else RunStatus.FINISHED)
         """The run from the release to the reference's own end, which may be later than the scenario's."""
+        # Kept, since it is asked for beside every engine
         self._whole = run_landmarks(self.run, parameters)
 
     def landmarks_until(self, end: float) -> Landmarks:
@@ -99,6 +103,7 @@ class SampledReference:
         If the engine's run ended because its light mass reached the rod, the reference is cut where its free length is as
         short: the engine's run does not show the last millimetres.
         """
+        # One chain of comparisons: both runs ended because the light mass reached the rod
         if run is None or not self.run.status is run.status is RunStatus.LIGHT_REACHED_ROD:
             return self._whole
         shortest = run.free_length[finite_length(run) - 1] - LENGTH_ROUNDING

@@ -12,6 +12,7 @@ from looping_pendulum.compare.words import events_to_show
 from looping_pendulum.pages.glossary import glossary
 from looping_pendulum.scenarios.metrics import METRICS, RMS_END_TIMES, metric_called
 
+# Not "no" alone, with which "not run" and "no limits declared" begin as well
 FAILING_PREFIXES = ("no:", "no (")
 """Beginnings of the table cells that say that an engine is outside tolerance; the report shows them in bold."""
 
@@ -69,6 +70,7 @@ def verdict_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
     vertical = any(e.metrics.get("acceleration_error") is not None for e in result.engines)
     errors = ["drop_error", *(["acceleration_error"] if vertical else [])]
     first, *others = (METRICS[metric].column for metric in RMS_END_TIMES)
+    # The first column's title says it for those beside it
     head = ["engine", "within tolerance?", first, *(column.removeprefix("RMS ") for column in others), "halting time [s]"]
     head += [*(METRICS[metric].column for metric in ("halting_time_error", *errors)), "wall time [s per s]"]
     reference = result.reference.sampled
@@ -90,6 +92,7 @@ def metric_cell(engine: EngineResult, metric: str) -> str:
 def _verdict(result: ComparisonResult) -> str:
     head, rows = verdict_rows(result)
     for row in rows:
+        # Here and not in `verdict_rows`, whose rows a terminal shows, too
         if row[1].startswith(FAILING_PREFIXES):
             row[1] = f"**no**{row[1].removeprefix('no')}"
     return f"{_verdict_sentence(result)}\n\n{table(head, rows, left=2)}"
@@ -145,6 +148,7 @@ def _range_warning(engine: EngineResult) -> str:
 def _quoted(message: str) -> str:
     """Return the last line of the engine's message as code, since it may hold any characters."""
     lines = message.strip().splitlines()
+    # A backtick would end the code, and a traceback says most in its last line
     return "`" + lines[-1].replace("`", "'")[:200] + "`" if lines else ""
 
 
@@ -166,6 +170,7 @@ def _detail(result: ComparisonResult) -> str:
     for e in result.engines:
         crossings = {d.threshold: d.time for d in e.departures}
         row = [name(e), metric_cell(e, "tube_fraction"), fixed(e.tube.first_exit, 3)]
+        # The literals of `DEPARTURE_THRESHOLDS`, so that they are exact keys
         row += [fixed(crossings.get(threshold), 3) for threshold in (1e-3, 1e-2)]
         row += [number(e.growth_rate, digits=2), metric_cell(e, "rms_halt"), fixed(e.landmarks.drop_at_halt, 4)]
         row += [fixed(e.landmarks.wrap_angle_at_halt, 4), metric_cell(e, "wrap_angle_error")]

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from looping_pendulum.engines.trajectory import Trajectory
 
 SCHEMA_ID = "looping-pendulum/comparison"
+# Since version 2, halting times are the end of the string's sliding; version 3 renamed keys (`json_text.RENAMED`)
 SCHEMA_VERSION = 3
 
 

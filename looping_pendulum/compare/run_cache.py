@@ -92,6 +92,7 @@ def run_key(engine: Engine, scenario: Scenario) -> str:
         "versions": versions,
         "source": _source(type(engine).__module__),
     }
+    # 80 bits, so that no two runs share a name by chance
     digest = hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()[:20]
     return f"{file_stem(label(engine))}-{digest}"
 
@@ -122,6 +123,7 @@ class RunCache:
             return None
         try:
             return self._read(path, task, time_limit)
+        # A damaged archive may raise anything: of zip, zlib, NumPy or JSON
         except Exception as error:
             warnings.warn(DamagedRunWarning(f"{path} is damaged ({type(error).__name__}); its run is made again"), stacklevel=2)
             return None
@@ -130,6 +132,7 @@ class RunCache:
     def _read(path: Path, task: RunTask, time_limit: float) -> EndedRun | None:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:  # np.load leaves a damaged file open
             rows, said = np.asarray(file["rows"], dtype=float), json.loads(str(file["said"]))
+        # An intact archive may still hold something else than a run
         if not (rows.ndim == 2 and rows.shape[1] == len(COLUMNS) and (np.diff(rows[:, 0]) > 0).all()):
             raise ValueError(f"{path}: found rows of shape {rows.shape}, needed {len(COLUMNS)} columns and rising times")
         status = RunStatus[said["status"]]
@@ -191,6 +194,7 @@ class Runner:
 
     def run(self, tasks: Sequence[RunTask]) -> dict[str, EndedRun]:
         """Make all runs in the order of ``tasks``; after an interrupt (Ctrl-C) return those that ended before it."""
+        # A ladder's rung at the variant's own setting is the same run as the one at its own settings
         tasks = list({task.key: task for task in tasks}.values())
         for task in tasks:
             cached = self.cache.get(task, self.time_limit)
@@ -207,15 +211,18 @@ class Runner:
                     return
                 self._make(task)
 
+        # Threads suffice: each only waits for the process of its run
         with ThreadPoolExecutor(max_workers=self.jobs) as pool:
             futures = [pool.submit(work) for _ in range(self.jobs)]
             while not all(future.done() for future in futures):
                 try:
+                    # The main thread waits in short steps: Ctrl-C reaches it alone, and it has to tell the others
                     time.sleep(POLL_INTERVAL)
                     self._report(tasks)
                 except KeyboardInterrupt:
                     self.cancelled.set()
             for future in futures:
+                # Raises what went wrong in a thread
                 future.result()
         return self.done
 
@@ -239,6 +246,7 @@ class Runner:
         self.cache.put(task, done, self.time_limit)
         with self._lock:
             del self._running[task.key]
+        # An interrupted run is as good as not begun: the next call makes it
         if run.status is not RunStatus.INTERRUPTED:
             self.done[task.key] = done
 
@@ -249,16 +257,19 @@ class Runner:
             return self._cost(task.like)
         size, cost = known[-1]
         if task.size <= 0:
+            # A rung of size 0 is the limit itself, from which no ratio of sizes can be taken
             return cost
         if len(known) == 1:
             return float(cost * min(size / task.size, MAX_FIRST_COST_FACTOR))
         before, earlier = known[-2]
+        # Cost grows as a power of the refinement; the last two rungs give the exponent
         power = min(max(math.log(cost / earlier) / math.log(before / size), 0.0), MAX_COST_EXPONENT)
         return float(cost * (size / task.size) ** power)
 
     def _cost(self, key: str) -> float | None:
         done = self.done.get(key)
         if done is None or done.run is None:
+            # A run that was left out counts with its expected cost, so that finer rungs are left out as well
             return None if done is None else done.expected
         return done.run.wall_time if math.isfinite(done.run.wall_time) else done.seconds
 
@@ -268,8 +279,10 @@ class Runner:
         costs = [self._cost(task.key) for task in tasks]
         known = [cost for cost in costs if cost is not None]
         usual = sum(known) / len(known) if known else 1.0
+        # The share is of the expected time, not of the number of runs: the finest rungs take most of it
         total = finished = 0.0
         with self._lock:
+            # A copy: other threads add and remove runs meanwhile
             running = dict(self._running)
         for task in tasks:
             ended = self.done.get(task.key)
@@ -277,6 +290,7 @@ class Runner:
                 weight, share = ended.seconds or 0.0, 1.0
             else:
                 weight, share = self.expected(task) or usual, running.get(task.key, 0.0)
+                # A run that will be left out takes no time
                 weight = 0.0 if self.budget is not None and weight > self.budget and task.key not in running else weight
             total, finished = total + weight, finished + share * weight
         running_tasks = ", ".join(task.what for task in tasks if task.key in running)

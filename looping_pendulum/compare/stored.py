@@ -49,6 +49,7 @@ def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine]) -
         if any(RunStatus[engine.status] in RETRIED_STATUSES for engine in result.engines):
             return None
         return replace(result, samples=_samples(result, folder / "trajectories"))
+    # Whatever is wrong with the files, making the runs again repairs it
     except (OSError, ValueError, KeyError, IndexError, ResultError):
         return None
 
@@ -67,11 +68,13 @@ def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
     )
 
     def at(times: Array) -> Trajectory:
+        # Times were rounded when the files were written, so that equal ones may differ in their last digits
         place = np.clip(np.searchsorted(reference.t, times - SAME_TIME), 0, len(reference.t) - 1)
         return _rows(reference, place[np.abs(reference.t[place] - times) < SAME_TIME])
 
     runs = [
         _trajectory(
+            # A run without samples has no file
             folder / file if e.samples else None,
             engine=e.engine,
             variant=e.variant,
@@ -128,5 +131,6 @@ def _rows(run: Trajectory, indices: np.ndarray) -> Trajectory:
 
 
 def _provenance(stored: RunProvenance) -> Provenance:
+    # The result has these names with spaces, for its readers
     supplies = {s.what.replace(" ", "_"): Supply(by=Supplier(s.by), how=s.how) for s in stored.supplies}
     return Provenance(versions=stored.versions, settings=stored.settings, supplies=Supplies(**supplies), seed=stored.seed)

@@ -53,6 +53,7 @@ def story(
         f"Its halt is not comparable: {not_comparable}." if not_comparable else _halting(own, expected, run, missing)
     )
     sentences.append(_rebound(own))
+    # Without any friction law, a missing static friction says nothing more
     if STATIC_FRICTION in missing and "friction_law" not in missing:
         sentences.append(_without_static_friction(parameters))
     if not run.status.ok:
@@ -141,6 +142,7 @@ def _halting(own: Landmarks, expected: Landmarks, run: Trajectory, missing: tupl
             return f"Its light mass reaches the rod at {end:.3f} s, {early}." if own.light_reaches_rod is not None else ""
         stops = [f"{stop.time:.3f} s" for stop in own.stops[:3]]
         turned = f"; it stops at {_listed(stops)} and moves on" if stops else ""
+        # Only these can bring a string to rest
         needed = [m for m in missing if m in ("friction_law", "stick_slip")]
         why = f": {_unmodelled(needed)}" if needed else ""
         by = f" to within {quantity(RESOLUTION, 'm')}" if not needed else ""

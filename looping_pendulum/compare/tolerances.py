@@ -40,6 +40,7 @@ def judge_tolerance(tolerance: Tolerance, run: EngineResult) -> ToleranceResult:
 
 
 def _outcome(tolerance: Tolerance, run: EngineResult, value: float | None) -> tuple[ToleranceOutcome, str]:
+    # A value decides even if the run was interrupted; only without one it is not judged
     if value is None and not run.available:
         return ToleranceOutcome.NOT_RUN, run.status_sentence
     passes = value is not None and METRICS[tolerance.metric].is_within(value, tolerance.limit)

@@ -169,6 +169,7 @@ def _sentence(
             f"{number(force.held_out_chi2_after)}."
         )
     rounds = conclusion.rounds
+    # Of the first round: later ones already have an effect in the model that was not accepted
     best = next((r for r in rounds[0].ranking if r.delta_bic is not None), None) if rounds else None
     nearest = f" The nearest is {best.name}, which does not pass: {best.reason}." if best else ""
     rest = ""
@@ -237,6 +238,7 @@ def _errors(before: CandidateModel, after: CandidateModel, autocorrelation_time:
         chi2 = [m.held_out.chi2[i] for m in (before, after)]
         event_rms = [event_rms_by_unit(m.held_out.fits[i], 0) for m in (before, after)]
         rows.append(_trial_error(name, True, [m.held_out.rms[i] for m in (before, after)], chi2, event_rms))
+    # Blocks of time are judged together and have no fits of their own
     if not before.held_out.fits:
         rms_values = [m.held_out.rms[0] for m in (before, after)]
         rows.append(_trial_error("blocks of time", True, rms_values, [m.held_out.chi2[0] for m in (before, after)], [{}, {}]))
@@ -266,6 +268,7 @@ def _events(before: CandidateModel, after: CandidateModel) -> tuple[EventResidua
     rows = []
     for b, a, k, held_out in _fits_of_trials(before, after):
         data = b.problem.data[k]
+        # Not `predict`, which puts an event that does not happen far off, for the fit's sake
         predicted = [fit.problem.predict_events(fit.x, k).tolist() for fit in (b, a)] if data.events else [[], []]
         for row, by_declared, by_repaired in zip(data.events, *predicted, strict=True):
             rows.append(
@@ -286,6 +289,7 @@ def _events(before: CandidateModel, after: CandidateModel) -> tuple[EventResidua
 
 def _chi2(fit: Fit, k: int) -> float:
     """Return chi-square per value of trial ``k``."""
+    # Values that are left out have an infinite sigma, so that their zeros would lower the mean
     return float(np.mean(np.square(_standardised(fit, k)[np.isfinite(fit.problem.data[k].sigma)])))
 
 

@@ -74,6 +74,7 @@ def identify(
 
     progress("reading", 0.0)
     try:
+        # Before the files are read, so that the worker processes start and import meanwhile
         with Workers(default_process_count() if workers is None else workers) as team:
             return _identify(study, seed, progress_within_limit, team)
     except _OutOfTime:
@@ -99,6 +100,7 @@ def _identify(study: Study, seed: int, progress: FractionCallback, workers: Work
     assert search.declared_model is not None
     experiments: tuple[Experiment, ...] = ()
     if len(ties) > 1:
+        # An interrupt now costs the advice on the next trial, but not the verdict
         with contextlib.suppress(KeyboardInterrupt):
             experiments = best_experiments(study, [t.fit for t in ties], [t.names for t in ties])
     force = None

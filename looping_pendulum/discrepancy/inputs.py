@@ -52,6 +52,7 @@ def read_inputs(study: Study) -> Inputs:
     data = tuple(trial_data(t, o) for t, o in training)
     held_out = tuple((trial_data(t, o), free_parameters_of(study, [(t, o)])) for t, o in observed if t.held_out)
     refuse_wrong_units(Problem(study, data, free_parameters))
+    # Each by itself: a held-out trial is never in one problem with those that are fitted
     for trial, parameters in held_out:
         refuse_wrong_units(Problem(study, (trial,), parameters))
     return Inputs(

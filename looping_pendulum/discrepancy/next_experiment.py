@@ -25,6 +25,7 @@ RATIO_COUNT = 3
 """Mass ratios that are tried between the limits."""
 MAX_EXPERIMENTS = 3
 """Trials that are proposed."""
+# The camera of a proposed trial has the frame rate and the noise of the data that the search was tested on
 FRAME_RATE = 240.0
 """Frame rate of a proposed trial [Hz]."""
 DURATION = 1.0
@@ -49,8 +50,10 @@ def best_experiments(study: Study, fits: Sequence[Fit], names: Sequence[tuple[st
     for trial in _trials(study, fits[0]):
         try:
             pairs = [(_distance(study, trial, a, b), (i, j)) for (i, a), (j, b) in itertools.combinations(enumerate(fits), 2)]
+        # A trial that one of the explanations cannot run is not proposed; the others still are
         except (HarnessError, ValueError, np.linalg.LinAlgError):
             continue
+        # A trial is worth as much as it separates those two explanations that it separates least
         distance, (i, j) = min(pairs)
         masses = [known.value for p in ("heavy_mass", "light_mass") if (known := study.estimate(p, trial)) is not None]
         experiments.append(
@@ -77,6 +80,7 @@ def _trials(study: Study, fit: Fit) -> Iterator[Trial]:
         # a drop has no string, and where the heavy mass is held its mass does not matter
         if release is Release.DROP or (release is Release.HELD and ratio != ratios[0]):
             continue
+        # A vertical release has no angle, so that one turn of the loop is enough
         for angle in angles if release is not Release.VERTICAL else angles[:1]:
             own = dict(template.estimates)
             heavy = template.estimates.get("heavy_mass") or study.apparatus.get("heavy_mass")
@@ -117,6 +121,7 @@ def _distance(study: Study, trial: Trial, first: Fit, second: Fit) -> float:
     information = np.linalg.pinv(covariance, hermitian=True) + jacobian.T @ jacobian
     projected = jacobian.T @ difference
     square = float(difference @ difference - projected @ np.linalg.solve(information, projected))
+    # Rounding can leave the square of a small distance slightly negative
     return math.sqrt(max(square, 0.0))
 
 
@@ -131,6 +136,7 @@ def _problem_of_trial(study: Study, data: TrialData, own: Sequence[FreeParameter
     ]
     parameters = [*own, *added]
     x = np.zeros(len(parameters))
+    # What the fit knows replaces the priors; the new trial's own parameters keep them
     covariance = np.diag([n.prior_sigma**2 for n in parameters])
     shared = [i for i, n in enumerate(parameters) if n.name in index]
     in_fit = [index[parameters[i].name] for i in shared]

@@ -32,6 +32,7 @@ def summarise_outliers(fits: Sequence[tuple[Fit, int, bool]]) -> tuple[Outliers,
             parts = [d.slices[c.name] for c in channels]
             index = np.flatnonzero(np.any([wild[p] for p in parts], axis=0))
             t = channels[0].t
+            # Cut where an index is left out, so that each run is one interval of time
             runs = np.split(index, 1 + np.flatnonzero(np.diff(index) > 1))
             rows.append(
                 Outliers(

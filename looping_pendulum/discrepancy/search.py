@@ -95,6 +95,7 @@ class CandidateModel:
         if not (failures and self.added):
             high = (s for s in self.remaining[:MAX_SCORES_CHECKED] if abs(s.score) > MAX_NULL_SCORE)
             confirmed = (s for s in high if failures or self._realises_predicted_decrease(s))
+            # One is enough to fail the model, and each further one would cost a refit
             failures += [f"{s.candidate.name}: score {s.score:.1f}" for s in itertools.islice(confirmed, 1)]
         return tuple(failures)
 
@@ -179,6 +180,7 @@ class Search:
             current = next_model
         self.rounds[before:] = [replace(r, error_factor=self.scaled_errors.factor) for r in self.rounds[before:]]
         if self.accepted_models:
+            # The report compares both models by the same errors, so that the declared one has scaled errors, too
             self.declared_model = base
 
     def judge_with_scaled_errors(
@@ -214,6 +216,7 @@ class Search:
             current = CandidateModel(
                 fit=fit, added=others, tests=best.tests, held_out=best.held_out, screening=_returning(remaining)
             )
+            # Delta BIC of the dropped effect beside the others, less the margin within which explanations are tied
             min_delta_bic = fit.cost - best.fit.cost - math.log(fit.problem.count) - MIN_DELTA_BIC_MARGIN
             refits = self.refit_candidates(current, 0.7)
             rivals = [r for r in refits if r.delta_bic >= max(min_delta_bic, MIN_DELTA_BIC) and r.within_bounds]
@@ -269,6 +272,7 @@ class Search:
     def refit_candidates(self, current: CandidateModel, share: float) -> list[Refit]:
         """Refit the model with each of the best candidates; return the refits, best first."""
         min_score = max(MIN_REFIT_SCORE, abs(current.remaining[0].score) / MAX_SCORE_RATIO) if current.remaining else 0.0
+        # An amplitude of zero means that no change within the bounds looks like the residuals
         chosen = [s for s in current.remaining if s.amplitude and abs(s.score) >= min_score][:MAX_REFITS]
         counter = itertools.count()
 
@@ -328,6 +332,7 @@ class Search:
                 if formula.accepted and formula.held_out:
                     fit, held_out = formula.fit, formula.held_out
             tests = check_residuals(fit)
+            # The screening is `tuple`, which returns no candidates: nothing is added to this model any more
             return Verdict.UNLISTED, CandidateModel(fit=fit, added=(), tests=tests, held_out=held_out, screening=tuple), ()
         if not self.accepted_models:
             return Verdict.UNEXPLAINED, self.declared_model, ()

@@ -107,7 +107,9 @@ class Workers:
                 self._store_answer(batch, i, _call(function, shared, items[i]))
         finally:
             with self._condition:
+                # Also after an exception here: worker processes must not go on with a batch that nobody waits for
                 self._batch = None
+        # In the order of the items, so that the exception does not depend on which process was faster
         for succeeded, value in (batch.answers[i] for i in range(len(items))):
             if not succeeded:
                 raise value
@@ -136,6 +138,7 @@ class Workers:
         """Keep the answer to an item; without one (None) the item goes back to be done by another worker."""
         with self._condition:
             if answer is None:
+                # To the front: the caller waits for all items, and this one has lost time already
                 batch.waiting.insert(0, i)
             else:
                 batch.answers[i] = answer
@@ -153,6 +156,7 @@ class Workers:
 
     def _feed(self, worker: int, executor: Executor, started: Future[Any]) -> None:
         """Hand items to a worker process, as long as it lives: the main function of its thread."""
+        # A worker process that cannot start, or dies, leaves its items to the others
         with contextlib.suppress(Exception):
             started.result()
             known: _Batch | None = None

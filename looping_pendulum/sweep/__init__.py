@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["load_map", "open_map", "run_map", "shipped_maps"]
 
+# The names are imported when they are used: workers import this package for `cells` alone, without the reader of files and Zarr
 _LAZY_NAMES = {
     "load_map": ("looping_pendulum.sweep.map_file", "load"),
     "shipped_maps": ("looping_pendulum.sweep.map_file", "shipped"),
@@ -63,6 +64,7 @@ def open_map(folder: Path | str) -> xarray.Dataset:
     except Exception as error:  # a damaged file may raise any exception
         why = f"{type(error).__name__}: {shorten(' '.join(str(error).split()))}"
         raise MapError(one_line(f"{path}: found it damaged ({why}); {repair}")) from None
+    # Zarr reads a missing chunk as its fill value, so that a lost coordinate raises nothing
     for name in data.indexes:
         if not coordinate_file(path, str(name)).is_file():
             raise MapError(one_line(f"{path}: found no values of {name}; {repair}"))

@@ -87,6 +87,7 @@ def _reference(task: CellTask) -> Values:
     base = task.scenario.parameters
     batch = solve_batch(base, task.columns, duration=task.duration, tolerance=task.tolerance)
     values: Values = {field.name: np.array(getattr(batch, field.name)) for field in FIELDS}
+    # A batch marks runs with impossible parameters as failed, as it does those that break down
     for i in np.flatnonzero(batch.end == FAILED):
         if _member(task, int(i)) is None:
             values["end"][i] = end_code(IMPOSSIBLE)
@@ -105,6 +106,7 @@ def _engine(task: CellTask) -> Values:
     engine = engine_called(task.engine, task.profile)
     n = len(next(iter(task.columns.values())))
     values: Values = {field.name: np.full(n, field.fill, dtype=field.dtype) for field in FIELDS}
+    # For the runs that the loop leaves out; the others write over it
     values["end"][:] = end_code(IMPOSSIBLE)
     for i in range(n):
         parameters = _member(task, i)
@@ -119,10 +121,12 @@ def _engine(task: CellTask) -> Values:
 
 def _summary(run: Trajectory, landmarks: Landmarks) -> dict[str, float]:
     """Return the fields of a map for an engine's run."""
+    # A map uses the reference's words for the two ends that an engine's run and the reference have in common
     known = {RunStatus.LIGHT_REACHED_ROD: str(Event.LIGHT_REACHES_ROD), RunStatus.FINISHED: str(Event.TIME_UP)}
     summary: dict[str, float] = {"end": end_code(known.get(run.status) or run.status.name.lower())}
     if len(run.t) == 0:
         return summary
+    # A run that was cut while its string rested might have slid again, which a map must not show as a halt
     if landmarks.halting_confirmed:
         summary["halting_time"] = _or_nan(landmarks.halting_time)
         summary["halting_wrap_angle"] = _or_nan(landmarks.wrap_angle_at_halt)

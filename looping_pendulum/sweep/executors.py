@@ -48,6 +48,7 @@ def in_processes(tasks: Iterator[CellTask], solve: Solve, jobs: int) -> Iterator
     """
     try:
         with process_pool(jobs) as pool:
+            # Two for each process, so that none waits for its next; not all of a long map, since each task holds its columns
             running: set[Future[CellResult]] = {pool.submit(solve, task) for task in itertools.islice(tasks, 2 * jobs)}
             while running:
                 done, running = wait(running, return_when=FIRST_COMPLETED)
@@ -110,6 +111,7 @@ class _Cluster:
             message = '--cluster: Dask is not installed: `pip install "looping-pendulum[cluster]"`'
             raise MissingPackageError(message) from None
         try:
+            # Not the default client, which a caller's own program may have set
             self._client = self._distributed.Client(self._address, timeout=CONNECT_TIME, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
             why = " ".join(str(error).split()) or type(error).__name__
@@ -137,6 +139,7 @@ class _Cluster:
 
     def more(self, tasks: Iterator[CellTask], solve: Solve, running: Any) -> None:
         """Submit tasks in place of those that have ended."""
+        # Workers may join or leave during a long map
         if self._results % WINDOW_CHECK == 0:
             self._update_window()
         self._submit(tasks, solve, running)
@@ -147,20 +150,24 @@ class _Cluster:
         self._results += 1
         try:
             result: CellResult = future.result()
+        # Our own errors are one line already, and the fault is not the cluster's
         except HarnessError:
             raise
         except Exception as error:
             why = f"{type(error).__name__}: {' '.join(str(error).split())}"
             message = f"--cluster: {self._address}: a chunk failed ({why}); what is finished is kept"
             raise EngineError(one_line(f"{message}: repair the cluster and run the same command again")) from None
+        # Otherwise the cluster would keep the values of every chunk until the end
         future.release()
         return result
 
     def _submit(self, tasks: Iterator[CellTask], solve: Solve, running: Any) -> None:
         for task in itertools.islice(tasks, max(0, self._window - self._submitted)):
+            # By default Dask hashes the arguments, to find the result of an equal call; no two chunks are equal
             running.add(self._client.submit(solve, task, pure=False, retries=RETRIES))
             self._submitted += 1
 
     def _update_window(self) -> None:
         """Allow twice as many submitted chunks as the cluster has threads: no thread waits, and the scheduler holds few."""
+        # At least two: all workers may be gone for a moment, and come back
         self._window = max(2, 2 * sum(self._client.nthreads().values()))

@@ -16,6 +16,7 @@ REFERENCE = "reference"
 IMPOSSIBLE = "impossible"
 """Ending of a run that was not made because its parameters contradict each other."""
 ENDINGS: tuple[str, ...] = tuple(
+    # The reference's endings first, so that its codes are those of `ENDS`, which a batch gives
     dict.fromkeys([*map(str, ENDS), IMPOSSIBLE, *(status.name.lower() for status in RunStatus if not status.ok)])
 )
 """Endings of a run; the field `end` is the index into this tuple."""
@@ -51,6 +52,7 @@ class Field:
         """Value of runs that are not computed yet."""
         if self.dtype == "float64":
             return float("nan")
+        # An unsigned field has no -1
         return 0 if self.dtype == "uint64" else -1
 
 

@@ -41,6 +41,7 @@ NO_HALT = {**ENDING_DESCRIPTIONS, str(Event.LIGHT_REACHES_ROD): "the light mass 
 
 def draw(plan: MapPlan, store: Path) -> dict[str, tuple[str, bytes]]:
     """Draw the figure: file name -> (caption, PNG)."""
+    # As plain arrays, also where Dask is installed: it is loaded whole anyway
     with xr.open_zarr(store, chunks=None) as data:
         thin = data[["halting_time", "stops", "end"]].isel({dim: _thinned(n, plan) for dim, n in data.sizes.items()}).load()
     varied = [axis for axis in plan.design.axes if isinstance(plan.design, Sample) or len(axis.values) > 1]
@@ -85,6 +86,7 @@ def _lines(plan: MapPlan, data: xr.Dataset, axis: Axis) -> Figure:
     """Draw one varied quantity: halting time above, number of stops below; ticks mark runs that do not halt."""
     figure = _figure(7.6, 5.6)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    # Many points, or a sample's in any order, are not joined: the line would hide them
     few = data.sizes[next(iter(data["end"].dims[-1:]))] <= 200 and not isinstance(plan.design, Sample)
     for i, engine in enumerate(plan.engines):
         one = _of_engine(plan, data, i)
@@ -94,6 +96,7 @@ def _lines(plan: MapPlan, data: xr.Dataset, axis: Axis) -> Figure:
         above.plot(x, halt, marker="o", label=engine, **how)
         below.plot(x, stops, marker="o", **how)
         without = x[~np.isfinite(halt)]
+        # In axes units from the bottom, each engine at a height of its own
         above.plot(without, np.full(len(without), 0.02 + 0.03 * i), "|", color="0.5", transform=above.get_xaxis_transform())
     above.set_ylabel("halting time [s]")
     below.set_ylabel("stops of the heavy mass")
@@ -108,6 +111,7 @@ def _lines(plan: MapPlan, data: xr.Dataset, axis: Axis) -> Figure:
 
 def _maps(plan: MapPlan, data: xr.Dataset, varied: list[Axis]) -> Figure:
     """Draw two varied quantities of a grid as a heat map, with a panel for each of some values of a third one."""
+    # The quantity with the fewest values, since each needs a panel
     panel_axis = min(varied, key=lambda a: len(a.values)) if len(varied) > 2 else None
     x, y = (axis for axis in varied if axis is not panel_axis)
     chosen = [0] if panel_axis is None else _evenly(data.sizes[panel_axis.name], MAX_PANELS // len(plan.engines) or 1)
@@ -144,6 +148,8 @@ def _heat(axes: Axes, x: Axis, y: Axis, one: xr.Dataset, norm: Normalize) -> set
         shade = np.ma.masked_where(~here, np.full(here.shape, float(grey)))
         axes.pcolormesh(right, top, shade, cmap="gray", vmin=0, vmax=1)
         if hatch:
+            # A pseudocolour plot cannot be hatched, a filled contour can; it reaches from centre to centre, so half a cell is
+            # added around
             wide = np.pad(here.astype(float), 1, mode="edge")
             around = axes.contourf(across, up, wide, levels=[0.5, 1.5], colors="none", hatches=[hatch])
             around.set_edgecolor("0.45")
@@ -153,6 +159,7 @@ def _heat(axes: Axes, x: Axis, y: Axis, one: xr.Dataset, norm: Normalize) -> set
 
 def _edges(axis: Axis, centres: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the centres of the cells with the outermost edges before and after them, and all edges."""
+    # Edges lie in the middle as the axis shows it
     on = np.log(centres) if axis.logarithmic else centres
     between = (on[1:] + on[:-1]) / 2
     edges = np.concatenate([[on[0] - (between[0] - on[0])], between, [on[-1] + (on[-1] - between[-1])]])
@@ -206,6 +213,7 @@ def _panels(count: int, data: xr.Dataset) -> tuple[Figure, list[Axes], Normalize
         axes.set_axis_off()
     halting = data["halting_time"].values
     halting = halting[np.isfinite(halting)]
+    # Without any halt the scale does not matter, but there must be one
     low, high = (halting.min(), halting.max()) if len(halting) else (1.0, 2.0)
     # Late halts are rare: on a linear scale most of a map would have one colour.
     return figure, grid[:count], LogNorm(low, high) if high > 3 * low > 0 else Normalize(low, high)
@@ -215,6 +223,7 @@ def _finish(figure: Figure, grid: list[Axes], norm: Normalize, title: str, handl
     bar = figure.colorbar(ScalarMappable(norm=norm, cmap=MAP), ax=grid, label="halting time [s]", shrink=0.9)
     if isinstance(norm, LogNorm):
         low, high = float(norm.vmin or 0), float(norm.vmax or 0)
+        # Matplotlib labels only the decades, of which a range of halting times may have none
         ticks = [digit * 10.0**power for power in range(-6, 7) for digit in (1, 2, 3, 5)]
         bar.set_ticks([tick for tick in ticks if low <= tick <= high], minor=False)
         bar.ax.minorticks_off()

@@ -113,10 +113,12 @@ def _brackets(
 ) -> Iterator[tuple[float, float]]:
     """Bisect until every change between ``low`` and ``high`` has a bracket of its own, at most ``width`` wide."""
     middle = 0.5 * (low + high)
+    # Between two neighbouring floats there is no third
     if high - low <= width or middle in (low, high):
         yield low, high
         return
     between = sequence(line.run(middle))
+    # A middle that differs from both ends has a change on either side
     if between != below:
         yield from _brackets(line, low, middle, below, between, width)
     if between != above:
@@ -141,6 +143,7 @@ def explain(line: ParameterLine, low: float, high: float) -> SequenceChange:
         other = first[1 - missing].event
         assert other is not None
         event, rival = other, first[missing].event or other
+        # Until the event before, both runs have done the same
         start = lists[missing][k - 1].time
         quantity, time, share = least_value(runs[missing], event, start, _until(event, first[1 - missing].time, first[missing]))
         kind = "race" if share > 1 - END_SHARE else "graze"
@@ -217,6 +220,7 @@ def least_value(run: Solution, event: Event, start: float, end: float) -> tuple[
                 lambda x, s=segment: float(_event_function(run, s, event, np.array([x]))[0]),
                 bounds=(t[i - 1], t[i + 1]),
                 method="bounded",
+                # SciPy's default, 1e-5 s, would leave the least value too large near a change, where it goes to zero
                 options={"xatol": 1e-13},
             )
             candidates.append((float(refined.fun), float(refined.x)))
@@ -228,6 +232,7 @@ def _event_function(run: Solution, segment: Segment, event: Event, t: Array) -> 
     """Evaluate the function of ``event`` in a segment, without the condition that a stop or a pull has to arm first."""
     y = State(*segment.sample(t).values)
     equations = Equations(np, run.parameters.values(), run.parameters.effects)
+    # In phase 1 the events themselves are watched for, not what has to come before them
     functions = equations.event_functions(segment.mode, t, y, segment.signs._replace(phase=1.0))
     return np.broadcast_to(functions[event], t.shape)
 

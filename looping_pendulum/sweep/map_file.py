@@ -38,6 +38,8 @@ TITLE_LIMIT = 200
 
 
 def _count(raw: object) -> int:
+    # A document's scalars are text. ASCII, as isdigit() takes superscripts, too, which int() refuses; the first digits only, as
+    # int() of a very long text takes quadratic time
     if isinstance(raw, str) and raw.isascii() and raw.isdigit() and 0 < int(raw[:10]) < 10**10 and len(raw) < 11:
         return int(raw)
     raise input_error(f"expected a whole number from 1, got {quote(raw)}; write for example '100'")
@@ -125,6 +127,7 @@ def load(name_or_path: str | Path) -> MapPlan:
 
 def load_text(raw: bytes | str, *, file: str = "map.yaml", name: str = "map", folder: Path | None = None) -> MapPlan:
     """Load a map from YAML text; ``folder`` is where a scenario's path begins. Raises as `load`."""
+    # Half characters reach the parser, which refuses them as it does in a file
     data = raw.encode("utf-8", "surrogatepass") if isinstance(raw, str) else raw
     doc = document.parse(data, file)
     try:
@@ -136,6 +139,7 @@ def load_text(raw: bytes | str, *, file: str = "map.yaml", name: str = "map", fo
     plan = MapPlan(
         name=name,
         file=file,
+        # Without the byte order mark that some editors on Windows write
         text=data.decode("utf-8-sig"),
         title=shorten(checked.title, TITLE_LIMIT),
         description=checked.description,
@@ -148,6 +152,7 @@ def load_text(raw: bytes | str, *, file: str = "map.yaml", name: str = "map", fo
         duration=max(DURATION, scenario.duration) if checked.duration is None else checked.duration,
         chunk=checked.chunk,
     )
+    # One possible corner is enough: a map may reach into impossible values, whose runs it marks
     corners = list(plan.corners())
     if all(why is not None for _, why in corners):
         words, why = corners[0]
@@ -186,6 +191,7 @@ def _read(name_or_path: str | Path) -> tuple[bytes, str, str, Path | None]:
     path = Path(name_or_path)
     try:
         with path.open("rb") as stream:
+            # One byte more than is allowed tells the parser that a file is too large, however large it is
             return stream.read(document.MAX_FILE_SIZE + 1), str(path), path.stem, path.parent
     except FileNotFoundError:
         near = suggest(path.stem, shipped())
@@ -215,7 +221,9 @@ def _engines(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[str, 
         try:
             labels += [REFERENCE] if name == REFERENCE else [label(engine) for engine in select([name], profile)]
         except EngineError as error:
+            # The message is made for the command line; here the key of the file is named instead
             raise doc.error(("engine",), str(error).removeprefix("--engine: ")) from None
+    # An engine may be named twice, by itself and by one of its variants
     for one in dict.fromkeys(labels):
         if one == REFERENCE:
             continue
@@ -245,6 +253,7 @@ def _axes(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[Axis, ..
         try:
             axes.append(_axis(variable, content, sampled=checked.sample is not None))
         except PydanticCustomError as error:
+            # `input_error` notes the key inside the range, for its line
             below = error.context.get("key", "") if error.context else ""
             path = ("parameters", key, *((below,) if below else ()))
             raise doc.error(path, str(error)) from None

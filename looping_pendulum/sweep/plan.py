@@ -120,6 +120,7 @@ class Sample:
                 "ignore", UserWarning
             )  # Sobol' sequences are balanced only for powers of 2; the docs of maps say so
             if start:  # SciPy cannot fast-forward by 0
+                # So that any chunk can be computed alone, with the points that the whole sequence has there
                 sampler.fast_forward(start)
             shares = sampler.random(stop - start)
         return {axis.name: axis.interpolate(shares[:, i]) for i, axis in enumerate(self.axes)}
@@ -185,12 +186,14 @@ class MapPlan:
         """Shape of a chunk in the design's dimensions, with as many whole rows as fit."""
         left = self.chunk or self._usual_chunk()
         shape: list[int] = []
+        # From the last axis, along which values are neighbours in the store
         for n in reversed(self.design.shape):
             shape.insert(0, max(1, min(n, left)))
             left //= shape[0]
         return tuple(shape)
 
     def _usual_chunk(self) -> int:
+        # All chunks of a map have one shape, so that an engine among them decides, whose runs take seconds
         if set(self.engines) != {REFERENCE}:
             return ENGINE_CHUNK
         return min(max(self.cells // CHUNKS_PER_MAP, MIN_CHUNK_RUNS), MAX_CHUNK_RUNS)
@@ -198,6 +201,7 @@ class MapPlan:
     @cached_property
     def blocks(self) -> tuple[int, ...]:
         """Number of chunks along each of the design's dimensions."""
+        # Division that rounds up: the last chunk may be smaller
         return tuple(-(-n // size) for n, size in zip(self.design.shape, self.chunk_shape, strict=True))
 
     @property
@@ -225,6 +229,7 @@ class MapPlan:
             at = {axis.name: axis.values[[end]] for axis, end in zip(self.design.axes, ends, strict=True)}
             words = ", ".join(f"{name} = {values[0]:g}" for name, values in at.items())
             try:
+                # `Parameters` checks itself when it is made; a batch does not
                 base.replace(**{name: float(values[0]) for name, values in columns(base, at).items()})
             except ParameterError as error:
                 yield words, error
@@ -244,5 +249,6 @@ class MapPlan:
             "profile": self.profile.value,
             "tolerance": self.tolerance,
             "duration": self.duration,
+            # It does not change values, but a store has chunks of one shape, so that a map cannot go on with another
             "chunk": list(self.chunk_shape),
         }

@@ -107,6 +107,7 @@ def run_map(
 
 
 def _cores() -> int:
+    # The cores that this process may use; a container or batch system may allow fewer than the machine has
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -150,9 +151,12 @@ def _fill(
     if progress is not None:
         progress(done, plan.runs)
     try:
+        # Closed also on an exception: the generator's own end stops the processes or leaves the cluster
         with closing(results):  # type: ignore[type-var]
+            # A generator starts its processes with its first item, so a complete map starts none
             for result in results if missing else ():
                 unit = plan.unit(result.index)
+                # Before writing: versions on a cluster's machines may differ, and a map is made with one
                 _refuse_other_versions(result.versions, wanted[plan.engines[unit.engine]])
                 store.write(unit, result.values)
                 done += unit.runs

@@ -76,6 +76,7 @@ class MapStore:
 
     def __init__(self, plan: MapPlan, folder: Path) -> None:
         self.plan, self.path = plan, folder / STORE
+        # By the arrays' own descriptions, not by the copies of them that the group's may have
         group = zarr.open_group(self.path, mode="r+", use_consolidated=False)
         with zarr.config.set({"array.write_empty_chunks": True}):  # a chunk of nothing but NaN must exist to count as computed
             self._arrays: dict[str, Any] = {name: array for name, array in group.arrays()}
@@ -90,6 +91,7 @@ class MapStore:
 
     def write(self, unit: WorkUnit, values: Values) -> None:
         """Write the results of a unit, shape (n,) each."""
+        # All engines of a sample share the values of its runs, so one of them writes these
         given = self.plan.design.values_in(unit.region) if self._varied and unit.engine == 0 else {}
         fields = ((name, values[field.name]) for name, field in zip(self._names, FIELDS, strict=True))
         for name, content in (*given.items(), *fields):
@@ -109,6 +111,7 @@ class MapStore:
             if not (self.path / name / "c" / key).is_file():
                 return False
             try:
+                # Reading is what tests the checksum
                 array[index]
             except Exception:  # a damaged chunk may raise any exception; the unit is computed again
                 return False
@@ -130,6 +133,7 @@ def open_store(plan: MapPlan, folder: Path) -> MapStore:
         If the folder holds another map or something else.
     """
     part = folder / PART
+    # A process that was killed may have left half of a store
     shutil.rmtree(part, ignore_errors=True)
     if not (folder / STORE).exists():
         others = sorted(entry.name for entry in folder.iterdir() if entry.name != LOCK)
@@ -137,6 +141,7 @@ def open_store(plan: MapPlan, folder: Path) -> MapStore:
             message = f"{folder}: found other files ({shorten(', '.join(others))}), needed an empty folder or one of this map"
             raise MapError(one_line(f"{message}; choose another with --out"))
         _create(plan, part)
+        # The store appears as a whole or not at all, so that one that exists can be gone on with
         os.replace(part, folder / STORE)
     else:
         _refuse_other(plan, folder)
@@ -168,6 +173,7 @@ def attributes(plan: MapPlan) -> dict[str, Any]:
     }
     settings = {name: vars(engine_called(name, plan.profile).settings) for name in plan.engines if name != REFERENCE}
     if settings:
+        # Through JSON, which turns what Zarr's attributes cannot hold into text
         metadata["engine_settings"] = json.loads(json.dumps(settings, default=str))
     if isinstance(plan.design, Sample):
         metadata["sample"] = {"method": plan.design.method, "count": plan.design.count, "seed": plan.design.seed}
@@ -207,6 +213,7 @@ def _refuse_other(plan: MapPlan, folder: Path) -> None:
 
 def _refuse_damaged(plan: MapPlan, path: Path) -> None:
     """Refuse a store whose description of its arrays differs from this map's: its values would be read wrongly."""
+    # Zarr itself says what the description must be, by creating the same store in memory
     whole = zarr.storage.MemoryStore()
     _create(plan, whole)
     arrays: dict[str, Any] = dict(zarr.open_group(whole, mode="r").arrays())
@@ -291,6 +298,7 @@ def _create(plan: MapPlan, path: Path | zarr.storage.MemoryStore) -> None:
             coordinates = {"coordinates": " ".join(a.name for a in plan.design.axes)}
     if plan.several:
         _whole_array(group, "engine", np.array(plan.engines, dtype=object), {"long_name": "engine and variant"}, dtype=str)
+        # A chunk belongs to one engine, since it is computed and written as one unit
         dims, shape, chunks = ("engine", *dims), (len(plan.engines), *shape), (1, *chunks)
     for field in FIELDS:
         attrs = {"long_name": field.meaning, "units": field.unit or "1", **coordinates}

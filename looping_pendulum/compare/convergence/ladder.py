@@ -118,16 +118,19 @@ def classify_sequence(h: Array, values: Sequence[Array], *, floor: float = 0.0, 
     if len(values) < MIN_RUNGS:
         return SequenceFinding(kind=SequenceKind.UNKNOWN, why=_too_few(len(values)))
     settled = _settled(values, floor)
+    # The rungs that still move, and the first that does not: their power law has to lead there
     moving = len(values) - settled + 1
     if settled > 1:
         before = _power_law(h[:moving], values[:moving], floor, spread, settled=True)
         if before is not None and before.agrees_with(values[-1]):
+            # Only the order is taken from the fit: the settled rungs show the limit themselves
             return replace(before, limit=values[-1], uncertainty=floor)
     if settled >= MIN_RUNGS:  # Two alone may agree by chance.
         return SequenceFinding(kind=SequenceKind.SETTLED, used=settled, limit=values[-1], uncertainty=floor)
     power_law = _power_law(h, values, floor, spread, settled=False)
     if power_law is not None:
         change = rms_norm(values[-power_law.used] - values[-1])
+        # The difference of two rungs scatters by sqrt(2) times as much as one of them
         if spread is None or change > SIGNIFICANT_CHANGE * math.sqrt(2) * spread:
             return power_law
     tail = values[-min(len(values), SCATTER_RUNGS) :]
@@ -135,6 +138,7 @@ def classify_sequence(h: Array, values: Sequence[Array], *, floor: float = 0.0, 
     within = spread is not None and scatter <= SIGNIFICANT_CHANGE * max(spread, floor)
     why = "refinement changes it no more than small changes of the start do" if within else _not_monotone(values)
     mean = np.mean(tail, axis=0)
+    # Student's t, because the scatter itself comes from a few rungs
     half_width = float(special.stdtrit(len(tail) - 1, CONFIDENCE)) * scatter / math.sqrt(len(tail))
     drift = rms_norm(np.mean(tail[-2:], axis=0) - mean)  # A trend below the scatter still moves the mean.
     return SequenceFinding(
@@ -183,6 +187,7 @@ def _falls_like_a_power(h: Array, values: Sequence[Array]) -> bool:
     one_way = all(float(np.sum(a * b)) > 0 for a, b in zip(steps, steps[1:], strict=False))
     small = max(h[-1], h[-2] * 1e-3)  # A last rung of size 0 is the limit itself.
     ratios = np.log(h[:-1] / np.append(h[1:-1], small))
+    # The change per factor e of the setting is constant for a logarithm, which has no limit, and falls for every power
     rates = np.array([rms_norm(step) for step in steps]) / ratios
     return one_way and bool((np.diff(rates) < 0).all())
 
@@ -211,11 +216,14 @@ def _fit(h: Array, values: Sequence[Array], noise: float) -> _Fit | None:
     """Fit ``limit + slope h^order`` by least squares; None if no order within `ORDERS` is best."""
     shape, expected = values[0].shape, _expected_errors(values, noise)
     weight = (1 / np.maximum(expected, expected.max() * MIN_EXPECTED_SHARE))[:, None]
+    # Less the finest rung: what all rungs have in common would only cost digits
     y = weight * np.array([(value - values[-1]).ravel() for value in values])
 
     def designs(orders: Array) -> Array:
+        # In units of the coarsest size both columns are of order one, in whatever unit the setting is
         return np.asarray(weight * np.stack(np.broadcast_arrays(1.0, (h / h[0]) ** orders[:, None]), axis=-1))
 
+    # The squared residuals, |y|^2 - |Q^T y|^2, need y only in this small product, however many samples a path has
     gram = y @ y.T
 
     def residuals_of(orders: Array) -> Array:
@@ -224,6 +232,7 @@ def _fit(h: Array, values: Sequence[Array], noise: float) -> _Fit | None:
         return np.asarray(np.trace(gram) - np.trace(bases.swapaxes(-1, -2) @ gram @ bases, axis1=-2, axis2=-1))
 
     best = int(np.argmin(residuals_of(np.asarray(ORDERS))))
+    # At an end the best order may lie outside, so that the fit has found no minimum
     if best in (0, len(ORDERS) - 1):
         return None
     bounds = (ORDERS[best - 1], ORDERS[best + 1])
@@ -231,6 +240,7 @@ def _fit(h: Array, values: Sequence[Array], noise: float) -> _Fit | None:
     (design,) = designs(np.array([order]))
     solution = np.linalg.lstsq(design, y, rcond=None)[0]
     remainder = y - design @ solution
+    # The law has three parameters, limit, slope and order, as many as `MIN_RUNGS`
     freedom = max(len(h) - MIN_RUNGS, 1)
     return _Fit(
         order=order,
@@ -251,13 +261,16 @@ def _converging(h: Array, values: Sequence[Array], fit: _Fit, noise: float) -> S
                 jackknife_fits.append(without_k)
     known = len(jackknife_fits) == count
     quantile = float(special.stdtrit(count - 2, CONFIDENCE)) if known else math.nan
+    # The jackknife's variance is (n - 1) / n times the sum of squares, as fits without one rung differ little from each other
     factor = math.sqrt((count - 1) / count)
     order_error = factor * math.sqrt(sum((one.order - fit.order) ** 2 for one in jackknife_fits)) * quantile if known else None
     limit_error = (
         factor * math.sqrt(sum(rms_norm(one.limit - fit.limit) ** 2 for one in jackknife_fits)) * quantile if known else 0.0
     )
+    # With an interval that includes zero, no order is certain
     orders_agree = order_error is not None and order_error < fit.order
     to_limit = rms_norm(values[-1] - fit.limit)
+    # Roache's interval reaches the factor times the limit's distance from the finest rung; this is what lies beyond the limit
     margin = ((SAFETY_FACTOR if orders_agree else CAUTIOUS_SAFETY_FACTOR) - 1) * to_limit
     return SequenceFinding(
         kind=SequenceKind.CONVERGES,
@@ -366,6 +379,7 @@ def split_error(
         total = np.sum([c.change for c in corrections], axis=0)
         numerics, model = rms_norm(total), rms_norm(own + total - reference)
         half_width = math.hypot(noise, *(c.uncertainty for c in corrections))
+        # Without convergence the half-width is that of scattered rungs, below which the numerics may well be a cause
         if numerics > half_width or not all(c.converges for c in corrections):
             parts.append((numerics, ErrorCause.NOT_CONVERGED))
         if model > half_width:

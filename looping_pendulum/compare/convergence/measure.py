@@ -87,8 +87,10 @@ def floors(target: ReferenceTarget) -> dict[str, float]:
     """
     grid, worst = _grid(target.scenario), {HALT: NUMBER_FLOOR, DROP: NUMBER_FLOOR}
     for shift in np.arange(SAMPLE_SHIFTS) / SAMPLE_SHIFTS * SAMPLE_INTERVAL:
+        # Without the last time, which a shift would move beyond the end
         run = target.reference(grid[:-1] + shift)
         release = target.reference(np.zeros(1))
+        # The detector measures drops from the first sample, which is not the release here
         drop_before_first = float(release.heavy_position[0, 1] - run.heavy_position[0, 1])
         sampled = run_landmarks(run, target.scenario.parameters)
         exact_halt, exact_drop = target.numbers[HALT], target.numbers[DROP]
@@ -128,6 +130,7 @@ def measure_run(key: str, ended: EndedRun | None, target: ReferenceTarget) -> Me
         name: None if rms[name] is None else aligned.deviation[aligned.t <= mark + END_TIME_TOLERANCE]
         for name, mark in PATH_END_TIMES.items()
     }
+    # A run that broke off may end at what looks like a halt
     landmarks = run_landmarks(run, target.scenario.parameters) if run.status.ok else None
     own = {HALT: landmarks.halting_time if landmarks else None, DROP: landmarks.drop_at_halt if landmarks else None}
     differences: dict[str, float | None] = {}
@@ -167,6 +170,7 @@ def with_missing_halts(quantity: str, rungs: Sequence[MeasuredRun], finding: Seq
     lacking = sum(rung.errors[quantity] is None for rung in ended)
     if ended and lacking == len(ended):
         return SequenceFinding(kind=SequenceKind.NEVER, why=f"no halt at any of {len(ended)} rungs")
+    # A value that comes and goes with the setting has no limit, however well the rungs that have it agree
     if lacking:
         return dataclasses.replace(
             finding, kind=SequenceKind.SCATTERS, why=f"no halt at {lacking} of {len(ended)} rungs", limit=None, order=None
@@ -240,6 +244,7 @@ def is_contained(one: LadderResult, others: Sequence[LadderResult]) -> bool:
 
     Of two ladders that refine each other's setting, the later one is contained.
     """
+    # By identity, because results hold arrays, which have no hash
     places = {id(c): place for place, c in enumerate(others)}
     for other in others:
         finest = other.finest(one.ladder.setting)
@@ -259,6 +264,7 @@ def correction(quantity: str, result: LadderResult, own: MeasuredRun) -> Correct
     if finding.limit is None or finding.uncertainty is None:
         return None
     start: Array | None = own.errors[quantity]
+    # A ladder may change other settings with its own, so that the correction starts from its rung with the variant's value
     if own.key not in {rung.key for rung in result.rungs} and result.own is not None:
         same = [
             rung.errors[quantity]
@@ -293,6 +299,7 @@ def error_split(
     values = {what: value for what, m in choices.items() if (value := m.errors[quantity]) is not None}
     parts = split_error(
         error,
+        # Errors are less the reference already
         np.zeros_like(error),
         corrections=[c for c in corrections.values() if c is not None],
         choices=values,

@@ -31,6 +31,7 @@ def draw(result: ConvergenceResult) -> dict[str, tuple[str, str, bytes]]:
     figures = {}
     for v in result.variants:
         for ladder in v.ladders:
+            # A line needs two points, and a logarithmic axis positive values
             if sum(rung.value > 0 and any(rung.run.rms[path] for path in PATH_END_TIMES) for rung in ladder.rungs) > 1:
                 name = f"{file_stem(v.label, v.profile, ladder.setting)}.png"
                 caption = (
@@ -53,6 +54,7 @@ def ladder_figure(v: VariantStudy, ladder: LadderStudy) -> Figure:
     last = axes[-1]
     last.set_xscale("log")
     values = [rung.value for rung in ladder.rungs if rung.value > 0]
+    # Finer settings are always on the right
     if values[0] > values[-1]:
         last.invert_xaxis()
     last.set_xlabel(f"{ladder.setting}{f' [{ladder.unit}]' if ladder.unit else ''}, finer to the right")

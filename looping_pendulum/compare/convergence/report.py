@@ -88,6 +88,7 @@ def _runs(result: ConvergenceResult) -> list[RunSummary]:
     for v in result.variants:
         found += [v.own, *(r.run for ladder in v.ladders for r in ladder.rungs), *(s.run for s in v.starts)]
         found += [one.run for one in (*v.choices, *v.defaults)]
+    # One run may be a rung of several ladders
     return list({run.key: run for run in found}.values())
 
 
@@ -152,6 +153,7 @@ def halting_verdict(v: VariantStudy) -> str:
         return "never halts"
     if not v.own.ok:
         return "not known: the run with its own settings does not end properly"
+    # One ladder without a limit is enough, whatever the others do
     if SequenceKind.SCATTERS in kinds or SequenceKind.NEVER in kinds:
         if v.own.halting_time is None:
             return "no; it halts only with some settings"

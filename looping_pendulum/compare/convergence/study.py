@@ -79,6 +79,7 @@ class StudyPlan:
     def tasks(self) -> list[RunTask]:
         """Return all runs, first those from which the cost of others can be predicted."""
         rungs = [task for _, tasks in self.ladders for task in tasks]
+        # The coarse rungs of all ladders come before any fine one, so that the fine ones' costs are known when they are due
         rungs.sort(key=lambda task: len(task.coarser))
         others = [task for _, task in (*self.starts, *self.choices, *self.defaults)]
         return [self.own, *rungs, *others]
@@ -89,6 +90,7 @@ def cut_to_watched(scenario: Scenario, until: float | None) -> Scenario:
     if until is None:
         halt = reference_target(scenario, Reference(scenario)).numbers[HALT]
         until = max(*PATH_END_TIMES.values(), 0.0 if halt is None else halt + WATCH_AFTER_HALT)
+    # To whole milliseconds, at which engines give their samples
     return dataclasses.replace(scenario, duration=min(scenario.duration, round(until, 3)))
 
 
@@ -98,6 +100,7 @@ def changed_starts(scenario: Scenario) -> list[tuple[str, Scenario]]:
     for name, size, words in START_CHANGES:
         for sign in (1, -1):
             moved = scenario.parameters.replace(**{name: getattr(scenario.parameters, name) + sign * size})
+            # A release may fix the parameter, as a vertical one does its angle: then there is nothing to run
             if moved != scenario.parameters:
                 what = words.format(sign="+" if sign > 0 else "-")
                 changed.append((what, dataclasses.replace(scenario, parameters=moved)))
@@ -172,6 +175,7 @@ def study_convergence(
     runner = Runner(
         RunCache(folder / "runs"),
         jobs=jobs,
+        # Above the budget, which is held against the expected cost: a run that takes a little longer than expected may end
         time_limit=time_limit if budget is None else min(time_limit, 2 * budget),
         budget=budget,
         memory_limit=memory_limit,
@@ -197,6 +201,7 @@ def study_convergence(
             written=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
             run_times=tuple(
                 RunTime(key=key, seconds=ended_runs[key].seconds)
+                # Sorted, because runs end in any order
                 for key in sorted({task.key for task in tasks} & ended_runs.keys())
             ),
         ),
@@ -216,6 +221,7 @@ def evaluate_variant(
         return measure_run(task.key, ended_runs.get(task.key), against)
 
     own = measured(plan.own)
+    # Each against its own reference: the spread is that of the engine's error, not that of the motion
     starts = [(what, measured(task, changed_references[what])) for what, task in plan.starts]
     spread = {name: _spread(name, [own, *(m for _, m in starts)]) for name in QUANTITIES}
     results = [

@@ -55,6 +55,7 @@ def read_columns(table: DelimitedTable, kind: str, tracks: Mapping[str, str] | N
     DataError
         If there is no column of times or frame numbers, or none of positions, angles or heights.
     """
+    # From the last line up: the names stand right above the numbers, titles further up
     header = next((row for row in reversed(table.head) if _parse_column_name(row.cells[0])[0] in ("t", "frame", "drop")), None)
     title_lines = [row for row in table.head if row is not header]
     if header is None:

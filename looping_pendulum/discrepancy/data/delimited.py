@@ -101,6 +101,7 @@ def read_table(path: str | Path, text_column: str = "") -> DelimitedTable:
     file = os.fspath(path)
     text = _decode(_bytes(Path(path), file), file)
     lines = text_table.lines(text)
+    # Before lines with "#" are left out as comments
     multi = any(line.lstrip().lower().startswith("#multi") for _, line in lines[:3])
     lines = [(n, line) for n, line in lines if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
@@ -134,6 +135,7 @@ def read_table(path: str | Path, text_column: str = "") -> DelimitedTable:
 def _bytes(path: Path, file: str) -> bytes:
     try:
         with path.open("rb") as stream:
+            # One byte more than is allowed tells that a file is too large, however large it is
             raw = stream.read(LARGEST_FILE + 1)
     except OSError as error:
         raise data_error(file, None, "", f"cannot be read: {error.strerror}") from None
@@ -148,6 +150,7 @@ def _bytes(path: Path, file: str) -> bytes:
 def _decode(raw: bytes, file: str) -> str:
     way_out = "export it as text (in Tracker: File > Export > Data)"
     for start, what in _OTHER_FORMATS.items():
+        # XML may begin with a byte order mark
         if raw.removeprefix(b"\xef\xbb\xbf").startswith(start):
             raise data_error(file, None, "", f"found {what}, needed a text table; {way_out}")
     try:
@@ -171,6 +174,7 @@ def _dialect(lines: list[str]) -> tuple[str, bool]:
         if sum(delimiter in line for line in lines) * 2 > len(lines):
             cells = [cell for line in lines for cell in text_table.cells(line, delimiter)]
             return delimiter, any(_DECIMAL_COMMA.fullmatch(c) for c in cells)
+    # The last line holds numbers, whatever the lines of the header look like
     last = lines[-1].split()
     if len(last) > 1 and all(_DECIMAL_POINT.fullmatch(c) or _DECIMAL_COMMA.fullmatch(c) for c in last):
         return " ", any(_DECIMAL_COMMA.fullmatch(c) for line in lines for c in line.split())

@@ -44,6 +44,7 @@ def read_events(path: str | Path, table: DelimitedTable, name: str) -> Observati
 def _read_printed_table(path: str | Path, table: DelimitedTable, name: str) -> Observations:
     """Read a table without standard errors: one unit of the last printed digit stands for each."""
     try:
+        # By the reader of the scenarios' tables, whose form this is; the cells are needed beside it for their printed digits
         rows = read_event_table(Path(path)).rows
     except ScenarioError as error:
         raise DataError(str(error)) from None
@@ -83,6 +84,7 @@ def _read_tidy_table(table: DelimitedTable, name: str) -> Observations:
         if event is None:
             missing.append(f"{row.cells[0]} {row.cells[1]}")
             continue
+        # By today's names, which `_event` gives: an older name and a newer one may be the same quantity
         first = first_lines.setdefault((event.quantity, event.index), row.line)
         if first != row.line:
             message = f"found {event.quantity} {event.index} again (first on line {first}), needed it once; delete one"

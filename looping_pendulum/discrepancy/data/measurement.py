@@ -108,6 +108,7 @@ class Camera:
     def project_displacement(self, displacement: Array) -> Array:
         """Return measured displacements [m] of true ones [m], shape (n, 2)."""
         cosine, sine = math.cos(self.tilt), math.sin(self.tilt)
+        # Positions are rows, so the matrix stands on the right and is transposed
         return np.asarray(self.scale * (displacement @ np.array([[cosine, sine], [-sine, cosine]])))
 
     def unproject(self, measured: Array) -> Array:
@@ -202,10 +203,12 @@ class _SampleTimes:
     """Channel -> number of its points before the release."""
 
 
+# A fit predicts the same channels thousands of times, mostly by the same clock
 @lru_cache(maxsize=64)
 def _sample_times(clock_offset: float, clock_ratio: float, channels: tuple[Channel, ...]) -> _SampleTimes:
     camera = Camera(clock_offset=clock_offset, clock_ratio=clock_ratio)
     channel_times = {c.name: camera.true_time(c.t) for c in channels}
+    # With 0, because heights are measured from the release
     times = np.unique(np.concatenate([np.maximum(t, 0.0) for t in channel_times.values()] + [np.zeros(1)]))
     return _SampleTimes(
         times=times,

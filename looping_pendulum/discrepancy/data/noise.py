@@ -125,6 +125,7 @@ def _differences(channel: Channel, order: int) -> tuple[Array, Array]:
         return np.zeros(0), np.zeros(0)
     t = sliding_window_view(channel.t, order + 1)
     x = (t - t.mean(axis=1, keepdims=True)) / (t[:, -1:] - t[:, :1])
+    # Ones on the diagonal, where a point's distance from itself would make the product zero
     gaps = x[:, :, None] - x[:, None, :] + np.eye(order + 1)
     weights = 1 / np.prod(gaps, axis=2)  # of a divided difference: valid for uneven steps, too
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
@@ -159,6 +160,7 @@ def _fit_noise_law(difference: Array, speed: Array, typical_sigma: float, with_s
         # Linearised, the estimating equation is a weighted line through (sigma + clipped / sigma) / 2.
         target = 0.5 * (sigma + clipped / sigma)
         new_a, new_b = _weighted_line(speed, target, 1 / sigma**2, with_speed)
+        # Both in the unit of sigma, b by what it adds at a typical speed
         change = abs(new_a - a) + abs(new_b - b) * float(np.median(speed))
         a, b = new_a, new_b
         if change < 1e-9 * typical_sigma:
@@ -174,10 +176,12 @@ def _weighted_line(v: Array, y: Array, weight: Array, with_speed: bool) -> tuple
         return flat, 0.0
     mean_time = float(weight @ v) / total
     spread = float(weight @ (v - mean_time) ** 2)
+    # Points at one speed do not tell a from b
     if spread <= 1e-12 * total * (mean_time**2 + MIN_SCALE):
         return flat, 0.0
     b = float(weight @ ((v - mean_time) * y)) / spread
     a = float(weight @ y) / total - b * mean_time
+    # Where the line leaves the allowed values, one coefficient is zero and the other is fitted alone
     if b < 0:
         return flat, 0.0
     if a < 0:
@@ -199,6 +203,7 @@ def _errors(difference: Array, speed: Array, a: float, b: float, with_speed: boo
     design = np.stack([np.ones_like(speed), speed], axis=1) if with_speed else np.ones((len(speed), 1))
     normal = (design / sigma[:, None]).T @ (design / sigma[:, None])
     if not with_speed or np.linalg.cond(normal) > 1e12:
+        # The data do not determine b, or it is held at zero
         return math.sqrt(factor / float(normal[0, 0])), math.inf if with_speed else 0.0, 0.0
     covariance = factor * np.linalg.inv(normal)
     errors = np.sqrt(np.diag(covariance))

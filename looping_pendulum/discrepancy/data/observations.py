@@ -171,6 +171,7 @@ def merge(name: str, parts: tuple[Observations, ...]) -> Observations:
 
 def mirrored(observations: Observations) -> Observations:
     """Return the observations that a camera on the other side of the rod would have made."""
+    # Events are left as they are: what their tables hold is the same from both sides
     flip = {"light_x", "heavy_x", "angle", "angle_rate"}
     channels = tuple(replace(c, value=-c.value) if c.name in flip else c for c in observations.channels)
     return replace(observations, channels=channels)

@@ -99,6 +99,7 @@ def read(
         raise table.error(
             None, "", "found no positions, angles or heights, needed one column of them; check 'tracks' and 'kind'"
         )
+    # Before the frame rate is corrected, so that messages have the values of the file
     _refuse_implausible_values(
         table, channels_with_rows, check_times=any(c.role == "t" for c in columns) and frame_rate is None
     )
@@ -192,6 +193,7 @@ def _mass_of_track(table: DelimitedTable, columns: list[Column], tracks: Mapping
         if missing:
             raise table.error(None, "", f"found the tracks {shown}, needed {quote(missing[0])}; correct 'tracks'")
         return {track: mass for mass, track in tracks.items()}
+    # Names of tracks such as "light ball" or "mass_heavy"
     known = {t: m for t in have for m in MASSES if t.lower() == m or re.search(rf"\b{m}\b", t.lower().replace("_", " "))}
     if have and not known:
         way_out = f"'tracks: {{light: {have[0] or Path(table.file).stem}}}'"
@@ -223,6 +225,7 @@ def _read_channel(
             notes.unused[f"{channel}: a value without a time"] += 1
             continue
         if times and time <= times[-1]:
+            # A row that is repeated whole says nothing else; two values at one time contradict each other
             if time == times[-1] and value == values[-1]:
                 notes.unused[f"{channel}: the row before repeated"] += 1
                 continue

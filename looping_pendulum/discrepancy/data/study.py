@@ -146,6 +146,7 @@ class Study:
 
     def estimate(self, parameter: str, trial: Trial) -> Estimate | None:
         """Return the value of a parameter or coefficient in a trial; None: there is none, and the release does not need it."""
+        # A trial's own value comes first: a part may have been exchanged for it
         return trial.estimates.get(parameter) or self.apparatus.get(parameter) or self.effects.get(parameter)
 
     def free_parameters(self, trials: tuple[Trial, ...] | None = None) -> tuple[FreeParameter, ...]:
@@ -161,6 +162,7 @@ class Study:
                     parameter=parameter,
                     trials=(*before, trial.name),
                     init_value=known.value,
+                    # An initial value of zero has no size to take a share of
                     scale=known.sigma or FREE_SCALE * abs(known.value) or 1e-3,
                     prior=1.0 if known.sigma else None,
                     bounds=_bounds(parameter),
@@ -172,6 +174,7 @@ class Study:
         """Trial -> parameter that a fit may change in it -> name of the `FreeParameter`."""
         names: dict[str, dict[str, str]] = {}
         owners: dict[tuple[str, Estimate], str] = {}
+        # The training trials first, so that a parameter that both share is named after one of these
         for trial in (*self.training, *self.held_out):
             names[trial.name] = {}
             for parameter in (*self.effects, *APPARATUS_UNITS, *RELEASE_UNITS):

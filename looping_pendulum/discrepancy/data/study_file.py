@@ -169,6 +169,7 @@ def _effects(raw: object) -> dict[str, Estimate]:
             near = suggest(effect, library)
             raise input_error(f"found an unknown effect, needed one of: {', '.join(library)}{near}", effect)
         known = {c.name: c for c in library[effect].coefficients}
+        # A single value is that of the effect's first coefficient, which switches it on
         group = content if isinstance(content, dict) else {next(iter(known)): content}
         for name, each in group.items():
             key = f"{effect}.{name}" if isinstance(content, dict) else effect
@@ -318,6 +319,7 @@ def _first_error(error: ValidationError, doc: Document) -> ScenarioError:
     def order(each: ErrorDetails) -> tuple[bool, int]:
         path = _path(each)
         lines = [doc.lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in doc.lines]
+        # An error without a line comes last
         return each["type"] != "extra_forbidden", lines[0] if lines else 1 << 30
 
     first = min(error.errors(include_url=False), key=order)
@@ -327,6 +329,7 @@ def _first_error(error: ValidationError, doc: Document) -> ScenarioError:
 def _path(each: ErrorDetails) -> Path:
     """Return the keys that lead to the faulty entry."""
     key = each.get("ctx", {}).get("key")
+    # Pydantic adds the names of validators to a path, which are no keys of the file
     path = tuple(p for p in each["loc"] if not (isinstance(p, str) and p.startswith("function-")))
     return (*path, *str(key).split(".")) if key else path
 

@@ -65,6 +65,7 @@ def load(path: str | Path) -> Study:
     shown = os.fspath(path)
     try:
         with Path(path).open("rb") as stream:
+            # One byte more than is allowed tells the parser that a file is too large, however large it is
             raw = stream.read(document.MAX_FILE_SIZE + 1)
     except OSError as error:
         raise StudyError(one_line(f"{shown}: cannot be read: {error.strerror}")) from None
@@ -73,6 +74,7 @@ def load(path: str | Path) -> Study:
 
 def load_text(text: str, name: str, folder: Path | None = None) -> Study:
     """Load a study from YAML text; paths in it are relative to ``folder``, by default the current one."""
+    # Half characters reach the parser, which refuses them as it does in a file
     return _load(text.encode("utf-8", "surrogatepass"), name, Path(name).stem, folder or Path())
 
 
@@ -114,6 +116,7 @@ def _check_file_locations(folder: Path, trial: Trial, doc: Document, index: int)
 
     Otherwise a study from a stranger could have any file of this computer read and reported on.
     """
+    # Real paths, because ".." or a link in a permitted folder may lead out of it
     allowed = [Path(os.path.realpath(each)) for each in (folder, Path(), *data_folders())]
     keys = ("file",) if len(trial.files) == 1 else tuple(("files", mass) for _, tracks in trial.files for mass in tracks)
     key_and_path = [(key, path) for key, (path, _) in zip(keys, trial.files, strict=True)]

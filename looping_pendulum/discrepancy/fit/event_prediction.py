@@ -104,6 +104,7 @@ def landmarks(samples: Samples, camera: Camera) -> Landmarks:
     """Return the landmarks of a run by its own events [SI, true time]; extrema are those in the perhaps tilted picture."""
     run = samples.run
     times = reference_event_times(event_names(run))
+    # The times below are those of the events themselves, equal in every bit, so that they can be keys
     states = {event.time: event.state for event in run.events}
     halt = run.halt
     x1, y1 = _extrema(samples, camera)
@@ -153,6 +154,7 @@ def _as_measured(value: float | None, quantity: str, camera: Camera) -> float:
         return (value - camera.clock_offset) / camera.clock_ratio
     if kind == "angle":
         return value + camera.tilt
+    # A height is read along the picture's vertical, where a tilted camera shows only its cosine
     return value * camera.scale * (math.cos(camera.tilt) if kind in ("height", "drop") else 1.0)
 
 
@@ -177,6 +179,7 @@ def _extrema_of_coordinate(t: Array, position: Array, velocity: Array) -> tuple[
         t[before + 1] - t[before], position[before], position[before + 1], velocity[before], velocity[before + 1]
     )
     times = t[before] + share * (t[before + 1] - t[before])
+    # The ends of the run come with them, because an extremum counts by how far the coordinate turns back after it
     chosen = turning_points(np.concatenate([position[:1], value, position[-1:]]), EXTREMUM_BAND)
     return tuple(Extremum(time=float(times[i - 1]), value=float(value[i - 1])) for i in chosen)
 

@@ -60,6 +60,7 @@ def check_event_residuals(fit: Fit) -> EventTest | None:
     rows_tested = np.array([*rows, *prior_rows], dtype=int)
     part = fit.jacobian[rows_tested]
     residual_covariance = np.eye(len(rows_tested)) - part @ fit.covariance @ part.T
+    # The trace of a symmetric matrix's square is the sum of its squared elements
     mean, half_variance = float(np.trace(residual_covariance)), float(np.sum(residual_covariance**2))
     residuals = fit.residuals[rows_tested]
     chi2 = float(residuals @ residuals)
@@ -68,6 +69,7 @@ def check_event_residuals(fit: Fit) -> EventTest | None:
         count=len(rows),
         chi2=chi2,
         expected=mean,
+        # The scaled chi2 whose degrees of freedom and scale give this mean and variance (Satterthwaite)
         p=float(special.chdtrc(mean**2 / half_variance, chi2 * mean / half_variance)),
         worst=f"{names[worst]} ({residuals[worst]:+.1f} standard errors)",
     )

@@ -22,6 +22,7 @@ def cost_rise(fit: Fit, name: str, value: float) -> float:
     The other parameters are refitted in steps of about one standard error, so that each fit starts near its minimum.
     """
     best = fit.values[name]
+    # Less a little, so that rounding does not add a step
     steps = max(1, math.ceil(abs(value - best) / fit.errors[name] - 1e-9))
     conditional = fit
     for here in np.linspace(best, value, steps + 1)[1:]:
@@ -56,5 +57,6 @@ def _interval_end(fit: Fit, name: str, side: int, max_rise: float) -> float:
 def _refit_with_fixed_value(fit: Fit, start: Fit, name: str, value: float) -> Fit:
     """Refit all other parameters with one held at ``value`` [SI], from the solution ``start``."""
     p = fit.problem
+    # Equal bounds hold a parameter without changing the shape of the problem
     free_parameters = [dataclasses.replace(n, bounds=(value, value)) if n.name == name else n for n in p.free_parameters]
     return minimise(Problem(p.study, p.data, free_parameters, (p.prior_mean, p.prior_weights)), start.x)

@@ -112,15 +112,18 @@ def _misfits(problem: Problem, k: int) -> tuple[float, list[_UnitFactor]]:
         channels = []
         for c in problem.data[k].channels:
             count = int(np.searchsorted(shifted_camera.true_time(c.t * ratio), window, side="right"))
+            # A rate was computed from the angles, and a factor on the times would change it, too
             if count >= MIN_POINTS and c.name != "angle_rate":
                 channels.append(Channel(name=c.name, t=c.t[:count] * ratio, value=c.value[:count], column=c.column))
         if not channels:
             return []
+        # Times may pass the end of what was solved by rounding
         run = predict(lambda t: solution.sample(np.minimum(t, window)), shifted_camera, channels, dropped=trial.dropped)
         return [(c, run.values[c.name]) for c in channels]
 
     as_said = pairs_with_time_factor(1.0)
     offset = trial.camera.get("clock_offset")
+    # A clock that starts at another time may look like a wrong unit, so that what the study allows of it is tried as well
     clock_shift = UNKNOWN_OFFSET if offset is not None and offset.free else 2 * ((offset and offset.sigma) or 0.0)
     shifted = [
         pairs for shift in (-1.0, -0.5, 0.5, 1.0) if clock_shift and (pairs := pairs_with_time_factor(1.0, shift * clock_shift))

@@ -83,6 +83,7 @@ def _improbable(distance: Array, sigma: Array, area: float) -> NDArray[np.bool_]
     probability = np.zeros(len(distance))
     for _ in range(MAX_ITERATIONS):
         log_wild = math.log(share) - math.log(area)
+        # Clipped, because the exponential of more than 709 is infinite in double precision
         probability = 1 / (1 + np.exp(np.clip(log_noise + math.log1p(-share) - log_wild, -700, 700)))
         new = float(np.clip(probability.mean(), MIN_SHARE, MAX_SHARE))
         if abs(new - share) < 1e-3 * share:
@@ -140,6 +141,7 @@ def _blocks(residual: Array, sigma: Array, single: NDArray[np.bool_], area: floa
     jumps = 1 + np.flatnonzero(_improbable(step, scatter, area))
     for k, start in enumerate(jumps):
         for end in jumps[k + 1 :]:
+            # The jumps are in order, so all that follow are too far as well
             if end - start > MAX_BLOCK:
                 break
             if start < EDGE_POINTS or end + EDGE_POINTS > len(kept):

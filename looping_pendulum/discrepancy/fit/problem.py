@@ -143,6 +143,7 @@ class Problem:
             range(len(self.free_parameters)), key=lambda i: self.free_parameters[i].role is not ParameterRole.CAMERA
         )
         self._acting_in_trial = [[i for i, n in enumerate(self.free_parameters) if d.trial.name in n.trials] for d in self.data]
+        # Made once, and only changed for each run: making and checking all parameters takes longer
         self._base = [study.parameters({}, d.trial) for d in self.data]
         self._study_parameters = {n.name for n in study.free_parameters(study.trials)}
         self._camera = [{n: e.value for n, e in d.trial.camera.items()} for d in self.data]
@@ -156,6 +157,7 @@ class Problem:
     def until(self, share: float) -> Problem:
         """Return the problem with data up to ``share`` of the longest trial's time."""
         longest = max(float(d.t.max()) for d in self.data)
+        # All trials up to one time, however long each film is: the time since the release is what makes the motion complex
         shorter = [d.until(share * longest) for d in self.data]
         return Problem(self.study, shorter, self.free_parameters, (self.prior_mean, self.prior_weights))
 
@@ -202,6 +204,7 @@ class Problem:
         if base.coefficients["static_friction"] != base.coefficients["kinetic_friction"]:
             changes.setdefault("static_friction", base.coefficients["static_friction"])
         if "static_friction" in changes:
+            # Both may be free, and a step of the fit may take the kinetic one above it
             changes["static_friction"] = max(changes["static_friction"], kinetic)
         return base.replace(**changes), Camera(**camera)
 
@@ -236,7 +239,9 @@ class Problem:
 
         def sample(t: Array) -> Samples:
             last = self._cached_run[k]
+            # By identity, which costs nothing: `measurement` keeps the array of a clock and returns it again
             if last is None or last[1] is not t or last[0] != parameters:
+                # A millisecond longer, so that the run does not end just before the last point
                 run = solve_at(parameters, t, duration=float(t[-1]) + 1e-3, integrator=available_integrators()[0])
                 self._cached_run[k] = last = parameters, t, run
             return last[2]
@@ -313,6 +318,7 @@ class Problem:
 
     def _difference_quotient(self, x: Array, k: int, i: int, here: Array, central: bool) -> Array:
         """Return finite differences of trial ``k`` for parameter ``i``; zeros if the model cannot run there."""
+        # Backward at the upper bound: beyond it the value would be cut off, and the difference zero
         ahead = DIFFERENCE_STEP if x[i] + DIFFERENCE_STEP <= self.high[i] else -DIFFERENCE_STEP
         try:
             forward = self._predict_shifted(x, k, i, ahead)

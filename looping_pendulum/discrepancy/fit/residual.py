@@ -54,6 +54,7 @@ def trial_data(trial: Trial, observations: Observations) -> TrialData:
     for channels in observations.bodies().values():
         noise = estimate_noise(channels)
         for c in channels:
+            # A nanometre at least: data without noise would divide by zero
             parts[c.name] = np.maximum(noise.sigma(speed_at(channels, c.t, noise.a)), 1e-9)
     if "angle_rate" in {c.name for c in observations.channels}:
         channels = tuple(
@@ -191,6 +192,7 @@ def _test_group(name: str, parts: Sequence[Array]) -> GroupTest:
     """Test one group, whose ``parts`` are its residuals in each trial."""
     count = sum(map(len, parts))
     square = sum(float(z @ z) for z in parts)
+    # Products within a trial only: the end of one says nothing about the start of the next
     lag = [sum(float(z[j:] @ z[:-j]) for z in parts if len(z) > j) / square for j in range(1, 11)]
     ljung_box = sum(count * (count + 2) * r * r / (count - j) for j, r in enumerate(lag, start=1) if count > j)
     return GroupTest(
@@ -208,6 +210,7 @@ def _runs_z(z: Array) -> float:
     positive = z > 0
     up, down = int(positive.sum()), int((~positive).sum())
     if min(up, down) == 0 or len(z) < 4:
+        # A single run of one sign is as far from chance as it can be; its standard score is not defined
         return -math.sqrt(len(z)) if len(z) >= 4 else 0.0
     runs = 1 + int(np.sum(positive[1:] != positive[:-1]))
     mean = 2 * up * down / len(z) + 1

@@ -133,9 +133,11 @@ def _noise_of_body(fit: Fit, k: int, residual: Array, names: Sequence[str], data
 
 def _fit_noise_law(difference: Array, v: Array) -> tuple[float, float]:
     """Fit sigma = a + b v with a, b >= 0 to Gaussian differences by maximum likelihood; outliers are clipped."""
+    # The factor makes the median absolute value a standard deviation for Gaussian noise
     a, b = 1.4826 * float(np.median(np.abs(difference))) + 1e-12, 0.0
     for _ in range(40):
         sigma = np.maximum(a + b * v, 0.05 * a + 1e-12)
+        # Linearised, as in `data.noise`, the estimating equation is a weighted line through these values
         y = 0.5 * (sigma + np.minimum(difference**2, (MAX_DIFFERENCE_SIGMAS * sigma) ** 2) / sigma)
         w = 1 / sigma**2
         middle = float(w @ v / w.sum())
@@ -152,6 +154,7 @@ def sample_index(fit: Fit, k: int) -> NDArray[np.intp]:
     samples = fit.problem.run(fit.x, k)
     _, camera = fit.problem.parameters_and_camera(fit.x, k)
     t = np.maximum(camera.true_time(fit.problem.data[k].t), 0.0)
+    # Less than any step, so that rounding does not lead to the sample after
     return np.minimum(np.searchsorted(samples.t, t - 1e-12), len(samples.t) - 1)
 
 

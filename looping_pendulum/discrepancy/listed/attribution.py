@@ -84,6 +84,7 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
     problem = _with_candidate(base, screened)
     amplitude = float(np.clip(screened.amplitude / screened.scale, -MAX_START_AMPLITUDE, MAX_START_AMPLITUDE))
     fits = []
+    # Half of the decrease that the score predicts is enough: the prediction is linear, and the model is not
     predicted_cost = base.cost - 0.5 * screened.score**2
     # If the fit from the prior's mean stays above the cost that screening predicts, the base fit's values are tried, too.
     for start in (base.problem.prior_mean, base.x):
@@ -95,6 +96,7 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
                 fits.append(minimise(problem, x, max_iterations=MAX_ITERATIONS))
         except FitError:
             continue
+        # The decrease is large enough, or the predicted one too small for another start to matter
         if fits[-1].cost < predicted_cost or (screened.score**2 < delta_bic_to_beat and fits[-1].cost < base.cost + 1):
             break
     if not fits:
@@ -276,9 +278,11 @@ def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
     names, chi2, rms_of_blocks, counts = [], [], [], []
     half = BLOCK_COUNT // 2
     for j in range(half):
+        # Two blocks that lie half the time apart in one fit, which halves the number of fits
         out = [(_block_number(d) % half) == j for d in problem.data]
         if not any(o.any() for o in out):
             continue
+        # An infinite standard error leaves values out without changing the shape of the problem
         masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
         partial = minimise(problem.with_data(masked), fit.x)
         jacobian = Problem.jacobian(problem, partial.x)

@@ -102,6 +102,7 @@ def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[s
     camera
         Names of the camera parameters that all trials depend on.
     """
+    # By the role as well: a fitted parameter may still be wrong by a factor
     taken = {(n.parameter, n.role) for n in fitted}
     trials = tuple(t.name for t in study.trials)
     releases = {t.release for t in study.trials}

@@ -63,6 +63,7 @@ class ScaledErrors:
         test = check_held_out(fit, self.held_out, keep_sigma=True)
         return dataclasses.replace(
             test,
+            # Scaled errors contain the root of the autocorrelation time, for sums over points; a mean square has to undo that
             chi2=tuple(self.autocorrelation_time * c for c in test.chi2),
             limits=tuple(self._max_chi2(n) for n in test.counts),
         )
@@ -98,6 +99,7 @@ class ScaledErrors:
             for part in position_slices(d):
                 kept = np.isfinite(d.sigma[part])
                 scatter = d.sigma[part][kept] / factor
+                # Independent errors add by their squares, so that the remainder's square is what the scatter leaves
                 square += float(np.sum(residual[part][kept] ** 2 - scatter**2))
                 count += int(kept.sum())
         return math.sqrt(max(square, 0.0) / max(count, 1))
@@ -151,6 +153,7 @@ def _autocorrelation_time(fits: Sequence[Fit]) -> float:
             series += [z[part] for part in d.slices.values()]
     square = sum(float(z @ z) for z in series)
     total = 1.0
+    # Beyond half the series too few products are left to tell a correlation from chance
     for lag in range(1, max(map(len, series)) // 2):
         r = sum(float(z[lag:] @ z[:-lag]) for z in series if len(z) > lag) / square
         if r <= 0:

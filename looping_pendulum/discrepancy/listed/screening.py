@@ -65,6 +65,7 @@ def screen(
         null = np.where(np.isin(fit.problem.names, without), 0.0, fit.x)
         jacobian = fit.problem.jacobian(null, central=True)
     basis, _ = np.linalg.qr(jacobian)
+    # What the fitted parameters could explain is no evidence for a candidate
     residual = _orthogonal_part(basis, fit.residuals)
     reduced = Problem(fit.problem.study, fit.problem.data, [fit.problem.free_parameters[i] for i in kept])
     shared = _ScreeningInput(reduced, fit.x[kept], basis, residual)
@@ -135,6 +136,7 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
     events_that_happen = reduced.events_that_happen(x)
     v = np.zeros(len(residual))  # the rows of the prior stay zero: a candidate has none
 
+    # The search for a size may ask for one value again, and each is a run of every trial
     @cache
     def change(delta: float) -> Array | None:
         """Return how ``delta`` [SI] changes the standardised prediction; None if the model cannot run or loses an event."""
@@ -163,6 +165,7 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
                 first = abs(delta)  # a good first try on the other side, too
                 opposite = change(-delta) if both_sides else None
                 if opposite is not None:
+                    # The central difference: what both sides have in common is curvature, not the linear effect
                     template = 0.5 * (template - opposite)
                     templates = FINITE_SIZES if _independent_share(basis, template) > MIN_SHARE_FOR_FINITE else ()
             score, amplitude = _score(basis, residual, template, delta) if size in (LINEAR_SIZE, *templates) else (0.0, 0.0)
@@ -212,6 +215,7 @@ def _find_template(
         if failures > MAX_FAILURES:
             return delta, None
         rms = math.inf if v is None else float(np.sqrt(np.mean(v**2)))
+        # About the size is enough, since a score does not depend on it as long as the change is linear
         if 0.5 < rms / size < 2:
             return delta, v
         if rms < size:
@@ -220,6 +224,7 @@ def _find_template(
             low = abs(delta)
         else:
             high = abs(delta)
+        # At most two decades, since far from there the change is hardly proportional
         factor = min(max(size / max(rms, 1e-30), 1e-2), 1e2)
         guess = abs(delta) * factor
         delta = math.copysign(guess if low < guess < high else math.sqrt(max(low, high / 100) * high), reach)

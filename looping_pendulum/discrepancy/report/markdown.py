@@ -72,6 +72,7 @@ def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
          number(e.error, digits=2), number(e.null_value), e.unit or GAP]
         for e in effects
     ]  # fmt: skip
+    # Not where it would say that a parameter is itself
     note = "".join(
         f"\nThe value of {e.name} {e.meaning} {e.parameter}.\n" for e in effects if e.name != e.parameter or e.meaning != "is"
     )

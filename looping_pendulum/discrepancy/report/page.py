@@ -70,11 +70,13 @@ def error_figure(result: Identification) -> Figure:
 def trial_figure(picture: TrialFigure, index: int) -> Figure:
     """Return tracked points and both models of one trial over time, and the residuals of each channel below."""
     rows = len(picture.channels)
+    # In heights of a residual panel: the upper one is 2.2 tall, with a gap of 0.2 below
     tall = 1.0 / (rows + 2.4)
     layout: dict[str, Any] = {
         "xaxis": {"title": {"text": "time by the file's clock [s]"}, "anchor": f"y{rows + 1}"},
         "yaxis": {"title": {"text": "measured [SI]"}, "domain": [1 - 2.2 * tall, 1]},
         "shapes": [],
+        # Otherwise the legend shows the points as small as the figure does
         "legend": {"itemsizing": "constant"},
     }
     traces: list[dict[str, Any]] = []
@@ -100,6 +102,7 @@ def trial_figure(picture: TrialFigure, index: int) -> Figure:
                 "line": line_style,
                 "name": label,
                 "legendgroup": side,
+                # The models have one entry in the legend for all channels
                 "showlegend": i == 0,
             }
             traces.append(curve | {"x": t, "y": plain(getattr(picture, side)[channel])})
@@ -151,6 +154,7 @@ def ranking_figure(result: Identification) -> Figure:
     bars = {
         "type": "bar",
         "orientation": "h",
+        # Below zero a candidate is worse than none, however far
         "x": plain(max(r.delta_bic or 0.0, 0.0) for r in ranking),
         "y": [escaped(r.name) for r in ranking],
         "marker": {"color": [AFTER if r.passes else SOFT for r in ranking]},
@@ -180,6 +184,7 @@ def unlisted_figure(force: Unlisted) -> Figure:
         low = plain(v - 2 * e for v, e in zip(p.value, p.error, strict=True))
         high = plain(v + 2 * e for v, e in zip(p.value, p.error, strict=True))
         edge = {"type": "scatter", "mode": "lines", "x": s, "line": {"width": 0}, "hoverinfo": "skip", "showlegend": False}
+        # Plotly fills from a line to the one before it
         traces += [edge | {"y": low}, edge | {"y": high, "fill": "tonexty", "fillcolor": f"faint {colour}"}]
         curve = {"type": "scatter", "mode": "lines", "x": s, "line": {"color": colour, "width": 2}, "name": side}
         traces.append(curve | {"y": plain(p.value)})

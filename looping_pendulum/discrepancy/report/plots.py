@@ -83,6 +83,7 @@ def _residual(axes: Axes, picture: TrialFigure, name: str) -> None:
 
 def ranking_figure(result: Identification) -> Figure:
     """Draw the delta BIC of the first round's candidates as bars."""
+    # Matplotlib draws horizontal bars from below, and the best should be on top
     ranking = [r for r in result.rounds[0].ranking if r.delta_bic is not None][:MAX_RANKED][::-1]
     figure = Figure(figsize=(7.0, 1.2 + 0.35 * len(ranking)), layout="constrained")
     axes = figure.subplots()

@@ -46,6 +46,7 @@ def describe_unlisted_force(
         Largest chi2 per value of held-out data under the declared model.
     """
     formula = formulas[0] if formulas and formulas[0].accepted else None
+    # An accepted formula may belong to another closure than the best of the basis functions
     best = formula.force if formula else forces[0]
     held_out = formula.held_out if formula and formula.held_out else best.held_out
     return Unlisted(

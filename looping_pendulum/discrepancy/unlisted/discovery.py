@@ -201,6 +201,7 @@ def _screen_all_targets(shared: tuple[Problem, Array, Array, Array], light: Clos
     """Return the evidence of a closure's coordinate and factor on every target."""
     problem, x, fitted_basis, unexplained = shared
     heavy = dataclasses.replace(light, target="heavy mass")
+    # The targets share their sensitivities: those of both directions on the light mass serve it along, across and together
     sensitivity = _sensitivity(problem, x, light, fitted_basis) | _sensitivity(problem, x, heavy, fitted_basis)
     screened = []
     for target in TARGETS:
@@ -222,6 +223,7 @@ def _sensitivity(declared: Problem, x: Array, closure: Closure, fitted_basis: Ar
     sensitivity = {}
     for i, name in enumerate(closure.names):
         moved = start.copy()
+        # In units of the weight's scale, which is `DERIVATIVE_STEP`
         moved[len(x) + i] = 1.0
         moved_residuals = problem.residuals(moved)
         # the sign: a residual is measured less predicted; the rows beyond the declared model's are those of the weights' prior
@@ -261,6 +263,7 @@ def _evidence(sensitivity: Array, residuals: Array) -> tuple[float, float, Array
     u, s, vt = np.linalg.svd(sensitivity, full_matrices=False)
     projected = u.T @ residuals
     best = (-math.inf, 0.0, np.zeros(sensitivity.shape[1]))
+    # From 10 uN, which move 10 g by a tenth of a millimetre in half a second, to 1 N, about the heavy mass's weight
     for ridge in np.logspace(-5, 0, 41):
         power = (ridge * s) ** 2
         twice_log_bayes_factor = float(np.sum(projected**2 * power / (1 + power) - np.log1p(power)))
@@ -287,6 +290,7 @@ def _refit(
     """Refit a closure to the trajectories with the ridge that maximises the evidence; None if the model cannot run."""
     base, held_out, samples = shared
     problem = _problem(base.problem, screened.closure, screened.ridge, 1.0)
+    # The ridge is the scale of the weights in this problem, so that their prior has unit variance
     start = np.append(base.x, screened.weights / screened.ridge)
     try:
         fit = with_noise_of_residuals(minimise(problem, start, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=12))

@@ -112,6 +112,7 @@ def refit(
         formulas += [refitted] if refitted else []
     formulas.sort(key=lambda w: -w.delta_bic)
     for i, formula in enumerate(formulas):
+        # They are in order, so that all that follow are too far behind as well
         if formula.delta_bic < formulas[0].delta_bic - BIC_MARGIN:
             break
         final = with_noise_of_residuals(formula.fit)
@@ -190,6 +191,7 @@ def _free_parameter(prediction: PredictedFormula, i: int, coordinate_range: Coor
     min_scale = 0.1 * abs(value)
     if term.of_coordinate:
         width = float(prediction.values[1])
+        # A place may be near zero, so that its own size is no scale; the width is
         min_scale = 0.1 * width
         bounds = (MIN_WIDTH * coordinate_range.spacing, 1e3 * width)
         if term.name == "place":

@@ -95,6 +95,7 @@ class FormulaFamily:
         return np.asarray(self.profile(values, placement.first_centre + placement.spacing * points) @ projection.T)
 
 
+# There are three margins in all, and a fit of a formula projects its profile at every step
 @cache
 def _projection_onto_basis(margin: float) -> tuple[Array, Array]:
     """Return points in spacings from the first centre, and the matrix from a profile at them to the least-squares weights."""
@@ -293,6 +294,7 @@ def _best_fit(
         for starts in _start_values(form, coordinate_range)
     ]
     if form.terms[0].of_coordinate:
+        # Only from the best place for each width: the cost has minima at many places, and a fit from each would take long
         fits = [_fit_nonlinear(form, reduced_residuals, coordinate_range, values) for _, values, _ in fits]
     cost, values, jacobian = min(fits, key=lambda f: f[0])
     errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)), 0.0))
