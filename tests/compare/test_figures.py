@@ -48,8 +48,8 @@ def look_of(result):
 
 
 def on_page(result, name):
-    (found,) = [figure for figure in page.figures(result) if figure.id == name]
-    return found
+    (match,) = [figure for figure in page.figures(result) if figure.id == name]
+    return match
 
 
 # ---- event times
@@ -193,9 +193,9 @@ def test_a_cross_is_where_a_run_broke_off(compared, make_run, status, crosses):
     run = make_run(until=0.6, status=status)
     result = compared(run)
     drawn = plots.path_figure(result, result.samples, look_of(result))
-    found = [np.ravel(line.get_data()) for line in drawn.axes[0].lines if line.get_marker() == "x"]
-    assert len(found) == crosses
-    assert all(np.allclose(place, run.light_position[-1]) for place in found)
+    positions = [np.ravel(line.get_data()) for line in drawn.axes[0].lines if line.get_marker() == "x"]
+    assert len(positions) == crosses
+    assert all(np.allclose(place, run.light_position[-1]) for place in positions)
 
 
 def test_the_page_has_no_figures_without_the_trajectories(compared):
@@ -398,9 +398,9 @@ def test_the_limit_of_a_halting_time_is_a_band():
 def test_a_ladder_is_drawn_if_two_of_its_rungs_have_an_error(monkeypatch, values, rms, count):
     monkeypatch.setattr(convergence_plots, "png", lambda figure: b"")
     v, _ = ladder(values, rms=rms)
-    found = convergence_plots.draw(SimpleNamespace(variants=[v]))
-    assert list(found) == ["toy-chain-quick-step.png"] * count
-    assert all(label == "toy:chain" and "as step is refined to the right" in caption for label, caption, _ in found.values())
+    figures = convergence_plots.draw(SimpleNamespace(variants=[v]))
+    assert list(figures) == ["toy-chain-quick-step.png"] * count
+    assert all(label == "toy:chain" and "as step is refined to the right" in caption for label, caption, _ in figures.values())
 
 
 def test_the_star_on_the_page_is_where_the_light_mass_was(compared, closed_form):

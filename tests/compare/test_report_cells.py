@@ -168,13 +168,13 @@ def test_the_detail_has_every_number_in_its_unit(result):
     assert "No engine was run." in report.render(nobody)
 
 
-def test_every_limit_is_told_with_its_value_and_why(result):
+def test_every_limit_is_stated_with_its_value_and_why(result):
     rows = (limit(GOOD), limit(BAD, "tube_fraction", None, "no value: too short"), limit(GOOD, "no_metric_of_ours", 5.0))
     text = report.render(dataclasses.replace(result, tolerances=rows))
-    found = cells(text, ME, "## Tolerances")[:3]
-    assert found[0] == [ME, "rms_0.7s", "pass", "2.2 mm", "at most 1 mm", "by design", ""]
-    assert found[1] == [ME, "tube_fraction", "**fail**", "–", "at least 0.1 %", "by design", "no value: too short"]
-    assert found[2][3:5] == ["5 SI", "at most 0.001 SI"]
+    table_rows = cells(text, ME, "## Tolerances")[:3]
+    assert table_rows[0] == [ME, "rms_0.7s", "pass", "2.2 mm", "at most 1 mm", "by design", ""]
+    assert table_rows[1] == [ME, "tube_fraction", "**fail**", "–", "at least 0.1 %", "by design", "no value: too short"]
+    assert table_rows[2][3:5] == ["5 SI", "at most 0.001 SI"]
     assert "The scenario declares no tolerances for these engines and this profile." in report.render(result)
 
 
@@ -242,7 +242,7 @@ def test_wall_times_are_in_seconds_and_per_simulated_second(result):
     assert report.verdict_rows(timed)[1][1][-1] == "5.7"
 
 
-def test_a_run_without_a_profile_is_told_by_its_label(result):
+def test_a_run_without_a_profile_is_named_by_its_label(result):
     (engine,) = result.engines
     assert report.name(engine) == ME
     assert report.name(dataclasses.replace(engine, profile="")) == "pymunk:chain"
@@ -317,8 +317,8 @@ def test_three_digits_of_a_thousandth(result, size, shown):
     detail = cells(report.render(all_alike), ME, "## Detail")[0]
     assert [detail[6], detail[9], detail[11], detail[12]] == [shown, f"+{shown}", f"+{shown}", shown]
     for metric, (_, factor) in ((name, known.shown_in) for name, known in metrics.METRICS.items()):
-        told_ = report.limit_and_value(limit(GOOD, metric, 1e3 * size / factor, **{"limit": 1e3 * size / factor}))
-        assert [one.split()[-2] for one in told_] == [shown, shown], metric
+        texts = report.limit_and_value(limit(GOOD, metric, 1e3 * size / factor, **{"limit": 1e3 * size / factor}))
+        assert [one.split()[-2] for one in texts] == [shown, shown], metric
     text = rendered(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.2 + size)))
     assert cells(text, "stop")[0][2] == f"+{shown}"
 
@@ -384,7 +384,7 @@ def test_every_kind_of_moment_has_its_rows(result):
 
 
 @pytest.mark.parametrize(("end", "said"), [(0.39, "after its end"), (0.4, "–"), (0.5, "–"), (None, "after its end")])
-def test_a_moment_after_the_end_of_a_run_is_told_as_such(result, end, said):
+def test_a_moment_after_the_end_of_a_run_is_reported_as_such(result, end, said):
     assert cells(rendered(result, Landmarks(stops=at(0.4)), Landmarks(), end), "stop") == [["stop", "0.4000", said]]
 
 
