@@ -34,7 +34,7 @@ SAID = {
     ("halting_time", 1): 0.9, ("height_change_at_halt", 1): -0.25, ("drop_at_halt", 1): 0.25,
     ("wrap_angle_at_halt", 1): 8.0, ("free_length_at_halt", 1): 0.1, ("time_light_reaches_rod", 1): 1.4,
 }  # fmt: skip
-"""(quantity, which) -> what it is of `FOUND`; C is the last slip onset before the halt, so not the one at 0.95 s."""
+"""(quantity, which) -> what it is of `LANDMARKS`; C is the last slip onset before the halt, so not the one at 0.95 s."""
 
 
 @pytest.mark.parametrize(("quantity", "index"), SAID)
