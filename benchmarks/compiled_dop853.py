@@ -193,9 +193,9 @@ def stick(y, p, duration, tolerance):
         first, at, there = 0, h, z
         for kind in (SLIP_ONSET_DOWN, SLIP_ONSET_UP, END, UNWRAPPED, TIME_UP):
             if stick_event(kind, z, kz, c, p, duration)[0] < 0.0:
-                x, found, _ = locate_stick(kind, state, k, h, c, p, duration, tolerance)
+                x, event_state, _ = locate_stick(kind, state, k, h, c, p, duration, tolerance)
                 if x <= at:
-                    first, at, there = kind, x, found
+                    first, at, there = kind, x, event_state
         if not first and h > 1e-3 and _may_dip(state, k, z, h, c, p, tolerance):
             h *= 0.5
             continue

@@ -263,9 +263,9 @@ def main() -> None:
     if options.work is None:
         parser.error("--work: needed a folder, or --summary")
     chosen = select(options.only or [*MAIN, *CHEAP], options.profile)
-    found = measure(chosen, scenarios()[: options.sample], options.work, options.jobs, options.time_limit)
-    write(merged(stored(), found))
-    for name, profiles in found.items():
+    ranges = measure(chosen, scenarios()[: options.sample], options.work, options.jobs, options.time_limit)
+    write(merged(stored(), ranges))
+    for name, profiles in ranges.items():
         for profile, rows in profiles.items():
             parameters = {s.name: s.parameters for s in scenarios()}
             print(name, profile, dataclasses.asdict(validated(profile, list(rows.values()), parameters))["errors"])

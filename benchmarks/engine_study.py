@@ -119,13 +119,13 @@ Each row is a run in which only this setting differs from the variant's own sett
 {report.provenance_table(result)}"""
 
 
-def pareto_text(found: tuple[Point, ...]) -> str:
+def pareto_text(timed_points: tuple[Point, ...]) -> str:
     """Return the tables of the points on the Pareto front, the variants' own points, and the prototypes."""
-    best = {p.key for p in front(found)}
-    contact = {p.key for p in front(p for p in found if p.contact)}
+    best = {p.key for p in front(timed_points)}
+    contact = {p.key for p in front(p for p in timed_points if p.contact)}
     head = ["variant", "setting", "what", "RMS to 0.7 s [mm]", "wall s per s", "CPU s per s", "runs", "slowest"]
     rows = []
-    for p in sorted(found, key=lambda p: (p.variant, p.wall)):
+    for p in sorted(timed_points, key=lambda p: (p.variant, p.wall)):
         marks = [
             *(["no engine beats it"] if p.key in best else []),
             *(["no engine beats it where the law is its own"] if p.key in contact - best else []),
@@ -191,12 +191,12 @@ def main() -> None:
 def kept_points(result: ConvergenceResult, file: Path, budget: float) -> tuple[Point, ...]:
     """Return the timed points of ``result``; points that ``file`` has are not timed again."""
     known = {p["key"]: Point(**p) for p in json.loads(file.read_text(encoding="utf-8"))} if file.exists() else {}
-    found: list[Point] = []
+    timed_points: list[Point] = []
     for point in points(result, budget, known):
-        found.append(point)
+        timed_points.append(point)
         known[point.key] = point
         write_atomically(file, json.dumps([dataclasses.asdict(p) for p in known.values()], indent=1) + "\n")
-    return tuple(found)
+    return tuple(timed_points)
 
 
 if __name__ == "__main__":

@@ -107,11 +107,11 @@ def _in_own_process(study: Path, home: str) -> dict[str, object]:
 def measure(study: Path) -> dict[str, object]:
     """Seconds (imports left out), CPU seconds and peak memory [MiB], both with the helper's, of one `identify`."""
     started, cpu = time.perf_counter(), time.process_time()
-    found = identify(load(study))
+    result = identify(load(study))
     seconds = time.perf_counter() - started
     own, helper = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return {
-        "verdict": found.verdict.value,
+        "verdict": result.verdict.value,
         "seconds": seconds,
         "cpu": time.process_time() - cpu + helper.ru_utime + helper.ru_stime,
         "peak": (own.ru_maxrss + helper.ru_maxrss) / 1024,

@@ -44,11 +44,11 @@ def cpu_per_run(task: Callable[[], object], runs: int) -> float:
 
 def interleaved(tasks: dict[str, tuple[Callable[[], object], int]], repeats: int) -> dict[str, float]:
     """Return the median CPU time per run [us] of each task, taken in turn."""
-    found: dict[str, list[float]] = {name: [] for name in tasks}
+    cpu_times: dict[str, list[float]] = {name: [] for name in tasks}
     for _ in range(repeats):
         for name, (task, runs) in tasks.items():
-            found[name].append(cpu_per_run(task, runs))
-    return {name: statistics.median(values) for name, values in found.items()}
+            cpu_times[name].append(cpu_per_run(task, runs))
+    return {name: statistics.median(values) for name, values in cpu_times.items()}
 
 
 def one_by_one(columns: Columns, runs: int, tolerance: float, integrator: str) -> tuple[np.ndarray, np.ndarray]:
@@ -62,9 +62,9 @@ def one_by_one(columns: Columns, runs: int, tolerance: float, integrator: str) -
     return halting, end
 
 
-def error(found: tuple[np.ndarray, np.ndarray], exact: tuple[np.ndarray, np.ndarray]) -> str:
+def error(actual: tuple[np.ndarray, np.ndarray], exact: tuple[np.ndarray, np.ndarray]) -> str:
     """Return median and 99th percentile of the error of a run's times [s]."""
-    worst = np.fmax.reduce([np.abs(a[: len(b)] - b) for a, b in zip(found, exact, strict=True)])
+    worst = np.fmax.reduce([np.abs(a[: len(b)] - b) for a, b in zip(actual, exact, strict=True)])
     return f"{np.median(worst):.0e}, {np.quantile(worst, 0.99):.0e}"
 
 
@@ -104,8 +104,8 @@ def peers(repeats: int, runs: int = 50_000, checked: int = 300, slow_runs: int =
         print(f"| {name} | {value:.1f} | {value / ours:.2f} | {errors[name]} |")
     differ = np.count_nonzero(solve_batch(BASE, columns).sequence != solve_with_numba(BASE, columns, DURATION, 1e-12)[2])
     print(f"\nMode sequences that differ between solve_batch and Numba, both at 1e-12: {differ} of {runs}.")
-    for name, needed in (("Numba DOP853, 1e-12", 1.5), ("SciPy DOP853, 1e-9", 300.0)):
-        print(f"Target {needed:g} times {name}: {verdict(medians[name] / ours >= needed)} ({medians[name] / ours:.2f}).")
+    for name, target in (("Numba DOP853, 1e-12", 1.5), ("SciPy DOP853, 1e-9", 300.0)):
+        print(f"Target {target:g} times {name}: {verdict(medians[name] / ours >= target)} ({medians[name] / ours:.2f}).")
 
 
 def verdict(met: bool) -> str:
@@ -127,9 +127,9 @@ def growth(rounds: int = 3) -> None:
     slope = (times[many] - times[few]) / (many - few)
     start = times[few] - few * slope
     print("\n| runs | CPU, warm [s] | per run [us] | straight line [s] |\n|---|---|---|---|")
-    for n, found in times.items():
-        print(f"| {n} | {found:.3f} | {1e6 * found / n:.1f} | {start + n * slope:.3f} |")
-    off = max(abs(found / (start + n * slope) - 1) for n, found in times.items())
+    for n, seconds in times.items():
+        print(f"| {n} | {seconds:.3f} | {1e6 * seconds / n:.1f} | {start + n * slope:.3f} |")
+    off = max(abs(seconds / (start + n * slope) - 1) for n, seconds in times.items())
     print(f"\nThe line: {start:.3f} s and {1e6 * slope:.1f} us per run; furthest off it: {100 * off:.0f} %.")
     print(f"Target cost linear from 1e3 to 1e6 (within 20 % of a line): {verdict(off <= 0.2)}.")
 
@@ -168,14 +168,14 @@ def scaling(pairs: int = 40, runs: int = 20_000) -> None:
         for name in [*tasks, *tasks]:  # so that both processes are ready
             together(name, 2)
         for _ in range(pairs):
-            for name, found in ratios.items():
+            for name, values in ratios.items():
                 before, two = together(name, 1), together(name, 2)
-                found.append((before + together(name, 1)) / two)
+                values.append((before + together(name, 1)) / two)
     print("\n| two processes / one, both ready | median | middle half |\n|---|---|---|")
-    for name, found in ratios.items():
-        low, middle, high = statistics.quantiles(found, n=4)
+    for name, values in ratios.items():
+        low, middle, high = statistics.quantiles(values, n=4)
         print(f"| {name} | {middle:.2f} | {low:.2f} to {high:.2f} |")
-    ours, possible = (statistics.median(found) for found in ratios.values())
+    ours, possible = (statistics.median(values) for values in ratios.values())
     print(f"\nTarget two processes 1.8 times one, both ready: {verdict(ours >= 1.8)} ({ours:.2f}; np.exp: {possible:.2f}).")
 
 

@@ -50,7 +50,7 @@ def _demo(folder: str) -> float:
 
 def in_browser(page: Path) -> dict[str, float]:
     """Return the medians of first paint and frames per second; empty without a browser."""
-    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    path = next((browser_path for name in BROWSERS if (browser_path := shutil.which(name))), None)
     if path is None:
         return {}
     from playwright.sync_api import sync_playwright

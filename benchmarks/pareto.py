@@ -108,12 +108,12 @@ def points(study: ConvergenceResult, budget: float, known: Mapping[str, Point] |
 def rungs(v: VariantStudy) -> list[tuple[str, str, float]]:
     """Return (setting and value, key, error) of the variant's own run and of each of its rungs, each run once."""
     every = [("", v.own), *((f"{ladder.setting} {r.value:g}", r.run) for ladder in v.ladders for r in ladder.rungs)]
-    found: dict[str, tuple[str, str, float]] = {}
+    rungs_by_key: dict[str, tuple[str, str, float]] = {}
     for where, run in every:
         rms = run.rms[MARK]
         if run.ok and rms is not None:
-            found.setdefault(run.key, (where, run.key, rms))
-    return list(found.values())
+            rungs_by_key.setdefault(run.key, (where, run.key, rms))
+    return list(rungs_by_key.values())
 
 
 def supplied_by_engine(v: VariantStudy) -> bool:
@@ -150,27 +150,27 @@ def one(job: Path) -> dict[str, float]:
     return {"wall": wall / simulated, "cpu": cpu / simulated}
 
 
-def front(found: Iterable[Point]) -> list[Point]:
+def front(timed_points: Iterable[Point]) -> list[Point]:
     """Return the Pareto front of the engines' points in time and error, from fast to slow; the reference is left out."""
-    engines = [p for p in found if not p.variant.startswith("reference:")]
+    engines = [p for p in timed_points if not p.variant.startswith("reference:")]
     best = [p for p in engines if not any(o is not p and o.wall <= p.wall and o.rms <= p.rms for o in engines)]
     return sorted(best, key=lambda p: p.wall)
 
 
-def figure(found: list[Point]) -> Figure:
+def figure(timed_points: list[Point]) -> Figure:
     """Draw error against time, log-log, with the Pareto fronts of all engines and of those that supply winding and friction."""
     picture, (axes,) = make_figure(8.4, 6.8)
     axes.plot(*np.array([(t, e) for _, e, t in PROTOTYPES]).T, "x", color=GREY, ms=6, label="prototypes")
-    look = styles(p.variant for p in found)
-    for variant in dict.fromkeys(p.variant for p in found):
-        mine = [p for p in found if p.variant == variant]
+    look = styles(p.variant for p in timed_points)
+    for variant in dict.fromkeys(p.variant for p in timed_points):
+        mine = [p for p in timed_points if p.variant == variant]
         style = look[variant]
         fill = style.colour if mine[0].contact else "white"
         xy = np.array([(p.wall, 1e3 * p.rms) for p in mine]).T
         axes.plot(*xy, ls="none", marker=style.marker, ms=5.5, color=style.colour, mfc=fill, label=variant)
     for chosen, line, name in (
-        (front(found), "-", "no engine beats these"),
-        (front(p for p in found if p.contact), "--", "nor these, law its own"),
+        (front(timed_points), "-", "no engine beats these"),
+        (front(p for p in timed_points if p.contact), "--", "nor these, law its own"),
     ):
         axes.plot([p.wall for p in chosen], [1e3 * p.rms for p in chosen], line, color="black", lw=1.0, zorder=1, label=name)
     axes.axvline(TARGET, color=GREY, lw=0.9, dashes=(1, 2), label=f"target {TARGET:g} s per s")
@@ -202,9 +202,9 @@ def main() -> None:
         return
     if options.study is None or options.out is None:
         parser.error("--study and --out: needed both")
-    found = list(points(read_study(options.study), options.budget))
-    write_atomically(options.out / NAME, json.dumps([dataclasses.asdict(p) for p in found], indent=1) + "\n")
-    write_atomically(options.out / "pareto.png", png(figure(found)))
+    timed_points = list(points(read_study(options.study), options.budget))
+    write_atomically(options.out / NAME, json.dumps([dataclasses.asdict(p) for p in timed_points], indent=1) + "\n")
+    write_atomically(options.out / "pareto.png", png(figure(timed_points)))
 
 
 if __name__ == "__main__":

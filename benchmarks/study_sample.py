@@ -42,15 +42,15 @@ class StoredRun:
 def stored_runs(study: Study, budget: float) -> list[StoredRun]:
     """Return runs that ended properly and are known to take less than ``budget`` wall seconds per simulated second."""
     costs = {point.key: point.wall for point in study.pareto}
-    found = []
+    runs = []
     for variant in study.convergence.variants:
         (engine,) = select([variant.label], Profile.QUICK)
         own = costs.get(variant.own.key)
         for run in _runs(variant, engine):
             cost = costs.get(run.summary.key, own)
             if run.summary.ok and cost is not None and cost < budget:
-                found.append(run)
-    return found
+                runs.append(run)
+    return runs
 
 
 def _runs(variant: VariantStudy, engine: Engine) -> Iterator[StoredRun]:

@@ -75,7 +75,7 @@ class Sentence:
 @functools.cache
 def sentences() -> tuple[Sentence, ...]:
     """Return every listed sentence that contains numbers."""
-    found = []
+    result = []
     for page, entries in _load_numbers_file()["pages"].items():
         for entry in entries:
             sources = {name: source for name, source in entry.items() if name != "text"}
@@ -83,14 +83,14 @@ def sentences() -> tuple[Sentence, ...]:
             if sorted(placeholders) != sorted(sources):
                 mismatch = f"found placeholders {placeholders}, needed one for each of {list(sources)}"
                 raise ValueError(f"{NUMBERS_FILE.name}: {page}: {entry['text']!r}: {mismatch}")
-            found.append(Sentence(page=page, text=entry["text"], sources=sources))
-    return tuple(found)
+            result.append(Sentence(page=page, text=entry["text"], sources=sources))
+    return tuple(result)
 
 
 def unmeasured_numbers() -> dict[str, dict[str, str]]:
     """Return page -> its numbers that are not measured, each with the reason."""
-    found: dict[str, dict[str, str]] = _load_numbers_file()["given"]
-    return found
+    given: dict[str, dict[str, str]] = _load_numbers_file()["given"]
+    return given
 
 
 def rewrite() -> list[str]:
@@ -108,30 +108,30 @@ def rewrite() -> list[str]:
 
 def problems() -> list[str]:
     """Return all faults, one line each: lost sentences, numbers that differ from the data, numbers without a source."""
-    found = []
+    messages = []
     for page in dict.fromkeys(s.page for s in sentences()):
         text = (PROJECT / page).read_text(encoding="utf-8")
         for sentence in (s for s in sentences() if s.page == page):
             if not sentence.pattern.search(text):
-                found.append(f"{page}: found no {sentence.text!r}; correct docs/data/numbers.yaml")
+                messages.append(f"{page}: found no {sentence.text!r}; correct docs/data/numbers.yaml")
             for match in sentence.pattern.finditer(text):
                 for name, right in sentence.expected_numbers().items():
                     if match[name] != right:
-                        found.append(f"{page}: says {match[name]} for {name} of {sentence.text!r}, the data say {right}")
+                        messages.append(f"{page}: says {match[name]} for {name} of {sentence.text!r}, the data say {right}")
     for page in ("README.md",):
         text = (PROJECT / page).read_text(encoding="utf-8")
         if engine_table.with_current_table(text) != text:
-            found.append(f"{page}: the table of engines is not what docs/data/ten_to_one says")
+            messages.append(f"{page}: the table of engines is not what docs/data/ten_to_one says")
     for page in hand_written():
-        found += [f"{page}: {where!r}: no source in docs/data/numbers.yaml" for where in numbers_without_source(page)]
+        messages += [f"{page}: {where!r}: no source in docs/data/numbers.yaml" for where in numbers_without_source(page)]
     for page, entries in unmeasured_numbers().items():
         text = _without_code_and_formulas((PROJECT / page).read_text(encoding="utf-8"))
-        found += [
+        messages += [
             f"{page}: found no {words!r}; correct docs/data/numbers.yaml"
             for words in entries
             if not _literal_pattern(words).search(text)
         ]
-    return found
+    return messages
 
 
 def hand_written() -> list[str]:

@@ -229,9 +229,9 @@ def main() -> None:
             )
             rows = trial.predict(solve(parameters(trial, radius * 1e-3, values)))
             for (quantity, index), (value, half) in table.items():
-                found = rows.get((quantity, index), math.nan)
-                miss_text = f"{found - value:+.4f} ({(found - value) / half:+.2f} half digits)"
-                print(f"  {quantity:24s} {index}  paper {value:8.3f}  here {found:9.4f}  miss {miss_text}")
+                predicted = rows.get((quantity, index), math.nan)
+                miss_text = f"{predicted - value:+.4f} ({(predicted - value) / half:+.2f} half digits)"
+                print(f"  {quantity:24s} {index}  paper {value:8.3f}  here {predicted:9.4f}  miss {miss_text}")
 
 
 if __name__ == "__main__":

@@ -58,7 +58,7 @@ def backend():
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Any]:
     """One real browser for all tests of a process: Playwright takes no second one beside it."""
-    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    path = next((browser_path for name in BROWSERS if (browser_path := shutil.which(name))), None)
     if path is None:
         pytest.skip(f"no browser: none of {', '.join(BROWSERS)} is installed (Debian: apt install chromium)")
     sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

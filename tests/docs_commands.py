@@ -32,13 +32,13 @@ def pages() -> list[Path]:
 
 def commands() -> list[Command]:
     """Commands in the fenced blocks of all pages, in order; a remark after two blanks or a # is no part of one."""
-    found = []
+    result = []
     for page in pages():
         for _, block in FENCED.findall(page.read_text(encoding="utf-8")):
             for line in block.splitlines():
                 if line.startswith(f"{PROGRAM} "):
-                    found.append(_command(page, line))
-    return found
+                    result.append(_command(page, line))
+    return result
 
 
 def _command(page: Path, line: str) -> Command:

@@ -82,8 +82,8 @@ def test_the_lowest_ratio_halts_and_a_millionth_less_does_not(parts):
     common = parts["common"]
     data, longest = common.read("lowest_ratio"), parts["questions"].LONGEST_TIME_LIMIT
     for name in common.CASES:
-        base, found = common.case(name), data[name]
-        for where in (found["best"], found["at_75"] | {"angle": 75.0}):
+        base, stored = common.case(name), data[name]
+        for where in (stored["best"], stored["at_75"] | {"angle": 75.0}):
             p = common.at_angle(base, where["angle"])
             above, below = (p.replace(heavy_mass=(where["ratio"] + s * 1e-6) * p.light_mass) for s in (1, -1))
             assert solve(above, duration=longest).halting_time is not None
@@ -107,8 +107,8 @@ def test_the_maps_hold_what_single_runs_say(parts):
 
 def test_masses_times_s_are_drags_over_s(parts):
     """One is the other to the last digits, so the two runs differ by rounding alone."""
-    found = parts["questions"]._mass_drag_equivalence(load("ten_to_one").parameters)
-    assert found["largest_difference"] < 1e-12
+    result = parts["questions"]._mass_drag_equivalence(load("ten_to_one").parameters)
+    assert result["largest_difference"] < 1e-12
 
 
 @pytest.mark.accurate

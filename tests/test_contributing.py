@@ -59,10 +59,10 @@ def top_level(file):
 
 def exists(named):
     """Whether there is such a path or ``module:name``."""
-    found = NAMED.fullmatch(named)
-    if not found:
+    match = NAMED.fullmatch(named)
+    if not match:
         return (PROJECT / named).exists()
-    place, name = found.groups()
+    place, name = match.groups()
     module = PROJECT.joinpath("looping_pendulum", *place.split("."))
     candidates = [PROJECT / place] if place.endswith(".py") else [module.with_suffix(".py"), module / "__init__.py"]
     return any(file.is_file() and name in top_level(file) for file in candidates)

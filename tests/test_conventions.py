@@ -31,9 +31,9 @@ def is_strict(kind):
 
 
 @pytest.mark.parametrize("folder", ["reference_ode", "scenarios", "engines", "compare", "discrepancy", "sweep", "teaching"])
-def test_dataclasses_are_frozen_and_told_by_keyword(folder):
+def test_dataclasses_are_frozen_and_keyword_only(folder):
     # A frozen one cannot be changed behind the back of who keeps it, and keywords cannot be exchanged.
-    found = list(dataclasses_below(folder))
-    assert found
-    loose = [name for name, kind in found if kind.__name__ not in MUTABLE and not is_strict(kind)]
+    classes = list(dataclasses_below(folder))
+    assert classes
+    loose = [name for name, kind in classes if kind.__name__ not in MUTABLE and not is_strict(kind)]
     assert not loose, "write @dataclass(frozen=True, kw_only=True), or say in MUTABLE why not"

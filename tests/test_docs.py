@@ -124,11 +124,11 @@ def test_every_link_leads_to_a_page_or_a_file(page):
             continue
         path, _, anchor = target.partition("#")
         # without following symbolic links: docs/glossary.md is one, and a page of the site
-        found = Path(os.path.normpath(page.parent / path)) if path else page
-        assert found.exists(), f"{page.name}: {target}"
-        assert not anchor or anchor in anchors(found), f"{page.name}: {target}"
+        target_path = Path(os.path.normpath(page.parent / path)) if path else page
+        assert target_path.exists(), f"{page.name}: {target}"
+        assert not anchor or anchor in anchors(target_path), f"{page.name}: {target}"
         inside = page.is_relative_to(DOCS)
-        assert not inside or found.is_relative_to(DOCS), f"{page.name}: {target} leaves docs/, and the site with it"
+        assert not inside or target_path.is_relative_to(DOCS), f"{page.name}: {target} leaves docs/, and the site with it"
 
 
 def test_every_page_is_in_the_sites_contents():

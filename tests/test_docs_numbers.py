@@ -46,7 +46,7 @@ def test_every_stored_measurement_is_used_and_can_be_made_again():
 
 def test_a_bound_that_a_test_asserts_names_a_test_that_there_is():
     reasons = [reason for entries in docs_numbers.unmeasured_numbers().values() for reason in entries.values()]
-    named = [found for reason in reasons for found in TEST_NAME.findall(reason)]
+    named = [match for reason in reasons for match in TEST_NAME.findall(reason)]
     assert len(named) >= 4
     for file, test in named:
         assert f"def {test}(" in (PROJECT / file).read_text(encoding="utf-8"), test
@@ -83,9 +83,9 @@ SENTENCE = Sentence(page="x", text="a chain stretches by {size} mm, {share} % of
     ],
 )
 def test_a_sentence_is_found_wherever_its_lines_end(text):
-    found = SENTENCE.pattern.search(text)
-    assert found is not None
-    assert (found["size"], found["share"]) == ("0.13", "40")
+    match = SENTENCE.pattern.search(text)
+    assert match is not None
+    assert (match["size"], match["share"]) == ("0.13", "40")
 
 
 @pytest.mark.parametrize(
@@ -137,12 +137,12 @@ given: {}
     for cache in caches:
         cache.cache_clear()
     try:
-        found = docs_numbers.problems()
-        assert len(found) == 4
-        assert any("says 0.2 for s" in line and "the data say 0.13" in line for line in found)
-        assert any("found no 'a sentence of {y} mm" in line for line in found)
-        assert any("It took 7 s" in line and "no source" in line for line in found)
-        assert any("table of engines" in line for line in found)
+        messages = docs_numbers.problems()
+        assert len(messages) == 4
+        assert any("says 0.2 for s" in line and "the data say 0.13" in line for line in messages)
+        assert any("found no 'a sentence of {y} mm" in line for line in messages)
+        assert any("It took 7 s" in line and "no source" in line for line in messages)
+        assert any("table of engines" in line for line in messages)
         assert docs_numbers.rewrite() == ["docs/page.md", "README.md"]
         assert (tmp_path / "docs" / "page.md").read_text() == page.replace("0.2 mm", "0.13 mm")
         assert "| table |" in (tmp_path / "README.md").read_text()

@@ -284,8 +284,10 @@ def test_an_engines_name_means_its_main_variants(project, offered):
         "FaultyEngine('study', releases=Release, main=False)",
     )
     done = run(pytester, "mine.scenario.yaml", "-v")
-    found = [line.partition("::")[2].partition(" ")[0] for line in done.stdout.lines if line.startswith("mine.scenario.yaml::")]
-    assert found == [f"faulty:{name}::{metric}" for name in ("one", "other") for metric in ("run", "string_stretch")]
+    node_names = [
+        line.partition("::")[2].partition(" ")[0] for line in done.stdout.lines if line.startswith("mine.scenario.yaml::")
+    ]
+    assert node_names == [f"faulty:{name}::{metric}" for name in ("one", "other") for metric in ("run", "string_stretch")]
     done.assert_outcomes(passed=3, failed=1)  # 0 m of stretch: the limit under the variant's own name counts
     done.stdout.fnmatch_lines(["*faulty:other, quick: string_stretch is 0 mm, limit at most 0 mm"])
 

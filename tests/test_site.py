@@ -54,10 +54,10 @@ def test_from_a_folder_it_is_searched_in_a_browser_that_asks_for_nothing_else(si
     page.fill("input[name=query]", "capstan")
     page.focus("input[name=query]")
     until(page, "document.querySelectorAll('.md-search-result__link').length > 5")
-    found = page.evaluate("[...document.querySelectorAll('.md-search-result__link')].map(link => link.href)")
+    links = page.evaluate("[...document.querySelectorAll('.md-search-result__link')].map(link => link.href)")
     page.close()
-    assert all(link.startswith(site.as_uri()) for link in found)
-    assert any("/demonstrations/constant-friction.html" in link for link in found)
+    assert all(link.startswith(site.as_uri()) for link in links)
+    assert any("/demonstrations/constant-friction.html" in link for link in links)
     assert errors == []
     assert asked == []
 

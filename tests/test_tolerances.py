@@ -39,13 +39,13 @@ a shorter string.
 
 def cases(profile: Profile):
     """(scenario, engine) for every engine that a shipped scenario has tolerances for."""
-    found = []
+    params = []
     for name in loader.shipped():
         engines = sorted({t.engine for t in loader.load(name).tolerances if t.profile == profile.value})
         for engine in engines:
             marks = [pytest.mark.accurate] if (name, engine) in LONG else []
-            found.append(pytest.param(name, engine, id=f"{name}-{engine}", marks=marks))
-    return found
+            params.append(pytest.param(name, engine, id=f"{name}-{engine}", marks=marks))
+    return params
 
 
 def installed(name: str, profile: Profile):

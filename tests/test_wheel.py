@@ -19,7 +19,7 @@ PROJECT = Path(__file__).parents[1]
 PACKAGE = "looping_pendulum"
 BUILD = "import sys; from hatchling.build import build_wheel; build_wheel(sys.argv[1])"
 """Hatchling by its own interface, since pip would download it anew into an environment for the build."""
-NEEDED = frozenset(
+REQUIRED = frozenset(
     {
         *("scenarios/ten_to_one.yaml", "sweep/maps/quick.yaml", "engines/validated.json", "engines/additions.json"),
         *("pages/assets/base.html", "pages/assets/tables.js", "teaching/assets/demo.html", "teaching/assets/motion.js"),
@@ -57,8 +57,8 @@ def wheel(tmp_path_factory):
     pytest.importorskip("hatchling", reason="hatchling is not installed: pip install hatchling")
     folder = tmp_path_factory.mktemp("dist")
     done(sys.executable, "-c", BUILD, folder, folder=PROJECT)
-    (found,) = folder.glob("*.whl")
-    return found
+    (path,) = folder.glob("*.whl")
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def command(site, tmp_path):
 def test_the_wheel_has_every_file_of_the_package_and_no_other(wheel):
     here = {p.relative_to(PROJECT / PACKAGE).as_posix() for p in (PROJECT / PACKAGE).rglob("*") if p.is_file()}
     here = {name for name in here if "__pycache__" not in name and not name.endswith("MUJOCO_LOG.TXT")}
-    assert here >= NEEDED
+    assert here >= REQUIRED
     packed = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
     assert packed == {f"{PACKAGE}/{name}" for name in here}
 

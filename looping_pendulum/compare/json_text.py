@@ -102,8 +102,8 @@ def load(
     if not isinstance(schema, dict) or schema.get("id") != schema_id:
         raise ResultError(f"{file}: schema: found {quote(schema)}, needed the id {schema_id!r}")
     if not isinstance(schema.get("version"), int) or not 0 < schema["version"] <= version:
-        found = f"found version {quote(schema.get('version'))}, needed {version} or less"
-        raise ResultError(f"{file}: schema: {found}; update looping-pendulum")
+        mismatch = f"found version {quote(schema.get('version'))}, needed {version} or less"
+        raise ResultError(f"{file}: schema: {mismatch}; update looping-pendulum")
     # Only then: in a file of today, a title may be a word that was a name once
     if schema["version"] < RENAMED_IN:
         tree = _renamed(tree)

@@ -56,13 +56,13 @@ def render(result: ComparisonResult, changes: ResultChanges | None = None) -> st
 def figures(result: ComparisonResult) -> list[Figure]:
     """Every figure that the result has data for."""
     look = styles(e.label for e in result.engines)
-    found: list[Figure] = []
+    page_figures: list[Figure] = []
     if result.samples is not None:
         shown = [(e, a, look[e.label]) for e, a in zip(result.engines, result.samples.aligned, strict=True) if len(a.t) > 1]
-        found += [make(result, result.samples, shown) for make in (path_figure, drop_figure, divergence_figure)]
+        page_figures += [make(result, result.samples, shown) for make in (path_figure, drop_figure, divergence_figure)]
     if any(row.unit == "s" and row.measured is not None for row in result.measured):
-        found.append(events_figure(result, look))
-    return found
+        page_figures.append(events_figure(result, look))
+    return page_figures
 
 
 Shown = list[tuple[EngineResult, Aligned, Style]]

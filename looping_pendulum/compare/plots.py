@@ -128,8 +128,8 @@ def measured_drops(result: ComparisonResult) -> list[tuple[float, float]]:
     value = {(row.quantity, row.index): row.measured for row in result.measured}
     pairs = [("t_A", "height_change_at_A", -1), ("t_B", "height_change_at_B", -1)]
     pairs += [("halting_time", "height_change_at_halt", -1), ("halting_time", "drop_at_halt", 1)]
-    found = [(value.get((t, 1)), value.get((height, 1)), sign) for t, height, sign in pairs]
-    return [(t, sign * height) for t, height, sign in found if t is not None and height is not None]
+    readings = [(value.get((t, 1)), value.get((height, 1)), sign) for t, height, sign in pairs]
+    return [(t, sign * height) for t, height, sign in readings if t is not None and height is not None]
 
 
 def divergence_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> Figure:

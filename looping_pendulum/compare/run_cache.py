@@ -146,7 +146,7 @@ class RunCache:
             wall_time=math.nan if said["wall_time"] is None else float(said["wall_time"]),
             **identity(task.engine, task.scenario),
         )
-        versions = {str(package): str(found) for package, found in said["versions"].items()}
+        versions = {str(package): str(version) for package, version in said["versions"].items()}
         provenance = replace(run.provenance, versions=versions)
         seconds = None if said["seconds"] is None else float(said["seconds"])
         return EndedRun(run=replace(run, provenance=provenance), seconds=seconds)

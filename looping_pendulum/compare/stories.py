@@ -63,9 +63,9 @@ def story(
 
 def missing_physics(supplies: tuple[SupplyEntry, ...], parameters: Parameters, lacks: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Return the physics that the scenario has and the run did not: what nobody supplies, and what ``lacks`` names."""
-    needed = physics_of(parameters)
+    scenario_physics = physics_of(parameters)
     nobody = (s.what.replace(" ", "_") for s in supplies if s.by == Supplier.NOBODY.value)
-    return tuple(dict.fromkeys([*(what for what in nobody if what in needed), *lacks]))
+    return tuple(dict.fromkeys([*(what for what in nobody if what in scenario_physics), *lacks]))
 
 
 def _without_static_friction(parameters: Parameters) -> str:
@@ -112,11 +112,11 @@ def _why(first: Departure, supplies: tuple[SupplyEntry, ...], parameters: Parame
     if causes:
         return f"Likely cause: {'; '.join(causes)}."
     text = "All the physics that had acted by then is modelled" if missing else "All the physics of the scenario is modelled"
-    needed = physics_of(parameters)
+    scenario_physics = physics_of(parameters)
     by = {who: [s.what.replace(" ", "_") for s in supplies if s.by == who.value] for who in Supplier}
     parts = []
     for who in (Supplier.ENGINE, Supplier.ADAPTER):
-        supplied = [PHYSICS_DESCRIPTIONS[what] for what in by[who] if what in needed]
+        supplied = [PHYSICS_DESCRIPTIONS[what] for what in by[who] if what in scenario_physics]
         if supplied:
             parts.append(f"by the {who.value}: {_listed(supplied)}")
     text += f" ({'; '.join(parts)})" if parts else ""
@@ -143,9 +143,9 @@ def _halting(own: Landmarks, expected: Landmarks, run: Trajectory, missing: tupl
         stops = [f"{stop.time:.3f} s" for stop in own.stops[:3]]
         turned = f"; it stops at {_listed(stops)} and moves on" if stops else ""
         # Only these can bring a string to rest
-        needed = [m for m in missing if m in ("friction_law", "stick_slip")]
-        why = f": {_unmodelled(needed)}" if needed else ""
-        by = f" to within {quantity(RESOLUTION, 'm')}" if not needed else ""
+        missing_for_halt = [m for m in missing if m in ("friction_law", "stick_slip")]
+        why = f": {_unmodelled(missing_for_halt)}" if missing_for_halt else ""
+        by = f" to within {quantity(RESOLUTION, 'm')}" if not missing_for_halt else ""
         return f"Its heavy mass does not halt{by} (the reference's halts at {expected.halting_time:.3f} s){turned}{why}."
     late = own.halting_time - expected.halting_time
     text = (

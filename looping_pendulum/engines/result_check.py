@@ -61,9 +61,9 @@ def validate_trajectory(returned: object, engine: Engine, scenario: Scenario) ->
     return replace(trajectory, status=RunStatus.NOT_FINITE) if trajectory.status.ok and not finite else trajectory
 
 
-def _field_error(field: str, found: str, needed: str) -> EngineError:
+def _field_error(field: str, actual: str, required: str) -> EngineError:
     """Return the error for one field."""
-    return EngineError(f"simulate returned {field}: found {found}, needed {needed}")
+    return EngineError(f"simulate returned {field}: found {actual}, needed {required}")
 
 
 def _numbers(name: str, value: object, shape: tuple[int, ...]) -> Array:

@@ -37,19 +37,19 @@ ANGLES, RATIOS = (60.0, 130.0), (1.0, 12.0)
 
 def near_75() -> dict[str, Any]:
     """Find the changes between 74 and 77 degrees in steps of 1e-4 deg, and examine two narrow intervals around 75.1 deg."""
-    found: dict[str, Any] = {}
+    summary: dict[str, Any] = {}
     for name in CASES:
         line = ParameterLine(base=case(name), name="release_angle", duration=DURATION)
         values = np.radians(np.linspace(74.0, 77.0, 30001))
         scan = solve_batch(line.base, {line.name: values}, duration=DURATION)
-        found[name] = {
+        summary[name] = {
             "changes": [_describe_change(line, c) for c in find_changes(line, values, width=BRACKET_WIDTH)],
             "halting_time": rounded(scan.halting_time[::150], 7),
             "angle": rounded(np.degrees(values)[::150], 7),
             "largest_step": _largest_step(scan.halting_time),
             "zooms": [_zoom(line, half) for half in (1e-3, 1e-6)],
         }
-    return found
+    return summary
 
 
 def _largest_step(times: np.ndarray) -> float | None:

@@ -78,13 +78,15 @@ def plain_programs() -> dict[str, Any]:
     """Integrate the four releases by Runge-Kutta and Euler with fixed steps, without events or sticking."""
     summary: dict[str, Any] = {"steps": list(STEPS), "seen": HALT_TOLERANCE, "cases": {}}
     for name in CASES:
-        found: dict[str, Any] = {"exact": [apparent_halting_time(*exact_path(at_angle(case(name), d))) for d in PAPER_ANGLES]}
+        halting_times: dict[str, Any] = {
+            "exact": [apparent_halting_time(*exact_path(at_angle(case(name), d))) for d in PAPER_ANGLES]
+        }
         for method in METHODS:
-            found[method] = [
+            halting_times[method] = [
                 [apparent_halting_time(*fixed_step_path(at_angle(case(name), d), method, step)) for d in PAPER_ANGLES]
                 for step in STEPS
             ]
-        summary["cases"][name] = found
+        summary["cases"][name] = halting_times
     summary["curves"] = {"exact": _curves(exact_path), "rk4": _curves(lambda p: fixed_step_path(p, "rk4", PLOTTED_STEP))}
     summary["drawn_step"] = PLOTTED_STEP
     return summary

@@ -99,10 +99,10 @@ def _lowest_halting_ratios(base: Parameters) -> dict[str, Any]:
     angle, edge = float(LOWEST_ANGLES[best]), float(edges[best])
     for step in (0.2, 0.02):  # nearer and nearer to the best angle, and below the best ratio found so far
         angles, ratios = angle + step * np.arange(-10, 11), edge + step * 0.02 * np.arange(-10, 3)
-        found = _lowest_ratio_within(_halting_times(base, angles, ratios), ratios, LONGEST_TIME_LIMIT)
-        k = int(np.nanargmin(found))
+        lowest_ratios = _lowest_ratio_within(_halting_times(base, angles, ratios), ratios, LONGEST_TIME_LIMIT)
+        k = int(np.nanargmin(lowest_ratios))
         angle = round(float(angles[k]), 6)
-        edge = _bisect_lowest_ratio(base, angle, float(found[k]), step * 0.02)
+        edge = _bisect_lowest_ratio(base, angle, float(lowest_ratios[k]), step * 0.02)
     edge_75 = _bisect_lowest_ratio(base, 75.0, float(_lowest_ratio_within(at_75, LOWEST_RATIOS, LONGEST_TIME_LIMIT)[0]))
     return {
         "angle": rounded(LOWEST_ANGLES),

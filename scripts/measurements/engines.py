@@ -29,9 +29,9 @@ FRICTIONS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.2)
 
 def engine(name: str, profile: Profile = Profile.QUICK, **changes: Any) -> SteppedEngine:
     """Return one variant, with some settings changed."""
-    (found,) = select([name], profile)
-    assert isinstance(found, SteppedEngine)
-    return found.with_settings(**changes) if changes else found
+    (selected,) = select([name], profile)
+    assert isinstance(selected, SteppedEngine)
+    return selected.with_settings(**changes) if changes else selected
 
 
 def largest_stretch(run: Trajectory) -> float:
@@ -109,15 +109,15 @@ def pymunk_defaults() -> dict[str, Any]:
     Each is run with the limit on stretch, which ends the run early, and without it (`_not_ended`).
     """
     scenario = load("ten_to_one")
-    found = {}
+    summaries = {}
     for name, iterations in (("default", 10), ("ten_times", 100)):
         run = engine("pymunk:defaults", iterations=iterations).simulate(scenario)
-        found[name] = {"iterations": iterations} | summary(run, scenario)
+        summaries[name] = {"iterations": iterations} | summary(run, scenario)
     with mock.patch("looping_pendulum.engines.protocol.MAX_STRETCH_FRACTION", float("inf")):
         for name, iterations in (("default", 10), ("ten_times", 100)):
             run = engine("pymunk:defaults", iterations=iterations).simulate(scenario)
-            found[f"{name}_not_ended"] = {"iterations": iterations} | summary(run, scenario)
-    return found
+            summaries[f"{name}_not_ended"] = {"iterations": iterations} | summary(run, scenario)
+    return summaries
 
 
 def pybullet_cylinder() -> dict[str, Any]:
@@ -140,11 +140,11 @@ def spring() -> dict[str, Any]:
             import looping_spring  # type: ignore[import-not-found]
         finally:
             sys.path.remove(folder)
-    found = {}
+    summaries = {}
     for profile in Profile:
         (one,) = looping_spring.engines(profile)
         run = one.simulate(scenario)
         halt = run_landmarks(run, scenario.parameters).halting_time
         error = None if halt is None else abs(halt - exact)
-        found[profile.value] = summary(run, scenario) | {"halting_time_error": error}
-    return found
+        summaries[profile.value] = summary(run, scenario) | {"halting_time_error": error}
+    return summaries

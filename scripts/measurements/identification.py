@@ -26,8 +26,8 @@ def summary(result: Identification) -> dict[str, Any]:
 
 def falling_balls() -> dict[str, Any]:
     """Identify balls that fall from a bridge: two drops each, one held out; needs the data folder."""
-    found = {}
+    summaries = {}
     for ball in real_data.BALLS:
         with tempfile.TemporaryDirectory() as folder:
-            found[ball] = summary(real_data.falling(Path(folder), ball))
-    return found
+            summaries[ball] = summary(real_data.falling(Path(folder), ball))
+    return summaries

@@ -55,11 +55,11 @@ def test_this_process_and_those_that_it_starts_are_under_the_backend(backend):
 def test_events_are_those_of_longer_arithmetic(name):
     # Oracle: 80 bits, whose rounding is 2000 times smaller. Bound: 1000 times the tolerance of a step: errors of steps add up.
     run = solve(APPARATUS[name], duration=2.0)
-    told = [[e.event and e.event.value, e.mode_after.name] for e in run.events]
-    assert told == [[event, mode] for event, _, mode, *_ in EVENTS[name]]
-    found = np.array([[e.time, e.state.wrap_angle, e.state.free_length] for e in run.events], dtype=float)
+    sequence = [[e.event and e.event.value, e.mode_after.name] for e in run.events]
+    assert sequence == [[event, mode] for event, _, mode, *_ in EVENTS[name]]
+    actual = np.array([[e.time, e.state.wrap_angle, e.state.free_length] for e in run.events], dtype=float)
     expected = np.array([[time, angle, length] for _, time, _, angle, length in EVENTS[name]])
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)  # the angle grows to 23 rad
+    np.testing.assert_allclose(actual, expected, rtol=1e-9, atol=1e-9)  # the angle grows to 23 rad
 
 
 @pytest.mark.accurate  # a batch takes half a minute to compile; `reference_ode/test_batch.py` compares its sequences every day
@@ -69,11 +69,11 @@ def test_a_batch_has_the_same_sequences():
     columns = {field: np.array([getattr(p, field) for p in given]) for field in fields}
     columns |= {name: np.array([p.coefficients[name] for p in given]) for name in given[0].coefficients if "drag" in name}
     columns["kinetic_friction"] = np.array([p.coefficients["kinetic_friction"] for p in given])
-    found = solve_batch(TEN_TO_ONE, columns, duration=2.0)
+    batch = solve_batch(TEN_TO_ONE, columns, duration=2.0)
     phases = ("slows", "across_reverses")
     modes = [[Mode[mode] for event, _, mode, *_ in EVENTS[name] if event not in phases] for name in APPARATUS]
-    assert found.sequence.tolist() == [sequence_hash(sequence) for sequence in modes]
-    np.testing.assert_allclose(found.end_time, [EVENTS[name][-1][1] for name in APPARATUS], rtol=0, atol=1e-9)
+    assert batch.sequence.tolist() == [sequence_hash(sequence) for sequence in modes]
+    np.testing.assert_allclose(batch.end_time, [EVENTS[name][-1][1] for name in APPARATUS], rtol=0, atol=1e-9)
 
 
 EDGE = TEN_TO_ONE.replace(release="vertical", **WITHOUT_LOSSES)

@@ -85,7 +85,7 @@ def said(loop: Loop) -> dict[str, object]:
 
 
 if __name__ == "__main__":
-    found = {name: events(name) for name in APPARATUS}
-    (DATA / "events.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    events_by_name = {name: events(name) for name in APPARATUS}
+    (DATA / "events.json").write_text(json.dumps(events_by_name, indent=1) + "\n", encoding="utf-8")
     (DATA / "ten_to_one.csv").write_text(tracked(), encoding="utf-8")
     (DATA / "data_loop.json").write_text(json.dumps(said(data_loop()), indent=1) + "\n", encoding="utf-8")

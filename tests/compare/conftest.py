@@ -17,7 +17,10 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FuncFormatter
 
-from looping_pendulum.compare import plots
+from looping_pendulum.compare import compare, plots
+from looping_pendulum.compare.convergence import result as convergence_result
+from looping_pendulum.compare.convergence.measure import ReferenceTarget
+from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.discrepancy.report import plots as identify_plots
 from looping_pendulum.engines.trajectory import (
     COLUMNS,
@@ -35,6 +38,7 @@ from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.scenarios.scenario import MeasuredTrial, Scenario, Tolerance
+from tests.compare import report_cells
 
 FALL, BRAKE, TURN, RATE = 5.0, 40.0, 0.3, 6.0  # m/s^2, m/s^2, s, rad/s
 HALT = TURN * (1 + FALL / BRAKE)
@@ -216,3 +220,27 @@ def quick_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every figure is made, but only its texts are drawn: curves and layout take ten times as long."""
     monkeypatch.setattr(plots, "png", texts_alone)
     monkeypatch.setattr(identify_plots, "_png", texts_alone)
+
+
+@pytest.fixture
+def goal(scenario: Scenario, reference: Callable[..., Trajectory], closed_form: SimpleNamespace) -> ReferenceTarget:
+    """The closed form as a target that knows its own halt."""
+    numbers = {convergence_result.HALT: closed_form.halt, convergence_result.DROP: closed_form.drop}
+    return ReferenceTarget(scenario=scenario, reference=reference, numbers=numbers)
+
+
+@pytest.fixture
+def result(scenario: Scenario, reference: Callable[..., Trajectory], make_run: Callable[..., Trajectory]) -> ComparisonResult:
+    """A result whose only engine has the numbers of `report_cells`."""
+    made = compare(scenario, reference, [make_run()])
+    (engine,) = made.engines
+    engine = dataclasses.replace(
+        engine,
+        landmarks=report_cells.OWN,
+        metrics=report_cells.METRICS,
+        tube=dataclasses.replace(engine.tube, fraction=0.97, first_exit=0.1234567),
+        departures=(report_cells.gone(1e-3, 0.2345678), report_cells.gone(1e-2, 0.3456789)),
+        growth_rate=12.34,
+    )
+    true = dataclasses.replace(made.reference, sampled=report_cells.TRUE)
+    return report_cells.with_engine(dataclasses.replace(made, reference=true), engine)

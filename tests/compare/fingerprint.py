@@ -109,25 +109,25 @@ def _of_line(line: Any) -> dict[str, Any]:
 
 
 def _of_collection(c: Any) -> dict[str, Any]:
-    found = {"kind": type(c).__name__, "z": c.zorder, "lw": c.get_linewidth(), "offsets": np.ravel(c.get_offsets())}
-    found |= {
+    properties = {"kind": type(c).__name__, "z": c.zorder, "lw": c.get_linewidth(), "offsets": np.ravel(c.get_offsets())}
+    properties |= {
         "colours": [to_hex(x, keep_alpha=True) for x in c.get_facecolor()],
         "edges": [to_hex(x) for x in c.get_edgecolor()],
     }
     if hasattr(c, "get_sizes"):
-        return found | {"sizes": c.get_sizes()}
-    return found | {"paths": [path.vertices.ravel() for path in c.get_paths()[:6]]}
+        return properties | {"sizes": c.get_sizes()}
+    return properties | {"paths": [path.vertices.ravel() for path in c.get_paths()[:6]]}
 
 
-def differences(found: Any, stored: Any, where: str = "") -> list[str]:
+def differences(actual: Any, stored: Any, where: str = "") -> list[str]:
     """Where the two are not the same, up to rounding."""
-    if isinstance(stored, dict) and isinstance(found, dict):
-        keys = sorted(stored.keys() | found.keys())
-        return [d for k in keys for d in differences(found.get(k, "nothing"), stored.get(k, "nothing"), f"{where}/{k}")]
-    if isinstance(stored, list) and isinstance(found, list) and len(stored) == len(found):
-        return [d for i, (a, b) in enumerate(zip(found, stored, strict=True)) for d in differences(a, b, f"{where}/{i}")]
-    if isinstance(stored, int | float) and isinstance(found, int | float) and not isinstance(stored, bool):
-        same = math.isclose(found, stored, rel_tol=WITHIN, abs_tol=1e-9)
+    if isinstance(stored, dict) and isinstance(actual, dict):
+        keys = sorted(stored.keys() | actual.keys())
+        return [d for k in keys for d in differences(actual.get(k, "nothing"), stored.get(k, "nothing"), f"{where}/{k}")]
+    if isinstance(stored, list) and isinstance(actual, list) and len(stored) == len(actual):
+        return [d for i, (a, b) in enumerate(zip(actual, stored, strict=True)) for d in differences(a, b, f"{where}/{i}")]
+    if isinstance(stored, int | float) and isinstance(actual, int | float) and not isinstance(stored, bool):
+        same = math.isclose(actual, stored, rel_tol=WITHIN, abs_tol=1e-9)
     else:
-        same = found == stored
-    return [] if same else [f"{where}: found {found}, stored {stored}"]
+        same = actual == stored
+    return [] if same else [f"{where}: found {actual}, stored {stored}"]

@@ -60,8 +60,8 @@ def looks(result):
         "divergence": plots.divergence_figure(result, samples, look),
         "events": plots.events_figure(result, look),
     }
-    found = {name: fingerprint.of_figure(figure) for name, figure in drawn.items()}
-    return found | {f"page {f.id}": fingerprint.plain(dataclasses.asdict(f)) for f in page.figures(result)}
+    fingerprints = {name: fingerprint.of_figure(figure) for name, figure in drawn.items()}
+    return fingerprints | {f"page {f.id}": fingerprint.plain(dataclasses.asdict(f)) for f in page.figures(result)}
 
 
 def ladder():
@@ -93,20 +93,20 @@ def ladder():
 
 
 def test_figures_look_as_agreed(full):
-    found = looks(full) | {"ladder": fingerprint.of_figure(convergence_plots.ladder_figure(*ladder()))}
-    found = json.loads(json.dumps(found))
+    actual = looks(full) | {"ladder": fingerprint.of_figure(convergence_plots.ladder_figure(*ladder()))}
+    actual = json.loads(json.dumps(actual))
     if os.environ.get("APPEARANCE") == "write":
-        STORED.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        STORED.write_text(json.dumps(actual, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     stored = json.loads(STORED.read_text(encoding="utf-8"))
-    assert not fingerprint.differences(found, stored), "meant? see this file's first lines"
+    assert not fingerprint.differences(actual, stored), "meant? see this file's first lines"
 
 
 def test_a_changed_look_is_seen(full):
-    found = json.loads(json.dumps(looks(full)))
-    thicker = json.loads(json.dumps(found))
+    original = json.loads(json.dumps(looks(full)))
+    thicker = json.loads(json.dumps(original))
     thicker["path"]["axes"][0]["lines"][1]["lw"] *= 1.1
     thicker["page drop"]["traces"][1]["x"]["sums"][0] += 1e-3
-    assert len(fingerprint.differences(thicker, found)) == 2
+    assert len(fingerprint.differences(thicker, original)) == 2
 
 
 def lines_of(figure, k=0):

@@ -25,7 +25,7 @@ from looping_pendulum.errors import ResultError
 RUN = "pymunk:chain, quick"
 
 
-def found(changes):
+def values_by_change(changes):
     return {(c.kind, c.run, c.what): (c.before, c.after) for c in changes.changes}
 
 
@@ -41,16 +41,16 @@ def test_the_same_run_again_changed_nothing(scenario, reference, make_run, missi
 def test_a_metric_counts_above_the_fraction_and_above_the_floor(scenario, reference, make_run):
     before = compare(scenario, reference, [make_run(shift=(3e-3, 0.0))])
     shifted = {share: compare(scenario, reference, [make_run(shift=(3e-3 * (1 + share), 0.0))]) for share in (0.009, 0.011)}
-    assert not found(changes_since(before, shifted[0.009]))
-    names = {what for _, _, what in found(changes_since(before, shifted[0.011]))}
+    assert not values_by_change(changes_since(before, shifted[0.009]))
+    names = {what for _, _, what in values_by_change(changes_since(before, shifted[0.011]))}
     assert {"rms_0.35s", "rms_0.7s", "rms_1.0s"} <= names
-    assert {"rms_0.7s"} <= {what for _, _, what in found(changes_since(before, shifted[0.009], relative=0.005))}
+    assert {"rms_0.7s"} <= {what for _, _, what in values_by_change(changes_since(before, shifted[0.009], relative=0.005))}
     tiny = [
         compare(scenario, reference, [make_run(shift=(size, 0.0))])
         for size in (0.1 * MIN_METRIC_CHANGES["m"], 0.9 * MIN_METRIC_CHANGES["m"])
     ]
-    told = {c.what for c in changes_since(*tiny).changes if c.unit == "m"}
-    assert not told  # nine times as much, and still nothing that one could see
+    changed = {c.what for c in changes_since(*tiny).changes if c.unit == "m"}
+    assert not changed  # nine times as much, and still nothing that one could see
 
 
 def test_every_kind_of_change_is_listed(scenario, reference, make_run, missing, limit, no_friction):
@@ -64,7 +64,7 @@ def test_every_kind_of_change_is_listed(scenario, reference, make_run, missing, 
     provenance = Provenance(versions={"pymunk": "7.4"}, settings={"dt": 1e-4, "solver": {"sweeps": 20}}, supplies=no_friction)
     worse = make_run(shift=(6e-3, 0.0), until=1.0, status=RunStatus.CRASHED, provenance=provenance)
     before, after = compare(old, reference, [run, missing]), compare(new, reference, [worse, make_run(engine="mujoco")])
-    changes = found(changes_since(ComparisonResult.from_json(before.to_json()), after))
+    changes = values_by_change(changes_since(ComparisonResult.from_json(before.to_json()), after))
     mass = scenario.parameters.light_mass
     expected = {
         (ChangeKind.SCENARIO, "", "light_mass"): (mass, 2 * mass),
@@ -89,7 +89,7 @@ def test_the_last_bits_of_a_computed_setting_are_no_change(scenario, reference, 
     before, after = (
         compare(scenario, reference, [make_run(settings={"rod": {"friction": 0.34217 * f}})]) for f in (1.0, factor)
     )
-    assert ((ChangeKind.SETTING, RUN, "rod.friction") in found(changes_since(before, after))) is seen
+    assert ((ChangeKind.SETTING, RUN, "rod.friction") in values_by_change(changes_since(before, after))) is seen
 
 
 def test_landmarks_have_bands_of_their_own(scenario, reference, make_run):
@@ -106,8 +106,8 @@ def test_landmarks_have_bands_of_their_own(scenario, reference, make_run):
         )
 
     halt, count = (ChangeKind.LANDMARK, RUN, "halting time"), (ChangeKind.LANDMARK, RUN, "number of stops")
-    assert halt not in found(changes_since(result, later(9e-5, 0.0)))
-    changes = found(changes_since(result, later(2e-4, 5e-6)))
+    assert halt not in values_by_change(changes_since(result, later(9e-5, 0.0)))
+    changes = values_by_change(changes_since(result, later(2e-4, 5e-6)))
     assert changes[halt][1] - changes[halt][0] == pytest.approx(2e-4)
     assert changes[count] == (len(result.engines[0].landmarks.stops), 0)
     assert (ChangeKind.LANDMARK, "reference", "halting time") in changes
@@ -141,7 +141,7 @@ def test_a_baseline_is_a_file_or_its_folder(tmp_path, scenario, reference, make_
 
 
 @pytest.mark.parametrize(
-    ("edit", "needed"),
+    ("edit", "message"),
     [
         (lambda tree: tree["schema"].update(version=99), "needed 3 or less; update looping-pendulum"),
         (lambda tree: tree["schema"].update(id="other"), "needed the id 'looping-pendulum/comparison'"),
@@ -149,12 +149,12 @@ def test_a_baseline_is_a_file_or_its_folder(tmp_path, scenario, reference, make_
         (lambda tree: tree.pop("engines"), "not as documented"),
     ],
 )
-def test_what_is_no_baseline_is_one_line(tmp_path, scenario, reference, make_run, edit, needed):
+def test_what_is_no_baseline_is_one_line(tmp_path, scenario, reference, make_run, edit, message):
     tree = json.loads(compare(scenario, reference, [make_run()]).to_json())
     edit(tree)
     path = tmp_path / "old.json"
     path.write_text(json.dumps(tree))
-    with pytest.raises(ResultError, match=needed) as caught:
+    with pytest.raises(ResultError, match=message) as caught:
         read_baseline(path, "made_up")
     assert str(caught.value).startswith(f"--baseline: {path}: ")
     assert "\n" not in str(caught.value)

@@ -90,7 +90,7 @@ def test_the_heading_counts(count, said):
     assert ("| run | what | before | now | change |\n| --- | --- | --- | --- | ---: |\n" in text) is (count > 0)
 
 
-def test_the_thresholds_are_told_in_their_units():
+def test_the_thresholds_are_stated_in_their_units():
     assert thresholds(made(relative=0.025)) == (
         "Listed: metrics that moved by more than 2.5 % and more than 0.001 mm, 0.001 ms or 0.001 mrad (1e-6 of a plain "
         "number); an engine's landmarks by more than 0.1 mm, 0.1 ms or 1 mrad, the reference's by the floors of the metrics; "
@@ -106,8 +106,8 @@ def test_the_thresholds_are_told_in_their_units():
 def test_a_metric_moves_by_one_percent_of_what_it_was_and_by_its_floor(result, was, now, seen):
     known = result.engines[0].metrics
     before, after = (edited(result, metrics=known | {"tube_fraction": value}) for value in (was, now))
-    found = listed(before, after)
-    assert found == ([(ChangeKind.METRIC, ME, "tube_fraction", "", was, now)] if seen else [])
+    changes = listed(before, after)
+    assert changes == ([(ChangeKind.METRIC, ME, "tube_fraction", "", was, now)] if seen else [])
 
 
 def test_a_metric_that_only_one_version_knows_says_nothing(result):
@@ -156,11 +156,11 @@ def test_every_landmark_has_its_name_unit_and_floor(result, moved, what, unit, p
 
 def test_the_references_landmarks_have_finer_floors_and_its_integrator_a_row(result):
     later = dataclasses.replace(result.reference.landmarks, halting_time=result.reference.landmarks.halting_time + 2e-6)
-    found = listed(result, edited(result, reference={"landmarks": later, "variant": "other"}))
-    assert [(kind, run, what) for kind, run, what, *_ in found] == [
+    changes = listed(result, edited(result, reference={"landmarks": later, "variant": "other"}))
+    assert [(kind, run, what) for kind, run, what, *_ in changes] == [
         (ChangeKind.RUN, "reference", "integrator"), (ChangeKind.LANDMARK, "reference", "halting time"),
     ]  # fmt: skip
-    assert found[0][4:] == ("reference:closed form", "reference:other")
+    assert changes[0][4:] == ("reference:closed form", "reference:other")
 
 
 def test_settings_and_seeds_that_come_and_go_are_changes(result):
@@ -191,13 +191,13 @@ def test_the_scenario_changes_with_its_duration(result):
 def test_engines_come_first_as_they_are_now_and_then_those_that_are_gone(scenario, reference, make_run):
     old, new = ([make_run(engine=name) for name in names] for names in ("abc", "dcb"))
     before, after = compare(scenario, reference, old), compare(scenario, reference, new)
-    found = [(run, before, after) for kind, run, _, _, before, after in listed(before, after) if kind is ChangeKind.RUN]
-    assert found == [("d:chain, quick", "not run", "FINISHED"), ("a:chain, quick", "FINISHED", "not run")]
+    changes = [(run, before, after) for kind, run, _, _, before, after in listed(before, after) if kind is ChangeKind.RUN]
+    assert changes == [("d:chain, quick", "not run", "FINISHED"), ("a:chain, quick", "FINISHED", "not run")]
     bare = compare(scenario, reference, [make_run(profile="")])
     assert listed(bare, compare(scenario, reference, []))[0][1] == "pymunk:chain"
 
 
-def test_a_limit_that_is_new_or_gone_is_told_by_its_outcome(scenario, reference, make_run, limit):
+def test_a_limit_that_is_new_or_gone_is_reported_by_its_outcome(scenario, reference, make_run, limit):
     one = dataclasses.replace(scenario, tolerances=(limit("rms_0.7s", 4e-3),))
     before, after = compare(one, reference, [make_run()]), compare(scenario, reference, [make_run()])
     assert listed(before, after) == [(ChangeKind.TOLERANCE, ME, "rms_0.7s", "", "pass", None)]
@@ -255,9 +255,9 @@ class Outer:
 
 
 def test_plain_is_what_json_knows():
-    told = plain({"b": (1, 2.5), 3: {2, 1}, "n": math.nan, "i": -math.inf, "a": np.array([1.0, math.nan]), "e": Colour.BLUE})
-    assert told == {"3": [1, 2], "a": [1.0, None], "b": [1, 2.5], "e": 2, "i": None, "n": None}
-    assert list(told) == ["3", "a", "b", "e", "i", "n"]
+    encoded = plain({"b": (1, 2.5), 3: {2, 1}, "n": math.nan, "i": -math.inf, "a": np.array([1.0, math.nan]), "e": Colour.BLUE})
+    assert encoded == {"3": [1, 2], "a": [1.0, None], "b": [1, 2.5], "e": 2, "i": None, "n": None}
+    assert list(encoded) == ["3", "a", "b", "e", "i", "n"]
     assert plain([np.float64(2.0), np.int64(3), np.bool_(True), True, None, "x", Colour]) == [
         2.0, 3, True, True, None, "x", str(Colour),
     ]  # fmt: skip

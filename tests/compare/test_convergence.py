@@ -28,26 +28,26 @@ def numbers(values) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("order", [0.5, 1.0, 2.0, 4.0])
 def test_a_pure_power_law_gives_its_order_and_limit(order):
-    found = classify_sequence(H, numbers(3 + 0.7 * H**order))
-    assert found.kind is SequenceKind.CONVERGES
-    assert found.used == 5
-    assert found.order == pytest.approx(order, abs=1e-4)  # the search for the order stops at 1e-5 of its interval
-    assert abs(found.limit - 3).max() <= found.uncertainty
+    finding = classify_sequence(H, numbers(3 + 0.7 * H**order))
+    assert finding.kind is SequenceKind.CONVERGES
+    assert finding.used == 5
+    assert finding.order == pytest.approx(order, abs=1e-4)  # the search for the order stops at 1e-5 of its interval
+    assert abs(finding.limit - 3).max() <= finding.uncertainty
 
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_higher_terms_stay_within_the_stated_uncertainty(order):
-    found = classify_sequence(H, numbers(3 + 0.7 * H**order + 0.3 * H ** (order + 1)))
-    assert found.kind is SequenceKind.CONVERGES
-    assert abs(found.order - order) <= found.order_uncertainty
-    assert abs(found.limit - 3).max() <= found.uncertainty
+    finding = classify_sequence(H, numbers(3 + 0.7 * H**order + 0.3 * H ** (order + 1)))
+    assert finding.kind is SequenceKind.CONVERGES
+    assert abs(finding.order - order) <= finding.order_uncertainty
+    assert abs(finding.limit - 3).max() <= finding.uncertainty
 
 
 def test_three_rungs_give_an_order_without_an_uncertainty_and_a_cautious_limit():
-    found = classify_sequence(H[:3], numbers(3 + 0.7 * H[:3] ** 2))
-    assert found.order == pytest.approx(2.0, abs=1e-3)
-    assert found.order_uncertainty is None
-    assert found.uncertainty == pytest.approx(2 * 0.7 * H[2] ** 2, rel=1e-2)  # twice the distance of the finest: factor 3
+    finding = classify_sequence(H[:3], numbers(3 + 0.7 * H[:3] ** 2))
+    assert finding.order == pytest.approx(2.0, abs=1e-3)
+    assert finding.order_uncertainty is None
+    assert finding.uncertainty == pytest.approx(2 * 0.7 * H[2] ** 2, rel=1e-2)  # twice the distance of the finest: factor 3
 
 
 def test_iterations_that_grow_are_sizes_that_fall():
@@ -73,9 +73,11 @@ def test_the_true_limit_of_noisy_sequences_is_within_95_percent(shape, noise, tr
         rough = [
             noise * wave / max(rms_norm(wave), 1e-12) * rng.normal() * np.ones(shape) / np.sqrt(shape[1]) for wave in shapes
         ]
-        found = classify_sequence(H, [slope * h + r for h, r in zip(H, rough, strict=True)], spread=noise)
-        inside += rms_norm(found.limit) <= found.uncertainty
-        orders += found.order is None or found.order_uncertainty is None or abs(found.order - 1) <= found.order_uncertainty
+        finding = classify_sequence(H, [slope * h + r for h, r in zip(H, rough, strict=True)], spread=noise)
+        inside += rms_norm(finding.limit) <= finding.uncertainty
+        orders += (
+            finding.order is None or finding.order_uncertainty is None or abs(finding.order - 1) <= finding.order_uncertainty
+        )
     assert inside >= fewest
     assert orders >= fewest
 
@@ -87,13 +89,13 @@ def test_scatter_is_not_called_convergence():
     assert sum(kind is SequenceKind.SCATTERS for kind in kinds) >= 95
 
 
-def test_scatter_no_larger_than_that_of_the_start_is_told_apart():
+def test_scatter_no_larger_than_that_of_the_start_is_distinguished():
     rng = np.random.default_rng(2)
     values = rng.normal(size=5)
-    found = classify_sequence(H, numbers(values), spread=1.0)
-    assert found.kind is SequenceKind.WITHIN_SPREAD
-    assert found.scatter == pytest.approx(np.std(values[-4:], ddof=1))
-    assert found.limit == pytest.approx(np.mean(values[-4:]))
+    finding = classify_sequence(H, numbers(values), spread=1.0)
+    assert finding.kind is SequenceKind.WITHIN_SPREAD
+    assert finding.scatter == pytest.approx(np.std(values[-4:], ddof=1))
+    assert finding.limit == pytest.approx(np.mean(values[-4:]))
 
 
 @pytest.mark.parametrize(
@@ -105,24 +107,24 @@ def test_scatter_no_larger_than_that_of_the_start_is_told_apart():
     ],
 )
 def test_what_is_no_convergence_says_why(values, why):
-    found = classify_sequence(H, numbers(values))
-    assert found.kind is SequenceKind.SCATTERS
-    assert why in found.why
-    assert found.order is None
+    finding = classify_sequence(H, numbers(values))
+    assert finding.kind is SequenceKind.SCATTERS
+    assert why in finding.why
+    assert finding.order is None
 
 
 def test_a_coarse_rung_outside_the_power_law_is_left_out():
     h = 0.5 ** np.arange(6)
     values = 3 + 0.7 * h**2
     values[0] = 2.5
-    found = classify_sequence(h, numbers(values))
-    assert found.used == 5
-    assert found.order == pytest.approx(2.0, abs=1e-3)
+    finding = classify_sequence(h, numbers(values))
+    assert finding.used == 5
+    assert finding.order == pytest.approx(2.0, abs=1e-3)
 
 
 def test_rungs_that_agree_to_the_floor_have_settled():
-    found = classify_sequence(H, numbers(3 + np.array([1e-2, 1e-9, 2e-9, 0, 1e-9])), floor=1e-6)
-    assert (found.kind, found.used, found.uncertainty) == (SequenceKind.SETTLED, 4, 1e-6)
+    finding = classify_sequence(H, numbers(3 + np.array([1e-2, 1e-9, 2e-9, 0, 1e-9])), floor=1e-6)
+    assert (finding.kind, finding.used, finding.uncertainty) == (SequenceKind.SETTLED, 4, 1e-6)
     before = classify_sequence(H, numbers(3 + np.array([1.6e-3, 1e-4, 6.25e-6, 0, 0])), floor=1e-6)
     assert before.kind is SequenceKind.CONVERGES
     assert before.order == pytest.approx(4.0, abs=0.1)
@@ -130,8 +132,8 @@ def test_rungs_that_agree_to_the_floor_have_settled():
 
 
 def test_two_rungs_that_agree_by_chance_have_not_settled():
-    found = classify_sequence(H, numbers((1.0, 0.4, 0.9, 0.7, 0.7)), floor=1e-6)
-    assert found.kind is SequenceKind.SCATTERS
+    finding = classify_sequence(H, numbers((1.0, 0.4, 0.9, 0.7, 0.7)), floor=1e-6)
+    assert finding.kind is SequenceKind.SCATTERS
 
 
 def test_two_rungs_tell_nothing():

@@ -148,10 +148,10 @@ def test_the_opening_says_what_was_run_and_what_was_not():
     )
 
 
-def test_the_parts_of_an_error_are_told_to_two_digits():
-    found = cells(splits_table(result()), "toy:a")
-    assert found[0] == ["toy:a", "different model", "1.2", "2.5", "4.9", "3.7", "6.2", "7.4"]
-    assert found[2] == ["toy:a", "different model", "3.7", "7.4", "15", "11", "19", "22"]
+def test_the_parts_of_an_error_are_stated_to_two_digits():
+    table_rows = cells(splits_table(result()), "toy:a")
+    assert table_rows[0] == ["toy:a", "different model", "1.2", "2.5", "4.9", "3.7", "6.2", "7.4"]
+    assert table_rows[2] == ["toy:a", "different model", "3.7", "7.4", "15", "11", "19", "22"]
     unknown = variant(splits=(split(EARLY, 1, causes=(ErrorCause.UNKNOWN,), without_limit=("dt",)),))
     assert cells(splits_table(result(unknown), [EARLY]), "toy:a")[0][1] == ErrorCause.UNKNOWN.value
     nothing = result(variant(splits=()))
@@ -160,7 +160,7 @@ def test_the_parts_of_an_error_are_told_to_two_digits():
     assert "error [mm]" in splits_table(nothing, [DROP])
 
 
-def test_a_ladder_is_told_rung_by_rung():
+def test_a_ladder_is_reported_rung_by_rung():
     text = render(result())
     (coarse,), (own,), (left_out,) = (cells(text, value, "### Refining") for value in ("0.8 ms", "0.4 ms", "0.2 ms"))
     assert coarse == ["0.8 ms", "3.7", "7.41", "22.2", "29.6", "0.40370", "-11.1", ""]
@@ -176,7 +176,7 @@ def test_a_ladder_is_told_rung_by_rung():
     assert "The adapter offers no ladder (studies(), in docs/write-an-engine.md).\n" in render(result(variant(ladders=())))
 
 
-def test_small_changes_of_the_start_are_told_with_their_errors():
+def test_small_changes_of_the_start_are_reported_with_their_errors():
     broken = StartChange(what="angle -", run=run("t", 4, **FAILED))
     text = render(result(variant(starts=(*variant().starts, broken))))
     assert cells(text, "angle +") == [["angle +", "4.94", "9.88", "-14.8", "+19.8", ""]]
@@ -198,7 +198,7 @@ def test_the_halting_table_tells_of_the_halting_time_alone():
     )
 
 
-def test_defaults_and_choices_are_told_in_milliseconds_and_millimetres():
+def test_defaults_and_choices_are_stated_in_milliseconds_and_millimetres():
     text = render(result())
     assert cells(text, "toy:a", "## Hidden") == [
         ["toy:a", "d", "i", "o", "e", "-3.46", "2.47", "11.1", ""],
@@ -309,14 +309,19 @@ def test_a_study_makes_every_run_of_every_engine_once(tmp_path, scenario, refere
         lambda where, _: dataclasses.replace(reference_target(where, reference), reference=Exact(reference)),
     )
     engines = [DelayedEngine(), DelayedEngine(order=2.0)]
-    found = study.study_convergence(scenario, engines, tmp_path, until=1.05, budget=3.0, jobs=1, time_limit=10.0)
+    study_result = study.study_convergence(scenario, engines, tmp_path, until=1.05, budget=3.0, jobs=1, time_limit=10.0)
     (folder, limits), keys = asked
     assert folder == tmp_path / "runs"
     assert (limits["time_limit"], limits["budget"], limits["jobs"]) == (6.0, 3.0, 1)
-    assert [v.label for v in found.variants] == ["delayed:exact"] * 2
-    assert [one.key for one in found.clock.run_times] == sorted(set(keys))
-    assert (found.until, found.budget, found.reference, found.interrupted) == (1.05, 3.0, "delayed:exact", False)
-    assert found.reference_values[HALT] == pytest.approx(0.3375, abs=1e-6)
+    assert [v.label for v in study_result.variants] == ["delayed:exact"] * 2
+    assert [one.key for one in study_result.clock.run_times] == sorted(set(keys))
+    assert (study_result.until, study_result.budget, study_result.reference, study_result.interrupted) == (
+        1.05,
+        3.0,
+        "delayed:exact",
+        False,
+    )
+    assert study_result.reference_values[HALT] == pytest.approx(0.3375, abs=1e-6)
     asked.clear()
     study.study_convergence(scenario, [], tmp_path, until=1.05, budget=8.0, jobs=1, time_limit=10.0)
     assert asked[0][1]["time_limit"] == 10.0

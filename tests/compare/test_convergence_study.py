@@ -163,7 +163,7 @@ def test_a_study_is_kept_and_goes_on(tmp_path, scenario, counted):
 
 @pytest.fixture
 def figures_without_pixels(monkeypatch):
-    """Make every figure but draw none, which takes a second each: test_figures.py and test_appearance.py draw them."""
+    """Make every figure but draw none, which takes a second each: test_ladder_figures.py and test_appearance.py draw them."""
     monkeypatch.setattr(plots, "png", lambda figure: b"")
 
 
@@ -294,5 +294,5 @@ def test_a_kept_run_cut_anywhere_or_with_a_flipped_bit_is_never_a_traceback(tmp_
             data[place] ^= 1 << int(rng.integers(8))
             for bad in (bytes(data), whole[:place]):
                 path.write_bytes(bad)
-                found = kept.get(task, 10.0)
-                assert found is None or np.array_equal(found.run.light_position, good.run.light_position)
+                cached_run = kept.get(task, 10.0)
+                assert cached_run is None or np.array_equal(cached_run.run.light_position, good.run.light_position)

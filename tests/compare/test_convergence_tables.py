@@ -60,15 +60,15 @@ def a_variant(kinds=(SequenceKind.CONVERGES,), own=None, splits=None):
 
 
 def rows(text, first="toy:chain"):
-    found = [line.strip("|").split("|") for line in text.splitlines() if line.startswith(f"| {first} |")]
-    return [[cell.strip() for cell in row] for row in found]
+    lines = [line.strip("|").split("|") for line in text.splitlines() if line.startswith(f"| {first} |")]
+    return [[cell.strip() for cell in row] for row in lines]
 
 
 def test_every_quantitys_split_stands_in_its_own_table():
     result = SimpleNamespace(variants=[a_variant()])
-    found = rows(splits_table(result))
+    table_rows = rows(splits_table(result))
     cause = f"{ErrorCause.MODEL.value}, then {ErrorCause.NOT_CONVERGED.value} (no limit known for dt)"
-    assert found == [["toy:chain", cause, *(str(k * i) for k in range(1, 7))] for i in (1, 2, 3)]
+    assert table_rows == [["toy:chain", cause, *(str(k * i) for k in range(1, 7))] for i in (1, 2, 3)]
     assert splits_table(result).count("[mm]") == 2
     assert splits_table(result).count("[ms]") == 1
 
@@ -113,11 +113,11 @@ def test_whether_the_halting_time_converges(kinds, own, said):
 
 
 def test_the_halting_table_has_error_and_spread_in_milliseconds():
-    (found,) = rows(halting_table(SimpleNamespace(variants=[a_variant()])))
-    assert found[2:4] == ["-21", "0.05"]
-    assert found[4] == f"dt0: {HALT} converges"
-    (found,) = rows(halting_table(SimpleNamespace(variants=[a_variant(own=a_run(1, halting_time=None))])))
-    assert found[2] == "does not halt"
+    (row,) = rows(halting_table(SimpleNamespace(variants=[a_variant()])))
+    assert row[2:4] == ["-21", "0.05"]
+    assert row[4] == f"dt0: {HALT} converges"
+    (row,) = rows(halting_table(SimpleNamespace(variants=[a_variant(own=a_run(1, halting_time=None))])))
+    assert row[2] == "does not halt"
 
 
 def test_choices_and_defaults_say_what_moves():
@@ -134,9 +134,9 @@ def test_choices_and_defaults_say_what_moves():
     assert rows(choices_table(result))[0][-1] == "died"
 
 
-def test_ladders_are_told_from_the_first_to_the_last_rung_that_ran():
-    (found,) = rows(ladders_table(SimpleNamespace(variants=[a_variant()])))
-    assert found == [
+def test_ladders_are_reported_from_the_first_to_the_last_rung_that_ran():
+    (row,) = rows(ladders_table(SimpleNamespace(variants=[a_variant()])))
+    assert row == [
         "toy:chain",
         "dt0",
         "0.8 ms",

@@ -87,7 +87,7 @@ def test_what_is_beyond_the_budget_does_not_hold_the_progress_back(tmp_path, mak
     assert reports == [(1.0, "1 of 2 runs; ")], "16 s is more than 5 s: it will be left out"
 
 
-def test_without_a_progress_nobody_is_told(runner):
+def test_without_a_callback_no_progress_is_reported(runner):
     runner._report([])
 
 

@@ -74,37 +74,37 @@ OFF = np.array([0.04, -0.03, 0.02, -0.015, 0.0])
 def test_order_and_limit_are_the_least_squares_and_what_leaving_one_out_says(order, noise, rungs):
     h = H[:rungs]
     values = numbers(3 + 0.7 * h**order * (1 + OFF[:rungs]))
-    found = classify_sequence(h, values, floor=noise)
-    assert (found.kind, found.used) == (SequenceKind.CONVERGES, rungs)
+    finding = classify_sequence(h, values, floor=noise)
+    assert (finding.kind, finding.used) == (SequenceKind.CONVERGES, rungs)
     wanted = expected(h, values, noise)
     # The search for the order stops at 1e-5 of its interval, and its error goes into the others.
-    assert found.order == pytest.approx(wanted[0], abs=1e-4)
-    assert found.order_uncertainty == pytest.approx(wanted[1], rel=2e-3, abs=1e-4)
-    np.testing.assert_allclose(found.limit, wanted[2], atol=2e-5)
-    assert found.uncertainty == pytest.approx(wanted[3], rel=2e-3, abs=2e-5)
+    assert finding.order == pytest.approx(wanted[0], abs=1e-4)
+    assert finding.order_uncertainty == pytest.approx(wanted[1], rel=2e-3, abs=1e-4)
+    np.testing.assert_allclose(finding.limit, wanted[2], atol=2e-5)
+    assert finding.uncertainty == pytest.approx(wanted[3], rel=2e-3, abs=2e-5)
 
 
 def test_a_path_has_one_order_for_all_its_samples():
     slope = np.array([[1.0, 0.5], [-0.3, 0.2], [0.4, -0.7]])
     rough = np.array([[0.2, -1.0], [0.6, 0.1], [-0.5, 0.3]])
     values = [slope * h**1.5 + 0.5 * off * rough * h**1.5 for h, off in zip(H, OFF, strict=True)]
-    found = classify_sequence(H, values)
+    finding = classify_sequence(H, values)
     order, order_error, limit, uncertainty = expected(H, values, 0.0)
-    assert found.order == pytest.approx(order, abs=1e-4)
-    assert found.order_uncertainty == pytest.approx(order_error, rel=5e-3)
-    np.testing.assert_allclose(found.limit, limit, atol=1e-5)
-    assert found.limit.shape == (3, 2)
-    assert found.uncertainty == pytest.approx(uncertainty, rel=5e-3)
+    assert finding.order == pytest.approx(order, abs=1e-4)
+    assert finding.order_uncertainty == pytest.approx(order_error, rel=5e-3)
+    np.testing.assert_allclose(finding.limit, limit, atol=1e-5)
+    assert finding.limit.shape == (3, 2)
+    assert finding.uncertainty == pytest.approx(uncertainty, rel=5e-3)
 
 
 def test_an_order_that_is_worse_known_than_itself_costs_the_cautious_factor():
     # Bound below: the cautious factor alone is twice the distance of the finest rung from the limit.
     values = numbers(3 + 0.7 * H[:4] * (1 + np.array([0.12, -0.1, 0.1, 0.0])))
-    found = classify_sequence(H[:4], values, floor=0.05)
+    finding = classify_sequence(H[:4], values, floor=0.05)
     wanted = expected(H[:4], values, 0.05)
     assert wanted[1] > wanted[0], "the example is of such an order"
-    assert found.uncertainty == pytest.approx(wanted[3], rel=5e-3)
-    assert found.uncertainty >= 2 * abs(float((found.limit - values[-1])[0, 0]))
+    assert finding.uncertainty == pytest.approx(wanted[3], rel=5e-3)
+    assert finding.uncertainty >= 2 * abs(float((finding.limit - values[-1])[0, 0]))
 
 
 @pytest.mark.parametrize(("scale", "fits"), [(0.97, True), (1.03, False)])
@@ -120,19 +120,19 @@ def test_a_fit_that_leaves_more_than_thrice_what_is_expected_is_none(scale, fits
     for _ in range(12):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if solved(h, rough(middle), noise)[2] < 3.0 else (low, middle)
-    found = classify_sequence(h, rough(scale * low), floor=noise)
-    assert (found.kind is SequenceKind.CONVERGES) is fits
+    finding = classify_sequence(h, rough(scale * low), floor=noise)
+    assert (finding.kind is SequenceKind.CONVERGES) is fits
 
 
 @pytest.mark.parametrize(("order", "known"), [(0.1, True), (7.95, True), (0.02, False), (12.0, False)])
 def test_orders_at_the_ends_of_what_is_tried_are_none(order, known):
     h = np.array([1.0, 0.8, 0.64, 0.512, 0.4096])
-    found = classify_sequence(h, numbers(3 + 0.7 * h**order))
+    finding = classify_sequence(h, numbers(3 + 0.7 * h**order))
     if known:
-        assert found.order == pytest.approx(order, abs=1e-3)
+        assert finding.order == pytest.approx(order, abs=1e-3)
     else:
-        assert (found.kind, found.order) == (SequenceKind.SCATTERS, None)
-        assert found.why == "its changes follow no power of the setting"
+        assert (finding.kind, finding.order) == (SequenceKind.SCATTERS, None)
+        assert finding.why == "its changes follow no power of the setting"
 
 
 @pytest.mark.parametrize(("good", "used"), [(6, 6), (5, 5), (4, None)])
@@ -140,8 +140,8 @@ def test_of_ten_rungs_at_least_the_finest_five_must_follow_one_law(good, used):
     h = 0.7 ** np.arange(10)
     values = 3 + 0.7 * h
     values[: 10 - good] = 9.0 - 2.0 * (-1.0) ** np.arange(10 - good)
-    found = classify_sequence(h, numbers(values))
-    assert (found.used if found.kind is SequenceKind.CONVERGES else None) == used
+    finding = classify_sequence(h, numbers(values))
+    assert (finding.used if finding.kind is SequenceKind.CONVERGES else None) == used
 
 
 def test_three_of_four_are_not_enough():
@@ -153,17 +153,17 @@ def test_three_of_four_are_not_enough():
 
 def test_a_last_rung_of_size_zero_is_the_limit_itself():
     h = np.array([1.0, 0.5, 0.25, 0.125, 0.0])
-    found = classify_sequence(h, numbers(3 + 0.7 * h))
-    assert found.kind is SequenceKind.CONVERGES
-    assert found.order == pytest.approx(1.0, abs=1e-3)
-    assert float(found.limit[0, 0]) == pytest.approx(3.0, abs=1e-6)
+    finding = classify_sequence(h, numbers(3 + 0.7 * h))
+    assert finding.kind is SequenceKind.CONVERGES
+    assert finding.order == pytest.approx(1.0, abs=1e-3)
+    assert float(finding.limit[0, 0]) == pytest.approx(3.0, abs=1e-6)
 
 
 def test_rungs_far_apart_are_one_power_law_to_the_last():
     h = 8.0 ** -np.arange(7)
-    found = classify_sequence(h, numbers(3 + 0.7 * h**0.5))
-    assert (found.kind, found.used) == (SequenceKind.CONVERGES, 7)
-    assert found.order == pytest.approx(0.5, abs=1e-3)
+    finding = classify_sequence(h, numbers(3 + 0.7 * h**0.5))
+    assert (finding.kind, finding.used) == (SequenceKind.CONVERGES, 7)
+    assert finding.order == pytest.approx(0.5, abs=1e-3)
 
 
 @pytest.mark.parametrize(("share", "kind"), [(0.98, SequenceKind.WITHIN_SPREAD), (1.02, SequenceKind.CONVERGES)])
@@ -189,41 +189,41 @@ ROUGH = (9.0, 1.0, -1.0, 1.0, -1.0)
 )
 def test_scatter_up_to_twice_the_spread_or_what_can_be_read_is_within_it(spread, floor, kind):
     """Oracle: the finest four, 1 and -1 twice, have a standard deviation of 2 / sqrt 3 = 1.155."""
-    found = classify_sequence(H, numbers(ROUGH), spread=spread, floor=floor)
-    assert found.kind is kind
-    assert found.scatter == pytest.approx(2 / math.sqrt(3))
-    assert found.used == 4
-    assert float(found.limit[0, 0]) == pytest.approx(0.0)
+    finding = classify_sequence(H, numbers(ROUGH), spread=spread, floor=floor)
+    assert finding.kind is kind
+    assert finding.scatter == pytest.approx(2 / math.sqrt(3))
+    assert finding.used == 4
+    assert float(finding.limit[0, 0]) == pytest.approx(0.0)
     # t of 3 degrees of freedom at 97.5 % is 3.182; four rungs.
-    assert found.uncertainty == pytest.approx(math.hypot(3.18245 * 2 / math.sqrt(3) / 2, floor), rel=1e-5)
+    assert finding.uncertainty == pytest.approx(math.hypot(3.18245 * 2 / math.sqrt(3) / 2, floor), rel=1e-5)
     small = "refinement changes it no more than small changes of the start do"
-    assert found.why == (
+    assert finding.why == (
         small if kind is SequenceKind.WITHIN_SPREAD else "the last two refinements change it in opposite directions"
     )
 
 
 def test_a_trend_below_the_scatter_widens_the_limit():
     values = (1.0, 3.0, 5.0)
-    found = classify_sequence(H[:3], numbers(values))
-    assert found.why == "the last refinement changes it more than the one before", "as much as before is no less"
-    assert (found.scatter, found.used) == (pytest.approx(2.0), 3)
+    finding = classify_sequence(H[:3], numbers(values))
+    assert finding.why == "the last refinement changes it more than the one before", "as much as before is no less"
+    assert (finding.scatter, finding.used) == (pytest.approx(2.0), 3)
     # Mean 3, of the finest two 4: they differ by 1. t of 2 degrees of freedom is 4.303.
-    assert found.uncertainty == pytest.approx(math.hypot(4.30265 * 2 / math.sqrt(3), 1.0), rel=1e-5)
+    assert finding.uncertainty == pytest.approx(math.hypot(4.30265 * 2 / math.sqrt(3), 1.0), rel=1e-5)
 
 
 @pytest.mark.parametrize(("count", "kind"), [(2, SequenceKind.SCATTERS), (3, SequenceKind.SETTLED), (4, SequenceKind.SETTLED)])
 def test_three_rungs_that_agree_have_settled(count, kind):
     values = [4.0, 7.0, 0.0][: 5 - count] + [0.5] * count
-    found = classify_sequence(H, numbers(values), floor=1e-3)
-    assert found.kind is kind
+    finding = classify_sequence(H, numbers(values), floor=1e-3)
+    assert finding.kind is kind
     if kind is SequenceKind.SETTLED:
-        assert (found.used, found.uncertainty) == (count, 1e-3)
+        assert (finding.used, finding.uncertainty) == (count, 1e-3)
     assert classify_sequence(H, numbers([0.5] * 5), floor=1e-3).used == 5
 
 
 def test_of_rungs_that_have_settled_the_finest_is_the_limit():
-    found = classify_sequence(H, numbers(3 + np.array([1.6e-3, 1e-4, 6.25e-6, 5e-7, 0.0])), floor=1e-6)
-    assert (found.kind, float(found.limit[0, 0]), found.uncertainty) == (SequenceKind.CONVERGES, 3.0, 1e-6)
+    finding = classify_sequence(H, numbers(3 + np.array([1.6e-3, 1e-4, 6.25e-6, 5e-7, 0.0])), floor=1e-6)
+    assert (finding.kind, float(finding.limit[0, 0]), finding.uncertainty) == (SequenceKind.CONVERGES, 3.0, 1e-6)
     alone = classify_sequence(H, numbers(3 + np.array([1e-2, 3e-7, -4e-7, 5e-7, 0.0])), floor=1e-6)
     assert (alone.kind, float(alone.limit[0, 0]), alone.used) == (SequenceKind.SETTLED, 3.0, 4)
 
@@ -236,13 +236,13 @@ def test_settled_is_up_to_the_floor_and_no_further():
 
 @pytest.mark.parametrize(("count", "why"), [(0, "0 runs have a value, 3 are needed"), (2, "2 runs have a value, 3 are needed")])
 def test_too_few_rungs_say_how_many(count, why):
-    found = classify_sequence(H[:count], numbers(H[:count]))
-    assert (found.kind, found.why) == (SequenceKind.UNKNOWN, why)
+    finding = classify_sequence(H[:count], numbers(H[:count]))
+    assert (finding.kind, finding.why) == (SequenceKind.UNKNOWN, why)
 
 
 def test_a_finding_points_to_what_is_within_its_uncertainty():
-    found = SequenceFinding(kind=SequenceKind.CONVERGES, limit=np.array([[2.0]]), uncertainty=0.5)
-    assert [found.agrees_with(np.array([[x]])) for x in (2.0, 2.5, 1.5, 2.6, 1.4)] == [True, True, True, False, False]
+    finding = SequenceFinding(kind=SequenceKind.CONVERGES, limit=np.array([[2.0]]), uncertainty=0.5)
+    assert [finding.agrees_with(np.array([[x]])) for x in (2.0, 2.5, 1.5, 2.6, 1.4)] == [True, True, True, False, False]
     assert not SequenceFinding(kind=SequenceKind.CONVERGES, limit=np.array([[2.0]])).agrees_with(np.array([[2.0]]))
     assert not SequenceFinding(kind=SequenceKind.UNKNOWN, uncertainty=0.5).agrees_with(np.array([[0.0]]))
 

@@ -47,19 +47,19 @@ def coming_back(t, travel=9e-5):
     [(7.5e-5, 0.4, 0.0), (9e-5, 0.4, 0.03), (1.1e-4, 0.43, 0.03), (1.3e-4, 0.43, 0.0), (2.1e-4, 0.43, 0.0)],
 )
 def test_a_halt_is_uncertain_by_a_way_between_0_8_and_1_25_of_the_resolution(sliding, closed_form, travel, halt, uncertainty):
-    found = run_landmarks(sliding(lambda t: coming_back(t, travel)), closed_form.parameters)
-    assert (found.halting_time, found.halting_time_uncertainty) == (
+    landmarks = run_landmarks(sliding(lambda t: coming_back(t, travel)), closed_form.parameters)
+    assert (landmarks.halting_time, landmarks.halting_time_uncertainty) == (
         pytest.approx(halt, abs=1e-6),
         pytest.approx(uncertainty, abs=1e-6),
     )
 
 
 def test_the_uncertainty_is_what_a_quarter_of_the_resolution_moves_the_halt(sliding, closed_form):
-    found = run_landmarks(sliding(coming_back), closed_form.parameters)
-    assert found.halting_time == pytest.approx(0.4, abs=1e-6)
-    assert found.halting_time_uncertainty == pytest.approx(0.03, abs=1e-6)
-    assert [each.time for each in found.halting_times] == pytest.approx([0.43, 0.43, 0.4, 0.4, 0.4], abs=1e-6)
-    assert [each.resolution for each in found.halting_times] == list(RESOLUTIONS)
+    landmarks = run_landmarks(sliding(coming_back), closed_form.parameters)
+    assert landmarks.halting_time == pytest.approx(0.4, abs=1e-6)
+    assert landmarks.halting_time_uncertainty == pytest.approx(0.03, abs=1e-6)
+    assert [each.time for each in landmarks.halting_times] == pytest.approx([0.43, 0.43, 0.4, 0.4, 0.4], abs=1e-6)
+    assert [each.resolution for each in landmarks.halting_times] == list(RESOLUTIONS)
 
 
 def test_a_halt_that_a_finer_resolution_loses_has_no_uncertainty(sliding, closed_form):
@@ -74,39 +74,39 @@ def test_a_rebound_has_the_speed_of_either_direction(sliding, closed_form):
         back = 2.1e-4 * np.clip(t - 0.5, 0, 0.01) / 0.01
         return np.where(t < 0.3, t, 0.3) - back
 
-    found = run_landmarks(sliding(bouncing), closed_form.parameters)
-    assert found.rebound.travel == pytest.approx(2.1e-4, abs=1e-9)
-    assert found.rebound.speed == pytest.approx(0.021, rel=1e-6)
-    assert [each.time for each in found.halting_times] == pytest.approx([0.51, 0.51, 0.51, 0.3, 0.3], abs=1e-6)
-    assert found.halting_time == pytest.approx(0.51, abs=1e-6), "0.21 mm is more than the resolution"
+    landmarks = run_landmarks(sliding(bouncing), closed_form.parameters)
+    assert landmarks.rebound.travel == pytest.approx(2.1e-4, abs=1e-9)
+    assert landmarks.rebound.speed == pytest.approx(0.021, rel=1e-6)
+    assert [each.time for each in landmarks.halting_times] == pytest.approx([0.51, 0.51, 0.51, 0.3, 0.3], abs=1e-6)
+    assert landmarks.halting_time == pytest.approx(0.51, abs=1e-6), "0.21 mm is more than the resolution"
 
 
 @pytest.mark.parametrize(("static", "power"), [(0.34, 3), (0.5, 2)])
 def test_a_string_that_sticks_since_the_release_slips_but_has_not_stopped(sliding, closed_form, static, power):
     """Where static and sliding friction are one, the force that accelerates it begins from nothing: a cube of the time."""
     parameters = closed_form.parameters.replace(kinetic_friction=0.34, static_friction=static)
-    found = run_landmarks(sliding(lambda t: 5 * np.maximum(t - 0.2, 0) ** power), parameters)
-    assert found.stops == ()
-    assert found.slip_onsets == (pytest.approx(0.2, abs=1e-6),)
-    assert found.halting_time is None
-    assert found.rebound is None
+    landmarks = run_landmarks(sliding(lambda t: 5 * np.maximum(t - 0.2, 0) ** power), parameters)
+    assert landmarks.stops == ()
+    assert landmarks.slip_onsets == (pytest.approx(0.2, abs=1e-6),)
+    assert landmarks.halting_time is None
+    assert landmarks.rebound is None
 
 
 def test_stops_have_the_height_at_their_time(sliding, closed_form):
     def swinging(t):
         return 0.2 * np.sin(5 * t)  # it turns at pi / 10 and 3 pi / 10
 
-    found = run_landmarks(sliding(swinging), closed_form.parameters)
-    assert [stop.time for stop in found.stops] == pytest.approx([math.pi / 10, 3 * math.pi / 10], abs=1e-4)
-    assert [stop.height_change for stop in found.stops] == pytest.approx([-0.2, 0.2], abs=1e-5)
+    landmarks = run_landmarks(sliding(swinging), closed_form.parameters)
+    assert [stop.time for stop in landmarks.stops] == pytest.approx([math.pi / 10, 3 * math.pi / 10], abs=1e-4)
+    assert [stop.height_change for stop in landmarks.stops] == pytest.approx([-0.2, 0.2], abs=1e-5)
 
 
 @pytest.mark.parametrize("release", [Release.HELD, Release.DROP])
 def test_a_mass_that_cannot_stop_has_no_stops(make_run, closed_form, release):
-    found = run_landmarks(make_run(status=RunStatus.LIGHT_REACHED_ROD), closed_form.parameters.replace(release=release))
-    assert (found.stops, found.halting_time, found.halting_times) == ((), None, ())
-    assert found.light_reaches_rod == pytest.approx(1.05)
-    assert len(found.x1_extrema) > 0
+    landmarks = run_landmarks(make_run(status=RunStatus.LIGHT_REACHED_ROD), closed_form.parameters.replace(release=release))
+    assert (landmarks.stops, landmarks.halting_time, landmarks.halting_times) == ((), None, ())
+    assert landmarks.light_reaches_rod == pytest.approx(1.05)
+    assert len(landmarks.x1_extrema) > 0
 
 
 def test_the_engines_own_slip_is_read_where_it_has_one(make_run):
@@ -136,15 +136,15 @@ def test_samples_count_up_to_the_first_that_is_no_number(make_run, column):
 
 def test_an_extremum_is_the_apex_of_a_parabola_also_between_uneven_samples():
     t = array(0.0, 0.1, 0.15, 0.3, 0.4, 0.6)
-    (found,) = extrema(t, 2.0 - 10 * (t - 0.22) ** 2)
-    assert (found.time, found.value) == (pytest.approx(0.22), pytest.approx(2.0))
+    (extremum,) = extrema(t, 2.0 - 10 * (t - 0.22) ** 2)
+    assert (extremum.time, extremum.value) == (pytest.approx(0.22), pytest.approx(2.0))
 
 
 def test_a_flat_top_is_an_extremum_at_its_first_sample():
     t = array(0, 1, 2, 3, 4, 5)
-    (found,) = extrema(t, array(0, 1, 1, 1, 1, 0))
-    assert 1.0 <= found.time <= 2.0
-    assert found.value == pytest.approx(1.0, abs=0.13)
+    (extremum,) = extrema(t, array(0, 1, 1, 1, 1, 0))
+    assert 1.0 <= extremum.time <= 2.0
+    assert extremum.value == pytest.approx(1.0, abs=0.13)
 
 
 @pytest.mark.parametrize(("height", "count"), [(0.9e-3, 0), (1.1e-3, 1)])
@@ -161,16 +161,16 @@ def events(*pairs):
 
 
 def test_the_references_moments_are_its_events():
-    found = reference_event_times(
+    event_times = reference_event_times(
         events(
             ("stick", 0.0), ("stop", 0.2), ("stop", 0.4), ("stick", 0.4), ("slip_onset", 0.5), ("slip_onset", 0.7),
             ("slack", 0.8),
             ("stick", 0.9), ("halt", 0.9), ("light_reaches_rod", 1.3), ("light_reaches_rod", 1.4),
         )
     )  # fmt: skip
-    assert found.stops == (0.2, 0.4, 0.9)
-    assert found.slip_onsets == (0.5, 0.7)
-    assert (found.halting_time, found.light_reaches_rod) == (0.9, 1.3)
+    assert event_times.stops == (0.2, 0.4, 0.9)
+    assert event_times.slip_onsets == (0.5, 0.7)
+    assert (event_times.halting_time, event_times.light_reaches_rod) == (0.9, 1.3)
     nothing = reference_event_times(())
     assert (nothing.stops, nothing.slip_onsets, nothing.halting_time, nothing.light_reaches_rod) == ((), (), None, None)
 
@@ -179,20 +179,22 @@ def test_each_stop_of_the_reference_has_its_own_height(reference, times):
     def also(t):
         return dataclasses.replace(reference(t), events=events(("stop", 0.1), ("stop", 0.2), ("halt", HALT)))
 
-    found = reference_landmarks(also, times)
+    landmarks = reference_landmarks(also, times)
     wanted = drop(array(0.1, 0.2, HALT))[0]
-    assert [stop.time for stop in found.stops] == [0.1, 0.2, HALT]
-    assert [-stop.height_change for stop in found.stops] == pytest.approx(list(wanted), rel=1e-9)
-    assert found.drop_at_halt == pytest.approx(wanted[2], rel=1e-9)
-    assert found.halting_confirmed
+    assert [stop.time for stop in landmarks.stops] == [0.1, 0.2, HALT]
+    assert [-stop.height_change for stop in landmarks.stops] == pytest.approx(list(wanted), rel=1e-9)
+    assert landmarks.drop_at_halt == pytest.approx(wanted[2], rel=1e-9)
+    assert landmarks.halting_confirmed
 
     def never(t):
         return dataclasses.replace(reference(t), events=events(("stop", 0.1)))
 
-    found = reference_landmarks(never, times)
-    assert [-stop.height_change for stop in found.stops] == pytest.approx([wanted[0]], rel=1e-9)
-    assert (found.halting_time, found.drop_at_halt, found.wrap_angle_at_halt, found.free_length_at_halt) == (None,) * 4
-    assert not found.halting_confirmed
+    landmarks = reference_landmarks(never, times)
+    assert [-stop.height_change for stop in landmarks.stops] == pytest.approx([wanted[0]], rel=1e-9)
+    assert (landmarks.halting_time, landmarks.drop_at_halt, landmarks.wrap_angle_at_halt, landmarks.free_length_at_halt) == (
+        None,
+    ) * 4
+    assert not landmarks.halting_confirmed
     assert reference_landmarks(lambda t: dataclasses.replace(reference(t), events=()), times).stops == ()
 
 

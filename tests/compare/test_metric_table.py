@@ -53,7 +53,7 @@ def test_a_scenario_may_limit_it_in_the_unit_in_which_it_is_shown(metric, scenar
 
 
 @each_metric
-def test_editors_of_scenario_files_are_told_what_it_is(metric):
+def test_editors_of_scenario_files_show_what_it_is(metric):
     limits = json_schema()["$defs"]["Limits"]["properties"]
     assert limits[metric.name]["description"] == metric.description
     assert metric.description.endswith(".")

@@ -82,14 +82,14 @@ def test_departures_say_when_and_in_which_direction(reference, make_run):
     radial = run.light_position / np.linalg.norm(run.light_position, axis=1)[:, None]
     out = dataclasses.replace(run, light_position=run.light_position + growing[:, None] * radial, heavy_position=heavy)
     out = dataclasses.replace(out, free_length=run.free_length + growing)
-    found = departures(align(out, reference), reference(run.t).events)
-    assert [d.threshold for d in found] == [1e-3, 1e-2]
-    assert found[0].time == pytest.approx(0.401, abs=1.1e-3)  # the first sample beyond the crossing
-    assert found[1].time == pytest.approx(0.4 + math.log(10) / 20, abs=1.1e-3)
-    assert growth_rate(found) == pytest.approx(20, rel=0.02)  # two times, each up to a sample late
-    assert (found[0].after, found[0].heavy) == ("halt", pytest.approx(-2e-3))
-    assert found[0].along == pytest.approx(1e-3, rel=0.03)
-    assert "sticks" in found[0].mode
+    crossings = departures(align(out, reference), reference(run.t).events)
+    assert [d.threshold for d in crossings] == [1e-3, 1e-2]
+    assert crossings[0].time == pytest.approx(0.401, abs=1.1e-3)  # the first sample beyond the crossing
+    assert crossings[1].time == pytest.approx(0.4 + math.log(10) / 20, abs=1.1e-3)
+    assert growth_rate(crossings) == pytest.approx(20, rel=0.02)  # two times, each up to a sample late
+    assert (crossings[0].after, crossings[0].heavy) == ("halt", pytest.approx(-2e-3))
+    assert crossings[0].along == pytest.approx(1e-3, rel=0.03)
+    assert "sticks" in crossings[0].mode
 
 
 @pytest.mark.parametrize("error", [0.0, 0.003, -0.01])

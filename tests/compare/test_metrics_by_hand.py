@@ -60,15 +60,15 @@ def beside(make_run, ahead, aside, until=0.1):
 def test_the_tube_is_a_stadium_of_5_ms_of_path_and_5_mm_around_it(make_run, straight, ahead, aside, inside):
     """Oracle: at 1 m/s the path within 5 ms is 5 mm long to either side; around its ends lie half-discs of 5 mm."""
     run = beside(make_run, ahead, aside)
-    found = evaluate_tube(align(run, straight), straight)
+    tube = evaluate_tube(align(run, straight), straight)
     away = run.t >= 5e-3  # the path begins at the release: before 5 ms there is less of it behind
     count = int(away.sum())
-    assert found.compared == 101
-    assert (found.half_time, found.half_width) == TUBE == (5e-3, 5e-3)
+    assert tube.compared == 101
+    assert (tube.half_time, tube.half_width) == TUBE == (5e-3, 5e-3)
     if inside:
-        assert found.fraction >= count / 101
+        assert tube.fraction >= count / 101
     else:
-        assert found.fraction <= 1 - count / 101
+        assert tube.fraction <= 1 - count / 101
 
 
 def test_the_tube_between_its_points_is_a_chord(make_run, straight):
@@ -84,17 +84,17 @@ def test_the_tube_between_its_points_is_a_chord(make_run, straight):
 def test_the_first_exit_is_the_first_sample_outside(make_run, straight):
     run = beside(make_run, 0.0, 0.0)
     run.light_position[40:60, 1] = 6e-3
-    found = evaluate_tube(align(run, straight), straight)
-    assert found.first_exit == pytest.approx(0.040)
-    assert found.fraction == pytest.approx(81 / 101)
+    tube = evaluate_tube(align(run, straight), straight)
+    assert tube.first_exit == pytest.approx(0.040)
+    assert tube.fraction == pytest.approx(81 / 101)
 
 
 def test_at_the_ends_of_the_reference_its_path_is_a_point(make_run, straight):
     def short(t):
         return straight(t, end=0.05)
 
-    found = evaluate_tube(align(beside(make_run, 4.9e-3, 0.0), short), short)
-    assert (found.compared, found.fraction) == (51, 1.0)
+    tube = evaluate_tube(align(beside(make_run, 4.9e-3, 0.0), short), short)
+    assert (tube.compared, tube.fraction) == (51, 1.0)
     behind = evaluate_tube(align(beside(make_run, 5.5e-3, 0.0), short), short)
     # Ahead by 5.5 mm: only the last sample of the reference has no more path ahead than itself.
     assert behind.fraction == pytest.approx(50 / 51)
@@ -124,14 +124,14 @@ def test_times_of_which_the_reference_has_one_or_none(reference, times, known):
 
 
 @pytest.mark.parametrize(
-    ("t", "fallen", "found"),
+    ("t", "fallen", "acceleration"),
     [((0, 1, 2), (0, 1, 4), 2.0), ((0, 1, 2), (0, 1, 5), 42 / 17), ((0, 1, 2), (3, 1, 4), 2.0), ((0,), (0,), None),
      ((0, 1), (0, math.nan), None), ((), (), None)],
 )  # fmt: skip
-def test_the_acceleration_is_of_least_squares_through_rest(t, fallen, found):
+def test_the_acceleration_is_of_least_squares_through_rest(t, fallen, acceleration):
     """Oracle: the sum of d t^2 over half of that of t^4."""
     assert fitted_acceleration(np.array(t, dtype=float), np.array(fallen, dtype=float)) == (
-        None if found is None else pytest.approx(found)
+        None if acceleration is None else pytest.approx(acceleration)
     )
 
 
@@ -180,20 +180,20 @@ def test_without_a_string_a_departure_is_neither_along_nor_across(make_run, refe
     run = make_run(shift=(2e-3, 0.0))
     bare = dataclasses.replace(run, free_length=np.full_like(run.t, np.nan), wrap_angle=np.full_like(run.t, np.nan))
     bare = dataclasses.replace(bare, string_stretch=np.full_like(run.t, np.nan))
-    (found,) = departures(align(bare, reference), ())
-    assert (found.along, found.across, found.stretch, found.time) == (0.0, 0.0, None, 0.0)
+    (departure,) = departures(align(bare, reference), ())
+    assert (departure.along, departure.across, departure.stretch, departure.time) == (0.0, 0.0, None, 0.0)
 
 
 def test_a_departure_is_after_the_last_event_up_to_it(make_run, reference):
     run = make_run()
     run.light_position[400:] += (2e-3, 0.0)
     names = [("slack", 0.1), ("taut", 0.4), ("unwrapped", 0.401), ("stop", 0.2)]
-    (found,) = departures(align(run, reference), tuple(TrajectoryEvent(name=name, time=time) for name, time in names))
-    assert (found.after, found.after_time, found.time) == ("taut", 0.4, pytest.approx(0.4))
+    (departure,) = departures(align(run, reference), tuple(TrajectoryEvent(name=name, time=time) for name, time in names))
+    assert (departure.after, departure.after_time, departure.time) == ("taut", 0.4, pytest.approx(0.4))
     run.string_stretch[400] = -3e-3
     run.string_stretch[401] = 9e-3
-    (found,) = departures(align(run, reference), ())
-    assert found.stretch == 3e-3, "what it stretches later is no cause"
+    (departure,) = departures(align(run, reference), ())
+    assert departure.stretch == 3e-3, "what it stretches later is no cause"
 
 
 def gone(threshold, time):
@@ -225,18 +225,18 @@ def test_errors_at_the_halt_are_own_less_true(make_run, reference):
     own = Landmarks(
         halting_time=0.41, drop_at_halt=0.32, wrap_angle_at_halt=5.3, free_length_at_halt=0.24, rebound=rebound
     )  # fmt: skip
-    found = said(make_run, reference, own, AT)
+    values = said(make_run, reference, own, AT)
     names = ("halting_time_error", "drop_error", "wrap_angle_error", "free_length_error")
-    assert [found[name] for name in names] == pytest.approx([0.01, 0.02, 0.3, 0.04])
-    assert found["rebound"] == 2e-3
+    assert [values[name] for name in names] == pytest.approx([0.01, 0.02, 0.3, 0.04])
+    assert values["rebound"] == 2e-3
     assert said(make_run, reference, AT, AT)["rebound"] is None
     for pair in ((own, Landmarks()), (Landmarks(), AT)):
         assert [said(make_run, reference, *pair)[name] for name in names] == [None] * 4
     assert [said(make_run, reference, own, AT, comparable=False)[name] for name in names] == [None] * 4
     nowhere = dataclasses.replace(own, wrap_angle_at_halt=math.nan, drop_at_halt=None)
-    found = said(make_run, reference, nowhere, AT)
-    assert (found["wrap_angle_error"], found["drop_error"]) == (None, None)
-    assert found["halting_time_error"] == pytest.approx(0.01)
+    values = said(make_run, reference, nowhere, AT)
+    assert (values["wrap_angle_error"], values["drop_error"]) == (None, None)
+    assert values["halting_time_error"] == pytest.approx(0.01)
 
 
 def test_a_run_that_ends_in_nonsense_is_judged_up_to_there(scenario, reference, make_run, closed_form):

@@ -1,4 +1,4 @@
-"""Every cell of the report from a number of its own: verdict, detail, tolerances, halts, moments, provenance, wall times."""
+"""Every cell of the report from a number of its own: verdict, detail, tolerances, provenance, wall times."""
 
 from __future__ import annotations
 
@@ -11,65 +11,28 @@ import pytest
 from looping_pendulum.compare import compare, report
 from looping_pendulum.compare.export import trajectory_csv, trajectory_files
 from looping_pendulum.compare.halting_table import render as render_halts
-from looping_pendulum.compare.paper_table import events_table
 from looping_pendulum.compare.paper_table import render as render_paper
-from looping_pendulum.compare.result import Departure, InferredEntry, MeasuredRow, ToleranceOutcome, ToleranceResult, WallTime
+from looping_pendulum.compare.result import InferredEntry, ToleranceOutcome, WallTime
 from looping_pendulum.compare.tables import table as markdown
-from looping_pendulum.engines.landmarks import Extremum, HaltingTimeAt, Landmarks, Rebound, Stop
-from looping_pendulum.engines.string_motion import RESOLUTIONS
+from looping_pendulum.engines.landmarks import Landmarks, Rebound
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import metrics
-
-OWN = Landmarks(
-    halting_time=0.41234567,
-    halting_times=tuple(HaltingTimeAt(resolution=r, time=0.4 + k / 100) for k, r in enumerate(RESOLUTIONS)),
-    halting_time_uncertainty=2.5e-3,
-    rebound=Rebound(travel=3.5e-3, speed=0.0456),
-    drop_at_halt=0.31234567,
-    wrap_angle_at_halt=5.1234567,
-    free_length_at_halt=0.21234567,
+from tests.compare.report_cells import (
+    BAD,
+    FEARED,
+    GOOD,
+    ME,
+    METRICS,
+    OWN,
+    at,
+    cells,
+    gone,
+    limit,
+    measured,
+    rendered,
+    with_engine,
 )
-TRUE = dataclasses.replace(OWN, halting_time=0.51234567, drop_at_halt=0.61234567, rebound=None, halting_time_uncertainty=None)
-METRICS = {
-    "rms_0.35s": 1.1e-3, "rms_0.7s": 2.2e-3, "rms_1.0s": 3.3e-3, "rms_halt": 4.4e-3, "halting_time_error": -5.5e-3,
-    "rebound": 6.6e-3, "drop_error": 7.7e-3, "wrap_angle_error": -8.8e-3, "free_length_error": 9.9e-3, "string_stretch": 1.2e-3,
-    "acceleration_error": None, "tube_fraction": 0.97, "simulated_time": 1.05,
-}  # fmt: skip
-
-
-def gone(threshold, time):
-    return Departure(threshold=threshold, time=time, mode="", after="release", after_time=0.0, along=0.0, across=0.0, heavy=0.0)
-
-
-@pytest.fixture
-def result(scenario, reference, make_run):
-    """A result whose only engine has the numbers above."""
-    made = compare(scenario, reference, [make_run()])
-    (engine,) = made.engines
-    engine = dataclasses.replace(
-        engine,
-        landmarks=OWN,
-        metrics=METRICS,
-        tube=dataclasses.replace(engine.tube, fraction=0.97, first_exit=0.1234567),
-        departures=(gone(1e-3, 0.2345678), gone(1e-2, 0.3456789)),
-        growth_rate=12.34,
-    )
-    return with_engine(dataclasses.replace(made, reference=dataclasses.replace(made.reference, sampled=TRUE)), engine)
-
-
-def with_engine(result, engine=None, **fields):
-    return dataclasses.replace(result, engines=(dataclasses.replace(engine or result.engines[0], **fields),))
-
-
-def cells(text, first, after=""):
-    """Rows of the tables of ``text``, behind ``after``, whose first cell is ``first``."""
-    part = text[text.index(after) :] if after else text
-    rows = [line.strip("|").split("|") for line in part.splitlines() if line.startswith(f"| {first} |")]
-    return [[cell.strip() for cell in row] for row in rows]
-
-
-ME = "pymunk:chain, quick"
 
 
 def test_the_verdicts_table_has_every_number_in_its_unit(result):
@@ -92,19 +55,6 @@ def test_a_vertical_release_has_a_column_for_its_acceleration(result):
 def test_a_halt_that_is_not_comparable_has_no_error(result):
     _, (_, own) = report.verdict_rows(with_engine(result, not_comparable="too short"))
     assert own[5:8] == ["0.4123", "not comparable", "+7.7"]
-
-
-def limit(outcome, metric="rms_0.7s", value=2.2e-3, explanation="", **fields):
-    made = {"engine": "pymunk:chain", "profile": "quick", "limit": 1e-3, "reason": "by design", "expected_failure": ""}
-    return ToleranceResult(metric=metric, value=value, outcome=outcome, explanation=explanation, **(made | fields))
-
-
-GOOD, BAD, FEARED, NOT_RUN = (
-    ToleranceOutcome.PASSED,
-    ToleranceOutcome.FAILED,
-    ToleranceOutcome.EXPECTED_FAILURE,
-    ToleranceOutcome.NOT_RUN,
-)
 
 
 @pytest.mark.parametrize(
@@ -168,13 +118,13 @@ def test_the_detail_has_every_number_in_its_unit(result):
     assert "No engine was run." in report.render(nobody)
 
 
-def test_every_limit_is_told_with_its_value_and_why(result):
+def test_every_limit_is_stated_with_its_value_and_why(result):
     rows = (limit(GOOD), limit(BAD, "tube_fraction", None, "no value: too short"), limit(GOOD, "no_metric_of_ours", 5.0))
     text = report.render(dataclasses.replace(result, tolerances=rows))
-    found = cells(text, ME, "## Tolerances")[:3]
-    assert found[0] == [ME, "rms_0.7s", "pass", "2.2 mm", "at most 1 mm", "by design", ""]
-    assert found[1] == [ME, "tube_fraction", "**fail**", "–", "at least 0.1 %", "by design", "no value: too short"]
-    assert found[2][3:5] == ["5 SI", "at most 0.001 SI"]
+    table_rows = cells(text, ME, "## Tolerances")[:3]
+    assert table_rows[0] == [ME, "rms_0.7s", "pass", "2.2 mm", "at most 1 mm", "by design", ""]
+    assert table_rows[1] == [ME, "tube_fraction", "**fail**", "–", "at least 0.1 %", "by design", "no value: too short"]
+    assert table_rows[2][3:5] == ["5 SI", "at most 0.001 SI"]
     assert "The scenario declares no tolerances for these engines and this profile." in report.render(result)
 
 
@@ -242,7 +192,7 @@ def test_wall_times_are_in_seconds_and_per_simulated_second(result):
     assert report.verdict_rows(timed)[1][1][-1] == "5.7"
 
 
-def test_a_run_without_a_profile_is_told_by_its_label(result):
+def test_a_run_without_a_profile_is_named_by_its_label(result):
     (engine,) = result.engines
     assert report.name(engine) == ME
     assert report.name(dataclasses.replace(engine, profile="")) == "pymunk:chain"
@@ -252,54 +202,6 @@ def test_figures_are_embedded_with_their_captions(result):
     text = report.render(result, {"figures/a.png": "First.", "figures/b.png": "Second."})
     assert "![First.](figures/a.png)\n\n*First.*\n\n![Second.](figures/b.png)\n\n*Second.*\n" in text
     assert "There are none, because this report was made without the trajectories." in report.render(result)
-
-
-# ---- halts
-
-
-def test_the_table_of_halts_has_every_resolution(result):
-    (section,) = render_halts(result)
-    (own,), (true,) = cells(section, ME), cells(section, "reference")
-    assert own == [ME, "0.4000", "0.4100", "0.4200", "0.4300", "0.4400", "2.5", "3.5", "46"]
-    assert true == ["reference", "0.4000", "0.4100", "0.4200", "0.4300", "0.4400", "–", "–", "–"]
-    assert "| run | halts, to within 0.01 mm [s] | halts, to within 0.03 mm [s] | halts, to within 0.1 mm [s] |" in section
-    assert "again until the light mass" in section
-    assert "how far it moves if the 0.1 mm are taken a quarter larger or smaller" in section
-    assert "from which on it stays within 1 mm" in section
-    assert "not comparable" not in section
-    gap = render_halts(with_engine(result, not_comparable="it is short"))[0]
-    assert f"- {ME}: not comparable: it is short.\n\n| run |" in gap
-
-
-def test_without_any_halt_there_is_no_section_on_it(result):
-    never = dataclasses.replace(OWN, halting_times=tuple(HaltingTimeAt(resolution=r, time=None) for r in RESOLUTIONS))
-    nobody = dataclasses.replace(result, reference=dataclasses.replace(result.reference, sampled=never))
-    assert render_halts(with_engine(nobody, landmarks=never)) == []
-    assert len(render_halts(nobody)) == len(render_halts(with_engine(result, landmarks=never))) == 1
-    assert cells(render_halts(with_engine(result, landmarks=never))[0], ME)[0][1:6] == ["–"] * 5
-    (alone,) = render_halts(with_engine(result, landmarks=Landmarks()))
-    assert cells(alone, ME) == [], "a run without samples has no row"
-
-
-@pytest.mark.parametrize(
-    ("exact", "seen", "said"),
-    [
-        (None, None, "The reference's exact events contain no halt either."),
-        (0.5, 0.5003, "By its exact events the reference halts at 0.500000 s, so reading samples has an error of 0.3 ms here."),
-        (0.5003, 0.5, "By its exact events the reference halts at 0.500300 s, so reading samples has an error of 0.3 ms here."),
-        (0.5, 0.4, "By its exact events the reference halts at 0.5000 s: until then it slides by less"),
-        (0.5, 0.4994, "By its exact events the reference halts at 0.5000 s: until"),
-        (0.5, None, "By its exact events the reference halts at 0.5000 s: until"),
-        (None, 0.4, "By its exact events the reference does not halt: until then it slides"),
-    ],
-)
-def test_what_samples_say_is_held_against_the_references_events(result, exact, seen, said):
-    true = dataclasses.replace(
-        result.reference,
-        landmarks=dataclasses.replace(result.reference.landmarks, halting_time=exact),
-        sampled=dataclasses.replace(TRUE, halting_time=seen),
-    )
-    assert said in render_halts(dataclasses.replace(result, reference=true))[0]
 
 
 # ---- factors of units: a thousandth more or less turns the last digit of one of these over
@@ -317,8 +219,8 @@ def test_three_digits_of_a_thousandth(result, size, shown):
     detail = cells(report.render(all_alike), ME, "## Detail")[0]
     assert [detail[6], detail[9], detail[11], detail[12]] == [shown, f"+{shown}", f"+{shown}", shown]
     for metric, (_, factor) in ((name, known.shown_in) for name, known in metrics.METRICS.items()):
-        told_ = report.limit_and_value(limit(GOOD, metric, 1e3 * size / factor, **{"limit": 1e3 * size / factor}))
-        assert [one.split()[-2] for one in told_] == [shown, shown], metric
+        texts = report.limit_and_value(limit(GOOD, metric, 1e3 * size / factor, **{"limit": 1e3 * size / factor}))
+        assert [one.split()[-2] for one in texts] == [shown, shown], metric
     text = rendered(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.2 + size)))
     assert cells(text, "stop")[0][2] == f"+{shown}"
 
@@ -340,79 +242,6 @@ def test_hundreds_of_thousandths(result):
     section = report.render(with_engine(result, tube=wide, metrics=METRICS | {"tube_fraction": 0.97654}))
     assert "The half-widths of the tube are 123.456 ms and 654.321 mm" in section
     assert cells(section, ME, "## Detail")[0][1] == "97.7"
-
-
-# ---- moments
-
-
-def rendered(result, reference, own, end=1.0, engine=None):
-    true = dataclasses.replace(result.reference, sampled=reference)
-    return events_table(with_engine(dataclasses.replace(result, reference=true), landmarks=own, end_time=end, **(engine or {})))
-
-
-def at(*times):
-    return tuple(Stop(time=time, height_change=-0.2) for time in times)
-
-
-def test_moments_are_numbered_where_there_are_several(result):
-    text = rendered(result, Landmarks(stops=at(0.2, 0.4)), Landmarks(stops=at(0.203, 0.398, 0.6)))
-    assert cells(text, "stop 1") == [["stop 1", "0.2000", "+3"]]
-    assert cells(text, "stop 2") == [["stop 2", "0.4000", "-2"]]
-    assert cells(text, "stop 3") == [["stop 3", "–", "at 0.6000 s"]]
-    alone = rendered(result, Landmarks(stops=at(0.2)), Landmarks(stops=at(0.203)))
-    assert cells(alone, "stop") == [["stop", "0.2000", "+3"]]
-    assert "| event | reference [s] | pymunk:chain [ms later] |" in alone
-
-
-def test_every_kind_of_moment_has_its_rows(result):
-    def marks(off):
-        return Landmarks(
-            stops=at(0.1 + off), slip_onsets=(0.2 + off,), light_reaches_rod=0.9 + off,
-            x1_extrema=(Extremum(time=0.3 + off, value=0.0),), y1_extrema=(Extremum(time=0.4 + off, value=0.0),),
-        )  # fmt: skip
-
-    text = rendered(result, marks(0.0), marks(0.005))
-    names = [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("|")][2:]
-    assert names == ["stop", "slip onset", "x1 extremum", "y1 extremum", "light mass reaches rod"]
-    assert [cells(text, name)[0][1:] for name in names] == [[f"{t:.4f}", "+5"] for t in (0.1, 0.2, 0.3, 0.4, 0.9)]
-    without = rendered(result, dataclasses.replace(marks(0.0), light_reaches_rod=None), marks(0.005))
-    assert "reaches rod" not in without, "the reference's end is not told of an engine alone"
-    assert cells(
-        rendered(result, marks(0.0), dataclasses.replace(marks(0.0), light_reaches_rod=None)), "light mass reaches rod"
-    ) == [["light mass reaches rod", "0.9000", "–"]]
-    assert rendered(result, Landmarks(), Landmarks()) == ""
-
-
-@pytest.mark.parametrize(("end", "said"), [(0.39, "after its end"), (0.4, "–"), (0.5, "–"), (None, "after its end")])
-def test_a_moment_after_the_end_of_a_run_is_told_as_such(result, end, said):
-    assert cells(rendered(result, Landmarks(stops=at(0.4)), Landmarks(), end), "stop") == [["stop", "0.4000", said]]
-
-
-def measured(**fields):
-    made = {"quantity": "halting_time", "index": 1, "unit": "s", "measured": 0.4, "paper_numerical": 0.41, "reference": 0.42}
-    return MeasuredRow(**(made | {"engines": (0.43,)} | fields))
-
-
-def test_the_paper_table_compares_with_the_measured_value_or_else_with_the_papers(result):
-    rows = (
-        measured(),
-        measured(
-            quantity="wrap_angle_at_halt", unit="rad", measured=None, paper_numerical=3.98765, reference=4.0, engines=(None,)
-        ),
-        measured(quantity="drop_at_halt", unit="m", measured=None, paper_numerical=None, reference=0.25),
-        measured(quantity="x1_extremum", index=2, measured=0.3, paper_numerical=None, reference=None, engines=(0.29,)),
-    )
-    text = render_paper(dataclasses.replace(result, measured=rows, measured_source="a paper"))
-    assert text.startswith("Source: a paper.\n\nIn brackets: ")
-    assert cells(text, "halting time") == [["halting time", "s", "0.40", "0.41 (+10)", "0.4200 (+20)", "0.4300 (+30)"]]
-    assert cells(text, "wrap angle at halt") == [["wrap angle at halt", "rad", "–", "3.988", "4.000 (+12)", "–"]]
-    assert cells(text, "drop at halt") == [["drop at halt", "m", "–", "–", "0.2500", "0.4300"]]
-    assert cells(text, "x1 extremum 2") == [["x1 extremum 2", "s", "0.30", "–", "–", "0.2900 (-10)"]]
-    # Roots of the mean squares of (10), (20) and (30, -10) ms.
-    rms = f"{math.sqrt((30**2 + 10**2) / 2):.1f}"
-    wanted = ["RMS difference of the times", "ms", "–", "10.0 (1 of 2)", "20.0 (1 of 2)", f"{rms} (2 of 2)"]
-    assert cells(text, "RMS difference of the times") == [wanted]
-    assert not render_paper(dataclasses.replace(result, measured=rows, measured_source="")).startswith("Source")
 
 
 # ---- what the result is made of
@@ -478,9 +307,3 @@ def test_a_status_that_is_not_run_is_no_failure(scenario, reference, make_run):
         run = make_run(until=0.5, status=status)
         available = compare(scenario, reference, [run]).engines[0].available
         assert available is (status not in (RunStatus.MISSING, RunStatus.UNSUPPORTED, RunStatus.INTERRUPTED))
-
-
-def test_the_paragraph_that_says_how_to_give_the_measurements(result):
-    text = render_paper(dataclasses.replace(result, measured=(), measured_source="a trial"))
-    assert text.startswith("This trial was measured (a trial), but its table")
-    assert "`--data DIR`" in text

@@ -57,7 +57,7 @@ def test_json_has_no_nan(scenario, reference, make_run, missing):
 
 
 @pytest.mark.parametrize(
-    ("text", "needed"),
+    ("text", "message"),
     [
         ("{", "line 1"),
         ("[]", "schema"),
@@ -66,8 +66,8 @@ def test_json_has_no_nan(scenario, reference, make_run, missing):
         ('{"schema": {"id": "looping-pendulum/comparison", "version": 2}}', "not as documented"),
     ],
 )
-def test_what_is_no_result_is_refused(text, needed):
-    with pytest.raises(ResultError, match=needed):
+def test_what_is_no_result_is_refused(text, message):
+    with pytest.raises(ResultError, match=message):
         ComparisonResult.from_json(text)
 
 

@@ -161,7 +161,7 @@ def test_an_error_of_a_run_is_not_swallowed(tmp_path, tasks, monkeypatch):
         Runner(RunCache(tmp_path), jobs=1, time_limit=7.0, budget=None).run(tasks)
 
 
-def test_a_runner_has_as_many_jobs_as_it_is_told_or_as_there_are_cores(tmp_path, monkeypatch):
+def test_a_runner_has_as_many_jobs_as_are_asked_for_or_as_there_are_cores(tmp_path, monkeypatch):
     def jobs(requested, cores):
         monkeypatch.setattr(run_cache.os, "cpu_count", lambda: cores)
         return Runner(RunCache(tmp_path), jobs=requested, time_limit=1.0, budget=None).jobs

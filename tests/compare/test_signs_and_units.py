@@ -108,11 +108,11 @@ def test_an_engine_that_is_early_breaks_its_limit_as_one_that_is_late(scenario, 
         ("tube_fraction", 0.99, "99 %"), ("simulated_time", 1.25, "1.25 s"),
     ],
 )  # fmt: skip
-def test_limits_are_told_in_the_unit_of_the_paper(scenario, reference, make_run, limit, metric, value, shown):
+def test_limits_are_stated_in_the_unit_of_the_paper(scenario, reference, make_run, limit, metric, value, shown):
     judged = judge_tolerance(limit(metric, value), compare(scenario, reference, [make_run()]).engines[0])
-    told = limit_and_value(dataclasses.replace(judged, value=value / 2))
-    assert told[0] == f"{'at least' if METRICS[metric].has_lower_limit else 'at most'} {shown}"
-    number, unit = told[1].split()
+    texts = limit_and_value(dataclasses.replace(judged, value=value / 2))
+    assert texts[0] == f"{'at least' if METRICS[metric].has_lower_limit else 'at most'} {shown}"
+    number, unit = texts[1].split()
     assert float(number) == pytest.approx(float(shown.split()[0]) / 2, rel=5e-3)
     assert unit == shown.split()[1]
 
@@ -172,14 +172,14 @@ def test_a_departure_says_how_far_and_to_which_side(reference, make_run, sign):
         heavy_position=run.heavy_position + np.outer(on, [0.0, sign * 3e-3]),
         string_stretch=-1e-4 * np.arange(len(run.t)) / len(run.t),
     )
-    (found,) = departures(align(off, reference), reference(run.t).events)
-    assert (found.threshold, found.after, found.after_time) == (1e-3, "release", 0.0)
-    assert found.time == pytest.approx(0.101, abs=1e-9)
-    assert found.along == pytest.approx(sign * 2e-3, rel=1e-9)
-    assert found.across == pytest.approx(sign * 5e-3 * run.free_length[101], rel=1e-9)
-    assert found.heavy == pytest.approx(sign * 3e-3, rel=1e-9)
-    assert found.stretch == pytest.approx(1e-4 * 101 / len(run.t), rel=1e-9)
-    assert growth_rate((found,)) is None
+    (departure,) = departures(align(off, reference), reference(run.t).events)
+    assert (departure.threshold, departure.after, departure.after_time) == (1e-3, "release", 0.0)
+    assert departure.time == pytest.approx(0.101, abs=1e-9)
+    assert departure.along == pytest.approx(sign * 2e-3, rel=1e-9)
+    assert departure.across == pytest.approx(sign * 5e-3 * run.free_length[101], rel=1e-9)
+    assert departure.heavy == pytest.approx(sign * 3e-3, rel=1e-9)
+    assert departure.stretch == pytest.approx(1e-4 * 101 / len(run.t), rel=1e-9)
+    assert growth_rate((departure,)) is None
 
 
 def test_a_distance_of_just_the_threshold_is_no_departure(reference, make_run):
@@ -193,8 +193,8 @@ def test_growth_is_the_rate_of_the_exponential_through_the_first_and_the_last(re
     run = make_run()
     size = np.where(run.t < 0.2, 0.0, np.where(run.t < 0.7, 2e-3, 0.02))
     off = dataclasses.replace(run, light_position=run.light_position + np.outer(size, [1.0, 0.0]))
-    found = departures(align(off, reference), ())
-    assert growth_rate(found) == pytest.approx(np.log(10) / 0.5, rel=3e-3)
+    crossings = departures(align(off, reference), ())
+    assert growth_rate(crossings) == pytest.approx(np.log(10) / 0.5, rel=3e-3)
     jump = dataclasses.replace(run, light_position=run.light_position + np.outer(run.t >= 0.2, [1.0, 0.0]))
     assert growth_rate(departures(align(jump, reference), ())) is None, "both at one time: no rate"
 
@@ -203,8 +203,8 @@ def test_the_rms_at_halt_is_averaged_up_to_the_references_halt(scenario, referen
     run = make_run()
     drifting = dataclasses.replace(run, light_position=run.light_position + np.outer(0.01 * run.t, [1.0, 0.0]))
     until = run.t[run.t <= closed_form.halt + 1e-4]
-    found = compare(scenario, reference, [drifting]).engines[0].metrics["rms_halt"]
-    assert found == pytest.approx(0.01 * np.sqrt(np.mean(until**2)), rel=4e-3)  # one sample more or less: 1 in 300
+    rms = compare(scenario, reference, [drifting]).engines[0].metrics["rms_halt"]
+    assert rms == pytest.approx(0.01 * np.sqrt(np.mean(until**2)), rel=4e-3)  # one sample more or less: 1 in 300
 
 
 def test_the_stretch_is_the_largest_of_either_sign(scenario, reference, make_run):
@@ -247,5 +247,5 @@ def test_the_story_says_how_long_after_the_last_event_it_departs(scenario, refer
 
 @pytest.mark.parametrize(("samples", "enough"), [(2, False), (3, True), (4, True)])
 def test_landmarks_need_three_samples(make_run, closed_form, samples, enough):
-    found = run_landmarks(make_run(until=1e-3 * (samples - 1)), closed_form.parameters)
-    assert (found.halting_times != ()) is enough
+    landmarks = run_landmarks(make_run(until=1e-3 * (samples - 1)), closed_form.parameters)
+    assert (landmarks.halting_times != ()) is enough

@@ -32,11 +32,19 @@ def departure(threshold=1e-3, time=0.2, **other):
 
 
 def story_of(
-    parameters, found=(), own=None, true=None, supplies=None, end=1.05, status=RunStatus.FINISHED, lacks=(), not_comparable=""
+    parameters,
+    departures=(),
+    own=None,
+    true=None,
+    supplies=None,
+    end=1.05,
+    status=RunStatus.FINISHED,
+    lacks=(),
+    not_comparable="",
 ):
     run = SimpleNamespace(t=np.array([0.0, end]), status=status, lacks=lacks)
     own, true = own or Landmarks(), true or Landmarks()
-    return story(run, parameters, supplies or supplied(), found, own, true, not_comparable)
+    return story(run, parameters, supplies or supplied(), departures, own, true, not_comparable)
 
 
 @pytest.fixture
@@ -68,19 +76,19 @@ def test_a_run_within_a_millimetre_stays_there_to_its_end(parameters):
     ],
 )
 def test_it_leaves_a_band_so_long_after_an_event(parameters, after, when, words):
-    found = (departure(after=after, after_time=when), departure(0.01, 0.7))
-    said = story_of(parameters, found)
+    departures = (departure(after=after, after_time=when), departure(0.01, 0.7))
+    said = story_of(parameters, departures)
     assert said.startswith(
         f"First deviates by more than 1 mm at 0.200 s, while the string slides{words}; by more than 10 mm at 0.700 s. "
     )
-    assert story_of(parameters, found[:1]).startswith(
+    assert story_of(parameters, departures[:1]).startswith(
         f"First deviates by more than 1 mm at 0.200 s, while the string slides{words}. At "
     )
 
 
 def test_times_and_bands_are_in_thousandths(parameters):
-    found = (departure(0.6, 0.9, after="halt", after_time=0.3), departure(0.7, 1.0))
-    said = story_of(parameters, found)
+    departures = (departure(0.6, 0.9, after="halt", after_time=0.3), departure(0.7, 1.0))
+    said = story_of(parameters, departures)
     assert said.startswith(
         "First deviates by more than 600 mm at 0.900 s, while the string slides, 600 ms after the halt; by more than 700 mm at"
     )
@@ -119,16 +127,16 @@ def test_a_string_stretched_by_half_of_the_deviation_is_a_cause(parameters, stre
 
 
 def test_who_supplies_the_physics_that_is_there(parameters):
-    found = (departure(),)
+    departures = (departure(),)
     own = "by the engine: the winding, the string's friction on the rod and sticking and slipping"
     end = ". Suspect its time step, its solver or a coefficient."
-    assert f"({own}){end}" in story_of(parameters, found), "the drag is supplied, but this scenario has none"
-    fed = story_of(parameters, found, supplies=supplied(friction="adapter", stick="adapter"))
+    assert f"({own}){end}" in story_of(parameters, departures), "the drag is supplied, but this scenario has none"
+    fed = story_of(parameters, departures, supplies=supplied(friction="adapter", stick="adapter"))
     friction = "by the adapter: the string's friction on the rod and sticking and slipping"
     assert f"(by the engine: the winding; {friction}){end}" in fed
-    all_fed = story_of(parameters, found, supplies=supplied(*["adapter"] * 4))
+    all_fed = story_of(parameters, departures, supplies=supplied(*["adapter"] * 4))
     assert "by the engine" not in all_fed
-    nothing = story_of(parameters.replace(release=Release.DROP), found)
+    nothing = story_of(parameters.replace(release=Release.DROP), departures)
     assert "All the physics of the scenario is modelled." in nothing
 
 
@@ -144,7 +152,7 @@ def test_physics_that_has_not_acted_yet_is_no_cause(parameters):
     assert "the adapter models the string's friction on the rod, which this scenario has; its string had" in both
 
 
-def test_a_static_friction_that_a_run_lacks_is_told_with_both_coefficients(parameters):
+def test_a_static_friction_that_a_run_lacks_is_reported_with_both_coefficients(parameters):
     two = parameters.replace(static_friction=0.4)
     said = story_of(two, lacks=("static_friction",))
     assert said.endswith(
@@ -190,7 +198,7 @@ def test_how_late_it_halts(parameters, late, said):
         (True, RunStatus.LIGHT_REACHED_ROD, False),
     ],
 )
-def test_only_a_halt_that_was_cut_is_told_as_seen_until_the_end(parameters, confirmed, status, seen):
+def test_only_a_halt_that_was_cut_is_reported_as_seen_until_the_end(parameters, confirmed, status, seen):
     own = Landmarks(halting_time=0.9, halting_confirmed=confirmed)
     said = story_of(parameters, own=own, true=HALTS, status=status)
     assert said.endswith("Halts on time (at rest until the run ends at 1.050 s)." if seen else "Halts on time.")
@@ -234,7 +242,7 @@ def test_a_halt_that_the_reference_lacks(parameters):
     assert story_of(parameters, own=HALTS).endswith("Its heavy mass comes to rest at 0.900 s; the reference's never does.")
 
 
-def test_a_halt_that_is_not_comparable_is_not_told_as_late(parameters):
+def test_a_halt_that_is_not_comparable_is_not_reported_as_late(parameters):
     own = Landmarks(halting_time=0.5)
     said = story_of(parameters, own=own, true=HALTS, not_comparable="the run ends at 0.600 s")
     assert said.endswith("Its halt is not comparable: the run ends at 0.600 s.")
@@ -255,7 +263,7 @@ def test_a_run_that_broke_off_says_when_and_why(parameters):
     assert "broke off" not in story_of(parameters, status=RunStatus.LIGHT_REACHED_ROD)
 
 
-def test_a_halt_is_told_once_and_other_events_each():
+def test_a_halt_is_reported_once_and_other_events_each():
     """The reference names a halt thrice: it is a stop and a stick too. What comes between the two is told as well."""
     at = [("release", 0.0), ("slack", 0.1), ("stop", 0.3), ("stick", 0.3), ("halt", 0.3), ("stop", 0.4), ("unheard", 0.5)]
     assert events_to_show(at) == [("slack", 0.1), ("halt", 0.3), ("stop", 0.4)]
@@ -265,7 +273,7 @@ def test_a_halt_is_told_once_and_other_events_each():
     assert events_to_show([("stick", 0.3), ("stop", 0.3)]) == [("stick", 0.3)]
 
 
-def test_events_of_one_moment_that_are_not_one_are_both_told():
+def test_events_of_one_moment_that_are_not_one_are_both_reported():
     assert events_to_show([("taut", 0.3), ("slip_onset", 0.3)]) == [("taut", 0.3), ("slip_onset", 0.3)]
     assert events_to_show([("slip_onset", 0.3), ("stop", 0.3)]) == [("slip_onset", 0.3)], "one that turns at once"
     assert events_to_show([(name, 0.1 * k) for k, name in enumerate(EVENT_DESCRIPTIONS)])[0] == ("stop", 0.1)

@@ -22,27 +22,29 @@ HALF_A_SAMPLE = 5e-4
 """[s]"""
 
 
-def told(seed: int) -> str:
+def halt_outcome(seed: int) -> str:
     """What an engine is told of its halt on one random scenario, held against how well its path agrees."""
     (engine,) = select(["mujoco:capstan"], Profile.QUICK)
     scenario = random_scenario(seed)
     run = engine.simulate(scenario)
     reference = Reference(scenario)
     result = compare(scenario, reference, [run])
-    found, sampled = result.engines[0], result.reference.sampled
-    if found.not_comparable:
-        assert found.metrics["halting_time_error"] is None
-        assert not found.landmarks.halting_confirmed
+    engine_result, sampled = result.engines[0], result.reference.sampled
+    if engine_result.not_comparable:
+        assert engine_result.metrics["halting_time_error"] is None
+        assert not engine_result.landmarks.halting_confirmed
         return "not comparable"
     aligned = result.samples.aligned[0]
     known = aligned.heavy_deviation[aligned.t <= min(reference.solution.end_time, aligned.t[-1])]
     if not len(known) or abs(known).max() > CLOSE:
         return "path off"
-    late = found.metrics["halting_time_error"]
-    uncertainties = (found.landmarks.halting_time_uncertainty, sampled.halting_time_uncertainty)
-    if None in (found.landmarks.halting_time, sampled.halting_time):
+    late = engine_result.metrics["halting_time_error"]
+    uncertainties = (engine_result.landmarks.halting_time_uncertainty, sampled.halting_time_uncertainty)
+    if None in (engine_result.landmarks.halting_time, sampled.halting_time):
         # Neither has one, or the motion that decides lies at the resolution or in the last sample before the rod.
-        assert found.landmarks.halting_time is sampled.halting_time is None or "at the rod" in edge(found, sampled), seed
+        assert engine_result.landmarks.halting_time is sampled.halting_time is None or "at the rod" in edge(
+            engine_result, sampled
+        ), seed
         return "none"
     if None in uncertainties:
         return "at the resolution"
@@ -50,26 +52,26 @@ def told(seed: int) -> str:
     return "right"
 
 
-def edge(found, sampled) -> str:
+def edge(engine_result, sampled) -> str:
     """Where one side halts and the other does not: only within the last moments before the light mass reaches the rod."""
-    time = found.landmarks.halting_time if sampled.halting_time is None else sampled.halting_time
-    ends = (found.end_time, sampled.light_reaches_rod)
+    time = engine_result.landmarks.halting_time if sampled.halting_time is None else sampled.halting_time
+    ends = (engine_result.end_time, sampled.light_reaches_rod)
     return "at the rod" if None not in ends and min(ends) - time < 0.03 else f"halt at {time}, ends {ends}"
 
 
 def examine(seeds: range) -> Counter:
     if missing_packages(select(["mujoco:capstan"], Profile.QUICK)[0]):
         pytest.skip("mujoco is not installed")
-    return Counter(told(seed) for seed in seeds)
+    return Counter(halt_outcome(seed) for seed in seeds)
 
 
-def test_what_a_stranger_is_told_of_a_halt_stands():
+def test_halts_of_random_scenarios_are_reported_as_they_are():
     said = examine(range(1000, 1008))
     assert said["right"] >= 2, said
 
 
 @pytest.mark.accurate
-def test_what_a_stranger_is_told_of_60_halts_stands():
+def test_60_halts_of_random_scenarios_are_reported_as_they_are():
     said = examine(range(1000, 1060))
     assert said["right"] >= 20, said
     assert said["not comparable"] >= 3, said

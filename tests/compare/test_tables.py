@@ -15,7 +15,7 @@ from looping_pendulum.compare.paper_table import events_table, quantity_label, r
 from looping_pendulum.compare.report import render as render_report
 from looping_pendulum.engines.landmarks import Extremum, Landmarks, Stop
 
-FOUND = Landmarks(
+LANDMARKS = Landmarks(
     stops=(Stop(time=0.4, height_change=-0.3), Stop(time=0.7, height_change=-0.2), Stop(time=0.9, height_change=-0.25)),
     slip_onsets=(0.5, 0.75, 0.95),
     halting_time=0.9,
@@ -34,32 +34,32 @@ SAID = {
     ("halting_time", 1): 0.9, ("height_change_at_halt", 1): -0.25, ("drop_at_halt", 1): 0.25,
     ("wrap_angle_at_halt", 1): 8.0, ("free_length_at_halt", 1): 0.1, ("time_light_reaches_rod", 1): 1.4,
 }  # fmt: skip
-"""(quantity, which) -> what it is of `FOUND`; C is the last slip onset before the halt, so not the one at 0.95 s."""
+"""(quantity, which) -> what it is of `LANDMARKS`; C is the last slip onset before the halt, so not the one at 0.95 s."""
 
 
 @pytest.mark.parametrize(("quantity", "index"), SAID)
 def test_every_event_quantity_is_read_from_its_landmark(quantity, index):
-    assert event_value(FOUND, quantity, index) == SAID[quantity, index]
+    assert event_value(LANDMARKS, quantity, index) == SAID[quantity, index]
     assert event_value(Landmarks(), quantity, index) is None
-    assert event_value(FOUND, quantity, 0) is None
+    assert event_value(LANDMARKS, quantity, 0) is None
     assert EVENT_QUANTITIES[quantity].several is (quantity in {q for q, i in SAID if i > 1})
 
 
 def test_every_event_quantity_is_examined():
     assert set(EVENT_QUANTITIES) == {quantity for quantity, _ in SAID}
-    assert event_value(FOUND, "colour", 1) is None
+    assert event_value(LANDMARKS, "colour", 1) is None
 
 
 @pytest.mark.parametrize("quantity", [q for q, known in EVENT_QUANTITIES.items() if known.several])
 def test_one_more_than_there_are_is_none(quantity):
-    last = max(i for i in range(1, 9) if event_value(FOUND, quantity, i) is not None)
-    assert event_value(FOUND, quantity, last + 1) is None
+    last = max(i for i in range(1, 9) if event_value(LANDMARKS, quantity, i) is not None)
+    assert event_value(LANDMARKS, quantity, last + 1) is None
     assert quantity_label(quantity, last) == f"{quantity.replace('_', ' ')} {last}"
 
 
 def test_a_slip_needs_a_halt_to_be_before():
-    assert event_value(dataclasses.replace(FOUND, halting_time=None), "t_C", 1) is None
-    assert event_value(dataclasses.replace(FOUND, slip_onsets=(0.95,)), "t_C", 1) is None
+    assert event_value(dataclasses.replace(LANDMARKS, halting_time=None), "t_C", 1) is None
+    assert event_value(dataclasses.replace(LANDMARKS, slip_onsets=(0.95,)), "t_C", 1) is None
     assert quantity_label("t_C", 1) == "t C"
 
 
@@ -108,7 +108,7 @@ def test_the_rms_of_the_times_is_over_what_a_column_has(measured, closed_form):
     assert shown[6] == "–"
 
 
-def test_moments_are_told_as_later_or_earlier_than_the_reference(scenario, reference, make_run):
+def test_moments_are_reported_as_later_or_earlier_than_the_reference(scenario, reference, make_run):
     result = compare(scenario, reference, [make_run(delay=2e-3)])
     engine, true = result.engines[0].landmarks, result.reference.sampled
     row = cells(events_table(result), "stop")
@@ -120,7 +120,7 @@ def test_moments_are_told_as_later_or_earlier_than_the_reference(scenario, refer
     assert "2e-" not in events_table(result)
 
 
-def test_a_moment_that_the_reference_lacks_is_told_as_a_time(scenario, reference, make_run, closed_form):
+def test_a_moment_that_the_reference_lacks_is_reported_as_a_time(scenario, reference, make_run, closed_form):
     run = make_run()
     bounce = np.where(run.t > 0.6, 5e-3 * np.sin(20 * (run.t - 0.6)), 0.0)
     moved = run.heavy_position + np.column_stack([np.zeros_like(bounce), bounce])

@@ -233,5 +233,5 @@ def test_an_interrupted_comparison_goes_beside_a_complete_one(tmp_path, monkeypa
 @pytest.mark.parametrize("there", ["", "{", "[]", "null", '{"engines": 1}', "[" * 10**5, "\x00"])
 def test_what_cannot_be_read_is_not_kept(tmp_path, there):
     (tmp_path / "result.json").write_text(there)
-    cut_short = lambda found: any(e["status"] == "INTERRUPTED" for e in found["engines"])  # noqa: E731
+    cut_short = lambda tree: any(e["status"] == "INTERRUPTED" for e in tree["engines"])  # noqa: E731
     assert cli_common.report_folder(tmp_path, "result.json", interrupted=True, was_interrupted=cut_short) == tmp_path

@@ -119,12 +119,12 @@ def test_a_coefficient_acts_or_is_declared_lacking(engine, coefficient, drops):
     before, after = CASES[coefficient]
     lacks = engine.abilities.lacks(HANGING.replace(**after))
     expected = reference_dropped(HANGING.replace(**after)) - reference_dropped(HANGING.replace(**before))
-    found = drops(engine, after) - drops(engine, before)
+    actual = drops(engine, after) - drops(engine, before)
     if LACK[coefficient] in lacks:
         # What is declared lacking does lack: the declaration is no excuse for an effect that is half there.
-        assert abs(found) < WITHIN * abs(expected), f"moves by {1e3 * found:.2f} mm, reference {1e3 * expected:.2f} mm"
+        assert abs(actual) < WITHIN * abs(expected), f"moves by {1e3 * actual:.2f} mm, reference {1e3 * expected:.2f} mm"
     else:
-        assert abs(found - expected) < WITHIN * abs(expected), f"{1e3 * found:.2f} mm, reference {1e3 * expected:.2f} mm"
+        assert abs(actual - expected) < WITHIN * abs(expected), f"{1e3 * actual:.2f} mm, reference {1e3 * expected:.2f} mm"
 
 
 def test_an_engine_that_supplies_friction_and_says_no_more_is_taken_to_have_one_coefficient():

@@ -148,20 +148,20 @@ def test_every_effect_that_an_engine_declares_is_checked():
 def test_run_checks_reports_failures_and_continues():
     some = [BY_NAME[name] for name in ("can_be_pickled", "samples_every_millisecond_from_rest", "drop_is_free_fall")]
     some.append(BY_NAME["string_keeps_its_length"])
-    found = {result.check: result for result in run_checks(FaultyEngine("nan"), time_limit=60, checks=some)}
-    assert list(found) == [check.__name__ for check in some]
-    assert found["can_be_pickled"].outcome is CheckOutcome.PASSED
-    assert found["drop_is_free_fall"].outcome is CheckOutcome.LEFT_OUT
-    assert "'drop'" in found["drop_is_free_fall"].why
+    results = {result.check: result for result in run_checks(FaultyEngine("nan"), time_limit=60, checks=some)}
+    assert list(results) == [check.__name__ for check in some]
+    assert results["can_be_pickled"].outcome is CheckOutcome.PASSED
+    assert results["drop_is_free_fall"].outcome is CheckOutcome.LEFT_OUT
+    assert "'drop'" in results["drop_is_free_fall"].why
     for name in ("samples_every_millisecond_from_rest", "string_keeps_its_length"):
-        assert found[name].outcome is CheckOutcome.FAILED
-        assert "not a number" in found[name].why
+        assert results[name].outcome is CheckOutcome.FAILED
+        assert "not a number" in results[name].why
 
 
 def test_an_engine_that_crashes_fails_its_checks_and_no_more():
-    found = list(run_checks(FaultyEngine("segfault"), checks=CHECKS[:2]))
-    assert [result.outcome.value for result in found] == ["pass", "fail"]
-    assert "SIGSEGV" in found[1].why
+    results = list(run_checks(FaultyEngine("segfault"), checks=CHECKS[:2]))
+    assert [result.outcome.value for result in results] == ["pass", "fail"]
+    assert "SIGSEGV" in results[1].why
 
 
 def test_what_an_engine_declares_that_it_lacks_is_left_out():

@@ -126,23 +126,23 @@ def test_static_capstan(share, holds):
 def test_ten_to_one_follows_the_reference_to_the_halt(quarter):
     # Oracle: the reference. Bounds: a quarter of 0.6 mm and of 1 mm, those of the other chains over the whole string, because
     # the masses go a quarter of the way; the halt's is two samples.
-    found, halt = quarter
-    until = found.t <= 0.91 * halt  # of the trial's 0.385 s, the 0.35 s of the other chains
-    exact = solve_at(QUARTER, found.t, duration=found.t[-1] + 0.01)
-    distance = np.linalg.norm(found.light_position - exact.light_position, axis=1)
+    trajectory, halt = quarter
+    until = trajectory.t <= 0.91 * halt  # of the trial's 0.385 s, the 0.35 s of the other chains
+    exact = solve_at(QUARTER, trajectory.t, duration=trajectory.t[-1] + 0.01)
+    distance = np.linalg.norm(trajectory.light_position - exact.light_position, axis=1)
     assert math.sqrt(np.mean(distance[until] ** 2)) < 0.15e-3
-    assert found.heavy_drop[-1] == pytest.approx(exact.heavy_position[0, 1] - exact.heavy_position[-1, 1], abs=0.25e-3)
-    speed = found.heavy_velocity[:, 1]
-    stops = found.t[np.flatnonzero((speed > -1e-3) & (found.t > 0.05))[0]]
+    assert trajectory.heavy_drop[-1] == pytest.approx(exact.heavy_position[0, 1] - exact.heavy_position[-1, 1], abs=0.25e-3)
+    speed = trajectory.heavy_velocity[:, 1]
+    stops = trajectory.t[np.flatnonzero((speed > -1e-3) & (trajectory.t > 0.05))[0]]
     assert stops == pytest.approx(halt, abs=2e-3)
 
 
 @needs_drake
 def test_halted_string_sticks(quarter):
     # Oracle: sticking is rest. Bound: the stiction tolerance, below which Drake's friction is regularised.
-    found, halt = quarter
-    rest = found.t > halt + 0.015
-    creep = np.polyfit(found.t[rest], found.heavy_drop[rest], 1)[0]
+    trajectory, halt = quarter
+    rest = trajectory.t > halt + 0.015
+    creep = np.polyfit(trajectory.t[rest], trajectory.heavy_drop[rest], 1)[0]
     assert abs(creep) < QUICK.stiction_tolerance
 
 
@@ -152,12 +152,12 @@ def test_string_keeps_its_length(quarter):
     # the offset R b^2 / 8 of a string that leaves a polygon and as much again for beads that land, and what beads sink in under
     # a tension T, T b / k, along a wound string on which T falls off as exp(-mu theta): T b / (k mu), for twice the heavy
     # mass's weight. While it slides beads bounce off the rod for some ms: the suite's 1 mm.
-    p, (found, halt) = QUARTER, quarter
-    path = found.free_length + p.rod_radius * found.wrap_angle - found.heavy_position[:, 1]
+    p, (trajectory, halt) = QUARTER, quarter
+    path = trajectory.free_length + p.rod_radius * trajectory.wrap_angle - trajectory.heavy_position[:, 1]
     sunk = 2 * p.heavy_mass * 9.81 * QUICK.bend / (QUICK.contact_stiffness * p.coefficients["kinetic_friction"])
-    resting = np.abs(found.string_stretch) + 2 * p.rod_radius * QUICK.bend**2 / 8 + sunk
-    assert np.abs(found.string_stretch).max() < 0.3e-3
-    assert np.all(np.abs(path - p.string_length) <= np.where(found.t > halt + 0.015, resting, 1e-3))
+    resting = np.abs(trajectory.string_stretch) + 2 * p.rod_radius * QUICK.bend**2 / 8 + sunk
+    assert np.abs(trajectory.string_stretch).max() < 0.3e-3
+    assert np.all(np.abs(path - p.string_length) <= np.where(trajectory.t > halt + 0.015, resting, 1e-3))
 
 
 @needs_drake

@@ -156,14 +156,14 @@ if __name__ == "__main__":
 
 def of_session(marker):
     """Return the processes whose environment contains ``marker``."""
-    found = []
+    process_ids = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             if marker in (folder / "environ").read_bytes() and (folder / "stat").read_text().rsplit(")")[1].split()[0] != "Z":
-                found.append(int(folder.name))
+                process_ids.append(int(folder.name))
         except OSError:
             continue
-    return found
+    return process_ids
 
 
 def until(condition, seconds=60):

@@ -150,8 +150,8 @@ def test_pushed_chain_turns_about_its_tangent_point_and_slides_as_the_reference_
     rig = PybulletChain().build(Scenario(name="test", title="", description="", parameters=p, duration=0.1))
     joints = range(pybullet.getNumJoints(rig._body, physicsClientId=rig._world.client))
     rows = pybullet.getLinkStates(rig._body, joints, 1, 1, physicsClientId=rig._world.client)
-    found = np.array([row[6][:2] for row in rows])
-    assert np.abs(found - chain.velocities).max() <= 2 * cut + 1e-9
+    node_velocities = np.array([row[6][:2] for row in rows])
+    assert np.abs(node_velocities - chain.velocities).max() <= 2 * cut + 1e-9
 
 
 def test_links_too_long_for_the_rod_are_refused() -> None:

@@ -191,9 +191,9 @@ def test_friction_that_is_given_together_with_damping_is_ignored() -> None:
     import pybullet
 
     case = scenario(0.01)
-    found = []
+    frictions = []
     for together in (False, True):
         rig = PybulletChain().with_settings(friction_with_damping=together).build(case)
-        found.append(pybullet.getDynamicsInfo(rig._body, 2, physicsClientId=rig._world.client)[1])
-    assert found[0] < 0.45
-    assert found[1] == 0.5
+        frictions.append(pybullet.getDynamicsInfo(rig._body, 2, physicsClientId=rig._world.client)[1])
+    assert frictions[0] < 0.45
+    assert frictions[1] == 0.5

@@ -99,29 +99,29 @@ def test_static_capstan_without_the_correction_is_that_of_the_links(variant):
 @pytest.mark.parametrize("variant", CAREFUL)
 def test_fat_rod_follows_the_reference(variant):
     # Oracle: the reference. Bound: 2 mm; without friction it would be 60 mm.
-    found, p = fat_rod(variant)
-    exact = solve_at(p, found.t, duration=0.6)
-    distance = np.linalg.norm(found.light_position - exact.light_position, axis=1)
+    trajectory, p = fat_rod(variant)
+    exact = solve_at(p, trajectory.t, duration=0.6)
+    distance = np.linalg.norm(trajectory.light_position - exact.light_position, axis=1)
     assert math.sqrt(np.mean(distance**2)) < 2e-3
 
 
 def test_what_the_string_says_of_its_stretch_is_so():
     # Oracle: l + R theta + h = L, from the masses' positions alone. Bound: half a link's sagitta on the rod, R b^2 / 8.
     for variant in CAREFUL:
-        found, p = fat_rod(variant)
-        path = found.free_length + p.rod_radius * found.wrap_angle - found.heavy_position[:, 1] - p.string_length
+        trajectory, p = fat_rod(variant)
+        path = trajectory.free_length + p.rod_radius * trajectory.wrap_angle - trajectory.heavy_position[:, 1] - p.string_length
         bend = full_settings(variant, Profile.QUICK).bend(p.rod_radius)
-        start = found.t <= 0.2 + 1e-9
-        assert np.abs(path - found.string_stretch)[start].max() < p.rod_radius * bend**2 / 8 + 5e-4
+        start = trajectory.t <= 0.2 + 1e-9
+        assert np.abs(path - trajectory.string_stretch)[start].max() < p.rod_radius * bend**2 / 8 + 5e-4
 
 
 @pytest.mark.accurate  # daily by the tolerances of ten_to_one
 def test_the_defaults_stretch_the_string_until_the_run_is_ended():
     # Measured: 5 % of stretch, 33 mm, after 0.07 s; not ended, 0.37 m after 0.23 s.
-    found = run(FullChainVariant.DEFAULTS, TEN_TO_ONE, 0.5)
-    assert found.status is RunStatus.STRING_DRIFT
-    assert 0.05 < found.t[-1] < 0.1
-    assert found.string_stretch[-1] > 0.03
+    trajectory = run(FullChainVariant.DEFAULTS, TEN_TO_ONE, 0.5)
+    assert trajectory.status is RunStatus.STRING_DRIFT
+    assert 0.05 < trajectory.t[-1] < 0.1
+    assert trajectory.string_stretch[-1] > 0.03
 
 
 def test_the_defaults_are_chipmunks():

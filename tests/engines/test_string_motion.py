@@ -64,8 +64,8 @@ def test_a_string_that_creeps_on_has_not_halted_however_slowly_it_creeps(speed):
     t = np.arange(1000) * DT
     place = braked(t, 0.3, 20.0) + speed * np.maximum(t - 0.3, 0)
     assert halting_time(t, place, RESOLUTION, ended=False) is None or speed * MIN_REST < RESOLUTION
-    found = halting_time(t, place, RESOLUTION, ended=True)
-    assert found is None or t[-1] - found <= RESOLUTION / speed + DT  # no more than the resolution is left to creep
+    halt = halting_time(t, place, RESOLUTION, ended=True)
+    assert halt is None or t[-1] - halt <= RESOLUTION / speed + DT  # no more than the resolution is left to creep
 
 
 @pytest.mark.parametrize(("watched", "ended", "halts"), [(0.04, False, False), (0.06, False, True), (0.005, True, False)])
@@ -83,27 +83,27 @@ def test_a_string_that_sticks_since_the_release_halts_then():
 def test_a_reversal_is_one_stop_and_no_stick():
     t, turn = np.arange(600) * DT, 0.3007
     place = np.where(t < turn, -8 * (t - turn) ** 2 / 2, -20 * (t - turn) ** 2 / 2)
-    (found,) = find_rests(t, place)
-    assert found.stop == pytest.approx(turn, abs=1e-9)
-    assert slip_onset(t, place, found, 2) is None
+    (rest,) = find_rests(t, place)
+    assert rest.stop == pytest.approx(turn, abs=1e-9)
+    assert slip_onset(t, place, rest, 2) is None
 
 
 def test_a_slow_reversal_that_looks_like_a_rest_is_still_no_stick():
     t, turn, rate = np.arange(600) * DT, 0.3007, 2.0
     place = -rate * (t - turn) ** 2 / 2
     assert math.sqrt(2 * RESOLUTION / rate) > REST_TIME / 2  # it stays within the resolution for longer than `REST_TIME`
-    (found,) = find_rests(t, place)
-    assert found.stop == pytest.approx(turn, abs=1e-9)
-    assert [slip_onset(t, place, found, power) for power in (2, 3)] == [None, None]
+    (rest,) = find_rests(t, place)
+    assert rest.stop == pytest.approx(turn, abs=1e-9)
+    assert [slip_onset(t, place, rest, power) for power in (2, 3)] == [None, None]
 
 
 @pytest.mark.parametrize("power", [2, 3])
 def test_a_stick_and_the_onset_of_slip(power):
     t, stop, onset = np.arange(900) * DT, 0.3, 0.5
     place = braked(t, stop, 20.0) - 5 * np.maximum(t - onset, 0) ** power
-    (found,) = find_rests(t, place)
-    assert found.stop == pytest.approx(stop, abs=1e-9)
-    assert slip_onset(t, place, found, power) == pytest.approx(onset, abs=1e-6)
+    (rest,) = find_rests(t, place)
+    assert rest.stop == pytest.approx(stop, abs=1e-9)
+    assert slip_onset(t, place, rest, power) == pytest.approx(onset, abs=1e-6)
 
 
 def test_jitter_at_rest_makes_no_stops():
@@ -112,7 +112,7 @@ def test_jitter_at_rest_makes_no_stops():
     assert len(find_rests(t, braked(t, 0.3, 20.0) + jitter)) == 1
 
 
-def test_turns_are_told_from_noise():
+def test_turns_are_distinguished_from_noise():
     t = np.arange(1100) * DT
     noisy = 0.2 * np.cos(9 * t + 0.5) + np.random.default_rng(3).uniform(-2e-4, 2e-4, len(t))
     assert len(turning_points(noisy, 1e-3)) == 3

@@ -31,7 +31,7 @@ def array(*values):
 
 
 @pytest.mark.parametrize(
-    ("values", "found"),
+    ("values", "turns"),
     [
         ((0, 2, 0.5), [1]),
         ((0, -2, -0.5), [1]),
@@ -45,9 +45,9 @@ def array(*values):
         ((0, 2, 3, 4), []),
     ],
 )
-def test_a_turn_is_a_way_back_of_more_than_the_band(values, found):
+def test_a_turn_is_a_way_back_of_more_than_the_band(values, turns):
     """Band 1: a rise or a way back of just 1 is none."""
-    assert turning_points(array(*values), 1.0) == found
+    assert turning_points(array(*values), 1.0) == turns
 
 
 # ---- resting
@@ -125,22 +125,22 @@ def test_a_turn_has_no_stop_before_it_has_only_the_resolution_left():
     steps = array(*[1.0] * 12, 0.3, 0.15, 0.05, -0.05, *[-0.3] * 12) * 1e-3
     place = np.concatenate([[0.0], np.cumsum(steps)])
     t = np.arange(len(place)) * DT
-    (found,) = find_rests(t, place)
+    (rest,) = find_rests(t, place)
     turn = int(np.argmax(place))
-    assert (found.first, found.last) == (turn, turn)
+    assert (rest.first, rest.last) == (turn, turn)
     # Speeds 0.3 and 0.15 m/s in the intervals up to 0.5 ms and 1.5 ms before the turn: zero at half a millisecond before it.
-    assert found.stop == pytest.approx(t[turn] - 0.5e-3, abs=1e-9)
+    assert rest.stop == pytest.approx(t[turn] - 0.5e-3, abs=1e-9)
 
 
-def test_stops_are_told_in_the_order_of_time():
+def test_stops_are_in_the_order_of_time():
     """A turn at 0.1 s, a rest from 0.2 s to 0.3 s, a turn after it: turns are looked for after rests."""
     t = np.arange(500) * DT
     falling = 0.4 * np.minimum(t, 0.1) - 0.3 * np.clip(t - 0.1, 0, 0.1)
     place = falling + 0.5 * np.clip(t - 0.3, 0, 0.05) - 0.5 * np.clip(t - 0.35, 0, 1)
-    found = find_rests(t, place)
-    assert [rest.stop for rest in found] == pytest.approx([0.1, 0.2, 0.35], abs=DT)
-    assert [rest.last > rest.first for rest in found] == [False, True, False]
-    assert (found[1].first, found[1].last) == (200, 300)
+    rests = find_rests(t, place)
+    assert [rest.stop for rest in rests] == pytest.approx([0.1, 0.2, 0.35], abs=DT)
+    assert [rest.last > rest.first for rest in rests] == [False, True, False]
+    assert (rests[1].first, rests[1].last) == (200, 300)
 
 
 # ---- the onset of slip
@@ -166,11 +166,11 @@ def test_the_rest_is_at_the_median_of_its_samples():
     assert slip_onset(t, place, Rest(stop=0.0, first=0, last=12), 1) == pytest.approx(12.4e-3, abs=1e-9)
 
 
-@pytest.mark.parametrize(("stop", "found"), [(0.009, 0.019), (0.0085, 0.019), (0.0095, None), (0.03, None)])
-def test_an_onset_sooner_than_a_rest_after_the_stop_is_none(stop, found):
+@pytest.mark.parametrize(("stop", "expected_onset"), [(0.009, 0.019), (0.0085, 0.019), (0.0095, None), (0.03, None)])
+def test_an_onset_sooner_than_a_rest_after_the_stop_is_none(stop, expected_onset):
     rest = Rest(stop=stop, first=0, last=19)
     onset = slip_onset(np.arange(60) * DT, slipping(speed=1.5e-4) + 0.0, rest, 1)
-    assert onset == (None if found is None else pytest.approx(found, abs=1e-9))
+    assert onset == (None if expected_onset is None else pytest.approx(expected_onset, abs=1e-9))
 
 
 def test_a_string_that_does_not_slide_far_has_no_onset():
@@ -190,13 +190,13 @@ def test_a_slip_that_jumps_begins_with_the_jump():
 
 
 @pytest.mark.parametrize(
-    ("samples", "ended", "found"), [(72, False, True), (71, False, False), (31, True, True), (30, True, False)]
+    ("samples", "ended", "halts"), [(72, False, True), (71, False, False), (31, True, True), (30, True, False)]
 )
-def test_a_halt_is_watched_for_50_ms_or_for_10_ms_up_to_the_rod(samples, ended, found):
+def test_a_halt_is_watched_for_50_ms_or_for_10_ms_up_to_the_rod(samples, ended, halts):
     """The string stands still from sample 19 on, for 52, 51, 11 and 10 intervals of 1 / 1024 s."""
     t = np.arange(samples) / 1024
     place = 1e-2 * np.minimum(np.arange(samples), 19)
-    assert halting_time(t, place, RESOLUTION, ended=ended) == (t[19] if found else None)
+    assert halting_time(t, place, RESOLUTION, ended=ended) == (t[19] if halts else None)
 
 
 def test_a_halt_needs_three_samples():

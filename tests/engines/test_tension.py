@@ -43,8 +43,8 @@ def test_the_references_own_motion_gives_its_tensions_but_where_they_jump(name):
     smooth = np.min(np.abs(t[:, None] - events), axis=1) > HALF
     assert np.sum(smooth) > 400
     pulls = tension_from_motion(reference, scenario.parameters)
-    for found, exact in zip(pulls, (reference.light_tension, reference.heavy_tension), strict=True):
-        assert np.max(np.abs(found - exact)[smooth] / np.max(exact)) < 2e-3
+    for pull, exact in zip(pulls, (reference.light_tension, reference.heavy_tension), strict=True):
+        assert np.max(np.abs(pull - exact)[smooth] / np.max(exact)) < 2e-3
 
 
 def test_an_engines_own_friction_holds_the_capstan_ratio():

@@ -140,7 +140,7 @@ def test_converge_splits_its_error(package, tmp_path):
     assert "no ladder" not in report
 
 
-def test_an_engine_without_a_ladder_is_told_which_page_has_one(spring):
+def test_the_error_of_an_engine_without_a_ladder_names_the_page_that_has_one(spring):
     class Plain(spring.SpringEngine):
         def studies(self):
             return Studies()

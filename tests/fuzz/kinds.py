@@ -266,12 +266,12 @@ def run_readers(data: bytes) -> None:
     refused: list[HarnessError] = []
     for options in READER_OPTIONS:
         try:
-            found = readers.read(path, **options)  # type: ignore[arg-type]
+            observations = readers.read(path, **options)  # type: ignore[arg-type]
         except HarnessError as error:
             refused.append(error)
             continue
-        assert found.summary()
-        for channel in found.channels:
+        assert observations.summary()
+        for channel in observations.channels:
             assert np.isfinite(channel.value).all()
             assert np.all(np.diff(channel.t) > 0)
     if len(refused) == len(READER_OPTIONS):

@@ -56,7 +56,7 @@ def test_a_planted_fault_is_found_shrunk_and_kept(tmp_path):
         (b"8", Outcome.HANG),
     ],
 )
-def test_each_end_is_told_apart(data, outcome):
+def test_each_outcome_is_distinguished(data, outcome):
     assert judge(refuses_sevens, data, cpu_limit=0.05).outcome is outcome
 
 

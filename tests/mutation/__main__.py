@@ -35,11 +35,11 @@ def main() -> int:
     caught_enough = True
     for name in [asked_for.only] if asked_for.only else list(FOLDERS):
         asked, population, broken = _run(name, asked_for)
-        found = summary(name, asked, population, asked_for.seed, read_equivalent(EQUIVALENT), broken)
+        result = summary(name, asked, population, asked_for.seed, read_equivalent(EQUIVALENT), broken)
         asked_for.out.mkdir(parents=True, exist_ok=True)
-        (asked_for.out / f"{name}.json").write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n")
-        print("\n".join(verdict_lines(found)))
-        caught_enough &= found["share"] >= asked_for.at_least
+        (asked_for.out / f"{name}.json").write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n")
+        print("\n".join(verdict_lines(result)))
+        caught_enough &= result["share"] >= asked_for.at_least
     return 0 if caught_enough else 1
 
 

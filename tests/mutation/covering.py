@@ -77,19 +77,19 @@ class Coverage:
 @cache
 def _statements(path: Path) -> list[tuple[int, int, bool]]:
     """First and last line of every simple statement and of every compound one's head, and whether it runs on import."""
-    found = []
+    statements = []
 
     def visit(body: list[ast.stmt], on_import: bool) -> None:
         for node in body:
             inner = [child for name in ("body", "orelse", "finalbody", "handlers") for child in getattr(node, name, [])]
             first = min([node.lineno, *(d.lineno for d in getattr(node, "decorator_list", []))])
             last = min((child.lineno for child in inner), default=(node.end_lineno or 0) + 1) - 1
-            found.append((first, max(first, last), on_import))
+            statements.append((first, max(first, last), on_import))
             is_function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
             visit(inner, on_import and not is_function)
 
     visit(ast.parse(path.read_text(encoding="utf-8")).body, True)
-    return found
+    return statements
 
 
 def statement(root: Path, mutant: Mutant) -> tuple[int, int, bool]:
@@ -126,11 +126,11 @@ def _digest(text: str) -> str:
 
 
 def _test_files(root: Path, tests: Iterable[str]) -> list[str]:
-    found: list[Path] = []
+    files: list[Path] = []
     for name in tests:
         path = root / name
-        found += sorted(path.rglob("test_*.py")) if path.is_dir() else [path]
-    return [path.relative_to(root).as_posix() for path in found]
+        files += sorted(path.rglob("test_*.py")) if path.is_dir() else [path]
+    return [path.relative_to(root).as_posix() for path in files]
 
 
 def _add(total: Coverage, part: dict[str, Any]) -> None:
@@ -191,8 +191,8 @@ def _measure_file(copy: Path, places: Iterable[str], file: str, out: Path) -> No
             lines[path] = {n: [place[t] for t in tests if t in place] for n, tests in contexts.items()}
             imported[path] = [n for n, tests in contexts.items() if "" in tests]
         broken = [t for t, outcomes in watch.outcomes.items() if "failed" in outcomes]
-        found = {"tests": good, "durations": {t: watch.durations[t] for t in good}, "broken": broken}
-        out.write_text(json.dumps(found | {"lines": lines, "imported": imported}))
+        record = {"tests": good, "durations": {t: watch.durations[t] for t in good}, "broken": broken}
+        out.write_text(json.dumps(record | {"lines": lines, "imported": imported}))
         return int(status)
 
     log = out.with_suffix(".log")

@@ -60,8 +60,8 @@ class Mutant:
 
 def all_mutants(root: Path, places: Iterable[str]) -> list[Mutant]:
     """Every mutant of the files and folders ``places`` below ``root``, in an order that depends on the files alone."""
-    found = {path for place in places for path in ([root / place] if place.endswith(".py") else (root / place).rglob("*.py"))}
-    files = sorted(path.relative_to(root).as_posix() for path in found)
+    paths = {path for place in places for path in ([root / place] if place.endswith(".py") else (root / place).rglob("*.py"))}
+    files = sorted(path.relative_to(root).as_posix() for path in paths)
     return [mutant for path in files for mutant in _of_file(root, path)]
 
 

@@ -99,16 +99,16 @@ def summary(
     }
 
 
-def verdict_lines(found: dict[str, Any]) -> list[str]:
+def verdict_lines(result: dict[str, Any]) -> list[str]:
     """Two lines for the terminal."""
 
     def share(key: str, interval: str) -> str:
-        low, high = found[interval]
-        return f"{100 * found[key]:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f} %)"
+        low, high = result[interval]
+        return f"{100 * result[key]:.1f} % (95 %: {100 * low:.1f} to {100 * high:.1f} %)"
 
-    head = f"{found['folder']}: {found['caught']} of {found['sample']} mutants caught, {share('share', 'interval_95')}"
+    head = f"{result['folder']}: {result['caught']} of {result['sample']} mutants caught, {share('share', 'interval_95')}"
     rest = (
-        f"  drawn from {found['mutants']}; without {found['equivalent']} equivalent ones "
+        f"  drawn from {result['mutants']}; without {result['equivalent']} equivalent ones "
         f"{share('share_without_equivalent', 'interval_95_without_equivalent')}"
     )
     return [head, rest]

@@ -79,9 +79,9 @@ def test_every_mutant_is_drawn_equally_often(project):
 
 
 def test_equivalent_mutants_are_counted_apart():
-    found = summary("x", [asked(True), asked(True, 8), asked(False)], 10, 1, {("package/share.py", "a", "b"): "same"}, [])
-    assert (found["caught"], found["share"], found["share_without_equivalent"]) == (2, 0.6667, 1.0)
-    assert found["survivors"][0]["equivalent"] == "same"
+    result = summary("x", [asked(True), asked(True, 8), asked(False)], 10, 1, {("package/share.py", "a", "b"): "same"}, [])
+    assert (result["caught"], result["share"], result["share_without_equivalent"]) == (2, 0.6667, 1.0)
+    assert result["survivors"][0]["equivalent"] == "same"
 
 
 LIVE = """\

@@ -28,17 +28,17 @@ NO_PLACE = 71
 @cache
 def _functions(path: Path) -> list[tuple[str, int, int]]:
     """(dotted name, first and last line of the body) of every function of a file that is in no other function."""
-    found = []
+    functions = []
 
     def visit(body: list[ast.stmt], prefix: str) -> None:
         for node in body:
             if isinstance(node, ast.FunctionDef):
-                found.append((prefix + node.name, node.body[0].lineno, node.end_lineno or 0))
+                functions.append((prefix + node.name, node.body[0].lineno, node.end_lineno or 0))
             elif isinstance(node, ast.ClassDef):
                 visit(node.body, f"{prefix}{node.name}.")
 
     visit(ast.parse(path.read_text(encoding="utf-8")).body, "")
-    return found
+    return functions
 
 
 def enclosing_function(root: Path, mutant: Mutant) -> str:
@@ -135,24 +135,24 @@ def lay(module: str, function: str, source: str) -> bool:
 
 
 def _live(module: str, function: str) -> FunctionType:
-    found: Any = sys.modules[module]
+    target: Any = sys.modules[module]
     for name in function.split("."):
-        found = vars(found)[name]
-    while not isinstance(found, FunctionType):
+        target = vars(target)[name]
+    while not isinstance(target, FunctionType):
         for wrapped in ("fget", "func", "__func__", "__wrapped__"):
-            if hasattr(found, wrapped):
-                found = getattr(found, wrapped)
+            if hasattr(target, wrapped):
+                target = getattr(target, wrapped)
                 break
         else:
             raise TypeError(f"{module}.{function} is no function")
-    while hasattr(found, "__wrapped__"):
-        found = found.__wrapped__
-    return found
+    while hasattr(target, "__wrapped__"):
+        target = target.__wrapped__
+    return target
 
 
 def _codes(code: CodeType) -> dict[str, CodeType]:
-    found = {}
+    codes = {}
     for inner in code.co_consts:
         if isinstance(inner, CodeType):
-            found |= {inner.co_qualname: inner} | _codes(inner)
-    return found
+            codes |= {inner.co_qualname: inner} | _codes(inner)
+    return codes

@@ -84,12 +84,12 @@ def opening(result: ConvergenceResult) -> str:
 
 
 def _runs(result: ConvergenceResult) -> list[RunSummary]:
-    found = []
+    summaries = []
     for v in result.variants:
-        found += [v.own, *(r.run for ladder in v.ladders for r in ladder.rungs), *(s.run for s in v.starts)]
-        found += [one.run for one in (*v.choices, *v.defaults)]
+        summaries += [v.own, *(r.run for ladder in v.ladders for r in ladder.rungs), *(s.run for s in v.starts)]
+        summaries += [one.run for one in (*v.choices, *v.defaults)]
     # One run may be a rung of several ladders
-    return list({run.key: run for run in found}.values())
+    return list({run.key: run for run in summaries}.values())
 
 
 def splits_table(result: ConvergenceResult, quantities: Sequence[str] = (EARLY, LATE, HALT)) -> str:

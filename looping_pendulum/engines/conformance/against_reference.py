@@ -222,8 +222,10 @@ def _effect_check(name: str, case: EffectCase) -> Check:
         expected, actual = displacement(engine, case)
         size = float(np.linalg.norm(expected))
         error = float(np.linalg.norm(actual - expected))
-        found, needed = (", ".join(f"{1e3 * value:.2f}" for value in each) for each in (actual, expected))
-        assert error <= EFFECT_TOLERANCE * size, f"it moves light x, light y and heavy y by {found} mm, needed {needed} mm"
+        actual_text, expected_text = (", ".join(f"{1e3 * value:.2f}" for value in each) for each in (actual, expected))
+        assert error <= EFFECT_TOLERANCE * size, (
+            f"it moves light x, light y and heavy y by {actual_text} mm, needed {expected_text} mm"
+        )
 
     check.__name__ = check.__qualname__ = f"{name}_acts_as_in_the_reference"
     check.__doc__ = f"{EFFECTS[name].formula}: it moves the masses as in the reference."

@@ -167,8 +167,8 @@ def _assert_release_acceleration(run: Trajectory, p: Parameters) -> None:
     for mass, part in (("light", slice(0, 2)), ("heavy", slice(2, 3))):
         size = float(np.linalg.norm(exact[part]))
         off = float(np.linalg.norm(acceleration[part] - exact[part]))
-        found, needed = _vector(acceleration[part]), _vector(exact[part])
-        assert off < RELEASE_TOLERANCE * size, f"acceleration of the {mass} mass {found}, exact {needed} m/s^2"
+        actual_text, exact_text = _vector(acceleration[part]), _vector(exact[part])
+        assert off < RELEASE_TOLERANCE * size, f"acceleration of the {mass} mass {actual_text}, exact {exact_text} m/s^2"
         # A velocity at t = 0, along the exact acceleration, as the time by which the motion began too late
         late = -float(speed[part] @ exact[part]) / size**2
         assert abs(late) < SAMPLE_INTERVAL / 2, f"the {mass} mass starts at {1e3 * late:.2f} ms, needed 0"

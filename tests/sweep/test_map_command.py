@@ -1,0 +1,86 @@
+"""The command that makes maps: what it prints and writes, and how it ends when it is interrupted."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import time
+from functools import partial
+
+import pytest
+from typer.testing import CliRunner
+
+from looping_pendulum.cli.main import app
+from looping_pendulum.sweep import open_map, run_map, runner
+from looping_pendulum.sweep.fields import ENDINGS
+from tests.sweep import fake
+from tests.sweep.maps import GRID, LONG, chunk_files, contents, program
+
+
+def test_the_command_says_after_ctrl_c_how_to_go_on(tmp_path, monkeypatch):
+    def interrupted(task):
+        if task.index == 4:
+            raise KeyboardInterrupt
+        return fake.solve(task)
+
+    monkeypatch.setattr(runner, "run_map", partial(run_map, solve=interrupted))
+    (tmp_path / "map.yaml").write_text(GRID)
+    arguments = ["map", str(tmp_path / "map.yaml"), "--out", str(tmp_path / "out"), "--jobs", "1"]
+    done = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert done.exit_code == 130
+    assert re.search(r"interrupted: 48 of 72 runs are kept in .*out; the same command continues from there", done.stderr)
+
+
+@pytest.mark.accurate
+def test_the_exact_solver_gives_the_same_bytes_in_every_process(tmp_path):
+    (tmp_path / "map.yaml").write_text(LONG.replace("chunk: 12", "chunk: 1000").replace("1e-6", "1e-9"))
+    for out in ("one", "two"):
+        arguments = ("map", tmp_path / "map.yaml", "--out", tmp_path / out, "--jobs", 1)
+        done = subprocess.run(**program("looping_pendulum", *arguments), capture_output=True, text=True, timeout=200)
+        assert done.returncode == 0, done.stderr
+    assert contents(tmp_path / "one") == contents(tmp_path / "two")
+
+
+@pytest.mark.accurate
+def test_ctrl_c_at_the_command_line(tmp_path):
+    (tmp_path / "map.yaml").write_text(LONG.replace("1e-6", "1e-12").replace("count: 12", "count: 400"))
+    arguments = ("map", tmp_path / "map.yaml", "--out", tmp_path / "out", "--jobs", 2)
+    process = subprocess.Popen(**program("looping_pendulum", *arguments), stderr=subprocess.PIPE, text=True)
+    while process.poll() is None and len(chunk_files(tmp_path / "out")) < 2:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    assert said.startswith("6000 runs (15 x 400: release_angle, mass_ratio) in ")
+    assert "Traceback" not in said
+    kept = re.search(r"interrupted: (\d+) of 6000 runs are kept in .*; the same command continues from there", said)
+    assert int(kept[1]) >= 12
+
+
+def test_the_command_maps_and_reports(tmp_path):
+    text = GRID.replace("count: 6", "count: 3").replace(
+        "mass_ratio: {from: 1, to: 12, count: 12}", "static_friction: [0.3, 0.5]"
+    )
+    (tmp_path / "map.yaml").write_text(text)
+    arguments = ["map", str(tmp_path / "map.yaml"), "--out", str(tmp_path / "out"), "--no-figures", "--jobs", "1"]
+    done = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert done.exit_code == 0
+    assert done.stderr.startswith("6 runs (3 x 2: release_angle, static_friction) in 1 chunks, at most")
+    assert re.search(r"6 of 6 runs, .* runs/s", done.stderr)
+    assert re.search(r"^6 runs: 3 \(50 %\) halt", done.stdout)
+    ends = open_map(tmp_path / "out")["end"].isel(static_friction=0)  # static friction below the kinetic one
+    assert [ENDINGS[code] for code in ends.values] == ["impossible"] * 3
+    assert "does not halt; impossible parameters, not run | 3 |" in (tmp_path / "out" / "map.md").read_text()
+    assert not list((tmp_path / "out").glob("*.png"))
+    again = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert "6 of 6 runs are stored already" in again.stderr
+
+
+def test_the_command_lists_maps_and_refuses_a_typo(tmp_path):
+    assert "angle_and_ratio" in CliRunner().invoke(app, ["map"]).stdout
+    assert "title:" in CliRunner().invoke(app, ["maps", "quick"]).stdout
+    (tmp_path / "huge.yaml").write_text(GRID.replace("count: 6", "count: 15000").replace("count: 12", "count: 12000"))
+    done = CliRunner().invoke(app, ["map", str(tmp_path / "huge.yaml"), "--out", str(tmp_path / "out")])
+    assert "found 180000000 runs" in str(done.exception)
+    assert not (tmp_path / "out").exists()
