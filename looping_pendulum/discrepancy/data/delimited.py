@@ -89,7 +89,7 @@ def read_table(path: str | Path, text_column: str = "") -> DelimitedTable:
 
     Parameters
     ----------
-    worded
+    text_column
         Name of a first column that holds text. If the header begins with it, all rows below are data although their first cell
         is no number.
 

@@ -285,7 +285,7 @@ def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
         # An infinite standard error leaves values out without changing the shape of the problem
         masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
         partial = minimise(problem.with_data(masked), fit.x)
-        jacobian = Problem.jacobian(problem, partial.x)
+        jacobian = problem.jacobian(partial.x)
         rows = np.concatenate(out)
         r = problem.residuals(partial.x)
         assert r is not None
