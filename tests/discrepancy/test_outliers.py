@@ -88,6 +88,17 @@ def test_the_ends_of_a_film_of_few_frames_bend_as_what_the_model_lacks():
         assert not find_outliers(residual, np.full(46, 0.05), 40.0).any()
 
 
+@pytest.mark.parametrize("frames", [10, 15, 30])
+def test_a_swing_whose_period_the_model_misses_has_no_outliers(frames):
+    """The residual then swings as far as the bob, 100 times its noise, over a period of 1.3 s."""
+    rng = np.random.default_rng(7)
+    t = np.arange(20 * frames) / frames
+    residual = (0.5 * np.sin(4.8 * t) * np.sin(0.15 * t))[:, None] + 5e-3 * rng.standard_normal((len(t), 1))
+    assert not find_outliers(residual, np.full(len(t), 5e-3), 2.0).any()
+    residual[100] += 1.5
+    assert np.flatnonzero(find_outliers(residual, np.full(len(t), 5e-3), 2.0)).tolist() == [100]
+
+
 def test_too_few_points_have_no_outliers():
     assert not find_outliers(np.full((2 * HALF_WINDOW, 2), [0.0, 1.0]), np.ones(2 * HALF_WINDOW), 1.0).any()
 

@@ -27,6 +27,8 @@ HALF_WINDOW = 6
 
 Over twelve frames at 240 frames/s even a string that lacks drag or friction moves its residual nearly along a line.
 """
+TYPICAL_WINDOW = 15
+"""Points on each side among which a distance is typical or not."""
 MAX_BLOCK = 60
 """Longest block of points on another object [points]: a quarter of a second at 240 frames/s."""
 EDGE_POINTS = 5
@@ -39,6 +41,8 @@ MAX_SHARE = 0.2
 """Largest share of outliers. With more of them it is not the mass that was tracked, and the residuals should show it."""
 MAX_ITERATIONS = 50
 """Iterations of expectation-maximisation; it ends after some ten."""
+GAUSSIAN_MAD = 1.4826
+"""Standard deviation of a Gaussian in units of its median absolute value."""
 MEDIAN_VARIANCE = math.pi / 2
 """Variance of a median of many Gaussian values, in units of that of their mean."""
 
@@ -57,28 +61,43 @@ def find_outliers(residual: Array, sigma: Array, area: float) -> NDArray[np.bool
     """
     if len(residual) < 2 * HALF_WINDOW + 1:
         return np.zeros(len(residual), dtype=bool)
-    place = np.arange(len(residual))
-    single = _single(place, residual, sigma, area)
+    single = _single(residual, sigma, area, np.zeros(len(residual), dtype=bool))
     blocks = _blocks(residual, sigma, single, area)
-    rest = np.flatnonzero(~blocks)
-    if not blocks.any() or len(rest) <= 2 * HALF_WINDOW:
-        return single | blocks
-    # Beside a block the neighbours' median was wrong: what is left is looked at again without it
-    blocks[rest] = _single(rest, residual[rest], sigma[rest], area)
-    return blocks
+    # Beside a block the neighbours led astray: what is left is looked at again without it
+    return blocks | _single(residual, sigma, area, blocks) if blocks.any() else single
 
 
-def _single(place: NDArray[np.int_], residual: Array, sigma: Array, area: float) -> NDArray[np.bool_]:
-    """Return which points, at ``place`` in the film, are far from where their neighbours lead one to expect them."""
-    return _improbable(_distance_from_neighbours(place, residual), sigma, area)
+def _single(residual: Array, sigma: Array, area: float, left_out: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which points are far from where their neighbours, without those ``left_out``, lead one to expect them."""
+    gone = left_out.copy()
+    while (~gone).sum() > 2 * HALF_WINDOW:
+        rest = np.flatnonzero(~gone)
+        square, wild = _improbable(_distance_from_neighbours(rest, residual[rest]), sigma[rest], area, rough=True)
+        # A wild point leads its neighbours astray, so that of those that are near each other only the worst goes at a time
+        padded = np.pad(np.where(wild, square, 0.0), HALF_WINDOW)
+        worst = wild & (square >= sliding_window_view(padded, 2 * HALF_WINDOW + 1).max(axis=1))
+        if not worst.any():
+            break
+        gone[rest[worst]] = True
+    single = gone & ~left_out
+    return single if single.mean() <= MAX_SHARE else np.zeros_like(single)
 
 
-def _improbable(distance: Array, sigma: Array, area: float) -> NDArray[np.bool_]:
-    """Return where a point is an outlier with a probability above a half, by the mixture of the module's docstring."""
+def _improbable(distance: Array, sigma: Array, area: float, *, rough: bool = False) -> tuple[Array, NDArray[np.bool_]]:
+    """Return squared distances in units of noise, and where a point is an outlier with a probability above a half.
+
+    Parameters
+    ----------
+    rough
+        Whether distances that are typical of their surroundings count as noise, however large they are: with few frames in a
+        swing that the model misses, the neighbours do not lead to the point.
+    """
     components = distance.shape[1]
     spread = math.sqrt(1 + MEDIAN_VARIANCE / (2 * HALF_WINDOW))  # the median that is subtracted scatters, too
-    square = np.sum((distance / (spread * sigma[:, None])) ** 2, axis=1)
-    log_noise = -0.5 * square - components * np.log(math.sqrt(2 * math.pi) * spread * sigma)
+    standardised = distance / (spread * sigma[:, None])
+    typical = _typical_size(standardised) if rough else np.ones(len(distance))
+    square = np.asarray(np.sum((standardised / typical[:, None]) ** 2, axis=1))
+    log_noise = -0.5 * square - components * np.log(math.sqrt(2 * math.pi) * spread * typical * sigma)
     share = MIN_SHARE
     probability = np.zeros(len(distance))
     for _ in range(MAX_ITERATIONS):
@@ -89,32 +108,39 @@ def _improbable(distance: Array, sigma: Array, area: float) -> NDArray[np.bool_]
         if abs(new - share) < 1e-3 * share:
             break
         share = new
-    return np.asarray(probability > 0.5)
+    return square, np.asarray(probability > 0.5)
+
+
+def _typical_size(standardised: Array) -> Array:
+    """Return the size that is typical around each point, shape (n,): a running median in units of noise, at least 1."""
+    width = min(TYPICAL_WINDOW, (len(standardised) - 1) // 2)
+    padded = np.pad(np.abs(standardised), ((width, width), (0, 0)), mode="reflect")
+    windows = sliding_window_view(padded, 2 * width + 1, axis=0)
+    return np.asarray(np.maximum(GAUSSIAN_MAD * np.median(windows, axis=2).max(axis=1), 1.0))
 
 
 def _distance_from_neighbours(place: NDArray[np.int_], residual: Array) -> Array:
-    """Return how far each point is from the medians of its neighbours, shape (n, components).
+    """Return how far each point is from where its neighbours lead one to expect it, shape (n, components).
 
-    Of the neighbours on both sides, of those before and of those after, the nearest median counts: where the residual jumps,
-    for a bumped camera or an event that the model misses, a point agrees with one side. On both sides together, a residual that
-    changes at a steady rate has the value of the point itself.
+    Of several expectations the nearest counts: the median of the neighbours on both sides, which is right where the residual
+    changes at a steady rate; that of those before and of those after, of which one is right where the residual jumps, for a
+    bumped camera or an event that the model misses; and a parabola, which is right where the residual bends. At the ends, where
+    one side lacks neighbours, a line stands for the first.
     """
     n, width = len(residual), HALF_WINDOW
     padded = np.pad(residual, ((width, width), (0, 0)), constant_values=np.nan)
     windows = sliding_window_view(padded, 2 * width + 1, axis=0)
     before, after = windows[..., :width], windows[..., width + 1 :]
     expected = [np.median(part, axis=2) for part in (np.concatenate([before, after], axis=2), before, after)]
-    # At the ends one side lacks neighbours: a line through the others leads to the point, or where the model lacks something
-    # large and the frames are few, a parabola
+    first = np.clip(np.arange(n) - width, 0, n - 2 * width - 1)
+    nearest = first[:, None] + np.arange(2 * width + 1)
+    others = nearest[nearest != np.arange(n)[:, None]].reshape(n, 2 * width)
+    steps, values = place[others] - place[:, None], residual[others]
     ends = np.array([*range(width), *range(n - width, n)])
-    nearest = np.where(ends[:, None] < width, np.arange(2 * width + 1), np.arange(n - 2 * width - 1, n))
-    others = nearest[nearest != ends[:, None]].reshape(len(ends), 2 * width)
-    steps = place[others] - place[ends][:, None]
-    expected[0][ends] = _theil_sen(steps, residual[others])
-    parabola = np.full_like(residual, np.nan)
-    value_at_point = np.linalg.pinv(steps[..., None] ** np.arange(3.0))[:, 0]  # least squares, by the twelve neighbours
-    parabola[ends] = np.einsum("kp,kpc->kc", value_at_point, residual[others])
-    expected.append(parabola)
+    expected[0][ends] = _theil_sen(steps[ends], values[ends])
+    powers = steps[..., None] ** np.arange(3.0)
+    transposed = powers.swapaxes(1, 2)
+    expected.append(np.linalg.solve(transposed @ powers, transposed @ values)[:, 0])  # least squares
     distance = residual - np.array(expected)
     size = np.nan_to_num(np.linalg.norm(distance, axis=2), nan=np.inf)
     return np.asarray(distance[size.argmin(axis=0), np.arange(n)])
@@ -138,7 +164,7 @@ def _blocks(residual: Array, sigma: Array, single: NDArray[np.bool_], area: floa
     step = np.diff(residual[kept], axis=0)
     scatter = math.sqrt(2) * np.maximum(sigma[kept][1:], sigma[kept][:-1])
     # A jump counts as an outlier counts, so that both have one threshold
-    jumps = 1 + np.flatnonzero(_improbable(step, scatter, area))
+    jumps = 1 + np.flatnonzero(_improbable(step, scatter, area, rough=True)[1])
     for k, start in enumerate(jumps):
         for end in jumps[k + 1 :]:
             # The jumps are in order, so all that follow are too far as well
@@ -151,7 +177,7 @@ def _blocks(residual: Array, sigma: Array, single: NDArray[np.bool_], area: floa
             inside = kept[start:end]
             way = (np.arange(len(inside)) + 1)[:, None] / (len(inside) + 1)
             distance = residual[inside] - (before + way * (after - before))
-            off = _improbable(distance, sigma[inside], area)
+            _, off = _improbable(distance, sigma[inside], area)
             returns = np.linalg.norm(after - before) < 0.5 * np.median(np.linalg.norm(distance, axis=1))
             if returns and off.mean() >= MIN_BLOCK_SHARE:
                 mask[kept[start] : kept[end - 1] + 1] = True
