@@ -15,7 +15,7 @@ from looping_pendulum.discrepancy.fit.event_tests import event_rms_by_unit
 from looping_pendulum.discrepancy.fit.likelihood import likelihood_interval
 from looping_pendulum.discrepancy.listed.attribution import rms
 from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.outlier_summary import is_outlier, outliers_in_words, summarise_outliers
+from looping_pendulum.discrepancy.outlier_summary import outliers_in_words, summarise_outliers
 from looping_pendulum.discrepancy.result import (
     EventResidual,
     Experiment,
@@ -358,7 +358,7 @@ def _trial_figures(before: CandidateModel, after: CandidateModel, autocorrelatio
 def _trial_figure(before: Fit, after: Fit, k: int, held_out: bool, factor: float) -> TrialFigure:
     """Return the arrays of a trial's figure, residuals times ``factor``, the root of the autocorrelation time."""
     d = before.problem.data[k]
-    wild = is_outlier(after, k)
+    is_outlier = after.problem.data[k].is_outlier
 
     def by_channel(values: Array) -> dict[str, Array]:
         return {name: values[part] for name, part in d.slices.items()}
@@ -371,7 +371,7 @@ def _trial_figure(before: Fit, after: Fit, k: int, held_out: bool, factor: float
         measured=by_channel(d.value),
         before=by_channel(before.problem.predict(before.x, k)),
         after=by_channel(after.problem.predict(after.x, k)),
-        residual_before=by_channel(np.where(wild, np.nan, factor * _standardised(before, k))),
-        residual_after=by_channel(np.where(wild, np.nan, factor * _standardised(after, k))),
-        outliers={name: wild[part] for name, part in d.slices.items()},
+        residual_before=by_channel(np.where(is_outlier, np.nan, factor * _standardised(before, k))),
+        residual_after=by_channel(np.where(is_outlier, np.nan, factor * _standardised(after, k))),
+        outliers={name: is_outlier[part] for name, part in d.slices.items()},
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.observations import BODIES
 from looping_pendulum.discrepancy.fit.calibration import Fit
@@ -13,24 +12,18 @@ from looping_pendulum.discrepancy.result import Outliers
 from looping_pendulum.pages.numbers import quantity
 
 
-def is_outlier(fit: Fit, k: int) -> NDArray[np.bool_]:
-    """Return which values of trial ``k`` the fit leaves out as outliers."""
-    d = fit.problem.data[k]
-    return np.zeros(len(d.t), dtype=bool) if d.outliers is None else d.outliers
-
-
 def summarise_outliers(fits: Sequence[tuple[Fit, int, bool]]) -> tuple[Outliers, ...]:
     """Return the outliers of each trial and body; ``fits``: fit, index of the trial in it, whether the trial is held out."""
     rows = []
     for fit, k, held_out in fits:
-        d, wild = fit.problem.data[k], is_outlier(fit, k)
+        d = fit.problem.data[k]
         residual = d.value - fit.problem.predict(fit.x, k)
         for names in BODIES.values():
-            channels = [c for c in d.channels if c.name in names and wild[d.slices[c.name]].any()]
+            channels = [c for c in d.channels if c.name in names and d.is_outlier[d.slices[c.name]].any()]
             if not channels:
                 continue
             parts = [d.slices[c.name] for c in channels]
-            index = np.flatnonzero(np.any([wild[p] for p in parts], axis=0))
+            index = np.flatnonzero(np.any([d.is_outlier[p] for p in parts], axis=0))
             t = channels[0].t
             # Cut where an index is left out, so that each run is one interval of time
             runs = np.split(index, 1 + np.flatnonzero(np.diff(index) > 1))

@@ -13,7 +13,7 @@ from looping_pendulum.reference_ode.state import Effects, Motion, State
 class HybridSystem(Protocol):
     """The equations of one run, or of many at once, as `rules` asks them."""
 
-    p: Any
+    p: SimpleNamespace
     """Parameters by name."""
     effects: Effects
     rod_turns: bool

@@ -8,6 +8,7 @@ heavy mass while the string is taut; and w = l theta', the speed of the light ma
 from __future__ import annotations
 
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from looping_pendulum.reference_ode.effects.properties import REST_SPEED
@@ -148,7 +149,7 @@ def string_has_thickness(effects: Effects) -> bool:
     return any(effect.winding is not None for effect in effects)
 
 
-def winding(y: State, overlap: Any, p: Any, effects: Effects) -> Winding:
+def winding(y: State, overlap: Any, p: SimpleNamespace, effects: Effects) -> Winding:
     """Return the geometry of the wound rod; ``overlap``: 1 beyond the first turn, else 0."""
     radius, foot, path = p.rod_radius, 0.0, y.free_length + p.rod_radius * y.wrap_angle
     for effect in effects if string_has_thickness(effects) else ():
@@ -158,19 +159,19 @@ def winding(y: State, overlap: Any, p: Any, effects: Effects) -> Winding:
     return Winding(radius, foot, path)
 
 
-def string_path(xp: Any, y: State, overlap: Any, p: Any, effects: Effects) -> Any:
+def string_path(xp: Any, y: State, overlap: Any, p: SimpleNamespace, effects: Effects) -> Any:
     """Return the length of string from the top of the rod to the light mass, which may be out of the plane [m]."""
     path = winding(y, overlap, p, effects).path
     return xp.sqrt(path * path + y.sideways * y.sideways) if "sideways" in extra_variables(effects) else path
 
 
-def heavy_drop(xp: Any, y: State, overlap: Any, p: Any, effects: Effects) -> Any:
+def heavy_drop(xp: Any, y: State, overlap: Any, p: SimpleNamespace, effects: Effects) -> Any:
     """Return how far the heavy mass is below its release [m]: the length that the light side has lost, slack included."""
     path = string_path(xp, y, overlap, p, effects) + y.slack
     return p.free_length + p.rod_radius * p.release_angle - path
 
 
-def kinematics(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: Any, effects: Effects) -> Kinematics:
+def kinematics(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: SimpleNamespace, effects: Effects) -> Kinematics:
     """Return what the effects may depend on, with absolute values written as a sign times a value."""
     own = extra_variables(effects)
     across_size = signs.across * y.across_speed
@@ -211,7 +212,9 @@ def _needs_hanging_length(effects: Effects) -> bool:
     return any(effect.inertia_of_heavy_mass is not None for effect in effects)
 
 
-def _with_extra_variables(xp: Any, mode: Mode, y: State, signs: Signs, p: Any, effects: Effects, k: Kinematics) -> Kinematics:
+def _with_extra_variables(
+    xp: Any, mode: Mode, y: State, signs: Signs, p: SimpleNamespace, effects: Effects, k: Kinematics
+) -> Kinematics:
     """Return ``k`` with the quantities that only some effects read."""
     heavy_size = slip_speed = k.heavy_speed_size
     own = extra_variables(effects)

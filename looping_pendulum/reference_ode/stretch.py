@@ -12,6 +12,7 @@ equation that is linear in q'; while the rod holds the string, q' = 0.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from looping_pendulum.reference_ode.state import State
@@ -31,12 +32,12 @@ class Springs(NamedTuple):
     """Sum over both sides of the stretch and tau times its rate, e + tau e' [m]: below 0 there is no tension."""
 
 
-def light_share(path: Any, light_stretch: Any, p: Any) -> Any:
+def light_share(path: Any, light_stretch: Any, p: SimpleNamespace) -> Any:
     """Return the share of the string's rest length that is on the light side; ``path``: length of that side [m]."""
     return (path - light_stretch) / p.string_length
 
 
-def springs(mode: Mode, y: State, string_speed: Any, path: Any, ratio: Any, p: Any) -> Springs:
+def springs(mode: Mode, y: State, string_speed: Any, path: Any, ratio: Any, p: SimpleNamespace) -> Springs:
     """Return tensions and passing speed.
 
     Parameters

@@ -33,6 +33,8 @@ MAX_WINDOW_RATIO = 1.6
 
 They have gaps, over which the motion is no cubic, so that the differences would show it.
 """
+GAUSSIAN_MAD = 1.4826
+"""Standard deviation of a Gaussian in units of its median absolute value."""
 MIN_SCALE = 1e-12
 """Smallest standard deviation [unit of the channel]: keeps divisions finite for data without noise."""
 
@@ -137,7 +139,7 @@ def _differences(channel: Channel, order: int) -> tuple[Array, Array]:
 
 def _robust_standard_deviation(difference: Array) -> float:
     """Return a robust standard deviation about zero: 1.4826 times the median absolute value, as for a Gaussian."""
-    return max(1.4826 * float(np.median(np.abs(difference))), MIN_SCALE)
+    return max(GAUSSIAN_MAD * float(np.median(np.abs(difference))), MIN_SCALE)
 
 
 def _clipped_moment(power: int) -> float:

@@ -1,4 +1,4 @@
-"""Find tracked points that do not show the mass: single wild points, and blocks in which the tracker followed something else.
+"""Find tracked points that do not show the mass: single points, and blocks in which the tracker followed something else.
 
 Distances are measured from where the neighbours lead one to expect the residual, not from the model: what a model lacks moves
 the residuals of many neighbouring points together and smoothly, so that it is never taken for an outlier. Of these distances d,
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from looping_pendulum.discrepancy.data.noise import GAUSSIAN_MAD
 from looping_pendulum.reference_ode.geometry import Array
 
 HALF_WINDOW = 6
@@ -36,13 +37,11 @@ EDGE_POINTS = 5
 MIN_BLOCK_SHARE = 0.8
 """Share of the points of a block that must be off by more than noise: the mass may cross what the tracker followed."""
 MIN_SHARE = 1e-4
-"""Smallest share of outliers that is assumed [1], so that the first wild point of a film can be one."""
+"""Smallest share of outliers that is assumed [1], so that the first one of a film can be found."""
 MAX_SHARE = 0.2
 """Largest share of outliers. With more of them it is not the mass that was tracked, and the residuals should show it."""
 MAX_ITERATIONS = 50
 """Iterations of expectation-maximisation; it ends after some ten."""
-GAUSSIAN_MAD = 1.4826
-"""Standard deviation of a Gaussian in units of its median absolute value."""
 MEDIAN_VARIANCE = math.pi / 2
 """Variance of a median of many Gaussian values, in units of that of their mean."""
 
@@ -57,7 +56,7 @@ def find_outliers(residual: Array, sigma: Array, area: float) -> NDArray[np.bool
     sigma
         Standard deviation of each component of a point [m], shape (n,).
     area
-        Area in which a wild point may lie [m^components].
+        Area in which an outlier may lie [m^components].
     """
     if len(residual) < 2 * HALF_WINDOW + 1:
         return np.zeros(len(residual), dtype=bool)
@@ -72,10 +71,10 @@ def _single(residual: Array, sigma: Array, area: float, left_out: NDArray[np.boo
     gone = left_out.copy()
     while (~gone).sum() > 2 * HALF_WINDOW:
         rest = np.flatnonzero(~gone)
-        square, wild = _improbable(_distance_from_neighbours(rest, residual[rest]), sigma[rest], area, rough=True)
-        # A wild point leads its neighbours astray, so that of those that are near each other only the worst goes at a time
-        padded = np.pad(np.where(wild, square, 0.0), HALF_WINDOW)
-        worst = wild & (square >= sliding_window_view(padded, 2 * HALF_WINDOW + 1).max(axis=1))
+        square, improbable = _improbable(_distance_from_neighbours(rest, residual[rest]), sigma[rest], area, rough=True)
+        # An outlier leads its neighbours astray, so that of those that are near each other only the worst goes at a time
+        padded = np.pad(np.where(improbable, square, 0.0), HALF_WINDOW)
+        worst = improbable & (square >= sliding_window_view(padded, 2 * HALF_WINDOW + 1).max(axis=1))
         if not worst.any():
             break
         gone[rest[worst]] = True
@@ -101,9 +100,9 @@ def _improbable(distance: Array, sigma: Array, area: float, *, rough: bool = Fal
     share = MIN_SHARE
     probability = np.zeros(len(distance))
     for _ in range(MAX_ITERATIONS):
-        log_wild = math.log(share) - math.log(area)
+        log_outlier = math.log(share) - math.log(area)
         # Clipped, because the exponential of more than 709 is infinite in double precision
-        probability = 1 / (1 + np.exp(np.clip(log_noise + math.log1p(-share) - log_wild, -700, 700)))
+        probability = 1 / (1 + np.exp(np.clip(log_noise + math.log1p(-share) - log_outlier, -700, 700)))
         new = float(np.clip(probability.mean(), MIN_SHARE, MAX_SHARE))
         if abs(new - share) < 1e-3 * share:
             break

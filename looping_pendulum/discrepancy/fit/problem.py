@@ -50,6 +50,11 @@ class TrialData:
     outliers: NDArray[np.bool_] | None = None
     """Values that are left out because they do not show the mass, shape (n,); None: none were looked for yet."""
 
+    @property
+    def is_outlier(self) -> NDArray[np.bool_]:
+        """Return which values are left out as outliers, shape (n,); none if none were looked for."""
+        return np.zeros(len(self.sigma), dtype=bool) if self.outliers is None else self.outliers
+
     @cached_property
     def value(self) -> Array:
         """Return the measured values [SI], shape (n,)."""

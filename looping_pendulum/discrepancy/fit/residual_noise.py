@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from looping_pendulum.discrepancy.data.noise import GAUSSIAN_MAD
 from looping_pendulum.discrepancy.data.observations import BODIES
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.outliers import find_outliers
@@ -38,8 +39,8 @@ def with_noise_of_residuals(fit: Fit) -> Fit:
 def refit_with_estimated_noise(fit: Fit) -> Fit:
     """Estimate noise and refit, twice in turn; after two rounds they agree."""
     first = with_noise_of_residuals(fit)
-    if any(d.outliers is not None and d.outliers.any() for d in first.problem.data):
-        # Wild points may have led the fit astray, so that it begins anew without them
+    if any(d.is_outlier.any() for d in first.problem.data):
+        # Outliers may have led the fit astray, so that it begins anew without them
         first = min((first, calibrate(first.problem)), key=lambda f: f.cost)
     return with_noise_of_residuals(first)
 
@@ -65,23 +66,23 @@ def _with_noise_of_residuals(fit: Fit, k: int) -> TrialData:
     """Return the data of trial ``k`` with the noise of its residuals, and without outliers."""
     d = fit.problem.data[k]
     residual = d.value - fit.problem.predict(fit.x, k)
-    used = np.isfinite(d.sigma) if d.outliers is None else np.isfinite(d.sigma) | d.outliers
+    used = np.isfinite(d.sigma) | d.is_outlier
     sigma, outliers = d.sigma.copy(), np.zeros(len(d.sigma), dtype=bool)
     for names in BODIES.values():
         channels = [c.name for c in d.channels if c.name in names]
         if not channels:
             continue
         law = _noise_of_body(fit, k, residual, channels)
-        wild = _outliers_of_body(d, residual, channels, law, used)
-        if wild.any():  # they have widened the law
-            clean = dataclasses.replace(d, sigma=np.where(wild, np.inf, d.sigma))
+        here = _outliers_of_body(d, residual, channels, law, used)
+        if here.any():  # they have widened the law
+            clean = dataclasses.replace(d, sigma=np.where(here, np.inf, d.sigma))
             law = _noise_of_body(fit, k, residual, channels, clean)
-            wild = _outliers_of_body(d, residual, channels, law, used)
-        outliers |= wild
+            here = _outliers_of_body(d, residual, channels, law, used)
+        outliers |= here
         for name in channels:
             part = d.slices[name]
             # Values that are left out of the fit for another reason, with infinite sigma, stay so
-            sigma[part] = np.where((used & ~wild)[part], law[name], np.inf)
+            sigma[part] = np.where((used & ~here)[part], law[name], np.inf)
     return dataclasses.replace(d, sigma=sigma, outliers=outliers)
 
 
@@ -89,7 +90,7 @@ def _outliers_of_body(
     d: TrialData, residual: Array, names: Sequence[str], law: dict[str, Array], used: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Return which values do not show the body, shape of the whole vector; a point's coordinates are judged together."""
-    wild = np.zeros(len(residual), dtype=bool)
+    outliers = np.zeros(len(residual), dtype=bool)
     times = [d.t[d.slices[name]] for name in names]
     together = all(np.array_equal(t, times[0]) for t in times)
     for group in [list(names)] if together else [[name] for name in names]:
@@ -98,12 +99,13 @@ def _outliers_of_body(
         if not len(kept):
             continue
         noise = law[group[0]][kept]
-        # A wild point may lie anywhere between the extremes of all points, and of a body at rest within its noise
+        # An outlier may lie anywhere between the extremes of all points, and of a body at rest within its noise
         spans = [max(float(np.ptp(d.value[part][kept])), float(noise.max())) for part in parts]
         columns = np.stack([residual[part][kept] for part in parts], axis=1)
+        outliers_of_group = find_outliers(columns, noise, math.prod(spans))
         for part in parts:
-            wild[part.start + kept] = find_outliers(columns, noise, math.prod(spans))
-    return wild
+            outliers[part.start + kept] = outliers_of_group
+    return outliers
 
 
 def _noise_of_body(fit: Fit, k: int, residual: Array, names: Sequence[str], data: TrialData | None = None) -> dict[str, Array]:
@@ -133,8 +135,7 @@ def _noise_of_body(fit: Fit, k: int, residual: Array, names: Sequence[str], data
 
 def _fit_noise_law(difference: Array, v: Array) -> tuple[float, float]:
     """Fit sigma = a + b v with a, b >= 0 to Gaussian differences by maximum likelihood; outliers are clipped."""
-    # The factor makes the median absolute value a standard deviation for Gaussian noise
-    a, b = 1.4826 * float(np.median(np.abs(difference))) + 1e-12, 0.0
+    a, b = GAUSSIAN_MAD * float(np.median(np.abs(difference))) + 1e-12, 0.0
     for _ in range(40):
         sigma = np.maximum(a + b * v, 0.05 * a + 1e-12)
         # Linearised, as in `data.noise`, the estimating equation is a weighted line through these values

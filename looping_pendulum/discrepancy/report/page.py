@@ -87,8 +87,8 @@ def trial_figure(picture: TrialFigure, index: int) -> Figure:
         layout["shapes"].append(band(-2, 2, axis))
         colour = f"var(--run-{i % len(COLOURS)})"
         point_style = {"color": colour, "size": 4}
-        wild = picture.outliers[channel]
-        symbols = {"symbol": ["x" if w else "circle" for w in wild]} if wild.any() else {}
+        is_outlier = picture.outliers[channel]
+        symbols = {"symbol": ["x" if cross else "circle" for cross in is_outlier]} if is_outlier.any() else {}
         traces.append(points(f"{name}, tracked", t, plain(picture.measured[channel]), colour, marker=point_style | symbols))
         for side, label, shade in MODELS:
             line_style = {

@@ -59,8 +59,8 @@ def trial_figure(picture: TrialFigure) -> Figure:
         t = picture.t[name]
         colour = COLOURS[i % len(COLOURS)]
         axes[0].plot(t, picture.measured[name], ".", ms=2.5, color=colour, label=name)
-        wild = picture.outliers[name]
-        axes[0].plot(t[wild], picture.measured[name][wild], "x", ms=5, mew=1.2, color=colour)
+        is_outlier = picture.outliers[name]
+        axes[0].plot(t[is_outlier], picture.measured[name][is_outlier], "x", ms=5, mew=1.2, color=colour)
         axes[0].plot(t, picture.before[name], "--", lw=0.9, color=GREY)
         axes[0].plot(t, picture.after[name], "-", lw=0.9, color="black")
         _residual(axes[1 + i], picture, name)

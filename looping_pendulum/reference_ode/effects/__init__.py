@@ -11,6 +11,7 @@ Directions are the paper's: *along* the string from the light mass towards the r
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 from looping_pendulum.reference_ode.effects.closure import CLOSURE
@@ -186,7 +187,7 @@ def drag_coefficient(shape_factor: float, air_density: float, area: float) -> fl
     return 0.5 * shape_factor * air_density * area
 
 
-def force_on_light_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> tuple[Any, Any]:
+def force_on_light_mass(xp: Any, k: Kinematics, p: SimpleNamespace, effects: tuple[Effect, ...]) -> tuple[Any, Any]:
     """Return the sum of the forces on the light mass other than the string's pull, (along, across) [N]."""
     along: Any = 0.0
     across: Any = 0.0
@@ -197,7 +198,7 @@ def force_on_light_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, .
     return along, across
 
 
-def force_on_heavy_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
+def force_on_heavy_mass(xp: Any, k: Kinematics, p: SimpleNamespace, effects: tuple[Effect, ...]) -> Any:
     """Return the sum of the upward forces on the heavy mass other than the string's pull [N]."""
     total: Any = 0.0
     for effect in effects:
@@ -206,17 +207,17 @@ def force_on_heavy_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, .
     return total
 
 
-def sliding_exponent(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
+def sliding_exponent(xp: Any, k: Kinematics, p: SimpleNamespace, effects: tuple[Effect, ...]) -> Any:
     """Return ln(T2/T1) of a string that slides so that the heavy mass falls; if it rises, ln(T2/T1) is the negative of this."""
     return sum(e.sliding_exponent(xp, k, p) for e in effects if e.sliding_exponent is not None)
 
 
-def holding_exponent(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
+def holding_exponent(xp: Any, k: Kinematics, p: SimpleNamespace, effects: tuple[Effect, ...]) -> Any:
     """Return the largest |ln(T2/T1)| that the rod can hold while the string sticks."""
     return sum(e.holding_exponent(xp, k, p) for e in effects if e.holding_exponent is not None)
 
 
-def inertia_of_light_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> tuple[Any, Any]:
+def inertia_of_light_mass(xp: Any, k: Kinematics, p: SimpleNamespace, effects: tuple[Effect, ...]) -> tuple[Any, Any]:
     """Return the inertia of the light mass and of what moves with it, (along, across) the string [kg]."""
     along = across = p.light_mass
     for effect in effects:
@@ -226,7 +227,7 @@ def inertia_of_light_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect,
     return along, across
 
 
-def inertia_of_heavy_mass(xp: Any, k: Kinematics, p: Any, effects: tuple[Effect, ...]) -> Any:
+def inertia_of_heavy_mass(xp: Any, k: Kinematics, p: SimpleNamespace, effects: tuple[Effect, ...]) -> Any:
     """Return the inertia of the heavy mass and of what moves with it [kg]."""
     total = p.heavy_mass
     for effect in effects:

@@ -7,6 +7,7 @@ the basis functions, are found by `discrepancy.unlisted.discovery`.
 from __future__ import annotations
 
 from operator import attrgetter, mul
+from types import SimpleNamespace
 from typing import Any
 
 from looping_pendulum.reference_ode.effects.types import Coefficient, Effect, EffectKind, Kinematics
@@ -37,7 +38,7 @@ def _closure_coefficient(name: str, meaning: str, unit: str = "", bound: float =
     return Coefficient(name=name, unit=unit, default=0.0, null=0.0, bounds=(-bound, bound), meaning=meaning)
 
 
-def _basis_functions(xp: Any, k: Kinematics, p: Any) -> list[Any]:
+def _basis_functions(xp: Any, k: Kinematics, p: SimpleNamespace) -> list[Any]:
     """Return the values of the basis functions, times the factor, at one instant.
 
     One ``closure_of_*`` and one ``closure_by_*`` is 1, the others are 0: sums pick the coordinate and the factor, because
@@ -49,12 +50,12 @@ def _basis_functions(xp: Any, k: Kinematics, p: Any) -> list[Any]:
     return [factor * xp.exp(-0.5 * (x - i) * (x - i)) for i in range(N_BASIS_FUNCTIONS)]
 
 
-def _force_on_side(basis_functions: list[Any], p: Any, side: str) -> Any:
+def _force_on_side(basis_functions: list[Any], p: SimpleNamespace, side: str) -> Any:
     """Return the weighted sum of the basis functions on ``side`` [N]."""
     return sum(map(mul, _WEIGHTS[side](p), basis_functions))
 
 
-def _force_on_light_mass(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+def _force_on_light_mass(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, Any]:
     """Return the force on the light mass (along, across) [N]."""
     basis_functions = _basis_functions(xp, k, p)
     return _force_on_side(basis_functions, p, "along"), _force_on_side(basis_functions, p, "across")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 from looping_pendulum.reference_ode.effects.types import Coefficient, Effect, EffectKind, Kinematics
@@ -14,12 +15,12 @@ def _coefficient(name: str, unit: str, bounds: tuple[float, float], meaning: str
     return Coefficient(name=name, unit=unit, default=0.0, null=0.0, bounds=bounds, meaning=meaning)
 
 
-def _wind_along_and_across(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+def _wind_along_and_across(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, Any]:
     """Return the velocity of the wind, which blows along x, (along, across) the string [m/s]."""
     return p.wind_speed * xp.sin(k.wrap_angle), -p.wind_speed * xp.cos(k.wrap_angle)
 
 
-def _drag_coefficient(p: Any, along: Any, speed: Any) -> Any:
+def _drag_coefficient(p: SimpleNamespace, along: Any, speed: Any) -> Any:
     """Return drag force per unit speed [kg/s] on the light mass, including its dependence on attitude.
 
     Parameters
@@ -33,20 +34,20 @@ def _drag_coefficient(p: Any, along: Any, speed: Any) -> Any:
     return p.light_linear_drag + p.light_drag * (speed + attitude)
 
 
-def _velocity_through_air(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any, Any]:
+def _velocity_through_air(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, Any, Any]:
     """Return the velocity of the light mass relative to the air, (along, across), and its size [m/s]."""
     wind_along, wind_across = _wind_along_and_across(xp, k, p)
     along, across = -k.retreat_speed - wind_along, k.across_speed - wind_across
     return along, across, xp.sqrt(along * along + across * across + k.sideways_speed * k.sideways_speed)
 
 
-def air_drag_coefficient(xp: Any, k: Kinematics, p: Any) -> Any:
+def air_drag_coefficient(xp: Any, k: Kinematics, p: SimpleNamespace) -> Any:
     """Return drag force per unit speed [kg/s] on the light mass, as it moves through the air at this instant."""
     along, _, speed = _velocity_through_air(xp, k, p)
     return _drag_coefficient(p, along, speed)
 
 
-def _wind_force(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+def _wind_force(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, Any]:
     """Return the drag in moving air less that in still air, which the drag effects give already, (along, across) [N]."""
     along, across, speed = _velocity_through_air(xp, k, p)
     moving = _drag_coefficient(p, along, speed)
@@ -54,7 +55,7 @@ def _wind_force(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
     return -moving * along - still * k.retreat_speed, -moving * across + still * k.across_speed
 
 
-def _attitude_drag_force(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+def _attitude_drag_force(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, Any]:
     """Return the drag that motion along the string adds in still air, (along, across) [N]."""
     more = p.light_drag * p.attitude_drag * k.retreat_speed * k.retreat_speed / (k.light_mass_speed + MIN_SPEED)
     return more * k.retreat_speed, -more * k.across_speed
@@ -65,7 +66,7 @@ def _horizontal(xp: Any, k: Kinematics, force: Any) -> tuple[Any, Any]:
     return force * xp.sin(k.wrap_angle), -force * xp.cos(k.wrap_angle)
 
 
-def _side_spring(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+def _side_spring(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, Any]:
     """Return the horizontal force that is proportional to the light mass's x, (along, across) [N]."""
     x = p.rod_radius * xp.cos(k.wrap_angle) - k.free_length * xp.sin(k.wrap_angle)
     return _horizontal(xp, k, p.side_stiffness * x)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 from looping_pendulum.reference_ode.effects.types import TURN, Coefficient, Effect, EffectKind, Kinematics
@@ -16,24 +17,24 @@ def _coefficient(name: str, unit: str, bounds: tuple[float, float], meaning: str
     return Coefficient(name=name, unit=unit, default=0.0, null=0.0, bounds=bounds, meaning=meaning)
 
 
-def _weight_of_free_string(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+def _weight_of_free_string(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, Any]:
     """Return the half of the free string's weight that acts on the light mass, (along, across) [N]."""
     weight = 0.5 * p.string_density * p.gravity * k.free_length
     return weight * xp.cos(k.wrap_angle), weight * xp.sin(k.wrap_angle)
 
 
-def _winding(beyond: Any, p: Any) -> tuple[Any, Any, Any]:
+def _winding(beyond: Any, p: SimpleNamespace) -> tuple[Any, Any, Any]:
     """Return the growth of the radius [m] of a spiral of Archimedes, its slope [m/rad] and its integral [m]."""
     slope = p.string_thickness / TURN
     return slope * beyond, slope, 0.5 * slope * beyond * beyond
 
 
-def swinging_mass(k: Kinematics, p: Any) -> Any:
+def swinging_mass(k: Kinematics, p: SimpleNamespace) -> Any:
     """Return the mass that swings at the heavy end, with the hanging string if that has a mass [kg]."""
     return p.heavy_mass + p.string_density * k.hanging_length
 
 
-def _swing_force(xp: Any, k: Kinematics, p: Any) -> Any:
+def _swing_force(xp: Any, k: Kinematics, p: SimpleNamespace) -> Any:
     """Return the upward force along its string on a swinging mass, less that on a hanging one [N].
 
     A tilt reduces the weight along the string; the centrifugal force pulls down.
@@ -43,7 +44,7 @@ def _swing_force(xp: Any, k: Kinematics, p: Any) -> Any:
     return swinging_mass(k, p) * (lost_weight - k.heavy_across_speed * k.heavy_across_speed / length)
 
 
-def heavy_swing_rates(xp: Any, k: Kinematics, p: Any) -> tuple[Any, Any]:
+def heavy_swing_rates(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, Any]:
     """Return the derivatives of the heavy mass's tilt [rad/s] and of its speed across its string [m/s^2].
 
     With d along its string (downwards) and m across it, v2 = -u2 d + w2 m, L = hanging length + R tilt and tilt' = w2 / L:
