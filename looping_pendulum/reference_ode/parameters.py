@@ -165,8 +165,7 @@ class Parameters:
 
     def _refuse_impossible(self, coefficients: Iterable[str]) -> None:
         """Refuse impossible values; of the coefficients, only those named ``coefficients`` are checked against their bounds."""
-        values = {name: getattr(self, name) for name in _FIELDS} | self._copied_coefficients()
-        values["end_length"] = self.end_length
+        values = vars(self) | self._copied_coefficients() | {"end_length": self.end_length}
         for requirement in requirements(coefficients):
             if not requirement.is_met(values):
                 raise ParameterError(requirement.message(values))

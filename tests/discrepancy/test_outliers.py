@@ -32,7 +32,7 @@ def film(rng, misfit=0.0):
 
 @pytest.mark.parametrize("misfit", [0.0, 0.016, 0.1])
 def test_neither_noise_nor_what_a_model_lacks_is_an_outlier(misfit):
-    """Oracle: the mixture itself. An outlier is 6.4 sigma off at least, which noise in the plane exceeds once in exp(18) points: none in 72 000."""
+    """Oracle: the mixture itself. Outliers are off by 6.4 sigma, which noise exceeds once in exp(18) points: none in 72 000."""
     rng = np.random.default_rng(1)
     assert sum(find_outliers(*film(rng, misfit), 1.0).sum() for _ in range(300)) == 0
 
