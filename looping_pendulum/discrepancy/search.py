@@ -12,12 +12,7 @@ import numpy as np
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.discrepancy.fit.residual import (
-    ResidualTests,
-    best_of,
-    calibrate_from_random_start,
-    check_residuals,
-)
+from looping_pendulum.discrepancy.fit.residual import ResidualTests, best_of, calibrate_from_random_start, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs
 from looping_pendulum.discrepancy.listed.attribution import MAX_NULL_SCORE, HeldOutTest, Refit, check_held_out, refit, refits
