@@ -9,22 +9,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from looping_pendulum.discrepancy.data.observations import BODIES
 from looping_pendulum.discrepancy.data.study import Study
 from looping_pendulum.discrepancy.fit.calibration import Fit
+from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of
 from looping_pendulum.discrepancy.fit.event_tests import event_rms_by_unit
 from looping_pendulum.discrepancy.fit.likelihood import likelihood_interval
-from looping_pendulum.discrepancy.listed.attribution import rms
+from looping_pendulum.discrepancy.listed.attribution import MAX_NULL_SCORE, rms
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.outlier_summary import outliers_in_words, summarise_outliers
 from looping_pendulum.discrepancy.result import (
+    CorrelatedError,
     EventResidual,
     Experiment,
     FitReport,
     FittedParameter,
     Identification,
     IdentifiedEffect,
-    Remainder,
     Round,
+    SmallestVisible,
     TrialError,
     TrialFigure,
     Unlisted,
@@ -36,8 +39,11 @@ from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
-    from looping_pendulum.discrepancy.listed.remainder import ScaledErrors
-    from looping_pendulum.discrepancy.search import CandidateModel
+    from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
+
+
+BODY_IN_WORDS = {"light": "light mass", "heavy": "heavy mass", "angle": "angle", "height": "height"}
+"""Body, of `observations.BODIES`, in words."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,18 +59,6 @@ class Conclusion:
     rounds: tuple[Round, ...]
     experiments: tuple[Experiment, ...]
     unlisted: Unlisted | None = None
-    scaled_errors: ScaledErrors | None = None
-    """Errors that contain a remainder; None: the errors from the scatter of the tracked points sufficed."""
-
-    @property
-    def has_scaled_errors(self) -> bool:
-        """Whether the errors of `before` and `after` contain the remainder."""
-        return self.scaled_errors is not None and bool(self.after.added)
-
-    @property
-    def autocorrelation_time(self) -> float:
-        """Autocorrelation time in the errors of `before` and `after` [points]; 1: the errors are independent."""
-        return self.scaled_errors.autocorrelation_time if self.scaled_errors and self.has_scaled_errors else 1.0
 
 
 def identification(
@@ -84,10 +78,11 @@ def identification(
         effects=effects,
         ties=ties,
         unlisted=conclusion.unlisted,
-        remainder=_remainder(conclusion),
+        correlated_noise=_correlated_noise(after),
+        smallest_visible=_smallest_visible(after),
         next_experiments=conclusion.experiments,
         rounds=conclusion.rounds,
-        errors=_errors(before, after, conclusion.autocorrelation_time),
+        errors=_errors(before, after),
         events=_events(before, after),
         outliers=outliers,
         before=_fit_report(before),
@@ -96,7 +91,7 @@ def identification(
         data=tuple(data),
         provenance=provenance,
         scenario=_scenario(study, after, effects),
-        trial_figures=_trial_figures(before, after, conclusion.autocorrelation_time),
+        trial_figures=_trial_figures(before, after),
     )
 
 
@@ -141,22 +136,18 @@ def _sentence(
     verdict: Verdict, effects: Sequence[IdentifiedEffect], ties: Sequence[Sequence[IdentifiedEffect]], conclusion: Conclusion
 ) -> str:
     """Return the verdict in words."""
+    errors = _correlated_noise_in_words(_correlated_noise(conclusion.after))
     if verdict is Verdict.NO_MISSING_EFFECT:
-        return "The declared model explains the data to their noise; nothing was added."
+        return f"The declared model explains the data to their noise; nothing was added.{errors}"
     misfit = _misfit_in_words(conclusion.before)
-    remainder = _remainder(conclusion)
     if verdict is Verdict.IDENTIFIED:
         added = " and ".join(effect_in_words(e) for e in effects)
-        rest = f"but for a remainder: {_remainder_in_words(remainder)}" if remainder else "to their noise"
-        return (
-            f"{added} {'explain' if len(effects) > 1 else 'explains'} the data {rest}. With the declared model alone, {misfit}."
-        )
+        verb = "explain" if len(effects) > 1 else "explains"
+        return f"{added} {verb} the data to their noise. With the declared model alone, {misfit}.{errors}"
     if verdict is Verdict.AMBIGUOUS:
         each = "; or ".join(" and ".join(effect_in_words(e) for e in tie) for tie in ties)
-        rest = f" A remainder stays: {_remainder_in_words(remainder)}." if remainder else ""
-        return (
-            f"The declared model does not explain the data: {misfit}. Several explanations fit them equally well: {each}.{rest}"
-        )
+        several = f"Several explanations fit them equally well: {each}."
+        return f"The declared model does not explain the data: {misfit}. {several}{errors}"
     if verdict is Verdict.INTERRUPTED:
         return f"Interrupted; the report has what was found until then. With the declared model, {misfit or 'no test fails'}."
     unexplained = f"The declared model does not explain the data, and no effect of the library does: {misfit}."
@@ -172,15 +163,7 @@ def _sentence(
     # Of the first round: later ones already have an effect in the model that was not accepted
     best = next((r for r in rounds[0].ranking if r.delta_bic is not None), None) if rounds else None
     nearest = f" The nearest is {best.name}, which does not pass: {best.reason}." if best else ""
-    rest = ""
-    if conclusion.scaled_errors is not None:
-        scaled_round = rounds and rounds[-1].error_factor != 1
-        rest = (
-            " With errors that contain what even the best explanation leaves "
-            f"({amount(conclusion.scaled_errors.ratio)} times the scatter), "
-            + ("no effect passes either." if scaled_round else "the declared model is not refuted.")
-        )
-    return f"{unexplained}{nearest}{rest} Nothing was added."
+    return f"{unexplained}{nearest} Nothing was added."
 
 
 def _misfit_in_words(model: CandidateModel) -> str:
@@ -198,39 +181,55 @@ def _misfit_in_words(model: CandidateModel) -> str:
         phrases.append(tests.events.description)
     if not model.held_out.passes:
         phrases.append(f"the held-out data are off by {amount(math.sqrt(model.held_out.worst))} times the noise")
-    phrases += model.other_failures
     return ", ".join(phrases) or "; ".join(model.failed_tests)
 
 
-def _remainder(conclusion: Conclusion) -> Remainder | None:
-    scaled, after = conclusion.scaled_errors, conclusion.after
-    if scaled is None:
-        return None
-    return Remainder(
-        rms=scaled.excess_rms(after.fit, after.held_out, scaled_errors=conclusion.has_scaled_errors),
-        unit=after.fit.problem.data[0].channels[0].unit,
-        birge_ratio=scaled.ratio,
-        autocorrelation_time=scaled.autocorrelation_time,
-        best_explanation=scaled.best_explanation,
+def _correlated_noise(model: CandidateModel) -> tuple[CorrelatedError, ...]:
+    """Return the errors of tracked points that last longer than a frame, which a model's data are taken to have."""
+    channels = {
+        body: [c for d in model.fit.problem.data for c in d.channels if c.name in names] for body, names in BODIES.items()
+    }
+    return tuple(
+        CorrelatedError(
+            body=body,
+            amplitude=noise.amplitude,
+            unit=channels[body][0].unit,
+            correlation_time=noise.correlation_time,
+            points=noise.correlation_time / float(np.median(np.diff(channels[body][0].t))),
+        )
+        for body, noise in noises_of(model.fit).items()
     )
 
 
-def _remainder_in_words(remainder: Remainder) -> str:
-    rms = quantity(remainder.rms, remainder.unit)
+def _correlated_noise_in_words(errors: Sequence[CorrelatedError]) -> str:
+    """Return the errors as a sentence; empty if there are none."""
+    if not errors:
+        return ""
+    each = " and ".join(
+        f"{quantity(e.amplitude, e.unit)} ({BODY_IN_WORDS[e.body]}) for some {amount(e.points)} points at a time"
+        for e in errors
+    )
     return (
-        f"tracked points are off by {rms} more than they scatter; nothing in the library explains that, and it was taken for "
-        f"errors of the points, {amount(remainder.birge_ratio)} times their scatter, with an autocorrelation time of "
-        f"{amount(remainder.autocorrelation_time)} points"
+        f" The tracked points are off by {each}, as when a tracker wanders over its mark; an effect that looks like this is "
+        "beyond these data, and the report lists how large each would have to be."
     )
 
 
-def _errors(before: CandidateModel, after: CandidateModel, autocorrelation_time: float) -> tuple[TrialError, ...]:
+def _smallest_visible(model: CandidateModel) -> tuple[SmallestVisible, ...]:
+    """Return the smallest change of each remaining candidate that the data would show, the candidates in order of name."""
+    visible = [
+        SmallestVisible(name=s.candidate.name, value=MAX_NULL_SCORE * s.error, unit=s.candidate.unit)
+        for s in model.remaining
+        if math.isfinite(s.error)
+    ]
+    return tuple(sorted(visible, key=lambda v: v.name))
+
+
+def _errors(before: CandidateModel, after: CandidateModel) -> tuple[TrialError, ...]:
     """Return the errors of both models for every trial, or for all held-out blocks of time together."""
     rows = []
     for k, d in enumerate(before.fit.problem.data):
-        # Scaled errors are larger by the root of the autocorrelation time, so that sums count independent points only; a mean
-        # square in event_rms of a single point's error has to undo that. Held-out tests have done so already.
-        chi2 = [autocorrelation_time * _chi2(m.fit, k) for m in (before, after)]
+        chi2 = [_chi2(m.fit, k) for m in (before, after)]
         rms_values = [rms(m.fit, k) for m in (before, after)]
         event_rms = [event_rms_by_unit(m.fit, k) for m in (before, after)]
         rows.append(_trial_error(d.trial.name, False, rms_values, chi2, event_rms))
@@ -296,7 +295,7 @@ def _chi2(fit: Fit, k: int) -> float:
 def _standardised(fit: Fit, k: int) -> Array:
     """Return the residuals of trial ``k`` in units of their standard errors."""
     d = fit.problem.data[k]
-    return np.asarray((d.value - fit.problem.predict(fit.x, k)) / d.sigma)
+    return d.standardise(d.value - fit.problem.predict(fit.x, k))
 
 
 def _fit_report(model: CandidateModel) -> FitReport:
@@ -350,13 +349,13 @@ def _fits_of_trials(before: CandidateModel, after: CandidateModel) -> list[tuple
     return pairs + [(b, a, 0, True) for b, a in zip(before.held_out.fits, after.held_out.fits, strict=True)]
 
 
-def _trial_figures(before: CandidateModel, after: CandidateModel, autocorrelation_time: float) -> tuple[TrialFigure, ...]:
+def _trial_figures(before: CandidateModel, after: CandidateModel) -> tuple[TrialFigure, ...]:
     tracked = [pair for pair in _fits_of_trials(before, after) if pair[0].problem.data[pair[2]].channels]
-    return tuple(_trial_figure(*pair, math.sqrt(autocorrelation_time)) for pair in tracked)
+    return tuple(_trial_figure(*pair) for pair in tracked)
 
 
-def _trial_figure(before: Fit, after: Fit, k: int, held_out: bool, factor: float) -> TrialFigure:
-    """Return the arrays of a trial's figure, residuals times ``factor``, the root of the autocorrelation time."""
+def _trial_figure(before: Fit, after: Fit, k: int, held_out: bool) -> TrialFigure:
+    """Return the arrays of a trial's figure."""
     d = before.problem.data[k]
     is_outlier = after.problem.data[k].is_outlier
 
@@ -371,7 +370,7 @@ def _trial_figure(before: Fit, after: Fit, k: int, held_out: bool, factor: float
         measured=by_channel(d.value),
         before=by_channel(before.problem.predict(before.x, k)),
         after=by_channel(after.problem.predict(after.x, k)),
-        residual_before=by_channel(np.where(is_outlier, np.nan, factor * _standardised(before, k))),
-        residual_after=by_channel(np.where(is_outlier, np.nan, factor * _standardised(after, k))),
+        residual_before=by_channel(np.where(is_outlier, np.nan, _standardised(before, k))),
+        residual_after=by_channel(np.where(is_outlier, np.nan, _standardised(after, k))),
         outliers={name: is_outlier[part] for name, part in d.slices.items()},
     )

@@ -118,7 +118,6 @@ def _identify(study: Study, seed: int, progress: FractionCallback, workers: Work
             rounds=tuple(search.rounds),
             experiments=experiments,
             unlisted=force,
-            scaled_errors=search.scaled_errors,
         ),
         _provenance(),
     )

@@ -93,8 +93,8 @@ class Round:
     runner_up: str
     margin: float | None
     """Delta BIC of the best less that of the runner-up."""
-    error_factor: float = 1.0
-    """Factor on the standard errors of the tracked points, so that they contain the remainder."""
+    correlated_noise: bool = False
+    """Whether errors of the tracked points that last longer than a frame were taken into account."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -311,19 +311,29 @@ class Unlisted:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Remainder:
-    """What no explanation removes, taken for autocorrelated errors of the tracked points."""
+class CorrelatedError:
+    """Errors of one body's tracked points that last longer than a frame, as of a tracker that wanders over its mark."""
 
-    rms: float
-    """By how much tracked points are off the repaired model beyond their scatter [unit]."""
+    body: str
+    """Body, of `observations.BODIES`."""
+    amplitude: float
+    """Standard deviation of these errors, each coordinate [unit]."""
     unit: str
-    """SI unit of `rms`."""
-    birge_ratio: float
-    """Errors of the tracked points that explain the residuals, over their scatter (Birge ratio)."""
-    autocorrelation_time: float
-    """Integrated autocorrelation time of the residuals [points]: n points count as n / autocorrelation_time."""
-    best_explanation: str
-    """Explanation with the smallest misfit; the errors are estimated from its residuals."""
+    """SI unit of `amplitude`."""
+    correlation_time: float
+    """Time in which they change [s]."""
+    points: float
+    """The same in tracked points."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SmallestVisible:
+    """The smallest size of a candidate that these data would show."""
+
+    name: str
+    value: float
+    """Change of the value [unit] whose score is `attribution.MAX_NULL_SCORE`, the largest that noise may give."""
+    unit: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -360,8 +370,10 @@ class Identification(ShownInNotebook):
     """Every explanation that these data cannot tell from the best, including the best; empty unless ambiguous."""
     unlisted: Unlisted | None
     """The unknown force, if the verdict is unlisted."""
-    remainder: Remainder | None
-    """What even the best explanation leaves; None: the data are explained to their noise, or it was not estimated."""
+    correlated_noise: tuple[CorrelatedError, ...]
+    """Errors of the tracked points that last longer than a frame, under the repaired model; empty: they are white noise."""
+    smallest_visible: tuple[SmallestVisible, ...]
+    """For each candidate that was not added, the smallest size that these data would show beside the repaired model."""
     next_experiments: tuple[Experiment, ...]
     """Trials that would separate tied explanations, the best first."""
     rounds: tuple[Round, ...]

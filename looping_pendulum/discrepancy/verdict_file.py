@@ -2,7 +2,8 @@
 
 Layout: ``schema`` {id, version}, then the fields of `result.Identification` by their names, as documented there; SI and
 radians; null for what is not known or not finite. Fields marked `compare=False` (arrays for figures) are left out. Version 3
-renamed fields of version 2 without a change of meaning; `RENAMED` lists them, and `load` reads both versions.
+renamed fields of version 2 without a change of meaning; `RENAMED` lists them. Version 4 has ``correlated_noise`` and
+``smallest_visible`` in place of ``remainder`` and of the factor on the errors of a round. `load` reads all three.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from looping_pendulum.errors import ResultError
 from looping_pendulum.scenarios.document import quote
 
 SCHEMA_ID = "looping-pendulum/identification"
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 OLDEST_VERSION = 2
 """Oldest version of verdict.json that `load` reads."""
 _EFFECT = {"null": "null_value"}
@@ -68,7 +69,7 @@ def dump(result: Identification) -> str:
 
 
 def load(text: str) -> dict[str, Any]:
-    """Read the text of a verdict.json of version 2 or 3 as plain data, under the field names of `Identification`.
+    """Read the text of a verdict.json of version 2 to 4 as plain data, under the field names of its `Identification`.
 
     Raises
     ------
@@ -85,8 +86,8 @@ def load(text: str) -> dict[str, Any]:
     version = schema.get("version")
     if version == OLDEST_VERSION:
         return cast(dict[str, Any], _renamed(tree))
-    if version != SCHEMA_VERSION:
-        problem = f"found version {quote(version)}, needed {OLDEST_VERSION} or {SCHEMA_VERSION}"
+    if version not in (3, SCHEMA_VERSION):
+        problem = f"found version {quote(version)}, needed {OLDEST_VERSION} to {SCHEMA_VERSION}"
         raise ResultError(f"verdict.json: schema: {problem}; write it again with `looping-pendulum identify`")
     return cast(dict[str, Any], tree)
 

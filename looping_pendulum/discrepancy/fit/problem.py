@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -19,6 +19,7 @@ from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, Para
 from looping_pendulum.discrepancy.data.measurement import DIFFERENTIABLE_CHANNELS, Camera, predict, predicted_derivatives
 from looping_pendulum.discrepancy.data.observations import Channel, DataError, EventObservation
 from looping_pendulum.discrepancy.data.study import Study, Trial
+from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
 from looping_pendulum.discrepancy.fit.event_prediction import EventRun, event_times, with_missed_events
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
@@ -46,9 +47,11 @@ class TrialData:
     channels: tuple[Channel, ...]
     events: tuple[EventObservation, ...] = ()
     sigma: Array
-    """Standard deviation of every value [SI], shape (n,); infinite: left out of the fit."""
+    """Standard deviation of every value's white noise [SI], shape (n,); infinite: left out of the fit."""
     outliers: NDArray[np.bool_] | None = None
     """Values that are left out because they do not show the mass, shape (n,); None: none were looked for yet."""
+    correlated: Mapping[str, CorrelatedNoise] = field(default_factory=dict)
+    """Channel -> the correlated part of its noise, beside the white one of `sigma`; channels without one are left out."""
 
     @property
     def is_outlier(self) -> NDArray[np.bool_]:
@@ -71,6 +74,27 @@ class TrialData:
         """Return channel -> its part of the vector."""
         ends = np.cumsum([0] + [len(c) for c in self.channels]).tolist()
         return {c.name: slice(a, b) for c, a, b in zip(self.channels, ends, ends[1:], strict=False)}
+
+    @cached_property
+    def _whitening(self) -> dict[str, Whitening]:
+        return {c.name: Whitening(c.t, self.sigma[self.slices[c.name]], self.correlated[c.name])
+                for c in self.channels if c.name in self.correlated}  # fmt: skip
+
+    def standardise(self, difference: Array) -> Array:
+        """Return differences from the values in units of the noise, shape (n,) or (n, m) as given; 0: left out."""
+        standardised = np.asarray(difference / (self.sigma if difference.ndim == 1 else self.sigma[:, None]))
+        for name, whitening in self._whitening.items():
+            standardised[self.slices[name]] = whitening(difference[self.slices[name]])
+        return standardised
+
+    @property
+    def log_determinant(self) -> float:
+        """Return the logarithm of the determinant of the noise's covariance, without values that are left out."""
+        kept = np.isfinite(self.sigma)
+        for name in self._whitening:
+            kept[self.slices[name]] = False
+        white = 2 * float(np.sum(np.log(self.sigma[kept])))
+        return white + sum(w.log_determinant for w in self._whitening.values())
 
     @property
     def event_slice(self) -> slice:
@@ -270,7 +294,7 @@ class Problem:
     def residuals(self, x: Array) -> Array | None:
         """Return standardised residuals, then those of the prior, shape (n + p,); None if the model cannot run."""
         try:
-            parts = [(d.value - self.predict(x, k)) / d.sigma for k, d in enumerate(self.data)]
+            parts = [d.standardise(d.value - self.predict(x, k)) for k, d in enumerate(self.data)]
         except (HarnessError, ValueError, ArithmeticError):
             return None
         r = np.concatenate([*parts, -self.prior_weights @ (x - self.prior_mean)])
@@ -293,10 +317,12 @@ class Problem:
             here = self.predict(x, k)
             rows = slice(edges[k], edges[k + 1])
             exact = self._variational_derivatives(x, k) if central or d.trial.release in RELEASES_WITH_FEW_EVENTS else {}
+            derivatives = np.zeros((len(here), len(x)))
             for i in (i for i in self.order if i in self._acting_in_trial[k]):
-                column = exact[i] if i in exact else self._difference_quotient(x, k, i, here, central)
-                jacobian[rows, i] = column / d.sigma
-        return np.nan_to_num(jacobian, nan=0.0, posinf=0.0, neginf=0.0)
+                derivatives[:, i] = exact[i] if i in exact else self._difference_quotient(x, k, i, here, central)
+            # A value that no derivative is known for must not spoil those after it, which a correlation ties to it
+            jacobian[rows] = d.standardise(np.nan_to_num(derivatives, nan=0.0, posinf=0.0, neginf=0.0))
+        return jacobian
 
     def _variational_derivatives(self, x: Array, k: int) -> dict[int, Array]:
         """Return the derivatives of trial ``k`` by the study's own parameters, by variational equations.

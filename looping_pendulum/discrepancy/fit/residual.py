@@ -143,7 +143,7 @@ def check_residuals(fit: Fit) -> ResidualTests:
     for k, d in enumerate(fit.problem.data):
         if not d.channels:
             continue
-        z = ((d.value - fit.problem.predict(fit.x, k)) / d.sigma)[: d.event_slice.start]
+        z = d.standardise(d.value - fit.problem.predict(fit.x, k))[: d.event_slice.start]
         total += float(z @ z)
         points += int(np.isfinite(d.sigma[: d.event_slice.start]).sum())
         for name, series in _residuals_by_group(fit, k, z).items():

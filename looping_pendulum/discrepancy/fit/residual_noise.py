@@ -32,7 +32,7 @@ def with_noise_of_residuals(fit: Fit) -> Fit:
     Such differences do not see slow misfits. With them, chi2 scatters by 1/sqrt(n); with second differences 1.5 times as much;
     with the points' own differences of fourth order, which need no model, twice as much.
     """
-    data = [_with_noise_of_residuals(fit, k) for k in range(len(fit.problem.data))]
+    data = [data_with_noise_of_residuals(fit, k) for k in range(len(fit.problem.data))]
     return minimise(fit.problem.with_data(data), fit.x, initial_jacobian=_rescaled_jacobian(fit, data))
 
 
@@ -47,7 +47,7 @@ def refit_with_estimated_noise(fit: Fit) -> Fit:
 
 def _rescaled_jacobian(fit: Fit, data: Sequence[TrialData]) -> Array | None:
     """Return the fit's Jacobian for new errors: rows are in units of sigma, so these only rescale them. None: not known."""
-    if fit.final_jacobian is None:
+    if fit.final_jacobian is None or any(d.correlated for d in (*fit.problem.data, *data)):
         return None
     jacobian = fit.final_jacobian.copy()
     row = 0
@@ -62,8 +62,8 @@ def _rescaled_jacobian(fit: Fit, data: Sequence[TrialData]) -> Array | None:
     return jacobian
 
 
-def _with_noise_of_residuals(fit: Fit, k: int) -> TrialData:
-    """Return the data of trial ``k`` with the noise of its residuals, and without outliers."""
+def data_with_noise_of_residuals(fit: Fit, k: int) -> TrialData:
+    """Return the data of trial ``k`` with the noise of its residuals, and without outliers; its correlated noise stays."""
     d = fit.problem.data[k]
     residual = d.value - fit.problem.predict(fit.x, k)
     used = np.isfinite(d.sigma) | d.is_outlier
@@ -81,8 +81,11 @@ def _with_noise_of_residuals(fit: Fit, k: int) -> TrialData:
         outliers |= here
         for name in channels:
             part = d.slices[name]
+            scatter = law[name]
+            if name in d.correlated:
+                scatter = d.correlated[name].white_sigma(scatter, float(np.median(np.diff(d.t[part]))))
             # Values that are left out of the fit for another reason, with infinite sigma, stay so
-            sigma[part] = np.where((used & ~here)[part], law[name], np.inf)
+            sigma[part] = np.where((used & ~here)[part], scatter, np.inf)
     return dataclasses.replace(d, sigma=sigma, outliers=outliers)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
+from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of, with_correlated_noise, with_noises
 from looping_pendulum.discrepancy.fit.event_tests import max_held_out_chi2
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
@@ -111,7 +112,19 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
     penalty = (1 + len(screened.companions)) * math.log(base.problem.count)
     if screened.companions and base.cost - best.cost - penalty > max(delta_bic_to_beat - RESTART_MARGIN, 0.0):
         best = min([best, *_restart(best, screened)], key=lambda f: f.cost)
-    return Refit(screened=screened, fit=best, delta_bic=base.cost - best.cost - penalty)
+    result = Refit(screened=screened, fit=best, delta_bic=base.cost - best.cost - penalty)
+    return with_own_noise(base, result) if noises_of(base) else result
+
+
+def with_own_noise(base: Fit, r: Refit) -> Refit:
+    """Return a refit with the noise that its own residuals show, compared with ``base`` by the likelihoods of both.
+
+    Under the noise of ``base``, which may stand for much of what the candidate explains, its refit would gain too little.
+    """
+    fit = with_correlated_noise(r.fit)
+    penalty = (1 + len(r.screened.companions)) * math.log(base.problem.count)
+    delta_bic = base.minus_twice_log_likelihood - fit.minus_twice_log_likelihood - penalty
+    return dataclasses.replace(r, fit=fit, delta_bic=delta_bic)
 
 
 def refits(
@@ -143,6 +156,12 @@ def refits(
     return sorted((r for r in chosen_refits if r), key=lambda r: -r.delta_bic)
 
 
+def with_own_noises(base: Fit, known: Sequence[Refit], workers: Workers = SERIAL) -> list[Refit]:
+    """Return refits, each with the noise that its own residuals show; see `with_own_noise`."""
+    results = workers.map(with_own_noise, base, known, [r.candidate.name for r in known])
+    return [dataclasses.replace(r, screened=before.screened) for r, before in zip(results, known, strict=True)]
+
+
 def _refit_one(base: Fit, task: tuple[ScreenedCandidate, float]) -> Refit | None:
     """Call `refit` in a worker."""
     return refit(base, *task)
@@ -151,6 +170,8 @@ def _refit_one(base: Fit, task: tuple[ScreenedCandidate, float]) -> Refit | None
 def _with_local_objects(base: Fit, screened: ScreenedCandidate, result: Refit) -> Refit:
     """Return a refit with this process's own objects: a worker process returns copies."""
     problem = _with_candidate(base, screened)
+    if noises_of(base):  # a refit then has data with a noise of its own
+        problem = problem.with_data(result.fit.problem.data)
     return dataclasses.replace(result, screened=screened, fit=dataclasses.replace(result.fit, problem=problem))
 
 
@@ -187,6 +208,8 @@ class HeldOutTest:
     """Root mean square residual of each [SI]; None: it has only events."""
     fits: tuple[Fit, ...] = ()
     """Fit of each held-out trial's own parameters; empty for blocks of time."""
+    log_determinant: float = 0.0
+    """Logarithm of the determinant of the noise's covariance of blocks of time."""
 
     @property
     def worst(self) -> float:
@@ -194,26 +217,29 @@ class HeldOutTest:
         return max(self.chi2)
 
     @property
+    def minus_twice_log_likelihood(self) -> float:
+        """Return -2 ln L of all held-out data but for a constant: it compares models whose noise differs."""
+        if not self.fits:
+            return sum(c * n for c, n in zip(self.chi2, self.counts, strict=True)) + self.log_determinant
+        return sum(f.minus_twice_log_likelihood for f in self.fits)
+
+    @property
     def passes(self) -> bool:
         """Return whether all held-out data are predicted to their noise."""
         return all(c <= limit for c, limit in zip(self.chi2, self.limits, strict=True))
 
 
-def check_held_out(
-    fit: Fit, held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]], *, keep_sigma: bool = False
-) -> HeldOutTest:
+def check_held_out(fit: Fit, held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]]) -> HeldOutTest:
     """Test a fit on held-out trials or, if there are none, on blocks of time of the training trials.
 
     Parameters
     ----------
     held_out
         Data of each held-out trial, with the free parameters of that trial.
-    keep_sigma
-        Whether to keep the errors of the held-out points. By default they are estimated from their residuals.
     """
     if not held_out:
         return _check_held_out_blocks(fit)
-    fits = [_fit_held_out_trial(fit, data, parameters, keep_sigma) for data, parameters in held_out]
+    fits = [_fit_held_out_trial(fit, data, parameters) for data, parameters in held_out]
     return HeldOutTest(
         names=tuple(d.trial.name for d, _ in held_out),
         chi2=tuple(f.cost / f.problem.count for f in fits),
@@ -252,7 +278,7 @@ def position_slices(d: TrialData) -> list[slice]:
     return [d.slices[n] for n in ("light_x", "light_y") if n in d.slices] or list(d.slices.values())
 
 
-def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter], keep_sigma: bool) -> Fit:
+def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter]) -> Fit:
     """Fit the parameters of a held-out trial alone; those of the training fit have its result as their prior."""
     p = fit.problem
     known = {n.name: i for i, n in enumerate(p.free_parameters)}
@@ -268,8 +294,9 @@ def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter],
         root = (vectors / np.sqrt(np.maximum(values, 1e-12 * values.max()))).T
         weights[np.ix_(here, here)] = root
         mean[here] = fit.x[there]
-    held_out_fit = calibrate(Problem(p.study, [data], parameters, (mean, weights)))
-    return held_out_fit if keep_sigma else with_noise_of_residuals(held_out_fit)
+    # The tracker is the same, so its correlated noise is that of the training trials
+    data = with_noises(data, noises_of(fit))
+    return with_noise_of_residuals(calibrate(Problem(p.study, [data], parameters, (mean, weights))))
 
 
 def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
@@ -307,6 +334,7 @@ def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
         counts=(problem.count,),
         limits=(_max_chi2(fit),),
         rms=(float(np.sqrt(np.mean(np.square(rms_of_blocks)))) if rms_of_blocks else None,),
+        log_determinant=sum(d.log_determinant for d in problem.data),
     )
 
 

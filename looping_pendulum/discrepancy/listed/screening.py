@@ -42,6 +42,8 @@ class ScreenedCandidate:
     """Score (z) of the best template; its square is the predicted decrease of chi2."""
     amplitude: float
     """Predicted value less the null value [SI]."""
+    error: float
+    """Standard error of the value by the template [SI]: an effect several times as large would be seen."""
     scale: float
     """Change of the value [SI] that changes the prediction by `SCALE_SIZE`."""
     companions: tuple[FreeParameter, ...] = ()
@@ -147,7 +149,7 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
         v[:measured] = (here - moved[: len(here)])[:measured]
         return v.copy()
 
-    best, scale = (0.0, 0.0), 0.0
+    best, scale, error = (0.0, 0.0), 0.0, math.inf
     first = _first_change(candidate)
     both_sides = candidate.bounds[0] < candidate.null < candidate.bounds[1]
     templates: tuple[float, ...] = FINITE_SIZES
@@ -168,7 +170,11 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
                     # The central difference: what both sides have in common is curvature, not the linear effect
                     template = 0.5 * (template - opposite)
                     templates = FINITE_SIZES if _independent_share(basis, template) > MIN_SHARE_FOR_FINITE else ()
-            score, amplitude = _score(basis, residual, template, delta) if size in (LINEAR_SIZE, *templates) else (0.0, 0.0)
+            if size in (LINEAR_SIZE, *templates):
+                score, amplitude, error_here = _score(basis, residual, template, delta)
+                error = min(error, error_here)
+            else:
+                score, amplitude = 0.0, 0.0
             allowed = candidate.bounds[0] <= candidate.null + amplitude <= candidate.bounds[1]
             # the linear template holds for both signs, a finite one only for its own
             if allowed and abs(score) > abs(best[0]) and (score > 0 or size == LINEAR_SIZE):
@@ -180,7 +186,9 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
     if not scale:
         return None
     scale *= SCALE_SIZE / FINITE_SIZES[-1]
-    return ScreenedCandidate(candidate=candidate, score=best[0], amplitude=best[1], scale=scale, companions=companions)
+    return ScreenedCandidate(
+        candidate=candidate, score=best[0], amplitude=best[1], error=error, scale=scale, companions=companions
+    )
 
 
 def _independent_share(basis: Array, v: Array) -> float:
@@ -188,13 +196,13 @@ def _independent_share(basis: Array, v: Array) -> float:
     return float(np.linalg.norm(_orthogonal_part(basis, v))) / max(float(np.linalg.norm(v)), 1e-300)
 
 
-def _score(basis: Array, residual: Array, v: Array, delta: float) -> tuple[float, float]:
-    """Return the score (z) of a template ``v`` made by ``delta`` [SI], and the amplitude [SI] that fits best."""
+def _score(basis: Array, residual: Array, v: Array, delta: float) -> tuple[float, float, float]:
+    """Return the score (z) of a template ``v`` made by ``delta`` [SI], the amplitude that fits best, and its error [SI]."""
     if _independent_share(basis, v) < MIN_INDEPENDENT_SHARE:
-        return 0.0, 0.0
+        return 0.0, 0.0, math.inf
     template = _orthogonal_part(basis, v)
     norm = float(np.linalg.norm(template))
-    return float(template @ residual) / norm, delta * float(template @ residual) / norm**2
+    return float(template @ residual) / norm, delta * float(template @ residual) / norm**2, abs(delta) / norm
 
 
 def _find_template(

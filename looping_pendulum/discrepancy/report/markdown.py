@@ -6,9 +6,11 @@ import math
 from collections.abc import Mapping
 
 from looping_pendulum.compare.tables import GAP, number, signed, table
+from looping_pendulum.discrepancy.identification import BODY_IN_WORDS
+from looping_pendulum.discrepancy.listed.attribution import MAX_NULL_SCORE
+from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN
 from looping_pendulum.discrepancy.report import event_report, unlisted_report
 from looping_pendulum.discrepancy.result import FitReport, Identification, IdentifiedEffect, Round, Verdict
-from looping_pendulum.discrepancy.search import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN
 from looping_pendulum.pages.numbers import quantity, uncertain
 
 HEADLINES = {
@@ -38,7 +40,7 @@ def before_figures(result: Identification) -> list[str]:
         f"# {result.title}\n",
         f"## Verdict: {HEADLINES[result.verdict]} (`{result.verdict.value}`)\n\n{result.sentence}\n",
         _effects(result),
-        _remainder(result),
+        _correlated_noise(result),
         unlisted_report.section(result),
         "## Error before and after\n\n" + _errors(result),
         _outliers(result),
@@ -51,6 +53,7 @@ def after_figures(result: Identification) -> list[str]:
     """Return the sections below the figures; some are empty."""
     return [
         "## Candidates\n\n" + _rounds(result),
+        _smallest_visible(result),
         "## Declared model, calibrated\n\n" + _fit(result.before),
         "## Repaired model\n\n" + _fit(result.after) if result.effects or result.unlisted else "",
         "## Data\n\n" + "".join(f"- {line}\n" for line in result.data),
@@ -81,17 +84,32 @@ def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
     return table(head, rows, left=5) + note
 
 
-def _remainder(result: Identification) -> str:
-    r = result.remainder
-    if r is None:
+def _correlated_noise(result: Identification) -> str:
+    if not result.correlated_noise:
         return ""
-    user = "The verdict" if result.effects else "A second search among all candidates"
-    return (
-        f"## Remainder\n\nTracked points are off the model by {number(r.rms, digits=2)} {r.unit} more than they scatter from "
-        f"frame to frame; nothing in the library explains that. {user} takes the residuals of the best explanation "
-        f"({r.best_explanation}) for errors of the points: {number(r.birge_ratio, digits=2)} times their scatter, with an "
-        f"autocorrelation time of {number(r.autocorrelation_time, digits=2)} points, so that as many count as one.\n"
+    head = ["tracked points of", "off by", "for some [points]", "for some [s]"]
+    rows = [
+        [BODY_IN_WORDS[e.body], quantity(e.amplitude, e.unit), number(e.points, digits=2), number(e.correlation_time, digits=2)]
+        for e in result.correlated_noise
+    ]
+    note = (
+        "Beside what scatters from frame to frame, the points are off by an error that changes slowly, as when a tracker "
+        "wanders over its mark: a standard deviation per coordinate, and the time in which it changes. All tests take it into "
+        "account.\n\n"
     )
+    return "## Errors that last longer than a frame\n\n" + note + table(head, rows, left=1)
+
+
+def _smallest_visible(result: Identification) -> str:
+    if not result.smallest_visible:
+        return ""
+    head = ["effect", "smallest size that would show", "unit"]
+    rows = [[v.name, number(v.value, digits=2), v.unit or GAP] for v in result.smallest_visible]
+    note = (
+        f"A change of each value that would have a score of {MAX_NULL_SCORE:g} in these data, beside all fitted parameters. "
+        "Smaller effects may be there without a trace.\n\n"
+    )
+    return "## What these data could show\n\n" + note + table(head, rows, left=1)
 
 
 def _errors(result: Identification) -> str:
@@ -183,8 +201,8 @@ def _round(r: Round, index: int) -> str:
     margin = ""
     if r.margin is not None:
         margin = f"Best: {r.best}; runner-up: {r.runner_up}, with a delta BIC {r.margin:.1f} lower.\n\n"
-    if r.error_factor != 1:
-        before += f", errors of the tracked points {number(r.error_factor, digits=2)} times their scatter"
+    if r.correlated_noise:
+        before += ", with errors that last longer than a frame"
     return f"### Round {index}{before}\n\n{margin}{table(head, rows, left=3)}"
 
 

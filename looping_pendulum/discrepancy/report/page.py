@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from looping_pendulum.compare.paper_table import quantity_label
+from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.report import markdown
 from looping_pendulum.discrepancy.report.event_report import AXIS_LIMIT, off_by
 from looping_pendulum.discrepancy.report.plots import MAX_RANKED
 from looping_pendulum.discrepancy.report.unlisted_report import SIDES, force_unit
 from looping_pendulum.discrepancy.result import EventResidual, Identification, TrialFigure, Unlisted
-from looping_pendulum.discrepancy.search import MIN_DELTA_BIC
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.figures import DOTTED, INK, LINE, SOFT, Figure, band, escaped, horizontal, plain, points
 from looping_pendulum.pages.glossary import glossary

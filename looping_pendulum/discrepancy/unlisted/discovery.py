@@ -146,6 +146,7 @@ def discover(
     held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
     report_step: ProgressCallback = lambda what: None,
     workers: Workers = SERIAL,
+    min_evidence: float = -math.inf,
 ) -> list[RecoveredForce]:
     """Search all closures; return the best ones, refitted, in the order in which they explain held-out data.
 
@@ -155,11 +156,14 @@ def discover(
         Fit of the declared model.
     held_out
         Held-out trials, each with the parameters that it alone has; empty: blocks of time are held out.
+    min_evidence
+        Smallest twice log Bayes factor of a closure that is refitted.
     """
     report_step("screening unknown forces")
     samples = [base.problem.run(base.x, k) for k in range(len(base.problem.data))]
     screened = sorted(screen(base, samples, workers), key=lambda s: -s.twice_log_bayes_factor)
-    chosen = _one_per_target_and_coordinate(screened)[:MAX_REFITS]
+    different = _one_per_target_and_coordinate(screened)[:MAX_REFITS]
+    chosen = [s for s in different if s.twice_log_bayes_factor >= min_evidence]
     descriptions = [f"{s.closure.target} by {s.closure.coordinate}" for s in chosen]
     forces = workers.map(
         _refit,

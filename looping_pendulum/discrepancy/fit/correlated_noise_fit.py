@@ -1,0 +1,162 @@
+"""Estimate the correlated noise of tracked points from the residuals of a fit, and fit the model again with it.
+
+Amplitude and correlation time of each body maximise the restricted likelihood of the residuals (Patterson and Thompson,
+Biometrika 58 (1971) 545): the fitted parameters, about which the model is linear, are integrated out, since a fit removes from
+the residuals what its parameters can do. A body keeps white noise unless the Bayesian information criterion is lower with the
+correlated part.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.optimize import minimize
+
+from looping_pendulum.discrepancy.data.observations import BODIES
+from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
+from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise
+from looping_pendulum.discrepancy.fit.problem import TrialData
+from looping_pendulum.discrepancy.fit.residual_noise import MIN_DIFFERENCES, data_with_noise_of_residuals
+from looping_pendulum.reference_ode.geometry import Array
+
+MIN_CORRELATION_STEPS = 2.0
+"""Shortest correlation time, in time steps: below it, the noise cannot be told from white noise."""
+START_AMPLITUDE, START_STEPS = 0.5, 8.0
+"""Where the search for the amplitude [white sigma] and the correlation time [time steps] begins."""
+LOG_TOLERANCE = 0.03
+"""Relative accuracy of both; the data determine them to some 20 %."""
+ROUNDS = 2
+"""Number of turns in which the noise is estimated and the model is fitted; after two they agree."""
+
+Noises = Mapping[str, CorrelatedNoise]
+"""Body -> its correlated noise; a body with white noise alone is left out."""
+
+
+def with_correlated_noise(fit: Fit) -> Fit:
+    """Estimate each body's correlated noise, keep that for which there is evidence, and fit the model again."""
+    for _ in range(ROUNDS):
+        white = [_white(data_with_noise_of_residuals(_without_correlated_noise(fit), k)) for k in range(len(fit.problem.data))]
+        noises = _Likelihood(fit, white).estimate()
+        fit = minimise(fit.problem.with_data([with_noises(d, noises) for d in white]), fit.x)
+        if not noises:
+            break
+    return fit
+
+
+def noises_of(fit: Fit) -> Noises:
+    """Return the correlated noise of each body that the data of a fit have; it is the same in all trials."""
+    named = {name: noise for d in fit.problem.data for name, noise in d.correlated.items()}
+    return {body: named[n] for body, names in BODIES.items() for n in names if n in named}
+
+
+def with_noises(d: TrialData, noises: Noises) -> TrialData:
+    """Return data with white noise alone as data with these correlated parts, of which the white one is made smaller."""
+    sigma, correlated = d.sigma.copy(), {}
+    for c in d.channels:
+        noise = noises.get(_body_of(c.name))
+        if noise is not None and len(c) > 1:
+            correlated[c.name] = noise
+            sigma[d.slices[c.name]] = noise.white_sigma(d.sigma[d.slices[c.name]], _step(c.t))
+    return dataclasses.replace(d, sigma=sigma, correlated=correlated)
+
+
+def _white(d: TrialData) -> TrialData:
+    return dataclasses.replace(d, correlated={})
+
+
+def _without_correlated_noise(fit: Fit) -> Fit:
+    """Return the fit with data whose noise counts as white."""
+    return dataclasses.replace(fit, problem=fit.problem.with_data([_white(d) for d in fit.problem.data]))
+
+
+def _body_of(channel: str) -> str:
+    return next((body for body, names in BODIES.items() if channel in names), "")
+
+
+def _step(t: Array) -> float:
+    return float(np.median(np.diff(t)))
+
+
+class _Likelihood:
+    """Restricted likelihood of a fit's residuals as a function of the correlated noise of each body."""
+
+    def __init__(self, fit: Fit, white: list[TrialData]) -> None:
+        self._white = white
+        # Residuals and derivatives in the units of the data
+        bare = fit.problem.with_data([dataclasses.replace(d, sigma=np.where(np.isfinite(d.sigma), 1.0, np.inf)) for d in white])
+        jacobian, residuals = bare.jacobian(fit.x), bare.residuals(fit.x)
+        assert residuals is not None
+        self._rows = np.column_stack([residuals, jacobian])
+        n = bare.measured_rows
+        self._prior = self._rows[n:].T @ self._rows[n:]
+        edges = np.cumsum([0] + [len(d.sigma) for d in white]).tolist()
+        self._parts = {
+            body: [(d, slice(start + d.slices[c.name].start, start + d.slices[c.name].stop), c.name, c.t)
+                   for d, start in zip(white, edges, strict=False) for c in d.channels if c.name in names]
+            for body, names in BODIES.items()
+        }  # fmt: skip
+        self._rest = self._normal_matrix_of_events(edges)
+
+    def _normal_matrix_of_events(self, edges: list[int]) -> Array:
+        """Return the part of the normal matrix by events, whose errors are independent."""
+        total = np.zeros_like(self._prior)
+        for d, start in zip(self._white, edges, strict=False):
+            rows = self._rows[start + d.event_slice.start : start + d.event_slice.stop]
+            scaled = rows / d.sigma[d.event_slice][:, None]
+            total += scaled.T @ scaled
+        return total
+
+    def estimate(self) -> dict[str, CorrelatedNoise]:
+        """Return the noise of each body for which there is evidence."""
+        noises: dict[str, CorrelatedNoise] = {}
+        parts = {body: self._body(body, None) for body in self._parts}
+        for body, tracks in self._parts.items():
+            sigma = np.concatenate([d.sigma[d.slices[name]] for d, _, name, _ in tracks] or [np.zeros(0)])
+            count = int(np.isfinite(sigma).sum())
+            if count < 2 * MIN_DIFFERENCES:
+                continue
+            typical = float(np.median(sigma[np.isfinite(sigma)]))
+            step = min(_step(t) for *_, t in tracks if len(t) > 1)
+            longest = max(float(np.ptp(t)) for *_, t in tracks)
+            low = np.log([1e-2 * typical, MIN_CORRELATION_STEPS * step])
+            # A longer time cannot be told from a constant error, which is what the camera's origin is for
+            high = np.log([1e4 * typical, max(longest, 2 * MIN_CORRELATION_STEPS * step)])
+
+            def cost(logs: Array, body: str = body, others: Mapping[str, tuple[Array, float]] = parts) -> float:
+                amplitude, correlation_time = np.exp(logs).tolist()
+                noise = CorrelatedNoise(amplitude=amplitude, correlation_time=correlation_time)
+                return self._cost({**others, body: self._body(body, noise)})
+
+            start = np.clip(np.log([START_AMPLITUDE * typical, START_STEPS * step]), low, high)
+            simplex = np.clip([start, start + [0.7, 0.0], start + [0.0, 0.7]], low, high)
+            best = minimize(
+                cost, start, method="Nelder-Mead", bounds=list(zip(low, high, strict=True)),
+                options={"xatol": LOG_TOLERANCE, "fatol": 0.1, "initial_simplex": simplex},
+            )  # fmt: skip
+            if self._cost(parts) - best.fun > 2 * math.log(count):
+                amplitude, correlation_time = np.exp(best.x).tolist()
+                noises[body] = CorrelatedNoise(amplitude=amplitude, correlation_time=correlation_time)
+                parts[body] = self._body(body, noises[body])
+        return noises
+
+    def _body(self, body: str, noise: CorrelatedNoise | None) -> tuple[Array, float]:
+        """Return a body's part of the normal matrix, and of the log determinant."""
+        total, log_determinant = np.zeros_like(self._prior), 0.0
+        for d, rows, name, _ in self._parts[body]:
+            channel = next(c for c in d.channels if c.name == name)
+            alone = TrialData(trial=d.trial, channels=(channel,), sigma=d.sigma[d.slices[name]])
+            data = with_noises(alone, {body: noise} if noise else {})
+            standardised = data.standardise(self._rows[rows])
+            total += standardised.T @ standardised
+            log_determinant += data.log_determinant
+        return total, log_determinant
+
+    def _cost(self, parts: Mapping[str, tuple[Array, float]]) -> float:
+        """Return -2 ln of the restricted likelihood but for a constant."""
+        total = self._prior + self._rest + sum(matrix for matrix, _ in parts.values())
+        normal, gradient = total[1:, 1:], total[0, 1:]
+        unexplained = float(total[0, 0] - gradient @ np.linalg.lstsq(normal, gradient)[0])
+        return unexplained + sum(log for _, log in parts.values()) + float(np.linalg.slogdet(normal)[1])
