@@ -143,7 +143,8 @@ def _sentence(
     if verdict is Verdict.IDENTIFIED:
         added = " and ".join(effect_in_words(e) for e in effects)
         verb = "explain" if len(effects) > 1 else "explains"
-        return f"{added} {verb} the data to their noise. With the declared model alone, {misfit}.{errors}"
+        held = "".join(f" {c.name} was ruled out, as {c.held_by}." for c in conclusion.rounds[-1].ranking if c.held_by)
+        return f"{added} {verb} the data to their noise. With the declared model alone, {misfit}.{held}{errors}"
     if verdict is Verdict.AMBIGUOUS:
         each = "; or ".join(" and ".join(effect_in_words(e) for e in tie) for tie in ties)
         several = f"Several explanations fit them equally well: {each}."
@@ -154,8 +155,10 @@ def _sentence(
     if conclusion.unlisted is not None:
         force = conclusion.unlisted
         each = "; ".join(f"{p.side}: {p.formula} N" for p in force.profiles)
+        coordinate = force.depends_on.replace("_", " ")
+        beside = f"Beside {' and '.join(effect_in_words(e) for e in effects)}, a " if effects else "A "
         return (
-            f"{unexplained} A force on the {force.acts_on} as a function of the {force.depends_on.replace('_', ' ')} s does "
+            f"{unexplained} {beside}force on the {force.acts_on} as a function of the {coordinate} s does "
             f"({each}): on held-out data chi2 per value falls from {number(force.held_out_chi2_before)} to "
             f"{number(force.held_out_chi2_after)}."
         )

@@ -79,6 +79,8 @@ class RankedCandidate:
     passes: bool
     reason: str
     """Why the candidate does not pass; empty if it does."""
+    held_by: str = ""
+    """What is known in general and kept its value on a bound, for example what gravity there is on Earth; empty: nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)

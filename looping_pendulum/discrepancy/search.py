@@ -36,8 +36,8 @@ MAX_SCORE_RATIO = 6
 """Largest ratio of the best candidate's |z| to that of a candidate that is refitted."""
 MAX_RESCREENED = 5
 """Candidates that are screened again with all added effects in the model, which costs compilations."""
-MAX_EFFECTS = 2
-"""Effects that are added at most: three of the library can mimic most of what it lacks."""
+MAX_EFFECTS = 3
+"""Effects that are added at most."""
 
 FractionCallback = Callable[[str, float], None]
 """Called with a description of the step that begins, and the share of all work that is done at least."""
@@ -58,6 +58,8 @@ class Search:
         """Accepted explanations, the best first; all are within the margin of the best, so more than one are tied."""
         self.forces: tuple[RecoveredForce, ...] = ()
         """Unlisted forces as radial basis functions, those that explain held-out data first; empty: none does."""
+        self.beside_forces: tuple[Candidate, ...] = ()
+        """Listed effects that the model has beside these forces."""
         self.formulas: tuple[FittedFormula, ...] = ()
         """Formulas of these forces, refitted to the trajectories, the best first."""
         self.first_refits: list[Refit] = []
@@ -81,7 +83,7 @@ class Search:
         if best is second and second.cost < first.cost - 1:
             best = refit_with_estimated_noise(second)
         self.declared_model = self.judge(best, (), (first.cost, second.cost))
-        current = self.declared_model
+        current, best_single = self.declared_model, None
         for added_count in range(MAX_EFFECTS):
             if not current.failed_tests:
                 return
@@ -92,8 +94,16 @@ class Search:
                 return
             if next_model is None:
                 break
-            current = next_model
+            current = self.revise(next_model)
+            if current is not next_model and not current.failed_tests:
+                self.accepted_models = (current,)
+                return self.find_rivals()
+            if best_single is None:
+                best_single = current
         self.forces = self.find_unlisted_forces(self.declared_model)
+        if not self.forces and best_single is not None:
+            self.forces = self.find_unlisted_forces(best_single)
+            self.beside_forces = best_single.added if self.forces else ()
         if not self.forces and self.correlated_base is not None:
             self.search_with_correlated_noise(self.correlated_base)
 
@@ -150,22 +160,45 @@ class Search:
         """
         best = self.accepted_models[0]
         for dropped in best.added[:-1]:
-            others = tuple(c for c in best.added if c is not dropped)
-            dropped_names = {dropped.name, *(c.name for c in dropped.companions)}
-            kept = [i for i, n in enumerate(best.fit.problem.names) if n not in dropped_names]
-            parameters = [best.fit.problem.free_parameters[i] for i in kept]
-            fit = minimise(Problem(self.inputs.study, best.fit.problem.data, parameters), best.fit.x[kept])
-            remaining = tuple(s for s in self.screen_candidates(fit, others) if s.candidate is not dropped)
-            current = CandidateModel(
-                fit=fit, added=others, tests=best.tests, held_out=best.held_out, screening=_returning(remaining)
-            )
+            current = self.without(best, dropped)
             # Delta BIC of the dropped effect beside the others, less the margin within which explanations are tied
-            min_delta_bic = fit.cost - best.fit.cost - math.log(fit.problem.count) - MIN_DELTA_BIC_MARGIN
+            min_delta_bic = _delta_bic(current.fit, best.fit, dropped) - MIN_DELTA_BIC_MARGIN
             refits = self.refit_candidates(current, 0.7)
             rivals = [r for r in refits if r.delta_bic >= max(min_delta_bic, MIN_DELTA_BIC) and r.within_bounds]
             judged = self.judge_refits(current, rivals, 0.8)
             self.rounds.append(record_round(current, refits, judged, correlated_noise=self.noise_is_correlated))
             self.accepted_models += tuple(judged.values())
+
+    def revise(self, model: CandidateModel) -> CandidateModel:
+        """Remove or replace an effect that was added before the last, if the later ones have made it useless or second best.
+
+        An early effect may only have stood for a later one. It leaves again if its delta BIC beside the others is below
+        `MIN_DELTA_BIC`, and is replaced if another candidate's is larger by `MIN_DELTA_BIC_MARGIN`.
+        """
+        for dropped in model.added[:-1]:
+            current = self.without(model, dropped)
+            delta_bic = _delta_bic(current.fit, model.fit, dropped)
+            if delta_bic < MIN_DELTA_BIC:
+                return self.judge(with_noise_of_residuals(current.fit), current.added)
+            refits = self.refit_candidates(current, 0.5)
+            better = [r for r in refits if r.delta_bic > delta_bic + MIN_DELTA_BIC_MARGIN and r.within_bounds][:1]
+            if better:
+                judged = self.judge_refits(current, better, 0.55)
+                self.rounds.append(record_round(current, refits, judged, correlated_noise=self.noise_is_correlated))
+                return judged[better[0].candidate.name]
+        return model
+
+    def without(self, model: CandidateModel, dropped: Candidate) -> CandidateModel:
+        """Return a model without one of its added effects, fitted to the same data, to which others can be added."""
+        others = tuple(c for c in model.added if c is not dropped)
+        dropped_names = {dropped.name, *(c.name for c in dropped.companions)}
+        kept = [i for i, n in enumerate(model.fit.problem.names) if n not in dropped_names]
+        parameters = [model.fit.problem.free_parameters[i] for i in kept]
+        fit = minimise(Problem(self.inputs.study, model.fit.problem.data, parameters), model.fit.x[kept])
+        remaining = tuple(s for s in self.screen_candidates(fit, others) if s.candidate is not dropped)
+        return CandidateModel(
+            fit=fit, added=others, tests=model.tests, held_out=model.held_out, screening=_returning(remaining)
+        )
 
     def judge(self, fit: Fit, added: tuple[Candidate, ...], start_costs: tuple[float, ...] = ()) -> CandidateModel:
         """Test a fit on its residuals, on held-out data and by the scores of the remaining candidates."""
@@ -250,6 +283,7 @@ class Search:
         """Search for an unlisted force that a model lacks; return the best closures, or none if none explains held-out data."""
         if not any(d.channels for d in self.inputs.training):  # a few events do not determine a force as a function
             return ()
+        self.formulas = ()
         forces = discover(
             base.fit, self.inputs.held_out, lambda what: self.report_progress(what, 0.85), self.workers,
             min_evidence=MIN_DELTA_BIC if noises_of(base.fit) else -math.inf,
@@ -279,12 +313,18 @@ class Search:
                     fit, held_out = formula.fit, formula.held_out
             tests = check_residuals(fit)
             # The screening is `tuple`, which returns no candidates: nothing is added to this model any more
-            return Verdict.UNLISTED, CandidateModel(fit=fit, added=(), tests=tests, held_out=held_out, screening=tuple), ()
+            added = self.beside_forces
+            return Verdict.UNLISTED, CandidateModel(fit=fit, added=added, tests=tests, held_out=held_out, screening=tuple), ()
         if not self.accepted_models:
             return Verdict.UNEXPLAINED, self.declared_model, ()
         if len(self.accepted_models) > 1:
             return Verdict.AMBIGUOUS, self.accepted_models[0], self.accepted_models
         return Verdict.IDENTIFIED, self.accepted_models[0], ()
+
+
+def _delta_bic(without: Fit, fit: Fit, candidate: Candidate) -> float:
+    """Return the delta BIC of a candidate by fits with and without it to the same data."""
+    return without.cost - fit.cost - (1 + len(candidate.companions)) * math.log(fit.problem.count)
 
 
 def _improvement(base: CandidateModel, held_out: HeldOutTest) -> float:

@@ -46,9 +46,19 @@ def only_candidates(names: Sequence[str] | None) -> Iterator[None]:
 
 def write_study(
     folder: Path, case: Case, seed: int, *, trials: Sequence[str] | None = None, undeclared: Sequence[str] = (),
-    **limits: Any,
+    anywhere: bool = False, **limits: Any,
 ) -> Path:  # fmt: skip
-    """Write a case's files and a study of them; ``trials``: only these; ``undeclared``: what is left out of it."""
+    """Write a case's files and a study of them.
+
+    Parameters
+    ----------
+    trials
+        Only these.
+    undeclared
+        Effects that are left out of it.
+    anywhere
+        Whether the trials may have been made on any planet, so that gravity is not known.
+    """
     known = write_case(folder, case, seed)
     all_limits = {"release_angle": ["60 deg", "130 deg"], "mass_ratio": [2, 10], "releases": ["looping", "vertical", "held"]}
     study = {
@@ -62,6 +72,8 @@ def write_study(
         "trials": [_trial(known, trial) for trial in known["trials"] if trials is None or trial["name"] in trials],
         "limits": all_limits | limits,
     }
+    if anywhere or case.name == "wrong_gravity":
+        study["gravity_range"] = ["5 m/s^2", "15 m/s^2"]
     path = folder / "study.yaml"
     path.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
     return path
@@ -120,3 +132,27 @@ def put_on_another_object(
         lines[i] = ",".join(cells)
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return [float(lines[i].split(",")[0]) for i in np.array(rows)[wild]]
+
+
+def let_the_tracker_wander(file: Path, *, amplitude: float, frames: float, seed: int) -> None:
+    """Add an error to every track of a table that changes in some ``frames`` frames: an Ornstein-Uhlenbeck process.
+
+    Parameters
+    ----------
+    amplitude
+        Standard deviation of each coordinate's error [m].
+    """
+    rng = np.random.default_rng(seed)
+    lines = file.read_text(encoding="utf-8").splitlines()
+    memory = math.exp(-1 / frames)
+    error = amplitude * rng.standard_normal(4)
+    for i, line in enumerate(lines):
+        if not line[:1].isdigit():
+            continue
+        cells = line.split(",")
+        for j in range(4):
+            if cells[1 + j].strip():
+                cells[1 + j] = f"{float(cells[1 + j]) + error[j]:.6f}"
+        lines[i] = ",".join(cells)
+        error = memory * error + amplitude * math.sqrt(1 - memory**2) * rng.standard_normal(4)
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -95,6 +95,13 @@ class Trial:
     """SI unit -> standard error of the events of that unit [SI]."""
 
 
+EARTH_GRAVITY = (9.764, 9.834)
+"""Smallest and largest acceleration of free fall on the Earth's surface [m/s^2].
+
+On Huascaran and on the Arctic Ocean (Hirt et al., Geophys. Res. Lett. 40 (2013) 4279).
+"""
+
+
 @dataclass(frozen=True, kw_only=True)
 class ExperimentLimits:
     """Limits of trials that the experimenter could do next; None: no limit."""
@@ -123,6 +130,8 @@ class Study:
     """Parameters and coefficients that may be fitted; None: all that are free or have a standard error."""
     trials: tuple[Trial, ...]
     limits: ExperimentLimits = ExperimentLimits()
+    gravity_range: tuple[float, float] = EARTH_GRAVITY
+    """Smallest and largest acceleration of free fall that there may be where the trials were made [m/s^2]."""
 
     def trial(self, name: str) -> Trial:
         """Return the trial of that name."""
@@ -165,7 +174,7 @@ class Study:
                     # An initial value of zero has no size to take a share of
                     scale=known.sigma or FREE_SCALE * abs(known.value) or 1e-3,
                     prior=1.0 if known.sigma else None,
-                    bounds=_bounds(parameter),
+                    bounds=self.gravity_range if parameter == "gravity" else _bounds(parameter),
                 )
         return tuple(free.values())
 

@@ -15,7 +15,7 @@ from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_sc
 
 from looping_pendulum.discrepancy.data.measurement import CAMERA
 from looping_pendulum.discrepancy.data.readers import KINDS
-from looping_pendulum.discrepancy.data.study import Estimate
+from looping_pendulum.discrepancy.data.study import EARTH_GRAVITY, Estimate
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Release
@@ -297,6 +297,9 @@ class StudyFile(Group):
     fit: Annotated[list[Text], Field(min_length=1)] | None = None
     trials: Annotated[list[TrialGroup], Field(min_length=1)]
     limits: LimitsGroup = LimitsGroup()
+    gravity_range: Annotated[tuple[float, float], _range(QuantityKind(unit="m/s**2", low=0.0), "[1.61 m/s^2, 1.64 m/s^2]")] = (
+        EARTH_GRAVITY
+    )
 
 
 def check(doc: Document) -> StudyFile:

@@ -15,6 +15,7 @@ from looping_pendulum.discrepancy.data.measurement import CAMERA
 from looping_pendulum.discrepancy.data.study import (
     APPARATUS_UNITS,
     DEFAULT_HANGING_LENGTH,
+    EARTH_GRAVITY,
     RELEASE_UNITS,
     REQUIRED,
     Estimate,
@@ -103,12 +104,27 @@ def _study(content: StudyFile, doc: Document, name: str, folder: Path) -> Study:
             mass_ratio=content.limits.mass_ratio,
             releases=tuple(Release(r) for r in content.limits.releases or Release),
         ),
+        gravity_range=content.gravity_range,
     )
+    _check_gravity(study, doc)
     _check_names(study, doc)
     for i, trial in enumerate(study.trials):
         _check_file_locations(folder, trial, doc, i)
         _check_trial(study, trial, doc, i)
     return study
+
+
+def _check_gravity(study: Study, doc: Document) -> None:
+    """Refuse a gravity that there is not where the trials were made."""
+    low, high = study.gravity_range
+    gravity = study.effects.get("gravity")
+    if gravity is not None and not low <= gravity.value <= high:
+        where = "on Earth" if study.gravity_range == EARTH_GRAVITY else "by gravity_range"
+        raise doc.error(
+            ("effects", "gravity"),
+            f"found {gravity.value:g} m/s^2, needed {low:g} to {high:g} m/s^2, as {where}; elsewhere state the possible "
+            "values, for example 'gravity_range: [1.61 m/s^2, 1.64 m/s^2]'",
+        )
 
 
 def _check_file_locations(folder: Path, trial: Trial, doc: Document, index: int) -> None:
@@ -228,6 +244,8 @@ def dump(study: Study) -> str:
         "mass_ratio": list(limits.mass_ratio) if limits.mass_ratio else None,
         "releases": [r.value for r in limits.releases],
     }
+    if study.gravity_range != EARTH_GRAVITY:
+        data["gravity_range"] = [show(g, "m/s**2") for g in study.gravity_range]
     return str(yaml.dump(_without_empty(data), Dumper=yaml.SafeDumper, sort_keys=False, allow_unicode=True, width=100))
 
 

@@ -9,6 +9,7 @@ correlated part.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Mapping
 
@@ -24,10 +25,14 @@ from looping_pendulum.reference_ode.geometry import Array
 
 MIN_CORRELATION_STEPS = 2.0
 """Shortest correlation time, in time steps: below it, the noise cannot be told from white noise."""
-START_AMPLITUDE, START_STEPS = 0.5, 8.0
-"""Where the search for the amplitude [white sigma] and the correlation time [time steps] begins."""
-LOG_TOLERANCE = 0.03
-"""Relative accuracy of both; the data determine them to some 20 %."""
+START_AMPLITUDES, START_TIMES = (0.3, 1.0, 4.0, 16.0), 6
+"""Amplitudes [white sigma] and number of correlation times among which the search begins: the likelihood has local maxima."""
+SIMPLEX_SIZE = 0.5
+"""Size of the first simplex of the search, in logarithms."""
+LOG_TOLERANCE, COST_TOLERANCE = 0.03, 0.1
+"""Relative accuracy of both, which the data determine to some 20 %, and accuracy of -2 ln L."""
+PASSES = 2
+"""Number of turns in which the noise of each body is estimated beside that of the others."""
 ROUNDS = 2
 """Number of turns in which the noise is estimated and the model is fitted; after two they agree."""
 
@@ -37,9 +42,10 @@ Noises = Mapping[str, CorrelatedNoise]
 
 def with_correlated_noise(fit: Fit) -> Fit:
     """Estimate each body's correlated noise, keep that for which there is evidence, and fit the model again."""
+    noises: Noises = {}
     for _ in range(ROUNDS):
         white = [_white(data_with_noise_of_residuals(_without_correlated_noise(fit), k)) for k in range(len(fit.problem.data))]
-        noises = _Likelihood(fit, white).estimate()
+        noises = _Likelihood(fit, white).estimate(noises)
         fit = minimise(fit.problem.with_data([with_noises(d, noises) for d in white]), fit.x)
         if not noises:
             break
@@ -76,6 +82,12 @@ def _body_of(channel: str) -> str:
     return next((body for body, names in BODIES.items() if channel in names), "")
 
 
+def _noise(logs: Array) -> CorrelatedNoise:
+    """Return noise from the logarithms of its amplitude and correlation time."""
+    amplitude, correlation_time = np.exp(logs).tolist()
+    return CorrelatedNoise(amplitude=amplitude, correlation_time=correlation_time)
+
+
 def _step(t: Array) -> float:
     return float(np.median(np.diff(t)))
 
@@ -109,38 +121,60 @@ class _Likelihood:
             total += scaled.T @ scaled
         return total
 
-    def estimate(self) -> dict[str, CorrelatedNoise]:
-        """Return the noise of each body for which there is evidence."""
-        noises: dict[str, CorrelatedNoise] = {}
-        parts = {body: self._body(body, None) for body in self._parts}
-        for body, tracks in self._parts.items():
-            sigma = np.concatenate([d.sigma[d.slices[name]] for d, _, name, _ in tracks] or [np.zeros(0)])
-            count = int(np.isfinite(sigma).sum())
-            if count < 2 * MIN_DIFFERENCES:
-                continue
-            typical = float(np.median(sigma[np.isfinite(sigma)]))
-            step = min(_step(t) for *_, t in tracks if len(t) > 1)
-            longest = max(float(np.ptp(t)) for *_, t in tracks)
-            low = np.log([1e-2 * typical, MIN_CORRELATION_STEPS * step])
-            # A longer time cannot be told from a constant error, which is what the camera's origin is for
-            high = np.log([1e4 * typical, max(longest, 2 * MIN_CORRELATION_STEPS * step)])
-
-            def cost(logs: Array, body: str = body, others: Mapping[str, tuple[Array, float]] = parts) -> float:
-                amplitude, correlation_time = np.exp(logs).tolist()
-                noise = CorrelatedNoise(amplitude=amplitude, correlation_time=correlation_time)
-                return self._cost({**others, body: self._body(body, noise)})
-
-            start = np.clip(np.log([START_AMPLITUDE * typical, START_STEPS * step]), low, high)
-            simplex = np.clip([start, start + [0.7, 0.0], start + [0.0, 0.7]], low, high)
-            best = minimize(
-                cost, start, method="Nelder-Mead", bounds=list(zip(low, high, strict=True)),
-                options={"xatol": LOG_TOLERANCE, "fatol": 0.1, "initial_simplex": simplex},
-            )  # fmt: skip
-            if self._cost(parts) - best.fun > 2 * math.log(count):
-                amplitude, correlation_time = np.exp(best.x).tolist()
-                noises[body] = CorrelatedNoise(amplitude=amplitude, correlation_time=correlation_time)
-                parts[body] = self._body(body, noises[body])
+    def estimate(self, start: Noises) -> dict[str, CorrelatedNoise]:
+        """Return the noise of each body for which there is evidence; ``start``: what is known of it, empty: nothing."""
+        noises = dict(start)
+        parts = {body: self._body(body, noises.get(body)) for body in self._parts}
+        # What is taken for the noise of one body depends on that of the other, which the model ties to it
+        for _ in range(1 if start else PASSES):
+            for body, tracks in self._parts.items():
+                sigma = np.concatenate([d.sigma[d.slices[name]] for d, _, name, _ in tracks] or [np.zeros(0)])
+                sigma = sigma[np.isfinite(sigma)]
+                if len(sigma) < 2 * MIN_DIFFERENCES:
+                    continue
+                before = noises.pop(body, None)
+                parts[body] = self._body(body, None)
+                white_cost = self._cost(parts)
+                noise, cost = self._best(body, parts, float(np.median(sigma)), before)
+                if white_cost - cost > 2 * math.log(len(sigma)):
+                    noises[body], parts[body] = noise, self._body(body, noise)
         return noises
+
+    def _best(
+        self, body: str, parts: Mapping[str, tuple[Array, float]], sigma: float, before: CorrelatedNoise | None
+    ) -> tuple[CorrelatedNoise, float]:
+        """Return the noise of one body that is most likely beside those of the others, and its cost.
+
+        Parameters
+        ----------
+        sigma
+            Typical standard deviation of the body's white noise.
+        before
+            Where the search begins; None: at the best of a grid.
+        """
+        times = [t for *_, t in self._parts[body] if len(t) > 1]
+        shortest = MIN_CORRELATION_STEPS * min(map(_step, times))
+        # A longer time cannot be told from a constant error, which is what the camera's origin is for
+        longest = max(2 * shortest, *(float(np.ptp(t)) for t in times))
+        low, high = np.log([1e-2 * sigma, shortest]), np.log([1e4 * sigma, longest])
+
+        def cost(logs: Array) -> float:
+            return self._cost({**parts, body: self._body(body, _noise(logs))})
+
+        if before is None:
+            grid = itertools.product(np.log(START_AMPLITUDES) + math.log(sigma), np.linspace(low[1], high[1], START_TIMES))
+            start = min((np.array(logs) for logs in grid), key=cost)
+        else:
+            start = np.clip(np.log([before.amplitude, before.correlation_time]), low, high)
+        inward = np.where(start + SIMPLEX_SIZE > high, -SIMPLEX_SIZE, SIMPLEX_SIZE)
+        best = minimize(
+            cost, start, method="Nelder-Mead", bounds=list(zip(low, high, strict=True)),
+            options={
+                "xatol": LOG_TOLERANCE, "fatol": COST_TOLERANCE,
+                "initial_simplex": [start, start + [inward[0], 0.0], start + [0.0, inward[1]]],
+            },
+        )  # fmt: skip
+        return _noise(best.x), float(best.fun)
 
     def _body(self, body: str, noise: CorrelatedNoise | None) -> tuple[Array, float]:
         """Return a body's part of the normal matrix, and of the log determinant."""

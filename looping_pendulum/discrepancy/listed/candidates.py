@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.data.measurement import CAMERA
-from looping_pendulum.discrepancy.data.study import Study
+from looping_pendulum.discrepancy.data.study import EARTH_GRAVITY, Study
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
 from looping_pendulum.reference_ode.parameters import Release
@@ -53,6 +53,8 @@ class Candidate:
     source: str
     trials: tuple[str, ...]
     """Names of the trials in which it acts."""
+    bounds_reason: str = ""
+    """Why the value cannot leave its bounds, where that is more than what the effect is; empty: it is not."""
     companions: tuple[Coefficient, ...] = ()
     """Coefficients that shape the effect which this one switches on, and are fitted with it."""
 
@@ -134,7 +136,11 @@ def _effect_candidate(study: Study, effect: Effect, c: Coefficient, trials: tupl
     known = study.effects.get(c.name)
     declared = known is not None or effect.name == "gravity"
     null = known.value if known else (c.default if effect.name == "gravity" else c.null)
-    role, bounds = ParameterRole.SET, c.bounds
+    role, bounds, bounds_reason = ParameterRole.SET, c.bounds, ""
+    if c.name == "gravity":
+        bounds = study.gravity_range
+        where = "on Earth" if bounds == EARTH_GRAVITY else "where the trials were made"
+        bounds_reason = f"gravity {where} is {bounds[0]:g} to {bounds[1]:g} m/s^2"
     if c.name == "static_friction" and known is None:  # it cannot be below the kinetic one, so it is fitted as a ratio to it
         role, null, bounds = ParameterRole.TIMES, 1.0, (1.0, 10.0)
     return Candidate(
@@ -143,6 +149,7 @@ def _effect_candidate(study: Study, effect: Effect, c: Coefficient, trials: tupl
         role=role,
         null=null,
         bounds=bounds,
+        bounds_reason=bounds_reason,
         unit=c.unit,
         kind="wrong value" if declared else effect.kind.value,
         acts_on=effect.acts_on,

@@ -24,6 +24,8 @@ def _passes(r: Refit, model: CandidateModel | None) -> bool:
 
 def _reason(r: Refit, model: CandidateModel | None, best: Refit) -> str:
     """Return why a refit does not pass; empty if it does. ``model`` is None if the refit was not tested."""
+    if not r.within_bounds and r.candidate.bounds_reason:
+        return f"the fitted value is on its bound: {r.candidate.bounds_reason}"
     if r.delta_bic < MIN_DELTA_BIC:
         return f"delta BIC below {MIN_DELTA_BIC:g}"
     if model is None:
@@ -51,6 +53,7 @@ def record_round(
                 held_out_chi2=model.held_out.worst if model else None,
                 passes=_passes(r, model),
                 reason=_reason(r, model, refits[0]),
+                held_by=r.screened.held_by if r.within_bounds else c.bounds_reason,
             )
         )
     refitted = {r.name for r in ranking}
@@ -64,7 +67,8 @@ def record_round(
             error=None,
             held_out_chi2=None,
             passes=False,
-            reason="not refitted: others have higher scores",
+            reason=f"not refitted: {s.held_by or 'others have higher scores'}",
+            held_by=s.held_by,
         )
         for s in current.remaining
         if s.candidate.name not in refitted

@@ -29,6 +29,8 @@ MIN_SHARE_FOR_FINITE = 0.05
 
 If the fitted parameters absorb nearly all of a change, only its own curvature would be left.
 """
+MIN_SCORE_BEYOND_BOUNDS = 4.0
+"""Smallest |z| at impossible values that is worth a word: noise gives no more, see `attribution.MAX_NULL_SCORE`."""
 MAX_TRIES, MAX_FAILURES = 12, 2
 """Largest number of values that are tried for a change of a given size, and how many of these may be impossible."""
 
@@ -48,6 +50,14 @@ class ScreenedCandidate:
     """Change of the value [SI] that changes the prediction by `SCALE_SIZE`."""
     companions: tuple[FreeParameter, ...] = ()
     """Parameters that are fitted with it, at the values that give the highest score."""
+    score_beyond_bounds: float = 0.0
+    """Largest |z| at values that are not possible."""
+
+    @property
+    def held_by(self) -> str:
+        """Return what is known in general that keeps the value within its bounds, while the residuals would have it beyond."""
+        held = self.score_beyond_bounds > max(abs(self.score), MIN_SCORE_BEYOND_BOUNDS)
+        return self.candidate.bounds_reason if held else ""
 
 
 def screen(
@@ -149,7 +159,7 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
         v[:measured] = (here - moved[: len(here)])[:measured]
         return v.copy()
 
-    best, scale, error = (0.0, 0.0), 0.0, math.inf
+    best, beyond, scale, error = (0.0, 0.0), 0.0, 0.0, math.inf
     first = _first_change(candidate)
     both_sides = candidate.bounds[0] < candidate.null < candidate.bounds[1]
     templates: tuple[float, ...] = FINITE_SIZES
@@ -177,7 +187,9 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
                 score, amplitude = 0.0, 0.0
             allowed = candidate.bounds[0] <= candidate.null + amplitude <= candidate.bounds[1]
             # the linear template holds for both signs, a finite one only for its own
-            if allowed and abs(score) > abs(best[0]) and (score > 0 or size == LINEAR_SIZE):
+            if not allowed:
+                beyond = max(beyond, abs(score))
+            elif abs(score) > abs(best[0]) and (score > 0 or size == LINEAR_SIZE):
                 best = score, amplitude
             if size == FINITE_SIZES[-1]:
                 scale = max(scale, abs(delta))
@@ -187,7 +199,13 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
         return None
     scale *= SCALE_SIZE / FINITE_SIZES[-1]
     return ScreenedCandidate(
-        candidate=candidate, score=best[0], amplitude=best[1], error=error, scale=scale, companions=companions
+        candidate=candidate,
+        score=best[0],
+        amplitude=best[1],
+        error=error,
+        scale=scale,
+        companions=companions,
+        score_beyond_bounds=beyond,
     )
 
 

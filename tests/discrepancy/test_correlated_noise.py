@@ -1,0 +1,114 @@
+"""Errors of tracked points that last longer than a frame: told from white noise, and not taken for what a model lacks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.fit.calibration import calibrate
+from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
+from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of, with_correlated_noise
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.residual import check_residuals
+from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
+from looping_pendulum.discrepancy.identify import identify
+from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.report.markdown import render
+from looping_pendulum.discrepancy.result import Verdict
+from tests.blind.cases import CASES, CLEAN
+from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, let_the_tracker_wander, only_candidates, write_study
+
+AMPLITUDE, FRAMES = 5e-4, 10
+"""Half a millimetre, for some ten frames at a time: beside white noise of a millimetre."""
+
+
+def study_with_wander(folder, case, seed, amplitude=AMPLITUDE, trials=TWO_RATIOS):
+    path = write_study(folder, case, seed, trials=trials)
+    for i, file in enumerate(sorted(folder.glob("*.csv"))):
+        let_the_tracker_wander(file, amplitude=amplitude, frames=FRAMES, seed=10 * seed + i)
+    return load(path)
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+def test_whitening_is_a_root_of_the_inverse_covariance(gaps):
+    """Oracle: the covariance matrix, written out; points that are left out (infinite errors) are not in it."""
+    rng = np.random.default_rng(0)
+    t = np.sort(rng.uniform(0, 1, 60))
+    sigma = 1e-3 * (1 + rng.random(60))
+    if gaps:
+        sigma[[0, 7, 8, 9, 59]] = np.inf
+    noise = CorrelatedNoise(amplitude=5e-4, correlation_time=0.04)
+    whitening = Whitening(t, sigma, noise)
+    y = rng.standard_normal((60, 3))
+    kept = np.isfinite(sigma)
+    lag = np.abs(t[kept][:, None] - t[kept])
+    covariance = np.diag(sigma[kept] ** 2) + noise.amplitude**2 * np.exp(-lag / noise.correlation_time)
+    z = whitening(y)
+    assert z.T @ z == pytest.approx(y[kept].T @ np.linalg.solve(covariance, y[kept]), rel=1e-10)
+    assert whitening.log_determinant == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-12)
+    np.testing.assert_allclose(whitening(y[:, 0]), z[:, 0], rtol=1e-12)
+
+
+def test_differences_of_neighbours_keep_their_size():
+    """Oracle: the variance of half the squared difference of neighbours, white + s^2 (1 - exp(-step / tau))."""
+    noise = CorrelatedNoise(amplitude=5e-4, correlation_time=0.04)
+    white = noise.white_sigma(np.array([1e-3]), 1 / 240)
+    assert white**2 + 5e-4**2 * (1 - np.exp(-1 / 240 / 0.04)) == pytest.approx(1e-6)
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.accurate), pytest.param(3, marks=pytest.mark.accurate)])
+def test_the_planted_noise_is_estimated_and_explains_the_residuals(tmp_path, seed):
+    """Within a factor of the planted values: some 24 independent pieces of ten frames a track determine them to 20 to 50 %."""
+    inputs = read_inputs(study_with_wander(tmp_path, CLEAN, seed, amplitude=1e-3))
+    fit = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
+    assert not check_residuals(fit).passes
+    correlated = with_correlated_noise(fit)
+    for noise in noises_of(correlated).values():
+        assert 0.6 < noise.amplitude / 1e-3 < 1.6
+        assert 0.4 < noise.correlation_time * 240 / FRAMES < 2.5
+    assert set(noises_of(correlated)) == {"light", "heavy"}
+    assert check_residuals(correlated).passes
+    # White noise of a millimetre at rest: neither grows at the other's expense
+    assert np.quantile(np.concatenate([d.sigma for d in correlated.problem.data]), 0.1) == pytest.approx(1e-3, rel=0.2)
+
+
+def test_white_noise_stays_white(tmp_path):
+    inputs = read_inputs(load(write_study(tmp_path, CLEAN, 2, trials=TWO_RATIOS)))
+    fit = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
+    assert not noises_of(with_correlated_noise(fit))
+
+
+@pytest.mark.parametrize(
+    ("seed", "library"),
+    [
+        (2, ("wind_speed", "scale", "side_force")),
+        *(pytest.param(s, WHOLE_LIBRARY, marks=pytest.mark.accurate) for s in (1, 2, 3)),
+    ],
+)
+def test_nothing_is_missing_where_the_tracker_wanders(tmp_path, seed, library):
+    with only_candidates(library):
+        result = identify(study_with_wander(tmp_path, CLEAN, seed))
+    assert result.verdict is Verdict.NO_MISSING_EFFECT
+    assert {e.body for e in result.correlated_noise} <= {"light", "heavy"}
+    assert all(2e-4 < e.amplitude < 1e-3 for e in result.correlated_noise)
+    assert "as when a tracker wanders over its mark" in result.sentence
+    report = render(result)
+    assert "## Errors that last longer than a frame" in report
+    assert "## What these data could show" in report
+    assert {v.name for v in result.smallest_visible} >= set(library or ())
+
+
+@pytest.mark.accurate
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_an_effect_is_named_though_the_tracker_wanders(tmp_path, seed):
+    result = identify(study_with_wander(tmp_path, CASES["linear_drag"], seed))
+    explanations = [{e.name for e in tie} for tie in result.ties] or [set(result.names)]
+    assert any("light_linear_drag" in names for names in explanations), result.sentence
+
+
+@pytest.mark.accurate
+@pytest.mark.parametrize("name", ["thrust", "magnet"])
+def test_an_unlisted_force_is_not_taken_for_a_tracker_that_wanders(tmp_path, name):
+    result = identify(load(write_study(tmp_path, CASES[name], 1)))
+    assert result.verdict in (Verdict.UNLISTED, Verdict.UNEXPLAINED)
