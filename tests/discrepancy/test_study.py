@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from looping_pendulum.discrepancy.data.measurement import Camera, predict, sampler
+from looping_pendulum.discrepancy.data.camera import Camera
+from looping_pendulum.discrepancy.data.measurement import predict, sampler
 from looping_pendulum.discrepancy.data.observations import DataError
 from looping_pendulum.discrepancy.data.study import Estimate, read_trial
 from looping_pendulum.discrepancy.data.study_io import StudyError, dump, load, load_text
