@@ -80,9 +80,7 @@ def film(motion: Motion | RigidMotion, camera: Camera, rng: np.random.Generator,
         speed = np.linalg.norm(later - earlier, axis=1) / (2 * instant)
         sigma = camera.noise + camera.blur * speed
         in_picture = place if pinhole is None else pinhole.stated(place)
-        seen = _stated(in_picture, camera) + sigma[:, None] * rng.standard_normal(
-            (frames, 2)
-        )
+        seen = _stated(in_picture, camera) + sigma[:, None] * rng.standard_normal((frames, 2))
         seen[_gaps(frames, camera, rng)] = np.nan
         marks.append(seen)
     return Clip(t=t * camera.frame_rate_ratio + camera.clock_offset, light=marks[0], heavy=marks[1])
