@@ -157,12 +157,22 @@ MEASUREMENT = (
     Case(name="frame_rate", camera_errors=(("frame_rate_ratio", 0.015),)),
 )
 
+VIEWS = (
+    Case(name="pixel_aspect", camera_errors=(("pixel_aspect", 0.03),)),
+    Case(name="from_the_side", camera_errors=(("sideways", math.radians(14)),)),
+    Case(name="from_afar", camera_errors=(("sideways", math.radians(14)), ("distance", 27.0))),
+    Case(name="from_below", camera_errors=(("above", math.radians(-3)),)),
+    Case(name="near_scale", camera_errors=(("rule_behind", 0.1),)),
+    Case(name="wide_lens", camera_errors=(("lens", -0.3), ("distance", -1.5))),
+)
+"""Real ways to look at the motion, by a camera in space; their signatures are what they are, 2 to 17 mm."""
+
 UNLISTED = (
     _single("magnet", 0.015, listed=False),
     _single("thrust", 0.02, listed=False),
 )
 
-CASES = {c.name: c for c in (CLEAN, CLEAN_VARIED, *SINGLE, *SMALL, *PAIRS, *MEASUREMENT, *UNLISTED)}
+CASES = {c.name: c for c in (CLEAN, CLEAN_VARIED, *SINGLE, *SMALL, *PAIRS, *MEASUREMENT, *VIEWS, *UNLISTED)}
 
 
 @lru_cache(maxsize=24)

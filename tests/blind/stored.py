@@ -79,6 +79,7 @@ TRACKS = (
     ("thrust", 3),
     ("static_excess", 0),
     ("side_force", 0),
+    ("pixel_aspect", 0),
 )
 """Case and seed of every simulated film that a daily test reads."""
 TABLES = (

@@ -7,6 +7,7 @@ import pytest
 from looping_pendulum.reference_ode.solve import available_integrators
 
 FITTING = (
+    "test_camera_studies",
     "test_events",
     "test_identify",
     "test_attribution",

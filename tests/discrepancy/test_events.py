@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
 from looping_pendulum.compare.reference_landmarks import reference_landmarks
-from looping_pendulum.discrepancy.data.measurement import Camera
+from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.observations import DataError, EventObservation
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit import event_prediction as prediction

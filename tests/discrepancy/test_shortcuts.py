@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES
-from looping_pendulum.discrepancy.data.measurement import Camera
+from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.observations import EventObservation
 from looping_pendulum.discrepancy.fit import event_prediction as prediction
 from looping_pendulum.errors import ParameterError

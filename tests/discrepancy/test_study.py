@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from looping_pendulum.discrepancy.data.measurement import Camera, predict, sampler
+from looping_pendulum.discrepancy.data.camera import CAMERA, Camera
+from looping_pendulum.discrepancy.data.measurement import predict, sampler
 from looping_pendulum.discrepancy.data.observations import DataError
 from looping_pendulum.discrepancy.data.study import Estimate, read_trial
 from looping_pendulum.discrepancy.data.study_io import StudyError, dump, load, load_text
@@ -184,6 +185,17 @@ BAD = [
     ("58 cm +/- 1 mm, hang", "1 mm, hang", "first: free_length: found 0.001 m, but the light mass already touches the rod"),
     ("apparatus:\n", "apparatus:\n\t", "found a tab, needed spaces"),
     ("scale: 1 +/- 1 %", "zoom: 1", "trials[1].camera.zoom: found an unknown key, needed one of: origin_x"),
+    (
+        "{scale: 1 +/- 1 %}",
+        "1 %",
+        "trials[1].camera: expected a group of keys (origin_x, origin_y, scale, tilt,",
+    ),
+    (
+        "scale: 1 +/- 1 %",
+        "perspective_x: 3 m",
+        "trials[1].camera.perspective_x: expected a quantity in 1/m, got '3 m'",
+    ),
+    ("scale: 1 +/- 1 %", "distortion: 5 1/m^2", "trials[1].camera.distortion: "),
 ]
 
 
@@ -228,7 +240,7 @@ def test_trials_are_read_from_the_study_s_folder(tmp_path):
     with pytest.raises(DataError, match=r"c.csv: cannot be read"):
         read_trial(study, study.trial("c"))
     priors = study.camera_priors(study.trial("first"), observations)
-    assert set(priors) == {"origin_x", "origin_y", "scale", "tilt", "clock_offset", "clock_ratio"}
+    assert set(priors) == set(CAMERA)  # of tracked points, all of the camera matters
 
 
 def test_a_drop_needs_only_what_falls():

@@ -1,7 +1,6 @@
-"""Model of the camera, apart from the physics: origin, scale, tilt and clock of its picture, and the noise of tracked points.
+"""Predict what is measured of a run: the camera's picture of it at the measured times, and the noise of tracked points.
 
-A point at (x, y) at the true time t is measured at the time t_m with t = clock_offset + clock_ratio t_m, at the position
-scale Rot(tilt) (x, y) + (origin_x, origin_y). Its noise is sigma = a + b |v|, because a moving mass is blurred along its path.
+The noise is sigma = a + b |v|, because a moving mass is blurred along its path.
 """
 
 from __future__ import annotations
@@ -10,14 +9,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.noise import Noise, estimate_noise, speed_at
-from looping_pendulum.discrepancy.data.observations import Channel, DataError
-from looping_pendulum.reference_ode.effects import Coefficient
+from looping_pendulum.discrepancy.data.observations import Channel
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.sensitivity import Sensitivities
@@ -25,9 +23,6 @@ from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import solve_at
 
 __all__ = [
-    "CAMERA",
-    "CAMERA_ERRORS",
-    "Camera",
     "Noise",
     "Prediction",
     "SampleFunction",
@@ -42,80 +37,6 @@ SampleFunction = Callable[[Array], Samples]
 
 It may leave out times past the run's end.
 """
-
-
-def _coefficient(name: str, unit: str, null: float, bounds: tuple[float, float], meaning: str) -> Coefficient:
-    return Coefficient(name=name, unit=unit, default=null, null=null, bounds=bounds, meaning=meaning)
-
-
-CAMERA = MappingProxyType(
-    {
-        c.name: c
-        for c in (
-            _coefficient("origin_x", "m", 0.0, (-2e3, 2e3), "x at which the rod's centre is measured"),
-            _coefficient("origin_y", "m", 0.0, (-2e3, 2e3), "y at which the rod's centre is measured"),
-            _coefficient("scale", "", 1.0, (0.2, 5.0), "measured length per true length"),
-            _coefficient("tilt", "rad", 0.0, (-math.pi, math.pi), "angle by which the picture is turned, counterclockwise"),
-            _coefficient("clock_offset", "s", 0.0, (-60.0, 60.0), "true time since release at which the file's clock is 0"),
-            _coefficient("clock_ratio", "", 1.0, (0.01, 100.0), "true time per measured time"),
-        )
-    }
-)
-"""Coefficients of the camera model, by name; the null values are those of a perfect camera."""
-CAMERA_ERRORS = MappingProxyType(
-    {
-        "origin_x": 5e-3,
-        "origin_y": 5e-3,
-        "scale": 0.005,
-        "tilt": math.radians(0.5),
-        "clock_offset": 4e-3,
-        "clock_ratio": 0.002,
-    }
-)
-"""Coefficient of the camera model -> its standard error in a careful set-up [SI], used as its prior."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Camera:
-    """Camera of one trial; the default is a perfect one."""
-
-    origin_x: float = CAMERA["origin_x"].null
-    """[m]"""
-    origin_y: float = CAMERA["origin_y"].null
-    """[m]"""
-    scale: float = CAMERA["scale"].null
-    tilt: float = CAMERA["tilt"].null
-    """[rad]"""
-    clock_offset: float = CAMERA["clock_offset"].null
-    """[s]"""
-    clock_ratio: float = CAMERA["clock_ratio"].null
-
-    def __post_init__(self) -> None:
-        """Refuse values out of their bounds."""
-        for name, c in CAMERA.items():
-            low, high = c.bounds
-            if not low <= getattr(self, name) <= high:
-                raise DataError(f"camera {name}: found {getattr(self, name):g}, needed between {low:g} and {high:g}")
-
-    def true_time(self, t: Array) -> Array:
-        """Return the times since release [s] of the file's times ``t`` [s]."""
-        return self.clock_offset + self.clock_ratio * t
-
-    def project(self, position: Array) -> Array:
-        """Return measured positions [m] of true ones [m], shape (n, 2)."""
-        return np.asarray(self.project_displacement(position) + [self.origin_x, self.origin_y])
-
-    def project_displacement(self, displacement: Array) -> Array:
-        """Return measured displacements [m] of true ones [m], shape (n, 2)."""
-        cosine, sine = math.cos(self.tilt), math.sin(self.tilt)
-        # Positions are rows, so the matrix stands on the right and is transposed
-        return np.asarray(self.scale * (displacement @ np.array([[cosine, sine], [-sine, cosine]])))
-
-    def unproject(self, measured: Array) -> Array:
-        """Return true positions [m] of measured ones [m], shape (n, 2): the inverse of `project`."""
-        cosine, sine = math.cos(self.tilt), math.sin(self.tilt)
-        rotated = (measured - [self.origin_x, self.origin_y]) / self.scale
-        return np.asarray(rotated @ np.array([[cosine, -sine], [sine, cosine]]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -182,9 +103,10 @@ def predicted_derivatives(
     s = solved(sample_times.times)
     known = len(s.samples.t)
     series: dict[str, Array] = {}
-    for mass, position in (("light", s.light_position), ("heavy", s.heavy_position)):
+    for mass, derivatives in (("light", s.light_position), ("heavy", s.heavy_position)):
         if f"{mass}_x" in sample_times.index or f"{mass}_y" in sample_times.index:
-            measured = camera.project_displacement(position.transpose(0, 2, 1))
+            position = getattr(s.samples, f"{mass}_position")[:, np.newaxis]
+            measured = camera.project_displacement(position, derivatives.transpose(0, 2, 1))
             series[f"{mass}_x"], series[f"{mass}_y"] = measured[..., 0], measured[..., 1]
     if "angle" in sample_times.index:
         series["angle"] = s.state.wrap_angle.T

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from looping_pendulum.discrepancy.data.camera import CAMERA
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
-from looping_pendulum.discrepancy.data.measurement import CAMERA, CAMERA_ERRORS
 from looping_pendulum.discrepancy.data.observations import Observations, merge, mirrored, with_event_errors
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -238,20 +238,22 @@ class Study:
         named = {c.name: c for c in observations.channels}
         acting = ["clock_offset", "clock_ratio"] if named or observations.events else []
         if any(n.endswith(("_x", "_y")) for n in named):
-            acting = ["origin_x", "origin_y", "scale", "tilt", *acting]
+            # Heights and angles are measured along the vertical and near the rod, where scale and tilt are all that matters
+            picture = ["foreshortening", "perspective_x", "perspective_y", "distortion", "centre_x", "centre_y"]
+            acting = ["origin_x", "origin_y", "scale", "tilt", *picture, *acting]
         acting += ["scale", "tilt"] if observations.events else []
         acting += ["tilt"] if "angle" in named else []
         acting += ["origin_y", "scale"] if "height" in named else []
-        priors = {n: Estimate(value=CAMERA[n].null, sigma=CAMERA_ERRORS[n]) for n in dict.fromkeys(acting)}
+        priors = {n: Estimate(value=CAMERA[n].null, sigma=CAMERA[n].error) for n in dict.fromkeys(acting)}
         if named:
             step = max((float(np.median(np.diff(c.t))) for c in named.values() if len(c) > 1), default=0.0)
             # The first frame after the release is known to a frame or two.
-            priors["clock_offset"] = Estimate(value=0.0, sigma=max(CAMERA_ERRORS["clock_offset"], 2 * step))
+            priors["clock_offset"] = Estimate(value=0.0, sigma=max(CAMERA["clock_offset"].error, 2 * step))
         if "height" in named:
             height = named["height"].value
             # Heights are measured from the ground. That of the release is the first point's, to a fiftieth of the fall.
             priors["origin_y"] = Estimate(
-                value=float(height[0]), sigma=max(float(np.ptp(height)) / 50, CAMERA_ERRORS["origin_y"])
+                value=float(height[0]), sigma=max(float(np.ptp(height)) / 50, CAMERA["origin_y"].error)
             )
         return priors | {n: e for n, e in trial.camera.items() if n in priors}
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Collection
 from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, Field, GetCoreSchemaHandler, PlainValidator, ValidationError
 from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
 
-from looping_pendulum.discrepancy.data.measurement import CAMERA
+from looping_pendulum.discrepancy.data.camera import CAMERA
 from looping_pendulum.discrepancy.data.readers import KINDS
 from looping_pendulum.discrepancy.data.study import EARTH_GRAVITY, Estimate
 from looping_pendulum.errors import ScenarioError
@@ -100,11 +101,6 @@ def _mass(example: str) -> MeasuredField:
     return MeasuredField(QuantityKind(unit="kg", low=0.0, exclusive_low=True, example=example))
 
 
-def _camera_kind(name: str) -> MeasuredField:
-    c = CAMERA[name]
-    return MeasuredField(quantity_kind(c, example=show(c.null, c.unit)), start=c.null)
-
-
 def _flag(raw: object) -> bool:
     if raw in ("true", "false"):
         return raw == "true"
@@ -174,14 +170,35 @@ def _effects(raw: object) -> dict[str, Estimate]:
         for name, each in group.items():
             key = f"{effect}.{name}" if isinstance(content, dict) else effect
             if name not in known:
-                near = suggest(name, known)
-                raise input_error(f"found an unknown key, needed one of: {', '.join(known)}{near}", key)
+                raise _unknown_key(name, known, key)
             c = known[name]
-            try:
-                values[name] = MeasuredField(quantity_kind(c), start=FREE_STARTS.get(name, c.default)).estimate(each)
-            except PydanticCustomError as error:
-                raise input_error(str(error), key) from None
+            values[name] = _coefficient_estimate(MeasuredField(quantity_kind(c), FREE_STARTS.get(name, c.default)), each, key)
     return values
+
+
+def _camera(raw: object) -> dict[str, Estimate]:
+    """Return coefficient -> estimate of every declared error of a camera, which replaces its usual prior."""
+    if not isinstance(raw, dict):
+        raise input_error(f"expected a group of keys ({', '.join(CAMERA)}), got {quote(raw)}; write them indented below it")
+    values = {}
+    for name, each in raw.items():
+        if name not in CAMERA:
+            raise _unknown_key(name, CAMERA, name)
+        c = CAMERA[name]
+        field = MeasuredField(quantity_kind(c, example=show(c.null, c.unit)), c.null)
+        values[name] = _coefficient_estimate(field, each, name)
+    return values
+
+
+def _unknown_key(name: str, known: Collection[str], key: str) -> PydanticCustomError:
+    return input_error(f"found an unknown key, needed one of: {', '.join(known)}{suggest(name, known)}", key)
+
+
+def _coefficient_estimate(field: MeasuredField, raw: object, key: str) -> Estimate:
+    try:
+        return field.estimate(raw)
+    except PydanticCustomError as error:
+        raise input_error(str(error), key) from None
 
 
 class StudyLightGroup(Group):
@@ -225,17 +242,6 @@ class StudyReleaseGroup(Group):
     hanging_length: Annotated[Estimate, _length("3 cm")] | None = None
 
 
-class CameraGroup(Group):
-    """Keys of a camera: values that replace the usual priors."""
-
-    origin_x: Annotated[Estimate, _camera_kind("origin_x")] | None = None
-    origin_y: Annotated[Estimate, _camera_kind("origin_y")] | None = None
-    scale: Annotated[Estimate, _camera_kind("scale")] | None = None
-    tilt: Annotated[Estimate, _camera_kind("tilt")] | None = None
-    clock_offset: Annotated[Estimate, _camera_kind("clock_offset")] | None = None
-    clock_ratio: Annotated[Estimate, _camera_kind("clock_ratio")] | None = None
-
-
 class EventErrorsGroup(Group):
     """Keys of standard errors of events, for tables that do not print them."""
 
@@ -266,7 +272,7 @@ class TrialGroup(Group):
     light: StudyLightGroup = StudyLightGroup()
     heavy: StudyHeavyGroup = StudyHeavyGroup()
     release: StudyReleaseGroup = StudyReleaseGroup()
-    camera: CameraGroup = CameraGroup()
+    camera: Annotated[dict[str, Estimate], PlainValidator(_camera)] = {}
     event_errors: EventErrorsGroup = EventErrorsGroup()
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from looping_pendulum.discrepancy.data import study_file
-from looping_pendulum.discrepancy.data.measurement import CAMERA
+from looping_pendulum.discrepancy.data.camera import CAMERA
 from looping_pendulum.discrepancy.data.study import (
     APPARATUS_UNITS,
     DEFAULT_HANGING_LENGTH,
@@ -186,7 +186,7 @@ def _trial(group: TrialGroup, doc: Document, index: int) -> Trial:
         units=group.units or {},
         release=release,
         estimates=estimates,
-        camera={n: e for n in CAMERA if (e := getattr(group.camera, n)) is not None},
+        camera={n: group.camera[n] for n in CAMERA if n in group.camera},
         event_errors=errors,
     )
 

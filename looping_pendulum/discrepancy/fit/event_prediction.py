@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
 from looping_pendulum.compare.reference_landmarks import reference_event_times
-from looping_pendulum.discrepancy.data.measurement import Camera
+from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.observations import DataError, EventObservation, Observations
 from looping_pendulum.engines.landmarks import EXTREMUM_BAND, Extremum, Landmarks, Stop
 from looping_pendulum.engines.reference import event_names
@@ -101,7 +102,7 @@ class EventRun:
 
 
 def landmarks(samples: Samples, camera: Camera) -> Landmarks:
-    """Return the landmarks of a run by its own events [SI, true time]; extrema are those in the perhaps tilted picture."""
+    """Return the landmarks of a run by its own events [SI, true time]; extrema are those in the picture."""
     run = samples.run
     times = reference_event_times(event_names(run))
     # The times below are those of the events themselves, equal in every bit, so that they can be keys
@@ -160,9 +161,10 @@ def _as_measured(value: float | None, quantity: str, camera: Camera) -> float:
 
 def _extrema(samples: Samples, camera: Camera) -> tuple[tuple[Extremum, ...], tuple[Extremum, ...]]:
     """Return the extrema of x and y of the light mass in the picture, up to the run's end."""
-    # Only the tilt changes which extrema there are; `_as_measured` applies the scale to their values.
-    only_tilted = Camera(tilt=camera.tilt)
-    position, velocity = only_tilted.project(samples.light_position), only_tilted.project(samples.light_velocity)
+    # Scale and origin do not change when the extrema are
+    unscaled = replace(camera, scale=1.0, origin_x=0.0, origin_y=0.0)
+    position = unscaled.project(samples.light_position)
+    velocity = unscaled.project_displacement(samples.light_position, samples.light_velocity)
     return _extrema_of_coordinate(samples.t, position[:, 0], velocity[:, 0]), _extrema_of_coordinate(
         samples.t, position[:, 1], velocity[:, 1]
     )

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.discrepancy.data.measurement import DIFFERENTIABLE_CHANNELS, Camera, predict, predicted_derivatives
+from looping_pendulum.discrepancy.data.measurement import DIFFERENTIABLE_CHANNELS, predict, predicted_derivatives
 from looping_pendulum.discrepancy.data.observations import Channel, DataError, EventObservation
 from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from looping_pendulum.discrepancy.data.camera import CAMERA, CameraCoefficient
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.discrepancy.data.measurement import CAMERA
 from looping_pendulum.discrepancy.data.study import EARTH_GRAVITY, Study
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
@@ -116,8 +115,7 @@ def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[s
     if releases - {Release.DROP}:
         measured = {p for p in APPARATUS for t in study.trials if study.estimate(p, t) is not None}
         listed += [_apparatus_candidate(p, trials) for p in APPARATUS if p in measured and _affects_motion(p, releases)]
-    # a fit of the declared model has the origin of each camera already
-    listed += [_camera_candidate(n, trials) for n in camera if not n.startswith("origin")]
+    listed += [_camera_candidate(p, p.candidate_reach, trials) for p in map(CAMERA.__getitem__, camera) if p.candidate_reach]
     return tuple(c for c in listed if (c.parameter, c.role) not in taken)
 
 
@@ -179,17 +177,14 @@ def _apparatus_candidate(parameter: str, trials: tuple[str, ...]) -> Candidate:
     )
 
 
-def _camera_candidate(name: str, trials: tuple[str, ...]) -> Candidate:
+def _camera_candidate(p: CameraCoefficient, reach: float, trials: tuple[str, ...]) -> Candidate:
     """Return a camera error that is the same in all trials as a candidate."""
-    p = CAMERA[name]
-    # One camera films all trials. A camera with larger errors than these would need a study that says so.
-    width = {"scale": 0.3, "tilt": math.radians(20), "clock_offset": 0.1, "clock_ratio": 0.3}[name]
     return Candidate(
-        name=name,
-        parameter=name,
+        name=p.name,
+        parameter=p.name,
         role=ParameterRole.CAMERA,
         null=p.null,
-        bounds=(p.null - width, p.null + width),
+        bounds=(p.null - reach, p.null + reach),
         unit=p.unit,
         kind="measurement error",
         acts_on="camera",

@@ -1,0 +1,196 @@
+"""The camera: where and when the picture shows a point of the plane of motion.
+
+A point at (x, y) from the rod's centre, at the true time t, is measured at the time t_m, t = clock_offset + clock_ratio t_m.
+Its image by a pinhole camera that looks at the plane from an angle is, in true lengths,
+
+    u = (foreshortening x, y) / (1 + perspective_x x + perspective_y y),
+
+and the lens moves it along the line from the picture's centre c, at the distance r = |u - c|, to
+
+    v = c + (u - c) (1 + distortion r^2) + distortion |c|^2 c,
+
+where the last term keeps the rod's centre where it was. It is measured at scale Rot(tilt) v + (origin_x, origin_y). The page on
+the derivation of the equations shows how these follow from the camera's place and direction.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from looping_pendulum.discrepancy.data.observations import DataError
+from looping_pendulum.reference_ode.effects import Coefficient
+from looping_pendulum.reference_ode.geometry import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraCoefficient(Coefficient):
+    """A coefficient of the camera model."""
+
+    error: float
+    """Standard error in a careful set-up [SI], used as its prior."""
+    candidate_reach: float | None
+    """Largest distance from the null value as a candidate of a search [SI]; None: it is no candidate.
+
+    One camera films all trials. A camera with larger errors than these needs a study that says so.
+    """
+
+
+def _coefficient(
+    name: str, unit: str, null: float, bounds: tuple[float, float], meaning: str, *, error: float, reach: float | None = None
+) -> CameraCoefficient:
+    return CameraCoefficient(
+        name=name, unit=unit, default=null, null=null, bounds=bounds, meaning=meaning, error=error, candidate_reach=reach
+    )
+
+
+_ANGLE = math.radians(0.5)
+CAMERA = MappingProxyType(
+    {
+        c.name: c
+        for c in (
+            # The origin is no candidate, because a fit of the declared model has that of each camera already
+            _coefficient("origin_x", "m", 0.0, (-2e3, 2e3), "x at which the rod's centre is measured", error=5e-3),
+            _coefficient("origin_y", "m", 0.0, (-2e3, 2e3), "y at which the rod's centre is measured", error=5e-3),
+            _coefficient("scale", "", 1.0, (0.2, 5.0), "measured length per true length", error=0.005, reach=0.3),
+            _coefficient(
+                "tilt", "rad", 0.0, (-math.pi, math.pi), "angle by which the picture is turned, counterclockwise",
+                error=_ANGLE, reach=math.radians(20),
+            ),
+            _coefficient(
+                "foreshortening", "", 1.0, (0.2, 5.0), "horizontal length in the picture per equally long vertical one",
+                error=0.005, reach=0.3,
+            ),
+            _coefficient(
+                "perspective_x", "1/m", 0.0, (-1.0, 1.0),
+                "relative growth of the distance from the camera, per length to the right",
+                error=0.005, reach=0.3,
+            ),
+            _coefficient(
+                "perspective_y", "1/m", 0.0, (-1.0, 1.0),
+                "relative growth of the distance from the camera, per length upwards",
+                error=0.005, reach=0.3,
+            ),
+            _coefficient(
+                "distortion", "1/m^2", 0.0, (-1.0, 1.0),
+                "relative growth of distances from the picture's centre by the lens, per square of the distance",
+                error=0.01, reach=0.3,
+            ),
+            # Without a distortion the picture's centre does not matter, and with one it is seldom determined by the motion
+            _coefficient("centre_x", "m", 0.0, (-10.0, 10.0), "x of the picture's centre, from the rod's", error=0.1),
+            _coefficient("centre_y", "m", 0.0, (-10.0, 10.0), "y of the picture's centre, from the rod's", error=0.1),
+            _coefficient(
+                "clock_offset", "s", 0.0, (-60.0, 60.0), "true time since release at which the file's clock is 0",
+                error=4e-3, reach=0.1,
+            ),
+            _coefficient("clock_ratio", "", 1.0, (0.01, 100.0), "true time per measured time", error=0.002, reach=0.3),
+        )
+    }
+)  # fmt: skip
+"""Coefficients of the camera model, by name; the null values are those of a perfect camera."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """Camera of one trial; the default is a perfect one. `CAMERA` has the meaning and the unit of each value."""
+
+    origin_x: float = CAMERA["origin_x"].null
+    origin_y: float = CAMERA["origin_y"].null
+    scale: float = CAMERA["scale"].null
+    tilt: float = CAMERA["tilt"].null
+    foreshortening: float = CAMERA["foreshortening"].null
+    perspective_x: float = CAMERA["perspective_x"].null
+    perspective_y: float = CAMERA["perspective_y"].null
+    distortion: float = CAMERA["distortion"].null
+    centre_x: float = CAMERA["centre_x"].null
+    centre_y: float = CAMERA["centre_y"].null
+    clock_offset: float = CAMERA["clock_offset"].null
+    clock_ratio: float = CAMERA["clock_ratio"].null
+
+    def __post_init__(self) -> None:
+        """Refuse values out of their bounds."""
+        values = self.__dict__  # quicker than an attribute by its name, and a fit makes a camera for every run
+        for name, (low, high) in _BOUNDS:
+            if not low <= values[name] <= high:
+                raise DataError(f"camera {name}: found {values[name]:g}, needed between {low:g} and {high:g}")
+
+    def true_time(self, t: Array) -> Array:
+        """Return the times since release [s] of the file's times ``t`` [s]."""
+        return self.clock_offset + self.clock_ratio * t
+
+    def project(self, position: Array) -> Array:
+        """Return measured positions [m] of true ones [m], shape (n, 2).
+
+        Raises
+        ------
+        DataError
+            If a position lies behind the camera.
+        """
+        return np.asarray(self._scaled_and_turned(self._image(position)) + [self.origin_x, self.origin_y])
+
+    def project_displacement(self, position: Array, displacement: Array) -> Array:
+        """Return the displacement [m] in the picture of small true ones [m] at true positions [m].
+
+        It is the derivative of `project` in the direction of the displacement.
+
+        Parameters
+        ----------
+        position
+            Shape (..., 2).
+        displacement
+            Shape (..., 2), or any that the position can be broadcast to.
+        """
+        return self._scaled_and_turned(self._image_of_displacement(position, displacement))
+
+    def _scaled_and_turned(self, v: Array) -> Array:
+        cosine, sine = math.cos(self.tilt), math.sin(self.tilt)
+        # Positions are rows, so the matrix stands on the right and is transposed
+        return np.asarray(self.scale * (v @ np.array([[cosine, sine], [-sine, cosine]])))
+
+    @property
+    def _looks_straight(self) -> bool:
+        """Return whether lengths are in proportion all over the picture, as mostly in a fit."""
+        return self.foreshortening == 1.0 and self.perspective_x == self.perspective_y == self.distortion == 0.0
+
+    def _image(self, position: Array) -> Array:
+        """Return the image v of true positions [m], shape (n, 2), before scale and tilt."""
+        if self._looks_straight:
+            return position
+        u = position * [self.foreshortening, 1.0] / self._relative_depth(position)
+        centre = np.array([self.centre_x, self.centre_y])
+        d = u - centre
+        return np.asarray(u + self.distortion * (_square(d) * d + _square(centre) * centre))
+
+    def _image_of_displacement(self, position: Array, displacement: Array) -> Array:
+        """Return the derivative of `_image` in the direction of ``displacement``."""
+        if self._looks_straight:
+            return displacement
+        stretch = np.array([self.foreshortening, 1.0])
+        depth = self._relative_depth(position)
+        u = position * stretch / depth
+        depth_change = displacement @ np.array([[self.perspective_x], [self.perspective_y]])
+        du = (displacement * stretch - u * depth_change) / depth
+        d = u - [self.centre_x, self.centre_y]
+        along = np.sum(d * du, axis=-1, keepdims=True)
+        return np.asarray(du + self.distortion * (_square(d) * du + 2 * along * d))
+
+    def _relative_depth(self, position: Array) -> Array:
+        """Return the distance of true positions [m] from the camera, along its axis, over that of the rod, shape (..., 1)."""
+        depth = 1 + position @ np.array([[self.perspective_x], [self.perspective_y]])
+        if not np.all(depth > 0):
+            raise DataError(
+                f"camera perspective: found {self.perspective_x:g} 1/m and {self.perspective_y:g} 1/m, with which a mass is "
+                "behind the camera; needed smaller ones"
+            )
+        return np.asarray(depth)
+
+
+_BOUNDS = tuple((c.name, c.bounds) for c in CAMERA.values())
+
+
+def _square(v: Array) -> Array:
+    """Return the squared length of vectors, shape (..., 2), as shape (..., 1)."""
+    return np.asarray(np.sum(v * v, axis=-1, keepdims=True))
