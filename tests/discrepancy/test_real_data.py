@@ -2,8 +2,8 @@
 
 The balls fall from a bridge, filmed at 15 fps and tracked by hand. What is declared of the camera is what the videos
 allow: the first mark is some frames from the release (0.1 s), the clock is good to 1e-3, and each video's scale was set by
-hand (3 %: by the bowling ball, which the air hardly brakes, the two drops' scales differ by as much). Real marks are off by
-more than they scatter from frame to frame, so no model leaves white noise: what passes does so with a stated remainder.
+hand (3 %: by the bowling ball, which the air hardly brakes, the two drops' scales differ by as much). Errors of real marks last
+longer than a frame, so no model leaves white noise: what passes does so with correlated noise, whose size is stated.
 """
 
 from __future__ import annotations
@@ -77,14 +77,14 @@ def test_the_wiffle_ball_is_braked_by_the_air(wiffle):
     assert held_out_error(wiffle).rms_after <= 0.15 * held_out_error(wiffle).rms_before
 
 
-def test_what_is_left_of_the_wiffle_ball_is_reported(wiffle):
-    assert wiffle.remainder is not None
-    assert 0.02 < wiffle.remainder.rms < 0.36  # quadratic drag fitted to each drop by itself leaves 0.18 to 0.36 m
-    assert wiffle.remainder.unit == "m"
-    assert wiffle.remainder.birge_ratio > 1
-    assert wiffle.remainder.autocorrelation_time > 1
-    assert "m more than they scatter" in wiffle.sentence
-    assert "## Remainder" in markdown.render(wiffle)
+def test_the_errors_of_the_wiffle_balls_marks_are_reported(wiffle):
+    (error,) = wiffle.correlated_noise
+    assert error.body == "height"
+    assert 0.02 < error.amplitude < 0.36  # quadratic drag fitted to each drop by itself leaves 0.18 to 0.36 m
+    assert error.unit == "m"
+    assert error.points > 2
+    assert "as when a tracker wanders over its mark" in wiffle.sentence
+    assert "## Errors that last longer than a frame" in markdown.render(wiffle)
 
 
 def test_the_tennis_ball_is_braked_by_the_air(tmp_path):
@@ -111,15 +111,17 @@ def test_no_drag_is_claimed_of_a_ball_that_the_air_hardly_brakes(tmp_path, ball)
     """Daily the bowling ball, and the green basketball in the next test."""
     result = falling(tmp_path, ball)
     assert not result.effects
-    assert result.verdict is Verdict.UNEXPLAINED  # the marks are not white, and no effect is needed for what they say
-    assert "the declared model is not refuted" in result.sentence
+    assert result.verdict is Verdict.NO_MISSING_EFFECT
+    assert result.correlated_noise  # the marks are not white, and no effect is needed for what they say
     assert held_out_error(result).rms_before < 0.2
 
 
 def test_no_drag_is_claimed_where_the_fall_is_slower_by_the_same_share_at_all_speeds(tmp_path):
     result = falling(tmp_path, "green_basketball")
     assert not result.effects
-    assert result.verdict is Verdict.UNEXPLAINED  # a scale 15 % off, or drag that hardly grows with speed: neither is known
+    # A scale 15 % off, or drag that hardly grows with speed: neither is known, and both are as a constant force
+    assert result.verdict is Verdict.UNLISTED
+    assert result.unlisted.acts_on == "heavy mass"
 
 
 def decaying_pendulum(folder):
@@ -144,4 +146,4 @@ def test_the_pendulum_lacks_quadratic_drag_and_is_not_hung_quite_straight(tmp_pa
     seen = next(e for e in result.errors if not e.held_out)
     assert seen.rms_after <= 0.6 * seen.rms_before
     assert held_out_error(result).rms_after <= 0.6 * held_out_error(result).rms_before
-    assert result.remainder is not None
+    assert result.correlated_noise

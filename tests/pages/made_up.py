@@ -79,7 +79,8 @@ def identification(name: str) -> Identification:
         effects=(effect,),
         ties=(),
         unlisted=force,
-        remainder=None,
+        correlated_noise=(),
+        smallest_visible=(),
         next_experiments=(),
         rounds=(Round(added_before=(), ranking=ranking, best=name, runner_up=name, margin=40.0),),
         errors=(

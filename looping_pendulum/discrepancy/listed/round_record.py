@@ -28,6 +28,8 @@ def _reason(r: Refit, model: CandidateModel | None, best: Refit) -> str:
         return f"the fitted value is on its bound: {r.candidate.bounds_reason}"
     if r.delta_bic < MIN_DELTA_BIC:
         return f"delta BIC below {MIN_DELTA_BIC:g}"
+    if model is None and r is best:
+        return "delta BIC below that of the effect in its place"
     if model is None:
         return f"delta BIC {best.delta_bic - r.delta_bic:.1f} below that of {best.candidate.name}"
     if not r.within_bounds:
