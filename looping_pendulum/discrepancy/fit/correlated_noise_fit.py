@@ -25,6 +25,12 @@ from looping_pendulum.reference_ode.geometry import Array
 
 MIN_CORRELATION_STEPS = 2.0
 """Shortest correlation time, in time steps: below it, the noise cannot be told from white noise."""
+MAX_CORRELATION_SHARE = 0.1
+"""Longest correlation time, as a part of the longest trial.
+
+Errors that last longer look like a wrong scale, clock or origin, which are parameters of the camera, or like what the model
+lacks.
+"""
 START_AMPLITUDES, START_TIMES = (0.3, 1.0, 4.0, 16.0), 6
 """Amplitudes [white sigma] and number of correlation times among which the search begins: the likelihood has local maxima."""
 SIMPLEX_SIZE = 0.5
@@ -154,8 +160,7 @@ class _Likelihood:
         """
         times = [t for *_, t in self._parts[body] if len(t) > 1]
         shortest = MIN_CORRELATION_STEPS * min(map(_step, times))
-        # A longer time cannot be told from a constant error, which is what the camera's origin is for
-        longest = max(2 * shortest, *(float(np.ptp(t)) for t in times))
+        longest = max(2 * shortest, *(MAX_CORRELATION_SHARE * float(np.ptp(t)) for t in times))
         low, high = np.log([1e-2 * sigma, shortest]), np.log([1e4 * sigma, longest])
 
         def cost(logs: Array) -> float:
