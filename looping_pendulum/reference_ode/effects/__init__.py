@@ -16,6 +16,7 @@ from typing import Any
 
 from looping_pendulum.reference_ode.effects.closure import CLOSURE
 from looping_pendulum.reference_ode.effects.forces import FURTHER_FORCES
+from looping_pendulum.reference_ode.effects.installed import installed_effects
 from looping_pendulum.reference_ode.effects.properties import FURTHER_PROPERTIES
 from looping_pendulum.reference_ode.effects.types import Coefficient, Effect, EffectKind, Kinematics
 
@@ -163,10 +164,12 @@ STRING_DRAG = Effect(
 )
 
 # Forces and exponents are summed in this order: another order would change the last bits of every result
-EFFECTS: dict[str, Effect] = {
-    e.name: e for e in (GRAVITY, CAPSTAN, LIGHT_DRAG, HEAVY_DRAG, STRING_DRAG, *FURTHER_FORCES, *FURTHER_PROPERTIES, CLOSURE)
-}
-"""Every effect of the library, by name."""
+LIBRARY = (GRAVITY, CAPSTAN, LIGHT_DRAG, HEAVY_DRAG, STRING_DRAG, *FURTHER_FORCES, *FURTHER_PROPERTIES, CLOSURE)
+"""Effects of this package."""
+# Here, as parameters, equations and workers all import this module, and so have the same effects
+_INSTALLED, FAULTS = installed_effects(LIBRARY)
+EFFECTS: dict[str, Effect] = {e.name: e for e in (*LIBRARY, *_INSTALLED)}
+"""Every effect of the library and of installed packages, by name."""
 
 COEFFICIENTS: dict[str, Coefficient] = {c.name: c for e in EFFECTS.values() for c in e.coefficients}
 """Every coefficient of every effect, by name."""
