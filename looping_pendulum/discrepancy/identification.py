@@ -338,7 +338,7 @@ def _scenario(study: Study, model: CandidateModel, effects: Sequence[IdentifiedE
             name=f"{study.name}_repaired",
             title=f"{study.title}: repaired model",
             description=text,
-            parameters=parameters,
+            parameters=parameters.without_absent_own_effects(),
             duration=float(d.t.max()),
         )
     )

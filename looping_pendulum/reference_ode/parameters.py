@@ -302,6 +302,15 @@ class Parameters:
     def _copied_coefficients(self) -> dict[str, float]:
         return cast("MappingProxyType[str, float]", self.coefficients).copy()
 
+    def without_absent_own_effects(self) -> Parameters:
+        """Return the same without those own effects that are at their null value."""
+        absent = {own.name for own in self.own_effects} - self._active_coefficients
+        return dataclasses.replace(
+            self,
+            own_effects=tuple(own for own in self.own_effects if own.name not in absent),
+            coefficients={name: value for name, value in self.coefficients.items() if name not in absent},
+        )
+
     def as_dict(self) -> dict[str, object]:
         """Return plain data, for JSON and for another process; `parameters_from` reads it."""
         data = {name: getattr(self, name) for name in _FIELDS} | {"release": self.release.value}

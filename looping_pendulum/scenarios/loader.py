@@ -16,7 +16,7 @@ from pydantic import BaseModel, ValidationError
 
 from looping_pendulum.errors import ParameterError, ScenarioError
 from looping_pendulum.reference_ode import effects as effect_library
-from looping_pendulum.reference_ode.effects.own import effect_of
+from looping_pendulum.reference_ode.effects.own import OwnEffect, effect_of
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios import document, own_effects, schema
 from looping_pendulum.scenarios.document import Document, one_line
@@ -130,13 +130,13 @@ def _scenario(doc: Document, name: str) -> Scenario:
     """Validate a document and return its scenario."""
     model: type[BaseModel] = OwnEffectsFile
     try:
-        own = [c for each in own_effects.read(doc.data) for c in effect_of(each).coefficients]
-        model = schema.file_model(own)
-        file = model.model_validate(doc.data, context=[c.name for c in own])
+        own = own_effects.read(doc.data)
+        model = schema.file_model(c for each in own for c in effect_of(each).coefficients)
+        file = model.model_validate(doc.data, context=[each.name for each in own])
     except ValidationError as error:
         raise first_error(error, doc, model) from None
     try:
-        parameters = _parameters(file)
+        parameters = _parameters(file, own)
     except ParameterError as error:
         parameter, _, message = str(error).partition(": ")
         raise doc.error(tuple(file_key(parameter).split(".")), message) from None
@@ -152,7 +152,7 @@ def _scenario(doc: Document, name: str) -> Scenario:
     )
 
 
-def _parameters(file: ScenarioFile) -> Parameters:
+def _parameters(file: ScenarioFile, own: tuple[OwnEffect, ...]) -> Parameters:
     """Return the parameters of a validated file; those that it leaves out keep their default."""
     fields: dict[str, Any] = {}
     coefficients: dict[str, float] = file.effects.model_dump(exclude_none=True)
@@ -168,7 +168,7 @@ def _parameters(file: ScenarioFile) -> Parameters:
     if fields["release"] == Release.VERTICAL.value:
         # `Parameters` requires an angle, though this release determines it
         fields["release_angle"] = math.pi
-    return Parameters(**fields, coefficients=coefficients, own_effects=file.own_effects)
+    return Parameters(**fields, coefficients=coefficients, own_effects=own)
 
 
 def _tolerances(file: ScenarioFile) -> tuple[Tolerance, ...]:

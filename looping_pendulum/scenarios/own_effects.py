@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 from pydantic import AfterValidator, BaseModel, PlainValidator, WithJsonSchema
 
@@ -101,7 +101,7 @@ OwnEffects = Annotated[dict[str, OwnEffectGroup], AfterValidator(_own_effects)]
 class OwnEffectsFile(BaseModel):
     """The one group of a file that has to be read before the others, which may name what it defines."""
 
-    own_effects: OwnEffects = ()  # type: ignore[assignment]
+    own_effects: OwnEffects = {}
 
 
 def read(data: Mapping[str, Any]) -> tuple[OwnEffect, ...]:
@@ -114,7 +114,8 @@ def read(data: Mapping[str, Any]) -> tuple[OwnEffect, ...]:
     """
     for fault in effect_library.FAULTS:
         warn_of(fault)
-    return OwnEffectsFile.model_validate(data).own_effects  # type: ignore[return-value]
+    # A type checker does not see what a validator gives; without the key it is the empty default
+    return cast("tuple[OwnEffect, ...]", tuple(OwnEffectsFile.model_validate(data).own_effects))
 
 
 def tree(own_effects: Sequence[OwnEffect]) -> dict[str, Any]:

@@ -268,7 +268,7 @@ class ScenarioFile(Group):
     measured: MeasuredGroup | None = None
     tolerances: dict[str, ProfilesGroup] = {}
     """Engine and variant ("pymunk:chain"), profile and metric -> limit."""
-    own_effects: OwnEffects = ()  # type: ignore[assignment]
+    own_effects: OwnEffects = {}
     """Effects that the library lacks, each with its formula; their coefficients stand under effects, too."""
     # A placeholder: `_file_model` puts a group with the library's coefficients here
     effects: Any = None

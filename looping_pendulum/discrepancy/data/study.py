@@ -15,6 +15,7 @@ import numpy as np
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.measurement import CAMERA, CAMERA_ERRORS
 from looping_pendulum.discrepancy.data.observations import Observations, merge, mirrored, with_event_errors
+from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect
 from looping_pendulum.reference_ode.effects.own import OwnEffect
 from looping_pendulum.reference_ode.parameters import Parameters, Release, effect_tables
@@ -187,13 +188,15 @@ class Study:
     def _names(self) -> dict[str, dict[str, str]]:
         """Trial -> parameter that a fit may change in it -> name of the `FreeParameter`."""
         names: dict[str, dict[str, str]] = {}
+        brought = {c.name: e for e in self.known_effects if e not in effect_library.LIBRARY for c in e.coefficients}
         owners: dict[tuple[str, Estimate], str] = {}
         # The training trials first, so that a parameter that both share is named after one of these
         for trial in (*self.training, *self.held_out):
             names[trial.name] = {}
             for parameter in (*self.effects, *APPARATUS_UNITS, *RELEASE_UNITS):
                 known = self.estimate(parameter, trial)
-                if known is None or not self._is_fitted(parameter, known) or not _acts_in(parameter, trial):
+                acts = _effect_acts_in(brought[parameter], trial) if parameter in brought else _acts_in(parameter, trial)
+                if known is None or not self._is_fitted(parameter, known) or not acts:
                     continue
                 name = parameter
                 if parameter in trial.estimates:
@@ -275,6 +278,15 @@ def _acts_in(parameter: str, trial: Trial) -> bool:
     if trial.release is Release.HELD:
         return not parameter.startswith(("heavy", "kinetic", "static", "hanging"))
     return not (trial.release is Release.VERTICAL and parameter == "release_angle")
+
+
+def _effect_acts_in(effect: Effect, trial: Trial) -> bool:
+    """Return whether an effect that is not of the library influences the motion of a trial."""
+    on_light = effect.force_on_light_mass is not None or effect.inertia_of_light_mass is not None
+    on_heavy = effect.force_on_heavy_mass is not None or effect.inertia_of_heavy_mass is not None
+    if trial.release is Release.DROP:
+        return not effect.needs_string and (on_light if trial.dropped == "light" else on_heavy)
+    return on_light or trial.release is not Release.HELD
 
 
 def read_trial(study: Study, trial: Trial) -> Observations:

@@ -297,7 +297,7 @@ class StudyFile(Group):
     title: Text
     apparatus: ApparatusGroup = ApparatusGroup()
     effects: Annotated[dict[str, Estimate], PlainValidator(_effects)] = {}
-    own_effects: OwnEffects = ()  # type: ignore[assignment]
+    own_effects: OwnEffects = {}
     fit: Annotated[list[Text], Field(min_length=1)] | None = None
     trials: Annotated[list[TrialGroup], Field(min_length=1)]
     limits: LimitsGroup = LimitsGroup()

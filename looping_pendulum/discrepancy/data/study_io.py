@@ -27,8 +27,8 @@ from looping_pendulum.errors import HarnessError, ParameterError, ScenarioError
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import document, own_effects
 from looping_pendulum.scenarios.document import Document, one_line
-from looping_pendulum.scenarios.measured import DATA_VARIABLE, data_folders
 from looping_pendulum.scenarios.fields import suggest
+from looping_pendulum.scenarios.measured import DATA_VARIABLE, data_folders
 from looping_pendulum.scenarios.units import show
 
 _EVENT_UNITS = MappingProxyType({"time": "s", "length": "m", "angle": "rad"})
@@ -95,7 +95,7 @@ def _study(content: StudyFile, doc: Document, name: str, folder: Path) -> Study:
         folder=folder,
         apparatus=apparatus,
         effects=content.effects,
-        own_effects=content.own_effects,
+        own_effects=own_effects.read(doc.data),
         fit=None if content.fit is None else tuple(content.fit),
         trials=tuple(_trial(group, doc, i) for i, group in enumerate(content.trials)),
         limits=ExperimentLimits(

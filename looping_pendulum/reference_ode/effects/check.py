@@ -25,7 +25,8 @@ TERMS = (
 """Functions of an effect that take (xp, kinematics, p)."""
 APPARATUS = {"light_mass": 0.01, "heavy_mass": 0.1, "rod_radius": 0.006, "free_length": 0.58, "release_angle": 2.0,
              "hanging_length": 0.03, "light_radius": 0.0, "gravity": 9.81, "kinetic_friction": 0.3, "static_friction": 0.3,
-             "light_drag": 1e-3, "heavy_drag": 1e-3, "string_drag": 1e-3, "string_length": 0.62, "end_length": 2e-3}  # fmt: skip
+             "light_drag": 1e-3, "heavy_drag": 1e-3, "string_drag": 1e-3,
+             "string_length": 0.62, "end_length": 2e-3}  # fmt: skip
 """Parameters with which an effect is tried [SI]."""
 RESERVED = frozenset({*APPARATUS, "release", "coefficients", "own_effects"})
 """Names of parameters, which no effect may have."""
@@ -64,7 +65,7 @@ class _Symbol:
     def _refused(self, other: Any = None) -> Any:
         raise ParameterError("found abs(), a comparison or a branch, needed one analytic expression (docs/write-an-effect.md)")
 
-    __abs__ = __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __float__ = __eq__ = _refused  # type: ignore[assignment]
+    __abs__ = __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __float__ = __eq__ = _refused
     __hash__ = None  # type: ignore[assignment]
 
 
@@ -82,7 +83,8 @@ def check_unit(unit: str) -> None:
     """
     if unit and not SI_UNIT.fullmatch(unit):
         raise ParameterError(
-            f"found {shorten(unit)!r}, needed an SI unit without a prefix, such as 'N', 'kg/s' or 'N*s/m'; '1' for a pure number"
+            f"found {shorten(unit)!r}, needed an SI unit without a prefix, such as 'N', 'kg/s' or 'N*s/m'; "
+            "'1' for a pure number"
         )
 
 
@@ -129,8 +131,8 @@ def check_effect(effect: Effect, others: Mapping[str, float] = MappingProxyType(
         if any(_values_at(effect, k, {**others, **null})):
             name = effect.switch or effect.coefficients[0].name
             raise ParameterError(
-                f"found an effect that does not vanish where {name} is {null[name]:g}, needed one that its coefficient switches "
-                f"off; multiply by it, or subtract what is left"
+                f"found an effect that does not vanish where {name} is {null[name]:g}, needed one that its coefficient "
+                "switches off; multiply by it, or subtract what is left"
             )
     symbols = Kinematics(*(_Symbol() for _ in Kinematics._fields))
     p = SimpleNamespace(**{name: _Symbol() for name in (*others, *APPARATUS, *acting)})

@@ -1,4 +1,4 @@
-"""Formulas as a user writes them, ``"-k * across_speed * exp(-time / 0.2)"``: checked, and evaluated without Python's own ``eval``.
+"""Formulas as a user writes them, ``"-k * across_speed * exp(-time / 0.2)"``, checked and evaluated without Python's ``eval``.
 
 A formula is parsed by Python's `ast`, and only the few kinds of node below are taken over: whatever else stands in the text,
 a call of another function, an attribute, a comparison, is refused before anything of it is evaluated.
@@ -134,8 +134,8 @@ def _whole_number(node: ast.expr, text: str) -> int:
     if isinstance(value, int) and not isinstance(value, bool) and value <= MAX_POWER:
         return sign * value
     raise FormulaError(
-        f"found the exponent {shorten(_source(node, text))!r}, needed a whole number up to {MAX_POWER}; write other powers with "
-        "sqrt(), or as exp(a * log(x))"
+        f"found the exponent {shorten(_source(node, text))!r}, needed a whole number up to {MAX_POWER}; write other "
+        "powers with sqrt(), or as exp(a * log(x))"
     )
 
 

@@ -6,7 +6,6 @@ An `OwnEffect` is text and numbers alone; `effect_of` makes the `Effect` of it, 
 from __future__ import annotations
 
 import keyword
-import math
 import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -98,7 +97,7 @@ _OF_STRING = frozenset(
 
 @dataclass(frozen=True, kw_only=True)
 class OwnEffect:
-    """A force of a study's or scenario's own, with one coefficient, which has the name of the effect and switches it off at 0."""
+    """A force of a study's or scenario's own, with one coefficient, which has the effect's name and switches it off at 0."""
 
     name: str
     """Name of the effect and of its coefficient, which the formulas contain."""
