@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, cast
 
 from pydantic import AfterValidator, BaseModel, PlainValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError
 
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode import effects as effect_library
@@ -69,12 +71,11 @@ def _own_effect(name: str, group: OwnEffectGroup) -> OwnEffect:
     key = name
     try:
         check_name(name, taken_names(effect_library.EFFECTS.values()))
-        unit = "" if group.unit == "1" else "".join(group.unit.split()).replace("^", "**")
         key = f"{name}.unit"
+        unit = "" if group.unit == "1" else re.sub(r" ?([*/]) ?", r"\1", group.unit).replace("^", "**")
         check_unit(unit)
-        quantity = QuantityField(QuantityKind(unit=unit))
         key = f"{name}.bounds"
-        low, high = (quantity.read(each) for each in group.bounds)
+        low, high = _bounds(group.bounds, unit)
         force = {direction: " ".join(text.split()) for direction, text in group.force if text is not None}
         for direction, formula in force.items():
             key = f"{name}.force.{direction}"
@@ -89,9 +90,19 @@ def _own_effect(name: str, group: OwnEffectGroup) -> OwnEffect:
             source=group.source,
         )
         effect_of(own)
-    except HarnessError as error:
+    except (HarnessError, PydanticCustomError) as error:
         raise input_error(str(error).removeprefix(f"{KEY}: {name}: "), key) from None
     return own
+
+
+def _bounds(texts: Sequence[str], unit: str) -> tuple[float, float]:
+    """Return the bounds of a coefficient [SI]."""
+    quantity = QuantityField(QuantityKind(unit=unit))
+    low, high = (quantity.read(each) for each in texts)
+    if not low <= 0 <= high or low == high:
+        shown = f"{quote(texts[0])} to {quote(texts[1])}"
+        raise input_error(f"found {shown}, needed a lowest and a highest value with 0 among them, where the effect is absent")
+    return low, high
 
 
 OwnEffects = Annotated[dict[str, OwnEffectGroup], AfterValidator(_own_effects)]

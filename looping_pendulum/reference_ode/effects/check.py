@@ -57,13 +57,16 @@ class _Symbol:
     def _combined(self, other: Any = None) -> _Symbol:
         return self
 
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = __pow__ = _combined
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _combined
 
     def __neg__(self) -> _Symbol:
         return self
 
     def _refused(self, other: Any = None) -> Any:
         raise ParameterError("found abs(), a comparison or a branch, needed one analytic expression (docs/write-an-effect.md)")
+
+    def __pow__(self, power: Any) -> Any:
+        raise ParameterError("found a power, needed products, which every kind of number has; write x * x")
 
     __abs__ = __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __float__ = __eq__ = _refused
     __hash__ = None  # type: ignore[assignment]
