@@ -124,15 +124,14 @@ def effect_tables(own_effects: tuple[OwnEffect, ...]) -> EffectTables:
     ParameterError
         If an own effect is faulty, or its name is taken.
     """
-    own = tuple(map(effect_of, own_effects))
     taken = taken_names(effect_library.EFFECTS.values())
-    for effect in own:
+    for own in own_effects:
         try:
-            check_name(effect.name, taken)
+            check_name(own.name, taken)
         except ParameterError as error:
             raise ParameterError(f"own_effects: {error}") from None
-        taken.add(effect.name)
-    effects = (*effect_library.EFFECTS.values(), *own)
+        taken.add(own.name)
+    effects = (*effect_library.EFFECTS.values(), *map(effect_of, own_effects))
     coefficients = {c.name: c for effect in effects for c in effect.coefficients}
     return EffectTables(
         effects=effects,
