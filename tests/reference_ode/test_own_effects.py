@@ -87,6 +87,7 @@ def test_dual_numbers_have_every_function(name):
             "(x for x in x)",
             "x; x",
             "exp(exp)",
+            "0x1for x in x",
         ),
     ],
 )

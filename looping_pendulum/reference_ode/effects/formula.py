@@ -10,6 +10,7 @@ import ast
 import difflib
 import math
 import operator
+import warnings
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -67,7 +68,9 @@ def parse(text: str, known: Collection[str]) -> Formula:
     if len(text) > MAX_LENGTH:
         raise FormulaError(f"found a formula of {len(text)} characters, needed at most {MAX_LENGTH}")
     try:
-        tree = ast.parse(text.strip(), mode="eval").body
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # what Python doubts, as '1if', is no formula; the warning becomes a SyntaxError
+            tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise FormulaError(f"found {shorten(text)!r}, needed a formula; write for example '-2 * k * time'") from None
     used: set[str] = set()
