@@ -92,6 +92,9 @@ def run_key(engine: Engine, scenario: Scenario) -> str:
         "versions": versions,
         "source": _source(type(engine).__module__),
     }
+    # Only then a further key, so that runs without such effects keep theirs
+    if brought := [effect for effect in scenario.parameters.effects if effect.package]:
+        what["effects"] = [[e.name, e.package, installed_version(e.package), _source(e.module)] for e in brought]
     # 80 bits, so that no two runs share a name by chance
     digest = hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()[:20]
     return f"{file_stem(label(engine))}-{digest}"

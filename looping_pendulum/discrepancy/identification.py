@@ -151,7 +151,8 @@ def _sentence(
         return f"The declared model does not explain the data: {misfit}. {several}{errors}"
     if verdict is Verdict.INTERRUPTED:
         return f"Interrupted; the report has what was found until then. With the declared model, {misfit or 'no test fails'}."
-    unexplained = f"The declared model does not explain the data, and no effect of the library does: {misfit}."
+    candidates = "the library or the study" if conclusion.before.fit.problem.study.own_effects else "the library"
+    unexplained = f"The declared model does not explain the data, and no effect of {candidates} does: {misfit}."
     if conclusion.unlisted is not None:
         force = conclusion.unlisted
         each = "; ".join(f"{p.side}: {p.formula} N" for p in force.profiles)
@@ -340,7 +341,7 @@ def _scenario(study: Study, model: CandidateModel, effects: Sequence[IdentifiedE
             name=f"{study.name}_repaired",
             title=f"{study.title}: repaired model",
             description=text,
-            parameters=parameters,
+            parameters=parameters.without_absent_own_effects(),
             duration=float(d.t.max()),
         )
     )

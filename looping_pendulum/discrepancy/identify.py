@@ -17,6 +17,7 @@ from looping_pendulum.discrepancy.search import FractionCallback, Search
 from looping_pendulum.discrepancy.unlisted.description import describe_unlisted_force
 from looping_pendulum.discrepancy.workers import Workers, default_process_count
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.versions import MISSING, installed_version
 
 REPORT_SHARE = 0.97
@@ -125,6 +126,7 @@ def _identify(study: Study, seed: int, progress: FractionCallback, workers: Work
 
 def _provenance() -> dict[str, str]:
     """Return package -> version."""
-    versions = {package: installed_version(package) for package in ("numpy", "scipy", "heyoka")}
+    packages = ("numpy", "scipy", "heyoka", *sorted({e.package for e in EFFECTS.values() if e.package}))
+    versions = {package: installed_version(package) for package in packages}
     installed = {package: version for package, version in versions.items() if version != MISSING}
     return {"looping-pendulum": __version__, "python": platform.python_version()} | installed

@@ -123,6 +123,19 @@ def cos(x: Any) -> Any:
     return Dual(np.cos(x.value), -np.sin(x.value) * x.derivatives) if isinstance(x, Dual) else math.cos(x)
 
 
+def tanh(x: Any) -> Any:
+    """Return the hyperbolic tangent of ``x``."""
+    if not isinstance(x, Dual):
+        return math.tanh(x)
+    value = np.tanh(x.value)
+    return Dual(value, (1.0 - value * value) * x.derivatives)
+
+
+def log(x: Any) -> Any:
+    """Return the natural logarithm of ``x``."""
+    return Dual(np.log(x.value), x.derivatives / x.value) if isinstance(x, Dual) else math.log(x)
+
+
 def sqrt(x: Any) -> Any:
     """Return the square root of ``x`` >= 0, with derivatives of 0 at 0.
 

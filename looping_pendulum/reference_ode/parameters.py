@@ -14,6 +14,8 @@ from typing import Any, NamedTuple, cast
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Effect
+from looping_pendulum.reference_ode.effects.check import taken_names
+from looping_pendulum.reference_ode.effects.own import OwnEffect, check_name, effect_of, own_effect_from
 from looping_pendulum.reference_ode.effects.properties import MIN_LOSS_TIME
 
 MAX_LENGTH_OR_MASS = 1e9
@@ -75,7 +77,6 @@ OF_THE_APPARATUS = (
         message=lambda v: f"release_angle: found {math.degrees(v['release_angle']):g} deg, needed between 0 and 360 deg",
     ),
 )
-OF_COEFFICIENTS = {name: _within_bounds(name, *c.bounds) for name, c in effect_library.COEFFICIENTS.items()}
 OF_SEVERAL = (
     Requirement(
         is_met=lambda v: v["static_friction"] >= v["kinetic_friction"],
@@ -97,9 +98,47 @@ OF_SEVERAL = (
 )
 
 
-def requirements(coefficients: Iterable[str]) -> tuple[Requirement, ...]:
-    """Return what an apparatus must fulfil, in the order in which it is checked; of the coefficients, those named."""
-    return (*OF_THE_APPARATUS, *map(OF_COEFFICIENTS.__getitem__, coefficients), *OF_SEVERAL)
+class EffectTables(NamedTuple):
+    """The effects that may act in a run, and what follows from their coefficients."""
+
+    effects: tuple[Effect, ...]
+    """Those of the library, then the run's own, in the order in which their forces are summed."""
+    defaults: Mapping[str, float]
+    """Coefficient -> default [SI]."""
+    nulls: Mapping[str, float]
+    """Coefficient -> null value [SI]."""
+    bounds: Mapping[str, Requirement]
+    """Coefficient -> that it is within its bounds."""
+
+    def requirements(self, coefficients: Iterable[str]) -> tuple[Requirement, ...]:
+        """Return what an apparatus must fulfil, in the order in which it is checked; of the coefficients, those named."""
+        return (*OF_THE_APPARATUS, *map(self.bounds.__getitem__, coefficients), *OF_SEVERAL)
+
+
+@lru_cache(maxsize=64)
+def effect_tables(own_effects: tuple[OwnEffect, ...]) -> EffectTables:
+    """Return the tables of the library and of a run's own effects.
+
+    Raises
+    ------
+    ParameterError
+        If an own effect is faulty, or its name is taken.
+    """
+    taken = taken_names(effect_library.EFFECTS.values())
+    for own in own_effects:
+        try:
+            check_name(own.name, taken)
+        except ParameterError as error:
+            raise ParameterError(f"own_effects: {error}") from None
+        taken.add(own.name)
+    effects = (*effect_library.EFFECTS.values(), *map(effect_of, own_effects))
+    coefficients = {c.name: c for effect in effects for c in effect.coefficients}
+    return EffectTables(
+        effects=effects,
+        defaults={name: c.default for name, c in coefficients.items()},
+        nulls={name: c.null for name, c in coefficients.items()},
+        bounds={name: _within_bounds(name, *c.bounds) for name, c in coefficients.items()},
+    )
 
 
 class Release(StrEnum):
@@ -143,14 +182,17 @@ class Parameters:
     release: Release = Release.LOOPING
     coefficients: Mapping[str, float] = field(default_factory=dict)
     """Coefficient name -> value [SI] of the effects that act; those not named keep their default."""
+    own_effects: tuple[OwnEffect, ...] = ()
+    """Effects that the library does not have; as plain data, so that every process that gets these parameters has them."""
 
     def __post_init__(self) -> None:
         """Fill in default coefficients and refuse impossible values."""
-        unknown = sorted(self.coefficients.keys() - _DEFAULTS.keys())
+        defaults = self._tables.defaults
+        unknown = sorted(self.coefficients.keys() - defaults.keys())
         if unknown:
-            known = ", ".join(effect_library.COEFFICIENTS)
+            known = ", ".join(defaults)
             raise ParameterError(f"coefficients: no effect has a coefficient {unknown[0]!r}; known: {known}")
-        values = _DEFAULTS | dict(self.coefficients)
+        values = {**defaults, **self.coefficients}
         if "static_friction" not in self.coefficients:
             values["static_friction"] = values["kinetic_friction"]
         object.__setattr__(self, "coefficients", MappingProxyType(values))
@@ -161,12 +203,12 @@ class Parameters:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle by value: a read-only mapping does not pickle by itself."""
-        return _rebuild, (self.as_dict(),)
+        return parameters_from, (self.as_dict(),)
 
     def _refuse_impossible(self, coefficients: Iterable[str]) -> None:
         """Refuse impossible values; of the coefficients, only those named ``coefficients`` are checked against their bounds."""
         values = vars(self) | self._copied_coefficients() | {"end_length": self.end_length}
-        for requirement in requirements(coefficients):
+        for requirement in self._tables.requirements(coefficients):
             if not requirement.is_met(values):
                 raise ParameterError(requirement.message(values))
 
@@ -197,12 +239,17 @@ class Parameters:
 
     def effects_with(self, names: Collection[str]) -> tuple[Effect, ...]:
         """Return `effects`, and the effects of the coefficients ``names`` even at their null value."""
-        return _active_effects(self._active_coefficients.union(names), self.release)
+        return _active_effects(self._active_coefficients.union(names), self.release, self.own_effects)
+
+    @property
+    def _tables(self) -> EffectTables:
+        return effect_tables(self.own_effects)
 
     @cached_property
     def _active_coefficients(self) -> frozenset[str]:
         """Coefficients that are not at their null value."""
-        return frozenset(name for name, value in self.coefficients.items() if value != _NULLS[name])
+        nulls = self._tables.nulls
+        return frozenset(name for name, value in self.coefficients.items() if value != nulls[name])
 
     def values(self) -> SimpleNamespace:
         """Return every parameter and coefficient as an attribute of one object, which the equations read; do not change it."""
@@ -220,13 +267,13 @@ class Parameters:
     def replace(self, **changes: object) -> Parameters:
         """Return a copy with fields or coefficients changed (``replace(light_mass=0.02, kinetic_friction=0.3)``)."""
         # A subclass, as of dual numbers, may derive more from its fields, so it is built by its constructor
-        if type(self) is Parameters and changes.keys() <= _NUMBERS:
+        if type(self) is Parameters and all(n in _NUMBERS or n in self.coefficients for n in changes):
             return self._replace_numbers(changes)
         coefficients = self._copied_coefficients()
         if self.static_equals_kinetic:
             # Not given, it follows the kinetic friction
             del coefficients["static_friction"]
-        for name in [n for n in changes if n in effect_library.COEFFICIENTS]:
+        for name in [n for n in changes if n in self.coefficients]:
             coefficients[name] = float(changes.pop(name))  # type: ignore[arg-type]
         return dataclasses.replace(self, coefficients=coefficients, **changes)  # type: ignore[arg-type]
 
@@ -240,11 +287,13 @@ class Parameters:
         fields = vars(copy)
         for name in _FIELDS:
             fields[name] = changes.get(name, getattr(self, name))
+        fields["own_effects"] = self.own_effects
         if self.release is Release.VERTICAL:
             fields["release_angle"] = math.pi
         fields["coefficients"] = MappingProxyType(coefficients | moved)
         copy._refuse_impossible(moved)
-        active = frozenset(name for name, value in moved.items() if value != _NULLS[name])
+        nulls = self._tables.nulls
+        active = frozenset(name for name, value in moved.items() if value != nulls[name])
         # Fills in the cached property: only coefficients that moved can have changed it
         fields["_active_coefficients"] = self._active_coefficients.difference(moved) | active
         return copy
@@ -252,29 +301,48 @@ class Parameters:
     def _copied_coefficients(self) -> dict[str, float]:
         return cast("MappingProxyType[str, float]", self.coefficients).copy()
 
+    def without_absent_own_effects(self) -> Parameters:
+        """Return the same without those own effects that are at their null value."""
+        absent = {own.name for own in self.own_effects} - self._active_coefficients
+        return dataclasses.replace(
+            self,
+            own_effects=tuple(own for own in self.own_effects if own.name not in absent),
+            coefficients={name: value for name, value in self.coefficients.items() if name not in absent},
+        )
+
     def as_dict(self) -> dict[str, object]:
-        """Return plain data, for JSON and for another process."""
-        data = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        return data | {"release": self.release.value, "coefficients": dict(self.coefficients)}
+        """Return plain data, for JSON and for another process; `parameters_from` reads it."""
+        data = {name: getattr(self, name) for name in _FIELDS} | {"release": self.release.value}
+        data |= {"coefficients": dict(self.coefficients)}
+        # Without an own effect there is no key, so that results keep the format and the digest that they always had
+        return data | ({"own_effects": [dataclasses.asdict(own) for own in self.own_effects]} if self.own_effects else {})
 
 
-_FIELDS = tuple(f.name for f in dataclasses.fields(Parameters) if f.name != "coefficients")
-_NUMBERS = frozenset({*_FIELDS, *effect_library.COEFFICIENTS} - {"release"})
-"""Names of the numbers that `Parameters.replace` may change."""
-_DEFAULTS = {name: c.default for name, c in effect_library.COEFFICIENTS.items()}
-_NULLS = {name: c.null for name, c in effect_library.COEFFICIENTS.items()}
+_FIELDS = tuple(f.name for f in dataclasses.fields(Parameters) if f.name not in ("coefficients", "own_effects"))
+_NUMBERS = frozenset({*_FIELDS} - {"release"})
+"""Names of the numbers that `Parameters.replace` may change, beside the coefficients."""
+effect_tables(())  # now, so that every run without own effects finds them in the cache
 
 
 @lru_cache(maxsize=256)
-def _active_effects(active_coefficients: frozenset[str], release: Release) -> tuple[Effect, ...]:
+def _active_effects(
+    active_coefficients: frozenset[str], release: Release, own_effects: tuple[OwnEffect, ...]
+) -> tuple[Effect, ...]:
     """Return the effects of the paper's model, and those that one of ``active_coefficients`` switches on."""
     names = set(active_coefficients)
     return tuple(
         effect
-        for effect in effect_library.EFFECTS.values()
+        for effect in effect_tables(own_effects).effects
         if (effect.in_base_model or effect.is_active(names)) and not (effect.needs_string and release is Release.DROP)
     )
 
 
-def _rebuild(data: dict[str, object]) -> Parameters:
-    return Parameters(**data)  # type: ignore[arg-type]
+def parameters_from(data: Mapping[str, Any]) -> Parameters:
+    """Return the parameters whose plain data these are (`Parameters.as_dict`), as JSON keeps them.
+
+    Raises
+    ------
+    ParameterError
+        If they are impossible.
+    """
+    return Parameters(**{**data, "own_effects": tuple(own_effect_from(own) for own in data.get("own_effects", ()))})

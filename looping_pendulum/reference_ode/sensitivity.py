@@ -189,7 +189,9 @@ def _broadcast_over_samples(parameters: Parameters) -> Parameters:
 
 def _check_wrt(parameters: Parameters, wrt: tuple[str, ...]) -> None:
     """Refuse names that are unknown or repeated, and parameters by which no derivative exists at their value."""
-    known = {f.name for f in dataclasses.fields(parameters)} - {"coefficients", "release"} | set(parameters.coefficients)
+    known = {f.name for f in dataclasses.fields(parameters)} - {"coefficients", "release", "own_effects"} | set(
+        parameters.coefficients
+    )
     for name in wrt:
         if name not in known:
             raise ParameterError(f"wrt: found {name!r}, needed one of {', '.join(sorted(known))}")

@@ -12,14 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from looping_pendulum.errors import ParameterError, ScenarioError
 from looping_pendulum.reference_ode import effects as effect_library
+from looping_pendulum.reference_ode.effects.own import OwnEffect, effect_of
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.scenarios import document, schema
+from looping_pendulum.scenarios import document, own_effects, schema
 from looping_pendulum.scenarios.document import Document, one_line
 from looping_pendulum.scenarios.metrics import METRICS
+from looping_pendulum.scenarios.own_effects import OwnEffectsFile
 from looping_pendulum.scenarios.scenario import (
     FILE_KEYS,
     PROFILES,
@@ -126,13 +128,15 @@ def _not_found(path: Path, shown: str) -> str:
 
 def _scenario(doc: Document, name: str) -> Scenario:
     """Validate a document and return its scenario."""
-    model = schema.file_model()
+    model: type[BaseModel] = OwnEffectsFile
     try:
-        file = model.model_validate(doc.data)
+        own = own_effects.read(doc.data)
+        model = schema.file_model(c for each in own for c in effect_of(each).coefficients)
+        file = model.model_validate(doc.data, context=[each.name for each in own])
     except ValidationError as error:
         raise first_error(error, doc, model) from None
     try:
-        parameters = _parameters(file)
+        parameters = _parameters(file, own)
     except ParameterError as error:
         parameter, _, message = str(error).partition(": ")
         raise doc.error(tuple(file_key(parameter).split(".")), message) from None
@@ -148,7 +152,7 @@ def _scenario(doc: Document, name: str) -> Scenario:
     )
 
 
-def _parameters(file: ScenarioFile) -> Parameters:
+def _parameters(file: ScenarioFile, own: tuple[OwnEffect, ...]) -> Parameters:
     """Return the parameters of a validated file; those that it leaves out keep their default."""
     fields: dict[str, Any] = {}
     coefficients: dict[str, float] = file.effects.model_dump(exclude_none=True)
@@ -164,7 +168,7 @@ def _parameters(file: ScenarioFile) -> Parameters:
     if fields["release"] == Release.VERTICAL.value:
         # `Parameters` requires an angle, though this release determines it
         fields["release_angle"] = math.pi
-    return Parameters(**fields, coefficients=coefficients)
+    return Parameters(**fields, coefficients=coefficients, own_effects=own)
 
 
 def _tolerances(file: ScenarioFile) -> tuple[Tolerance, ...]:
@@ -207,11 +211,21 @@ def dump(scenario: Scenario) -> str:
         group, _, name = key.rpartition(".")
         (data.setdefault(group, {}) if group else data)[name] = _yaml_value(parameter, values[parameter])
     data["duration"] = show(scenario.duration, "s")
-    known = effect_library.COEFFICIENTS
-    others = {n: _yaml_value(n, v) for n, v in p.coefficients.items() if n not in FILE_KEYS and v != known[n].default}
+    known = effect_library.COEFFICIENTS | {c.name: c for own in p.own_effects for c in effect_of(own).coefficients}
+    others = {
+        name: show(value, known[name].unit) if known[name].unit else float(value)
+        for name, value in p.coefficients.items()
+        if name not in FILE_KEYS and value != known[name].default
+    }
     measured = dataclasses.asdict(scenario.measured) if scenario.measured else {}
     inferred = [_inferred_entry(i) for i in scenario.inferred]
-    optional = {"effects": others, "inferred": inferred, "measured": measured, "tolerances": _tolerance_tree(scenario)}
+    optional = {
+        own_effects.KEY: own_effects.tree(p.own_effects),
+        "effects": others,
+        "inferred": inferred,
+        "measured": measured,
+        "tolerances": _tolerance_tree(scenario),
+    }
     data |= {key: value for key, value in optional.items() if value}
     return str(yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100))
 

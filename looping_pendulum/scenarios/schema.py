@@ -6,7 +6,6 @@ Their docstrings become descriptions in the JSON Schema for editors.
 
 from __future__ import annotations
 
-import difflib
 import functools
 import math
 import re
@@ -16,80 +15,29 @@ from typing import Annotated, Any
 from pydantic import (
     BaseModel,
     BeforeValidator,
-    ConfigDict,
     Discriminator,
     Field,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
     Tag,
+    ValidationInfo,
     WithJsonSchema,
     create_model,
     model_validator,
 )
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic_core import core_schema
 
-from looping_pendulum.errors import one_line
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode import parameters
 from looping_pendulum.reference_ode.effects import Coefficient
 from looping_pendulum.scenarios.document import quote
+from looping_pendulum.scenarios.fields import QUANTITY_TEXT, Group, QuantityField, Text, input_error, quantity_kind, suggest
 from looping_pendulum.scenarios.metrics import METRICS
+from looping_pendulum.scenarios.own_effects import OwnEffects
 from looping_pendulum.scenarios.scenario import FILE_KEYS, file_key
-from looping_pendulum.scenarios.units import QuantityKind, RangeError, UnitError
+from looping_pendulum.scenarios.units import QuantityKind
 
-NUMBER_PATTERN = r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"
-"""Regular expression of a number, as JSON Schema takes it."""
-_QUANTITY_TEXT = "x-words"
-"""Temporary key of the JSON Schema for the kind of quantity; `_describe_units` moves its text into the description."""
 MAX_DURATION = 3600.0
 """Longest duration [s]: an hour, far beyond any trial, so that a typing error does not keep an engine busy for days."""
-
-
-def input_error(message: str, key: str = "") -> PydanticCustomError:
-    """Return an error with a message for the user; ``key`` is the key below the validated group to which it refers."""
-    # one_line() also escapes lone surrogates, which pydantic cannot hold; they come from files and terminals that are not UTF-8
-    return PydanticCustomError("scenario", "{message}", {"message": one_line(message), "key": key})
-
-
-class QuantityField:
-    """Field type for pydantic: text with a unit in the file, a number [SI] in the program."""
-
-    def __init__(self, kind: QuantityKind) -> None:
-        self.kind = kind
-
-    def read(self, value: object) -> float:
-        """Return the number [SI] for the value in the file."""
-        detail, expected = "", self.kind.noun
-        if isinstance(value, str):
-            try:
-                return self.kind.parse(value)
-            except RangeError:
-                expected = self.kind.requirement
-            except UnitError as error:
-                detail = f" ({error})" if str(error) else ""
-        raise input_error(f"expected {expected}, got {quote(value)}{detail}; write for example '{self.kind.example_text}'")
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.read, metadata={"kind": self.kind})
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        if not self.kind.unit:
-            bounds = {"minimum": self.kind.low, "maximum": self.kind.high}
-            number = {"type": "number"} | {name: bound for name, bound in bounds.items() if math.isfinite(bound)}
-            percent = {"type": "string", "pattern": rf"^{NUMBER_PATTERN} ?%$"}
-            return {
-                "anyOf": [number, percent],
-                "examples": [float(self.kind.example_text)],
-                _QUANTITY_TEXT: self.kind.requirement,
-            }
-        return {
-            "type": "string",
-            # A unit may begin with 1, as 1/rad does
-            "pattern": rf"^{NUMBER_PATTERN} ?[A-Za-z°µ1].*$",
-            "examples": [self.kind.example_text],
-            _QUANTITY_TEXT: f"{self.kind.requirement}, with its unit",
-        }
 
 
 def coefficient(name: str) -> QuantityField:
@@ -97,21 +45,9 @@ def coefficient(name: str) -> QuantityField:
     return _quantity_of(effect_library.COEFFICIENTS[name])
 
 
-def quantity_kind(c: Coefficient, example: str = "") -> QuantityKind:
-    """Return the kind of a coefficient's values: its unit, its bounds, and an ``example`` for messages."""
-    return QuantityKind(unit=c.unit, low=c.bounds[0], high=c.bounds[1], example=example)
-
-
 def _quantity_of(c: Coefficient) -> QuantityField:
     """Return the field type of a coefficient."""
     return QuantityField(quantity_kind(c))
-
-
-def _text(value: object) -> str:
-    """Validate a text."""
-    if isinstance(value, str):
-        return value
-    raise input_error(f"expected text, got {quote(value)}; write for example 'two words'")
 
 
 def _one_of(value: object, known: Iterable[str]) -> str:
@@ -122,9 +58,10 @@ def _one_of(value: object, known: Iterable[str]) -> str:
     raise input_error(f"expected one of {', '.join(known)}, got {quote(value)}{suggest(str(value), known)}")
 
 
-def _parameter_key(value: object) -> str:
-    """Validate a key of a scenario file, "release.angle"."""
-    known = [*FILE_KEYS.values(), *(file_key(name) for name in effect_library.COEFFICIENTS)]
+def _parameter_key(value: object, info: ValidationInfo) -> str:
+    """Validate a key of a scenario file, "release.angle"; the context gives the file's own coefficients."""
+    coefficients = (*effect_library.COEFFICIENTS, *(info.context or ()))
+    known = [*FILE_KEYS.values(), *map(file_key, coefficients)]
     if isinstance(value, str) and value in known:
         return value
     hint = suggest(value, known) if isinstance(value, str) else ""
@@ -147,21 +84,8 @@ def _sha256(value: object) -> str:
     raise input_error(f"expected 64 hexadecimal digits, got {quote(value)}; copy what 'sha256sum FILE' prints")
 
 
-def suggest(text: str, known: Iterable[str]) -> str:
-    """Return "; did you mean 'radius'?" for the nearest known word, or an empty text if none is near."""
-    near = difflib.get_close_matches(text, list(known), n=1, cutoff=0.6)
-    return f"; did you mean '{near[0]}'?" if near else ""
-
-
 LENGTH = QuantityField(QuantityKind(unit="m", low=0.0, exclusive_low=True))
 MASS = QuantityField(QuantityKind(unit="kg", low=0.0, exclusive_low=True))
-Text = Annotated[str, BeforeValidator(_text)]
-
-
-class Group(BaseModel):
-    """A group of keys; one that is not declared is an error."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
 class DragShape(Group):
@@ -344,14 +268,22 @@ class ScenarioFile(Group):
     measured: MeasuredGroup | None = None
     tolerances: dict[str, ProfilesGroup] = {}
     """Engine and variant ("pymunk:chain"), profile and metric -> limit."""
+    own_effects: OwnEffects = {}
+    """Effects that the library lacks, each with its formula; their coefficients stand under effects, too."""
     # A placeholder: `_file_model` puts a group with the library's coefficients here
     effects: Any = None
     """Coefficients of further effects."""
 
 
-def file_model() -> type[ScenarioFile]:
-    """Return the model of a whole file, with a key under ``effects`` for each coefficient that is in no other group."""
-    return _file_model(tuple(c for name, c in effect_library.COEFFICIENTS.items() if name not in FILE_KEYS))
+def file_model(own: Iterable[Coefficient] = ()) -> type[ScenarioFile]:
+    """Return the model of a whole file, with a key under ``effects`` for each coefficient that is in no other group.
+
+    Parameters
+    ----------
+    own
+        Coefficients of the effects that the file defines.
+    """
+    return _file_model((*(c for name, c in effect_library.COEFFICIENTS.items() if name not in FILE_KEYS), *own))
 
 
 @functools.lru_cache(maxsize=8)
@@ -384,7 +316,7 @@ def json_schema() -> dict[str, Any]:
 def _describe_units(schema: Any) -> None:
     """Add to the description of each quantity what kind of quantity it is."""
     if isinstance(schema, dict):
-        quantity = schema.pop(_QUANTITY_TEXT, "")
+        quantity = schema.pop(QUANTITY_TEXT, "")
         if quantity:
             schema["description"] = f"{schema.get('description', '')} Needed: {quantity}.".strip()
     for inner in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():

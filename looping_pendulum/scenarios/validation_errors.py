@@ -8,10 +8,9 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from looping_pendulum.errors import ScenarioError
-from looping_pendulum.scenarios import schema
 from looping_pendulum.scenarios.document import Document, Path, quote
+from looping_pendulum.scenarios.fields import QuantityField, suggest
 from looping_pendulum.scenarios.scenario import FILE_KEYS
-from looping_pendulum.scenarios.schema import suggest
 
 
 def first_error(error: ValidationError, doc: Document, model: type[BaseModel]) -> ScenarioError:
@@ -31,7 +30,7 @@ def _path(details: ErrorDetails) -> Path:
     """Return where in the file an error is, without the parts that pydantic adds for unions and keys."""
     path = tuple(part for part in details["loc"] if part not in ("<direct>", "<shape>", "[key]"))
     key = details.get("ctx", {}).get("key")
-    return (*path, key) if key else path
+    return (*path, *key.split(".")) if key else path
 
 
 def _message(details: ErrorDetails, model: type[BaseModel]) -> str:
@@ -72,7 +71,7 @@ def _requirement(model: type[BaseModel], path: Path) -> str:
     """Return what a missing key takes, with an example."""
     field = _group_at(model, path[:-1]).model_fields[str(path[-1])]
     for item in field.metadata:
-        if isinstance(item, schema.QuantityField):
+        if isinstance(item, QuantityField):
             return f"{item.kind.requirement}; write for example '{path[-1]}: {item.kind.example_text}'"
     below = keys_below(model, path)
     if below:
@@ -93,7 +92,7 @@ def _group_at(model: type[BaseModel], path: Path) -> type[BaseModel]:
     for name, field in model.model_fields.items():
         if path[0] in (name, field.alias):
             below, rest = _model_in(field.annotation), path[1:]
-            is_collection = not _is_model(field.annotation) and path[0] in ("inferred", "tolerances")
+            is_collection = not _is_model(field.annotation) and path[0] in ("inferred", "tolerances", "own_effects")
             if is_collection and not rest:
                 return BaseModel
             # [1:]: a number in the list, or an engine's name, stands between the collection and its group

@@ -18,8 +18,9 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE
 from looping_pendulum.scenarios import document, loader
 from looping_pendulum.scenarios.document import Document, one_line, quote, shorten
+from looping_pendulum.scenarios.fields import Group, QuantityField, Text, input_error, suggest
 from looping_pendulum.scenarios.scenario import FILE_KEYS, Scenario
-from looping_pendulum.scenarios.schema import MAX_DURATION, Group, QuantityField, Text, input_error, suggest
+from looping_pendulum.scenarios.schema import MAX_DURATION
 from looping_pendulum.scenarios.units import QuantityKind, factor, unit_text
 from looping_pendulum.scenarios.validation_errors import first_error
 from looping_pendulum.sweep.cells import engine_called

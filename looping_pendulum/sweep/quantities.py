@@ -15,8 +15,9 @@ from pydantic.fields import FieldInfo
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.scenarios.fields import QuantityField
 from looping_pendulum.scenarios.scenario import FILE_KEYS
-from looping_pendulum.scenarios.schema import QuantityField, ScenarioFile, coefficient
+from looping_pendulum.scenarios.schema import ScenarioFile, coefficient
 from looping_pendulum.scenarios.units import QuantityKind
 
 NOT_VARIABLE = ("release",)

@@ -17,7 +17,7 @@ from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Supplier, Trajecto
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.pages.palette import styles
 from looping_pendulum.reference_ode.geometry import Array, light_position
-from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.parameters import Parameters, Release, parameters_from
 from looping_pendulum.reference_ode.transitions import Mode
 
 FINE_RATE, COARSE_RATE = 500, 250
@@ -55,7 +55,7 @@ def page_data(result: ComparisonResult) -> dict[str, Any]:
         raise ValueError("this result was read without its trajectories; make it again with `looping-pendulum compare`")
     rate = FINE_RATE if result.duration <= LONG_RUN else COARSE_RATE
     run_styles = styles(e.label for e in result.engines)
-    p = Parameters(**result.parameters)
+    p = parameters_from(result.parameters)
     runs = [_reference_run(result, result.samples, p, rate)]
     for i, (engine, aligned) in enumerate(zip(result.engines, result.samples.aligned, strict=True), start=1):
         style = run_styles[engine.label]

@@ -17,8 +17,8 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import DURATION, solve
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.document import quote
+from looping_pendulum.scenarios.fields import suggest
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.scenarios.schema import suggest
 from looping_pendulum.teaching.questions import QUESTIONS, RELEASES, AnswerError, Ask, check_release, check_text
 
 Tree = dict[str, Any]

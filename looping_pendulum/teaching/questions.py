@@ -15,8 +15,8 @@ from looping_pendulum.discrepancy.data.study_file import MeasuredField
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.scenarios.fields import QuantityField
 from looping_pendulum.scenarios.scenario import FILE_KEYS
-from looping_pendulum.scenarios.schema import QuantityField
 from looping_pendulum.scenarios.units import QuantityKind, show
 
 

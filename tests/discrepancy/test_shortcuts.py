@@ -18,7 +18,7 @@ from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios import loader
 from tests.apparatus import TEN_TO_ONE
 
-FIELDS = [f.name for f in dataclasses.fields(Parameters) if f.name not in ("release", "coefficients")]
+FIELDS = [f.name for f in dataclasses.fields(Parameters) if f.name not in ("release", "coefficients", "own_effects")]
 
 
 def made_by_constructor(base, **changes):

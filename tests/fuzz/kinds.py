@@ -29,9 +29,9 @@ from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import file_stem
 from looping_pendulum.scenarios import dump, load, load_text
+from looping_pendulum.scenarios.fields import QuantityField
 from looping_pendulum.scenarios.measured import read_event_table
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.scenarios.schema import QuantityField
 from looping_pendulum.scenarios.units import QUANTITY_NOUNS, QuantityKind, show, to_si
 from looping_pendulum.sweep import map_file
 from looping_pendulum.teaching import tracker

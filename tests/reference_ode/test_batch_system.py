@@ -283,7 +283,7 @@ def test_a_batch_refuses_what_a_single_run_refuses(name, follows):
     assert True in expected
     assert False in expected
     with np.errstate(all="ignore"):  # as `Schedule.run` does
-        assert valid_runs(equation_parameters(base, {name: values}), len(values)).tolist() == expected
+        assert valid_runs(base, equation_parameters(base, {name: values}), len(values)).tolist() == expected
 
 
 @pytest.mark.parametrize("release", list(Release))

@@ -257,7 +257,7 @@ def test_what_is_known_of_effects_is_found_once():
     for find in (
         lambda: extra_variables(SWINGING.effects),
         lambda: variables(Mode.SLACK, SWINGING.effects),
-        lambda: parameter_module._active_effects(frozenset({"heavy_swing"}), SWINGING.release),
+        lambda: parameter_module._active_effects(frozenset({"heavy_swing"}), SWINGING.release, ()),
     ):
         assert find() is find()
 

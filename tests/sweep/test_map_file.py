@@ -49,7 +49,7 @@ def test_a_map_is_the_same_map_on_a_processor_whose_powers_differ_in_the_last_pl
 
 
 def test_every_number_of_an_apparatus_may_be_varied():
-    fields = {field.name for field in dataclasses.fields(Parameters)} - {"release", "coefficients"}
+    fields = {field.name for field in dataclasses.fields(Parameters)} - {"release", "coefficients", "own_effects"}
     assert set(variables()) == fields | set(COEFFICIENTS) | set(RATIOS)
     assert variables()["release_angle"].kind.unit == "rad"
     assert variables()["light_radius"].kind.low == 0

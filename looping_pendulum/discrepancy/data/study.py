@@ -16,7 +16,9 @@ from looping_pendulum.discrepancy.data.camera import CAMERA
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.observations import Observations, merge, mirrored, with_event_errors
 from looping_pendulum.reference_ode import effects as effect_library
-from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.effects import Coefficient, Effect
+from looping_pendulum.reference_ode.effects.own import OwnEffect
+from looping_pendulum.reference_ode.parameters import Parameters, Release, effect_tables
 
 APPARATUS_UNITS = MappingProxyType({"light_mass": "kg", "light_radius": "m", "heavy_mass": "kg", "rod_radius": "m"})
 """Parameters of the apparatus -> SI unit."""
@@ -126,6 +128,8 @@ class Study:
     """Parameter of the apparatus -> its measured value."""
     effects: Mapping[str, Estimate]
     """Coefficient of a declared effect -> its value."""
+    own_effects: tuple[OwnEffect, ...] = ()
+    """Effects that the library lacks; candidates, as those of the library are, unless `effects` declares them."""
     fit: tuple[str, ...] | None = None
     """Parameters and coefficients that may be fitted; None: all that are free or have a standard error."""
     trials: tuple[Trial, ...]
@@ -150,8 +154,19 @@ class Study:
     @property
     def declared(self) -> tuple[str, ...]:
         """Return the names of the declared effects; gravity is always one."""
-        library = effect_library.EFFECTS.values()
-        return tuple(e.name for e in library if e.name == "gravity" or any(c.name in self.effects for c in e.coefficients))
+        return tuple(
+            e.name for e in self.known_effects if e.name == "gravity" or any(c.name in self.effects for c in e.coefficients)
+        )
+
+    @property
+    def known_effects(self) -> tuple[Effect, ...]:
+        """Return the effects of the library and the study's own."""
+        return effect_tables(self.own_effects).effects
+
+    @cached_property
+    def coefficients(self) -> dict[str, Coefficient]:
+        """Return every coefficient of every known effect, by name."""
+        return {c.name: c for effect in self.known_effects for c in effect.coefficients}
 
     def estimate(self, parameter: str, trial: Trial) -> Estimate | None:
         """Return the value of a parameter or coefficient in a trial; None: there is none, and the release does not need it."""
@@ -174,7 +189,7 @@ class Study:
                     # An initial value of zero has no size to take a share of
                     scale=known.sigma or FREE_SCALE * abs(known.value) or 1e-3,
                     prior=1.0 if known.sigma else None,
-                    bounds=self.gravity_range if parameter == "gravity" else _bounds(parameter),
+                    bounds=self._bounds(parameter),
                 )
         return tuple(free.values())
 
@@ -182,13 +197,15 @@ class Study:
     def _names(self) -> dict[str, dict[str, str]]:
         """Trial -> parameter that a fit may change in it -> name of the `FreeParameter`."""
         names: dict[str, dict[str, str]] = {}
+        brought = {c.name: e for e in self.known_effects if e not in effect_library.LIBRARY for c in e.coefficients}
         owners: dict[tuple[str, Estimate], str] = {}
         # The training trials first, so that a parameter that both share is named after one of these
         for trial in (*self.training, *self.held_out):
             names[trial.name] = {}
             for parameter in (*self.effects, *APPARATUS_UNITS, *RELEASE_UNITS):
                 known = self.estimate(parameter, trial)
-                if known is None or not self._is_fitted(parameter, known) or not _acts_in(parameter, trial):
+                acts = _effect_acts_in(brought[parameter], trial) if parameter in brought else _acts_in(parameter, trial)
+                if known is None or not self._is_fitted(parameter, known) or not acts:
                     continue
                 name = parameter
                 if parameter in trial.estimates:
@@ -223,15 +240,23 @@ class Study:
         }
         fields: dict[str, Any] = {"release": trial.release}
         coefficients = {}
-        for name in (*APPARATUS_UNITS, *RELEASE_UNITS, *effect_library.COEFFICIENTS):
+        for name in (*APPARATUS_UNITS, *RELEASE_UNITS, *self.coefficients):
             known = self.estimate(name, trial)
             value = here.get(name, values.get(f"{trial.name}.{name}", values.get(name, known.value if known else None)))
-            if name in effect_library.COEFFICIENTS:
+            if name in self.coefficients:
                 if value is not None:
                     coefficients[name] = value
             elif value is not None or name in PLACEHOLDERS:
                 fields[name] = PLACEHOLDERS[name] if value is None else value
-        return Parameters(**fields, coefficients=coefficients)
+        return Parameters(**fields, coefficients=coefficients, own_effects=self.own_effects)
+
+    def _bounds(self, parameter: str) -> tuple[float, float]:
+        """Return the physically possible values of a parameter or coefficient [SI]."""
+        if parameter == "gravity":
+            return self.gravity_range
+        if parameter in self.coefficients:
+            return self.coefficients[parameter].bounds
+        return (0.0, 2 * math.pi) if parameter == "release_angle" else (0.0, math.inf)
 
     def camera_priors(self, trial: Trial, observations: Observations) -> dict[str, Estimate]:
         """Return the priors of the camera parameters that these observations depend on."""
@@ -268,11 +293,13 @@ def _acts_in(parameter: str, trial: Trial) -> bool:
     return not (trial.release is Release.VERTICAL and parameter == "release_angle")
 
 
-def _bounds(parameter: str) -> tuple[float, float]:
-    """Return the physically possible values of a parameter or coefficient [SI]."""
-    if parameter in effect_library.COEFFICIENTS:
-        return effect_library.COEFFICIENTS[parameter].bounds
-    return (0.0, 2 * math.pi) if parameter == "release_angle" else (0.0, math.inf)
+def _effect_acts_in(effect: Effect, trial: Trial) -> bool:
+    """Return whether an effect that is not of the library influences the motion of a trial."""
+    on_light = effect.force_on_light_mass is not None or effect.inertia_of_light_mass is not None
+    on_heavy = effect.force_on_heavy_mass is not None or effect.inertia_of_heavy_mass is not None
+    if trial.release is Release.DROP:
+        return not effect.needs_string and (on_light if trial.dropped == "light" else on_heavy)
+    return on_light or trial.release is not Release.HELD
 
 
 def read_trial(study: Study, trial: Trial) -> Observations:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Collection
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, Field, GetCoreSchemaHandler, PlainValidator, ValidationError
+from pydantic import BaseModel, BeforeValidator, Field, GetCoreSchemaHandler, PlainValidator, ValidationError, ValidationInfo
 from pydantic_core import CoreSchema, ErrorDetails, PydanticCustomError, core_schema
 
 from looping_pendulum.discrepancy.data.camera import CAMERA
@@ -19,9 +19,12 @@ from looping_pendulum.discrepancy.data.readers import KINDS
 from looping_pendulum.discrepancy.data.study import EARTH_GRAVITY, Estimate
 from looping_pendulum.errors import ScenarioError
 from looping_pendulum.reference_ode import effects as effect_library
+from looping_pendulum.reference_ode.effects.own import OwnEffect, effect_of
 from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.scenarios import own_effects as own_effects_of_file
 from looping_pendulum.scenarios.document import Document, Path, quote
-from looping_pendulum.scenarios.schema import Group, QuantityField, Text, input_error, quantity_kind, suggest
+from looping_pendulum.scenarios.fields import Group, QuantityField, Text, input_error, quantity_kind, suggest
+from looping_pendulum.scenarios.own_effects import OwnEffects
 from looping_pendulum.scenarios.units import QuantityKind, UnitError, show, to_si
 
 FREE_STARTS = {"kinetic_friction": 0.3, "static_friction": 0.3, "light_drag": 1e-3, "heavy_drag": 1e-3, "string_drag": 1e-3}
@@ -154,9 +157,9 @@ def _range(kind: QuantityKind, example: str) -> PlainValidator:
     return PlainValidator(read)
 
 
-def _effects(raw: object) -> dict[str, Estimate]:
-    """Return coefficient -> estimate of every declared effect."""
-    library = effect_library.EFFECTS
+def _effects(raw: object, info: ValidationInfo) -> dict[str, Estimate]:
+    """Return coefficient -> estimate of every declared effect; the context gives the file's own effects."""
+    library = effect_library.EFFECTS | {own.name: effect_of(own) for own in info.context or ()}
     if not isinstance(raw, dict):
         raise input_error(f"expected effects with their values, got {quote(raw)}; write for example 'light_drag: free'")
     values: dict[str, Estimate] = {}
@@ -300,6 +303,7 @@ class StudyFile(Group):
     title: Text
     apparatus: ApparatusGroup = ApparatusGroup()
     effects: Annotated[dict[str, Estimate], PlainValidator(_effects)] = {}
+    own_effects: OwnEffects = {}
     fit: Annotated[list[Text], Field(min_length=1)] | None = None
     trials: Annotated[list[TrialGroup], Field(min_length=1)]
     limits: LimitsGroup = LimitsGroup()
@@ -317,9 +321,19 @@ def check(doc: Document) -> StudyFile:
         In one line, with the file's line and the key.
     """
     try:
-        return StudyFile.model_validate(doc.data)
+        return StudyFile.model_validate(doc.data, context=_own_effects(doc))
     except ValidationError as error:
         raise _first_error(error, doc) from None
+
+
+def _own_effects(doc: Document) -> tuple[OwnEffect, ...]:
+    """Return the effects that a study defines; they share a namespace with the camera's parameters."""
+    own_effects = own_effects_of_file.read(doc.data)
+    for own in own_effects:
+        if own.name in CAMERA:
+            message = f"found the name '{own.name}', which a camera's parameter has already; needed another"
+            raise doc.error((own_effects_of_file.KEY, own.name), f"{message}, such as 'my_{own.name}'")
+    return own_effects
 
 
 def _first_error(error: ValidationError, doc: Document) -> ScenarioError:

@@ -25,12 +25,11 @@ from looping_pendulum.discrepancy.data.study import (
 )
 from looping_pendulum.discrepancy.data.study_file import StudyFile, TrialGroup
 from looping_pendulum.errors import HarnessError, ParameterError, ScenarioError
-from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Release
-from looping_pendulum.scenarios import document
+from looping_pendulum.scenarios import document, own_effects
 from looping_pendulum.scenarios.document import Document, one_line
+from looping_pendulum.scenarios.fields import suggest
 from looping_pendulum.scenarios.measured import DATA_VARIABLE, data_folders
-from looping_pendulum.scenarios.schema import suggest
 from looping_pendulum.scenarios.units import show
 
 _EVENT_UNITS = MappingProxyType({"time": "s", "length": "m", "angle": "rad"})
@@ -97,6 +96,7 @@ def _study(content: StudyFile, doc: Document, name: str, folder: Path) -> Study:
         folder=folder,
         apparatus=apparatus,
         effects=content.effects,
+        own_effects=own_effects.read(doc.data),
         fit=None if content.fit is None else tuple(content.fit),
         trials=tuple(_trial(group, doc, i) for i, group in enumerate(content.trials)),
         limits=ExperimentLimits(
@@ -229,13 +229,14 @@ def dump(study: Study) -> str:
     data: dict[str, Any] = {"title": study.title, "apparatus": _tree(study.apparatus, APPARATUS_UNITS)}
     data["effects"] = {
         effect.name: given
-        for effect in effect_library.EFFECTS.values()
+        for effect in study.known_effects
         if (
             given := {
                 c.name: _estimate_text(study.effects[c.name], c.unit) for c in effect.coefficients if c.name in study.effects
             }
         )
     }
+    data[own_effects.KEY] = own_effects.tree(study.own_effects)
     data["fit"] = list(study.fit) if study.fit is not None else None
     data["trials"] = [_trial_tree(trial) for trial in study.trials]
     limits = study.limits

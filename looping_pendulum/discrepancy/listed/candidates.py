@@ -10,7 +10,6 @@ from types import MappingProxyType
 from looping_pendulum.discrepancy.data.camera import CAMERA, CameraCoefficient
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.data.study import EARTH_GRAVITY, Study
-from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
 from looping_pendulum.reference_ode.parameters import Release
 
@@ -54,15 +53,10 @@ class Candidate:
     """Names of the trials in which it acts."""
     bounds_reason: str = ""
     """Why the value cannot leave its bounds, where that is more than what the effect is; empty: it is not."""
+    needs_compilation: bool = False
+    """Whether it adds terms to the equations of motion, which then have to be compiled."""
     companions: tuple[Coefficient, ...] = ()
     """Coefficients that shape the effect which this one switches on, and are fitted with it."""
-
-    @property
-    def needs_compilation(self) -> bool:
-        """Return whether it adds terms to the equations of motion, which then have to be compiled."""
-        return any(
-            c.name == self.parameter for e in effect_library.EFFECTS.values() if not e.in_base_model for c in e.coefficients
-        )
 
     def companion_grid(self) -> tuple[tuple[float, ...], ...]:
         """Return initial values of the companions [SI]: combinations of half decades below the largest possible values."""
@@ -108,7 +102,7 @@ def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[s
     trials = tuple(t.name for t in study.trials)
     releases = {t.release for t in study.trials}
     listed = []
-    for effect in effect_library.EFFECTS.values():
+    for effect in study.known_effects:
         if effect.kind is EffectKind.CLOSURE or (effect.needs_string and releases == {Release.DROP}):
             continue
         listed += [_effect_candidate(study, effect, c, trials) for c in effect.coefficients if not _is_companion(effect, c)]
@@ -155,6 +149,7 @@ def _effect_candidate(study: Study, effect: Effect, c: Coefficient, trials: tupl
         formula=effect.formula,
         source=effect.source,
         trials=trials,
+        needs_compilation=not effect.in_base_model,
         companions=() if effect.in_base_model else effect.coefficients[1:],
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from looping_pendulum.errors import IntegratorFallbackWarning, ParameterError
 from looping_pendulum.processes import safe_spawning
-from looping_pendulum.reference_ode.batch.numbers import COLUMNS, Columns, parameters_of_run
+from looping_pendulum.reference_ode.batch.numbers import Columns, column_names, parameters_of_run
 from looping_pendulum.reference_ode.batch.result import ENDS, FAILED, BatchResult, sequence_hash
 from looping_pendulum.reference_ode.batch.sharing import BatchRuns, Progress, SharedBatch, work, work_together
 from looping_pendulum.reference_ode.geometry import Array
@@ -18,7 +18,7 @@ from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Samples
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, solve_at
 
-__all__ = ["COLUMNS", "ENDS", "FAILED", "BatchResult", "Progress", "sample_batch", "sequence_hash", "solve_batch"]
+__all__ = ["ENDS", "FAILED", "BatchResult", "Progress", "sample_batch", "sequence_hash", "solve_batch"]
 
 
 def solve_batch(
@@ -59,7 +59,7 @@ def solve_batch(
         If a column has an unknown name or another length than the others. A run whose values are impossible, or that breaks
         down, is marked as failed and does not disturb the others.
     """
-    n = _checked_length(columns)
+    n = _checked_length(base, columns)
     if processes < 1:
         raise ParameterError(f"processes: found {processes}, needed 1 or more")
     worker_count = max(1, min(processes, n))  # a process without a run would only cost its start
@@ -94,18 +94,18 @@ def sample_batch(
     IntegrationError, ParameterError
         If one of these runs fails.
     """
-    _checked_length(columns)
+    _checked_length(base, columns)
     return [solve_at(parameters_of_run(base, columns, i), t, duration=duration, tolerance=tolerance) for i in runs]
 
 
-def _checked_length(columns: Columns) -> int:
+def _checked_length(base: Parameters, columns: Columns) -> int:
     """Check the names and shapes of the columns and return the number of runs."""
     if not columns:
         raise ParameterError("columns: found none, needed at least one array of values, one value per run")
     lengths: dict[str, int] = {}
     for name, values in columns.items():
-        if name not in COLUMNS:
-            raise ParameterError(f"columns: found {name!r}, needed one of {', '.join(COLUMNS)}")
+        if name not in column_names(base):
+            raise ParameterError(f"columns: found {name!r}, needed one of {', '.join(column_names(base))}")
         shape = np.shape(values)
         if len(shape) != 1:
             raise ParameterError(f"columns: {name}: found shape {shape}, needed one value per run, shape (n,)")

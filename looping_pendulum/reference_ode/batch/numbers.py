@@ -9,22 +9,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.reference_ode.effects import COEFFICIENTS
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import (
     POINT_MASS_END,
     Parameters,
     Release,
-    requirements,
+    effect_tables,
     string_length,
     touching_length,
 )
 
 Columns = Mapping[str, Array]
-"""Name, one of `COLUMNS` -> one value per run, shape (n,), SI."""
-_FIELDS = tuple(field.name for field in dataclasses.fields(Parameters) if field.name not in ("release", "coefficients"))
-COLUMNS = (*_FIELDS, *COEFFICIENTS)
-"""Names that a column may have."""
+"""Name, one of `column_names` -> one value per run, shape (n,), SI."""
+_FIELDS = tuple(
+    field.name for field in dataclasses.fields(Parameters) if field.name not in ("release", "coefficients", "own_effects")
+)
+
+
+def column_names(base: Parameters) -> tuple[str, ...]:
+    """Return the names that a column may have."""
+    return (*_FIELDS, *base.coefficients)
 
 
 def parameters_of_run(base: Parameters, columns: Columns, i: int) -> Parameters:
@@ -54,9 +58,9 @@ def equation_parameters(base: Parameters, columns: Columns) -> dict[str, Any]:
 _STRING = ("free_length", "rod_radius", "release_angle", "hanging_length")
 
 
-def valid_runs(values: Mapping[str, Any], n: int) -> NDArray[np.bool_]:
+def valid_runs(base: Parameters, values: Mapping[str, Any], n: int) -> NDArray[np.bool_]:
     """Return which of ``n`` runs have values that `Parameters` accepts."""
     valid = np.ones(n, dtype=bool)
-    for requirement in requirements(COEFFICIENTS):
+    for requirement in effect_tables(base.own_effects).requirements(base.coefficients):
         valid &= requirement.is_met(values)
     return valid

@@ -167,6 +167,28 @@ class SeriesAlgebra:
 
         return self.cached("exp", a, a, compute)
 
+    def log(self, x: Any) -> Series:
+        """Return the natural logarithm of ``x``, from its rate log' = x' / x."""
+        a = self.series(x)
+
+        def compute(n: int, own: Series) -> Any:
+            if n == 0:
+                return self._hy.log(self._expression(a[0]))
+            return (a[n] - self.product(own, a, range(1, n), n, lambda j: j / n)) * self.inverse(a)
+
+        return self.cached("log", a, a, compute)
+
+    def tanh(self, x: Any) -> Series:
+        """Return the hyperbolic tangent of ``x``, from its rate tanh' = (1 - tanh^2) x'."""
+        a = self.series(x)
+
+        def compute(n: int, own: Series) -> Any:
+            if n == 0:
+                return self._hy.tanh(self._expression(a[0]))
+            return self.product(a, 1.0 - own * own, range(1, n + 1), n, lambda j: j / n)
+
+        return self.cached("tanh", a, a, compute)
+
     def sin(self, x: Any) -> Series:
         """Return the sine of ``x`` [rad]."""
         return self._circular(x)[0]

@@ -17,7 +17,6 @@ from looping_pendulum.reference_ode.batch.numbers import Columns, equation_param
 from looping_pendulum.reference_ode.batch.result import BYTES_PER_RUN, FAILED, BatchResult, summary
 from looping_pendulum.reference_ode.batch.schedule import Index, Schedule
 from looping_pendulum.reference_ode.batch.steps import supports_batch
-from looping_pendulum.reference_ode.effects import COEFFICIENTS
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import available_integrators, solve_without_warning
@@ -122,7 +121,7 @@ class BatchRuns:
         """Take the next runs; return those whose values `Parameters` accepts, and their parameters. The others stay failed."""
         while len(runs := self.take(most)):
             values = self.parameter_values(runs)
-            valid = valid_runs(values, len(runs))
+            valid = valid_runs(self.job.base, values, len(runs))
             if valid.any():
                 return runs[valid], {name: v[valid] if np.ndim(v) else v for name, v in values.items()}
         return runs, {}
@@ -144,7 +143,7 @@ class BatchRuns:
 def work(runs: BatchRuns) -> None:
     """Take runs until none are left, and fill in their results."""
     job, result = runs.job, runs.job.result()
-    effects = job.base.effects_with([name for name in job.names if name in COEFFICIENTS])
+    effects = job.base.effects_with([name for name in job.names if name in job.base.coefficients])
     if "heyoka" in available_integrators() and supports_batch(effects):
         Schedule(runs, result, effects, job.base.release, job.duration, job.tolerance).run()
         taken = runs.taken_here()

@@ -12,17 +12,20 @@ Directions are the paper's: *along* the string from the light mass towards the r
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from looping_pendulum.reference_ode.effects.closure import CLOSURE
 from looping_pendulum.reference_ode.effects.forces import FURTHER_FORCES
+from looping_pendulum.reference_ode.effects.installed import installed_effects
 from looping_pendulum.reference_ode.effects.properties import FURTHER_PROPERTIES
 from looping_pendulum.reference_ode.effects.types import Coefficient, Effect, EffectKind, Kinematics
 
 __all__ = [
     "COEFFICIENTS",
     "EFFECTS",
+    "FAULTS",
     "GRAVITY",
+    "LIBRARY",
     "Coefficient",
     "Effect",
     "EffectKind",
@@ -163,13 +166,29 @@ STRING_DRAG = Effect(
 )
 
 # Forces and exponents are summed in this order: another order would change the last bits of every result
-EFFECTS: dict[str, Effect] = {
-    e.name: e for e in (GRAVITY, CAPSTAN, LIGHT_DRAG, HEAVY_DRAG, STRING_DRAG, *FURTHER_FORCES, *FURTHER_PROPERTIES, CLOSURE)
-}
-"""Every effect of the library, by name."""
+LIBRARY = (GRAVITY, CAPSTAN, LIGHT_DRAG, HEAVY_DRAG, STRING_DRAG, *FURTHER_FORCES, *FURTHER_PROPERTIES, CLOSURE)
+"""Effects of this package."""
+if TYPE_CHECKING:
+    EFFECTS: dict[str, Effect]
+    """Every effect of the library and of installed packages, by name."""
+    COEFFICIENTS: dict[str, Coefficient]
+    """Every coefficient of every effect, by name."""
+    FAULTS: tuple[str, ...]
+    """One line for each package whose effects cannot be used."""
 
-COEFFICIENTS: dict[str, Coefficient] = {c.name: c for e in EFFECTS.values() for c in e.coefficients}
-"""Every coefficient of every effect, by name."""
+
+def __getattr__(name: str) -> Any:
+    """Return the tables of all effects, which are made when one of them is first asked for.
+
+    Not sooner: a package that offers effects imports this module, and is imported for the tables.
+    """
+    if name not in ("EFFECTS", "COEFFICIENTS", "FAULTS"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    installed, faults = installed_effects(LIBRARY)
+    effects = {e.name: e for e in (*LIBRARY, *installed)}
+    coefficients = {c.name: c for e in effects.values() for c in e.coefficients}
+    globals().update(EFFECTS=effects, COEFFICIENTS=coefficients, FAULTS=faults)
+    return globals()[name]
 
 
 def drag_coefficient(shape_factor: float, air_density: float, area: float) -> float:

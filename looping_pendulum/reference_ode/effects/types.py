@@ -137,6 +137,10 @@ class Effect:
     """Whether the effect changes its law where the wrap angle passes a full turn."""
     variables: tuple[str, ...] = ()
     """Entries of the state that this effect adds."""
+    package: str = ""
+    """Distribution of the package that offers the effect; '' if it is of this package, a study or a scenario."""
+    module: str = ""
+    """Module of that package."""
 
     def is_active(self, off_null: set[str]) -> bool:
         """Return whether the effect acts, given the names of the coefficients that are not at their null value."""

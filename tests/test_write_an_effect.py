@@ -1,0 +1,206 @@
+"""The examples of docs/write-an-effect.md, taken from the page: a formula in a study, and an installed package."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+import zipfile
+
+import pytest
+import yaml
+
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.identify import identify
+from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.reference_ode.effects.own import COORDINATES, DIRECTIONS
+from looping_pendulum.reference_ode.solve import available_integrators, solve
+from looping_pendulum.scenarios import load_text
+from tests.blind import Effects
+from tests.blind.cases import CASES
+from tests.command_line import here
+from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, only_candidates, write_study
+from tests.docs_commands import PROJECT
+from tests.scenarios.test_errors import GOOD
+
+PAGE = (PROJECT / "docs" / "write-an-effect.md").read_text(encoding="utf-8")
+BUILD = "from setuptools.build_meta import build_wheel; build_wheel('dist')"
+fits = pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
+
+
+def blocks(language):
+    return re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+
+
+def blind_study(folder, case, extra=""):
+    path = write_study(folder, CASES[case], 3, trials=TWO_RATIOS)
+    path.write_text(path.read_text(encoding="utf-8") + extra, encoding="utf-8")
+    return path
+
+
+@fits
+@pytest.mark.parametrize(
+    "library",
+    [
+        pytest.param(("magnet",), id="alone"),
+        pytest.param(WHOLE_LIBRARY, id="whole_library", marks=pytest.mark.accurate),
+    ],
+)
+def test_the_study_names_its_own_magnet(tmp_path, library):
+    """Oracle: the magnet of the separate simulator, in Cartesian coordinates; daily the only candidate."""
+    with only_candidates(library):
+        result = identify(load(blind_study(tmp_path, "magnet", blocks("yaml")[0])))
+    assert result.verdict is Verdict.IDENTIFIED
+    (effect,) = result.effects
+    assert effect.name == "magnet"
+    assert abs(effect.value - dict(CASES["magnet"].effects)["magnet"]) < 3 * effect.error
+    assert effect.source == "measured with a spring balance"
+    repaired = tmp_path / "repaired.yaml"
+    repaired.write_text(result.scenario, encoding="utf-8")
+    assert load_text(result.scenario, "repaired").parameters.coefficients["magnet"] == effect.value
+    # An engine's run has a process of its own, which gets the formula with the scenario
+    done = here("run", str(repaired), "-e", "mujoco:capstan", "--out", str(tmp_path / "runs"))
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_scenario_on_the_page_brakes_the_heavy_mass():
+    """Oracle: without friction and drag the brake alone takes energy, and so delays the heavy mass."""
+    scenario = load_text(GOOD + blocks("yaml")[1], "braked")
+    braked, free = (solve(scenario.parameters.replace(brake=value)) for value in (0.05, 0.0))
+    assert scenario.parameters.coefficients["brake"] == 0.05
+    assert braked.halting_time != free.halting_time
+
+
+def test_the_page_names_every_direction_and_quantity():
+    for name in (*DIRECTIONS, *COORDINATES):
+        assert f"`{name}`" in PAGE
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory):
+    """Return the page's two files built by pip as a wheel and unpacked, which is how pip installs pure Python."""
+    pytest.importorskip("setuptools")
+    project, site = tmp_path_factory.mktemp("project"), tmp_path_factory.mktemp("site")
+    (project / "looping_pulse.py").write_text(blocks("python")[0], encoding="utf-8")
+    (project / "pyproject.toml").write_text(blocks("toml")[0], encoding="utf-8")
+    done = subprocess.run([sys.executable, "-c", BUILD], cwd=project, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    (wheel,) = (project / "dist").glob("*.whl")
+    zipfile.ZipFile(wheel).extractall(site)
+    return site
+
+
+def python(package, *arguments):
+    """Run Python with the package installed."""
+    path = os.pathsep.join([str(package), str(PROJECT)])
+    return subprocess.run(
+        [sys.executable, *arguments], capture_output=True, text=True, timeout=600, env=os.environ | {"PYTHONPATH": path}
+    )
+
+
+@pytest.fixture
+def pushed(tmp_path):
+    path = tmp_path / "pushed.yaml"
+    path.write_text(GOOD + "effects: {pulse: 20 mN, pulse_time: 0.3 s}\n", encoding="utf-8")
+    return path
+
+
+def test_an_engine_runs_the_package(package, pushed, tmp_path):
+    """Daily that it runs, in a process of its own; how well is measured below."""
+    done = python(package, "-m", "looping_pendulum", "run", str(pushed), "-e", "mujoco:capstan", "--out", str(tmp_path))
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.accurate
+def test_an_engine_has_the_force_of_the_package(package, pushed, tmp_path):
+    """Oracle: the reference with SciPy. Without the push this variant is as near; the push moves the light mass by 8 mm."""
+    engines = ("-e", "mujoco:capstan", "-e", "reference:scipy")
+    done = python(package, "-m", "looping_pendulum", "compare", str(pushed), *engines, "--out", str(tmp_path))
+    assert done.returncode == 0, done.stdout + done.stderr
+    result = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
+    assert result["parameters"]["coefficients"]["pulse"] == 0.02
+    assert all(engine["metrics"]["rms_0.7s"] < 1e-4 for engine in result["engines"])
+
+
+def test_a_module_of_the_package_may_be_imported_first(package):
+    done = python(package, "-c", "import looping_pulse; from looping_pendulum.reference_ode import effects as e; "
+                  "print('pulse' in e.EFFECTS, e.FAULTS)")  # fmt: skip
+    assert done.stdout == "True ()\n", done.stderr
+
+
+IDENTIFY = """
+import json, sys
+from pathlib import Path
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.identify import identify
+from tests.discrepancy.blind_study import only_candidates
+with only_candidates(("pulse", "wind_speed")):
+    result = identify(load(Path(sys.argv[1])), workers=2)
+(effect,) = result.effects
+print(json.dumps([effect.name, effect.value, effect.error, effect.companions, result.provenance]))
+"""
+
+
+@fits
+@pytest.mark.accurate
+def test_the_package_is_identified(package, tmp_path):
+    """Oracle: the thrust of the separate simulator. Two processes, of which each loads the package."""
+    done = python(package, "-c", IDENTIFY, str(blind_study(tmp_path, "thrust")))
+    assert done.returncode == 0, done.stderr
+    name, value, error, companions, provenance = json.loads(done.stdout)
+    assert name == "pulse"
+    assert abs(value - dict(CASES["thrust"].effects)["thrust"]) < 3 * error
+    ((companion, time, _),) = companions
+    assert companion == "pulse_time"
+    assert math.isclose(time, Effects.thrust_time, abs_tol=0.01)
+    assert provenance["looping-pulse"] == "0.1"
+
+
+FAULTY = {
+    'name="pulse",\n    kind': ('name="wind",\n    kind', "wind: found the name 'wind', which something else has already"),
+    'unit="N"': ('unit="mN"', "pulse: pulse: unit: found 'mN', needed an SI unit"),
+    "return -push * u / speed, push * w / speed": ("return 1.0, 0.0", "pulse: found an effect that does not vanish"),
+    "xp.exp(-0.5 * since * since)": ("max(since, 0.0)", "pulse: found abs(), a comparison or a branch"),
+    "since * since": ("since ** 2", "pulse: found a power, needed products"),
+    "return [PULSE]": ("return PULSE.unknown", "AttributeError"),
+}
+
+
+@pytest.mark.parametrize("original", FAULTY)
+def test_a_faulty_package_is_left_out_with_one_line(original, monkeypatch, tmp_path):
+    from looping_pendulum.reference_ode.effects import LIBRARY, installed
+
+    changed, message = FAULTY[original]
+    (tmp_path / "looping_pulse.py").write_text(blocks("python")[0].replace(original, changed), encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "looping_pulse", raising=False)
+    point = installed.entry_points(group="none")
+    assert not point
+
+    class Point:
+        name, value = "pulse", "looping_pulse"
+        dist = type("Distribution", (), {"name": "looping-pulse"})
+
+    monkeypatch.setattr(installed, "entry_points", lambda group: [Point])
+    effects, (fault,) = installed.installed_effects(LIBRARY)
+    sys.modules.pop("looping_pulse", None)
+    assert effects == ()
+    assert message in fault
+    assert fault.startswith("the effects of looping_pulse of the package looping-pulse are left out: ")
+    assert "\n" not in fault
+
+
+def test_a_faulty_package_is_warned_of_where_a_file_is_read(monkeypatch):
+    from looping_pendulum.reference_ode import effects
+    from looping_pendulum.reference_ode.effects.installed import EffectWarning
+
+    monkeypatch.setattr(effects, "FAULTS", ("the effects of one are left out",))
+    with pytest.warns(EffectWarning, match="the effects of one are left out"):
+        load_text(GOOD, "any")
+
+
+def test_the_page_is_valid_yaml():
+    assert [list(yaml.safe_load(block)) for block in blocks("yaml")] == [["own_effects"], ["own_effects", "effects"]]
