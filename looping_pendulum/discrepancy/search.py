@@ -65,9 +65,9 @@ class Search:
         self.first_refits: list[Refit] = []
         """Refits of the declared model with one candidate; with a noise of their own, once `correlated_base` is known."""
         self.correlated_base: CandidateModel | None = None
-        """The declared model with errors of the tracked points that last longer than a frame; None: there are none."""
-        self.noise_is_correlated = False
-        """Whether the search takes such errors into account."""
+        """The declared model with errors of the tracked points that last longer than a frame; None: the search takes none."""
+        self.correlated_fit: Fit | None = None
+        """Its fit, once it is known that there are such errors."""
 
     def run(self) -> None:
         """Search until a model passes all tests or no candidate is accepted."""
@@ -104,8 +104,8 @@ class Search:
         if not self.forces and best_single is not None:
             self.forces = self.find_unlisted_forces(best_single)
             self.beside_forces = best_single.added if self.forces else ()
-        if not self.forces and self.correlated_base is not None:
-            self.search_with_correlated_noise(self.correlated_base)
+        if not self.forces and self.correlated_fit is not None:
+            self.search_with_correlated_noise(self.correlated_fit)
 
     def noise_explains_all(self) -> bool:
         """Return whether errors of the tracked points that last longer than a frame are all that the declared model lacks.
@@ -118,27 +118,37 @@ class Search:
         fit = with_correlated_noise(self.declared_model.fit)
         if not noises_of(fit):
             return False
-        self.correlated_base = base = self.judge(fit, ())
-        self.first_refits = with_own_noises(fit, self.first_refits, self.workers)
-        if base.failed_tests or any(r.delta_bic >= MIN_DELTA_BIC for r in self.first_refits):
+        self.correlated_fit = fit
+        # The cheapest tests first: where an effect is missing, one of them mostly fails
+        if not check_residuals(fit).passes:
+            return False
+        base = self.judge(fit, ())
+        if base.failed_tests or any(r.delta_bic >= MIN_DELTA_BIC for r in self.refits_with_own_noise()):
             return False
         if self.find_unlisted_forces(base):
             return False
         self.declared_model = base
         return True
 
-    def search_with_correlated_noise(self, base: CandidateModel) -> None:
+    def refits_with_own_noise(self) -> list[Refit]:
+        """Return the refits of the first round, each with the noise that its own residuals show."""
+        assert self.correlated_fit is not None
+        if not any(noises_of(r.fit) for r in self.first_refits):
+            self.first_refits = with_own_noises(self.correlated_fit, self.first_refits, self.workers)
+        return self.first_refits
+
+    def search_with_correlated_noise(self, fit: Fit) -> None:
         """Search again with errors of the tracked points that last longer than a frame, as of a tracker that wanders.
 
         Each model has the noise that its own residuals show, and models are compared by their likelihoods.
 
         Parameters
         ----------
-        base
+        fit
             The declared model with such errors.
         """
         assert self.declared_model is not None
-        self.noise_is_correlated, current = True, base
+        self.correlated_base = base = current = self.judge(fit, ())
         for added_count in range(MAX_EFFECTS):
             next_model = self.run_round(current, 0.9 + 0.02 * added_count)
             if self.accepted_models and added_count:
@@ -166,7 +176,7 @@ class Search:
             refits = self.refit_candidates(current, 0.7)
             rivals = [r for r in refits if r.delta_bic >= max(min_delta_bic, MIN_DELTA_BIC) and r.within_bounds]
             judged = self.judge_refits(current, rivals, 0.8)
-            self.rounds.append(record_round(current, refits, judged, correlated_noise=self.noise_is_correlated))
+            self.rounds.append(record_round(current, refits, judged, correlated_noise=self.correlated_base is not None))
             self.accepted_models += tuple(judged.values())
 
     def revise(self, model: CandidateModel) -> CandidateModel:
@@ -184,7 +194,7 @@ class Search:
             better = [r for r in refits if r.delta_bic > delta_bic + MIN_DELTA_BIC_MARGIN and r.within_bounds][:1]
             if better:
                 judged = self.judge_refits(current, better, 0.55)
-                self.rounds.append(record_round(current, refits, judged, correlated_noise=self.noise_is_correlated))
+                self.rounds.append(record_round(current, refits, judged, correlated_noise=self.correlated_base is not None))
                 return judged[better[0].candidate.name]
         return model
 
@@ -204,7 +214,7 @@ class Search:
         """Test a fit on its residuals, on held-out data and by the scores of the remaining candidates."""
         held_out = check_held_out(fit, self.inputs.held_out)
         failures: tuple[str, ...] = ()
-        if added and self.noise_is_correlated and self.correlated_base and _improvement(self.correlated_base, held_out) <= 0:
+        if added and self.correlated_base and _improvement(self.correlated_base, held_out) <= 0:
             failures = ("predicts the held-out data no better than the declared model",)
         return CandidateModel(
             fit=fit,
@@ -239,8 +249,8 @@ class Search:
         refits = self.refit_candidates(current, share)
         threshold = max(MIN_DELTA_BIC, refits[0].delta_bic - MIN_DELTA_BIC_MARGIN) if refits else MIN_DELTA_BIC
         near = [r for r in refits if r.delta_bic >= threshold]
-        judged = self.judge_refits(current, near, share + (0.01 if self.noise_is_correlated else 0.2))
-        self.rounds.append(record_round(current, refits, judged, correlated_noise=self.noise_is_correlated))
+        judged = self.judge_refits(current, near, share + (0.01 if self.correlated_base else 0.2))
+        self.rounds.append(record_round(current, refits, judged, correlated_noise=self.correlated_base is not None))
         within_bounds = {r.candidate.name for r in refits if r.within_bounds}
         passing = [m for name, m in judged.items() if name in within_bounds and not m.failed_tests]
         # A model within the margin that fails a test is no winner, but its delta BIC is too near to the best to rule it out.
@@ -254,15 +264,15 @@ class Search:
         # An amplitude of zero means that no change within the bounds looks like the residuals
         chosen = [s for s in current.remaining if s.amplitude and abs(s.score) >= min_score][:MAX_REFITS]
         known: dict[str, Refit | None] = dict(current.refitted)
-        if self.noise_is_correlated and not current.added:
+        if self.correlated_base and not current.added:
             # Correlated noise may hide from the score what the candidate's own noise shows
-            known.update((r.candidate.name, r) for r in self.first_refits)
+            known.update((r.candidate.name, r) for r in self.refits_with_own_noise())
             chosen += [s for s in current.remaining if s.candidate.name in known and s not in chosen]
         counter = itertools.count()
 
         def report(name: str) -> None:
             self.report_progress(
-                f"refitting with {name}", share + (0.01 if self.noise_is_correlated else 0.15) * next(counter) / MAX_REFITS
+                f"refitting with {name}", share + (0.01 if self.correlated_base else 0.15) * next(counter) / MAX_REFITS
             )
 
         results = refits(current.fit, chosen, known, self.workers, report)
@@ -275,7 +285,7 @@ class Search:
         judged = {}
         for r in refits:
             self.report_progress(f"testing {r.candidate.name}", share)
-            fit = r.fit if self.noise_is_correlated else with_noise_of_residuals(r.fit)
+            fit = r.fit if self.correlated_base else with_noise_of_residuals(r.fit)
             judged[r.candidate.name] = self.judge(fit, (*current.added, r.candidate))
         return judged
 

@@ -3,7 +3,8 @@
 Layout: ``schema`` {id, version}, then the fields of `result.Identification` by their names, as documented there; SI and
 radians; null for what is not known or not finite. Fields marked `compare=False` (arrays for figures) are left out. Version 3
 renamed fields of version 2 without a change of meaning; `RENAMED` lists them. Version 4 has ``correlated_noise`` and
-``smallest_visible`` in place of ``remainder`` and of the factor on the errors of a round. `load` reads all three.
+``smallest_visible`` in place of ``remainder`` and of the factor on the errors of a round, which `load` leaves as they are in
+older files.
 """
 
 from __future__ import annotations
@@ -39,12 +40,10 @@ _FORMULA = {
 RENAMED: dict[str, dict[str, str]] = {
     "effects": _EFFECT,
     "ties": _EFFECT,
-    "rounds": {"errors_times": "error_factor"},
     "ranking": {"gain": "delta_bic", "held_out": "held_out_chi2"},
     "errors": {"noise_before": "standardised_rms_before", "noise_after": "standardised_rms_after"},
     "before": _FIT,
     "after": _FIT,
-    "remainder": {"ratio": "birge_ratio", "lasting": "autocorrelation_time", "least": "best_explanation"},
     "unlisted": {
         "gain": "twice_log_bayes_factor",
         "held_out_before": "held_out_chi2_before",

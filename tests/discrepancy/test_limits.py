@@ -15,7 +15,7 @@ from tests.discrepancy.expected import DECISIVE
 
 def a_refit(name, delta_bic):
     candidate = SimpleNamespace(name=name, kind="a force", companions=())
-    screened = SimpleNamespace(candidate=candidate, score=20.0, amplitude=1.0)
+    screened = SimpleNamespace(candidate=candidate, score=20.0, amplitude=1.0, held_by="")
     return SimpleNamespace(
         candidate=candidate, screened=screened, delta_bic=delta_bic, within_bounds=True, value=1.0, error=0.1
     )
@@ -26,7 +26,7 @@ def one_round(delta_bics):
     refits = [a_refit(name, delta_bic) for name, delta_bic in zip("abcdef", delta_bics, strict=False)]
     search = Search(SimpleNamespace(), 0, lambda what, share: None)
     search.refit_candidates = lambda current, share: refits
-    search.judge_refits = lambda current, near, share, base=None: {
+    search.judge_refits = lambda current, near, share: {
         r.candidate.name: SimpleNamespace(names=(r.candidate.name,), failed_tests=(), held_out=SimpleNamespace(worst=1.0))
         for r in near
     }

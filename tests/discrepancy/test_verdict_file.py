@@ -62,8 +62,8 @@ VERSION_3 = {
         "held_out_chi2_after": 1.0,
         "other_closures": [{"acts_on": "heavy mass", "twice_log_bayes_factor": 50.0, "held_out_chi2": 1.2}],
     },
-    "remainder": {"rms": 0.1, "birge_ratio": 2.0, "autocorrelation_time": 4.0, "best_explanation": "the declared model"},
-    "rounds": [{"error_factor": 2.0, "ranking": [{"name": "tilt", "delta_bic": None, "held_out_chi2": None}]}],
+    "remainder": {"rms": 0.1, "ratio": 2.0, "lasting": 4.0, "least": "the declared model"},
+    "rounds": [{"errors_times": 2.0, "ranking": [{"name": "tilt", "delta_bic": None, "held_out_chi2": None}]}],
     "errors": [{"trial": "first", "held_out": False, "standardised_rms_before": 1.5, "standardised_rms_after": 1.0}],
     "events": [{"trial": "first", "held_out": True, "before": 0.5, "after": None}],
     "before": {
@@ -98,7 +98,7 @@ def test_every_new_name_is_a_field_of_today():
         ("{", "verdict.json: Expecting property name"),
         ("[]", "schema: found 'None', needed the id 'looping-pendulum/identification'"),
         ('{"schema": {"id": "looping-pendulum/result", "version": 3}}', "needed the id 'looping-pendulum/identification'"),
-        ('{"schema": {"id": "looping-pendulum/identification", "version": 4}}', "found version '4', needed 2 or 3"),
+        ('{"schema": {"id": "looping-pendulum/identification", "version": 5}}', "found version '5', needed 2 to 4"),
     ],
 )
 def test_what_is_no_verdict_file_is_refused(text, message):

@@ -17,14 +17,16 @@ import numpy as np
 from scipy.optimize import minimize
 
 from looping_pendulum.discrepancy.data.observations import BODIES
-from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
+from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise
-from looping_pendulum.discrepancy.fit.problem import TrialData
+from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import MIN_DIFFERENCES, data_with_noise_of_residuals
 from looping_pendulum.reference_ode.geometry import Array
 
 MIN_CORRELATION_STEPS = 2.0
 """Shortest correlation time, in time steps: below it, the noise cannot be told from white noise."""
+MAX_PRIOR_SIGMAS = 4.0
+"""Largest distance of a measured parameter from its value, in standard errors."""
 MAX_CORRELATION_SHARE = 0.1
 """Longest correlation time, as a part of the longest trial.
 
@@ -47,7 +49,12 @@ Noises = Mapping[str, CorrelatedNoise]
 
 
 def with_correlated_noise(fit: Fit) -> Fit:
-    """Estimate each body's correlated noise, keep that for which there is evidence, and fit the model again."""
+    """Estimate each body's correlated noise, keep that for which there is evidence, and fit the model again.
+
+    Measured parameters then stay within `MAX_PRIOR_SIGMAS` of their values: with larger errors of the points a fit would
+    otherwise be free to hide in them what the model lacks.
+    """
+    fit = _within_prior_bounds(fit)
     noises: Noises = {}
     for _ in range(ROUNDS):
         white = [_white(data_with_noise_of_residuals(_without_correlated_noise(fit), k)) for k in range(len(fit.problem.data))]
@@ -56,6 +63,19 @@ def with_correlated_noise(fit: Fit) -> Fit:
         if not noises:
             break
     return fit
+
+
+def _within_prior_bounds(fit: Fit) -> Fit:
+    """Return the fit with measured parameters bounded to within `MAX_PRIOR_SIGMAS` standard errors of their values."""
+    p, bounded = fit.problem, []
+    for n in p.free_parameters:
+        reach = math.inf if n.sigma is None else MAX_PRIOR_SIGMAS * n.sigma
+        bounds = max(n.bounds[0], n.init_value - reach), min(n.bounds[1], n.init_value + reach)
+        bounded.append(dataclasses.replace(n, bounds=bounds))
+    problem = Problem(p.study, p.data, bounded, (p.prior_mean, p.prior_weights))
+    if np.all((fit.x >= problem.low) & (fit.x <= problem.high)):
+        return dataclasses.replace(fit, problem=problem)
+    return min((calibrate(problem), minimise(problem, fit.x)), key=lambda f: f.cost)
 
 
 def noises_of(fit: Fit) -> Noises:
