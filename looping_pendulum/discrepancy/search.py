@@ -214,7 +214,7 @@ class Search:
         """Test a fit on its residuals, on held-out data and by the scores of the remaining candidates."""
         held_out = check_held_out(fit, self.inputs.held_out)
         failures: tuple[str, ...] = ()
-        if added and self.correlated_base and _improvement(self.correlated_base, held_out) <= 0:
+        if added and self.correlated_base and not _predicts_better(self.correlated_base, held_out):
             failures = ("predicts the held-out data no better than the declared model",)
         return CandidateModel(
             fit=fit,
@@ -303,7 +303,7 @@ class Search:
             f for f in forces if f.twice_log_bayes_factor >= MIN_DELTA_BIC and f.held_out.passes and f.held_out.worst < before
         ]
         if noises_of(base.fit):  # with which most tests pass, so that chi2 says little
-            passing = [f for f in passing if _improvement(base, f.held_out) >= MIN_DELTA_BIC]
+            passing = [f for f in passing if _predicts_better(base, f.held_out, MIN_DELTA_BIC)]
         if passing:
             formulas = refit_formulas(base.fit, passing, self.inputs.held_out, lambda what: self.report_progress(what, 0.93))
             self.formulas = tuple(formulas)
@@ -337,9 +337,14 @@ def _delta_bic(without: Fit, fit: Fit, candidate: Candidate) -> float:
     return without.cost - fit.cost - (1 + len(candidate.companions)) * math.log(fit.problem.count)
 
 
-def _improvement(base: CandidateModel, held_out: HeldOutTest) -> float:
-    """Return by how much -2 ln L of held-out data is lower than that of a model with a noise of its own."""
-    return base.held_out.minus_twice_log_likelihood - held_out.minus_twice_log_likelihood
+def _predicts_better(base: CandidateModel, held_out: HeldOutTest, min_improvement: float = 0.0) -> bool:
+    """Return whether a model with a noise of its own predicts held-out data better than another one.
+
+    -2 ln L must be lower by ``min_improvement``, and the model nearer to the points: larger noise alone also makes data likely.
+    """
+    improvement = base.held_out.minus_twice_log_likelihood - held_out.minus_twice_log_likelihood
+    squares = [(b * b, a * a) for b, a in zip(base.held_out.rms, held_out.rms, strict=True) if b is not None and a is not None]
+    return improvement > min_improvement and (not squares or sum(a for _, a in squares) < sum(b for b, _ in squares))
 
 
 def _returning(screened: tuple[ScreenedCandidate, ...]) -> Callable[[], tuple[ScreenedCandidate, ...]]:

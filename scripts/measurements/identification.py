@@ -20,6 +20,7 @@ def summary(result: Identification) -> dict[str, Any]:
         "margin": next((r.margin for r in reversed(result.rounds) if r.margin is not None), None),
         "held_out_before": None if held_out is None else held_out.rms_before,
         "held_out_after": None if held_out is None else held_out.rms_after,
+        "correlated_noise": {e.body: {"amplitude": e.amplitude, "points": e.points} for e in result.correlated_noise},
         "sentence": result.sentence,
     }
 
