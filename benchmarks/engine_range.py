@@ -1,7 +1,7 @@
 """Measure every variant's accuracy over random scenarios, so that each can say where its shipped accuracy holds.
 
 `python -m benchmarks.engine_range --work DIR` runs the main variants on `SCENARIOS` seeded random scenarios (half an hour of a
-quiet core with the quick profile; ended runs are kept in DIR, so it goes on where it was), stores what it found as
+quiet core with the quick profile; ended runs are kept in DIR, so it goes on where it was), stores the result as
 docs/data/engine_range.json and, from that, what the package says of itself: looping_pendulum/engines/validated.json.
 `--only ENGINE` and `--sample N` measure a part again, `--profile accurate` the other profile, `--summary` only writes the
 package's file again.

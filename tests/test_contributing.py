@@ -1,6 +1,6 @@
 """What surrounds the code says only what there is: CONTRIBUTING's table, hooks, workflow, container, recipe and metadata.
 
-None of these is run by the tests of the package, so a name in them could go stale unseen.
+None of these is run by the tests of the package, so a name in them could go stale unnoticed.
 """
 
 from __future__ import annotations

@@ -116,7 +116,7 @@ def precision() -> Figure:
 
 
 def _spread(angles: dict[str, Any]) -> float:
-    times = [float(angle_summary["told_time"]) for angle_summary in angles.values()]
+    times = [float(angle_summary["reported_time"]) for angle_summary in angles.values()]
     return max(times) - min(times)
 
 

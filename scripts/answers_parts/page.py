@@ -106,7 +106,7 @@ def derived_values(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _event_times(angles: dict[str, Any]) -> list[float]:
-    return [float(a["told_time"]) for a in angles.values()]
+    return [float(a["reported_time"]) for a in angles.values()]
 
 
 def _spread(angles: dict[str, Any]) -> float:

@@ -54,8 +54,8 @@ def _solve_with_every_solver(parameters: Parameters) -> dict[str, Any]:
     }
     return {
         "halting_time": None if exact.halting_time is None else str(exact.halting_time),
-        "told_time": str(_event_time(exact)),
-        "told": "halt" if exact.halting_time is not None else "last stop",
+        "reported_time": str(_event_time(exact)),
+        "reported": "halt" if exact.halting_time is not None else "last stop",
         "end_time": float(exact.end_time),
         "end": str(exact.end.event),
         "sequence": letters(exact.modes),

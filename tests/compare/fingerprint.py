@@ -12,7 +12,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 LONG = 12
-"""Lists of more numbers than this are told by their number, ends and two sums."""
+"""Lists of more numbers than this are given by their number, ends and two sums."""
 
 WITHIN = 1e-6
 """Relative difference of numbers that is rounding: figures show six digits at most."""

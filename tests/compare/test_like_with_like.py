@@ -1,4 +1,4 @@
-"""One detector for both sides, watched for equally long: an engine that is exact is told nothing else.
+"""One detector for both sides, watched for equally long: a report on an exact engine says nothing else.
 
 The oracle is the reference itself: an engine that replays its samples must have no error at all, and what the detector reads
 from samples must be what the reference's own events say, within the detector's stated resolution.

@@ -95,7 +95,7 @@ def test_every_kind_of_moment_has_its_rows(result):
     assert names == ["stop", "slip onset", "x1 extremum", "y1 extremum", "light mass reaches rod"]
     assert [cells(text, name)[0][1:] for name in names] == [[f"{t:.4f}", "+5"] for t in (0.1, 0.2, 0.3, 0.4, 0.9)]
     without = rendered(result, dataclasses.replace(marks(0.0), light_reaches_rod=None), marks(0.005))
-    assert "reaches rod" not in without, "the reference's end is not told of an engine alone"
+    assert "reaches rod" not in without, "the reference's end is not in a report of an engine alone"
     assert cells(
         rendered(result, marks(0.0), dataclasses.replace(marks(0.0), light_reaches_rod=None)), "light mass reaches rod"
     ) == [["light mass reaches rod", "0.9000", "–"]]

@@ -264,7 +264,7 @@ def test_a_run_that_broke_off_says_when_and_why(parameters):
 
 
 def test_a_halt_is_reported_once_and_other_events_each():
-    """The reference names a halt thrice: it is a stop and a stick too. What comes between the two is told as well."""
+    """The reference names a halt thrice: it is a stop and a stick too. What comes between the two is reported as well."""
     at = [("release", 0.0), ("slack", 0.1), ("stop", 0.3), ("stick", 0.3), ("halt", 0.3), ("stop", 0.4), ("unheard", 0.5)]
     assert events_to_show(at) == [("slack", 0.1), ("halt", 0.3), ("stop", 0.4)]
     assert events_to_show(reversed(at)) == events_to_show(at)

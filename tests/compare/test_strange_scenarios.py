@@ -1,7 +1,7 @@
 """Scenarios of a stranger, run by engines: every halt that is reported stands, or the report says why none is.
 
 The engine is MuJoCo's tendon with the capstan bound fed in, whose path agrees with the reference to microns in most of them, so
-that what it is told of its halt is the comparison's doing, not its own.
+that what the report says of its halt is the comparison's doing, not its own.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ HALF_A_SAMPLE = 5e-4
 
 
 def halt_outcome(seed: int) -> str:
-    """What an engine is told of its halt on one random scenario, held against how well its path agrees."""
+    """What the report says of an engine's halt on one random scenario, held against how well its path agrees."""
     (engine,) = select(["mujoco:capstan"], Profile.QUICK)
     scenario = random_scenario(seed)
     run = engine.simulate(scenario)

@@ -118,12 +118,12 @@ def put_on_another_object(
     rng = np.random.default_rng(seed)
     lines = file.read_text(encoding="utf-8").splitlines()
     rows = [i for i, line in enumerate(lines) if line[:1].isdigit() and all(line.split(",")[1:3])]
-    wild = rng.random(len(rows)) < share
+    moved = rng.random(len(rows)) < share
     direction = rng.uniform(0, 2 * np.pi, len(rows))
     if block:
         start = int(rng.integers(20, len(rows) - block - 20))
-        wild[start : start + block], direction[start : start + block] = True, 0.7
-    for i, angle in zip(np.array(rows)[wild], direction[wild], strict=True):
+        moved[start : start + block], direction[start : start + block] = True, 0.7
+    for i, angle in zip(np.array(rows)[moved], direction[moved], strict=True):
         cells = lines[i].split(",")
         cells[1:3] = (
             f"{float(cells[1]) + distance * math.cos(angle):.6f}",
@@ -131,7 +131,7 @@ def put_on_another_object(
         )
         lines[i] = ",".join(cells)
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return [float(lines[i].split(",")[0]) for i in np.array(rows)[wild]]
+    return [float(lines[i].split(",")[0]) for i in np.array(rows)[moved]]
 
 
 def let_the_tracker_wander(file: Path, *, amplitude: float, frames: float, seed: int) -> None:

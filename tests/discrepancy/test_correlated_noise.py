@@ -1,4 +1,4 @@
-"""Errors of tracked points that last longer than a frame: told from white noise, and not taken for what a model lacks."""
+"""Errors of tracked points that last longer than a frame: their size is estimated, and no missing effect is made of them."""
 
 from __future__ import annotations
 

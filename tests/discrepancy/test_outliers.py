@@ -43,13 +43,13 @@ def test_single_points_on_another_object_are_found(misfit):
     missed = wrong = 0
     for _ in range(50):
         residual, sigma = film(rng, misfit)
-        wild = rng.random(FRAMES) < 0.02
+        planted = rng.random(FRAMES) < 0.02
         angle = rng.uniform(0, 2 * np.pi, FRAMES)
-        residual[wild] += 0.03 * np.stack([np.cos(angle), np.sin(angle)], axis=1)[wild]
+        residual[planted] += 0.03 * np.stack([np.cos(angle), np.sin(angle)], axis=1)[planted]
         found = find_outliers(residual, sigma, 1.0)
-        missed, wrong = missed + np.sum(wild & ~found), wrong + np.sum(found & ~wild)
+        missed, wrong = missed + np.sum(planted & ~found), wrong + np.sum(found & ~planted)
     assert missed == 0
-    assert wrong <= 2  # of 11 800 points beside wild ones, whose neighbours' median is a little off
+    assert wrong <= 2  # of 11 800 points beside planted outliers, whose neighbours' median is a little off
 
 
 @pytest.mark.parametrize("length", [2, 8, 30, 55])
@@ -103,10 +103,10 @@ def test_too_few_points_have_no_outliers():
     assert not find_outliers(np.full((2 * HALF_WINDOW, 2), [0.0, 1.0]), np.ones(2 * HALF_WINDOW), 1.0).any()
 
 
-def studied(folder, case, seed, library=RIVALS, **wild):
+def studied(folder, case, seed, library=RIVALS, **planted):
     """Identify a blind study of three trials whose light mass is tracked wrongly now and then; return that and the times."""
     path = write_study(folder, case, seed, trials=TWO_RATIOS)
-    times = {name: put_on_another_object(folder / f"{name}.csv", seed=seed, **wild) for name in TWO_RATIOS}
+    times = {name: put_on_another_object(folder / f"{name}.csv", seed=seed, **planted) for name in TWO_RATIOS}
     with only_candidates(library):
         return identify(load(path)), times
 
@@ -116,12 +116,12 @@ def listed_times(result, trial):
 
 
 @pytest.mark.parametrize(
-    ("seed", "wild", "library"),
+    ("seed", "planted", "library"),
     [
         (1, {"share": 0.02}, RIVALS),
         *(
-            pytest.param(seed, wild, WHOLE_LIBRARY, marks=pytest.mark.accurate)
-            for seed, wild in (
+            pytest.param(seed, planted, WHOLE_LIBRARY, marks=pytest.mark.accurate)
+            for seed, planted in (
                 *((seed, {"share": 0.02}) for seed in (1, 2, 3)),
                 (1, {"share": 0.02, "block": 30}),
                 (3, {"block": 30}),
@@ -129,9 +129,9 @@ def listed_times(result, trial):
         ),
     ],
 )
-def test_nothing_is_missing_where_only_points_are_wrong(tmp_path, seed, wild, library):
+def test_nothing_is_missing_where_only_points_are_wrong(tmp_path, seed, planted, library):
     """Without outliers these studies ended unexplained, at 1.2 to 1.8 times the noise."""
-    result, times = studied(tmp_path, CLEAN, seed, library, **wild)
+    result, times = studied(tmp_path, CLEAN, seed, library, **planted)
     assert result.verdict is Verdict.NO_MISSING_EFFECT, result.sentence
     for trial, planted in times.items():
         assert listed_times(result, trial) == len(planted)
@@ -151,12 +151,12 @@ def test_nothing_is_missing_where_only_points_are_wrong(tmp_path, seed, wild, li
 @pytest.mark.parametrize(
     "case", ["linear_drag", *(pytest.param(c, marks=pytest.mark.accurate) for c in ("side_force", "scale"))]
 )
-def test_an_effect_is_named_behind_wild_points_with_the_same_value_and_error(tmp_path, case):
-    """Power with and without wild points: the value agrees within a half of its error, the error within a tenth."""
+def test_an_effect_is_named_behind_outliers_with_the_same_value_and_error(tmp_path, case):
+    """Power with and without planted outliers: the value agrees within a half of its error, the error within a tenth."""
     name, planted = EXPECTED[case]
-    (tmp_path / "wild").mkdir()
+    (tmp_path / "planted").mkdir()
     (tmp_path / "clean").mkdir()
-    behind, _ = studied(tmp_path / "wild", CASES[case], 1, (name, "wind_speed"), share=0.02)
+    behind, _ = studied(tmp_path / "planted", CASES[case], 1, (name, "wind_speed"), share=0.02)
     with only_candidates((name, "wind_speed")):
         alone = identify(load(write_study(tmp_path / "clean", CASES[case], 1, trials=TWO_RATIOS)))
     for result in (behind, alone):

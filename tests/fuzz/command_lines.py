@@ -82,7 +82,7 @@ def encoded(arguments: Sequence[str]) -> bytes:
 
 
 def seeds() -> list[bytes]:
-    """Real command lines, and the files that they name, in a folder from which each run starts afresh."""
+    """Real command lines, and the files that they name, in a folder from which each run starts anew."""
     for module in (*(work.rpartition(".")[0] for work in WORK), "looping_pendulum.teaching.demonstrations.page"):
         import_module(module)  # takes longer than any command line may
     shutil.rmtree("pristine", ignore_errors=True)
@@ -111,7 +111,7 @@ def seeds() -> list[bytes]:
 
 @cache
 def _command() -> Any:
-    """Return the program's commands; typer makes them afresh at every start."""
+    """Return the program's commands; typer makes them anew at every start."""
     return typer.main.get_command(cli.app)
 
 

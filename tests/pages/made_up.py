@@ -66,7 +66,7 @@ def identification(name: str) -> Identification:
         t={"light_x": t, "light_y": t},
         outliers={"light_x": t == t[3], "light_y": t == t[3]},
     )  # fmt: skip
-    wild = Outliers(
+    outliers = Outliers(
         trial=name, held_out=False, channels=("light_x", "light_y"), count=1, of=len(t), intervals=((t[3], t[3]),),
         largest_distance=0.03, unit="m",
     )  # fmt: skip
@@ -92,7 +92,7 @@ def identification(name: str) -> Identification:
             EventResidual(trial=name, held_out=False, quantity="halting_time", index=1, unit="s", measured=0.4, sigma=0.01,
                           before=0.5, after=None),
         ),
-        outliers=(wild,),
+        outliers=(outliers,),
         before=fit,
         after=fit,
         judged_on="held-out trials",

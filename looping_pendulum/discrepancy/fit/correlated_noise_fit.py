@@ -24,7 +24,7 @@ from looping_pendulum.discrepancy.fit.residual_noise import MIN_DIFFERENCES, dat
 from looping_pendulum.reference_ode.geometry import Array
 
 MIN_CORRELATION_STEPS = 2.0
-"""Shortest correlation time, in time steps: below it, the noise cannot be told from white noise."""
+"""Shortest correlation time, in time steps: below it, the noise cannot be distinguished from white noise."""
 MAX_PRIOR_SIGMAS = 4.0
 """Largest distance of a measured parameter from its value, in standard errors."""
 MAX_CORRELATION_SHARE = 0.1

@@ -182,7 +182,7 @@ def work_together(job: SharedBatch, progress: Progress | None) -> None:
 def _rerun_unfinished(job: SharedBatch) -> None:
     """Solve the runs without a result in this process."""
     result = job.result()
-    # A run that failed by itself cannot be told from one that was never solved; it fails again
+    # A run that failed by itself looks like one that was never solved; it fails again
     unfinished = np.flatnonzero(result.end == FAILED)
     columns = {name: values[unfinished] for name, values in job.columns().items()}
     rest = SharedBatch.of(job.base, columns, len(unfinished), job.duration, job.tolerance, processes=1)

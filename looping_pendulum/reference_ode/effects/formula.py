@@ -44,7 +44,7 @@ class FormulaError(HarnessError, ValueError):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Formula:
+class ParsedFormula:
     """A formula that has been checked."""
 
     text: str
@@ -57,7 +57,7 @@ class Formula:
         return self.evaluate(xp, values)
 
 
-def parse(text: str, known: Collection[str]) -> Formula:
+def parse(text: str, known: Collection[str]) -> ParsedFormula:
     """Check a formula whose names must be among ``known``.
 
     Raises
@@ -75,7 +75,7 @@ def parse(text: str, known: Collection[str]) -> Formula:
         raise FormulaError(f"found {shorten(text)!r}, needed a formula; write for example '-2 * k * time'") from None
     used: set[str] = set()
     evaluate = _built(tree, text.strip(), known, used, 0)
-    return Formula(text=" ".join(text.split()), names=frozenset(used), evaluate=evaluate)
+    return ParsedFormula(text=" ".join(text.split()), names=frozenset(used), evaluate=evaluate)
 
 
 def _built(node: ast.expr, text: str, known: Collection[str], used: set[str], depth: int) -> _Evaluate:

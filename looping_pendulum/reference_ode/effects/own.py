@@ -15,7 +15,7 @@ from typing import Any
 
 from looping_pendulum.errors import ParameterError, shorten
 from looping_pendulum.reference_ode.effects.check import check_effect
-from looping_pendulum.reference_ode.effects.formula import CONSTANTS, FUNCTIONS, Formula, FormulaError, parse
+from looping_pendulum.reference_ode.effects.formula import CONSTANTS, FUNCTIONS, FormulaError, ParsedFormula, parse
 from looping_pendulum.reference_ode.effects.types import Coefficient, Effect, EffectKind, Kinematics
 from looping_pendulum.reference_ode.geometry import light_position, light_velocity
 
@@ -136,7 +136,7 @@ def check_name(name: str, taken: Collection[str]) -> None:
         raise ParameterError(f"found the name {name!r}, which something else has already; needed another, such as 'my_{name}'")
 
 
-def force_formula(text: str, name: str) -> Formula:
+def force_formula(text: str, name: str) -> ParsedFormula:
     """Check the formula of a force of the effect ``name``.
 
     Raises
@@ -199,7 +199,7 @@ def _values(xp: Any, k: Kinematics, p: Any, name: str, names: Collection[str]) -
     return {n: getattr(p, name) if n == name else COORDINATES[n](xp, k, p) for n in names}
 
 
-def _force_on_light_mass(name: str, formulas: Mapping[str, Formula]) -> Callable[[Any, Kinematics, Any], tuple[Any, Any]]:
+def _force_on_light_mass(name: str, formulas: Mapping[str, ParsedFormula]) -> Callable[[Any, Kinematics, Any], tuple[Any, Any]]:
     names = sorted({n for f in formulas.values() for n in f.names})
 
     def force(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, Any]:
@@ -214,6 +214,6 @@ def _force_on_light_mass(name: str, formulas: Mapping[str, Formula]) -> Callable
     return force
 
 
-def _force_on_heavy_mass(name: str, formula: Formula) -> Callable[[Any, Kinematics, Any], Any]:
+def _force_on_heavy_mass(name: str, formula: ParsedFormula) -> Callable[[Any, Kinematics, Any], Any]:
     names = sorted(formula.names)
     return lambda xp, k, p: formula(xp, _values(xp, k, p, name, names))
