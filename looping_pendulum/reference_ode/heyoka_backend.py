@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import lru_cache
 from itertools import pairwise
@@ -146,12 +147,15 @@ class HeyokaIntegrator:
         series: list[Any] = []
         times = [t]
         event = Event.TIME_UP
+        # Where the pivot holds the light mass nothing limits a step
+        longest = math.inf if signs.across else max(until - t, 1e-3)
         for _ in range(MAX_STEPS):
-            outcome, _ = taylor.step(write_tc=True)
+            outcome, _ = taylor.step(max_delta_t=longest, write_tc=True)
             series.append(taylor.tc.copy())  # the next step overwrites them
             times.append(taylor.time)
             if outcome != run.success:
-                event = self._event(run, outcome, signs)
+                if outcome != run.time_limit:
+                    event = self._event(run, outcome, signs)
                 break
             if taylor.time >= until:
                 break

@@ -272,8 +272,13 @@ def _active_effects(active_coefficients: frozenset[str], release: Release) -> tu
     return tuple(
         effect
         for effect in effect_library.EFFECTS.values()
-        if (effect.in_base_model or effect.is_active(names)) and not (effect.needs_string and release is Release.DROP)
+        if (effect.in_base_model or effect.is_active(names)) and is_possible(effect, release)
     )
+
+
+def is_possible(effect: Effect, release: Release) -> bool:
+    """Return whether the apparatus has what ``effect`` needs after this release: a string, a pivot."""
+    return not ((effect.needs_string and release is Release.DROP) or (effect.needs_pivot and release is not Release.HELD))
 
 
 def _rebuild(data: dict[str, object]) -> Parameters:
