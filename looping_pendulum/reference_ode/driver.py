@@ -136,7 +136,7 @@ class Driver:
     def _apply_event(self, event: Event, t: Any, y: State) -> bool:
         """Apply ``event``, which happens at ``t`` [s] in the state ``y``, and record it; return whether the run is over."""
         before = self.motion.mode
-        self.motion = rules.apply_event(self.system, before, event, self.motion._replace(t=t, y=y))
+        self.motion = rules.apply_event(self.system, before, event, Motion(before, t, y, self.motion.signs))
         self._record(event, before)
         return self.motion.mode is Mode.ENDED
 

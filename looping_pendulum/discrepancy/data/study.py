@@ -16,7 +16,7 @@ from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.measurement import CAMERA, CAMERA_ERRORS
 from looping_pendulum.discrepancy.data.observations import Observations, merge, mirrored, with_event_errors
 from looping_pendulum.reference_ode import effects as effect_library
-from looping_pendulum.reference_ode.parameters import Parameters, Release
+from looping_pendulum.reference_ode.parameters import Parameters, Release, is_possible
 
 APPARATUS_UNITS = MappingProxyType({"light_mass": "kg", "light_radius": "m", "heavy_mass": "kg", "rod_radius": "m"})
 """Parameters of the apparatus -> SI unit."""
@@ -42,6 +42,8 @@ REQUIRED = MappingProxyType(
     }
 )
 """Release -> parameters that must have been measured. A drop needs the dropped mass, which its trial names."""
+_EFFECT_OF = MappingProxyType({c.name: effect for effect in effect_library.EFFECTS.values() for c in effect.coefficients})
+"""Coefficient -> its effect."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -247,14 +249,28 @@ class Study:
         return priors | {n: e for n, e in trial.camera.items() if n in priors}
 
 
+def influences_motion(parameter: str, release: Release) -> bool:
+    """Return whether a parameter or coefficient can change what is seen of the masses after this release."""
+    effect = _EFFECT_OF.get(parameter)
+    if effect is not None:
+        return is_possible(effect, release) and not (release is Release.HELD and _needs_moving_string(effect))
+    if release is Release.HELD:
+        return not parameter.startswith(("heavy", "hanging"))
+    return not (release is Release.VERTICAL and parameter == "release_angle")
+
+
+def _needs_moving_string(effect: effect_library.Effect) -> bool:
+    """Return whether an effect acts only on the heavy mass, on the rod, or on a string that slides over it."""
+    return effect.kind is effect_library.EffectKind.STRING_LAW or effect.acts_on in ("heavy mass", "rod")
+
+
 def _acts_in(parameter: str, trial: Trial) -> bool:
     """Return whether a parameter influences the motion or the measurement of a trial."""
     if trial.release is Release.DROP:
         other = "light" if trial.dropped == "heavy" else "heavy"
-        return not parameter.startswith((other, "rod", "string", "kinetic", "static", "release", "free_length", "hanging"))
-    if trial.release is Release.HELD:
-        return not parameter.startswith(("heavy", "kinetic", "static", "hanging"))
-    return not (trial.release is Release.VERTICAL and parameter == "release_angle")
+        if parameter.startswith((other, "rod", "string", "kinetic", "static", "release", "free_length", "hanging")):
+            return False
+    return influences_motion(parameter, trial.release)
 
 
 def _bounds(parameter: str) -> tuple[float, float]:

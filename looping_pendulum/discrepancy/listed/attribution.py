@@ -19,6 +19,7 @@ from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residu
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate
 from looping_pendulum.discrepancy.workers import SERIAL, ProgressCallback, Workers
+from looping_pendulum.reference_ode.geometry import Array
 
 MAX_NULL_SCORE = 4.0
 """Largest score |z| of a candidate that noise alone may give; 120 studies without a missing effect reach 3.94."""
@@ -87,7 +88,9 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
     # Half of the decrease that the score predicts is enough: the prediction is linear, and the model is not
     predicted_cost = base.cost - 0.5 * screened.score**2
     # If the fit from the prior's mean stays above the cost that screening predicts, the base fit's values are tried, too.
-    for start in (base.problem.prior_mean, base.x):
+    starts = [base.problem.prior_mean, base.x]
+    # The windows of a long swing cost far more than a few steps from near the minimum
+    for start in reversed(starts) if base.problem.is_swing else starts:
         try:
             x = np.concatenate([start, [amplitude], np.zeros(len(screened.companions))])
             if start is base.problem.prior_mean:
@@ -284,9 +287,9 @@ def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
             continue
         # An infinite standard error leaves values out without changing the shape of the problem
         masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
-        partial = minimise(problem.with_data(masked), fit.x)
-        jacobian = problem.jacobian(partial.x)
         rows = np.concatenate(out)
+        partial = minimise(problem.with_data(masked), fit.x, initial_jacobian=_without_rows(fit, rows))
+        jacobian = problem.jacobian(partial.x)
         r = problem.residuals(partial.x)
         assert r is not None
         part = jacobian[: len(rows)][rows]
@@ -308,6 +311,15 @@ def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
         limits=(_max_chi2(fit),),
         rms=(float(np.sqrt(np.mean(np.square(rms_of_blocks)))) if rms_of_blocks else None,),
     )
+
+
+def _without_rows(fit: Fit, rows: NDArray[np.bool_]) -> Array | None:
+    """Return the Jacobian of a long swing's fit with zeros for the values ``rows``; None: not known, or as quick to compute."""
+    if fit.final_jacobian is None or not fit.problem.is_swing:
+        return None
+    jacobian = fit.final_jacobian.copy()
+    jacobian[: len(rows)][rows] = 0.0
+    return jacobian
 
 
 def _block_number(d: TrialData) -> NDArray[np.int_]:

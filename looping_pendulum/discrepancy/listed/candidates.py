@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.data.measurement import CAMERA
-from looping_pendulum.discrepancy.data.study import Study
+from looping_pendulum.discrepancy.data.study import Study, influences_motion
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
 from looping_pendulum.reference_ode.parameters import Release
@@ -108,7 +108,7 @@ def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[s
     releases = {t.release for t in study.trials}
     listed = []
     for effect in effect_library.EFFECTS.values():
-        if effect.kind is EffectKind.CLOSURE or (effect.needs_string and releases == {Release.DROP}):
+        if effect.kind is EffectKind.CLOSURE or not any(influences_motion(effect.coefficients[0].name, r) for r in releases):
             continue
         listed += [_effect_candidate(study, effect, c, trials) for c in effect.coefficients if not _is_companion(effect, c)]
     if releases - {Release.DROP}:

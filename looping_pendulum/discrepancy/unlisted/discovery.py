@@ -27,10 +27,12 @@ from looping_pendulum.discrepancy.workers import SERIAL, ProgressCallback, Worke
 from looping_pendulum.reference_ode.effects.closure import COORDINATES, FACTORS, N_BASIS_FUNCTIONS, weight_name
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solution import Samples
+from looping_pendulum.reference_ode.transitions import Mode
 
+ACROSS = "light mass, across the string"
 TARGETS: dict[str, tuple[str, ...]] = {
     "light mass, along the string": ("along",),
-    "light mass, across the string": ("across",),
+    ACROSS: ("across",),
     "light mass": ("along", "across"),
     "heavy mass": ("heavy",),
 }
@@ -193,18 +195,30 @@ def screen(base: Fit, samples: Sequence[Samples], workers: Workers = SERIAL) -> 
         closures.append(
             Closure(coordinate=name, factor=factor, target="light mass", first_centre=first_centre, spacing=spacing)
         )
-    screened = workers.map(_screen_all_targets, (base.problem, base.x, fitted_basis, unexplained), closures)
+    targets = _targets(samples)
+    screened = workers.map(_screen_all_targets, (base.problem, base.x, fitted_basis, unexplained, targets), closures)
     return [one for each in screened for one in each]
 
 
-def _screen_all_targets(shared: tuple[Problem, Array, Array, Array], light: Closure) -> list[ScreenedClosure]:
+def _targets(samples: Sequence[Samples]) -> tuple[str, ...]:
+    """Return the targets on which a force can change these runs: of a clamped pendulum only that across its taut string."""
+    if all((s.mode == Mode.CLAMPED).all() for s in samples):
+        return (ACROSS,)
+    return tuple(TARGETS)
+
+
+def _screen_all_targets(
+    shared: tuple[Problem, Array, Array, Array, tuple[str, ...]], light: Closure
+) -> list[ScreenedClosure]:
     """Return the evidence of a closure's coordinate and factor on every target."""
-    problem, x, fitted_basis, unexplained = shared
-    heavy = dataclasses.replace(light, target="heavy mass")
+    problem, x, fitted_basis, unexplained, targets = shared
     # The targets share their sensitivities: those of both directions on the light mass serve it along, across and together
-    sensitivity = _sensitivity(problem, x, light, fitted_basis) | _sensitivity(problem, x, heavy, fitted_basis)
+    widest = (ACROSS,) if targets == (ACROSS,) else ("light mass", "heavy mass")
+    sensitivity: dict[str, Array] = {}
+    for target in widest:
+        sensitivity |= _sensitivity(problem, x, dataclasses.replace(light, target=target), fitted_basis)
     screened = []
-    for target in TARGETS:
+    for target in targets:
         closure = dataclasses.replace(light, target=target)
         columns = np.stack([sensitivity[n] for n in closure.names], axis=1)
         twice_log_bayes_factor, ridge, weights = _evidence(columns, unexplained)
