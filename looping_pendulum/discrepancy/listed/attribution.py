@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
-from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
+from looping_pendulum.discrepancy.fit.calibration import WINDOW_COST_TOLERANCE, Fit, FitError, calibrate, minimise
 from looping_pendulum.discrepancy.fit.event_tests import max_held_out_chi2
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
@@ -40,6 +40,8 @@ RESTART_FACTORS = (5.0, 0.2)
 """Factors on a companion's fitted value at which its fit is restarted: the cost has further minima there."""
 RESTART_MARGIN = 20.0
 """Delta BIC by which a candidate may be behind another one and still be restarted."""
+MAX_BLOCK_ITERATIONS = 3
+"""Largest number of iterations of a long swing's fit without two blocks of time; it starts from the fit with them."""
 BLOCK_COUNT = 8
 """Number of blocks of time that a study without held-out trials is cut into; two that lie far apart are held out at once."""
 
@@ -88,9 +90,8 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
     # Half of the decrease that the score predicts is enough: the prediction is linear, and the model is not
     predicted_cost = base.cost - 0.5 * screened.score**2
     # If the fit from the prior's mean stays above the cost that screening predicts, the base fit's values are tried, too.
-    starts = [base.problem.prior_mean, base.x]
-    # The windows of a long swing cost far more than a few steps from near the minimum
-    for start in reversed(starts) if base.problem.is_swing else starts:
+    # The windows of a long swing cost far more than a few steps from near the minimum, and its cost has no others nearby
+    for start in (base.x,) if base.problem.is_swing else (base.problem.prior_mean, base.x):
         try:
             x = np.concatenate([start, [amplitude], np.zeros(len(screened.companions))])
             if start is base.problem.prior_mean:
@@ -288,7 +289,17 @@ def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
         # An infinite standard error leaves values out without changing the shape of the problem
         masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
         rows = np.concatenate(out)
-        partial = minimise(problem.with_data(masked), fit.x, initial_jacobian=_without_rows(fit, rows))
+        masked_problem = problem.with_data(masked)
+        if problem.is_swing:
+            partial = minimise(
+                masked_problem,
+                fit.x,
+                cost_tolerance=WINDOW_COST_TOLERANCE,
+                max_iterations=MAX_BLOCK_ITERATIONS,
+                initial_jacobian=_without_rows(fit, rows),
+            )
+        else:
+            partial = minimise(masked_problem, fit.x)
         jacobian = problem.jacobian(partial.x)
         r = problem.residuals(partial.x)
         assert r is not None
@@ -314,8 +325,8 @@ def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
 
 
 def _without_rows(fit: Fit, rows: NDArray[np.bool_]) -> Array | None:
-    """Return the Jacobian of a long swing's fit with zeros for the values ``rows``; None: not known, or as quick to compute."""
-    if fit.final_jacobian is None or not fit.problem.is_swing:
+    """Return the Jacobian of a fit with zeros for the values ``rows``; None: not known."""
+    if fit.final_jacobian is None:
         return None
     jacobian = fit.final_jacobian.copy()
     jacobian[: len(rows)][rows] = 0.0
