@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
-from looping_pendulum.discrepancy.fit.calibration import WINDOW_COST_TOLERANCE, Fit, FitError, calibrate, minimise
+from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
 from looping_pendulum.discrepancy.fit.event_tests import max_held_out_chi2
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
@@ -40,8 +40,6 @@ RESTART_FACTORS = (5.0, 0.2)
 """Factors on a companion's fitted value at which its fit is restarted: the cost has further minima there."""
 RESTART_MARGIN = 20.0
 """Delta BIC by which a candidate may be behind another one and still be restarted."""
-MAX_BLOCK_ITERATIONS = 3
-"""Largest number of iterations of a long swing's fit without two blocks of time; it starts from the fit with them."""
 BLOCK_COUNT = 8
 """Number of blocks of time that a study without held-out trials is cut into; two that lie far apart are held out at once."""
 
@@ -204,7 +202,11 @@ class HeldOutTest:
 
 
 def check_held_out(
-    fit: Fit, held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]], *, keep_sigma: bool = False
+    fit: Fit,
+    held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
+    *,
+    keep_sigma: bool = False,
+    max_iterations: int = 30,
 ) -> HeldOutTest:
     """Test a fit on held-out trials or, if there are none, on blocks of time of the training trials.
 
@@ -214,9 +216,11 @@ def check_held_out(
         Data of each held-out trial, with the free parameters of that trial.
     keep_sigma
         Whether to keep the errors of the held-out points. By default they are estimated from their residuals.
+    max_iterations
+        Largest number of Jacobians in each fit without two of the blocks.
     """
     if not held_out:
-        return _check_held_out_blocks(fit)
+        return _check_held_out_blocks(fit, max_iterations)
     fits = [_fit_held_out_trial(fit, data, parameters, keep_sigma) for data, parameters in held_out]
     return HeldOutTest(
         names=tuple(d.trial.name for d, _ in held_out),
@@ -276,7 +280,7 @@ def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter],
     return held_out_fit if keep_sigma else with_noise_of_residuals(held_out_fit)
 
 
-def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
+def _check_held_out_blocks(fit: Fit, max_iterations: int) -> HeldOutTest:
     """Leave out two of `BLOCK_COUNT` blocks of time at once, refit, and test their prediction by its covariance."""
     problem = fit.problem
     names, chi2, rms_of_blocks, counts = [], [], [], []
@@ -289,17 +293,9 @@ def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
         # An infinite standard error leaves values out without changing the shape of the problem
         masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
         rows = np.concatenate(out)
-        masked_problem = problem.with_data(masked)
-        if problem.is_swing:
-            partial = minimise(
-                masked_problem,
-                fit.x,
-                cost_tolerance=WINDOW_COST_TOLERANCE,
-                max_iterations=MAX_BLOCK_ITERATIONS,
-                initial_jacobian=_without_rows(fit, rows),
-            )
-        else:
-            partial = minimise(masked_problem, fit.x)
+        partial = minimise(
+            problem.with_data(masked), fit.x, max_iterations=max_iterations, initial_jacobian=_without_rows(fit, rows)
+        )
         jacobian = problem.jacobian(partial.x)
         r = problem.residuals(partial.x)
         assert r is not None
@@ -325,8 +321,8 @@ def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
 
 
 def _without_rows(fit: Fit, rows: NDArray[np.bool_]) -> Array | None:
-    """Return the Jacobian of a fit with zeros for the values ``rows``; None: not known."""
-    if fit.final_jacobian is None:
+    """Return the Jacobian of a long swing's fit with zeros for the values ``rows``; None: not known, or as quick to compute."""
+    if fit.final_jacobian is None or not fit.problem.is_swing:
         return None
     jacobian = fit.final_jacobian.copy()
     jacobian[: len(rows)][rows] = 0.0

@@ -338,6 +338,10 @@ def _refit(
         closure=screened.closure,
         fit=fit,
         twice_log_bayes_factor=screened.twice_log_bayes_factor,
-        held_out=check_held_out(fit, held_out),
+        held_out=(
+            check_held_out(fit, held_out, max_iterations=MAX_SWING_ITERATIONS)
+            if base.problem.is_swing
+            else check_held_out(fit, held_out)
+        ),
         coordinates=coordinate(samples, screened.closure.coordinate),
     )
