@@ -324,9 +324,7 @@ class Equations:
                 # One function for both: the turning point, and the margin of the pivot that holds the light mass at rest
                 limit = p.pivot_friction / length
                 margin = limit * limit - b.force_across * b.force_across
-                functions[Event.ACROSS_REVERSES] = (
-                    signs.across * y.across_speed + (1.0 - signs.across * signs.across) * margin
-                )
+                functions[Event.ACROSS_REVERSES] = signs.across * y.across_speed + (1.0 - signs.across * signs.across) * margin
         else:
             slack, closing = y.slack, y.heavy_speed - b.string_speed + EVENT_FUNCTION_OFFSET
             if b.springs is not None:

@@ -20,7 +20,7 @@ from looping_pendulum.reference_ode.parameters import Parameters, Release, is_po
 
 APPARATUS_UNITS = MappingProxyType({"light_mass": "kg", "light_radius": "m", "heavy_mass": "kg", "rod_radius": "m"})
 """Parameters of the apparatus -> SI unit."""
-RELEASE_UNITS = MappingProxyType({"release_angle": "rad", "free_length": "m", "hanging_length": "m"})
+RELEASE_UNITS = MappingProxyType({"release_angle": "rad", "free_length": "m", "hanging_length": "m", "push_across": "m/s"})
 """Parameters of a release -> SI unit."""
 DEFAULT_HANGING_LENGTH = 0.03
 """Initial value of a hanging length that was not measured [m].
@@ -37,11 +37,14 @@ REQUIRED = MappingProxyType(
     {
         Release.LOOPING: ("light_mass", "heavy_mass", "rod_radius", "release_angle", "free_length"),
         Release.VERTICAL: ("light_mass", "heavy_mass", "rod_radius", "free_length"),
-        Release.HELD: ("light_mass", "release_angle", "free_length"),
+        Release.HELD: ("light_mass", "free_length"),
         Release.DROP: (),
     }
 )
-"""Release -> parameters that must have been measured. A drop needs the dropped mass, which its trial names."""
+"""Release -> parameters that must have been measured. A drop needs the dropped mass, which its trial names.
+
+The angle of a held pendulum follows from its first points, if it is not stated.
+"""
 _EFFECT_OF = MappingProxyType({c.name: effect for effect in effect_library.EFFECTS.values() for c in effect.coefficients})
 """Coefficient -> its effect."""
 
@@ -88,6 +91,8 @@ class Trial:
     """Whether the camera stood on the other side, where the light mass is seen to loop the other way."""
     held_out: bool = False
     """Whether the trial is kept from all fits, to judge them by."""
+    in_mid_swing: bool = False
+    """Whether the motion begins at the first tracked point, in mid-swing (`record_start`); the data decide, not the study."""
     release: Release = Release.LOOPING
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
     """Parameter -> measured value in this trial: of the release, and of parts that differ from the apparatus."""
@@ -181,7 +186,7 @@ class Study:
             names[trial.name] = {}
             for parameter in (*self.effects, *APPARATUS_UNITS, *RELEASE_UNITS):
                 known = self.estimate(parameter, trial)
-                if known is None or not self._is_fitted(parameter, known) or not _acts_in(parameter, trial):
+                if known is None or not self._is_fitted(parameter, known, trial) or not _acts_in(parameter, trial):
                     continue
                 name = parameter
                 if parameter in trial.estimates:
@@ -191,9 +196,11 @@ class Study:
                 names[trial.name][parameter] = name
         return names
 
-    def _is_fitted(self, parameter: str, known: Estimate) -> bool:
+    def _is_fitted(self, parameter: str, known: Estimate, trial: Trial) -> bool:
         """Return whether the study lets a fit change a parameter."""
-        return known.uncertain if self.fit is None else parameter in self.fit
+        if self.fit is None or (trial.in_mid_swing and parameter in ("release_angle", "push_across")):
+            return known.uncertain
+        return parameter in self.fit
 
     def parameters(self, values: Mapping[str, float], trial: Trial) -> Parameters:
         """Return the reference's parameters for a trial.

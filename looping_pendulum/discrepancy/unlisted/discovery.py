@@ -209,9 +209,7 @@ def _targets(samples: Sequence[Samples]) -> tuple[str, ...]:
     return tuple(TARGETS)
 
 
-def _screen_all_targets(
-    shared: tuple[Problem, Array, Array, Array, tuple[str, ...]], light: Closure
-) -> list[ScreenedClosure]:
+def _screen_all_targets(shared: tuple[Problem, Array, Array, Array, tuple[str, ...]], light: Closure) -> list[ScreenedClosure]:
     """Return the evidence of a closure's coordinate and factor on every target."""
     problem, x, fitted_basis, unexplained, targets = shared
     # The targets share their sensitivities: those of both directions on the light mass serve it along, across and together
