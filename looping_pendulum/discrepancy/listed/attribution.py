@@ -87,11 +87,14 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
     fits = []
     # Half of the decrease that the score predicts is enough: the prediction is linear, and the model is not
     predicted_cost = base.cost - 0.5 * screened.score**2
-    # If the fit from the prior's mean stays above the cost that screening predicts, the base fit's values are tried, too.
-    # The windows of a long swing cost far more than a few steps from near the minimum, and its cost has no others nearby
-    for start in (base.x,) if base.problem.is_swing else (base.problem.prior_mean, base.x):
+    # If the first fit stays above the cost that screening predicts, a second start is tried
+    starts = [(base.problem.prior_mean, amplitude), (base.x, amplitude)]
+    if base.problem.is_swing:
+        # The amplitude alone, before the other parameters follow it, would put a long swing out of phase
+        starts = [(base.x, 0.0), (base.x, amplitude)]
+    for start, value in starts:
         try:
-            x = np.concatenate([start, [amplitude], np.zeros(len(screened.companions))])
+            x = np.concatenate([start, [value], np.zeros(len(screened.companions))])
             if start is base.problem.prior_mean:
                 fits.append(calibrate(problem, x, max_iterations=MAX_ITERATIONS))
             else:  # so near a minimum, no growing windows of time are needed
