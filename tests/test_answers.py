@@ -47,7 +47,9 @@ def test_the_four_halting_times_come_out_again(parts):
     for degrees, stored in common.read("four_angles")["scenario"].items():
         p = common.at_angle(common.case("scenario"), float(degrees))
         assert solve(p, tolerance=1e-15).halting_time == pytest.approx(float(stored["reported_time"]), abs=1e-14)
-        assert solve(p, tolerance=1e-10, integrator="scipy").halting_time == pytest.approx(float(stored["reported_time"]), abs=1e-9)
+        assert solve(p, tolerance=1e-10, integrator="scipy").halting_time == pytest.approx(
+            float(stored["reported_time"]), abs=1e-9
+        )
 
 
 def test_the_growth_to_the_halt_comes_out_again(parts):

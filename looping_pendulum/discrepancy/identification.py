@@ -18,6 +18,7 @@ from looping_pendulum.discrepancy.fit.likelihood import likelihood_interval
 from looping_pendulum.discrepancy.listed.attribution import MAX_NULL_SCORE, rms
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.outlier_summary import outliers_in_words, summarise_outliers
+from looping_pendulum.discrepancy.record_starts import record_starts
 from looping_pendulum.discrepancy.result import (
     CorrelatedError,
     EventResidual,
@@ -68,7 +69,8 @@ def identification(
     before, after = conclusion.before, conclusion.after
     effects = _effects(after)
     ties = tuple(_effects(t) for t in conclusion.ties)
-    outliers = summarise_outliers([(fit, k, held_out) for _, fit, k, held_out in _fits_of_trials(before, after)])
+    repaired_fits = [(fit, k, held_out) for _, fit, k, held_out in _fits_of_trials(before, after)]
+    outliers = summarise_outliers(repaired_fits)
     return Identification(
         study=study.name,
         title=study.title,
@@ -85,6 +87,7 @@ def identification(
         errors=_errors(before, after),
         events=_events(before, after),
         outliers=outliers,
+        record_starts=record_starts(repaired_fits),
         before=_fit_report(before),
         after=_fit_report(after),
         judged_on="held-out trials" if before.held_out.fits else "held-out blocks of time",

@@ -103,7 +103,7 @@ def _identify(study: Study, seed: int, progress: FractionCallback, workers: Work
     if len(ties) > 1:
         # An interrupt now costs the advice on the next trial, but not the verdict
         with contextlib.suppress(KeyboardInterrupt):
-            experiments = best_experiments(study, [t.fit for t in ties], [t.names for t in ties])
+            experiments = best_experiments(inputs.study, [t.fit for t in ties], [t.names for t in ties])
     force = None
     if verdict is Verdict.UNLISTED:
         force = describe_unlisted_force(search.forces, search.formulas, search.declared_model.held_out.worst)

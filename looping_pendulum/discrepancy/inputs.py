@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.observations import DataError, Observations
+from looping_pendulum.discrepancy.data.record_start import with_free_start
 from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.discrepancy.fit.other_units import refuse_wrong_units
@@ -44,11 +46,15 @@ def read_inputs(study: Study) -> Inputs:
         if not o.used:
             raise DataError(f"{o.file}: found no measured value, needed at least one; leave this trial out")
         check_event_rows(o)
+    observed = tuple((with_free_start(study, t, o), o) for t, o in observed)
+    study = dataclasses.replace(study, trials=tuple(t for t, _ in observed))
     training = tuple((t, o) for t, o in observed if not t.held_out)
     free_parameters = free_parameters_of(study, training)
     # A camera error can be a candidate only if it shows in every training trial.
     cameras = [set(study.camera_priors(t, o)) for t, o in training]
     shared = [n for n in study.camera_priors(*training[0]) if all(n in c for c in cameras)]
+    if any(t.in_mid_swing for t, _ in training):  # the clock of its start is that of its first point
+        shared = [n for n in shared if n != "clock_offset"]
     data = tuple(trial_data(t, o) for t, o in training)
     held_out = tuple((trial_data(t, o), free_parameters_of(study, [(t, o)])) for t, o in observed if t.held_out)
     refuse_wrong_units(Problem(study, data, free_parameters))

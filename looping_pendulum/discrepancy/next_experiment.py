@@ -30,6 +30,12 @@ FRAME_RATE = 240.0
 """Frame rate of a proposed trial [Hz]."""
 DURATION = 1.0
 """Duration of a proposed trial [s]."""
+HELD_FRAME_RATE, HELD_DURATION = 30.0, 30.0
+"""Frame rate [Hz] and duration [s] of a proposed trial of a held pendulum: losses show in its decay."""
+LENGTH_FACTORS = (1.0, 0.5, 2.0)
+"""Free lengths of a held pendulum that are tried, relative to that of the first trial."""
+HELD_ANGLES, HELD_ANGLE_COUNT = (math.radians(130), math.radians(170)), 3
+"""Smallest and largest release angle of a held pendulum without limits [rad], and the number that is tried between them."""
 NOISE = 1e-3
 """Standard error of a coordinate in a proposed trial [m]."""
 TRIAL_NAME = "next"
@@ -47,7 +53,7 @@ def best_experiments(study: Study, fits: Sequence[Fit], names: Sequence[tuple[st
         Names of the effects that each explanation adds to the declared model.
     """
     experiments = []
-    for trial in _trials(study, fits[0]):
+    for trial in _trials(study):
         try:
             pairs = [(_distance(study, trial, a, b), (i, j)) for (i, a), (j, b) in itertools.combinations(enumerate(fits), 2)]
         # A trial that one of the explanations cannot run is not proposed; the others still are
@@ -55,12 +61,13 @@ def best_experiments(study: Study, fits: Sequence[Fit], names: Sequence[tuple[st
             continue
         # A trial is worth as much as it separates those two explanations that it separates least
         distance, (i, j) = min(pairs)
-        masses = [known.value for p in ("heavy_mass", "light_mass") if (known := study.estimate(p, trial)) is not None]
+        p = study.parameters({}, trial)
         experiments.append(
             Experiment(
                 release=trial.release.value,
-                release_angle=trial.estimates["release_angle"].value if "release_angle" in trial.estimates else math.pi,
-                mass_ratio=masses[0] / masses[-1],
+                release_angle=p.release_angle,
+                mass_ratio=None if trial.release is Release.HELD else p.heavy_mass / p.light_mass,
+                free_length=p.free_length,
                 distance=distance,
                 tells_apart=("+".join(names[i]), "+".join(names[j])),
             )
@@ -68,11 +75,12 @@ def best_experiments(study: Study, fits: Sequence[Fit], names: Sequence[tuple[st
     return tuple(sorted(experiments, key=lambda e: -e.distance)[:MAX_EXPERIMENTS])
 
 
-def _trials(study: Study, fit: Fit) -> Iterator[Trial]:
-    """Yield possible trials: the apparatus of the first training trial, with another release or heavy mass."""
+def _trials(study: Study) -> Iterator[Trial]:
+    """Yield possible trials: the apparatus of the first training trial, with another release, heavy mass or string."""
     template = next((t for t in study.training if t.release is Release.LOOPING), None)
     light = study.estimate("light_mass", template) if template else None
     if template is None or light is None:
+        yield from _held_trials(study)
         return
     angles = np.linspace(*(study.limits.release_angle or (math.radians(60), math.radians(130))), ANGLE_COUNT)
     ratios = np.geomspace(*(study.limits.mass_ratio or (4.0, 10.0)), RATIO_COUNT)
@@ -97,6 +105,22 @@ def _trials(study: Study, fit: Fit) -> Iterator[Trial]:
             yield dataclasses.replace(template, name=TRIAL_NAME, release=release, estimates=own, held_out=False)
 
 
+def _held_trials(study: Study) -> Iterator[Trial]:
+    """Yield possible trials of a study that has held pendulums: the first of them on other lengths, let go at rest."""
+    template = next((t for t in study.training if t.release is Release.HELD), None)
+    length = study.estimate("free_length", template) if template else None
+    if template is None or length is None or Release.HELD not in study.limits.releases:
+        return
+    angles = np.linspace(*(study.limits.release_angle or HELD_ANGLES), HELD_ANGLE_COUNT)
+    for factor, angle in itertools.product(LENGTH_FACTORS, angles):
+        own = {n: e for n, e in template.estimates.items() if n != "push_across"}
+        own["free_length"] = Estimate(value=factor * length.value, sigma=length.sigma or 1e-3)
+        own["release_angle"] = Estimate(value=float(angle), sigma=math.radians(0.5))
+        yield dataclasses.replace(
+            template, name=TRIAL_NAME, estimates=own, camera={}, held_out=False, mirrored=False, in_mid_swing=False
+        )
+
+
 def _relative_error(known: Estimate | None) -> float:
     """Return the relative standard error of an estimate; half a percent where none is stated."""
     return known.sigma / known.value if known and known.sigma else 0.005
@@ -105,10 +129,13 @@ def _relative_error(known: Estimate | None) -> float:
 def _distance(study: Study, trial: Trial, first: Fit, second: Fit) -> float:
     """Return the Mahalanobis distance of two fits' predictions; what a refit to the new trial would change is uncertainty."""
     extended = dataclasses.replace(study, trials=(*study.trials, trial))
-    t = np.arange(1, int(DURATION * FRAME_RATE)) / FRAME_RATE
-    channels = tuple(Channel(name=n, t=t, value=np.zeros(len(t))) for n in ("light_x", "light_y", "heavy_x", "heavy_y"))
+    held = trial.release is Release.HELD
+    duration, frame_rate = (HELD_DURATION, HELD_FRAME_RATE) if held else (DURATION, FRAME_RATE)
+    t = np.arange(1, int(duration * frame_rate)) / frame_rate
+    names = ("light_x", "light_y") if held else ("light_x", "light_y", "heavy_x", "heavy_y")
+    channels = tuple(Channel(name=n, t=t, value=np.zeros(len(t))) for n in names)
     observations = Observations(name=TRIAL_NAME, file=TRIAL_NAME, channels=channels)
-    data = TrialData(trial=trial, channels=channels, sigma=np.full(4 * len(t), NOISE))
+    data = TrialData(trial=trial, channels=channels, sigma=np.full(len(names) * len(t), NOISE))
     own = free_parameters_of(extended, [(trial, observations)])
     problem, x, covariance = _problem_of_trial(extended, data, own, first)
     predicted = problem.predict(x, 0)

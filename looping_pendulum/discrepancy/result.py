@@ -195,14 +195,34 @@ class FitReport:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RecordStart:
+    """Start of the motion in a record that begins in mid-swing, at its first tracked point, by the repaired model."""
+
+    trial: str
+    held_out: bool
+    time: float
+    """Time of the first tracked point by the file's clock [s]."""
+    angle: float
+    """Wrap angle there [rad]; pi: straight down."""
+    angle_error: float
+    """Standard error [rad]; 0: stated as exact."""
+    speed: float
+    """Speed of the light mass across its string there [m/s], positive as the wrap angle grows."""
+    speed_error: float
+    """Standard error [m/s]; 0: stated as exact."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Experiment:
     """A trial that would separate tied explanations."""
 
     release: str
     release_angle: float
     """Angle of release [rad]."""
-    mass_ratio: float
-    """Heavy over light mass, M2/M1."""
+    mass_ratio: float | None
+    """Heavy over light mass, M2/M1; None: the heavy mass is held."""
+    free_length: float
+    """Free length at release [m]."""
     distance: float
     """Expected distance between the two closest of the tied explanations [units of noise], all else fitted to the new trial."""
     tells_apart: tuple[str, str]
@@ -384,6 +404,8 @@ class Identification(ShownInNotebook):
     """Every row of every event table."""
     outliers: tuple[Outliers, ...]
     """For each trial and body that has some, the tracked points that were left out as outliers."""
+    record_starts: tuple[RecordStart, ...]
+    """For each trial whose record begins in mid-swing, how its motion begins."""
     before: FitReport
     """Fit of the declared model."""
     after: FitReport

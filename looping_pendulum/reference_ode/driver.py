@@ -14,7 +14,7 @@ from looping_pendulum.reference_ode.hybrid_system import SingleRunSystem, system
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.scipy_backend import ScipyIntegrator
 from looping_pendulum.reference_ode.solution import RunEvent, Segment, SegmentSamples
-from looping_pendulum.reference_ode.state import Effects, Signs, State
+from looping_pendulum.reference_ode.state import Effects, Motion, Signs, State
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
 # Far above need: of the shipped scenarios, `frictionless` has the most events, 19
@@ -90,11 +90,30 @@ class Driver:
         for _ in range(MAX_EVENTS):
             # As a float: the time may be a dual number. "right": the part before has the sample at the very time of the event
             remaining_times = times[np.searchsorted(times, float(self.motion.t), side="right") :]
-            event, t, y, part = self.integrator.advance_sampled(*self.motion, self.duration, remaining_times)
-            parts.append(part)
+            if self.motion.mode is Mode.CLAMPED and type(self.integrator) is HeyokaIntegrator:
+                event, t, y, several = self.integrator.advance_past_reversals(
+                    *self.motion[1:], self.duration, remaining_times, self._pass_reversal
+                )
+                parts += several
+            else:
+                event, t, y, part = self.integrator.advance_sampled(*self.motion, self.duration, remaining_times)
+                parts.append(part)
             if self._apply_event(event, t, y):
                 return parts
         raise self._too_many_events()
+
+    def _pass_reversal(self, t: float, y: State) -> Motion:
+        """Apply and record the turning point at ``t`` [s], where the light mass is in the state ``y``; return the motion after.
+
+        Raises
+        ------
+        IntegrationError
+            If there were too many.
+        """
+        self._apply_event(Event.ACROSS_REVERSES, t, y)
+        if len(self.events) > MAX_EVENTS:
+            raise self._too_many_events()
+        return self.motion
 
     def _start_run(self) -> Segment | None:
         """Record the release, enter its mode and leave rest; return the segment of the latter, if there is one."""
@@ -117,7 +136,7 @@ class Driver:
     def _apply_event(self, event: Event, t: Any, y: State) -> bool:
         """Apply ``event``, which happens at ``t`` [s] in the state ``y``, and record it; return whether the run is over."""
         before = self.motion.mode
-        self.motion = rules.apply_event(self.system, before, event, self.motion._replace(t=t, y=y))
+        self.motion = rules.apply_event(self.system, before, event, Motion(before, t, y, self.motion.signs))
         self._record(event, before)
         return self.motion.mode is Mode.ENDED
 

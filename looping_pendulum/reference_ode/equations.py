@@ -22,7 +22,7 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 from looping_pendulum.reference_ode import effects as forces
-from looping_pendulum.reference_ode.effects.forces import air_drag_coefficient
+from looping_pendulum.reference_ode.effects.forces import PIVOT_FRICTION, air_drag_coefficient
 from looping_pendulum.reference_ode.effects.properties import heavy_swing_rates
 from looping_pendulum.reference_ode.effects.types import TURN, Kinematics
 from looping_pendulum.reference_ode.state import Effects, Signs, State, extra_variables, kinematics, string_path, winding
@@ -138,6 +138,7 @@ class Equations:
         self.string_stretches = "light_stretch" in own
         self.leaves_plane = "sideways" in own
         self.heavy_mass_swings = "heavy_tilt" in own
+        self.pivot_holds = PIVOT_FRICTION in effects
 
     def _force_balance(self, mode: Mode, t: Any, y: State, signs: Signs) -> _ForceBalance:
         """Return the forces and inertias from which rates, tensions and event functions follow."""
@@ -232,6 +233,10 @@ class Equations:
             # Slack string passes to the light side as fast as the heavy mass rises, so that the heavy side's stretch stays
             passing_speed = y.heavy_speed if mode.slack else b.springs.passing_speed
             light_stretching, heavy_stretching = b.string_speed - passing_speed, passing_speed - y.heavy_speed
+        across_rate = b.force_across / b.across_mass - y.retreat_speed * turning
+        if self.pivot_holds and mode is Mode.CLAMPED:
+            # The square is 0 while the pivot holds the light mass, else 1: compiled expressions have no branches
+            across_rate = signs.across * signs.across * across_rate
         tilt_rate = swing_rate = 0.0
         # A clamp holds the heavy mass against swinging, too
         if self.heavy_mass_swings and mode not in (Mode.CLAMPED, Mode.CLAMPED_SLACK):
@@ -240,7 +245,7 @@ class Equations:
             free_length=y.retreat_speed - winding(y, signs.overlap, p, effects).radius * turning,
             wrap_angle=turning,
             retreat_speed=u_rate,
-            across_speed=b.force_across / b.across_mass - y.retreat_speed * turning,
+            across_speed=across_rate,
             heavy_speed=heavy_rate,
             slack=y.heavy_speed - b.string_speed,
             heavy_tilt=tilt_rate,
@@ -315,6 +320,11 @@ class Equations:
                 functions[Event.ROD_YIELDS_DOWN] = p.bearing_friction + (b.light_pull + b.force_on_heavy)
         elif mode is Mode.CLAMPED:
             functions[Event.LOSES_TENSION] = b.light_pull if b.springs is None else b.springs.light_tension
+            if self.pivot_holds:
+                # One function for both: the turning point, and the margin of the pivot that holds the light mass at rest
+                limit = p.pivot_friction / length
+                margin = limit * limit - b.force_across * b.force_across
+                functions[Event.ACROSS_REVERSES] = signs.across * y.across_speed + (1.0 - signs.across * signs.across) * margin
         else:
             slack, closing = y.slack, y.heavy_speed - b.string_speed + EVENT_FUNCTION_OFFSET
             if b.springs is not None:

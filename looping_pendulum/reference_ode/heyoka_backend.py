@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from functools import lru_cache
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,6 +19,7 @@ from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.solution import Segment, SegmentSamples
 from looping_pendulum.reference_ode.state import (
     Effects,
+    Motion,
     Signs,
     State,
     event_in_phase,
@@ -29,6 +33,8 @@ NAME = "heyoka"
 # Far above need: the longest mode of the shipped scenarios (`static_friction`) takes 148 steps at 1e-12
 MAX_STEPS = 20_000
 """Number of steps in one mode after which heyoka gives up."""
+PassReversal = Callable[[float, State], Motion]
+"""(time [s], state) at a turning point of the light mass -> motion just after it."""
 
 
 class ModeEquations:
@@ -66,15 +72,37 @@ class _IntegratorOfMode:
         self.events = tuple(mode_equations.event_functions)
         # Every event function falls through zero; without a direction heyoka would also report where it rises
         falling = hy.event_direction.negative
+        self.pass_reversal: PassReversal | None = None
+        """What to do where the light mass turns back, other than to stop there; None: stop."""
+        # A function: heyoka would copy a bound method, and the object with it
+        callback = {Event.ACROSS_REVERSES: {"callback": lambda *_: self._on_reversal()}} if mode is Mode.CLAMPED else {}
         self.integrator = hy.taylor_adaptive(
             mode_equations.system,
             # Any state will do: `HeyokaIntegrator._start` sets it for every run
             [1.0] * len(self.names),
             tol=tolerance,
-            t_events=[hy.t_event(function, direction=falling) for function in mode_equations.event_functions.values()],
+            t_events=[
+                hy.t_event(function, direction=falling, **callback.get(event, {}))
+                for event, function in mode_equations.event_functions.items()
+            ],
         )
         self.success, self.time_limit = hy.taylor_outcome.success, hy.taylor_outcome.time_limit
         self.powers = np.arange(self.integrator.order + 1)
+
+    def _on_reversal(self) -> bool:
+        """Return whether the integrator goes on past a turning point; heyoka calls this at each."""
+        if self.pass_reversal is None:
+            return False
+        integrator = self.integrator
+        motion = self.pass_reversal(integrator.time, self.whole_state())
+        integrator.state[:] = [motion.y[i] for i in self.rows]
+        in_use = min(len(Signs._fields), len(integrator.pars))
+        integrator.pars[:in_use] = motion.signs[:in_use]
+        return True
+
+    def whole_state(self) -> State:
+        """Return the state at which the integrator stands."""
+        return full_state(self.mode, **dict(zip(self.names, self.integrator.state.tolist(), strict=True)))
 
 
 @lru_cache(maxsize=64)
@@ -119,18 +147,21 @@ class HeyokaIntegrator:
         series: list[Any] = []
         times = [t]
         event = Event.TIME_UP
+        # Where the pivot holds the light mass nothing limits a step
+        longest = math.inf if signs.across else max(until - t, 1e-3)
         for _ in range(MAX_STEPS):
-            outcome, _ = taylor.step(write_tc=True)
+            outcome, _ = taylor.step(max_delta_t=longest, write_tc=True)
             series.append(taylor.tc.copy())  # the next step overwrites them
             times.append(taylor.time)
             if outcome != run.success:
-                event = self._event(run, outcome, signs)
+                if outcome != run.time_limit:
+                    event = self._event(run, outcome, signs)
                 break
             if taylor.time >= until:
                 break
         else:
             raise IntegratorGaveUpError(f"{mode.name.lower()}: no event within {MAX_STEPS} steps, at t = {taylor.time:g} s")
-        return event, taylor.time, self._final(run), _segment(run, signs, series, times)
+        return event, taylor.time, run.whole_state(), _segment(run, signs, series, times)
 
     def advance_sampled(
         self, mode: Mode, t: float, y: State, signs: Signs, until: float, times: Array
@@ -139,20 +170,54 @@ class HeyokaIntegrator:
 
         This is half the work of a segment.
         """
-        run = self._start(mode, t, y, signs)
+        event, end, final, values = self._propagate(self._start(mode, t, y, signs), t, signs, until, times)
+        return event, end, final, SegmentSamples(mode=mode, signs=signs, t=times[: values.shape[1]], values=values)
+
+    def advance_past_reversals(
+        self, t: float, y: State, signs: Signs, until: float, times: Array, pass_reversal: PassReversal
+    ) -> tuple[Event, float, State, list[SegmentSamples]]:
+        """Do the same for a clamped heavy mass, but go on past the turning points of the light mass, to any other event.
+
+        A long swing has hundreds of them, and to stop and start at one costs ten times as much as to integrate to the next.
+
+        Parameters
+        ----------
+        pass_reversal
+            Called with the time and the state at each turning point; returns the motion just after it.
+        """
+        passed = [(t, signs)]
+
+        def keep_signs(now: float, state: State) -> Motion:
+            motion = pass_reversal(now, state)
+            passed.append((now, motion.signs))
+            return motion
+
+        run = self._start(Mode.CLAMPED, t, y, signs)
+        run.pass_reversal = keep_signs
+        try:
+            event, end, final, values = self._propagate(run, t, signs, until, times)
+        finally:
+            run.pass_reversal = None
+        times = times[: values.shape[1]]
+        # A sample at the very time of a turning point belongs to the part before it, as in `Driver.run_sampled`
+        edges = [0, *np.searchsorted(times, [now for now, _ in passed[1:]], side="right").tolist(), len(times)]
+        parts = [
+            SegmentSamples(mode=Mode.CLAMPED, signs=signs, t=times[a:b], values=values[:, a:b])
+            for (_, signs), (a, b) in zip(passed, pairwise(edges), strict=True)
+        ]
+        return event, end, final, parts
+
+    def _propagate(
+        self, run: _IntegratorOfMode, t: float, signs: Signs, until: float, times: Array
+    ) -> tuple[Event, float, State, Array]:
+        """Advance to an event, or to ``until`` [s]; return whole states at ``times`` [s] as well, shape (len(State), n)."""
         taylor = run.integrator
         outcome, *_, rows = taylor.propagate_grid(np.concatenate([[t], times]), max_steps=MAX_STEPS)
         if outcome == run.time_limit and taylor.time < until:
             # The samples end before the time limit, and the mode goes on
             outcome = taylor.propagate_until(until, max_steps=MAX_STEPS)[0]
         event = Event.TIME_UP if outcome == run.time_limit else self._event(run, outcome, signs)
-        values = _full(run, rows[1:].T)  # the first row is the start itself
-        return (
-            event,
-            taylor.time,
-            self._final(run),
-            SegmentSamples(mode=mode, signs=signs, t=times[: values.shape[1]], values=values),
-        )
+        return event, taylor.time, run.whole_state(), _full(run, rows[1:].T)  # the first row is the start itself
 
     def _start(self, mode: Mode, t: float, y: State, signs: Signs) -> _IntegratorOfMode:
         """Return the compiled integrator of ``mode``, set to this time, state and these parameters."""
@@ -164,11 +229,6 @@ class HeyokaIntegrator:
         taylor.pars[:] = [*signs, *self._numbers][: len(taylor.pars)]
         taylor.reset_cooldowns()  # else heyoka would ignore events just after those of an earlier run
         return run
-
-    @staticmethod
-    def _final(run: _IntegratorOfMode) -> State:
-        """Return the state at which the integrator stands."""
-        return full_state(run.mode, **dict(zip(run.names, run.integrator.state.tolist(), strict=True)))
 
     def _event(self, run: _IntegratorOfMode, outcome: Any, signs: Signs) -> Event:
         """Return the event at which the integrator stopped: heyoka numbers terminal events -1, -2, ... in their order."""

@@ -20,6 +20,8 @@ class HybridSystem(Protocol):
     string_stretches: bool
     leaves_plane: bool
     heavy_mass_swings: bool
+    pivot_holds: bool
+    """Whether the pivot has a friction that can hold the light mass at rest."""
 
     def where(self, condition: Any, a: Any, b: Any) -> Any:
         """Return the number ``a`` where ``condition`` holds, else ``b``."""
@@ -66,6 +68,7 @@ class SingleRunSystem:
         self.p, self.effects = equations.p, equations.effects
         self.rod_turns, self.string_stretches = equations.rod_turns, equations.string_stretches
         self.leaves_plane, self.heavy_mass_swings = equations.leaves_plane, equations.heavy_mass_swings
+        self.pivot_holds = equations.pivot_holds
 
     @staticmethod
     def where(condition: Any, a: Any, b: Any) -> Any:

@@ -333,7 +333,7 @@ def _active_effects(
     return tuple(
         effect
         for effect in effect_tables(own_effects).effects
-        if (effect.in_base_model or effect.is_active(names)) and not (effect.needs_string and release is Release.DROP)
+        if (effect.in_base_model or effect.is_active(names)) and is_possible(effect, release)
     )
 
 
@@ -346,3 +346,8 @@ def parameters_from(data: Mapping[str, Any]) -> Parameters:
         If they are impossible.
     """
     return Parameters(**{**data, "own_effects": tuple(own_effect_from(own) for own in data.get("own_effects", ()))})
+
+
+def is_possible(effect: Effect, release: Release) -> bool:
+    """Return whether the apparatus has what ``effect`` needs after this release: a string, a pivot."""
+    return not ((effect.needs_string and release is Release.DROP) or (effect.needs_pivot and release is not Release.HELD))

@@ -97,9 +97,14 @@ def leave_rest(system: HybridSystem, m: Motion) -> tuple[Motion, RestSeries, Any
     by_series
         Whether it was taken.
     """
-    rate, y = system.rates(m), m.y
+    y = m.y
     across_at_rest = y.across_speed == 0
-    across = system.where(across_at_rest, system.where(rate.across_speed >= 0, 1.0, -1.0), m.signs.across)
+    if system.pivot_holds:
+        across = system.where(across_at_rest, _sign_from_rest(system, m), m.signs.across)
+        rate = system.rates(m._replace(signs=m.signs._replace(across=across)))
+    else:
+        rate = system.rates(m)
+        across = system.where(across_at_rest, system.where(rate.across_speed >= 0, 1.0, -1.0), m.signs.across)
     at_rest = across_at_rest & (y.retreat_speed == 0) & (y.sideways_speed == 0)
     # In the other modes only the speed across the string leaves zero, and its size is its sign times itself
     by_series = at_rest & (_is_one_of(m.mode, STRING_MOVES + SLACK) | system.string_stretches)
@@ -125,13 +130,21 @@ def leave_rest(system: HybridSystem, m: Motion) -> tuple[Motion, RestSeries, Any
     return system.choose(by_series, gone, m._replace(y=y._replace(across_speed=signed), signs=signs)), series, by_series
 
 
+def _sign_from_rest(system: HybridSystem, m: Motion) -> Any:
+    """Return the sign of the speed that the light mass takes up across its string; 0 if the pivot's friction holds it."""
+    y = m.y._replace(across_speed=0.0 * m.y.across_speed)
+    # Friction acts against the speed, so that the mass moves to a side only if the force beats the friction of that side
+    up, down = (system.rates(m._replace(y=y, signs=m.signs._replace(across=sign))).across_speed for sign in (1.0, -1.0))
+    return system.where(up > 0, 1.0, system.where(down < 0, -1.0, 0.0))
+
+
 def apply_event(system: HybridSystem, mode: Mode, event: Event, m: Motion) -> Motion:
     """Return the motion after ``event``, at which the run, or all runs, arrived in ``mode``."""
     following = next_mode(mode, event)
     if following is Mode.ENDED:
         return m._replace(mode=Mode.ENDED)
     if event is Event.ACROSS_REVERSES:
-        across = -1.0 * m.signs.across
+        across = _sign_from_rest(system, m) if system.pivot_holds and mode is Mode.CLAMPED else -1.0 * m.signs.across
         return m._replace(signs=m.signs._replace(across=across), y=m.y._replace(across_speed=TINY_SPEED * across))
     if event is Event.HEAVY_REVERSES:
         heavy = -1.0 * m.signs.heavy
@@ -166,6 +179,8 @@ def _change_mode(system: HybridSystem, mode: Mode, event: Event, following: Mode
     else:
         m = slide_or_stick_after_impulse(system, m)
     m = enter(system, m)
+    if system.pivot_holds and event is Event.LOSES_TENSION:  # a slack string does not hold the light mass
+        m = m._replace(signs=m.signs._replace(across=system.where(m.signs.across == 0, 1.0, m.signs.across)))
     if event is Event.TAUT and not system.string_stretches:
         # Other forces may still push the ends of the string together: then it is slack again at once
         loose = m._replace(mode=Mode.CLAMPED_SLACK if mode is Mode.CLAMPED_SLACK else Mode.SLACK)

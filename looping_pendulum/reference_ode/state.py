@@ -54,7 +54,7 @@ class Signs(NamedTuple):
     slide: Any
     """+1 sliding up, -1 sliding down."""
     across: Any
-    """Sign of w."""
+    """Sign of w; 0: the friction of the pivot holds the light mass at rest."""
     heavy: Any
     """Sign of the heavy mass's speed while slack."""
     phase: Any
@@ -202,6 +202,8 @@ def kinematics(xp: Any, mode: Mode, t: Any, y: State, signs: Signs, p: SimpleNam
         heavy_speed=y.heavy_speed,
         heavy_speed_size=heavy_size,
         overlap=signs.overlap,
+        across_sign=signs.across,
+        taut=0.0 if mode.slack else 1.0,
     )
     return _with_extra_variables(xp, mode, y, signs, p, effects, k) if own or _needs_hanging_length(effects) else k
 

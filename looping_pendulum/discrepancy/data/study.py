@@ -18,11 +18,11 @@ from looping_pendulum.discrepancy.data.observations import Observations, merge, 
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect
 from looping_pendulum.reference_ode.effects.own import OwnEffect
-from looping_pendulum.reference_ode.parameters import Parameters, Release, effect_tables
+from looping_pendulum.reference_ode.parameters import Parameters, Release, effect_tables, is_possible
 
 APPARATUS_UNITS = MappingProxyType({"light_mass": "kg", "light_radius": "m", "heavy_mass": "kg", "rod_radius": "m"})
 """Parameters of the apparatus -> SI unit."""
-RELEASE_UNITS = MappingProxyType({"release_angle": "rad", "free_length": "m", "hanging_length": "m"})
+RELEASE_UNITS = MappingProxyType({"release_angle": "rad", "free_length": "m", "hanging_length": "m", "push_across": "m/s"})
 """Parameters of a release -> SI unit."""
 DEFAULT_HANGING_LENGTH = 0.03
 """Initial value of a hanging length that was not measured [m].
@@ -39,11 +39,16 @@ REQUIRED = MappingProxyType(
     {
         Release.LOOPING: ("light_mass", "heavy_mass", "rod_radius", "release_angle", "free_length"),
         Release.VERTICAL: ("light_mass", "heavy_mass", "rod_radius", "free_length"),
-        Release.HELD: ("light_mass", "release_angle", "free_length"),
+        Release.HELD: ("light_mass", "free_length"),
         Release.DROP: (),
     }
 )
-"""Release -> parameters that must have been measured. A drop needs the dropped mass, which its trial names."""
+"""Release -> parameters that must have been measured. A drop needs the dropped mass, which its trial names.
+
+The angle of a held pendulum follows from its first points, if it is not stated.
+"""
+_EFFECT_OF = MappingProxyType({c.name: effect for effect in effect_library.EFFECTS.values() for c in effect.coefficients})
+"""Coefficient -> its effect."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +93,8 @@ class Trial:
     """Whether the camera stood on the other side, where the light mass is seen to loop the other way."""
     held_out: bool = False
     """Whether the trial is kept from all fits, to judge them by."""
+    in_mid_swing: bool = False
+    """Whether the motion begins at the first tracked point, in mid-swing (`record_start`); the data decide, not the study."""
     release: Release = Release.LOOPING
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
     """Parameter -> measured value in this trial: of the release, and of parts that differ from the apparatus."""
@@ -205,7 +212,7 @@ class Study:
             for parameter in (*self.effects, *APPARATUS_UNITS, *RELEASE_UNITS):
                 known = self.estimate(parameter, trial)
                 acts = _effect_acts_in(brought[parameter], trial) if parameter in brought else _acts_in(parameter, trial)
-                if known is None or not self._is_fitted(parameter, known) or not acts:
+                if known is None or not self._is_fitted(parameter, known, trial) or not acts:
                     continue
                 name = parameter
                 if parameter in trial.estimates:
@@ -215,9 +222,11 @@ class Study:
                 names[trial.name][parameter] = name
         return names
 
-    def _is_fitted(self, parameter: str, known: Estimate) -> bool:
+    def _is_fitted(self, parameter: str, known: Estimate, trial: Trial) -> bool:
         """Return whether the study lets a fit change a parameter."""
-        return known.uncertain if self.fit is None else parameter in self.fit
+        if self.fit is None or (trial.in_mid_swing and parameter in ("release_angle", "push_across")):
+            return known.uncertain
+        return parameter in self.fit
 
     def parameters(self, values: Mapping[str, float], trial: Trial) -> Parameters:
         """Return the reference's parameters for a trial.
@@ -283,14 +292,33 @@ class Study:
         return priors | {n: e for n, e in trial.camera.items() if n in priors}
 
 
+def influences_motion(parameter: str, release: Release) -> bool:
+    """Return whether a parameter or coefficient can change what is seen of the masses after this release."""
+    effect = _EFFECT_OF.get(parameter)
+    if effect is not None:
+        return can_act(effect, release)
+    if release is Release.HELD:
+        return not parameter.startswith(("heavy", "hanging"))
+    return not (release is Release.VERTICAL and parameter == "release_angle")
+
+
+def can_act(effect: Effect, release: Release) -> bool:
+    """Return whether an effect can change what is seen of the masses after this release."""
+    return is_possible(effect, release) and not (release is Release.HELD and _needs_moving_string(effect))
+
+
+def _needs_moving_string(effect: Effect) -> bool:
+    """Return whether an effect acts only on the heavy mass, on the rod, or on a string that slides over it."""
+    return effect.kind is effect_library.EffectKind.STRING_LAW or effect.acts_on in ("heavy mass", "rod")
+
+
 def _acts_in(parameter: str, trial: Trial) -> bool:
     """Return whether a parameter influences the motion or the measurement of a trial."""
     if trial.release is Release.DROP:
         other = "light" if trial.dropped == "heavy" else "heavy"
-        return not parameter.startswith((other, "rod", "string", "kinetic", "static", "release", "free_length", "hanging"))
-    if trial.release is Release.HELD:
-        return not parameter.startswith(("heavy", "kinetic", "static", "hanging"))
-    return not (trial.release is Release.VERTICAL and parameter == "release_angle")
+        if parameter.startswith((other, "rod", "string", "kinetic", "static", "release", "free_length", "hanging")):
+            return False
+    return influences_motion(parameter, trial.release)
 
 
 def _effect_acts_in(effect: Effect, trial: Trial) -> bool:

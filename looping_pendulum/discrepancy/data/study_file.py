@@ -243,6 +243,7 @@ class StudyReleaseGroup(Group):
     ) = None
     free_length: Annotated[Estimate, _length("58 cm")] | None = None
     hanging_length: Annotated[Estimate, _length("3 cm")] | None = None
+    speed: Annotated[Estimate, MeasuredField(quantity_kind(effect_library.COEFFICIENTS["push_across"]))] | None = None
 
 
 class EventErrorsGroup(Group):

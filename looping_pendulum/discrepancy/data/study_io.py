@@ -36,7 +36,7 @@ _EVENT_UNITS = MappingProxyType({"time": "s", "length": "m", "angle": "rad"})
 """Key of an event's standard error -> SI unit."""
 _PATHS = {"light_mass": ("light", "mass"), "light_radius": ("light", "radius"), "heavy_mass": ("heavy", "mass"),
           "rod_radius": ("rod", "radius"), "release_angle": ("release", "angle"), "free_length": ("release", "free_length"),
-          "hanging_length": ("release", "hanging_length")}  # fmt: skip
+          "hanging_length": ("release", "hanging_length"), "push_across": ("release", "speed")}  # fmt: skip
 """Parameter -> its group and key in a study file."""
 
 _EXAMPLES = MappingProxyType(

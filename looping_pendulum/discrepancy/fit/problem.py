@@ -200,6 +200,11 @@ class Problem:
         return Problem(self.study, self.data, (*self.free_parameters, *more))
 
     @property
+    def is_swing(self) -> bool:
+        """Return whether all trials are held pendulums, whose runs take as long as their records have turning points."""
+        return all(d.trial.release is Release.HELD for d in self.data)
+
+    @property
     def count(self) -> int:
         """Return the number of values that are fitted."""
         return int(sum(np.isfinite(d.sigma).sum() for d in self.data))

@@ -20,6 +20,7 @@ from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residu
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate
 from looping_pendulum.discrepancy.workers import SERIAL, ProgressCallback, Workers
+from looping_pendulum.reference_ode.geometry import Array
 
 MAX_NULL_SCORE = 4.0
 """Largest score |z| of a candidate that noise alone may give; 120 studies without a missing effect reach 3.94."""
@@ -87,10 +88,14 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
     fits = []
     # Half of the decrease that the score predicts is enough: the prediction is linear, and the model is not
     predicted_cost = base.cost - 0.5 * screened.score**2
-    # If the fit from the prior's mean stays above the cost that screening predicts, the base fit's values are tried, too.
-    for start in (base.problem.prior_mean, base.x):
+    # If the first fit stays above the cost that screening predicts, a second start is tried
+    starts = [(base.problem.prior_mean, amplitude), (base.x, amplitude)]
+    if base.problem.is_swing:
+        # The amplitude alone, before the other parameters follow it, would put a long swing out of phase
+        starts = [(base.x, 0.0), (base.x, amplitude)]
+    for start, value in starts:
         try:
-            x = np.concatenate([start, [amplitude], np.zeros(len(screened.companions))])
+            x = np.concatenate([start, [value], np.zeros(len(screened.companions))])
             if start is base.problem.prior_mean:
                 fits.append(calibrate(problem, x, max_iterations=MAX_ITERATIONS))
             else:  # so near a minimum, no growing windows of time are needed
@@ -229,16 +234,20 @@ class HeldOutTest:
         return all(c <= limit for c, limit in zip(self.chi2, self.limits, strict=True))
 
 
-def check_held_out(fit: Fit, held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]]) -> HeldOutTest:
+def check_held_out(
+    fit: Fit, held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]], *, max_iterations: int = 30
+) -> HeldOutTest:
     """Test a fit on held-out trials or, if there are none, on blocks of time of the training trials.
 
     Parameters
     ----------
     held_out
         Data of each held-out trial, with the free parameters of that trial.
+    max_iterations
+        Largest number of Jacobians in each fit without two of the blocks.
     """
     if not held_out:
-        return _check_held_out_blocks(fit)
+        return _check_held_out_blocks(fit, max_iterations)
     fits = [_fit_held_out_trial(fit, data, parameters) for data, parameters in held_out]
     return HeldOutTest(
         names=tuple(d.trial.name for d, _ in held_out),
@@ -299,7 +308,7 @@ def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter])
     return with_noise_of_residuals(calibrate(Problem(p.study, [data], parameters, (mean, weights))))
 
 
-def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
+def _check_held_out_blocks(fit: Fit, max_iterations: int) -> HeldOutTest:
     """Leave out two of `BLOCK_COUNT` blocks of time at once, refit, and test their prediction by its covariance."""
     problem = fit.problem
     names, chi2, rms_of_blocks, counts = [], [], [], []
@@ -311,9 +320,11 @@ def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
             continue
         # An infinite standard error leaves values out without changing the shape of the problem
         masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
-        partial = minimise(problem.with_data(masked), fit.x)
-        jacobian = problem.jacobian(partial.x)
         rows = np.concatenate(out)
+        partial = minimise(
+            problem.with_data(masked), fit.x, max_iterations=max_iterations, initial_jacobian=_without_rows(fit, rows)
+        )
+        jacobian = problem.jacobian(partial.x)
         r = problem.residuals(partial.x)
         assert r is not None
         part = jacobian[: len(rows)][rows]
@@ -336,6 +347,15 @@ def _check_held_out_blocks(fit: Fit) -> HeldOutTest:
         rms=(float(np.sqrt(np.mean(np.square(rms_of_blocks)))) if rms_of_blocks else None,),
         log_determinant=sum(d.log_determinant for d in problem.data),
     )
+
+
+def _without_rows(fit: Fit, rows: NDArray[np.bool_]) -> Array | None:
+    """Return the Jacobian of a long swing's fit with zeros for the values ``rows``; None: not known, or as quick to compute."""
+    if fit.final_jacobian is None or not fit.problem.is_swing or noises_of(fit):
+        return None
+    jacobian = fit.final_jacobian.copy()
+    jacobian[: len(rows)][rows] = 0.0
+    return jacobian
 
 
 def _block_number(d: TrialData) -> NDArray[np.int_]:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from looping_pendulum.discrepancy.data.camera import CAMERA, CameraCoefficient
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.discrepancy.data.study import EARTH_GRAVITY, Study
+from looping_pendulum.discrepancy.data.study import EARTH_GRAVITY, Study, can_act
 from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
 from looping_pendulum.reference_ode.parameters import Release
 
@@ -103,7 +103,7 @@ def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[s
     releases = {t.release for t in study.trials}
     listed = []
     for effect in study.known_effects:
-        if effect.kind is EffectKind.CLOSURE or (effect.needs_string and releases == {Release.DROP}):
+        if effect.kind is EffectKind.CLOSURE or not any(can_act(effect, r) for r in releases):
             continue
         listed += [_effect_candidate(study, effect, c, trials) for c in effect.coefficients if not _is_companion(effect, c)]
     if releases - {Release.DROP}:

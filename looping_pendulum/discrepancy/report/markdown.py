@@ -9,6 +9,7 @@ from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.identification import BODY_IN_WORDS
 from looping_pendulum.discrepancy.listed.attribution import MAX_NULL_SCORE
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN
+from looping_pendulum.discrepancy.record_starts import record_starts_in_words
 from looping_pendulum.discrepancy.report import event_report, unlisted_report
 from looping_pendulum.discrepancy.result import FitReport, Identification, IdentifiedEffect, Round, Verdict
 from looping_pendulum.pages.numbers import quantity, uncertain
@@ -43,6 +44,7 @@ def before_figures(result: Identification) -> list[str]:
         _correlated_noise(result),
         unlisted_report.section(result),
         "## Error before and after\n\n" + _errors(result),
+        record_starts_in_words(result.record_starts),
         _outliers(result),
         event_report.section(result),
         _ties(result),
@@ -155,11 +157,12 @@ def _ties(result: Identification) -> str:
     text += "\n".join(_effect_table(tie) for tie in result.ties)
     if not result.next_experiments:
         return text + "\nNo trial within the limits could be simulated to separate them.\n"
-    head = ["release", "angle [deg]", "M2/M1", "distance [units of noise]", "closest explanations"]
+    head = ["release", "angle [deg]", "free length [cm]", "M2/M1", "distance [units of noise]", "closest explanations"]
     rows = [
-        [e.release, number(math.degrees(e.release_angle)), number(e.mass_ratio), number(e.distance), " / ".join(e.tells_apart)]
+        [e.release, number(math.degrees(e.release_angle)), number(e.free_length, 1e2), number(e.mass_ratio),
+         number(e.distance), " / ".join(e.tells_apart)]
         for e in result.next_experiments
-    ]
+    ]  # fmt: skip
     best = result.next_experiments[0].distance
     advice = (
         "The first of these trials separates them best."

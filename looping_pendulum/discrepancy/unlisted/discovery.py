@@ -27,10 +27,12 @@ from looping_pendulum.discrepancy.workers import SERIAL, ProgressCallback, Worke
 from looping_pendulum.reference_ode.effects.closure import COORDINATES, FACTORS, N_BASIS_FUNCTIONS, weight_name
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solution import Samples
+from looping_pendulum.reference_ode.transitions import Mode
 
+ACROSS = "light mass, across the string"
 TARGETS: dict[str, tuple[str, ...]] = {
     "light mass, along the string": ("along",),
-    "light mass, across the string": ("across",),
+    ACROSS: ("across",),
     "light mass": ("along", "across"),
     "heavy mass": ("heavy",),
 }
@@ -41,6 +43,8 @@ DERIVATIVE_STEP = 1e-3
 """Weight [N] of the difference quotients: the sensitivity to a weight is the prediction's change by it, over it."""
 MIN_SPACING = 1e-4
 """Spacing of basis functions [SI] below which a coordinate counts as constant, and is not tried."""
+MAX_SWING_ITERATIONS = 5
+"""Largest number of iterations of a closure's fit to a long swing."""
 MAX_REFITS = 4
 """Closures that are refitted to the trajectories, the best of the screening."""
 SIGNIFICANT_ERRORS = 2.0
@@ -197,18 +201,28 @@ def screen(base: Fit, samples: Sequence[Samples], workers: Workers = SERIAL) -> 
         closures.append(
             Closure(coordinate=name, factor=factor, target="light mass", first_centre=first_centre, spacing=spacing)
         )
-    screened = workers.map(_screen_all_targets, (base.problem, base.x, fitted_basis, unexplained), closures)
+    targets = _targets(samples)
+    screened = workers.map(_screen_all_targets, (base.problem, base.x, fitted_basis, unexplained, targets), closures)
     return [one for each in screened for one in each]
 
 
-def _screen_all_targets(shared: tuple[Problem, Array, Array, Array], light: Closure) -> list[ScreenedClosure]:
+def _targets(samples: Sequence[Samples]) -> tuple[str, ...]:
+    """Return the targets on which a force can change these runs: of a clamped pendulum only that across its taut string."""
+    if all((s.mode == Mode.CLAMPED).all() for s in samples):
+        return (ACROSS,)
+    return tuple(TARGETS)
+
+
+def _screen_all_targets(shared: tuple[Problem, Array, Array, Array, tuple[str, ...]], light: Closure) -> list[ScreenedClosure]:
     """Return the evidence of a closure's coordinate and factor on every target."""
-    problem, x, fitted_basis, unexplained = shared
-    heavy = dataclasses.replace(light, target="heavy mass")
+    problem, x, fitted_basis, unexplained, targets = shared
     # The targets share their sensitivities: those of both directions on the light mass serve it along, across and together
-    sensitivity = _sensitivity(problem, x, light, fitted_basis) | _sensitivity(problem, x, heavy, fitted_basis)
+    widest = (ACROSS,) if targets == (ACROSS,) else ("light mass", "heavy mass")
+    sensitivity: dict[str, Array] = {}
+    for target in widest:
+        sensitivity |= _sensitivity(problem, x, dataclasses.replace(light, target=target), fitted_basis)
     screened = []
-    for target in TARGETS:
+    for target in targets:
         closure = dataclasses.replace(light, target=target)
         columns = np.stack([sensitivity[n] for n in closure.names], axis=1)
         twice_log_bayes_factor, ridge, weights = _evidence(columns, unexplained)
@@ -288,6 +302,28 @@ def _one_per_target_and_coordinate(screened: Sequence[ScreenedClosure]) -> list[
     return different
 
 
+def _refit_to_noise(problem: Problem, start: Array) -> Fit:
+    """Fit a closure from ``start``, and again with the noise of its residuals."""
+    return with_noise_of_residuals(minimise(problem, start, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=12))
+
+
+def _refit_swing(problem: Problem, start: Array, base: Fit) -> Fit:
+    """Do the same for a long swing, whose every run takes a hundred times as long, and whose phase a weight moves far.
+
+    Raises
+    ------
+    FitError
+        If the closure explains no more than no closure.
+    """
+    at_start = problem.residuals(start)
+    if at_start is None or float(at_start @ at_start) > base.cost:  # the linear prediction is wrong, so begin without a force
+        start = np.append(base.x, np.zeros(len(start) - len(base.x)))
+    fit = minimise(problem, start, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=MAX_SWING_ITERATIONS)
+    if fit.cost >= base.cost:
+        raise FitError("no force explains more than none")
+    return with_noise_of_residuals(fit, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=MAX_SWING_ITERATIONS)
+
+
 def _refit(
     shared: tuple[Fit, Sequence[tuple[TrialData, Sequence[FreeParameter]]], Sequence[Samples]], screened: ScreenedClosure
 ) -> RecoveredForce | None:
@@ -297,13 +333,17 @@ def _refit(
     # The ridge is the scale of the weights in this problem, so that their prior has unit variance
     start = np.append(base.x, screened.weights / screened.ridge)
     try:
-        fit = with_noise_of_residuals(minimise(problem, start, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=12))
+        fit = _refit_swing(problem, start, base) if base.problem.is_swing else _refit_to_noise(problem, start)
     except FitError:
         return None
     return RecoveredForce(
         closure=screened.closure,
         fit=fit,
         twice_log_bayes_factor=screened.twice_log_bayes_factor,
-        held_out=check_held_out(fit, held_out),
+        held_out=(
+            check_held_out(fit, held_out, max_iterations=MAX_SWING_ITERATIONS)
+            if base.problem.is_swing
+            else check_held_out(fit, held_out)
+        ),
         coordinates=coordinate(samples, screened.closure.coordinate),
     )

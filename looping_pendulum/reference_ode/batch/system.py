@@ -12,6 +12,7 @@ from looping_pendulum.reference_ode import rules
 from looping_pendulum.reference_ode.batch import compiled
 from looping_pendulum.reference_ode.batch.block import Block
 from looping_pendulum.reference_ode.batch.compiled import LEADING, SIGNS, STATE, BatchModel
+from looping_pendulum.reference_ode.effects.forces import PIVOT_FRICTION
 from looping_pendulum.reference_ode.equations import Impact
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
@@ -48,6 +49,7 @@ class BatchSystem:
     def __init__(self, model: BatchModel, block: Block) -> None:
         self._model, self._inputs = model, block.inputs
         self.effects = model.effects
+        self.pivot_holds = PIVOT_FRICTION in model.effects
         parameters = self._inputs[len(LEADING) :]
         self.p = SimpleNamespace(**{name: parameters[row] for row, name in enumerate(model.names)})
 

@@ -205,6 +205,35 @@ PUSH_ALONG = Effect(
     coefficients=(_coefficient("push_along", "m/s", (-20.0, 20.0), "speed u0 of the light mass away from the rod at release"),),
 )
 
+PIVOT_FRICTION = Effect(
+    name="pivot_friction",
+    kind=EffectKind.FORCE,
+    formula="torque -tau0 sign(theta'), F = -tau0 sign(w) / l across the string; holds a mass at rest up to tau0",
+    source="Coulomb friction of a knife edge or a bearing; Squire, Am. J. Phys. 54 (1986) 984",
+    acts_on="light mass",
+    depends_on=("free_length", "across_speed"),
+    coefficients=(_coefficient("pivot_friction", "N*m", (0.0, 10.0), "constant frictional torque tau0 at the pivot"),),
+    needs_string=True,
+    needs_pivot=True,
+    force_on_light_mass=lambda xp, k, p: (0.0, -p.pivot_friction * k.taut * k.across_direction / k.free_length),
+)
+
+PIVOT_DAMPING = Effect(
+    name="pivot_damping",
+    kind=EffectKind.FORCE,
+    formula="torque -c theta', F = -c w / l^2 across the string",
+    source="viscous friction of a lubricated bearing",
+    acts_on="light mass",
+    depends_on=("free_length", "across_speed"),
+    coefficients=(_coefficient("pivot_damping", "N*m*s", (0.0, 10.0), "frictional torque c at the pivot per angular speed"),),
+    needs_string=True,
+    needs_pivot=True,
+    force_on_light_mass=lambda xp, k, p: (
+        0.0,
+        -p.pivot_damping * k.taut * k.across_speed / (k.free_length * k.free_length),
+    ),
+)
+
 FURTHER_FORCES = (
     LIGHT_LINEAR_DRAG,
     HEAVY_LINEAR_DRAG,
@@ -217,5 +246,7 @@ FURTHER_FORCES = (
     STRING_ON_STRING,
     PUSH_ACROSS,
     PUSH_ALONG,
+    PIVOT_FRICTION,
+    PIVOT_DAMPING,
 )
 """Forces, string laws and releases that the paper's model lacks."""

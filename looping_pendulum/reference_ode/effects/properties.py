@@ -29,6 +29,21 @@ def _winding(beyond: Any, p: SimpleNamespace) -> tuple[Any, Any, Any]:
     return slope * beyond, slope, 0.5 * slope * beyond * beyond
 
 
+def _turning_inertia(k: Kinematics, p: SimpleNamespace) -> Any:
+    """Return the light mass's moment of inertia as a mass across the string [kg]; free of a slack string it resists nothing."""
+    return k.taut * p.light_inertia / (k.free_length * k.free_length)
+
+
+def _force_of_turning(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, Any]:
+    """Return the force that stands for the moment of inertia beside its share of the mass across, (along, across) [N].
+
+    With theta' = w / l, M1 (w' + u theta') l + I theta'' = F l reads
+    (M1 + I / l^2) (w' + u theta') = F + I / l^2 theta' (l' + u).
+    """
+    turning = k.across_speed / k.free_length
+    return 0.0, _turning_inertia(k, p) * turning * (2.0 * k.retreat_speed - p.rod_radius * turning)
+
+
 def swinging_mass(k: Kinematics, p: SimpleNamespace) -> Any:
     """Return the mass that swings at the heavy end, with the hanging string if that has a mass [kg]."""
     return p.heavy_mass + p.string_density * k.hanging_length
@@ -147,5 +162,20 @@ STRING_STRETCH = Effect(
     variables=("light_stretch", "heavy_stretch"),
 )
 
-FURTHER_PROPERTIES = (STRING_MASS, STRING_THICKNESS, HEAVY_SWING, OUT_OF_PLANE, TURNING_ROD, STRING_STRETCH)
+LIGHT_INERTIA = Effect(
+    name="light_inertia",
+    kind=EffectKind.PROPERTY,
+    formula="inertia M1 + I / l^2 across the string; I = 2/5 M1 r^2 for a sphere",
+    source="Newton's second law for a body with size that turns with its string; a slack string leaves it free",
+    acts_on="light mass",
+    depends_on=("free_length", "across_speed", "retreat_speed"),
+    coefficients=(
+        _coefficient("light_inertia", "kg*m**2", (0.0, 1.0), "moment of inertia I of the light mass about its own centre"),
+    ),
+    needs_string=True,
+    force_on_light_mass=_force_of_turning,
+    inertia_of_light_mass=lambda xp, k, p: (0.0, _turning_inertia(k, p)),
+)
+
+FURTHER_PROPERTIES = (STRING_MASS, STRING_THICKNESS, HEAVY_SWING, OUT_OF_PLANE, TURNING_ROD, STRING_STRETCH, LIGHT_INERTIA)
 """Properties that the paper's model lacks."""

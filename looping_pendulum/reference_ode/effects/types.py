@@ -49,6 +49,18 @@ class Kinematics(NamedTuple):
     """Speed of the heavy mass across its string [m/s]."""
     sideways_speed: Any = 0.0
     """Speed of the light mass along the rod [m/s]."""
+    across_sign: Any = None
+    """Sign of w, 0 where the pivot holds the light mass; None: it follows from the speeds."""
+    taut: Any = 1.0
+    """1 while the string is taut, 0 while it is slack."""
+
+    @property
+    def across_direction(self) -> Any:
+        """Sign of the speed across the string, as a number: 1, -1, or 0 at rest."""
+        if self.across_sign is not None:
+            return self.across_sign
+        # Engines give numbers; the reference gives the sign, as it is not analytic
+        return (self.across_speed > 0) - (self.across_speed < 0)
 
     @property
     def contact_angle(self) -> Any:
@@ -117,6 +129,8 @@ class Effect:
     """Whether the effect is part of the paper's model; such effects are always compiled in, even at their null value."""
     needs_string: bool = False
     """Whether the effect is absent without a string (drop release)."""
+    needs_pivot: bool = False
+    """Whether the effect is absent unless the string swings from a pivot (held release): one that runs over a rod has none."""
     switch: str = ""
     """Coefficient at whose null value the effect is absent whatever the others are; '': none."""
     force_on_light_mass: LightMassTerm | None = None
