@@ -10,6 +10,7 @@ import numpy as np
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of, with_correlated_noise
+from looping_pendulum.discrepancy.fit.model_test import ModelTest
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import best_of, calibrate_from_random_start, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
@@ -213,9 +214,9 @@ class Search:
     def judge(self, fit: Fit, added: tuple[Candidate, ...], start_costs: tuple[float, ...] = ()) -> CandidateModel:
         """Test a fit on its residuals, on held-out data and by the scores of the remaining candidates."""
         held_out = check_held_out(fit, self.inputs.held_out)
-        failures: tuple[str, ...] = ()
-        if added and self.correlated_base and _improvement(self.correlated_base, held_out) <= 0:
-            failures = ("predicts the held-out data no better than the declared model",)
+        other_tests: tuple[ModelTest, ...] = ()
+        if added and self.correlated_base:
+            other_tests = (_held_out_improvement_test(self.correlated_base, held_out),)
         return CandidateModel(
             fit=fit,
             added=added,
@@ -223,7 +224,7 @@ class Search:
             held_out=held_out,
             screening=lambda: self.screen_candidates(fit, added),
             start_costs=start_costs,
-            other_failures=failures,
+            other_tests=other_tests,
         )
 
     def screen_candidates(self, fit: Fit, added: tuple[Candidate, ...]) -> tuple[ScreenedCandidate, ...]:
@@ -340,6 +341,20 @@ def _delta_bic(without: Fit, fit: Fit, candidate: Candidate) -> float:
 def _improvement(base: CandidateModel, held_out: HeldOutTest) -> float:
     """Return by how much -2 ln L of held-out data is lower than that of a model with a noise of its own."""
     return base.held_out.minus_twice_log_likelihood - held_out.minus_twice_log_likelihood
+
+
+def _held_out_improvement_test(base: CandidateModel, held_out: HeldOutTest) -> ModelTest:
+    """Test whether a model with a noise of its own predicts held-out data better than ``base``."""
+    improvement = _improvement(base, held_out)
+    return ModelTest(
+        subject="held-out data, beside the declared model",
+        statistic="decrease of -2 ln L",
+        value=improvement,
+        limit=0.0,
+        limit_is_lower=True,
+        passes=improvement > 0,
+        failure="the model predicts the held-out data no better than the declared model",
+    )
 
 
 def _returning(screened: tuple[ScreenedCandidate, ...]) -> Callable[[], tuple[ScreenedCandidate, ...]]:

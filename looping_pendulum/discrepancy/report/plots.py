@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from looping_pendulum.compare.plots import GREY, without_mathtext
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
-from looping_pendulum.discrepancy.report import event_report, unlisted_report
+from looping_pendulum.discrepancy.report import event_report, lead_figure, unlisted_report
 from looping_pendulum.discrepancy.result import Identification, TrialFigure
 from looping_pendulum.files import file_stems, optional_output
 from looping_pendulum.pages.palette import COLOURS
@@ -26,6 +26,9 @@ MAX_RANKED = 12
 def draw(result: Identification) -> dict[str, tuple[str, bytes]]:
     """Return all figures: file name -> (caption, PNG)."""
     drawings: list[tuple[str, str, Callable[[], Figure]]] = []
+    if result.trial_figures:
+        colours = {"before": BEFORE, "after": AFTER}
+        drawings.append((lead_figure.NAME, lead_figure.caption(result), partial(lead_figure.draw, result, colours)))
     stems = file_stems([("trial", picture.trial) for picture in result.trial_figures])
     for picture, stem in zip(result.trial_figures, stems, strict=True):
         role = "held out" if picture.held_out else "training"
