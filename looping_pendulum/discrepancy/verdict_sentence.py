@@ -67,9 +67,13 @@ def verdict_sentence(
     candidates = "the library or of the study" if own_effects else "the library"
     if unlisted is not None:
         beside = f", beside {' and '.join(effect_in_words(e) for e in effects)}," if effects else ""
+        size = ""
+        if unlisted.multiplied_by == "constant":
+            size = f" of up to {quantity(max(abs(p.largest) for p in unlisted.profiles), 'N')}"
+        coordinate = unlisted.depends_on.replace("_", " ")
         return (
-            f"No effect of {candidates} explains what the declared model misses, but{beside} a force on the "
-            f"{unlisted.acts_on} that depends on the {unlisted.depends_on.replace('_', ' ')} does: with it, {_nearer(worst)}."
+            f"No effect of {candidates} explains what the declared model misses, but{beside} a force{size} on the "
+            f"{unlisted.acts_on} that depends on the {coordinate} does: with it, {_nearer(worst)}."
         )
     errors_of_data = f", {amount(worst.standardised_rms_after)} times their error" if worst.rms_after is not None else ""
     return (
@@ -120,8 +124,11 @@ def _nearer(error: TrialError) -> str:
     """Return how much nearer the repaired model comes to a trial than the declared one."""
     before, after = distance(error, after=False).removesuffix(" (RMS)"), distance(error, after=True)
     where = f"the data of {trial_in_words(error)}"
-    if error.standardised_rms_after > (1 - MIN_VISIBLE_SHARE) * error.standardised_rms_before:
-        return f"the model stays at {after} from {where} (before: {before}), but what is left has no pattern any more"
+    size_before, size_after = error.rms_before, error.rms_after
+    if size_before is None or size_after is None or not error.unit:
+        size_before, size_after = error.standardised_rms_before, error.standardised_rms_after
+    if size_after > (1 - MIN_VISIBLE_SHARE) * size_before:
+        return f"the model is {after} from {where} ({before} without), and what is left looks like noise"
     return f"the model comes to within {after} of {where}, instead of {before}"
 
 

@@ -25,7 +25,7 @@ NAME = "motion.png"
 """File name of the picture in the folder of figures."""
 MODELS = (("before", "declared model", "0"), ("after", "repaired model", "1"))
 """Field of a figure's arrays, label and part of the id of each model."""
-VECTOR_SHARE = 0.06
+VECTOR_SHARE = 0.1
 """Length of the declared model's RMS residual in the picture, as a share of the motion's size; no magnification exceeds it."""
 SHOWN_UNITS = {"m": (("mm", 1e3), ("m", 1.0)), "rad": (("mrad", 1e3), ("deg", 180 / math.pi)), "rad/s": (("rad/s", 1.0),) * 2}
 """SI unit of a channel -> unit and its number per SI unit for small residuals, and for those of `LARGE` and above."""
@@ -138,7 +138,9 @@ def draw(result: Identification, colours: Mapping[str, str]) -> Drawing:
 def _draw_motion(result: Identification, picture: TrialFigure, body: str, colours: Mapping[str, str]) -> Drawing:
     shown = models(result)
     vectors, factor = residual_vectors(picture, body)
-    drawing = Drawing(figsize=(4.8 * len(shown), 4.8), layout="constrained")
+    ends = np.concatenate([vectors[side].tips for side, _, _ in shown])
+    width, height = np.maximum(np.ptp(ends, axis=0), 1e-9)
+    drawing = Drawing(figsize=(4.8 * len(shown), 1.0 + min(max(4.2 * height / width, 2.0), 5.0)), layout="constrained")
     panels = drawing.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
     for axes, (side, label, _) in zip(panels, shown, strict=True):
         v = vectors[side]
@@ -146,7 +148,7 @@ def _draw_motion(result: Identification, picture: TrialFigure, body: str, colour
         axes.plot(*_with_gaps(lines), "-", lw=0.8, color=colours[side])
         axes.plot(v.path[:, 0], v.path[:, 1], "-", lw=1.2, color="black")
         axes.set_title(label + (f" (residuals x {factor:g})" if factor > 1 else ""), fontsize=10)
-        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_aspect("equal", adjustable="box")
         axes.set_xlabel("x [m]")
     panels[0].set_ylabel("y [m]")
     return drawing
@@ -187,8 +189,23 @@ def _page_motion(result: Identification, picture: TrialFigure, body: str, colour
     for i, (side, label, number) in enumerate(shown):
         v = vectors[side]
         x, y = _with_gaps(np.stack([v.path, v.tips], axis=1))
-        lines = {"type": "scatter", "mode": "lines", "x": plain(x), "y": plain(y), "name": "residuals", "hoverinfo": "skip"}
-        path = {"type": "scatter", "mode": "lines", "x": plain(v.path[:, 0]), "y": plain(v.path[:, 1]), "name": label}
+        lines = {
+            "type": "scatter",
+            "mode": "lines",
+            "x": plain(x),
+            "y": plain(y),
+            "name": "residuals",
+            "hoverinfo": "skip",
+            "showlegend": False,
+        }
+        path = {
+            "type": "scatter",
+            "mode": "lines",
+            "x": plain(v.path[:, 0]),
+            "y": plain(v.path[:, 1]),
+            "name": label,
+            "showlegend": False,
+        }
         charts.append(
             Figure(
                 id=f"motion-{number}",
@@ -198,7 +215,6 @@ def _page_motion(result: Identification, picture: TrialFigure, body: str, colour
                     "title": {"text": label + (f" (residuals x {factor:g})" if factor > 1 else ""), "font": {"size": 14}},
                     "xaxis": axis[0] | {"constrain": "domain"},
                     "yaxis": axis[1] | {"scaleanchor": "x", "constrain": "domain"},
-                    "showlegend": False,
                     "margin": {"t": 40, "b": 50},
                 },
             )

@@ -18,7 +18,7 @@ from looping_pendulum.discrepancy.report import (
     visible_report,
 )
 from looping_pendulum.discrepancy.result import FitReport, Identification, IdentifiedEffect, Round, Verdict
-from looping_pendulum.pages.numbers import quantity, uncertain
+from looping_pendulum.pages.numbers import DISPLAY_UNITS, quantity, uncertain
 
 HEADLINES = {
     Verdict.NO_MISSING_EFFECT: "Nothing is missing that these data could show",
@@ -99,7 +99,8 @@ def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
 
 
 def _errors(result: Identification) -> str:
-    head = ["trial", "held out?", "RMS before [mm, mrad]", "RMS after [mm, mrad]", "before [noise]", "after [noise]"]
+    units = ", ".join(DISPLAY_UNITS[unit].name for unit in sorted({e.unit for e in result.errors}) if unit in DISPLAY_UNITS)
+    head = ["trial", "held out?", f"RMS before [{units}]", f"RMS after [{units}]", "before [noise]", "after [noise]"]
     rows = [
         [e.trial, "yes" if e.held_out else "no", number(e.rms_before, 1e3), number(e.rms_after, 1e3),
          number(e.standardised_rms_before), number(e.standardised_rms_after)]
@@ -185,14 +186,15 @@ def _fit(fit: FitReport) -> str:
              number(n.measured_error, digits=2), signed(moved, digits=2), "on a bound" if n.at_bound else ""]
         )  # fmt: skip
     text = table(head, rows)
-    text += (
-        f"\nChi-square per degree of freedom {fit.chi2_per_dof:.3f}; on held-out data per value {fit.held_out_chi2:.3f}; "
-        f"largest score of a remaining candidate {fit.largest_score:.1f}; "
-        f"condition number {number(fit.condition_number, digits=2)}."
-    )
-    if fit.start_costs:
-        text += f" The fits from different starts ended at costs {', '.join(f'{c:.1f}' for c in fit.start_costs)}."
-    text += "\n\nWhat fails: " + ("; ".join(fit.failed_tests) if fit.failed_tests else "nothing") + ".\n"
+    rows = [
+        ["chi2 per degree of freedom", f"{fit.chi2_per_dof:.3f}"],
+        ["largest chi2 per value on held-out data", f"{fit.held_out_chi2:.3f}"],
+        ["largest score of a remaining candidate", f"{fit.largest_score:.1f}"],
+        ["condition number", number(fit.condition_number, digits=2)],
+        *([f"cost from start {i}", f"{c:.1f}"] for i, c in enumerate(fit.start_costs, start=1)),
+    ]
+    text += "\n" + table(["of the fit", "value"], rows)
+    text += "\nWhat fails: " + ("; ".join(fit.failed_tests) if fit.failed_tests else "nothing") + ".\n"
     if fit.correlations:
         pairs = "; ".join(f"{a} and {b} {c:+.3f}" for a, b, c in fit.correlations)
         text += f"\nCorrelations of parameters above 0.9: {pairs}.\n"

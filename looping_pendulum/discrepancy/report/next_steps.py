@@ -100,7 +100,7 @@ def _after_unlisted(result: Identification) -> list[str]:
     force = result.unlisted
     assert force is not None
     return [
-        f"Measure more of it: {_where(force)}.",
+        f"Measure more of it: {_where(force)}{'?' if force.depends_on == 'time' else '.'}",
         f"Look for {LOOK_FOR.get(force.depends_on, 'what changes with this coordinate')}.",
         "If you have an idea, write it as an effect of your own (`own_effects` in the study), and run `looping-pendulum "
         "identify` again: a formula with a reason is worth more than a curve that fits.",
@@ -115,6 +115,8 @@ def _where(force: Unlisted) -> str:
     if not lows:
         return f"trials in which the {name} takes other values"
     low, high = (quantity(s, force.unit) for s in (min(lows), max(highs)))
+    if force.depends_on == "time":
+        return f"film the same release again. Does it act again between {low} and {high}, where it is clearly not zero"
     return (
         f"trials in which the {name} is often between {low} and {high}, where the force is clearly not zero, and some in which "
         "it is not"

@@ -172,8 +172,8 @@ def ranking_figure(result: Identification) -> Figure:
     threshold = {"type": "line", "x0": MIN_DELTA_BIC, "x1": MIN_DELTA_BIC, "yref": "paper", "y0": 0, "y1": 1}
     return Figure(
         id="ranking",
-        caption="First round: delta BIC of each candidate, by which adding it lowers the Bayesian information criterion; "
-        "dotted: the least that is accepted.",
+        caption="First round: how much better each candidate explains the data, less a price for its parameters; dotted: the "
+        "least that is accepted.",
         traces=(bars,),
         layout={
             "xaxis": {"title": {"text": "delta BIC"}},

@@ -40,7 +40,9 @@ def draw(result: Identification) -> dict[str, tuple[str, bytes]]:
         caption = "Measured less predicted events in units of their standard errors (band: 2); crosses: they do not happen."
         drawings.append(("events.png", caption, partial(event_report.figure, result.events, BEFORE, AFTER)))
     if result.rounds and any(r.delta_bic is not None for r in result.rounds[0].ranking):
-        caption = "First round: delta BIC of every refitted candidate; blue: passes."
+        caption = (
+            "First round: how much better each candidate explains the data, less a price for its parameters; blue: passes."
+        )
         drawings.append(("ranking.png", caption, partial(ranking_figure, result)))
     if result.unlisted is not None:
         caption = "The unlisted force along its coordinate; bands: two standard errors."
