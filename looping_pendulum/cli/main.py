@@ -271,6 +271,8 @@ def identify(
     finally:
         signal.signal(signal.SIGINT, previous_handler)
     say(f"{result.verdict.value}: {result.sentence}")
+    for note in result.notes:
+        say(note)
     table = new_table("trial", "held out", "RMS before [mm]", "RMS after [mm]", "before [noise]", "after [noise]")
     for e in result.errors:
         # A trial without tracked points has measured events only, and so no RMS distance.

@@ -15,9 +15,11 @@ from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of
 from looping_pendulum.discrepancy.fit.event_tests import event_rms_by_unit
 from looping_pendulum.discrepancy.fit.likelihood import likelihood_interval
-from looping_pendulum.discrepancy.listed.attribution import MAX_NULL_SCORE, rms
+from looping_pendulum.discrepancy.fit.problem import TrialData
+from looping_pendulum.discrepancy.listed.attribution import MAX_NULL_SCORE, position_slices, rms
 from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.outlier_summary import outliers_in_words, summarise_outliers
+from looping_pendulum.discrepancy.listed.screening import SCALE_SIZE
+from looping_pendulum.discrepancy.outlier_summary import summarise_outliers
 from looping_pendulum.discrepancy.record_starts import record_starts
 from looping_pendulum.discrepancy.result import (
     CorrelatedError,
@@ -34,17 +36,13 @@ from looping_pendulum.discrepancy.result import (
     Unlisted,
     Verdict,
 )
-from looping_pendulum.pages.numbers import amount, number, quantity, uncertain
+from looping_pendulum.discrepancy.verdict_sentence import effect_in_words, verdict_notes, verdict_sentence
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
     from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
-
-
-BODY_IN_WORDS = {"light": "light mass", "heavy": "heavy mass", "angle": "angle", "height": "height"}
-"""Body, of `observations.BODIES`, in words."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,20 +69,24 @@ def identification(
     ties = tuple(_effects(t) for t in conclusion.ties)
     repaired_fits = [(fit, k, held_out) for _, fit, k, held_out in _fits_of_trials(before, after)]
     outliers = summarise_outliers(repaired_fits)
+    errors, noise = _errors(before, after), _correlated_noise(after)
     return Identification(
         study=study.name,
         title=study.title,
         seed=seed,
         verdict=verdict,
-        sentence=_sentence(verdict, effects, ties, conclusion) + outliers_in_words(outliers),
+        sentence=verdict_sentence(
+            verdict, effects, ties, conclusion.unlisted, errors, own_effects=bool(before.fit.problem.study.own_effects)
+        ),
+        notes=verdict_notes(verdict, conclusion.rounds, noise, outliers),
         effects=effects,
         ties=ties,
         unlisted=conclusion.unlisted,
-        correlated_noise=_correlated_noise(after),
+        correlated_noise=noise,
         smallest_visible=_smallest_visible(after),
         next_experiments=conclusion.experiments,
         rounds=conclusion.rounds,
-        errors=_errors(before, after),
+        errors=errors,
         events=_events(before, after),
         outliers=outliers,
         record_starts=record_starts(repaired_fits),
@@ -126,71 +128,6 @@ def _identified_effect(
     )
 
 
-def effect_in_words(effect: IdentifiedEffect) -> str:
-    """Return an effect in words: "linear_drag = 0.00120 +/- 0.00003 kg/s"."""
-    text = f"{effect.name} = {uncertain(effect.value, effect.error, effect.unit)}"
-    if effect.interval is None:
-        return text
-    low, high = (number(x) for x in effect.interval)
-    return f"{text} ({low} to {high} by likelihood)"
-
-
-def _sentence(
-    verdict: Verdict, effects: Sequence[IdentifiedEffect], ties: Sequence[Sequence[IdentifiedEffect]], conclusion: Conclusion
-) -> str:
-    """Return the verdict in words."""
-    errors = _correlated_noise_in_words(_correlated_noise(conclusion.after))
-    if verdict is Verdict.NO_MISSING_EFFECT:
-        return f"The declared model explains the data to their noise; nothing was added.{errors}"
-    misfit = _misfit_in_words(conclusion.before)
-    if verdict is Verdict.IDENTIFIED:
-        added = " and ".join(effect_in_words(e) for e in effects)
-        verb = "explain" if len(effects) > 1 else "explains"
-        held = "".join(f" {c.name} was ruled out, as {c.held_by}." for c in conclusion.rounds[-1].ranking if c.held_by)
-        return f"{added} {verb} the data to their noise. With the declared model alone, {misfit}.{held}{errors}"
-    if verdict is Verdict.AMBIGUOUS:
-        each = "; or ".join(" and ".join(effect_in_words(e) for e in tie) for tie in ties)
-        several = f"Several explanations fit them equally well: {each}."
-        return f"The declared model does not explain the data: {misfit}. {several}{errors}"
-    if verdict is Verdict.INTERRUPTED:
-        return f"Interrupted; the report has what was found until then. With the declared model, {misfit or 'no test fails'}."
-    candidates = "the library or the study" if conclusion.before.fit.problem.study.own_effects else "the library"
-    unexplained = f"The declared model does not explain the data, and no effect of {candidates} does: {misfit}."
-    if conclusion.unlisted is not None:
-        force = conclusion.unlisted
-        each = "; ".join(f"{p.side}: {p.formula} N" for p in force.profiles)
-        coordinate = force.depends_on.replace("_", " ")
-        beside = f"Beside {' and '.join(effect_in_words(e) for e in effects)}, a " if effects else "A "
-        return (
-            f"{unexplained} {beside}force on the {force.acts_on} as a function of the {coordinate} s does "
-            f"({each}): on held-out data chi2 per value falls from {number(force.held_out_chi2_before)} to "
-            f"{number(force.held_out_chi2_after)}."
-        )
-    rounds = conclusion.rounds
-    # Of the first round: later ones already have an effect in the model that was not accepted
-    best = next((r for r in rounds[0].ranking if r.delta_bic is not None), None) if rounds else None
-    nearest = f" The nearest is {best.name}, which does not pass: {best.reason}." if best else ""
-    return f"{unexplained}{nearest} Nothing was added."
-
-
-def _misfit_in_words(model: CandidateModel) -> str:
-    """Return in words how a model misses the data; empty if it passes all tests.
-
-    The report lists the failed tests with their values under each model.
-    """
-    tests = model.tests
-    phrases = []
-    if tests.chi2_per_dof > tests.limit:
-        phrases.append(f"the residuals are {amount(math.sqrt(tests.chi2_per_dof))} times as large as the noise")
-    if failed := sum(not group.passes for group in tests.groups):
-        phrases.append(f"{failed} of {len(tests.groups)} parts of the residuals {'shows' if failed == 1 else 'show'} structure")
-    if tests.events is not None and not tests.events.passes:
-        phrases.append(tests.events.description)
-    if not model.held_out.passes:
-        phrases.append(f"the held-out data are off by {amount(math.sqrt(model.held_out.worst))} times the noise")
-    return ", ".join(phrases) or "; ".join(model.failed_tests)
-
-
 def _correlated_noise(model: CandidateModel) -> tuple[CorrelatedError, ...]:
     """Return the errors of tracked points that last longer than a frame, which a model's data are taken to have."""
     channels = {
@@ -208,28 +145,21 @@ def _correlated_noise(model: CandidateModel) -> tuple[CorrelatedError, ...]:
     )
 
 
-def _correlated_noise_in_words(errors: Sequence[CorrelatedError]) -> str:
-    """Return the errors as a sentence; empty if there are none."""
-    if not errors:
-        return ""
-    each = " and ".join(
-        f"{quantity(e.amplitude, e.unit)} ({BODY_IN_WORDS[e.body]}) for some {amount(e.points)} points at a time"
-        for e in errors
-    )
-    return (
-        f" The tracked points are off by {each}, as when a tracker wanders over its mark; an effect that looks like this is "
-        "beyond these data, and the report lists how large each would have to be."
-    )
-
-
 def _smallest_visible(model: CandidateModel) -> tuple[SmallestVisible, ...]:
-    """Return the smallest change of each remaining candidate that the data would show, the candidates in order of name."""
+    """Return the smallest change of each remaining candidate that the data would show, first those that can hide best."""
     visible = [
-        SmallestVisible(name=s.candidate.name, value=MAX_NULL_SCORE * s.error, unit=s.candidate.unit)
+        SmallestVisible(
+            name=s.candidate.name,
+            value=MAX_NULL_SCORE * s.error,
+            unit=s.candidate.unit,
+            acts_on=s.candidate.acts_on,
+            null_value=s.candidate.null,
+            motion=SCALE_SIZE * MAX_NULL_SCORE * s.error / s.scale,
+        )
         for s in model.remaining
         if math.isfinite(s.error)
     ]
-    return tuple(sorted(visible, key=lambda v: v.name))
+    return tuple(sorted(visible, key=lambda v: (-v.motion, v.name)))
 
 
 def _errors(before: CandidateModel, after: CandidateModel) -> tuple[TrialError, ...]:
@@ -239,16 +169,27 @@ def _errors(before: CandidateModel, after: CandidateModel) -> tuple[TrialError, 
         chi2 = [_chi2(m.fit, k) for m in (before, after)]
         rms_values = [rms(m.fit, k) for m in (before, after)]
         event_rms = [event_rms_by_unit(m.fit, k) for m in (before, after)]
-        rows.append(_trial_error(d.trial.name, False, rms_values, chi2, event_rms))
+        rows.append(_trial_error(d.trial.name, False, rms_values, chi2, event_rms, _unit_of_position(d)))
     for i, name in enumerate(before.held_out.names if before.held_out.fits else ()):
         chi2 = [m.held_out.chi2[i] for m in (before, after)]
         event_rms = [event_rms_by_unit(m.held_out.fits[i], 0) for m in (before, after)]
-        rows.append(_trial_error(name, True, [m.held_out.rms[i] for m in (before, after)], chi2, event_rms))
+        unit = _unit_of_position(before.held_out.fits[i].problem.data[0])
+        rows.append(_trial_error(name, True, [m.held_out.rms[i] for m in (before, after)], chi2, event_rms, unit))
     # Blocks of time are judged together and have no fits of their own
     if not before.held_out.fits:
         rms_values = [m.held_out.rms[0] for m in (before, after)]
-        rows.append(_trial_error("blocks of time", True, rms_values, [m.held_out.chi2[0] for m in (before, after)], [{}, {}]))
+        units = {_unit_of_position(d) for d in before.fit.problem.data if d.channels}
+        unit = units.pop() if len(units) == 1 else ""
+        chi2 = [m.held_out.chi2[0] for m in (before, after)]
+        rows.append(_trial_error("blocks of time", True, rms_values, chi2, [{}, {}], unit))
     return tuple(rows)
+
+
+def _unit_of_position(d: TrialData) -> str:
+    """Return the SI unit of the data that `attribution.rms` is of; empty: there are several, or no channels."""
+    parts = position_slices(d)
+    units = {c.unit for c in d.channels if d.slices[c.name] in parts}
+    return units.pop() if len(units) == 1 else ""
 
 
 def _trial_error(
@@ -257,6 +198,7 @@ def _trial_error(
     rms_values: Sequence[float | None],
     chi2: Sequence[float],
     event_rms: Sequence[Mapping[str, float]],
+    unit: str,
 ) -> TrialError:
     return TrialError(
         trial=name,
@@ -267,6 +209,7 @@ def _trial_error(
         standardised_rms_after=math.sqrt(chi2[1]),
         events_before=event_rms[0],
         events_after=event_rms[1],
+        unit=unit,
     )
 
 
@@ -327,6 +270,7 @@ def _fit_report(model: CandidateModel) -> FitReport:
         largest_score=abs(model.remaining[0].score) if model.remaining else 0.0,
         failed_tests=model.failed_tests,
         start_costs=model.start_costs,
+        tests=model.test_results,
     )
 
 

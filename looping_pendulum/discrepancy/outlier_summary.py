@@ -43,12 +43,10 @@ def summarise_outliers(fits: Sequence[tuple[Fit, int, bool]]) -> tuple[Outliers,
 
 
 def outliers_in_words(outliers: Sequence[Outliers]) -> str:
-    """Return a sentence about the points that were left out, with a space before it; empty without any."""
-    if not outliers:
-        return ""
+    """Return a sentence about the points that were left out, of which there must be some."""
     count, of = sum(o.count for o in outliers), sum(o.of for o in outliers)
     largest = max(outliers, key=lambda o: o.largest_distance)
     return (
-        f" {count} of {of} tracked points do not show the mass, being off by up to "
+        f"{count} of {of} tracked points do not show the mass, being off by up to "
         f"{quantity(largest.largest_distance, largest.unit)} beside neighbours that are not; they were left out."
     )

@@ -12,6 +12,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from looping_pendulum.discrepancy.fit.model_test import ModelTest
 from looping_pendulum.pages.notebook import ShownInNotebook
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -78,7 +79,11 @@ class RankedCandidate:
     """Largest chi2 per value on held-out data; None: the refit was not judged."""
     passes: bool
     reason: str
-    """Why the candidate does not pass; empty if it does."""
+    """Why the candidate does not pass, in words; empty if it does."""
+    unit: str = ""
+    """SI unit of `value` and `error`; empty if they have none."""
+    tests: tuple[ModelTest, ...] = ()
+    """Tests of the model with the candidate; empty: the refit was not judged."""
     held_by: str = ""
     """What is known in general and kept its value on a bound, for example what gravity there is on Earth; empty: nothing."""
 
@@ -106,10 +111,10 @@ class TrialError:
     trial: str
     held_out: bool
     rms_before: float | None
-    """RMS residual of the calibrated declared model [m]: of the light mass's position where it was tracked, else of all
+    """RMS residual of the calibrated declared model [unit]: of the light mass's position where it was tracked, else of all
     channels; None: the trial has only events."""
     rms_after: float | None
-    """The same of the repaired model [m]."""
+    """The same of the repaired model [unit]."""
     standardised_rms_before: float
     """RMS residual of the calibrated declared model in units of the noise; 1 is the best possible."""
     standardised_rms_after: float
@@ -118,6 +123,8 @@ class TrialError:
     """SI unit -> RMS of measured less predicted events of that unit, by the calibrated declared model."""
     events_after: Mapping[str, float]
     """The same by the repaired model."""
+    unit: str = "m"
+    """SI unit of the RMS residuals; empty: channels of several units together."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,9 +196,11 @@ class FitReport:
     largest_score: float
     """Largest |z| of the candidates that could still be added."""
     failed_tests: tuple[str, ...]
-    """Tests that the model fails, with their values; empty: the model explains the data to their noise."""
+    """What the tests that the model fails say, in words; empty: the model explains the data to their noise."""
     start_costs: tuple[float, ...]
     """Cost (sum of squared standardised residuals) at which the fit from each start ended."""
+    tests: tuple[ModelTest, ...] = ()
+    """Every test of the model, with its value and limit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -356,6 +365,11 @@ class SmallestVisible:
     value: float
     """Change of the value [unit] whose score is `attribution.MAX_NULL_SCORE`, the largest that noise may give."""
     unit: str
+    acts_on: str
+    null_value: float
+    """Value at which the effect is absent [unit]; 1 for a factor."""
+    motion: float
+    """RMS change of the predictions by this change, all else unchanged [units of noise]: what the fitted parameters hide."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -385,7 +399,9 @@ class Identification(ShownInNotebook):
     seed: int
     verdict: Verdict
     sentence: str
-    """The verdict in words."""
+    """The verdict in one sentence."""
+    notes: tuple[str, ...] = ()
+    """Further sentences: what was ruled out, what came nearest, errors of the tracked points, outliers."""
     effects: tuple[IdentifiedEffect, ...]
     """Effects that were added to the model; if ambiguous, the best of the tied explanations."""
     ties: tuple[tuple[IdentifiedEffect, ...], ...]

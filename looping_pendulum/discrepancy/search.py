@@ -10,6 +10,7 @@ import numpy as np
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of, with_correlated_noise
+from looping_pendulum.discrepancy.fit.model_test import ModelTest
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import best_of, calibrate_from_random_start, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
@@ -213,9 +214,9 @@ class Search:
     def judge(self, fit: Fit, added: tuple[Candidate, ...], start_costs: tuple[float, ...] = ()) -> CandidateModel:
         """Test a fit on its residuals, on held-out data and by the scores of the remaining candidates."""
         held_out = check_held_out(fit, self.inputs.held_out)
-        failures: tuple[str, ...] = ()
-        if added and self.correlated_base and not _predicts_better(self.correlated_base, held_out):
-            failures = ("predicts the held-out data no better than the declared model",)
+        other_tests: tuple[ModelTest, ...] = ()
+        if added and self.correlated_base:
+            other_tests = (_held_out_improvement_test(self.correlated_base, held_out),)
         return CandidateModel(
             fit=fit,
             added=added,
@@ -223,7 +224,7 @@ class Search:
             held_out=held_out,
             screening=lambda: self.screen_candidates(fit, added),
             start_costs=start_costs,
-            other_failures=failures,
+            other_tests=other_tests,
         )
 
     def screen_candidates(self, fit: Fit, added: tuple[Candidate, ...]) -> tuple[ScreenedCandidate, ...]:
@@ -342,9 +343,27 @@ def _predicts_better(base: CandidateModel, held_out: HeldOutTest, min_improvemen
 
     -2 ln L must be lower by ``min_improvement``, and the model nearer to the points: larger noise alone also makes data likely.
     """
-    improvement = base.held_out.minus_twice_log_likelihood - held_out.minus_twice_log_likelihood
     squares = [(b * b, a * a) for b, a in zip(base.held_out.rms, held_out.rms, strict=True) if b is not None and a is not None]
-    return improvement > min_improvement and (not squares or sum(a for _, a in squares) < sum(b for b, _ in squares))
+    nearer = not squares or sum(a for _, a in squares) < sum(b for b, _ in squares)
+    return nearer and _improvement(base, held_out) > min_improvement
+
+
+def _improvement(base: CandidateModel, held_out: HeldOutTest) -> float:
+    """Return by how much -2 ln L of held-out data is lower than that of a model with a noise of its own."""
+    return base.held_out.minus_twice_log_likelihood - held_out.minus_twice_log_likelihood
+
+
+def _held_out_improvement_test(base: CandidateModel, held_out: HeldOutTest) -> ModelTest:
+    """Test whether a model with a noise of its own predicts held-out data better than ``base``."""
+    return ModelTest(
+        subject="held-out data, beside the declared model",
+        statistic="decrease of -2 ln L",
+        value=_improvement(base, held_out),
+        limit=0.0,
+        limit_is_lower=True,
+        passes=_predicts_better(base, held_out),
+        failure="the model predicts the held-out data no better than the declared model",
+    )
 
 
 def _returning(screened: tuple[ScreenedCandidate, ...]) -> Callable[[], tuple[ScreenedCandidate, ...]]:

@@ -120,7 +120,12 @@ def quantity(value: float | None, unit: str, digits: int = 2, *, sign: bool = Fa
         text = amount(size / step.size, digits=digits)
         if abs(float(text)) >= step.least:
             break
-    return f"{'+' if sign and size > 0 else ''}{text} {step.name}".rstrip()
+    return f"{'+' if sign and size > 0 else ''}{text} {unit_in_words(step.name)}".rstrip()
+
+
+def unit_in_words(unit: str) -> str:
+    """Return a unit as people write it: "m/s^2" for "m/s**2"."""
+    return unit.replace("**", "^")
 
 
 def uncertain(value: float | None, error: float | None, unit: str = "") -> str:
@@ -134,7 +139,7 @@ def uncertain(value: float | None, error: float | None, unit: str = "") -> str:
     if value is None:
         return GAP
     if error is None or not math.isfinite(error) or error <= 0 or not math.isfinite(value):
-        return f"{number(value, digits=4)} {unit}".rstrip()
+        return f"{number(value, digits=4)} {unit_in_words(unit)}".rstrip()
     largest = max(abs(value), error)
     power = math.floor(math.log10(largest))
     # Of the error as it will be written: 0.0996 becomes 0.10, which has one decimal less
@@ -146,4 +151,4 @@ def uncertain(value: float | None, error: float | None, unit: str = "") -> str:
     else:
         inner = " +/- ".join(f"{x / 10.0**power:.{power - last}f}" for x in (value, error))
         text = f"({inner})e{power}"
-    return f"{text} {unit}".rstrip()
+    return f"{text} {unit_in_words(unit)}".rstrip()

@@ -23,7 +23,13 @@ class Section:
 
 
 def render(
-    title: str, before: Sequence[str], figures: Sequence[Figure], after: Sequence[str], words: Mapping[str, str], note: str
+    title: str,
+    before: Sequence[str],
+    figures: Sequence[Figure],
+    after: Sequence[str],
+    words: Mapping[str, str],
+    note: str,
+    first_figures: Sequence[Figure] = (),
 ) -> str:
     """Return the page.
 
@@ -36,10 +42,12 @@ def render(
         Term -> meaning, for readers who do not know it.
     note
         A sentence about all figures.
+    first_figures
+        Figures directly below the first section, side by side where the screen is wide enough.
     """
     head, *above = [markdown.html(text) for text in before if text]
     scripts = [asset(SHARED_PACKAGE, "tables.js")]
-    if figures:
+    if figures or first_figures:
         scripts += [plotly_source(), asset(SHARED_PACKAGE, "figures.js")]
     return page(
         SHARED_PACKAGE,
@@ -47,11 +55,12 @@ def render(
         title=title,
         styles=[(SHARED_PACKAGE, "report.css")],
         scripts=scripts,
-        data={"figures": [figure.as_dict() for figure in figures]},
+        data={"figures": [figure.as_dict() for figure in (*first_figures, *figures)]},
         head=head,
         above=[_section(html, f"part-{i}") for i, html in enumerate(above)],
         below=[_section(markdown.html(text), f"more-{i}") for i, text in enumerate(t for t in after if t)],
         figures=figures,
+        first_figures=first_figures,
         words=words,
         note=note,
     )

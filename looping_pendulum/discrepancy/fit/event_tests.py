@@ -16,8 +16,8 @@ import numpy as np
 from scipy import special  # scipy.stats takes a second to import
 
 from looping_pendulum.discrepancy.fit.calibration import Fit
+from looping_pendulum.discrepancy.fit.model_test import ModelTest
 from looping_pendulum.discrepancy.fit.problem import TrialData
-from looping_pendulum.pages.numbers import number
 
 MIN_P_VALUE = 0.005
 """Smallest p value that passes: with two tests in a study, 1 % of false alarms."""
@@ -44,10 +44,17 @@ class EventTest:
         return self.p >= MIN_P_VALUE
 
     @property
-    def description(self) -> str:
-        """Return the result in words."""
-        result = f"chi2 {self.chi2:.1f} where {self.expected:.1f} is expected (p {number(self.p, digits=1)})"
-        return f"events: {result}, most by {self.worst}"
+    def result(self) -> ModelTest:
+        """Return the result of the test."""
+        return ModelTest(
+            subject="events",
+            statistic=f"p of chi2 {self.chi2:.1f} where {self.expected:.1f} is expected",
+            value=self.p,
+            limit=MIN_P_VALUE,
+            limit_is_lower=True,
+            passes=self.passes,
+            failure=f"the events are farther off than their errors explain, most of all {self.worst}",
+        )
 
 
 def check_event_residuals(fit: Fit) -> EventTest | None:

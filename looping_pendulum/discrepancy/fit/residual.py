@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,10 @@ from looping_pendulum.discrepancy.data.observations import Observations
 from looping_pendulum.discrepancy.data.study import Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate
 from looping_pendulum.discrepancy.fit.event_tests import EventTest, check_event_residuals
+from looping_pendulum.discrepancy.fit.model_test import ModelTest
 from looping_pendulum.discrepancy.fit.problem import TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import modes, sample_index
-from looping_pendulum.pages.numbers import number
+from looping_pendulum.pages.numbers import amount
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
 
@@ -98,7 +100,25 @@ class GroupTest:
     @property
     def passes(self) -> bool:
         """Return whether the group looks like white noise."""
-        return self.lag1 <= MAX_LAG1_Z and self.ljung_box >= MIN_LJUNG_BOX_P and self.runs >= MIN_RUNS_Z
+        return all(t.passes for t in self.results)
+
+    @property
+    def results(self) -> tuple[ModelTest, ...]:
+        """Return the result of each test."""
+        lower, upper = (
+            partial(ModelTest, subject=self.group, failure="the residuals still have a pattern", limit_is_lower=is_lower)
+            for is_lower in (True, False)
+        )
+        return (
+            upper(statistic="lag-1 autocorrelation z", value=self.lag1, limit=MAX_LAG1_Z, passes=self.lag1 <= MAX_LAG1_Z),
+            lower(
+                statistic="Ljung-Box p",
+                value=self.ljung_box,
+                limit=MIN_LJUNG_BOX_P,
+                passes=self.ljung_box >= MIN_LJUNG_BOX_P,
+            ),
+            lower(statistic="runs z", value=self.runs, limit=MIN_RUNS_Z, passes=self.runs >= MIN_RUNS_Z),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,21 +139,33 @@ class ResidualTests:
     @property
     def passes(self) -> bool:
         """Return whether all tests pass."""
-        points_pass = self.chi2_per_dof <= self.limit and all(g.passes for g in self.groups)
-        return points_pass and (self.events is None or self.events.passes)
+        return all(t.passes for t in self.results)
 
     @property
-    def failures(self) -> str:
-        """Describe the tests that fail; empty: all pass."""
-        failures = [] if self.chi2_per_dof <= self.limit else [f"chi2/dof {self.chi2_per_dof:.3f}"]
-        if self.events is not None and not self.events.passes:
-            failures.append(self.events.description)
-        for g in self.groups:
-            if not g.passes:
-                failures.append(
-                    f"{g.group}: lag-1 z {g.lag1:.1f}, Ljung-Box p {number(g.ljung_box, digits=1)}, runs z {g.runs:.1f}"
-                )
-        return "; ".join(failures)
+    def results(self) -> tuple[ModelTest, ...]:
+        """Return the result of each test."""
+        results = [t for g in self.groups for t in g.results]
+        if math.isfinite(self.limit):
+            size = ModelTest(
+                subject="all tracked points",
+                statistic="chi2 per degree of freedom",
+                value=self.chi2_per_dof,
+                limit=self.limit,
+                passes=self.chi2_per_dof <= self.limit,
+                failure=f"the residuals are {_beside_noise(self.chi2_per_dof)}",
+            )
+            results.insert(0, size)
+        return (*results, *([self.events.result] if self.events else []))
+
+
+def _beside_noise(chi2_per_value: float) -> str:
+    """Return in words how much larger than the noise residuals are."""
+    ratio = math.sqrt(max(chi2_per_value, 0.0))
+    return (
+        f"{amount(ratio)} times as large as the noise"
+        if ratio >= 1.5
+        else f"{amount(100 * (ratio - 1))} % larger than the noise"
+    )
 
 
 def check_residuals(fit: Fit) -> ResidualTests:

@@ -15,6 +15,7 @@ from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
 from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of, with_correlated_noise, with_noises
 from looping_pendulum.discrepancy.fit.event_tests import max_held_out_chi2
+from looping_pendulum.discrepancy.fit.model_test import ModelTest
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.candidates import Candidate
@@ -231,7 +232,23 @@ class HeldOutTest:
     @property
     def passes(self) -> bool:
         """Return whether all held-out data are predicted to their noise."""
-        return all(c <= limit for c, limit in zip(self.chi2, self.limits, strict=True))
+        return all(t.passes for t in self.results)
+
+    @property
+    def results(self) -> tuple[ModelTest, ...]:
+        """Return the result of the test of each trial, or of all blocks together."""
+        subjects = [f"held-out trial {name}" for name in self.names] if self.fits else ["held-out blocks of time"]
+        return tuple(
+            ModelTest(
+                subject=subject,
+                statistic="chi2 per value",
+                value=chi2,
+                limit=limit,
+                passes=chi2 <= limit,
+                failure=f"the model does not predict the {subject}",
+            )
+            for subject, chi2, limit in zip(subjects, self.chi2, self.limits, strict=True)
+        )
 
 
 def check_held_out(

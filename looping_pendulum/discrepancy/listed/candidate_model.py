@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
 from looping_pendulum.discrepancy.fit.calibration import Fit
+from looping_pendulum.discrepancy.fit.model_test import ModelTest, failures_in_words
 from looping_pendulum.discrepancy.fit.residual import ResidualTests
 from looping_pendulum.discrepancy.listed.attribution import MAX_NULL_SCORE, HeldOutTest, Refit, refit
 from looping_pendulum.discrepancy.listed.candidates import Candidate
@@ -32,8 +32,8 @@ class CandidateModel:
     """Screens the candidates that could still be added."""
     start_costs: tuple[float, ...] = ()
     """Cost at which the fit from each start ended."""
-    other_failures: tuple[str, ...] = ()
-    """Descriptions of failed tests beyond those of residuals, held-out data and scores."""
+    other_tests: tuple[ModelTest, ...] = ()
+    """Results of tests beyond those of residuals, held-out data and scores."""
     refitted: dict[str, Refit | None] = field(default_factory=dict)
     """Candidates that were refitted to check what their score predicts, by name."""
 
@@ -43,20 +43,33 @@ class CandidateModel:
         return self.screening()
 
     @cached_property
-    def failed_tests(self) -> tuple[str, ...]:
-        """Descriptions of all failed tests; empty: the model passes.
+    def test_results(self) -> tuple[ModelTest, ...]:
+        """Results of all tests.
 
         Scores are not checked where an added effect fails another test already: the model is refused in any case.
         """
-        failures = [*self.other_failures] if self.tests.passes else [self.tests.failures, *self.other_failures]
-        if not self.held_out.passes:
-            failures.append(f"held-out data: chi2 per value {self.held_out.worst:.3f}")
-        if not (failures and self.added):
-            high = (s for s in self.remaining[:MAX_SCORES_CHECKED] if abs(s.score) > MAX_NULL_SCORE)
-            confirmed = (s for s in high if failures or self._realises_predicted_decrease(s))
-            # One is enough to fail the model, and each further one would cost a refit
-            failures += [f"{s.candidate.name}: score {s.score:.1f}" for s in itertools.islice(confirmed, 1)]
-        return tuple(failures)
+        results = (*self.tests.results, *self.other_tests, *self.held_out.results)
+        failed = any(not t.passes for t in results)
+        if (failed and self.added) or not self.remaining:
+            return results
+        high = [s for s in self.remaining[:MAX_SCORES_CHECKED] if abs(s.score) > MAX_NULL_SCORE]
+        # One is enough to fail the model, and each further one would cost a refit
+        confirmed = next((s for s in high if failed or self._realises_predicted_decrease(s)), None)
+        tested = confirmed or self.remaining[0]
+        score = ModelTest(
+            subject=tested.candidate.name,
+            statistic="score |z|, which a refit does not confirm" if high and not confirmed else "score |z|",
+            value=abs(tested.score),
+            limit=MAX_NULL_SCORE,
+            passes=confirmed is None,
+            failure=f"the residuals look like {tested.candidate.name}",
+        )
+        return (*results, score)
+
+    @property
+    def failed_tests(self) -> tuple[str, ...]:
+        """What the failed tests mean, in words; empty: the model passes."""
+        return failures_in_words(self.test_results)
 
     def _realises_predicted_decrease(self, screened: ScreenedCandidate) -> bool:
         """Whether a refit with the candidate lowers chi-square by about what its score predicts.

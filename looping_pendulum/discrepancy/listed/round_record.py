@@ -23,17 +23,17 @@ def _passes(r: Refit, model: CandidateModel | None) -> bool:
 
 
 def _reason(r: Refit, model: CandidateModel | None, best: Refit) -> str:
-    """Return why a refit does not pass; empty if it does. ``model`` is None if the refit was not tested."""
+    """Return in words why a refit does not pass; empty if it does. ``model`` is None if the refit was not tested."""
     if not r.within_bounds and r.candidate.bounds_reason:
-        return f"the fitted value is on its bound: {r.candidate.bounds_reason}"
+        return f"its value would be impossible: {r.candidate.bounds_reason}"
     if r.delta_bic < MIN_DELTA_BIC:
-        return f"delta BIC below {MIN_DELTA_BIC:g}"
+        return "it explains too little to be more than chance"
     if model is None and r is best:
-        return "delta BIC below that of the effect in its place"
+        return "it explains less than the effect in its place"
     if model is None:
-        return f"delta BIC {best.delta_bic - r.delta_bic:.1f} below that of {best.candidate.name}"
+        return f"it explains less than {best.candidate.name}"
     if not r.within_bounds:
-        return "the fitted value is on a bound of what is physically possible"
+        return "its value would be impossible: it is on a bound of what physics allows"
     return "; ".join(model.failed_tests)
 
 
@@ -52,9 +52,11 @@ def record_round(
                 delta_bic=r.delta_bic,
                 value=r.value,
                 error=r.error,
+                unit=c.unit,
                 held_out_chi2=model.held_out.worst if model else None,
                 passes=_passes(r, model),
                 reason=_reason(r, model, refits[0]),
+                tests=model.test_results if model else (),
                 held_by=r.screened.held_by if r.within_bounds else c.bounds_reason,
             )
         )
@@ -69,7 +71,11 @@ def record_round(
             error=None,
             held_out_chi2=None,
             passes=False,
-            reason=f"not refitted: {s.held_by or 'others have higher scores'}",
+            reason=(
+                f"not refitted, as its value would be impossible: {s.held_by}"
+                if s.held_by
+                else "not refitted: the residuals look more like others"
+            ),
             held_by=s.held_by,
         )
         for s in current.remaining

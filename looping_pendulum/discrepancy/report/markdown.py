@@ -1,4 +1,7 @@
-"""Render the report in Markdown from the result object alone: the verdict first, then why, then the details."""
+"""Render the report in Markdown from the result object alone.
+
+First the verdict in one sentence, with one picture; then what to do next; then the details, and the numbers of all tests last.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +9,20 @@ import math
 from collections.abc import Mapping
 
 from looping_pendulum.compare.tables import GAP, number, signed, table
-from looping_pendulum.discrepancy.identification import BODY_IN_WORDS
-from looping_pendulum.discrepancy.listed.attribution import MAX_NULL_SCORE
-from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN
 from looping_pendulum.discrepancy.record_starts import record_starts_in_words
-from looping_pendulum.discrepancy.report import event_report, unlisted_report
+from looping_pendulum.discrepancy.report import (
+    event_report,
+    lead_figure,
+    next_steps,
+    tests_report,
+    unlisted_report,
+    visible_report,
+)
 from looping_pendulum.discrepancy.result import FitReport, Identification, IdentifiedEffect, Round, Verdict
-from looping_pendulum.pages.numbers import quantity, uncertain
+from looping_pendulum.pages.numbers import DISPLAY_UNITS, quantity, uncertain
 
 HEADLINES = {
-    Verdict.NO_MISSING_EFFECT: "Nothing is missing",
+    Verdict.NO_MISSING_EFFECT: "Nothing is missing that these data could show",
     Verdict.IDENTIFIED: "A missing effect was found",
     Verdict.AMBIGUOUS: "Something is missing, and these data allow several explanations",
     Verdict.UNLISTED: "A force that no library lists was found",
@@ -32,19 +39,25 @@ def render(result: Identification, figures: Mapping[str, str] | None = None) -> 
     figures
         Path below the report's folder -> caption.
     """
-    return "\n".join(s for s in [*before_figures(result), _figures(figures or {}), *after_figures(result)] if s)
+    images = {path: f"![{caption}]({path})\n\n*{caption}*\n" for path, caption in (figures or {}).items()}
+    first = images.pop(f"figures/{lead_figure.NAME}", "")
+    title, verdict, *others = before_figures(result)
+    rest = "## Figures\n\n" + "\n".join(images.values()) if images else ""
+    return "\n".join(s for s in [title, verdict, first, *others, rest, *after_figures(result)] if s)
 
 
 def before_figures(result: Identification) -> list[str]:
-    """Return the sections above the figures, the title first; some are empty."""
+    """Return the sections above the figures, the title and the verdict first; some are empty."""
     return [
         f"# {result.title}\n",
         f"## Verdict: {HEADLINES[result.verdict]} (`{result.verdict.value}`)\n\n{result.sentence}\n",
+        next_steps.section(result),
+        "## Further remarks\n\n" + "".join(f"- {note}\n" for note in result.notes) if result.notes else "",
         _effects(result),
-        _correlated_noise(result),
         unlisted_report.section(result),
         "## Error before and after\n\n" + _errors(result),
         record_starts_in_words(result.record_starts),
+        visible_report.correlated_noise_section(result),
         _outliers(result),
         event_report.section(result),
         _ties(result),
@@ -55,7 +68,8 @@ def after_figures(result: Identification) -> list[str]:
     """Return the sections below the figures; some are empty."""
     return [
         "## Candidates\n\n" + _rounds(result),
-        _smallest_visible(result),
+        visible_report.section(result),
+        tests_report.section(result),
         "## Declared model, calibrated\n\n" + _fit(result.before),
         "## Repaired model\n\n" + _fit(result.after) if result.effects or result.unlisted else "",
         "## Data\n\n" + "".join(f"- {line}\n" for line in result.data),
@@ -86,36 +100,9 @@ def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
     return table(head, rows, left=5) + note
 
 
-def _correlated_noise(result: Identification) -> str:
-    if not result.correlated_noise:
-        return ""
-    head = ["tracked points of", "off by", "for some [points]", "for some [s]"]
-    rows = [
-        [BODY_IN_WORDS[e.body], quantity(e.amplitude, e.unit), number(e.points, digits=2), number(e.correlation_time, digits=2)]
-        for e in result.correlated_noise
-    ]
-    note = (
-        "Beside what scatters from frame to frame, the points are off by an error that changes slowly, as when a tracker "
-        "wanders over its mark: a standard deviation per coordinate, and the time in which it changes. All tests take it into "
-        "account.\n\n"
-    )
-    return "## Errors that last longer than a frame\n\n" + note + table(head, rows, left=1)
-
-
-def _smallest_visible(result: Identification) -> str:
-    if not result.smallest_visible:
-        return ""
-    head = ["effect", "smallest size that would show", "unit"]
-    rows = [[v.name, number(v.value, digits=2), v.unit or GAP] for v in result.smallest_visible]
-    note = (
-        f"A change of each value that would have a score of {MAX_NULL_SCORE:g} in these data, beside all fitted parameters. "
-        "Smaller effects may be there without a trace.\n\n"
-    )
-    return "## What these data could show\n\n" + note + table(head, rows, left=1)
-
-
 def _errors(result: Identification) -> str:
-    head = ["trial", "held out?", "RMS before [mm, mrad]", "RMS after [mm, mrad]", "before [noise]", "after [noise]"]
+    units = ", ".join(DISPLAY_UNITS[unit].name for unit in sorted({e.unit for e in result.errors}) if unit in DISPLAY_UNITS)
+    head = ["trial", "held out?", f"RMS before [{units}]", f"RMS after [{units}]", "before [noise]", "after [noise]"]
     rows = [
         [e.trial, "yes" if e.held_out else "no", number(e.rms_before, 1e3), number(e.rms_after, 1e3),
          number(e.standardised_rms_before), number(e.standardised_rms_after)]
@@ -163,50 +150,33 @@ def _ties(result: Identification) -> str:
          number(e.distance), " / ".join(e.tells_apart)]
         for e in result.next_experiments
     ]  # fmt: skip
-    best = result.next_experiments[0].distance
-    advice = (
-        "The first of these trials separates them best."
-        if best > 3
-        else "None of these trials separates them: measure the effect directly."
-    )
     return (
         text
-        + f"\n### Next experiment\n\n{advice} A distance below about 3 units of noise decides nothing.\n\n"
+        + f"\n### Next experiment\n\nA distance below about {next_steps.MIN_SEPARATION:g} units of noise decides nothing.\n\n"
         + table(head, rows)
     )
 
 
-def _figures(figures: Mapping[str, str]) -> str:
-    if not figures:
-        return ""
-    return "## Figures\n\n" + "\n".join(f"![{caption}]({path})\n\n*{caption}*\n" for path, caption in figures.items())
-
-
 def _rounds(result: Identification) -> str:
     if not result.rounds:
-        score = f"{result.before.largest_score:.1f}"
-        return f"None was refitted, since the declared model passes all tests. The largest score is {score}.\n"
+        return "None was tried, since the declared model passes all tests.\n"
     note = (
-        f"A candidate passes if its delta BIC is at least {MIN_DELTA_BIC:g} and within {MIN_DELTA_BIC_MARGIN:g} of the best, "
-        "its value is physically possible, and the model with it passes all tests, on residuals and on held-out data.\n\n"
+        "Effects that were tried as explanations, those that explain most first. One passes if it explains clearly more than "
+        "chance would, and as much as the best; if its value is physically possible; and if the model with it passes all "
+        "tests, on the residuals and on held-out data. *Tests* has the numbers.\n\n"
     )
     return note + "\n".join(_round(r, i) for i, r in enumerate(result.rounds, start=1))
 
 
 def _round(r: Round, index: int) -> str:
-    head = ["candidate", "kind", "passes?", "score z", "delta BIC", "value [SI]", "+/-", "held-out chi2/n", "why not"]
-    rows = [
-        [c.name, c.kind, "yes" if c.passes else "no", signed(c.score), number(c.delta_bic), number(c.value, digits=4),
-         number(c.error, digits=2), number(c.held_out_chi2), c.reason or GAP]
-        for c in r.ranking
-    ]  # fmt: skip
+    tried = [c for c in r.ranking if c.delta_bic is not None or c.held_by]
+    rows = [[c.name, c.kind, uncertain(c.value, c.error, c.unit), "yes" if c.passes else "no", c.reason or GAP] for c in tried]
     before = f" with {', '.join(r.added_before)} in the model" if r.added_before else ""
-    margin = ""
-    if r.margin is not None:
-        margin = f"Best: {r.best}; runner-up: {r.runner_up}, with a delta BIC {r.margin:.1f} lower.\n\n"
-    if r.correlated_noise:
-        before += ", with errors that last longer than a frame"
-    return f"### Round {index}{before}\n\n{margin}{table(head, rows, left=3)}"
+    before += ", with errors that last longer than a frame" if r.correlated_noise else ""
+    rest = len(r.ranking) - len(tried)
+    others = f"\nThe residuals look less like the other {rest}, which were not refitted.\n" if rest else ""
+    rendered = table(["candidate", "kind", "value", "passes?", "why not"], rows, left=5) if rows else "None was refitted.\n"
+    return f"### Round {index}{before}\n\n{rendered}{others}"
 
 
 def _fit(fit: FitReport) -> str:
@@ -219,14 +189,15 @@ def _fit(fit: FitReport) -> str:
              number(n.measured_error, digits=2), signed(moved, digits=2), "on a bound" if n.at_bound else ""]
         )  # fmt: skip
     text = table(head, rows)
-    text += (
-        f"\nChi-square per degree of freedom {fit.chi2_per_dof:.3f}; on held-out data per value {fit.held_out_chi2:.3f}; "
-        f"largest score of a remaining candidate {fit.largest_score:.1f}; "
-        f"condition number {number(fit.condition_number, digits=2)}."
-    )
-    if fit.start_costs:
-        text += f" The fits from different starts ended at costs {', '.join(f'{c:.1f}' for c in fit.start_costs)}."
-    text += "\n\nFailed tests: " + ("; ".join(fit.failed_tests) if fit.failed_tests else "none") + ".\n"
+    rows = [
+        ["chi2 per degree of freedom", f"{fit.chi2_per_dof:.3f}"],
+        ["largest chi2 per value on held-out data", f"{fit.held_out_chi2:.3f}"],
+        ["largest score of a remaining candidate", f"{fit.largest_score:.1f}"],
+        ["condition number", number(fit.condition_number, digits=2)],
+        *([f"cost from start {i}", f"{c:.1f}"] for i, c in enumerate(fit.start_costs, start=1)),
+    ]
+    text += "\n" + table(["of the fit", "value"], rows)
+    text += "\nWhat fails: " + ("; ".join(fit.failed_tests) if fit.failed_tests else "nothing") + ".\n"
     if fit.correlations:
         pairs = "; ".join(f"{a} and {b} {c:+.3f}" for a, b, c in fit.correlations)
         text += f"\nCorrelations of parameters above 0.9: {pairs}.\n"

@@ -6,7 +6,7 @@ from typing import Any
 
 from looping_pendulum.compare.paper_table import quantity_label
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
-from looping_pendulum.discrepancy.report import markdown
+from looping_pendulum.discrepancy.report import lead_figure, markdown
 from looping_pendulum.discrepancy.report.event_report import AXIS_LIMIT, off_by
 from looping_pendulum.discrepancy.report.plots import MAX_RANKED
 from looping_pendulum.discrepancy.report.unlisted_report import SIDES, force_unit
@@ -31,14 +31,22 @@ def render(result: Identification) -> str:
         markdown.after_figures(result),
         glossary("identification"),
         "Residual: measured less predicted. Grey bands: two standard errors, which contain 95 % of mere noise.",
+        first_figures(result),
     )
 
 
+def first_figures(result: Identification) -> list[Figure]:
+    """Return the figures that stand directly below the verdict: the motion or, if nothing was tracked, the events."""
+    if result.trial_figures:
+        return lead_figure.page_figures(result, {"before": BEFORE, "after": AFTER})
+    return [event_figure(result.events)] if result.events else []
+
+
 def figures(result: Identification) -> list[Figure]:
-    """Return every figure that the result has data for."""
+    """Return every figure that the result has data for, but for the first."""
     charts = [error_figure(result)] if result.errors else []
     charts += [trial_figure(picture, i) for i, picture in enumerate(result.trial_figures)]
-    if result.events:
+    if result.events and result.trial_figures:  # without these it stands below the verdict
         charts.append(event_figure(result.events))
     if result.rounds and any(r.delta_bic is not None for r in result.rounds[0].ranking):
         charts.append(ranking_figure(result))
@@ -164,8 +172,8 @@ def ranking_figure(result: Identification) -> Figure:
     threshold = {"type": "line", "x0": MIN_DELTA_BIC, "x1": MIN_DELTA_BIC, "yref": "paper", "y0": 0, "y1": 1}
     return Figure(
         id="ranking",
-        caption="First round: delta BIC of each candidate, by which adding it lowers the Bayesian information criterion; "
-        "dotted: the least that is accepted.",
+        caption="First round: how much better each candidate explains the data, less a price for its parameters; dotted: the "
+        "least that is accepted.",
         traces=(bars,),
         layout={
             "xaxis": {"title": {"text": "delta BIC"}},

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from looping_pendulum.compare.plots import GREY, without_mathtext
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
-from looping_pendulum.discrepancy.report import event_report, unlisted_report
+from looping_pendulum.discrepancy.report import event_report, lead_figure, unlisted_report
 from looping_pendulum.discrepancy.result import Identification, TrialFigure
 from looping_pendulum.files import file_stems, optional_output
 from looping_pendulum.pages.palette import COLOURS
@@ -26,6 +26,9 @@ MAX_RANKED = 12
 def draw(result: Identification) -> dict[str, tuple[str, bytes]]:
     """Return all figures: file name -> (caption, PNG)."""
     drawings: list[tuple[str, str, Callable[[], Figure]]] = []
+    if result.trial_figures:
+        colours = {"before": BEFORE, "after": AFTER}
+        drawings.append((lead_figure.NAME, lead_figure.caption(result), partial(lead_figure.draw, result, colours)))
     stems = file_stems([("trial", picture.trial) for picture in result.trial_figures])
     for picture, stem in zip(result.trial_figures, stems, strict=True):
         role = "held out" if picture.held_out else "training"
@@ -37,7 +40,9 @@ def draw(result: Identification) -> dict[str, tuple[str, bytes]]:
         caption = "Measured less predicted events in units of their standard errors (band: 2); crosses: they do not happen."
         drawings.append(("events.png", caption, partial(event_report.figure, result.events, BEFORE, AFTER)))
     if result.rounds and any(r.delta_bic is not None for r in result.rounds[0].ranking):
-        caption = "First round: delta BIC of every refitted candidate; blue: passes."
+        caption = (
+            "First round: how much better each candidate explains the data, less a price for its parameters; blue: passes."
+        )
         drawings.append(("ranking.png", caption, partial(ranking_figure, result)))
     if result.unlisted is not None:
         caption = "The unlisted force along its coordinate; bands: two standard errors."

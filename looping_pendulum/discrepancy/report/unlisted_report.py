@@ -40,37 +40,46 @@ def section(result: Identification) -> str:
         f"It acts on the {force.acts_on}, {force.phase}, and depends on the {name} (s below). It was found as a sum of radial "
         f"basis functions of that coordinate. {_model_in_words(force)} *Significant*: above two standard errors.\n\n"
         + table(head, rows, left=1)
-        + (_parameters(force.formula) if force.formula else "")
-        + f"\nTwice the log Bayes factor of the radial basis functions over the declared model, by linearised models: "
-        f"{force.twice_log_bayes_factor:.0f}. On held-out data chi2 per value falls from "
-        f"{force.held_out_chi2_before:.3f} to {force.held_out_chi2_after:.3f}.\n" + _formulas(force)
     )
+    return text if force.formula is None else text + _parameters(force.formula)
+
+
+def tests(force: Unlisted) -> str:
+    """Return the tables of the numbers behind the unlisted force, and of the others that were tried."""
+    f = force.formula
+    rows = [
+        ["radial basis functions over the declared model", "2 log Bayes factor", number(force.twice_log_bayes_factor)],
+        ["declared model on held-out data", "chi2 per value", number(force.held_out_chi2_before)],
+        ["repaired model on held-out data", "chi2 per value", number(force.held_out_chi2_after)],
+    ]
+    if f is not None:
+        rows += [
+            ["formula over the declared model", "delta BIC", number(f.delta_bic)],
+            ["formula over the radial basis functions", "delta BIC", number(f.delta_bic - f.delta_bic_of_profile)],
+        ]
+    text = "### The unlisted force\n\n" + table(["compared", "number", "value"], rows, left=2) + _formulas(force)
     if not force.other_closures:
         return text
     head = ["acts on", "depends on", "multiplied by", "2 log Bayes factor", "held-out chi2/n"]
-    rows = [
-        [
-            o.acts_on,
-            *(word.replace("_", " ") for word in (o.depends_on, o.multiplied_by)),
-            number(o.twice_log_bayes_factor),
-            number(o.held_out_chi2),
-        ]
+    others = [
+        [o.acts_on, *(word.replace("_", " ") for word in (o.depends_on, o.multiplied_by)), number(o.twice_log_bayes_factor),
+         number(o.held_out_chi2)]
         for o in force.other_closures
-    ]
+    ]  # fmt: skip
     return (
-        text + "\nOther coordinates and directions that were fitted as radial basis functions:\n\n" + table(head, rows, left=3)
+        text
+        + "\nOther coordinates and directions that were fitted as radial basis functions:\n\n"
+        + table(head, others, left=3)
     )
 
 
 def _model_in_words(force: Unlisted) -> str:
     """Say whether the repaired model has the formula or the radial basis functions, and why."""
-    f = force.formula
-    if f is None:
+    if force.formula is None:
         return "The repaired model has these, since no simple formula explains held-out data as well."
     return (
-        "The repaired model has the formula, whose parameters are fitted to the trajectories together with those of the "
-        f"declared model: its delta BIC is {f.delta_bic:.0f} over the declared model and "
-        f"{f.delta_bic - f.delta_bic_of_profile:.0f} over the radial basis functions."
+        "The repaired model has the formula, which explains the data better than these; its parameters are fitted to the "
+        "trajectories together with those of the declared model."
     )
 
 

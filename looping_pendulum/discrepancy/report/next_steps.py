@@ -1,0 +1,178 @@
+"""Say what to do next, by verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from looping_pendulum.compare.paper_table import quantity_label
+from looping_pendulum.discrepancy.data.observations import UNITS
+from looping_pendulum.discrepancy.report.visible_report import size_in_words
+from looping_pendulum.discrepancy.result import Identification, IdentifiedEffect, Unlisted, Verdict
+from looping_pendulum.pages.numbers import amount, number, quantity
+
+EXAMPLES = 3
+"""Effects that are named as examples of what could hide."""
+WORST_MISFITS = 3
+"""Times that are named at which a model is farthest off."""
+MIN_MISFIT = 3.0
+"""Smallest misfit that is named [units of noise]."""
+MIN_SEPARATION = 3.0
+"""Distance of tied explanations [units of noise] below which an experiment decides nothing."""
+RUN = "looping-pendulum run repaired.yaml"
+COMPARE = "looping-pendulum compare repaired.yaml --engine mujoco:capstan --out compared"
+LOOK_FOR = {
+    "time": "what happens at that time: a bump, a draught, a hand, a mark that was set late",
+    "free_length": "what the mass passes at that length of string: a magnet, an edge, something that it touches, a draught",
+    "wrap_angle": "what the string does at that angle: a groove or a seam of the rod, turns that lie on each other",
+    "retreat_speed": "a drag or a friction that depends on how fast the string is drawn in",
+    "across_speed": "a drag that depends on how fast the mass moves, the spin of the mass, or a wrong scale of the film",
+}
+"""Coordinate of an unlisted force -> what may cause it."""
+
+
+def section(result: Identification) -> str:
+    """Return the section on what to do next."""
+    steps = STEPS[result.verdict](result)
+    return "## What to do next\n\n" + "".join(f"{i}. {step}\n" for i, step in enumerate(steps, start=1))
+
+
+def _after_no_missing_effect(result: Identification) -> list[str]:
+    examples = ", ".join(f"{v.name} below {size_in_words(v)}" for v in result.smallest_visible[:EXAMPLES])
+    hidden = [f"Remember what could still hide: {examples}. *What these data could show* lists more."] if examples else []
+    return [
+        *hidden,
+        "To see smaller effects, make the errors smaller: film nearer or with more pixels, use a shorter exposure, and set the "
+        "marks with care. About four times as many trials halve what can hide.",
+        "Change what the effect would depend on: another mass ratio, release angle or length of string. Two effects that do "
+        "the same in one trial seldom do so in another.",
+    ]
+
+
+def _after_identified(result: Identification) -> list[str]:
+    names = " and ".join(f"`{e.name}`" for e in result.effects)
+    steps = [f"Ask whether it makes sense: what in your apparatus could be {names}? Remove or change it, and film again."]
+    wrong = [e for e in result.effects if e.kind == "wrong value"]
+    camera = [e for e in result.effects if e.acts_on == "camera"]
+    physics = [e for e in result.effects if e not in camera]
+    if wrong:
+        steps[0] = f"Measure again what {names} says is wrong: the stated value and its error do not fit the film."
+    elif camera and not physics:
+        steps[0] = (
+            f"Look at the film: {names} is an error of the picture or of its clock. Correct it in the tracker, or film again."
+        )
+    if physics:
+        steps.append(f"Use the repaired model, `repaired.yaml` beside this report: `{RUN}`, or `{COMPARE}`.")
+    steps.append(_declare(result.effects))
+    return steps
+
+
+def _declare(effects: tuple[IdentifiedEffect, ...]) -> str:
+    forces = [e.name for e in effects if e.acts_on != "camera" and e.kind != "wrong value"]
+    if not forces:
+        return "Film one more trial, hold it out, and run `looping-pendulum identify` again with the corrected value."
+    lines = ", ".join(f"`{name}: free`" for name in forces)
+    return f"Test it: film one more trial, add {lines} under `effects` of the study, and run `looping-pendulum identify` again."
+
+
+def _after_ambiguous(result: Identification) -> list[str]:
+    experiments = result.next_experiments
+    rest = "Add it to the study as a further trial, and run `looping-pendulum identify` again."
+    if not experiments:
+        return ["Measure one of the explanations directly: no trial within the study's limits could be simulated.", rest]
+    best = experiments[0]
+    how = (
+        f"release `{best.release}` at {number(math.degrees(best.release_angle))} deg, with a heavy mass of "
+        f"{number(best.mass_ratio)} times the light one"
+    )
+    if best.distance > MIN_SEPARATION:
+        return [f"Film this trial: {how}. It separates the explanations by {amount(best.distance)} times the noise.", rest]
+    return [
+        "Measure one of the explanations directly, for example with a scale, a rule or a clock: no trial within the study's "
+        "limits separates them.",
+        f"If you cannot, the trial that comes nearest to it is: {how}.",
+    ]
+
+
+def _after_unlisted(result: Identification) -> list[str]:
+    force = result.unlisted
+    assert force is not None
+    return [
+        f"Measure more of it: {_where(force)}{'?' if force.depends_on == 'time' else '.'}",
+        f"Look for {LOOK_FOR.get(force.depends_on, 'what changes with this coordinate')}.",
+        "If you have an idea, write it as an effect of your own (`own_effects` in the study), and run `looping-pendulum "
+        "identify` again: a formula with a reason is worth more than a curve that fits.",
+    ]
+
+
+def _where(force: Unlisted) -> str:
+    name = force.depends_on.replace("_", " ")
+    ranges = [(p.significant_from, p.significant_to) for p in force.profiles]
+    lows = [low for low, _ in ranges if low is not None]
+    highs = [high for _, high in ranges if high is not None]
+    if not lows:
+        return f"trials in which the {name} takes other values"
+    low, high = (quantity(s, force.unit) for s in (min(lows), max(highs)))
+    if force.depends_on == "time":
+        return f"film the same release again. Does it act again between {low} and {high}, where it is clearly not zero"
+    return (
+        f"trials in which the {name} is often between {low} and {high}, where the force is clearly not zero, and some in which "
+        "it is not"
+    )
+
+
+def _after_unexplained(result: Identification) -> list[str]:
+    worst = misfits(result)
+    outliers = "those that are left out are listed under *Outliers*; " if result.outliers else ""
+    steps = [f"Look at the film where the model is farthest off: {'; '.join(worst)}."] if worst else []
+    return [
+        *steps,
+        f"Check single wrong points first: {outliers}a mark on another object or in the wrong frame is worth a correction.",
+        "Then the scale: was the rule in the plane of the motion, and is its length right?",
+        "Then the clock: is the frame rate true, and are there doubled or missing frames?",
+        "Then the release: is the mark of the start on the frame in which the masses are let go?",
+        "If all of these are right, the errors that the study states may be too small, or something acts that nobody listed.",
+    ]
+
+
+def misfits(result: Identification) -> list[str]:
+    """Return where the declared model is farthest off: trial, quantity, time and size."""
+    found = []
+    for p in result.trial_figures:
+        for channel in p.channels:
+            size = np.abs(np.nan_to_num(p.residual_before[channel]))
+            i = int(np.argmax(size))
+            off = float(p.measured[channel][i] - p.before[channel][i])
+            text = (
+                f"trial {p.trial} at {number(float(p.t[channel][i]))} s ({channel} off by {quantity(abs(off), UNITS[channel])})"
+            )
+            found.append((float(size[i]), text))
+    for e in result.events:
+        label = f"trial {e.trial}, {quantity_label(e.quantity, e.index)}"
+        if e.before is None:
+            found.append((math.inf, f"{label} (does not happen in the model)"))
+        else:
+            off = abs(e.measured - e.before)
+            found.append((off / e.sigma, f"{label} (off by {quantity(off, e.unit)})"))
+    largest = sorted((f for f in found if f[0] > MIN_MISFIT), key=lambda f: -f[0])
+    return [text for _, text in largest[:WORST_MISFITS]]
+
+
+def _after_interrupted(result: Identification) -> list[str]:
+    return [
+        "Run the same command again and let it end, with a longer `--time-limit` if it had one: what is below is incomplete, "
+        "and another explanation may be better.",
+    ]
+
+
+STEPS: dict[Verdict, Callable[[Identification], list[str]]] = {
+    Verdict.NO_MISSING_EFFECT: _after_no_missing_effect,
+    Verdict.IDENTIFIED: _after_identified,
+    Verdict.AMBIGUOUS: _after_ambiguous,
+    Verdict.UNLISTED: _after_unlisted,
+    Verdict.UNEXPLAINED: _after_unexplained,
+    Verdict.INTERRUPTED: _after_interrupted,
+}
+"""Verdict -> what to do after it."""
