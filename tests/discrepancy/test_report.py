@@ -102,8 +102,8 @@ def test_no_sentence_has_test_statistics(verdict):
 
 def test_the_sentence_says_how_much_nearer_the_model_comes():
     assert made_up(Verdict.IDENTIFIED).sentence == (
-        "swing = 0.0100 +/- 0.0010 N s/m explains what the declared model misses: with it, the model comes to within 1 mm (RMS) "
-        "of the data of the held-out trial swing, instead of 3 mm."
+        "swing = 0.0100 +/- 0.0010 N s/m explains what the declared model misses: with it, the model comes to within 1 mm "
+        "(RMS) of the data of the held-out trial swing, instead of 3 mm."
     )
 
 
