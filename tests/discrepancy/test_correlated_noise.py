@@ -92,7 +92,7 @@ def test_nothing_is_missing_where_the_tracker_wanders(tmp_path, seed, library):
     assert result.verdict is Verdict.NO_MISSING_EFFECT
     assert {e.body for e in result.correlated_noise} <= {"light", "heavy"}
     assert all(2e-4 < e.amplitude < 1e-3 for e in result.correlated_noise)
-    assert "as when a tracker wanders over its mark" in result.sentence
+    assert "as when a tracker wanders over its mark" in result.notes[0]
     report = render(result)
     assert "## Errors that last longer than a frame" in report
     assert "## What these data could show" in report

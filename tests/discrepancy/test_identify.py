@@ -107,7 +107,7 @@ def test_gravity_on_earth_decides_for_the_clock(tmp_path):
     with only_candidates(("wrong_gravity", "clock_ratio", "side_stiffness")):
         result = identified(tmp_path, "frame_rate", 0, trials=["ten_a", "eight"])
     assert_named_with_its_value(result, "frame_rate")
-    assert "wrong_gravity was ruled out, as gravity on Earth is 9.764 to 9.834 m/s^2" in result.sentence
+    assert "wrong_gravity was ruled out, as gravity on Earth is 9.764 to 9.834 m/s^2" in result.notes[0]
 
 
 def test_what_cannot_be_told_apart_is_tied_and_an_experiment_is_named(ambiguous):

@@ -14,7 +14,7 @@ from tests.discrepancy.expected import DECISIVE
 
 
 def a_refit(name, delta_bic):
-    candidate = SimpleNamespace(name=name, kind="a force", companions=())
+    candidate = SimpleNamespace(unit="", name=name, kind="a force", companions=())
     screened = SimpleNamespace(candidate=candidate, score=20.0, amplitude=1.0, held_by="")
     return SimpleNamespace(
         candidate=candidate, screened=screened, delta_bic=delta_bic, within_bounds=True, value=1.0, error=0.1
@@ -27,7 +27,9 @@ def one_round(delta_bics):
     search = Search(SimpleNamespace(), 0, lambda what, share: None)
     search.refit_candidates = lambda current, share: refits
     search.judge_refits = lambda current, near, share: {
-        r.candidate.name: SimpleNamespace(names=(r.candidate.name,), failed_tests=(), held_out=SimpleNamespace(worst=1.0))
+        r.candidate.name: SimpleNamespace(
+            names=(r.candidate.name,), failed_tests=(), test_results=(), held_out=SimpleNamespace(worst=1.0)
+        )
         for r in near
     }
     search.run_round(SimpleNamespace(names=(), remaining=()), 0.0)
@@ -42,7 +44,7 @@ def test_a_candidate_is_added_if_its_delta_bic_decides(delta_bic, enough):
     assert bool(search.accepted_models) is enough
     (ranked,) = search.rounds[0].ranking
     assert ranked.passes is enough
-    assert ranked.reason == ("" if enough else "delta BIC below 10")
+    assert ranked.reason == ("" if enough else "it explains too little to be more than chance")
 
 
 @pytest.mark.parametrize(("behind", "tied"), [(0.4, True), (DECISIVE - 0.1, True), (DECISIVE + 0.1, False), (40.0, False)])

@@ -138,8 +138,8 @@ def test_nothing_is_missing_where_only_points_are_wrong(tmp_path, seed, planted,
     # What was left out is not in the errors either: the noise of two coordinates, 1 mm at rest and more where they are blurred
     assert all(e.rms_after < 2.5e-3 for e in result.errors), [e.rms_after for e in result.errors]
     total = sum(map(len, times.values()))
-    assert f"{total} of " in result.sentence
-    assert "left out" in result.sentence
+    assert f"{total} of " in " ".join(result.notes)
+    assert "left out" in " ".join(result.notes)
     assert "## Outliers" in render(result)
     assert max(o.largest_distance for o in result.outliers) == pytest.approx(0.03, abs=6e-3)  # its noise: 1 mm, blur 2 mm
     report = write(result, tmp_path / "out")
@@ -173,7 +173,7 @@ def test_no_point_of_a_clean_film_is_left_out(tmp_path):
     with only_candidates(RIVALS):
         result = identify(load(write_study(tmp_path, CLEAN, 3, trials=TWO_RATIOS)))
     assert result.outliers == ()
-    assert "left out" not in result.sentence
+    assert "left out" not in " ".join(result.notes)
     assert "## Outliers" not in render(result)
     assert "## Outliers" in render(dataclasses.replace(result, outliers=studied_outliers()))
 

@@ -19,7 +19,7 @@ from looping_pendulum.discrepancy.report import (
     visible_report,
 )
 from looping_pendulum.discrepancy.result import FitReport, Identification, IdentifiedEffect, Round, Verdict
-from looping_pendulum.pages.numbers import DISPLAY_UNITS, quantity, uncertain
+from looping_pendulum.pages.numbers import DISPLAY_UNITS, quantity, uncertain, unit_in_words
 
 HEADLINES = {
     Verdict.NO_MISSING_EFFECT: "Nothing is missing that these data could show",
@@ -40,7 +40,8 @@ def render(result: Identification, figures: Mapping[str, str] | None = None) -> 
         Path below the report's folder -> caption.
     """
     images = {path: f"![{caption}]({path})\n\n*{caption}*\n" for path, caption in (figures or {}).items()}
-    first = images.pop(f"figures/{lead_figure.NAME}", "")
+    # If nothing was tracked, the events are all that there is to see
+    first = images.pop(f"figures/{lead_figure.NAME if result.trial_figures else 'events.png'}", "")
     title, verdict, *others = before_figures(result)
     rest = "## Figures\n\n" + "\n".join(images.values()) if images else ""
     return "\n".join(s for s in [title, verdict, first, *others, rest, *after_figures(result)] if s)
@@ -88,7 +89,7 @@ def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
     head = ["effect", "kind", "acts on", "depends on", "formula", "value", "standard error", "null value", "unit"]
     rows = [
         [e.name, e.kind, e.acts_on, ", ".join(e.depends_on) or GAP, f"`{e.formula}`", number(e.value, digits=5),
-         number(e.error, digits=2), number(e.null_value), e.unit or GAP]
+         number(e.error, digits=2), number(e.null_value), unit_in_words(e.unit) or GAP]
         for e in effects
     ]  # fmt: skip
     # Not where it would say that a parameter is itself
@@ -102,6 +103,7 @@ def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
 
 def _errors(result: Identification) -> str:
     units = ", ".join(DISPLAY_UNITS[unit].name for unit in sorted({e.unit for e in result.errors}) if unit in DISPLAY_UNITS)
+    units = units or GAP
     head = ["trial", "held out?", f"RMS before [{units}]", f"RMS after [{units}]", "before [noise]", "after [noise]"]
     rows = [
         [e.trial, "yes" if e.held_out else "no", number(e.rms_before, 1e3), number(e.rms_after, 1e3),

@@ -17,7 +17,7 @@ EXAMPLES = 3
 """Effects that are named as examples of what could hide."""
 WORST_MISFITS = 3
 """Times that are named at which a model is farthest off."""
-MIN_MISFIT = 3.0
+MIN_MISFIT = 2.0
 """Smallest misfit that is named [units of noise]."""
 MIN_SEPARATION = 3.0
 """Distance of tied explanations [units of noise] below which an experiment decides nothing."""

@@ -10,7 +10,7 @@ from looping_pendulum.discrepancy.report import lead_figure, markdown
 from looping_pendulum.discrepancy.report.event_report import AXIS_LIMIT, off_by
 from looping_pendulum.discrepancy.report.plots import MAX_RANKED
 from looping_pendulum.discrepancy.report.unlisted_report import SIDES, force_unit
-from looping_pendulum.discrepancy.result import EventResidual, Identification, TrialFigure, Unlisted
+from looping_pendulum.discrepancy.result import Identification, TrialFigure, Unlisted
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.figures import DOTTED, INK, LINE, SOFT, Figure, band, escaped, horizontal, plain, points
 from looping_pendulum.pages.glossary import glossary
@@ -35,11 +35,16 @@ def render(result: Identification) -> str:
     )
 
 
+def _models(result: Identification) -> tuple[tuple[str, str, str], ...]:
+    """Return those of `MODELS` that differ."""
+    return MODELS if lead_figure.has_repair(result) else MODELS[:1]
+
+
 def first_figures(result: Identification) -> list[Figure]:
     """Return the figures that stand directly below the verdict: the motion or, if nothing was tracked, the events."""
     if result.trial_figures:
         return lead_figure.page_figures(result, {"before": BEFORE, "after": AFTER})
-    return [event_figure(result.events)] if result.events else []
+    return [event_figure(result)] if result.events else []
 
 
 def figures(result: Identification) -> list[Figure]:
@@ -47,7 +52,7 @@ def figures(result: Identification) -> list[Figure]:
     charts = [error_figure(result)] if result.errors else []
     charts += [trial_figure(picture, i) for i, picture in enumerate(result.trial_figures)]
     if result.events and result.trial_figures:  # without these it stands below the verdict
-        charts.append(event_figure(result.events))
+        charts.append(event_figure(result))
     if result.rounds and any(r.delta_bic is not None for r in result.rounds[0].ranking):
         charts.append(ranking_figure(result))
     if result.unlisted is not None:
@@ -61,7 +66,7 @@ def error_figure(result: Identification) -> Figure:
     sizes = ([e.standardised_rms_before for e in result.errors], [e.standardised_rms_after for e in result.errors])
     traces = tuple(
         {"type": "bar", "name": label, "x": names, "y": plain(values), "marker": {"color": colour}}
-        for (_, label, colour), values in zip(MODELS, sizes, strict=True)
+        for (_, label, colour), values in zip(_models(result), sizes, strict=False)
     )
     return Figure(
         id="errors",
@@ -130,11 +135,12 @@ def trial_figure(picture: TrialFigure, index: int) -> Figure:
     )
 
 
-def event_figure(events: tuple[EventResidual, ...]) -> Figure:
+def event_figure(result: Identification) -> Figure:
     """Return the residuals of every event, by trial from above."""
+    events = result.events
     names = [f"{escaped(e.trial)}{' (held out)' if e.held_out else ''}: {quantity_label(e.quantity, e.index)}" for e in events]
     traces = []
-    for side, label, colour in MODELS:
+    for side, label, colour in _models(result):
         predicted = [getattr(e, side) for e in events]
         pairs = [(e, v) for e, v in zip(events, predicted, strict=True)]
         x = [AXIS_LIMIT if v is None else max(min((e.measured - v) / e.sigma, AXIS_LIMIT), -AXIS_LIMIT) for e, v in pairs]
