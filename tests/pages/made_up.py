@@ -80,6 +80,7 @@ def identification(name: str) -> Identification:
         ties=(),
         unlisted=force,
         correlated_noise=(),
+        record_starts=(),
         smallest_visible=(),
         next_experiments=(),
         rounds=(Round(added_before=(), ranking=ranking, best=name, runner_up=name, margin=40.0),),
