@@ -206,7 +206,9 @@ class Search:
             dropped_names = {dropped.name, *(c.name for c in dropped.companions)}
             kept = [i for i, n in enumerate(best.fit.problem.names) if n not in dropped_names]
             parameters = [best.fit.problem.free_parameters[i] for i in kept]
-            fit = minimise(Problem(self.inputs.study, best.fit.problem.data, parameters), best.fit.x[kept])
+            problem = Problem(self.inputs.study, best.fit.problem.data, parameters)
+            # Without what held its phase a long swing is far from its minimum, so that it is fitted in growing windows again
+            fit = calibrate(problem, best.fit.x[kept]) if problem.is_swing else minimise(problem, best.fit.x[kept])
             remaining = tuple(s for s in self.screen_candidates(fit, others) if s.candidate is not dropped)
             current = CandidateModel(
                 fit=fit, added=others, tests=best.tests, held_out=best.held_out, screening=_returning(remaining)
