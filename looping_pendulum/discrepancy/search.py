@@ -205,7 +205,9 @@ class Search:
         dropped_names = {dropped.name, *(c.name for c in dropped.companions)}
         kept = [i for i, n in enumerate(model.fit.problem.names) if n not in dropped_names]
         parameters = [model.fit.problem.free_parameters[i] for i in kept]
-        fit = minimise(Problem(self.inputs.study, model.fit.problem.data, parameters), model.fit.x[kept])
+        problem = Problem(self.inputs.study, model.fit.problem.data, parameters)
+        # Without what held its phase a long swing is far from its minimum, so that it is fitted in growing windows again
+        fit = calibrate(problem, model.fit.x[kept]) if problem.is_swing else minimise(problem, model.fit.x[kept])
         remaining = tuple(s for s in self.screen_candidates(fit, others) if s.candidate is not dropped)
         return CandidateModel(
             fit=fit, added=others, tests=model.tests, held_out=model.held_out, screening=_returning(remaining)

@@ -45,6 +45,9 @@ TYPICAL = {
     "out_of_plane": {"push_sideways": 0.4},
     "turning_rod": {"rod_mobility": 20.0, "bearing_friction": 0.2},
     "string_stretch": {"string_compliance": 1 / 1500, "string_loss_time": 5e-4},
+    "pivot_friction": {"pivot_friction": 3e-3},
+    "pivot_damping": {"pivot_damping": 1e-3},
+    "light_inertia": {"light_inertia": 2e-5},
     "closure": {
         "closure_of_time": 1.0,
         "closure_by_constant": 1.0,
@@ -57,11 +60,17 @@ TYPICAL = {
 EACH = pytest.mark.parametrize("name", FURTHER)
 
 
+def suited(base: Parameters, name: str) -> Parameters:
+    """Return ``base`` with a release after which the effect can act."""
+    return base.replace(release="held") if FURTHER[name].needs_pivot else base
+
+
 def energy(samples: Samples) -> np.ndarray:
     """Kinetic and potential energy, with what the further effects store [J]."""
     p, s = samples.run.parameters, samples.state
     value = mechanical_energy(p, samples.light_position, samples.light_velocity, samples.heavy_position, samples.heavy_velocity)
     value = value + 0.5 * p.light_mass * s.sideways_speed**2
+    value = value + 0.5 * p.coefficients["light_inertia"] * (s.across_speed / s.free_length) ** 2
     if p.coefficients["rod_mobility"]:
         value = value + 0.5 * s.rod_speed**2 / p.coefficients["rod_mobility"]
     return value
@@ -87,9 +96,10 @@ def test_every_effect_is_described_and_has_typical_values_here():
 
 @EACH
 def test_an_effect_at_its_null_value_is_not_compiled_in(name):
-    p = SIX_TO_ONE.replace(**{c.name: c.null for c in FURTHER[name].coefficients})
-    assert p.effects == SIX_TO_ONE.effects
-    assert FURTHER[name] in SIX_TO_ONE.replace(**TYPICAL[name]).effects
+    base = suited(SIX_TO_ONE, name)
+    p = base.replace(**{c.name: c.null for c in FURTHER[name].coefficients})
+    assert p.effects == base.effects
+    assert FURTHER[name] in base.replace(**TYPICAL[name]).effects
 
 
 def test_coefficients_without_their_switch_do_nothing():
@@ -100,6 +110,7 @@ def test_coefficients_without_their_switch_do_nothing():
 @pytest.mark.parametrize("name", [name for name, effect in FURTHER.items() if not effect.switch])
 @pytest.mark.parametrize("base", [TEN_TO_ONE, TWO_TO_ONE], ids=["10:1", "2:1"])
 def test_an_effect_compiled_in_at_its_null_value_changes_nothing(base, name):
+    base = suited(base, name)
     forced = base.replace()
     forced.__dict__["effects"] = (*base.effects, FURTHER[name])
     plain, run = solve(base), solve(forced)
@@ -109,7 +120,7 @@ def test_an_effect_compiled_in_at_its_null_value_changes_nothing(base, name):
     # a swinging mass's drag is rounded off at 1 mm/s, which is 5e-10 N; at 2:1 the path multiplies errors by some 1e3
     bound = 1e-6 if name == "heavy_swing" else 1e-9
     assert apart.max() < bound
-    if base is TEN_TO_ONE:
+    if base == TEN_TO_ONE:
         # DOP853 chooses other steps where there are more entries of the state, so it agrees to its tolerance only
         exact = 1e-12 if available_integrators()[0] == "heyoka" else 1e-10
         assert apart[t < 0.35].max() < (1e-9 if name == "heavy_swing" else exact)
@@ -145,7 +156,7 @@ def both_bases(name):
 @HEYOKA
 @pytest.mark.parametrize(("name", "base", "duration"), [each for name in FURTHER for each in both_bases(name)])
 def test_two_integrators_agree(name, base, duration):
-    p = base.replace(**TYPICAL[name])
+    p = suited(base, name).replace(**TYPICAL[name])
     runs = [solve(p, duration=duration, integrator=integrator, tolerance=1e-11) for integrator in ("heyoka", "scipy")]
     assert runs[0].modes == runs[1].modes
     t = np.linspace(0, min(run.end_time for run in runs), 500)
@@ -159,7 +170,7 @@ def test_two_integrators_agree(name, base, duration):
 def test_sequence_of_modes_does_not_depend_on_the_tolerance(name, tolerance):
     # Daily at a tolerance for which another test has the equations compiled: a third costs as much as all else here.
     for base in (TEN_TO_ONE, TWO_TO_ONE):
-        p = base.replace(**TYPICAL[name])
+        p = suited(base, name).replace(**TYPICAL[name])
         assert solve(p, tolerance=tolerance).modes == solve(p).modes
 
 
@@ -171,17 +182,21 @@ DISSIPATIVE = [
     "friction_per_wrap",
     "string_on_string",
     "turning_rod",
+    "pivot_friction",
+    "pivot_damping",
 ]
 
 
 @pytest.mark.parametrize("name", DISSIPATIVE)
 @pytest.mark.parametrize("base", [TEN_TO_ONE, TWO_TO_ONE], ids=["10:1", "2:1"])
 def test_energy_never_grows(base, name):
-    run = solve(base.replace(**TYPICAL[name]))
+    run = solve(suited(base, name).replace(**TYPICAL[name]))
     assert np.diff(energy(run.sample(np.linspace(0, run.end_time, 2000)))).max() < 1e-10
 
 
-@pytest.mark.parametrize("values", [{}, *(TYPICAL[n] for n in ("string_thickness", "heavy_swing", "out_of_plane"))])
+@pytest.mark.parametrize(
+    "values", [{}, *(TYPICAL[n] for n in ("string_thickness", "heavy_swing", "out_of_plane", "light_inertia"))]
+)
 def test_energy_is_kept_by_what_only_changes_the_geometry(values):
     p = SIX_TO_ONE.replace(**WITHOUT_LOSSES, **values)
     run = solve(p, duration=0.9)
@@ -287,7 +302,7 @@ def test_forces_reach_the_engines_as_they_are(names):
 def test_only_forces_reach_the_engines_through_cartesian_force():
     p = TEN_TO_ONE.replace(light_drag=0.0, heavy_drag=0.0, string_drag=0.0)
     for name, values in TYPICAL.items():
-        actual = cartesian_force(p.replace(**values)) is not None
+        actual = cartesian_force(suited(p, name).replace(**values)) is not None
         # drag in moving or slanting air needs a drag to begin with, and then is a force all the same
         assert actual is (FURTHER[name].kind in (EffectKind.FORCE, EffectKind.CLOSURE))
 

@@ -141,3 +141,25 @@ def test_a_heavy_mass_that_swings():
     assert equal(actual.heavy_speed, u2d, solved)
     assert equal(actual.heavy_across_speed, w2d, solved)
     assert equal(actual.heavy_tilt, turning)
+
+
+def test_a_light_mass_with_a_moment_of_inertia():
+    """Lagrange's equations of a body that turns with its string, whose tension T1 pulls at the path l + R theta."""
+    inertia, speeds = sp.Symbol("I", positive=True), sp.symbols("dl dtheta")
+    place = R * normal + length * away
+    velocity = place.diff(t).subs({length.diff(t): speeds[0], theta.diff(t): speeds[1]})
+    kinetic = M1 * velocity.dot(velocity) / 2 + inertia * speeds[1] ** 2 / 2
+    first, second = light_derivatives(R)
+    laws = []
+    for coordinate, speed, path in zip((length, theta), speeds, (1, R), strict=True):
+        momentum = kinetic.diff(speed).subs(dict(zip(speeds, (length.diff(t), theta.diff(t)), strict=True)))
+        force = weight.dot(place.diff(coordinate)) - T1 * path
+        law = momentum.diff(t) - kinetic.diff(coordinate).subs(dict(zip(speeds, (length.diff(t), theta.diff(t)), strict=True)))
+        laws.append(at_instant(law - force, first, second))
+    laws += [M2 * ud - (T2 - M2 * g), T2 - T1 * sp.exp(-SLIDE * mu * th0)]
+    points = [point | {inertia: sp.Float(0.23, 30)} for point in POINTS]
+    solved = [solve(laws, [ud, wd, T1, T2], point) for point in points]
+    actual = rates(State(l0, th0, u0, w0, u0, 0), Signs(SLIDE, 1, 0, 1), values(light_inertia=inertia), "light_inertia")
+    for own, expected in ((actual.retreat_speed, ud), (actual.across_speed, wd)):
+        pairs = [(number(own, p), number(expected, p, s)) for p, s in zip(points, solved, strict=True)]
+        assert all(abs(a - b) < 1e-11 * max(1, abs(b)) for a, b in pairs)

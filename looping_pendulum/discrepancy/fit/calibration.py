@@ -7,6 +7,7 @@ the first part of the motion has one, so fits start there.
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -205,10 +206,13 @@ def _step(normal: Array, gradient: Array, free: NDArray[np.bool_], damping: floa
 def _window_shares(problem: Problem) -> tuple[float, ...]:
     """Return the parts of the longest trial that are fitted before the whole.
 
-    For a long channel they begin with `FIRST_WINDOW_POINTS` and double up to those of `WINDOW_SHARES`.
+    For a long channel they begin with `FIRST_WINDOW_POINTS` and double up to those of `WINDOW_SHARES`; for swings, whose fits
+    cost in proportion to the time, up to the whole.
     """
     longest = max((len(c) for d in problem.data for c in d.channels), default=0)
     early, share = [], FIRST_WINDOW_POINTS / max(longest, 1)
+    if problem.is_swing:
+        return tuple(share * 2**i for i in range(max(0, math.ceil(math.log2(1 / share)))))
     while share < WINDOW_SHARES[0]:
         early.append(share)
         share *= 2

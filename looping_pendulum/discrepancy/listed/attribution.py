@@ -89,18 +89,16 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
     fits = []
     # Half of the decrease that the score predicts is enough: the prediction is linear, and the model is not
     predicted_cost = base.cost - 0.5 * screened.score**2
-    # If the first fit stays above the cost that screening predicts, a second start is tried
-    starts = [(base.problem.prior_mean, amplitude), (base.x, amplitude)]
+    # If the first fit stays above the cost that screening predicts, a second start is tried. So near a minimum as the base fit's
+    # values are, no growing windows of time are needed.
+    starts = [(calibrate, base.problem.prior_mean, amplitude), (minimise, base.x, amplitude)]
     if base.problem.is_swing:
         # The amplitude alone, before the other parameters follow it, would put a long swing out of phase
-        starts = [(base.x, 0.0), (base.x, amplitude)]
-    for start, value in starts:
+        starts = [(minimise, base.x, 0.0), (minimise, base.x, amplitude)]
+    for fit_from, start, value in starts:
         try:
             x = np.concatenate([start, [value], np.zeros(len(screened.companions))])
-            if start is base.problem.prior_mean:
-                fits.append(calibrate(problem, x, max_iterations=MAX_ITERATIONS))
-            else:  # so near a minimum, no growing windows of time are needed
-                fits.append(minimise(problem, x, max_iterations=MAX_ITERATIONS))
+            fits.append(fit_from(problem, x, max_iterations=MAX_ITERATIONS))
         except FitError:
             continue
         # The decrease is large enough, or the predicted one too small for another start to matter

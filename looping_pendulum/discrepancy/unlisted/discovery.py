@@ -43,7 +43,7 @@ DERIVATIVE_STEP = 1e-3
 """Weight [N] of the difference quotients: the sensitivity to a weight is the prediction's change by it, over it."""
 MIN_SPACING = 1e-4
 """Spacing of basis functions [SI] below which a coordinate counts as constant, and is not tried."""
-MAX_SWING_ITERATIONS = 5
+MAX_SWING_ITERATIONS = 3
 """Largest number of iterations of a closure's fit to a long swing."""
 MAX_REFITS = 4
 """Closures that are refitted to the trajectories, the best of the screening."""
@@ -307,7 +307,7 @@ def _refit_to_noise(problem: Problem, start: Array) -> Fit:
     return with_noise_of_residuals(minimise(problem, start, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=12))
 
 
-def _refit_swing(problem: Problem, start: Array, base: Fit) -> Fit:
+def _refit_swing(problem: Problem, base: Fit) -> Fit:
     """Do the same for a long swing, whose every run takes a hundred times as long, and whose phase a weight moves far.
 
     Raises
@@ -315,9 +315,8 @@ def _refit_swing(problem: Problem, start: Array, base: Fit) -> Fit:
     FitError
         If the closure explains no more than no closure.
     """
-    at_start = problem.residuals(start)
-    if at_start is None or float(at_start @ at_start) > base.cost:  # the linear prediction is wrong, so begin without a force
-        start = np.append(base.x, np.zeros(len(start) - len(base.x)))
+    # Without a force, so that the phase holds
+    start = np.append(base.x, np.zeros(len(problem.names) - len(base.x)))
     fit = minimise(problem, start, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=MAX_SWING_ITERATIONS)
     if fit.cost >= base.cost:
         raise FitError("no force explains more than none")
@@ -333,7 +332,7 @@ def _refit(
     # The ridge is the scale of the weights in this problem, so that their prior has unit variance
     start = np.append(base.x, screened.weights / screened.ridge)
     try:
-        fit = _refit_swing(problem, start, base) if base.problem.is_swing else _refit_to_noise(problem, start)
+        fit = _refit_swing(problem, base) if base.problem.is_swing else _refit_to_noise(problem, start)
     except FitError:
         return None
     return RecoveredForce(

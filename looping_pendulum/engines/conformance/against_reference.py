@@ -27,7 +27,7 @@ from looping_pendulum.engines.studies import Ladder
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.geometry import Array
-from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve_at
 
 TOLERANCE = 1e-10
@@ -182,6 +182,9 @@ SLIDING_FRICTION: Mapping[str, float] = {"kinetic_friction": 0.2}
 SECOND_TURN = LOSSLESS.replace(heavy_mass=0.04, release_angle=math.radians(60), kinetic_friction=0.05)
 """The string lies on itself from 0.334 s on, and slides there."""
 
+HELD = LOSSLESS.replace(release=Release.HELD, release_angle=math.radians(90))
+"""A pendulum that is let go where its string is horizontal, so that the pivot's friction never holds it."""
+
 EFFECT_CASES: dict[str, EffectCase] = {
     "light_drag": EffectCase(coefficients={"light_drag": 0.5}),
     "heavy_drag": EffectCase(coefficients={"heavy_drag": 1.0}),
@@ -206,6 +209,9 @@ EFFECT_CASES: dict[str, EffectCase] = {
     "heavy_swing": EffectCase(coefficients={"heavy_swing": 0.5}, duration=0.1),
     "out_of_plane": EffectCase(coefficients={"push_sideways": 2.0}, duration=0.1),
     "turning_rod": EffectCase(coefficients={"rod_mobility": 1e3}, common_coefficients=SLIDING_FRICTION, duration=0.1),
+    "pivot_friction": EffectCase(coefficients={"pivot_friction": 0.02}, base=HELD),
+    "pivot_damping": EffectCase(coefficients={"pivot_damping": 0.02}, base=HELD),
+    "light_inertia": EffectCase(coefficients={"light_inertia": 2e-3}, duration=0.1),
     "string_stretch": EffectCase(coefficients={"string_compliance": 0.01, "string_loss_time": 0.005}, duration=0.1),
 }
 """Effect -> its case.

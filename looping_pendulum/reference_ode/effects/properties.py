@@ -37,8 +37,7 @@ def _turning_inertia(k: Kinematics, p: SimpleNamespace) -> Any:
 def _force_of_turning(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, Any]:
     """Return the force that stands for the moment of inertia beside its share of the mass across, (along, across) [N].
 
-    With theta' = w / l, M1 (w' + u theta') l + I theta'' = F l reads
-    (M1 + I / l^2) (w' + u theta') = F + I / l^2 theta' (l' + u).
+    With theta' = w / l, M1 (w' + u theta') l + I theta'' = F l is (M1 + I / l^2) (w' + u theta') = F + I / l^2 theta' (l' + u).
     """
     turning = k.across_speed / k.free_length
     return 0.0, _turning_inertia(k, p) * turning * (2.0 * k.retreat_speed - p.rod_radius * turning)
