@@ -17,6 +17,7 @@ import numpy as np
 
 from benchmarks import calibration, engine_overhead, identify, pages, rivals
 from benchmarks.plain_scipy import plain_run
+from benchmarks.rival_methods import METHODS
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.reference_ode.solve import available_integrators, solve_at
 from looping_pendulum.scenarios import load
@@ -97,6 +98,9 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=1_000_000, help="runs of the map in `--only maps`")
     parser.add_argument("--repeats", type=int, default=15)
     calibration.add_options(parser)
+    parser.add_argument(
+        "--method", action="append", choices=list(METHODS), help="in `--only rivals`, only this one; repeatable"
+    )
     options = parser.parse_args()
     if options.only in (None, "reference"):
         reference(options.repeats)

@@ -24,8 +24,10 @@ MAX_EVALUATIONS = 1500
 """Runs of all trials that the fit of all candidates may take; more than it takes to converge in most studies."""
 IMPOSSIBLE_RESIDUAL = 1e3
 """Standardised residual of a model that cannot run."""
-MAX_FORWARD_EFFECTS = 5
-MAX_FORWARD_REFITS = 6
+MAX_FORWARD_EFFECTS = 3
+"""Largest number of effects that forward selection adds, as many as `search.MAX_EFFECTS`."""
+MAX_FORWARD_REFITS = 4
+"""Candidates with the best scores that it refits before each addition: each refit costs a compilation."""
 MAX_GAUSSIAN_PROCESS_POINTS = 400
 """Points of one coordinate, all trials together; a Gaussian process takes time in proportion to their cube."""
 
@@ -108,23 +110,23 @@ def gaussian_process(inputs: Inputs) -> Rival:
     """Add a Gaussian process to the calibrated model's prediction (Kennedy and O'Hagan, 2001), one for each coordinate.
 
     Its inputs are time, mass ratio and release angle; the noise is that of the points. It names no effect. It says that the
-    declared model is not enough if its marginal likelihood, less half of log(n) for each of its four parameters, is larger than
-    that of noise alone. Held-out data are predicted by its mean.
+    declared model is not enough if its marginal likelihood for one coordinate, less half of log(n) for each of its four
+    parameters, is larger than that of noise alone. Held-out data are predicted by its mean.
     """
     base = _declared_fit(inputs)
     held_out = check_held_out(base, inputs.held_out).fits
-    gain, squares, count = 0.0, 0.0, 0
+    departs, squares, count = False, 0.0, 0
     channels = sorted({name for d in base.problem.data for name in d.slices})
     for name in channels:
         train = [_residuals(base, k, name) for k in range(len(base.problem.data))]
-        process, delta = _fit_process(np.concatenate([i for i, _ in train]), np.concatenate([r for _, r in train]))
-        gain += delta
+        process, gain = _fit_process(np.concatenate([i for i, _ in train]), np.concatenate([r for _, r in train]))
+        departs |= gain > 0
         for fit in held_out:
             where, residual = _residuals(fit, 0, name)
             if len(residual):
                 squares += float(np.sum((residual - process(where)) ** 2))
                 count += len(residual)
-    return Rival(names=(), departs=gain > 0, held_out_error=math.sqrt(squares / count) if count else None)
+    return Rival(names=(), departs=departs, held_out_error=math.sqrt(squares / count) if count else None)
 
 
 def _residuals(fit: Fit, k: int, channel: str) -> tuple[Array, Array]:

@@ -51,9 +51,10 @@ def benchmark(options: argparse.Namespace) -> None:
     studies = [s for s in calibration.drawn_studies(options) if s.trials > 1]
     folder = calibration.work_folder(options)
     machine = {"jobs": options.jobs, "cluster": options.cluster}
-    runnable = [name for name, m in METHODS.items() if not m.package or find_spec(m.package)]
+    installed = [name for name, m in METHODS.items() if not m.package or find_spec(m.package)]
+    runnable = [name for name in installed if name in (options.method or METHODS)]
     not_run = NOT_RUN | {
-        m.title: f"{m.package} is not installed: `pip install 'looping-pendulum[benchmark]'`"
+        m.title: "not asked for" if name in installed else f"{m.package} is missing: pip install 'looping-pendulum[benchmark]'"
         for name, m in METHODS.items()
         if name not in runnable
     }
