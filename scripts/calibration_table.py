@@ -38,7 +38,7 @@ def without_rates(text: str) -> str:
 def block(rates: dict[str, Any]) -> str:
     """Return the sentence and the tables of one set of studies."""
     s = rates["summary"]
-    few = "" if s["studies"] >= PLANNED else f" of {PLANNED} that are planned, too few for more than a rough idea of the rates"
+    few = "" if s["studies"] >= PLANNED else f" of {PLANNED} that are planned: too few for rates, as the intervals say"
     seconds = s["cpu_seconds"]
     rows = [
         *(_clean_row(kind, s["clean"][kind]) for kind in ("white", "wander", "outliers")),
@@ -54,9 +54,9 @@ def block(rates: dict[str, Any]) -> str:
         f"| {1e3 * float(size):g} mm | {share(row['named'])} | {share(row['named_or_tied'])} | {share(row['wrong'])} |"
         for size, row in sizes
     ]
-    return f"""So far {s["studies"]} studies{few} (`{rates["command"]}`, {rates["measured_on"]}). An identification
-took {amount(seconds["0.5"])} s of CPU time in the median, {amount(seconds["largest"])} s at most. Intervals are of 95 %,
-by Clopper and Pearson.
+    return f"""So far {s["studies"]} studies{few}
+(`{rates["command"]}`, {rates["measured_on"]}). An identification took {amount(seconds["0.5"])} s of CPU time in the median, {amount(seconds["largest"])} s at most.
+Intervals are of 95 %, by Clopper and Pearson.
 
 | what | share |
 |---|---|
@@ -81,7 +81,7 @@ def _clean_row(kind: str, row: dict[str, Any]) -> str:
 
 def _named(shares: dict[str, Any]) -> str:
     right, tied = shares["right"], shares["tied"]
-    return f"{right['count']} and {tied['count']} of {right['of']}"
+    return f"{right['count']} named, {tied['count']} tied, of {right['of']}" if right["of"] else "-"
 
 
 def share(numbers: dict[str, Any]) -> str:
