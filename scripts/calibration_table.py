@@ -39,7 +39,7 @@ def block(rates: dict[str, Any]) -> str:
     """Return the sentence and the tables of one set of studies."""
     s = rates["summary"]
     few = "" if s["studies"] >= PLANNED else f" of {PLANNED} that are planned: too few for rates, as the intervals say"
-    seconds = s["cpu_seconds"]
+    median, largest = (amount(s["cpu_seconds"][key]) for key in ("0.5", "largest"))
     rows = [
         *(_clean_row(kind, s["clean"][kind]) for kind in ("white", "wander", "outliers")),
         f"| one effect: another one is named instead | {share(s['single']['all']['wrong'])} |",
@@ -55,8 +55,8 @@ def block(rates: dict[str, Any]) -> str:
         for size, row in sizes
     ]
     return f"""So far {s["studies"]} studies{few}
-(`{rates["command"]}`, {rates["measured_on"]}). An identification took {amount(seconds["0.5"])} s of CPU time in the median, {amount(seconds["largest"])} s at most.
-Intervals are of 95 %, by Clopper and Pearson.
+(`{rates["command"]}`, {rates["measured_on"]}). An identification took {median} s of CPU time in the median,
+{largest} s at most. Intervals are of 95 %, by Clopper and Pearson.
 
 | what | share |
 |---|---|
