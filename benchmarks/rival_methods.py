@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate
+from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs
@@ -85,9 +85,9 @@ def all_free(inputs: Inputs) -> Rival:
         if name in {c.name for c in inputs.library} and error and abs(x[i]) > MIN_ERRORS * error:
             names.append(name)
     residuals = problem.residuals(x)
-    held_out = None
-    if residuals is not None:
-        held_out = _held_out_error(Fit(problem=problem, x=x, residuals=residuals, iterations=result.nfev), inputs)
+    if residuals is None:
+        raise FitError("the model with all candidates cannot run where lmfit ended")
+    held_out = _held_out_error(Fit(problem=problem, x=x, residuals=residuals, iterations=result.nfev), inputs)
     return Rival(names=tuple(sorted(names)), departs=bool(names), held_out_error=held_out)
 
 
@@ -170,7 +170,7 @@ def sindy(inputs: Inputs) -> Rival:
     for d in inputs.training:
         if {"light_x", "light_y"} <= set(d.slices):
             parameters = inputs.study.parameters({}, d.trial)
-            terms, across = _terms_across(d, parameters.rod_radius, parameters.gravity)
+            terms, across = _terms_across(d, parameters.rod_radius, parameters.coefficients["gravity"])
             rows.append(terms)
             targets.append(across)
     if not rows:
