@@ -15,8 +15,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks import engine_overhead, identify, pages
+from benchmarks import calibration, engine_overhead, identify, pages, rivals
 from benchmarks.plain_scipy import plain_run
+from benchmarks.rival_methods import METHODS
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.reference_ode.solve import available_integrators, solve_at
 from looping_pendulum.scenarios import load
@@ -89,9 +90,17 @@ def quick_comparison() -> None:
 def main() -> None:
     """Run the benchmarks that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", choices=["reference", "command-line", "comparison", "identify", "overhead", "pages", "maps"])
+    parser.add_argument(
+        "--only",
+        choices=["reference", "command-line", "comparison", "identify", "overhead", "pages", "maps", "calibration", "rivals"],
+        help="calibration and rivals take hours, so they run only if they are named",
+    )
     parser.add_argument("--runs", type=int, default=1_000_000, help="runs of the map in `--only maps`")
     parser.add_argument("--repeats", type=int, default=15)
+    calibration.add_options(parser)
+    parser.add_argument(
+        "--method", action="append", choices=list(METHODS), help="in `--only rivals`, only this one; repeatable"
+    )
     options = parser.parse_args()
     if options.only in (None, "reference"):
         reference(options.repeats)
@@ -109,6 +118,10 @@ def main() -> None:
         maps.benchmark(min(options.repeats, 3), options.runs)
     if options.only in (None, "pages"):
         pages.benchmark()
+    if options.only == "calibration":
+        calibration.benchmark(options)
+    if options.only == "rivals":
+        rivals.benchmark(options)
 
 
 if __name__ == "__main__":

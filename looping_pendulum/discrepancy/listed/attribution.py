@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,9 +89,12 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
     fits = []
     # Half of the decrease that the score predicts is enough: the prediction is linear, and the model is not
     predicted_cost = base.cost - 0.5 * screened.score**2
-    # If the first fit stays above the cost that screening predicts, a second start is tried. So near a minimum as the base fit's
-    # values are, no growing windows of time are needed.
-    starts = [(calibrate, base.problem.prior_mean, amplitude), (minimise, base.x, amplitude)]
+    # If the first fit stays above the cost that screening predicts, a second start is tried. So near a minimum as the base
+    # fit's values are, no growing windows of time are needed.
+    starts: list[tuple[Callable[..., Fit], Array, float]] = [
+        (calibrate, base.problem.prior_mean, amplitude),
+        (minimise, base.x, amplitude),
+    ]
     if base.problem.is_swing:
         # The amplitude alone, before the other parameters follow it, would put a long swing out of phase
         starts = [(minimise, base.x, 0.0), (minimise, base.x, amplitude)]

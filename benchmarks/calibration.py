@@ -1,0 +1,202 @@
+"""Measure how reliable `identify` is, on blind studies of the separate simulator: `python -m benchmarks --only calibration`.
+
+Every finished study is kept as a file of its own in the work folder; the same command goes on from there. A changed program
+needs a new folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import json
+import platform
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from benchmarks.blind_sample import DEFAULT_COUNTS, KINDS, BlindStudy, draw, planted_values, write_files
+from benchmarks.calibration_summary import print_summary, summary
+from benchmarks.resumable import Outcome, run
+from looping_pendulum.discrepancy.data.study import Study
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.fit.calibration import calibrate
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
+from looping_pendulum.discrepancy.identify import identify
+from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.result import Identification, IdentifiedEffect, Verdict
+from looping_pendulum.discrepancy.search import Search
+from looping_pendulum.errors import HarnessError
+from looping_pendulum.files import write_atomically
+from looping_pendulum.versions import MISSING, installed_version
+
+RESULT = Path(__file__).parents[1] / "docs" / "data" / "calibration.json"
+NORMAL_95 = 1.96
+"""Standard errors that contain 95 % of a normal distribution, on either side."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the benchmarks on blind studies."""
+    group = parser.add_argument_group("blind studies (--only calibration, rivals)")
+    for kind in KINDS:
+        group.add_argument(f"--{kind}", type=int, default=DEFAULT_COUNTS[kind], help=f"{kind} studies (%(default)s)")
+    group.add_argument("--share", type=float, default=1.0, help="share of these numbers, such as 0.1")
+    group.add_argument("--set", choices=("thresholds", "rates"), default="rates", help="which seeds")
+    group.add_argument("--seed", type=int, default=0, help="further seed")
+    group.add_argument("--work", type=Path, help="folder in which finished studies are kept")
+    group.add_argument("--jobs", type=int, default=1, help="processes")
+    group.add_argument("--cluster", help="address of a Dask scheduler, in place of --jobs")
+
+
+def drawn_studies(options: argparse.Namespace) -> list[BlindStudy]:
+    """Return the studies that the options ask for."""
+    counts = {kind: round(getattr(options, kind) * options.share) for kind in KINDS}
+    return [study for kind, count in counts.items() for study in draw(options.set, kind, count, options.seed)]
+
+
+def work_folder(options: argparse.Namespace) -> Path:
+    """Return the folder in which finished studies are kept; ends the program with a line if there is none."""
+    if options.work is None:
+        sys.exit("--work: found no folder, needed one that keeps finished studies; write for example --work calibration_runs")
+    if not 0 < options.share or options.jobs < 1:
+        sys.exit("--share, --jobs: found a number that is not positive, needed for example --share 0.1 --jobs 2")
+    return Path(options.work)
+
+
+def benchmark(options: argparse.Namespace) -> None:
+    """Run the studies, print the summary and store it under the set's name in `RESULT`."""
+    studies, folder = drawn_studies(options), work_folder(options)
+    outcomes, interrupted = run(
+        studies, solve, folder, jobs=options.jobs, cluster=options.cluster, title=f"calibration, {options.set}"
+    )
+    result = summary([(study, outcomes[study.name]) for study in studies if study.name in outcomes])
+    print_summary(options.set, result)
+    if interrupted:
+        sys.exit(130)
+    store(RESULT, options.set, provenance(options, "calibration") | {"summary": result})
+
+
+def store(file: Path, key: str, block: dict[str, Any]) -> None:
+    """Store a block of results, beside those that the file has under other keys."""
+    tree = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    tree[key] = block
+    write_atomically(file, json.dumps(rounded(dict(sorted(tree.items()))), indent=1) + "\n")
+    print(f"wrote {file}")
+
+
+def rounded(tree: Any) -> Any:
+    """Return ``tree`` with floats rounded to four significant digits, more than pages print."""
+    if isinstance(tree, dict):
+        return {key: rounded(value) for key, value in tree.items()}
+    if isinstance(tree, list | tuple):
+        return [rounded(value) for value in tree]
+    return float(f"{tree:.4g}") if isinstance(tree, float) else tree
+
+
+def provenance(options: argparse.Namespace, name: str) -> dict[str, Any]:
+    """Return the command, the day and the versions of a measurement."""
+    counts = [f" --{kind} {getattr(options, kind)}" for kind in KINDS if getattr(options, kind) != DEFAULT_COUNTS[kind]]
+    versions = {p: installed_version(p) for p in ("looping-pendulum", "numpy", "scipy", "heyoka", "lmfit", "scikit-learn")}
+    return {
+        "command": f"python -m benchmarks --only {name} --set {options.set} --share {options.share:g}{''.join(counts)}",
+        "seed": options.seed,
+        "measured_on": datetime.date.today().isoformat(),
+        "machine": platform.machine(),
+        "versions": {"python": platform.python_version()} | {p: v for p, v in versions.items() if v != MISSING},
+    }
+
+
+def solve(study: BlindStudy) -> tuple[str, Outcome]:
+    """Make a study, identify what is missing, and return its name and the outcome.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If Ctrl-C ended the search, so that half an outcome is not kept.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            path = write_files(study, Path(folder))
+        except ValueError as error:  # no value of the hidden number gives the size
+            return study.name, {"unreachable": str(error)}
+        loaded = load(path)
+        started = time.process_time()
+        try:
+            result = identify(loaded, workers=1)
+        except HarnessError as error:
+            return study.name, {"failed": str(error), "cpu_seconds": time.process_time() - started}
+        if result.verdict is Verdict.INTERRUPTED:
+            raise KeyboardInterrupt
+        outcome = outcome_of(result, planted_values(study), study.kind)
+        outcome["cpu_seconds"] = time.process_time() - started
+        if study.kind == "clean" and study.noise_kind != "wander":
+            outcome["statistics"] = statistics_of_tests(loaded)
+    return study.name, outcome
+
+
+def outcome_of(result: Identification, planted: dict[str, float], kind: str) -> Outcome:
+    """Return what an identification says, beside what was planted."""
+    explanations = result.ties or ((result.effects,) if result.effects else ())
+    right = next((tie for tie in explanations if {e.name for e in tie} == set(planted)), ())
+    held_out = [e.standardised_rms_after for e in result.errors if e.held_out]
+    return {
+        "verdict": result.verdict.value,
+        "names": list(result.names),
+        "ties": [[e.name for e in tie] for tie in result.ties],
+        "judgement": judgement(result.verdict, [{e.name for e in tie} for tie in explanations], set(planted), kind),
+        "planted": planted,
+        "estimates": [_estimate(effect, planted[effect.name]) for effect in right],
+        "held_out_error": max(held_out),
+        "correlated_noise": bool(result.correlated_noise),
+    }
+
+
+def judgement(verdict: Verdict, explanations: list[set[str]], planted: set[str], kind: str) -> str:
+    """Return "right", "tied", "part" (one of two effects), "wrong" or "none" (nothing is named).
+
+    Of clean studies only the verdict that nothing is missing is right. Of unlisted forces only that verdict is.
+    """
+    if kind == "unlisted":
+        return "right" if verdict is Verdict.UNLISTED else "wrong" if explanations else "none"
+    if verdict is Verdict.UNLISTED:
+        return "wrong"
+    if not explanations:
+        return "right" if kind == "clean" and verdict is Verdict.NO_MISSING_EFFECT else "none"
+    if planted and planted in explanations:
+        return "right" if len(explanations) == 1 else "tied"
+    return "part" if any(names < planted for names in explanations) else "wrong"
+
+
+def _estimate(effect: IdentifiedEffect, planted: float) -> dict[str, Any]:
+    return {
+        "name": effect.name,
+        "value": effect.value,
+        "error": effect.error,
+        "planted": planted,
+        "within": abs(effect.value - planted) <= NORMAL_95 * effect.error,
+    }
+
+
+def statistics_of_tests(study: Study) -> dict[str, float]:
+    """Return the statistics of the declared model's tests, each as far from noise as any group or candidate has it.
+
+    Clean studies are not searched once they pass, so the delta BIC of the candidates with the best scores is fitted here.
+    """
+    inputs = read_inputs(study)
+    problem = Problem(inputs.study, inputs.training, inputs.free_parameters)
+    search = Search(inputs, 0, lambda what, share: None)
+    search.declared_model = model = search.judge(refit_with_estimated_noise(calibrate(problem)), ())
+    refits = search.refit_candidates(model, 0.0)
+    groups = model.tests.groups
+    return {
+        "chi2_per_dof": model.tests.chi2_per_dof,
+        "lag1_z": max(g.lag1 for g in groups),
+        "ljung_box_p": min(g.ljung_box for g in groups),
+        "runs_z": min(g.runs for g in groups),
+        "score": abs(model.remaining[0].score) if model.remaining else 0.0,
+        "held_out_chi2": model.held_out.worst,
+        "delta_bic": max((r.delta_bic for r in refits), default=0.0),
+        "values": float(problem.count),
+    }

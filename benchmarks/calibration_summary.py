@@ -1,0 +1,172 @@
+"""Summarise the outcomes of blind studies: rates with their intervals, power, coverage, and quantiles."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+from benchmarks.blind_sample import NOISE_KINDS, BlindStudy
+from benchmarks.resumable import Outcome
+
+CONFIDENCE = 0.95
+NAMED = ("right", "tied")
+JUDGEMENTS = ("right", "tied", "part", "wrong", "none")
+TIME_QUANTILES = (0.5, 0.9, 0.99)
+STATISTIC_QUANTILES = (0.5, 0.95, 0.99)
+SMALL_IS_EXTREME = ("ljung_box_p", "runs_z")
+"""Statistics of which the smallest values speak against noise."""
+
+Pair = tuple[BlindStudy, Outcome]
+
+
+def proportion(count: int, of: int) -> dict[str, Any]:
+    """Return a share with its two-sided 95 % interval by Clopper and Pearson; None for both if there are no studies."""
+    if not of:
+        return {"count": 0, "of": 0, "share": None, "interval": None}
+    interval = binomtest(count, of).proportion_ci(CONFIDENCE, method="exact")
+    return {"count": count, "of": of, "share": count / of, "interval": [float(interval.low), float(interval.high)]}
+
+
+def with_upper_bound(count: int, of: int) -> dict[str, Any]:
+    """Return a share with its one-sided 95 % upper bound by Clopper and Pearson: 1 - 0.05^(1/n) for none of n."""
+    if not of:
+        return {"count": 0, "of": 0, "share": None, "upper_bound": None}
+    bound = binomtest(count, of, alternative="less").proportion_ci(CONFIDENCE, method="exact").high
+    return {"count": count, "of": of, "share": count / of, "upper_bound": float(bound)}
+
+
+def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
+    """Return the summary of all studies as plain data."""
+    judged = [(study, outcome) for study, outcome in pairs if "judgement" in outcome]
+    of_kind = {kind: [p for p in judged if p[0].kind == kind] for kind in ("clean", "single", "two", "unlisted")}
+    return {
+        "studies": len(judged),
+        "unreachable": sum("unreachable" in outcome for _, outcome in pairs),
+        "failed": sum("failed" in outcome for _, outcome in pairs),
+        "clean": _clean(of_kind["clean"]),
+        "single": _single(of_kind["single"]),
+        "coverage": _coverage(judged),
+        "two": _shares(of_kind["two"]),
+        "unlisted": _shares(of_kind["unlisted"]),
+        "held_out_error_of_named": _quantiles(
+            [o["held_out_error"] for s, o in judged if s.kind != "clean" and o["judgement"] in NAMED], TIME_QUANTILES
+        ),
+        "cpu_seconds": _quantiles([o["cpu_seconds"] for _, o in judged], TIME_QUANTILES),
+        "statistics": _statistics([o["statistics"] for _, o in of_kind["clean"] if "statistics" in o]),
+    }
+
+
+def _clean(pairs: Sequence[Pair]) -> dict[str, Any]:
+    """Return false additions and unexplained studies, of all clean ones and by kind of noise."""
+    groups = {"all": list(pairs)} | {kind: [p for p in pairs if p[0].noise_kind == kind] for kind in NOISE_KINDS}
+    return {
+        name: {
+            "false_additions": with_upper_bound(_count(group, "wrong"), len(group)),
+            "unexplained": proportion(_count(group, "none"), len(group)),
+        }
+        for name, group in groups.items()
+    }
+
+
+def _single(pairs: Sequence[Pair]) -> dict[str, Any]:
+    return {
+        "all": _shares(pairs),
+        "by_size": _power(pairs, lambda s: f"{s.size:g}"),
+        "by_noise": _power(pairs, lambda s: f"{s.noise:g}"),
+        "by_trials": _power(pairs, lambda s: str(s.trials)),
+        "by_effect": {
+            name: _power(group, lambda s: f"{s.size:g}") for name, group in _grouped(pairs, lambda s: s.hidden[0]).items()
+        },
+    }
+
+
+def _power(pairs: Sequence[Pair], key: Callable[[BlindStudy], str]) -> dict[str, Any]:
+    """Return the share of studies whose effect is named or tied, and wrong names, for each value of ``key``."""
+    return {
+        value: {
+            "named_or_tied": proportion(sum(_count(group, j) for j in NAMED), len(group)),
+            "named": proportion(_count(group, "right"), len(group)),
+            "wrong": proportion(_count(group, "wrong"), len(group)),
+        }
+        for value, group in _grouped(pairs, key).items()
+    }
+
+
+def _shares(pairs: Sequence[Pair]) -> dict[str, Any]:
+    return {judgement: proportion(_count(pairs, judgement), len(pairs)) for judgement in JUDGEMENTS}
+
+
+def _coverage(pairs: Iterable[Pair]) -> dict[str, Any]:
+    """Return how often the planted value is within 1.96 stated errors, of all effects that are named or tied."""
+    within = [estimate["within"] for _, outcome in pairs for estimate in outcome["estimates"]]
+    return proportion(sum(within), len(within))
+
+
+def _statistics(rows: Sequence[dict[str, float]]) -> dict[str, Any]:
+    """Return quantiles and the extreme of each test statistic of clean studies; quantiles count towards the extreme."""
+    result = {}
+    for name in rows[0] if rows else ():
+        values = np.array([row[name] for row in rows])
+        small = name in SMALL_IS_EXTREME
+        result[name] = {
+            **{f"{q:g}": float(np.quantile(values, 1 - q if small else q)) for q in STATISTIC_QUANTILES},
+            "extreme": float(values.min() if small else values.max()),
+            "of": len(values),
+        }
+    return result
+
+
+def _quantiles(values: Sequence[float], quantiles: Sequence[float]) -> dict[str, float]:
+    if not values:
+        return {}
+    return {f"{q:g}": float(np.quantile(values, q)) for q in quantiles} | {"largest": float(max(values))}
+
+
+def _count(pairs: Iterable[Pair], judgement: str) -> int:
+    return sum(outcome["judgement"] == judgement for _, outcome in pairs)
+
+
+def _grouped(pairs: Iterable[Pair], key: Callable[[BlindStudy], str]) -> dict[str, list[Pair]]:
+    groups: dict[str, list[Pair]] = defaultdict(list)
+    for pair in pairs:
+        groups[key(pair[0])].append(pair)
+    return dict(sorted(groups.items()))
+
+
+def in_words(share: dict[str, Any]) -> str:
+    """Return a share as "3 of 10, 7 to 65 %"; a dash if there are no studies."""
+    if not share["of"]:
+        return "-"
+    if "upper_bound" in share:
+        return f"{share['count']} of {share['of']}, below {100 * share['upper_bound']:.1f} %"
+    low, high = share["interval"]
+    return f"{share['count']} of {share['of']}, {100 * low:.0f} to {100 * high:.0f} %"
+
+
+def print_summary(title: str, result: dict[str, Any]) -> None:
+    """Print the main numbers as a table."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=f"{title}: {result['studies']} studies (95 % intervals)")
+    table.add_column("what")
+    table.add_column("measured", justify="right")
+    for kind, numbers in result["clean"].items():
+        table.add_row(f"clean, {kind}: effects added", in_words(numbers["false_additions"]))
+        table.add_row(f"clean, {kind}: unexplained", in_words(numbers["unexplained"]))
+    for size, numbers in sorted(result["single"]["by_size"].items(), key=lambda item: float(item[0])):
+        table.add_row(f"effect of {1e3 * float(size):g} mm: named or tied", in_words(numbers["named_or_tied"]))
+    table.add_row("single effects: wrong", in_words(result["single"]["all"]["wrong"]))
+    table.add_row("planted value within 1.96 errors", in_words(result["coverage"]))
+    for kind in ("two", "unlisted"):
+        for judgement, share in result[kind].items():
+            table.add_row(f"{kind}: {judgement}", in_words(share))
+    for name, seconds in result["cpu_seconds"].items():
+        table.add_row(f"CPU seconds, {'largest' if name == 'largest' else 'quantile ' + name}", f"{seconds:.1f}")
+    for name in ("unreachable", "failed"):
+        table.add_row(f"{name} studies, left out", str(result[name]))
+    Console().print(table)

@@ -1,0 +1,241 @@
+"""Other ways to say what a declared model lacks: one function each, from a study's data to the names of effects."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate
+from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
+from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
+from looping_pendulum.discrepancy.inputs import Inputs
+from looping_pendulum.discrepancy.listed.attribution import check_held_out, refit
+from looping_pendulum.discrepancy.listed.screening import screen
+
+Array = NDArray[np.float64]
+
+MIN_ERRORS = 3.0
+"""Standard errors from its null value beyond which a parameter of the fit of all candidates counts as an effect."""
+MAX_EVALUATIONS = 1500
+"""Runs of all trials that the fit of all candidates may take; more than it takes to converge in most studies."""
+IMPOSSIBLE_RESIDUAL = 1e3
+"""Standardised residual of a model that cannot run."""
+MAX_FORWARD_EFFECTS = 3
+"""Largest number of effects that forward selection adds, as many as `search.MAX_EFFECTS`."""
+MAX_FORWARD_REFITS = 4
+"""Candidates with the best scores that it refits before each addition: each refit costs a compilation."""
+MAX_GAUSSIAN_PROCESS_POINTS = 400
+"""Points of one coordinate, all trials together; a Gaussian process takes time in proportion to their cube."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rival:
+    """What a method says about a study."""
+
+    names: tuple[str, ...]
+    """Effects that it names."""
+    departs: bool
+    """Whether it says that the declared model is not enough."""
+    held_out_error: float | None
+    """RMS residual of the held-out trial in units of the noise; None: the method predicts no trajectory."""
+
+
+def _declared_fit(inputs: Inputs) -> Fit:
+    return refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
+
+
+def _held_out_error(fit: Fit, inputs: Inputs) -> float:
+    return math.sqrt(check_held_out(fit, inputs.held_out).worst)
+
+
+def all_free(inputs: Inputs) -> Rival:
+    """Fit all candidates at once with lmfit, and name those that are more than `MIN_ERRORS` from their null values.
+
+    As `identify` does, it starts at the calibrated declared model, and keeps every parameter within its physical bounds.
+    """
+    import lmfit
+
+    base = _declared_fit(inputs)
+    more = {}
+    for screened in screen(base, inputs.library):
+        more[screened.candidate.name] = screened.candidate.free_parameter(screened.scale)
+        more |= {c.name: c for c in screened.companions if c.name not in more}
+    problem = base.problem.with_parameters(*more.values())
+    start = np.concatenate([base.x, np.zeros(len(more))])
+    parameters = lmfit.Parameters()
+    for i, value in enumerate(start):
+        parameters.add(f"x{i}", value=value, min=problem.low[i], max=problem.high[i])
+
+    def residual(values: lmfit.Parameters) -> Array:
+        found = problem.residuals(np.array([values[f"x{i}"].value for i in range(len(start))]))
+        rows = problem.measured_rows + len(start)
+        return np.full(rows, IMPOSSIBLE_RESIDUAL) if found is None else found
+
+    result = lmfit.minimize(
+        residual, parameters, method="least_squares", max_nfev=MAX_EVALUATIONS, diff_step=1e-3, ftol=1e-5, x_scale="jac"
+    )
+    x = np.array([result.params[f"x{i}"].value for i in range(len(start))])
+    names = []
+    for i, name in enumerate(problem.names):
+        error = result.params[f"x{i}"].stderr
+        if name in {c.name for c in inputs.library} and error and abs(x[i]) > MIN_ERRORS * error:
+            names.append(name)
+    residuals = problem.residuals(x)
+    if residuals is None:
+        raise FitError("the model with all candidates cannot run where lmfit ended")
+    held_out = _held_out_error(Fit(problem=problem, x=x, residuals=residuals, iterations=result.nfev), inputs)
+    return Rival(names=tuple(sorted(names)), departs=bool(names), held_out_error=held_out)
+
+
+def forward_bic(inputs: Inputs) -> Rival:
+    """Add the candidate that lowers the Bayesian information criterion most, as long as one does; test nothing else."""
+    fit, added = _declared_fit(inputs), []
+    for _ in range(MAX_FORWARD_EFFECTS):
+        remaining = [c for c in inputs.library if c.name not in added]
+        chosen = [s for s in screen(fit, remaining) if s.amplitude][:MAX_FORWARD_REFITS]
+        refits = [r for s in chosen if (r := refit(fit, s)) is not None and r.delta_bic > 0]
+        if not refits:
+            break
+        best = max(refits, key=lambda r: r.delta_bic)
+        added.append(best.candidate.name)
+        fit = with_noise_of_residuals(best.fit)
+    return Rival(names=tuple(sorted(added)), departs=bool(added), held_out_error=_held_out_error(fit, inputs))
+
+
+def gaussian_process(inputs: Inputs) -> Rival:
+    """Add a Gaussian process to the calibrated model's prediction (Kennedy and O'Hagan, 2001), one for each coordinate.
+
+    Its inputs are time, mass ratio and release angle; the noise is that of the points. It names no effect. It says that the
+    declared model is not enough if its marginal likelihood for one coordinate, less half of log(n) for each of its four
+    parameters, is larger than that of noise alone. Held-out data are predicted by its mean.
+    """
+    base = _declared_fit(inputs)
+    held_out = check_held_out(base, inputs.held_out).fits
+    departs, squares, count = False, 0.0, 0
+    channels = sorted({name for d in base.problem.data for name in d.slices})
+    for name in channels:
+        train = [_residuals(base, k, name) for k in range(len(base.problem.data))]
+        process, gain = _fit_process(np.concatenate([i for i, _ in train]), np.concatenate([r for _, r in train]))
+        departs |= gain > 0
+        for fit in held_out:
+            where, residual = _residuals(fit, 0, name)
+            if len(residual):
+                squares += float(np.sum((residual - process(where)) ** 2))
+                count += len(residual)
+    return Rival(names=(), departs=departs, held_out_error=math.sqrt(squares / count) if count else None)
+
+
+def _residuals(fit: Fit, k: int, channel: str) -> tuple[Array, Array]:
+    """Return the inputs of the points of a channel of trial ``k``, shape (n, 3), and their residuals, shape (n,)."""
+    d: TrialData = fit.problem.data[k]
+    if channel not in d.slices:
+        return np.zeros((0, 3)), np.zeros(0)
+    part = d.slices[channel]
+    z = d.standardise(d.value - fit.problem.predict(fit.x, k))[part]
+    used = np.isfinite(d.sigma[part])
+    parameters, _ = fit.problem.parameters_and_camera(fit.x, k)
+    # A tenth of a second, a factor of two in mass and some 10 degrees are lengths of order one
+    setting = (math.log2(parameters.heavy_mass / parameters.light_mass), parameters.release_angle / 0.2)
+    t = d.t[part][used] / 0.1
+    return np.column_stack([t, np.full(len(t), setting[0]), np.full(len(t), setting[1])]), z[used]
+
+
+def _fit_process(where: Array, residual: Array) -> tuple[Callable[[Array], Array], float]:
+    """Fit a Gaussian process to residuals in units of their noise; return its mean, and its gain of log evidence."""
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel
+
+    step = max(1, math.ceil(len(residual) / MAX_GAUSSIAN_PROCESS_POINTS))
+    where, residual = where[::step], residual[::step]
+    kernel = ConstantKernel(1.0, (1e-4, 1e4)) * RBF([1.0, 1.0, 1.0], (0.1, 100.0))
+    process = GaussianProcessRegressor(kernel, alpha=1.0).fit(where, residual)
+    noise_alone = -0.5 * float(residual @ residual) - 0.5 * len(residual) * math.log(2 * math.pi)
+    penalty = 0.5 * len(process.kernel_.theta) * math.log(len(residual))
+    return process.predict, float(process.log_marginal_likelihood_value_) - noise_alone - penalty
+
+
+def sindy(inputs: Inputs) -> Rival:
+    """Regress the acceleration across the string, from smoothed points, on a library of forces, by PySINDy's STLSQ.
+
+    The string's tension, which is not known, has no part across the string. Terms beyond gravity and quadratic drag name
+    effects; forces along the string, friction and the camera are out of reach of this method, and so are trajectories.
+    """
+    import pysindy
+
+    rows, targets = [], []
+    for d in inputs.training:
+        if {"light_x", "light_y"} <= set(d.slices):
+            parameters = inputs.study.parameters({}, d.trial)
+            terms, across = _terms_across(d, parameters.rod_radius, parameters.coefficients["gravity"])
+            rows.append(terms)
+            targets.append(across)
+    if not rows:
+        return Rival(names=(), departs=False, held_out_error=None)
+    theta, y = np.concatenate(rows), np.concatenate(targets)
+    optimiser = pysindy.STLSQ(threshold=SINDY_THRESHOLD, alpha=1e-6, normalize_columns=False)
+    scale = np.sqrt(np.mean(theta**2, axis=0))
+    optimiser.fit(theta / scale, y[:, None])
+    kept = np.abs(optimiser.coef_[0]) > 0
+    names = tuple(sorted(name for name, k in zip(SINDY_TERMS, kept, strict=True) if k and name))
+    return Rival(names=names, departs=bool(names), held_out_error=None)
+
+
+SINDY_TERMS = ("", "", "light_linear_drag", "wind_speed", "side_force", "side_stiffness")
+"""Effect of each term of the library; empty: gravity and quadratic drag, which are declared."""
+SINDY_THRESHOLD = 0.3
+"""Smallest RMS acceleration of a term that is kept [m/s^2]: a little above what smoothing leaves of a millimetre's noise."""
+SMOOTHING_POINTS = 15
+"""Points of the window of the Savitzky-Golay filter: 60 ms at 240 frames a second."""
+
+
+def _terms_across(d: TrialData, radius: float, gravity: float) -> tuple[Array, Array]:
+    """Return the library's terms across the string, shape (n, terms), and the acceleration across it [m/s^2], shape (n,)."""
+    from scipy.signal import savgol_filter
+
+    x, y = (d.value[d.slices[name]] for name in ("light_x", "light_y"))
+    tx, ty = (d.t[d.slices[name]] for name in ("light_x", "light_y"))
+    step = float(np.median(np.diff(tx)))
+    t = np.arange(tx[0], tx[-1], step)
+    place = np.column_stack([np.interp(t, tx, x), np.interp(t, ty, y)])
+    order = [savgol_filter(place, SMOOTHING_POINTS, 3, deriv=k, delta=step, axis=0) for k in range(3)]
+    inside = slice(SMOOTHING_POINTS, -SMOOTHING_POINTS)
+    p, v, a = (values[inside] for values in order)
+    distance = np.maximum(np.linalg.norm(p, axis=1), 1.01 * radius)
+    sense = np.sign(p[:, 0] * v[:, 1] - p[:, 1] * v[:, 0])
+    contact = np.arctan2(p[:, 1], p[:, 0]) - sense * np.arccos(radius / distance)
+    # A tangent leaves the rod at a right angle to the radius, so that the radius is the direction across the string
+    n = np.column_stack([np.cos(contact), np.sin(contact)])
+    speed = np.linalg.norm(v, axis=1)
+    along_n = np.sum(v * n, axis=1)
+    terms = np.column_stack([-gravity * n[:, 1], speed * along_n, along_n, speed * n[:, 0], n[:, 0], p[:, 0] * n[:, 0]])
+    return terms, np.sum(a * n, axis=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """A method, and the package that it needs."""
+
+    function: Callable[[Inputs], Rival]
+    package: str = ""
+    """Name of the module; empty: none beside those of this project."""
+    title: str
+    names_effects: bool = True
+
+
+METHODS = {
+    "all_free": Method(function=all_free, package="lmfit", title="all candidates free in one lmfit fit"),
+    "forward_bic": Method(function=forward_bic, title="forward selection by BIC, no gate"),
+    "gaussian_process": Method(
+        function=gaussian_process, package="sklearn", title="Gaussian-process discrepancy", names_effects=False
+    ),
+    "sindy": Method(function=sindy, package="pysindy", title="PySINDy's STLSQ on smoothed points"),
+}
+"""Name -> method."""
+NOT_RUN = {
+    "symbolic regression": "PySR and gplearn give a formula of a column, not the name of a cause; PySR also needs Julia",
+}
+"""Method -> why it is not among `METHODS`."""

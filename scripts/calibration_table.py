@@ -1,0 +1,110 @@
+"""Write the measured rates of docs/identify.md from `docs/data/calibration.json` and `rivals.json`.
+
+`python -m benchmarks --only calibration` and `--only rivals` measure them; `python -m scripts.docs_numbers` writes the text.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from looping_pendulum.pages.numbers import amount
+
+PAGE = "docs/identify.md"
+DATA = Path(__file__).parents[1] / "docs" / "data"
+BEGIN, END = "<!-- measured rates: python -m scripts.docs_numbers -->", "<!-- end of the measured rates -->"
+BLOCK = re.compile(rf"{re.escape(BEGIN)}\n.*?{re.escape(END)}", re.DOTALL)
+SET = "rates"
+PLANNED = 800
+"""Studies of the whole measurement: the benchmark's defaults."""
+
+
+def with_current_rates(text: str) -> str:
+    """Return a page's text with the block between its markers written again from the stored data."""
+    rates = json.loads((DATA / "calibration.json").read_text(encoding="utf-8"))[SET]
+    rivals_file = DATA / "rivals.json"
+    rivals = json.loads(rivals_file.read_text(encoding="utf-8")).get(SET) if rivals_file.exists() else None
+    parts = [block(rates), *([rivals_block(rivals)] if rivals else [])]
+    return BLOCK.sub(lambda _: "\n".join([BEGIN, *parts, END]), text)
+
+
+def without_rates(text: str) -> str:
+    """Return the text without the block."""
+    return BLOCK.sub("", text)
+
+
+def block(rates: dict[str, Any]) -> str:
+    """Return the sentence and the tables of one set of studies."""
+    s = rates["summary"]
+    few = "" if s["studies"] >= PLANNED else f" of {PLANNED} that are planned: too few for rates, as the intervals say"
+    median, largest = (amount(s["cpu_seconds"][key]) for key in ("0.5", "largest"))
+    rows = [
+        *(_clean_row(kind, s["clean"][kind]) for kind in ("white", "wander", "outliers")),
+        f"| one effect: another one is named instead | {share(s['single']['all']['wrong'])} |",
+        f"| planted value within 1.96 stated errors, of named or tied effects | {share(s['coverage'])} |",
+        f"| two effects: the pair is named or tied | {_named(s['two'])} |",
+        f"| two effects: only one of them is named | {share(s['two']['part'])} |",
+        f"| unlisted force: the verdict is `unlisted` | {share(s['unlisted']['right'])} |",
+        f"| unlisted force: a listed effect is named instead | {share(s['unlisted']['wrong'])} |",
+    ]
+    sizes = sorted(s["single"]["by_size"].items(), key=lambda item: float(item[0]))
+    power = [
+        f"| {1e3 * float(size):g} mm | {share(row['named'])} | {share(row['named_or_tied'])} | {share(row['wrong'])} |"
+        for size, row in sizes
+    ]
+    return f"""So far {s["studies"]} studies{few}
+(`{rates["command"]}`, {rates["measured_on"]}). An identification took {median} s of CPU time in the median,
+{largest} s at most. Intervals are of 95 %, by Clopper and Pearson.
+
+| what | share |
+|---|---|
+{chr(10).join(rows)}
+
+The power of the search against the size of one hidden effect, of all kinds and noises:
+
+| the light mass moves by (RMS) | named | named or tied | another is named |
+|---|---|---|---|
+{chr(10).join(power)}
+"""
+
+
+def _clean_row(kind: str, row: dict[str, Any]) -> str:
+    words = {"white": "white noise", "wander": "a tracker that wanders", "outliers": "outliers"}[kind]
+    added, unexplained = row["false_additions"], share(row["unexplained"])
+    if not added["of"]:
+        return f"| clean, {words}: an effect is added; `unexplained` | -; - |"
+    bound = f"{added['count']} of {added['of']}, below {100 * added['upper_bound']:.1f} %"
+    return f"| clean, {words}: an effect is added; `unexplained` | {bound}; {unexplained} |"
+
+
+def _named(shares: dict[str, Any]) -> str:
+    right, tied = shares["right"], shares["tied"]
+    return f"{right['count']} named, {tied['count']} tied, of {right['of']}" if right["of"] else "-"
+
+
+def share(numbers: dict[str, Any]) -> str:
+    """Return a share with its interval; a dash if nothing was measured."""
+    if not numbers["of"]:
+        return "-"
+    low, high = (100 * x for x in numbers["interval"])
+    return f"{numbers['count']} of {numbers['of']} ({low:.0f} to {high:.0f} %)"
+
+
+def rivals_block(rivals: dict[str, Any]) -> str:
+    """Return the table of other methods on the same studies."""
+    rows = []
+    for method, r in rivals["methods"].items():
+        held_out, seconds = ("-" if r[k] is None else amount(r[k]) for k in ("held_out_error", "cpu_seconds"))
+        shares = " | ".join(share(r["single"][j]) for j in ("right", "tied", "wrong"))
+        rows.append(f"| {method} | {shares} | {share(r['clean']['wrong'])} | {held_out} | {seconds} |")
+    not_run = "".join(f"\n- Not run: {method}: {reason}." for method, reason in rivals["not_run"].items())
+    return f"""Other methods on {rivals["studies"]} of these studies (`{rivals["command"]}`); `identify` loses
+{len(rivals["losses_of_identify"])} that another one judges right. The held-out error is the median, in units of the noise.
+
+| method | one effect: right | tied | wrong | false alarms | held out | CPU s |
+|---|---|---|---|---|---|---|
+{chr(10).join(rows)}
+{not_run}
+"""

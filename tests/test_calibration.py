@@ -1,0 +1,154 @@
+"""Benchmarks on blind studies: rates and bounds by hand, seeds, kept results, and one study from end to end."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+
+import pytest
+
+from benchmarks import blind_sample, calibration, rivals
+from benchmarks.blind_sample import SIZES, BlindStudy, case_of, draw, planted_values
+from benchmarks.calibration_summary import in_words, proportion, summary, with_upper_bound
+from benchmarks.resumable import run
+from benchmarks.rival_methods import Rival
+from looping_pendulum.discrepancy.result import Verdict
+from tests.blind.cases import CASES
+from tests.discrepancy.expected import EXPECTED
+
+
+def test_upper_bound_of_none_of_n_is_the_root_of_five_per_cent():
+    # Oracle: with rate p, none of n happens with probability (1 - p)^n, which is 5 % at the bound.
+    assert with_upper_bound(0, 300)["upper_bound"] == pytest.approx(1 - 0.05 ** (1 / 300))
+    assert proportion(0, 20)["interval"] == [0.0, pytest.approx(1 - 0.025 ** (1 / 20))]
+    assert proportion(20, 20)["interval"] == [pytest.approx(0.025 ** (1 / 20)), 1.0]
+    assert proportion(0, 0)["share"] is None
+    assert in_words(with_upper_bound(0, 0)) == "-"
+
+
+def outcome(judgement, *, within=(), seconds=1.0, **more):
+    estimates = [{"within": w} for w in within]
+    return {"judgement": judgement, "estimates": estimates, "cpu_seconds": seconds, "held_out_error": 1.0, **more}
+
+
+def test_summary_of_made_up_outcomes():
+    clean, single = draw("rates", "clean", 4, 0), draw("rates", "single", 3, 0)
+    single = [dataclasses.replace(s, size=8e-3, hidden=("wind",)) for s in single]
+    statistics = [{"lag1_z": 1.0, "ljung_box_p": 0.5}, {"lag1_z": 2.0, "ljung_box_p": 0.1}]
+    outcomes = [
+        outcome("right", seconds=1.0, statistics=statistics[0]),
+        outcome("none", seconds=2.0),
+        outcome("wrong", seconds=3.0, statistics=statistics[1]),
+        outcome("right", seconds=4.0),
+        outcome("right", within=[True], seconds=5.0),
+        outcome("tied", within=[False], seconds=6.0),
+        {"unreachable": "no scale"},
+    ]
+    result = summary(list(zip([*clean, *single], outcomes, strict=True)))
+    assert (result["studies"], result["unreachable"], result["failed"]) == (6, 1, 0)
+    assert (result["clean"]["all"]["false_additions"]["count"], result["clean"]["all"]["unexplained"]["count"]) == (1, 1)
+    # the kinds of noise alternate: white, wander, outliers, white
+    assert result["clean"]["outliers"]["false_additions"]["share"] == 1.0
+    assert result["clean"]["wander"]["unexplained"]["share"] == 1.0
+    assert result["single"]["by_effect"]["wind"]["0.008"]["named_or_tied"]["count"] == 2
+    assert result["single"]["by_size"]["0.008"]["named"]["count"] == 1
+    assert (result["coverage"]["count"], result["coverage"]["of"]) == (1, 2)
+    assert result["cpu_seconds"]["0.5"] == 3.5
+    assert result["cpu_seconds"]["largest"] == 6.0
+    assert result["statistics"]["lag1_z"]["extreme"] == 2.0
+    assert result["statistics"]["ljung_box_p"]["extreme"] == 0.1, "of p values the smallest speaks against noise"
+
+
+def test_sets_have_other_seeds_and_fewer_studies_are_the_first_of_more():
+    rates, thresholds = (draw(name, "single", 115, 0) for name in ("rates", "thresholds"))
+    assert not {s.seed for s in rates} & {s.seed for s in thresholds}
+    assert draw("rates", "single", 10, 0) == rates[:10]
+    assert {(s.hidden[0], s.size) for s in rates} == {(name, size) for name in EXPECTED for size in SIZES}
+
+
+def test_noise_is_not_scaled_with_what_is_hidden(monkeypatch):
+    monkeypatch.setattr(blind_sample, "scaled", lambda name, size: CASES[name].scaled(2.0))  # the simulator would take seconds
+    study = dataclasses.replace(draw("rates", "single", 1, 0)[0], hidden=("scale",), size=8e-3, noise=2e-3)
+    camera = case_of(study).camera()
+    assert camera.noise == pytest.approx(2e-3)
+    assert planted_values(study)["scale"] == pytest.approx(camera.scale)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "explanations", "planted", "kind", "expected"),
+    [
+        (Verdict.NO_MISSING_EFFECT, [], set(), "clean", "right"),
+        (Verdict.UNEXPLAINED, [], set(), "clean", "none"),
+        (Verdict.IDENTIFIED, [{"a"}], set(), "clean", "wrong"),
+        (Verdict.UNLISTED, [], set(), "clean", "wrong"),
+        (Verdict.IDENTIFIED, [{"a"}], {"a"}, "single", "right"),
+        (Verdict.AMBIGUOUS, [{"b"}, {"a"}], {"a"}, "single", "tied"),
+        (Verdict.IDENTIFIED, [{"a", "b"}], {"a"}, "single", "wrong"),
+        (Verdict.NO_MISSING_EFFECT, [], {"a"}, "single", "none"),
+        (Verdict.IDENTIFIED, [{"a"}], {"a", "b"}, "two", "part"),
+        (Verdict.UNLISTED, [], set(), "unlisted", "right"),
+        (Verdict.IDENTIFIED, [{"a"}], set(), "unlisted", "wrong"),
+    ],
+)
+def test_judgement(verdict, explanations, planted, kind, expected):
+    assert calibration.judgement(verdict, explanations, planted, kind) == expected
+
+
+def test_a_rival_that_sees_something_in_clean_data_gives_a_false_alarm():
+    alarm = Rival(names=(), departs=True, held_out_error=1.0)
+    assert rivals.judgement(alarm, set(), "clean") == "wrong"
+    assert rivals.judgement(alarm, {"a"}, "single") == "none"
+    assert rivals.judgement(dataclasses.replace(alarm, names=("a",)), {"a"}, "single") == "right"
+    assert rivals.judgement(dataclasses.replace(alarm, names=("a", "b")), {"a"}, "single") == "wrong"
+
+
+def test_studies_that_are_lost_to_another_method_are_listed():
+    studies = draw("rates", "single", 2, 0)
+    ours = [outcome("none", verdict="unexplained"), outcome("tied", verdict="ambiguous")]
+    theirs = [outcome("right"), outcome("right")]
+    pairs = {"identify": list(zip(studies, ours, strict=True)), "other": list(zip(studies, theirs, strict=True))}
+    (loss,) = rivals.lost_studies(pairs)
+    assert (loss["study"], loss["right"]) == (studies[0].name, ["other"])
+
+
+def test_finished_tasks_are_kept_and_ctrl_c_loses_none(tmp_path):
+    studies, asked = draw("rates", "clean", 3, 0), []
+
+    def solve(study: BlindStudy):
+        asked.append(study.index)
+        if study.index == 2 and len(asked) < 4:
+            raise KeyboardInterrupt
+        return study.name, {"index": study.index}
+
+    outcomes, interrupted = run(studies, solve, tmp_path)
+    assert interrupted
+    assert len(outcomes) == 2
+    changed = [dataclasses.replace(studies[0], noise=1.0), *studies[1:]]
+    outcomes, interrupted = run(changed, solve, tmp_path)
+    assert not interrupted
+    assert list(outcomes) == [s.name for s in studies]
+    assert asked == [0, 1, 2, 0, 2], "only what is missing, and what is no longer the same study"
+
+
+def test_work_folder_is_asked_for():
+    with pytest.raises(SystemExit, match="--work: found no folder, needed one"):
+        calibration.work_folder(argparse.Namespace(work=None, share=1.0, jobs=1))
+
+
+def test_sets_are_stored_side_by_side(tmp_path):
+    file = tmp_path / "calibration.json"
+    calibration.store(file, "rates", {"x": 1 / 3})
+    calibration.store(file, "thresholds", {"x": 2})
+    assert json.loads(file.read_text(encoding="utf-8")) == {"rates": {"x": 0.3333}, "thresholds": {"x": 2}}
+
+
+@pytest.mark.accurate
+def test_one_study_from_end_to_end():
+    study = dataclasses.replace(draw("rates", "single", 1, 0)[0], hidden=("wind",), size=16e-3, noise=1e-3, trials=3)
+    name, said = calibration.solve(study)
+    assert name == study.name
+    assert said["judgement"] == "right"
+    assert said["estimates"][0]["planted"] == pytest.approx(planted_values(study)["wind_speed"])
+    assert said["held_out_error"] < 1.2
+    assert said["cpu_seconds"] > 0
