@@ -56,7 +56,14 @@ def made_up(verdict):
         correlated_noise=noise,
         smallest_visible=visible,
         next_experiments=(
-            Experiment(release="held", release_angle=1.0, mass_ratio=3.0, distance=8.0, tells_apart=("swing", "clock_ratio")),
+            Experiment(
+                release="held",
+                release_angle=1.0,
+                free_length=0.3,
+                mass_ratio=3.0,
+                distance=8.0,
+                tells_apart=("swing", "clock_ratio"),
+            ),
         ),
         rounds=rounds,
         before=fit,

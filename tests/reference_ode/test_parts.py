@@ -271,6 +271,9 @@ BOUNDS = {
     "friction_per_wrap": (-0.05, 1), "string_on_string": (0, 5), "push_across": (-20, 20), "push_along": (-20, 20),
     "string_density": (0, 0.1), "string_thickness": (0, 0.01), "heavy_swing": (-1.2, 1.2), "push_sideways": (-5, 5),
     "rod_mobility": (0, 1e4), "bearing_friction": (0, 100), "string_compliance": (0, 0.1), "string_loss_time": (0, 0.1),
+    "pivot_friction": (0, 10),
+    "pivot_damping": (0, 10),
+    "light_inertia": (0, 1),
 }  # fmt: skip
 """Bounds that scenario files rely on since 2026: a file that was valid must stay so, and a wrong unit must be refused."""
 
@@ -288,7 +291,10 @@ def test_effects_that_need_a_string_are_those_of_string_and_rod():
     without = {e.name for e in TEN_TO_ONE.replace(release="drop").effects}
     assert without == {"gravity", "capstan", "light_drag", "heavy_drag"}
     needing = {e.name for e in EFFECTS.values() if e.needs_string}
-    assert needing == {"string_drag"} | {e.name for e in EFFECTS.values() if e.kind.name == "PROPERTY"}
+    # A pivot is that of a string that is held
+    assert needing == {"string_drag", "pivot_friction", "pivot_damping"} | {
+        e.name for e in EFFECTS.values() if e.kind.name == "PROPERTY"
+    }
 
 
 @pytest.mark.parametrize("coordinate", COORDINATES)

@@ -79,7 +79,7 @@ def test_a_verdict_shows_its_sentence_and_errors():
     )  # fmt: skip
     result = Identification(
         study="s", title=HOSTILE, seed=0, verdict=Verdict.NO_MISSING_EFFECT, sentence="Nothing was added.", effects=(), ties=(),
-        unlisted=None, correlated_noise=(),
+        unlisted=None, correlated_noise=(), record_starts=(),
         smallest_visible=(), next_experiments=(), rounds=(), errors=(error,), events=(), outliers=(), before=fit,
         after=fit, judged_on="held-out trials", data=(), provenance={}, scenario="",
     )  # fmt: skip
