@@ -44,7 +44,7 @@ def record_starts_in_words(starts: Sequence[RecordStart]) -> str:
     if not lines:
         return ""
     note = (
-        "These records begin in mid-swing, so that the motion begins at their first tracked point. Its angle and speed are fitted "
-        "unless the study states them (`release: {angle: ..., speed: ...}`); they are no push.\n\n"
+        "These records begin in mid-swing, so that the motion begins at their first tracked point. Its angle and speed are "
+        "fitted unless the study states them (`release: {angle: ..., speed: ...}`); they are no push.\n\n"
     )
     return "## Start of the records\n\n" + note + "".join(lines)

@@ -1,7 +1,7 @@
 """A held pendulum as a rigid body on an axle, by its angle alone: long records in seconds, and losses that a string lacks.
 
-Like the rest of `tests.blind` it shares no equation with the package, which follows free length, wrap angle and speeds of a mass
-on a string that winds on a rod. Here there is no rod and no string: I phi'' is the sum of the torques about the axle.
+Like the rest of `tests.blind` it shares no equation with the package, which follows free length, wrap angle and speeds of a
+mass on a string that winds on a rod. Here there is no rod and no string: I phi'' is the sum of the torques about the axle.
 """
 
 from __future__ import annotations
@@ -74,7 +74,9 @@ def swing(p: Pendulum, t: Array) -> Array:
     return angles
 
 
-def record(p: Pendulum, *, duration: float, frame_rate: float = 30.0, noise: float = 1e-3, seed: int = 0, clock: float = 0.0) -> str:
+def record(
+    p: Pendulum, *, duration: float, frame_rate: float = 30.0, noise: float = 1e-3, seed: int = 0, clock: float = 0.0
+) -> str:
     """Return a table of tracked points: t, light_x, light_y [s, m]; ``clock``: the file's time of the first frame [s]."""
     t = np.arange(int(duration * frame_rate)) / frame_rate
     phi = swing(p, t)

@@ -98,12 +98,13 @@ def test_a_start_in_mid_swing_is_reported_and_no_push(tmp_path):
 
 
 def test_friction_of_the_pivot_is_named_among_losses(tmp_path):
-    names = ("pivot_friction", "pivot_damping", "light_linear_drag")
-    result = identified(tmp_path, RUBBING, names=names, turning_points=40)
+    names = ("pivot_friction", "pivot_damping", "light_drag")
+    rubbing = Pendulum(axle_torque=1e-3)
+    result = identified(tmp_path, rubbing, names=names, turning_points=24, declared=())
     assert result.verdict is Verdict.IDENTIFIED
     (effect,) = result.effects
     assert effect.name == "pivot_friction"
-    assert abs(effect.value - RUBBING.axle_torque) < 4 * effect.error
+    assert abs(effect.value - rubbing.axle_torque) < 4 * effect.error
 
 
 def test_damping_of_the_pivot_and_linear_drag_are_tied_until_another_length(tmp_path):

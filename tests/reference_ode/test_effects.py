@@ -194,7 +194,9 @@ def test_energy_never_grows(base, name):
     assert np.diff(energy(run.sample(np.linspace(0, run.end_time, 2000)))).max() < 1e-10
 
 
-@pytest.mark.parametrize("values", [{}, *(TYPICAL[n] for n in ("string_thickness", "heavy_swing", "out_of_plane", "light_inertia"))])
+@pytest.mark.parametrize(
+    "values", [{}, *(TYPICAL[n] for n in ("string_thickness", "heavy_swing", "out_of_plane", "light_inertia"))]
+)
 def test_energy_is_kept_by_what_only_changes_the_geometry(values):
     p = SIX_TO_ONE.replace(**WITHOUT_LOSSES, **values)
     run = solve(p, duration=0.9)

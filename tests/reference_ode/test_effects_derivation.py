@@ -154,9 +154,7 @@ def test_a_light_mass_with_a_moment_of_inertia():
     for coordinate, speed, path in zip((length, theta), speeds, (1, R), strict=True):
         momentum = kinetic.diff(speed).subs(dict(zip(speeds, (length.diff(t), theta.diff(t)), strict=True)))
         force = weight.dot(place.diff(coordinate)) - T1 * path
-        law = momentum.diff(t) - kinetic.diff(coordinate).subs(
-            dict(zip(speeds, (length.diff(t), theta.diff(t)), strict=True))
-        )
+        law = momentum.diff(t) - kinetic.diff(coordinate).subs(dict(zip(speeds, (length.diff(t), theta.diff(t)), strict=True)))
         laws.append(at_instant(law - force, first, second))
     laws += [M2 * ud - (T2 - M2 * g), T2 - T1 * sp.exp(-SLIDE * mu * th0)]
     points = [point | {inertia: sp.Float(0.23, 30)} for point in POINTS]

@@ -1,4 +1,4 @@
-"""Losses at a held pendulum's pivot and the size of its bob: closed forms, the separate pendulum, and passing turning points."""
+"""Losses at a held pendulum's pivot, the size of its bob: closed forms, the separate pendulum, passing turning points."""
 
 from __future__ import annotations
 

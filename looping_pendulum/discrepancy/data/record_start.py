@@ -51,9 +51,9 @@ class _Start:
 def with_free_start(study: Study, trial: Trial, observations: Observations) -> Trial:
     """Return a trial whose angle and speed at the first point are free, if it is a held one whose record begins in mid-swing.
 
-    The record is one if it moves at its first point faster than two frames after a release from rest, or if no angle of release
-    is stated. Then its motion begins at the first point. A stated angle is kept if the first point has it, a stated speed in any
-    case. Without a free start, the trial is returned as it is.
+    The record is one if it moves at its first point faster than two frames after a release from rest, or if no angle of
+    release is stated. Then its motion begins at the first point. A stated angle is kept if the first point has it, a stated
+    speed in any case. Without a free start, the trial is returned as it is.
     """
     if trial.release is not Release.HELD:
         return trial

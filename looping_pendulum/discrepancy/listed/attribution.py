@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -36,6 +37,8 @@ FIRST_REFITS = 2
 """Number of candidates that are refitted first; the others have to beat their delta BIC."""
 MAX_ITERATIONS = 10
 """Largest number of iterations in each window of a refit; right explanations need about four."""
+MAX_SWING_ITERATIONS = 25
+"""Largest number of iterations of a refit to a long swing, which has no windows."""
 RESTART_FACTORS = (5.0, 0.2)
 """Factors on a companion's fitted value at which its fit is restarted: the cost has further minima there."""
 RESTART_MARGIN = 20.0
@@ -87,16 +90,19 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
     fits = []
     # Half of the decrease that the score predicts is enough: the prediction is linear, and the model is not
     predicted_cost = base.cost - 0.5 * screened.score**2
-    # If the first fit stays above the cost that screening predicts, a second start is tried. So near a minimum as the base fit's
-    # values are, no growing windows of time are needed.
-    starts = [(calibrate, base.problem.prior_mean, amplitude), (minimise, base.x, amplitude)]
+    # If the first fit stays above the cost that screening predicts, a second start is tried, near a minimum as the base fit's
+    # values are, so that no growing windows of time are needed.
+    from_base = functools.partial(minimise, problem, max_iterations=MAX_ITERATIONS)
+    starts = [
+        (functools.partial(calibrate, problem, max_iterations=MAX_ITERATIONS), base.problem.prior_mean, amplitude),
+        (from_base, base.x, amplitude),
+    ]
     if base.problem.is_swing:
         # The amplitude alone, before the other parameters follow it, would put a long swing out of phase
-        starts = [(minimise, base.x, 0.0), (minimise, base.x, amplitude)]
+        starts = [(functools.partial(minimise, problem, max_iterations=MAX_SWING_ITERATIONS), base.x, 0.0), starts[1]]
     for fit_from, start, value in starts:
         try:
-            x = np.concatenate([start, [value], np.zeros(len(screened.companions))])
-            fits.append(fit_from(problem, x, max_iterations=MAX_ITERATIONS))
+            fits.append(fit_from(np.concatenate([start, [value], np.zeros(len(screened.companions))])))
         except FitError:
             continue
         # The decrease is large enough, or the predicted one too small for another start to matter

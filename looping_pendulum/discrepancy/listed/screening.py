@@ -181,8 +181,8 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
         return None
     scale *= SCALE_SIZE / FINITE_SIZES[-1]
     if reduced.is_swing and best[1]:
-        # What a candidate does to a long swing's phase, the fitted parameters nearly undo, so that a scale by the whole change of
-        # the prediction would be off by orders of magnitude; the prior and the steps of a refit are in units of it
+        # What a candidate does to a long swing's phase, the fitted parameters nearly undo, so that a scale by the whole change
+        # of the prediction would be off by orders of magnitude; the prior and the steps of a refit are in units of it
         scale = abs(best[1])
     return ScreenedCandidate(candidate=candidate, score=best[0], amplitude=best[1], scale=scale, companions=companions)
 
