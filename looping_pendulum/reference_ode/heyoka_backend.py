@@ -210,7 +210,7 @@ class HeyokaIntegrator:
     def _propagate(
         self, run: _IntegratorOfMode, t: float, signs: Signs, until: float, times: Array
     ) -> tuple[Event, float, State, Array]:
-        """Advance to an event, or to ``until`` [s]; return it, its time and state, and states at ``times`` [s] in columns."""
+        """Advance to an event, or to ``until`` [s]; return it, its time and state, and those at ``times`` [s] in columns."""
         taylor = run.integrator
         outcome, *_, rows = taylor.propagate_grid(np.concatenate([[t], times]), max_steps=MAX_STEPS)
         if outcome == run.time_limit and taylor.time < until:

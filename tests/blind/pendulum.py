@@ -1,7 +1,7 @@
 """A held pendulum as a rigid body on an axle, by its angle alone: long records, and losses that a string lacks.
 
 Like the rest of `tests.blind` it shares no equation with the package, which follows free length, wrap angle and speeds of a
-mass on a string that winds on a rod. Here there is neither: I phi'' is the sum of the torques about the axle.
+mass on a string that winds on a rod. Here there is no rod and no string: I phi'' is the sum of the torques about the axle.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Losses at a held pendulum's pivot and the size of its bob: closed forms, the separate pendulum, turning points."""
+"""Losses at a held pendulum's pivot, the size of its bob: closed forms, the separate pendulum, passing turning points."""
 
 from __future__ import annotations
 
@@ -58,6 +58,7 @@ def test_a_pendulum_within_its_friction_is_not_let_go():
 
 
 @HEYOKA
+@pytest.mark.accurate  # compiling the steps of a batch takes longer than all else here
 def test_a_batch_stops_as_a_single_run_does():
     base, friction = pendulum(0.02), np.array([0.0, 1e-3, 2e-3, 0.03]) * WEIGHT_TORQUE
     together = solve_batch(base, {"pivot_friction": friction}, duration=15.0)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,8 @@ FIRST_REFITS = 2
 """Number of candidates that are refitted first; the others have to beat their delta BIC."""
 MAX_ITERATIONS = 10
 """Largest number of iterations in each window of a refit; right explanations need about four."""
+MAX_SWING_ITERATIONS = 25
+"""Largest number of iterations of a refit to a long swing, which has no windows."""
 RESTART_FACTORS = (5.0, 0.2)
 """Factors on a companion's fitted value at which its fit is restarted: the cost has further minima there."""
 RESTART_MARGIN = 20.0
@@ -89,19 +92,19 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
     fits = []
     # Half of the decrease that the score predicts is enough: the prediction is linear, and the model is not
     predicted_cost = base.cost - 0.5 * screened.score**2
-    # If the first fit stays above the cost that screening predicts, a second start is tried. So near a minimum as the base
-    # fit's values are, no growing windows of time are needed.
-    starts: list[tuple[Callable[..., Fit], Array, float]] = [
-        (calibrate, base.problem.prior_mean, amplitude),
-        (minimise, base.x, amplitude),
+    # If the first fit stays above the cost that screening predicts, a second start is tried, near a minimum as the base fit's
+    # values are, so that no growing windows of time are needed.
+    from_base = functools.partial(minimise, problem, max_iterations=MAX_ITERATIONS)
+    starts = [
+        (functools.partial(calibrate, problem, max_iterations=MAX_ITERATIONS), base.problem.prior_mean, amplitude),
+        (from_base, base.x, amplitude),
     ]
     if base.problem.is_swing:
         # The amplitude alone, before the other parameters follow it, would put a long swing out of phase
-        starts = [(minimise, base.x, 0.0), (minimise, base.x, amplitude)]
+        starts = [(functools.partial(minimise, problem, max_iterations=MAX_SWING_ITERATIONS), base.x, 0.0), starts[1]]
     for fit_from, start, value in starts:
         try:
-            x = np.concatenate([start, [value], np.zeros(len(screened.companions))])
-            fits.append(fit_from(problem, x, max_iterations=MAX_ITERATIONS))
+            fits.append(fit_from(np.concatenate([start, [value], np.zeros(len(screened.companions))])))
         except FitError:
             continue
         # The decrease is large enough, or the predicted one too small for another start to matter
@@ -353,10 +356,11 @@ def _check_held_out_blocks(fit: Fit, max_iterations: int) -> HeldOutTest:
         chi2.append(float(residuals @ np.linalg.solve(covariance, residuals)) / len(residuals))
         counts.append(len(residuals))
         is_point = np.concatenate([np.arange(len(d.t)) < d.event_slice.start for d in problem.data])[rows]
+        sigma = np.concatenate([d.sigma for d in problem.data])[rows]
+        is_point &= np.isfinite(sigma)  # what is left out of fits, as an outlier, is no part of their error
         if is_point.any():
-            sigma = np.concatenate([d.sigma for d in problem.data])[rows]
             # twice the mean square of a coordinate is that of a distance in the plane
-            rms_of_blocks.append(math.sqrt(2 * float(np.mean((residuals * sigma)[is_point] ** 2))))
+            rms_of_blocks.append(math.sqrt(2 * float(np.mean((residuals[is_point] * sigma[is_point]) ** 2))))
     return HeldOutTest(
         names=tuple(names),
         chi2=(float(np.average(chi2, weights=counts)),),

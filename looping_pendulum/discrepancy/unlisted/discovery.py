@@ -43,7 +43,7 @@ DERIVATIVE_STEP = 1e-3
 """Weight [N] of the difference quotients: the sensitivity to a weight is the prediction's change by it, over it."""
 MIN_SPACING = 1e-4
 """Spacing of basis functions [SI] below which a coordinate counts as constant, and is not tried."""
-MAX_SWING_ITERATIONS = 3
+MAX_SWING_ITERATIONS = 5
 """Largest number of iterations of a closure's fit to a long swing."""
 MAX_REFITS = 4
 """Closures that are refitted to the trajectories, the best of the screening."""
