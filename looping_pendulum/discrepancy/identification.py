@@ -155,11 +155,11 @@ def _sentence(
     unexplained = f"The declared model does not explain the data, and no effect of {candidates} does: {misfit}."
     if conclusion.unlisted is not None:
         force = conclusion.unlisted
-        each = "; ".join(f"{p.side}: {p.formula} N" for p in force.profiles)
-        coordinate = force.depends_on.replace("_", " ")
+        unit = f" {force.value_unit}" if force.value_unit else ""
+        each = "; ".join(f"{p.side}: {p.formula}{unit}" for p in force.profiles)
         beside = f"Beside {' and '.join(effect_in_words(e) for e in effects)}, a " if effects else "A "
         return (
-            f"{unexplained} {beside}force on the {force.acts_on} as a function of the {coordinate} s does "
+            f"{unexplained} {beside}{force.in_words} does "
             f"({each}): on held-out data chi2 per value falls from {number(force.held_out_chi2_before)} to "
             f"{number(force.held_out_chi2_after)}."
         )

@@ -20,7 +20,7 @@ from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN, record_round
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate, compile_for, screen, slowest_first
 from looping_pendulum.discrepancy.result import Round, Verdict
-from looping_pendulum.discrepancy.unlisted.discovery import RecoveredForce, discover
+from looping_pendulum.discrepancy.unlisted.discovery import RecoveredForce, by_preference, discover
 from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
 from looping_pendulum.discrepancy.unlisted.formula import refit as refit_formulas
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
@@ -307,7 +307,7 @@ class Search:
         if passing:
             formulas = refit_formulas(base.fit, passing, self.inputs.held_out, lambda what: self.report_progress(what, 0.93))
             self.formulas = tuple(formulas)
-        return tuple(passing + [f for f in forces if f not in passing]) if passing else ()
+        return tuple(by_preference(passing) + [f for f in forces if f not in passing]) if passing else ()
 
     def conclusion(self, interrupted: bool) -> tuple[Verdict, CandidateModel, tuple[CandidateModel, ...]]:
         """Return the verdict, the repaired model, and the tied models if the verdict is ambiguous."""
