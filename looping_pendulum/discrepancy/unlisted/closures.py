@@ -96,7 +96,7 @@ class Closure:
         return np.asarray(np.exp(-0.5 * ((s[:, None] - self.centres) / self.spacing) ** 2), dtype=np.float64)
 
     def profile(self, weights: Array, s: Array) -> Array:
-        """Return the weighted sum at coordinates ``s``, shape of ``s``; [N], or [N s/m] if multiplied by a speed; [1] for friction."""
+        """Return the weighted sum at coordinates ``s``, shape of ``s``; [N], or [N s/m] times a speed; [1] for friction."""
         return np.asarray(self.basis_functions(s) @ weights)
 
 

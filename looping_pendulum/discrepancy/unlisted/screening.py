@@ -1,9 +1,9 @@
 """Screen closures by the evidence for each, with the model linearised about a fit.
 
 The response of the data to a small push at one time is computed for each place where a closure may act and for pulses at all
-times. A closure that is a function of the state pushes, to first order, as that function of the undisturbed motion: the response
-to it is a sum of those to pulses, and no closure costs a run of its own. Its evidence has a ridge (Gaussian prior of the weights)
-that maximises it.
+times. A closure that is a function of the state pushes, to first order, as that function of the undisturbed motion: the
+response to it is a sum of those to pulses, and no closure costs a run of its own. Its evidence has a ridge (Gaussian prior of
+the weights) that maximises it.
 """
 
 from __future__ import annotations
@@ -13,8 +13,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import SimpleNamespace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import Fit
@@ -56,11 +58,11 @@ class Motions:
     """The undisturbed motion of all training trials, samples end to end, arrays of shape (n,)."""
 
     kinematics: Kinematics
-    parameters: tuple[object, ...]
+    parameters: tuple[SimpleNamespace, ...]
     """Parameters of each trial, as the equations read them."""
     trial: Array
     """Index of the trial of every sample."""
-    sliding: Array
+    sliding: NDArray[np.bool_]
     """Whether the string slides on the rod."""
 
     def coordinate(self, name: str, point: tuple[float, float] | None = None) -> Array:
@@ -82,7 +84,7 @@ class Motions:
         return np.concatenate(rows, axis=1)
 
     @property
-    def _each_trial(self) -> list[tuple[Kinematics, object]]:
+    def _each_trial(self) -> list[tuple[Kinematics, SimpleNamespace]]:
         k = self.kinematics
         return [
             (Kinematics(*(f[self.trial == i] if isinstance(f, np.ndarray) else f for f in k)), p)

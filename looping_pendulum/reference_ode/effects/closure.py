@@ -1,7 +1,8 @@
 """A law of unknown form: a sum of radial basis functions of one coordinate, for what no effect of the library describes.
 
-It is a force on a mass or a change of the friction coefficient, and an effect like any other, so that the reference, the fit and
-the engines can all run it. Its coefficients, the weights of the basis functions, are found by `discrepancy.unlisted.discovery`.
+It is a force on a mass or a change of the friction coefficient, and an effect like any other, so that the reference, the fit
+and the engines can all run it. Its coefficients, the weights of the basis functions, are found by
+`discrepancy.unlisted.discovery`.
 """
 
 from __future__ import annotations
@@ -68,8 +69,8 @@ def _from_point(xp: Any, x: Any, y: Any, p: SimpleNamespace) -> tuple[Any, Any, 
 def coordinates_at(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, ...]:
     """Return the values of `COORDINATES` at one instant [SI].
 
-    The normal load is the pull of the light mass on its string, M1 (w^2 / l - g cos(theta)), which presses the string on the rod:
-    the tension at that end without the acceleration along the string, which would follow from the friction in turn.
+    The normal load is the pull of the light mass on its string, M1 (w^2 / l - g cos(theta)), which presses the string on the
+    rod: the tension at that end without the acceleration along the string, which would follow from the friction in turn.
     """
     x, y = light_mass_position(xp, k, p)
     pull = k.across_speed * k.across_speed / k.free_length - p.gravity * xp.cos(k.wrap_angle)
