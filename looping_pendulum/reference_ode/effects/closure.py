@@ -137,7 +137,7 @@ CLOSURE = Effect(
     formula="F or change of mu = sum_i c_i exp(-((s - s_i) / h)^2 / 2) (1, -u or -w), s one coordinate",
     source="none: found from data",
     acts_on="either mass, or string on rod",
-    depends_on=COORDINATES,
+    depends_on=("time", "free_length", "wrap_angle", "retreat_speed", "across_speed", "heavy_speed"),
     coefficients=(
         *(
             _closure_coefficient(
