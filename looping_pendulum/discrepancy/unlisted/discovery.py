@@ -109,16 +109,21 @@ def discover(
 
 
 def by_preference(forces: Sequence[RecoveredForce]) -> list[RecoveredForce]:
-    """Return closures in the order in which they explain held-out data; of those that do equally well, the simplest first."""
-    if not forces:
-        return []
-    likelihood = {id(f): f.held_out.minus_twice_log_likelihood for f in forces}
-    passing = [v for f in forces if (v := likelihood[id(f)]) and f.held_out.passes] or list(likelihood.values())
-    limit = min(passing) + LIKELIHOOD_MARGIN
+    """Return closures in the order in which they explain held-out data; of those that do equally well, the simplest first.
+
+    Closures do equally well if they pass held-out data and are within `LIKELIHOOD_MARGIN` of the best of those, there and by
+    twice their log Bayes factor.
+    """
+    passing = [f for f in forces if f.held_out.passes]
+    if not passing:
+        return sorted(forces, key=lambda f: f.held_out.minus_twice_log_likelihood)
+    limit = min(f.held_out.minus_twice_log_likelihood for f in passing) + LIKELIHOOD_MARGIN
+    min_evidence = max(f.twice_log_bayes_factor for f in passing) - LIKELIHOOD_MARGIN
 
     def order(force: RecoveredForce) -> tuple[bool, int, float]:
-        behind = likelihood[id(force)] > limit or not force.held_out.passes
-        return behind, 0 if behind else simplicity(force.closure), likelihood[id(force)]
+        likelihood = force.held_out.minus_twice_log_likelihood
+        near = force.held_out.passes and likelihood <= limit and force.twice_log_bayes_factor >= min_evidence
+        return not near, simplicity(force.closure) if near else 0, likelihood
 
     return sorted(forces, key=order)
 
