@@ -265,9 +265,20 @@ class ForceProfile:
     """Values of the refitted formula along the coordinate; None: no formula is accepted."""
 
 
+STRING_ON_ROD = "string on rod"
+"""What a law of the string acts on (`Unlisted.acts_on`)."""
+
+
+def value_unit(acts_on: str, multiplied_by: str) -> str:
+    """Return the unit of an unknown law's profile; '' for a change of the friction coefficient."""
+    if acts_on == STRING_ON_ROD:
+        return ""
+    return "N" if multiplied_by == "constant" else "N s/m"
+
+
 @dataclass(frozen=True, kw_only=True)
 class OtherClosure:
-    """Another closure (coordinate, factor and mass) of the unknown force that was refitted."""
+    """Another closure (coordinate, factor and what it acts on) of the unknown law that was refitted."""
 
     acts_on: str
     depends_on: str
@@ -276,6 +287,8 @@ class OtherClosure:
     """Twice the log of the Bayes factor over the declared model, by the linearised model."""
     held_out_chi2: float
     """Largest chi2 per value on held-out data."""
+    excluded: bool = False
+    """Whether the data exclude it: it fails held-out data, or its evidence is decisively less."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -339,6 +352,24 @@ class Unlisted:
     """The same of the repaired model."""
     other_closures: tuple[OtherClosure, ...]
     """Other closures that were refitted."""
+    point: tuple[float, float] | None = None
+    """Point (x, y) from which the coordinate "distance" is measured [m]; None for other coordinates."""
+
+    @property
+    def value_unit(self) -> str:
+        """Unit of the profiles; '' for a change of the friction coefficient."""
+        return value_unit(self.acts_on, self.multiplied_by)
+
+    @property
+    def in_words(self) -> str:
+        """What it is and what it depends on, as part of a sentence."""
+        law = (
+            "change of the friction of the string on the rod"
+            if self.acts_on == STRING_ON_ROD
+            else f"force on the {self.acts_on}"
+        )
+        place = "" if self.point is None else f" from x = {self.point[0]:.3f} m, y = {self.point[1]:.3f} m"
+        return f"{law} as a function of the {self.depends_on.replace('_', ' ')} s{place}"
 
 
 @dataclass(frozen=True, kw_only=True)

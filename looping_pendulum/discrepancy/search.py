@@ -21,7 +21,7 @@ from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN, record_round
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate, compile_for, screen, slowest_first
 from looping_pendulum.discrepancy.result import Round, Verdict
-from looping_pendulum.discrepancy.unlisted.discovery import RecoveredForce, discover
+from looping_pendulum.discrepancy.unlisted.discovery import RecoveredForce, by_preference, discover
 from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
 from looping_pendulum.discrepancy.unlisted.formula import refit as refit_formulas
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
@@ -84,10 +84,15 @@ class Search:
         if best is second and second.cost < first.cost - 1:
             best = refit_with_estimated_noise(second)
         self.declared_model = self.judge(best, (), (first.cost, second.cost))
-        current, best_single = self.declared_model, None
+        current, best_single, searched_unlisted = self.declared_model, None, False
         for added_count in range(MAX_EFFECTS):
             if not current.failed_tests:
                 return
+            if added_count == MAX_EFFECTS - 1:
+                # So many listed effects can mimic most of what the library lacks: one unlisted force is simpler
+                searched_unlisted = True
+                if self.unlisted_force_explains(best_single):
+                    return
             next_model = self.run_round(current, 0.1 + 0.2 * added_count)
             if self.accepted_models:
                 return self.find_rivals() if added_count else None
@@ -101,12 +106,19 @@ class Search:
                 return self.find_rivals()
             if best_single is None:
                 best_single = current
+        if not searched_unlisted and self.unlisted_force_explains(best_single):
+            return
+        if self.correlated_fit is not None:
+            self.search_with_correlated_noise(self.correlated_fit)
+
+    def unlisted_force_explains(self, best_single: CandidateModel | None) -> bool:
+        """Return whether an unlisted force explains the data, beside the declared model or beside its best single effect."""
+        assert self.declared_model is not None
         self.forces = self.find_unlisted_forces(self.declared_model)
         if not self.forces and best_single is not None:
             self.forces = self.find_unlisted_forces(best_single)
             self.beside_forces = best_single.added if self.forces else ()
-        if not self.forces and self.correlated_fit is not None:
-            self.search_with_correlated_noise(self.correlated_fit)
+        return bool(self.forces)
 
     def noise_explains_all(self) -> bool:
         """Return whether errors of the tracked points that last longer than a frame are all that the declared model lacks.
@@ -310,7 +322,7 @@ class Search:
         if passing:
             formulas = refit_formulas(base.fit, passing, self.inputs.held_out, lambda what: self.report_progress(what, 0.93))
             self.formulas = tuple(formulas)
-        return tuple(passing + [f for f in forces if f not in passing]) if passing else ()
+        return tuple(by_preference(passing) + [f for f in forces if f not in passing]) if passing else ()
 
     def conclusion(self, interrupted: bool) -> tuple[Verdict, CandidateModel, tuple[CandidateModel, ...]]:
         """Return the verdict, the repaired model, and the tied models if the verdict is ambiguous."""

@@ -69,11 +69,10 @@ def verdict_sentence(
         beside = f", beside {' and '.join(effect_in_words(e) for e in effects)}," if effects else ""
         size = ""
         if unlisted.multiplied_by == "constant":
-            size = f" of up to {quantity(max(abs(p.largest) for p in unlisted.profiles), 'N')}"
-        coordinate = unlisted.depends_on.replace("_", " ")
+            size = f", of up to {quantity(max(abs(p.largest) for p in unlisted.profiles), unlisted.value_unit)},"
         return (
-            f"No effect of {candidates} explains what the declared model misses, but{beside} a force{size} on the "
-            f"{unlisted.acts_on} that depends on the {coordinate} does: with it, {_nearer(worst)}."
+            f"No effect of {candidates} explains what the declared model misses, but{beside} a {unlisted.in_words}{size} does: "
+            f"with it, {_nearer(worst)}."
         )
     errors_of_data = f", {amount(worst.standardised_rms_after)} times their error" if worst.rms_after is not None else ""
     return (

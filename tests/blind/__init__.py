@@ -77,3 +77,13 @@ class Effects:
     """Largest force of a pulse along the light mass's velocity, F = k exp(-(t - t0)^2 / 2 s^2) [N]."""
     thrust_time: float = 0.3
     thrust_width: float = 0.05
+    brake: float = 0.0
+    """Drag per speed of the heavy mass between two heights, -b v between y = -0.16 m and -0.09 m, with soft edges [kg/s]."""
+    brake_from: float = -0.16
+    brake_to: float = -0.09
+    brake_edge: float = 0.008
+    rough_patch: float = 0.0
+    """Relative growth of friction while the string leaves the rod between two wrap angles, with soft edges [1]."""
+    patch_from: float = 2.4
+    patch_to: float = 3.4
+    patch_edge: float = 0.1

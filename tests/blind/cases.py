@@ -170,6 +170,8 @@ VIEWS = (
 UNLISTED = (
     _single("magnet", 0.015, listed=False),
     _single("thrust", 0.02, listed=False),
+    _single("brake", 0.06, listed=False),
+    _single("rough_patch", 0.06, listed=False),
 )
 
 CASES = {c.name: c for c in (CLEAN, CLEAN_VARIED, *SINGLE, *SMALL, *PAIRS, *MEASUREMENT, *VIEWS, *UNLISTED)}

@@ -251,6 +251,7 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: N
     per_speed, per_wrap, on_string = e.friction_per_speed, e.friction_per_wrap, e.string_on_string
     static_excess, compliance, mobility, bearing = e.static_excess, e.compliance, e.rod_mobility, e.bearing_friction
     turn, static = 2 * pi, e.static_excess > 0
+    brake, patch = e.brake, e.rough_patch
     both_stiff = numerics.stiffness, numerics.stiffness
 
     def parts(passed: float) -> tuple[float, float]:
@@ -265,6 +266,8 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: N
         if wrap <= 0:
             return 0.0
         value = friction * wrap * (1 + per_speed * speed + per_wrap * wrap)
+        if patch:
+            value += friction * wrap * patch * _between(wrap, e.patch_from, e.patch_to, e.patch_edge)
         if wrap > turn:
             value += on_string * (wrap - turn)
         return min(value, 80.0)
@@ -346,6 +349,8 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: N
         heavy_speed = hypot(hvx, hvy)
         hax = (t2 * lift_x - heavy_drag * heavy_speed * hvx) / heavy_total if swings else 0.0
         hay = (t2 * lift_y - heavy_drag * heavy_speed * hvy) / heavy_total - g
+        if brake:
+            hay -= brake * _between(hy, e.brake_from, e.brake_to, e.brake_edge) * hvy / heavy_total
         if held:
             hax = hay = 0.0
         turning_up = mobility * (t1 - t2 - bearing * contact.rod) if contact.rod else 0.0
@@ -363,6 +368,11 @@ def _equations(a: Apparatus, e: Effects, paths: tuple[float, float], numerics: N
         )
 
     return rates
+
+
+def _between(x: float, low: float, high: float, edge: float) -> float:
+    """1 between ``low`` and ``high``, 0 outside, with edges of hyperbolic tangents."""
+    return 0.5 * (math.tanh((x - low) / edge) - math.tanh((x - high) / edge))
 
 
 def _light_force(a: Apparatus, e: Effects) -> Callable[..., Any]:

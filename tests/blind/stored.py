@@ -77,6 +77,7 @@ TRACKS = (
     ("frame_rate", 0),
     ("scale", 1),
     ("thrust", 3),
+    ("rough_patch", 1),
     ("static_excess", 0),
     ("side_force", 0),
     ("pixel_aspect", 0),

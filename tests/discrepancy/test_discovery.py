@@ -17,8 +17,9 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.discrepancy.unlisted import discovery, formula
-from looping_pendulum.discrepancy.unlisted.discovery import _evidence, _refit, screen
+from looping_pendulum.discrepancy.unlisted.discovery import _refit
 from looping_pendulum.discrepancy.unlisted.formula import PREFIX
+from looping_pendulum.discrepancy.unlisted.screening import _evidence, motions, screen
 from looping_pendulum.discrepancy.unlisted.simplify import CoordinateRange, forms
 from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS, weight_name
@@ -76,7 +77,7 @@ def test_a_pulse_of_thrust_is_found_as_a_force_of_time(tmp_path, library, monkey
     """Planted: a pulse along the velocity, 0.3 s after release and 0.05 s wide, by a simulator that shares no equation.
 
     Daily beside the candidates that come nearest to it: both rounds of the search run, and so does that for unlisted forces,
-    which screens all closures and refits the best two instead of four.
+    which screens all closures and refits the best two instead of five.
     """
     if library is MIMICS:
         monkeypatch.setattr(discovery, "MAX_REFITS", 2)
@@ -112,16 +113,38 @@ def test_no_formula_is_accepted_on_clean_data(tmp_path):
     """Oracle: data in which nothing is hidden. The best closure has no force, and no formula of it a decisive delta BIC."""
     inputs = read_inputs(load(write_study(tmp_path, CLEAN, 5, trials=TWO_RATIOS)))
     base = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
-    samples = [base.problem.run(base.x, k) for k in range(len(base.problem.data))]
-    best = max(screen(base, samples), key=lambda s: s.twice_log_bayes_factor)
+    runs = motions(base)
+    best = max(screen(base, runs), key=lambda s: s.twice_log_bayes_factor)
     assert best.twice_log_bayes_factor < DECISIVE
-    force = _refit((base, inputs.held_out, samples), best)
+    force = _refit((base, inputs.held_out, runs), best)
     fitted = formula.refit(base, [force], inputs.held_out, lambda what: None)
     assert fitted
     assert all(w.delta_bic < DECISIVE for w in fitted)
 
 
-@pytest.mark.parametrize("target", ["heavy mass", "light mass"])
+@pytest.mark.parametrize(
+    ("name", "acts_on", "depends_on"),
+    [
+        pytest.param("magnet", "light mass, away from a point", "distance", marks=pytest.mark.accurate),
+        pytest.param("brake", "heavy mass", "hanging_length", marks=pytest.mark.accurate),
+        ("rough_patch", "string on rod", "wrap_angle"),
+    ],
+)
+def test_the_screening_names_what_a_law_acts_on_and_depends_on(tmp_path, name, acts_on, depends_on):
+    """Planted by the separate simulator: a force towards a point, one between two heights, and friction between two angles.
+
+    By the linearised model alone, without a refit to the trajectories.
+    """
+    inputs = read_inputs(load(write_study(tmp_path, CASES[name], 1)))
+    base = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
+    best = max(screen(base, motions(base)), key=lambda s: s.twice_log_bayes_factor)
+    assert (best.closure.target, best.closure.coordinate) == (acts_on, depends_on)
+    assert best.twice_log_bayes_factor > 10 * DECISIVE
+    if best.closure.point is not None:
+        assert math.dist(best.closure.point, Effects.magnet_place) < Effects.magnet_range
+
+
+@pytest.mark.parametrize("target", ["heavy mass", "light mass", "string on rod"])
 def test_basis_functions_stand_for_a_formula_to_a_thousandth(target):
     """Oracle: the formula itself. A step is only as sharp as the basis functions, so to a hundredth."""
     coordinate_range = CoordinateRange(low=0.2, high=1.2, spacing=0.1)

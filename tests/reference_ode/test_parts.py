@@ -13,7 +13,14 @@ from looping_pendulum.reference_ode import parameters as parameter_module
 from looping_pendulum.reference_ode import rules, scipy_backend, solution, state
 from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS
-from looping_pendulum.reference_ode.effects.closure import COORDINATES, FACTORS, N_BASIS_FUNCTIONS, SIDES, weight_name
+from looping_pendulum.reference_ode.effects.closure import (
+    COORDINATES,
+    FACTORS,
+    N_BASIS_FUNCTIONS,
+    ROUNDING_DISTANCE,
+    SIDES,
+    weight_name,
+)
 from looping_pendulum.reference_ode.effects.properties import REST_SPEED
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -299,26 +306,58 @@ def test_effects_that_need_a_string_are_those_of_string_and_rod():
 
 @pytest.mark.parametrize("coordinate", COORDINATES)
 @pytest.mark.parametrize("factor", FACTORS)
-def test_an_unknown_force_is_a_sum_of_radial_basis_functions_of_its_coordinate(coordinate, factor):
+def test_an_unknown_law_is_a_sum_of_radial_basis_functions_of_its_coordinate(coordinate, factor):
     """Oracle: Gaussians a width apart, by NumPy: c_i exp(-(s / h - s_0 / h - i)^2 / 2), times 1 or minus a speed."""
     rng = np.random.default_rng(8)
     weights = {side: rng.normal(size=N_BASIS_FUNCTIONS) for side in SIDES}
     named = {weight_name(side, i): value for side in SIDES for i, value in enumerate(weights[side])}
-    chosen = {f"closure_of_{coordinate}": 1.0, f"closure_by_{factor}": 1.0, "closure_scale": 2.5, "closure_start": -1.5}
+    chosen = {f"closure_of_{coordinate}": 1.0, f"closure_by_{factor}": 1.0, "closure_scale": 2.5, "closure_start": -1.5,
+              "closure_point_x": -0.3, "closure_point_y": -0.4}  # fmt: skip
     p = TEN_TO_ONE.replace(**named, **chosen)
     y = State(0.45, 2.1, 0.7, -1.3, 0.7, 0.0)
     k = kinematics(math, Mode.SLIDING_UP, 0.8, y, UP, p.values(), p.effects)
-    s = {"time": 0.8, "free_length": 0.45, "wrap_angle": 2.1, "retreat_speed": 0.7, "across_speed": -1.3}[coordinate]
+    v = p.values()
+    x = v.rod_radius * math.cos(2.1) - 0.45 * math.sin(2.1)
+    y_up = v.rod_radius * math.sin(2.1) + 0.45 * math.cos(2.1)
+    s = {
+        "time": 0.8,
+        "free_length": 0.45,
+        "wrap_angle": 2.1,
+        "retreat_speed": 0.7,
+        "across_speed": -1.3,
+        "slip_speed": 0.7,
+        "normal_load": v.light_mass * (1.3**2 / 0.45 - v.gravity * math.cos(2.1)),
+        "hanging_length": v.hanging_length + v.free_length + v.rod_radius * v.release_angle - 0.45 - v.rod_radius * 2.1,
+        "horizontal_position": x,
+        "height": y_up,
+        "distance": math.sqrt((x + 0.3) ** 2 + (y_up + 0.4) ** 2 + ROUNDING_DISTANCE**2),
+    }[coordinate]
+    gradient = {
+        "horizontal_position": (1.0, 0.0),
+        "height": (0.0, 1.0),
+        "distance": ((x + 0.3) / s, (y_up + 0.4) / s),
+    }.get(coordinate, (0.0, 0.0))
+    e1, t1 = (math.sin(2.1), -math.cos(2.1)), (-math.cos(2.1), -math.sin(2.1))
     times = {"constant": 1.0, "retreat_speed": -0.7, "across_speed": 1.3}[factor]
     basis_functions = times * np.exp(-0.5 * (2.5 * s + 1.5 - np.arange(12)) ** 2)
     actual = (
         *EFFECTS["closure"].force_on_light_mass(math, k, p.values()),
         EFFECTS["closure"].force_on_heavy_mass(math, k, p.values()),
+        EFFECTS["closure"].sliding_exponent(math, k, p.values()),
+        EFFECTS["closure"].holding_exponent(math, k, p.values()),
     )
-    np.testing.assert_allclose(actual, [basis_functions @ weights[side] for side in SIDES], rtol=1e-12)
+    on_side = {side: basis_functions @ weights[side] for side in SIDES}
+    expected = [
+        on_side["along"] + on_side["gradient"] * np.dot(gradient, e1),
+        on_side["across"] + on_side["gradient"] * np.dot(gradient, t1),
+        on_side["heavy"],
+        2.1 * on_side["friction"],
+        2.1 * on_side["friction"],
+    ]
+    np.testing.assert_allclose(actual, expected, rtol=1e-10, atol=1e-14)
 
 
 def test_an_unknown_force_may_have_twelve_basis_functions_on_each_side():
     names = {c.name for c in EFFECTS["closure"].coefficients}
-    assert len(names) == 3 * 12 + len(COORDINATES) + len(FACTORS) + 2
+    assert len(names) == 5 * 12 + len(COORDINATES) + len(FACTORS) + 4
     assert {n for n in names if n.startswith("closure_along_")} == {f"closure_along_{i}" for i in range(12)}

@@ -26,6 +26,12 @@ COMPARE = "looping-pendulum compare repaired.yaml --engine mujoco:capstan --out 
 LOOK_FOR = {
     "time": "what happens at that time: a bump, a draught, a hand, a mark that was set late",
     "free_length": "what the mass passes at that length of string: a magnet, an edge, something that it touches, a draught",
+    "hanging_length": "what the heavy mass passes at that height: an edge, a guide, something that it touches",
+    "horizontal_position": "what acts at that place: a magnet, a draught, something that the mass touches",
+    "height": "what acts at that height: a magnet, a draught, something that the mass touches",
+    "distance": "what attracts or repels from that point: a magnet, a charge, something that the mass touches",
+    "slip_speed": "a friction of string on rod that depends on how fast the string slides",
+    "normal_load": "a friction of string on rod that depends on how hard the string presses",
     "wrap_angle": "what the string does at that angle: a groove or a seam of the rod, turns that lie on each other",
     "retreat_speed": "a drag or a friction that depends on how fast the string is drawn in",
     "across_speed": "a drag that depends on how fast the mass moves, the spin of the mass, or a wrong scale of the film",

@@ -9,7 +9,7 @@ from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.report import lead_figure, markdown
 from looping_pendulum.discrepancy.report.event_report import AXIS_LIMIT, off_by
 from looping_pendulum.discrepancy.report.plots import MAX_RANKED
-from looping_pendulum.discrepancy.report.unlisted_report import SIDES, force_unit
+from looping_pendulum.discrepancy.report.unlisted_report import SIDES
 from looping_pendulum.discrepancy.result import Identification, TrialFigure, Unlisted
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.figures import DOTTED, INK, LINE, SOFT, Figure, band, escaped, horizontal, plain, points
@@ -211,6 +211,6 @@ def unlisted_figure(force: Unlisted) -> Figure:
         traces=tuple(traces),
         layout={
             "xaxis": {"title": {"text": f"{force.depends_on.replace('_', ' ')} [{force.unit}]"}},
-            "yaxis": {"title": {"text": f"unlisted force [{force_unit(force)}]"}},
+            "yaxis": {"title": {"text": f"unlisted law [{force.value_unit or 1}]"}},
         },
     )

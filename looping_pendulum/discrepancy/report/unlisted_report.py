@@ -13,6 +13,8 @@ SIDES = {
     "along": "along the string, towards the rod",
     "across": "across the string, the way it loops",
     "heavy": "on the heavy mass, upward",
+    "gradient": "the way in which the coordinate grows",
+    "friction": "coefficient of friction",
 }
 """Direction of a force (`ForceProfile.side`) -> words."""
 
@@ -27,7 +29,7 @@ def section(result: Identification) -> str:
     head = [
         "direction",
         f"largest at {name} [{unit}]",
-        f"largest [{force_unit(force)}]",
+        f"largest [{force.value_unit or 1}]",
         f"significant between [{unit}]",
         "formula",
     ]
@@ -37,7 +39,7 @@ def section(result: Identification) -> str:
     ]
     text = (
         "## The unlisted force\n\n"
-        f"It acts on the {force.acts_on}, {force.phase}, and depends on the {name} (s below). It was found as a sum of radial "
+        f"It is a {force.in_words}, and acts {force.phase}. It was found as a sum of radial "
         f"basis functions of that coordinate. {_model_in_words(force)} *Significant*: above two standard errors.\n\n"
         + table(head, rows, left=1)
     )
@@ -60,10 +62,10 @@ def tests(force: Unlisted) -> str:
     text = "### The unlisted force\n\n" + table(["compared", "number", "value"], rows, left=2) + _formulas(force)
     if not force.other_closures:
         return text
-    head = ["acts on", "depends on", "multiplied by", "2 log Bayes factor", "held-out chi2/n"]
+    head = ["acts on", "depends on", "multiplied by", "2 log Bayes factor", "held-out chi2/n", "excluded?"]
     others = [
         [o.acts_on, *(word.replace("_", " ") for word in (o.depends_on, o.multiplied_by)), number(o.twice_log_bayes_factor),
-         number(o.held_out_chi2)]
+         number(o.held_out_chi2), "yes" if o.excluded else "no"]
         for o in force.other_closures
     ]  # fmt: skip
     return (
@@ -122,14 +124,9 @@ def figure(force: Unlisted) -> Figure:
         if p.fitted_formula_values is not None:
             axes.plot(s, p.fitted_formula_values, "--", color=colour, label="its formula")
     axes.set_xlabel(f"{force.depends_on.replace('_', ' ')} [{force.unit}]")
-    axes.set_ylabel(f"unlisted force [{force_unit(force)}]")
+    axes.set_ylabel(f"unlisted law [{force.value_unit or 1}]")
     axes.legend(loc="best", fontsize=8)
     return chart
-
-
-def force_unit(force: Unlisted) -> str:
-    """Return the unit of the profile of the unlisted force."""
-    return "N" if force.multiplied_by == "constant" else "N s/m"
 
 
 def _significant_range(p: ForceProfile) -> str:

@@ -6,17 +6,30 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from looping_pendulum.discrepancy.result import ForceProfile, Formula, FormulaParameter, OtherClosure, Unlisted
-from looping_pendulum.discrepancy.unlisted.discovery import SIGNIFICANT_ERRORS, TARGETS, RecoveredForce
+from looping_pendulum.discrepancy.result import ForceProfile, Formula, FormulaParameter, OtherClosure, Unlisted, value_unit
+from looping_pendulum.discrepancy.unlisted.closures import STRING, TARGETS, Closure
+from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN, SIGNIFICANT_ERRORS, RecoveredForce
 from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
+from looping_pendulum.discrepancy.unlisted.screening import motions
 from looping_pendulum.discrepancy.unlisted.simplify import FormulaTerm
 from looping_pendulum.pages.numbers import number
-from looping_pendulum.reference_ode.effects import Kinematics
-from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.reference_ode.effects.closure import COORDINATES
 
 PROFILE_POINTS = 60
 """Points of a profile in the result."""
-COORDINATE_UNITS = {"time": "s", "free_length": "m", "wrap_angle": "rad", "retreat_speed": "m/s", "across_speed": "m/s"}
+COORDINATE_UNITS = {
+    "time": "s",
+    "free_length": "m",
+    "wrap_angle": "rad",
+    "retreat_speed": "m/s",
+    "across_speed": "m/s",
+    "slip_speed": "m/s",
+    "normal_load": "N",
+    "hanging_length": "m",
+    "horizontal_position": "m",
+    "height": "m",
+    "distance": "m",
+}
 """Coordinate -> its SI unit."""
 FACTOR_TEXTS = {"constant": "", "retreat_speed": "-u", "across_speed": "-w"}
 """Factor -> its text before a formula; u is the light mass's speed away from the rod along the string, w across it.
@@ -24,7 +37,7 @@ FACTOR_TEXTS = {"constant": "", "retreat_speed": "-u", "across_speed": "-w"}
 A factor is minus the speed, so a positive function of the coordinate brakes.
 """
 
-assert set(COORDINATE_UNITS) <= set(Kinematics._fields)
+assert set(COORDINATE_UNITS) == set(COORDINATES)
 NO_FORMULA = "no simple formula; twelve radial basis functions"
 """Text in a formula's place where none is accepted."""
 MOSTLY, SELDOM = 0.8, 0.2
@@ -61,6 +74,7 @@ def describe_unlisted_force(
         twice_log_bayes_factor=best.twice_log_bayes_factor,
         held_out_chi2_before=held_out_chi2_before,
         held_out_chi2_after=held_out.worst,
+        point=best.closure.point,
         other_closures=tuple(
             OtherClosure(
                 acts_on=f.closure.target,
@@ -68,6 +82,7 @@ def describe_unlisted_force(
                 multiplied_by=f.closure.factor,
                 twice_log_bayes_factor=f.twice_log_bayes_factor,
                 held_out_chi2=f.held_out.worst,
+                excluded=not f.held_out.passes and f.twice_log_bayes_factor < best.twice_log_bayes_factor - LIKELIHOOD_MARGIN,
             )
             for f in forces
             if f is not best
@@ -84,7 +99,7 @@ def _formula(fitted: FittedFormula) -> Formula:
         multiplied_by=closure.factor,
         parameters=tuple(
             FormulaParameter(
-                name=t.name, value=float(v), error=float(e), unit=_unit(t, closure.factor, COORDINATE_UNITS[closure.coordinate])
+                name=t.name, value=float(v), error=float(e), unit=_unit(t, closure, COORDINATE_UNITS[closure.coordinate])
             )
             for t, v, e in rows
         ),
@@ -96,12 +111,14 @@ def _formula(fitted: FittedFormula) -> Formula:
     )
 
 
-def _unit(term: FormulaTerm, factor: str, coordinate: str) -> str:
+def _unit(term: FormulaTerm, closure: Closure, coordinate: str) -> str:
     if term.of_coordinate:
         return coordinate
-    force = "N" if factor == "constant" else "N s/m"
+    force = value_unit(closure.target, closure.factor)
     per = f"({coordinate})" if "/" in coordinate else coordinate
-    return force if not term.power else f"{force}/{per}" + (f"^{term.power}" if term.power > 1 else "")
+    if not term.power:
+        return force
+    return f"{force or '1'}/{per}" + (f"^{term.power}" if term.power > 1 else "")
 
 
 def _profile(force: RecoveredForce, formula: FittedFormula | None, index: int) -> ForceProfile:
@@ -135,13 +152,12 @@ def _text(fitted: FittedFormula, index: int) -> str:
 
 def _phase(force: RecoveredForce) -> str:
     """Return the phase of the motion in which most of the force acts: while the string slides, while it does not, or both."""
-    problem = force.fit.problem
-    modes = np.concatenate([problem.run(force.fit.x, k).mode for k in range(len(problem.data))])
-    size = np.sqrt(sum(force.closure.profile(w, force.coordinates) ** 2 for w in force.weights))
-    sliding = np.isin(modes, (Mode.SLIDING_DOWN, Mode.SLIDING_UP))
-    # modes are of the repaired model, coordinates of the declared one, and either may reach the rod first
-    count = min(len(sliding), len(size))
-    share = float(size[:count][sliding[:count]].sum() / max(size[:count].sum(), 1e-300))
+    runs = motions(force.fit)
+    s = runs.coordinate(force.closure.coordinate, force.closure.point)
+    size = np.sqrt(sum(force.closure.profile(w, s) ** 2 for w in force.weights))
+    share = float(size[runs.sliding].sum() / max(size.sum(), 1e-300))
+    if force.closure.target == STRING:
+        share = 1.0  # friction acts where the string slides
     if share > MOSTLY:
         return "while the string slides"
     return "while the string does not slide" if share < SELDOM else "while the string slides and while it does not"

@@ -20,7 +20,8 @@ from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, check_held_out
-from looping_pendulum.discrepancy.unlisted.discovery import TARGETS, WEAK_PRIOR, RecoveredForce
+from looping_pendulum.discrepancy.unlisted.closures import TARGETS, simplicity
+from looping_pendulum.discrepancy.unlisted.discovery import WEAK_PRIOR, RecoveredForce, point_parameters
 from looping_pendulum.discrepancy.unlisted.simplify import (
     MIN_WIDTH,
     CoordinateRange,
@@ -102,7 +103,8 @@ def refit(
 ) -> list[FittedFormula]:
     """Refit the formulas of lowest predicted BIC to the trajectories; return them, largest delta BIC first.
 
-    Of those within `BIC_MARGIN` of the best, the first that is accepted on held-out data goes to the front.
+    Of those within `BIC_MARGIN` of the best, the first that is accepted on held-out data goes to the front; formulas of simpler
+    closures are tested first.
     """
     held_out_of_best_profile = min((f.held_out for f in forces), key=lambda u: u.worst)
     formulas = []
@@ -110,10 +112,16 @@ def refit(
         report_step(f"fitting a formula of the unknown force by {prediction.force.closure.coordinate}")
         refitted = _refit(base, prediction, held_out_of_best_profile)
         formulas += [refitted] if refitted else []
-    formulas.sort(key=lambda w: -w.delta_bic)
+    limit = max((w.delta_bic for w in formulas), default=0.0) - BIC_MARGIN
+
+    def order(fitted: FittedFormula) -> tuple[bool, int, float]:
+        behind = fitted.delta_bic < limit
+        return behind, 0 if behind else simplicity(fitted.force.closure), -fitted.delta_bic
+
+    formulas.sort(key=order)
     for i, formula in enumerate(formulas):
         # They are in order, so that all that follow are too far behind as well
-        if formula.delta_bic < formulas[0].delta_bic - BIC_MARGIN:
+        if formula.delta_bic < limit:
             break
         final = with_noise_of_residuals(formula.fit)
         formulas[i] = judged = dataclasses.replace(formula, fit=final, held_out=check_held_out(final, held_out))
@@ -143,9 +151,10 @@ def _delta_bic_of_profile(base: Fit, force: RecoveredForce) -> float:
     residuals = fit.problem.with_data(base.problem.data).residuals(fit.x)
     assert residuals is not None
     n_added = len(fit.problem.free_parameters) - n_declared
+    n_weights = len(force.closure.names)
     # The posterior variance of a weight over its prior (ridge) variance is the part of it that the data do not determine, so
     # the sum of one less that part over all weights is their effective number of parameters.
-    effective = n_added - float(np.trace(fit.covariance[n_declared:, n_declared:]))
+    effective = n_added - float(np.trace(fit.covariance[-n_weights:, -n_weights:]))
     without_ridge = residuals[:-n_added]
     return base.cost - float(without_ridge @ without_ridge) - effective * math.log(base.problem.count)
 
@@ -154,13 +163,14 @@ def _refit(base: Fit, prediction: PredictedFormula, held_out_of_best_profile: He
     """Refit one formula to the trajectories from its predicted values; None if the model cannot run."""
     problem = _problem(base, prediction)
     n_declared = len(base.problem.free_parameters)
+    n_added = len(problem.free_parameters) - n_declared
     # The declared model's parameters start where the fit with radial basis functions left them.
-    start = np.concatenate([prediction.force.fit.x[:n_declared], np.zeros(len(prediction.values))])
+    start = np.concatenate([prediction.force.fit.x[:n_declared], np.zeros(n_added)])
     try:
         fit = minimise(problem, start, max_iterations=MAX_ITERATIONS)
     except FitError:
         return None
-    delta_bic = base.cost - fit.cost - len(prediction.values) * math.log(base.problem.count)
+    delta_bic = base.cost - fit.cost - n_added * math.log(base.problem.count)
     return FittedFormula(
         prediction=prediction,
         fit=fit,
@@ -181,7 +191,8 @@ def _problem(base: Fit, prediction: PredictedFormula) -> Problem:
         start_values=tuple(prediction.values.tolist()),
     )
     added = [_free_parameter(prediction, i, coordinate_range, study) for i in range(len(prediction.values))]
-    return Problem(study, p.data, (*p.free_parameters, *added))
+    point = point_parameters(prediction.force.closure, tuple(t.name for t in study.trials))
+    return Problem(study, p.data, (*p.free_parameters, *point, *added))
 
 
 def _free_parameter(prediction: PredictedFormula, i: int, coordinate_range: CoordinateRange, study: Study) -> FreeParameter:
@@ -249,4 +260,5 @@ class _FormulaParameters:
     def replace(self, **changes: object) -> Parameters:
         starts = zip(self._study.formula_parameters, self._study.start_values, strict=True)
         values = [cast(float, changes.pop(name, start)) for name, start in starts]
-        return self._plain.replace(**changes, **self._study.closure_coefficients(values))
+        # A point among the changes is that of the fit, and not the one at which the formula was fitted first
+        return self._plain.replace(**{**self._study.closure_coefficients(values), **changes})
