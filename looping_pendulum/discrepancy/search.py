@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -37,6 +38,11 @@ MAX_SCORE_RATIO = 6
 """Largest ratio of the best candidate's |z| to that of a candidate that is refitted."""
 MAX_RESCREENED = 5
 """Candidates that are screened again with all added effects in the model, which costs compilations."""
+MAX_SQUARE_LEFT = 0.5
+"""Share of the held-out mean square residual up to which an effect is not refused for the pattern that it leaves.
+
+The errors of real marks are seldom as simple as correlated noise, so that a pattern stays beside the right effect, too.
+"""
 MAX_EFFECTS = 3
 """Effects that are added at most."""
 
@@ -229,12 +235,15 @@ class Search:
         """Test a fit on its residuals, on held-out data and by the scores of the remaining candidates."""
         held_out = check_held_out(fit, self.inputs.held_out)
         other_tests: tuple[ModelTest, ...] = ()
-        if added and self.correlated_base:
+        tests = check_residuals(fit)
+        if added and self.correlated_base and self.declared_model:
             other_tests = (_held_out_improvement_test(self.correlated_base, held_out),)
+            if _square_ratio(self.declared_model, held_out) <= MAX_SQUARE_LEFT:
+                tests = dataclasses.replace(tests, groups=())
         return CandidateModel(
             fit=fit,
             added=added,
-            tests=check_residuals(fit),
+            tests=tests,
             held_out=held_out,
             screening=lambda: self.screen_candidates(fit, added),
             start_costs=start_costs,
@@ -319,6 +328,8 @@ class Search:
         ]
         if noises_of(base.fit):  # with which most tests pass, so that chi2 says little
             passing = [f for f in passing if _predicts_better(base, f.held_out, MIN_DELTA_BIC)]
+            # Nor is a force of any form an explanation if without it, and with white noise, the model is nearer to the points
+            passing = [f for f in passing if self.declared_model and _square_ratio(self.declared_model, f.held_out) < 1]
         if passing:
             formulas = refit_formulas(base.fit, passing, self.inputs.held_out, lambda what: self.report_progress(what, 0.93))
             self.formulas = tuple(formulas)
@@ -357,9 +368,13 @@ def _predicts_better(base: CandidateModel, held_out: HeldOutTest, min_improvemen
 
     -2 ln L must be lower by ``min_improvement``, and the model nearer to the points: larger noise alone also makes data likely.
     """
+    return _square_ratio(base, held_out) < 1 and _improvement(base, held_out) > min_improvement
+
+
+def _square_ratio(base: CandidateModel, held_out: HeldOutTest) -> float:
+    """Return the mean square residual of held-out points over that of another model; 0 if there are only events."""
     squares = [(b * b, a * a) for b, a in zip(base.held_out.rms, held_out.rms, strict=True) if b is not None and a is not None]
-    nearer = not squares or sum(a for _, a in squares) < sum(b for b, _ in squares)
-    return nearer and _improvement(base, held_out) > min_improvement
+    return sum(a for _, a in squares) / sum(b for b, _ in squares) if squares else 0.0
 
 
 def _improvement(base: CandidateModel, held_out: HeldOutTest) -> float:

@@ -52,7 +52,7 @@ def check_identify(result, folder):
     writing.write(result, folder)
     assert sorted(path.name for path in folder.iterdir() if path.is_file()) == sorted(writing.FILES)
     assert json.loads((folder / "verdict.json").read_text())["study"] == utf8(result.study).decode()
-    assert len(list((folder / "figures").iterdir())) == 5
+    assert len(list((folder / "figures").iterdir())) == 6
 
 
 def test_all_these_names_in_one_report_of_identify(tmp_path):
@@ -132,7 +132,7 @@ def test_a_figure_that_cannot_be_made_is_a_warning_and_the_rest_is_there(tmp_pat
     monkeypatch.setattr(identify_plots, "trial_figure", fail)
     with pytest.warns(SkippedOutputWarning, match="trial-one.png"):
         report = writing.write(made_up.identification("one"), tmp_path / "identify")
-    assert len(list((tmp_path / "identify" / "figures").iterdir())) == 4
+    assert len(list((tmp_path / "identify" / "figures").iterdir())) == 5
 
 
 @pytest.mark.parametrize("stop", [MemoryError, KeyboardInterrupt])
