@@ -451,7 +451,7 @@ class Identification(ShownInNotebook):
     """Every row of every event table."""
     outliers: tuple[Outliers, ...]
     """For each trial and body that has some, the tracked points that were left out as outliers."""
-    record_starts: tuple[RecordStart, ...]
+    record_starts: tuple[RecordStart, ...] = ()
     """For each trial whose record begins in mid-swing, how its motion begins."""
     before: FitReport
     """Fit of the declared model."""

@@ -277,10 +277,8 @@ BOUNDS = {
     "wind_speed": (-20, 20), "side_force": (-10, 10), "side_stiffness": (-10, 10), "friction_per_speed": (-0.1, 10),
     "friction_per_wrap": (-0.05, 1), "string_on_string": (0, 5), "push_across": (-20, 20), "push_along": (-20, 20),
     "string_density": (0, 0.1), "string_thickness": (0, 0.01), "heavy_swing": (-1.2, 1.2), "push_sideways": (-5, 5),
+    "pivot_friction": (0, 10), "pivot_damping": (0, 10), "light_inertia": (0, 1),
     "rod_mobility": (0, 1e4), "bearing_friction": (0, 100), "string_compliance": (0, 0.1), "string_loss_time": (0, 0.1),
-    "pivot_friction": (0, 10),
-    "pivot_damping": (0, 10),
-    "light_inertia": (0, 1),
 }  # fmt: skip
 """Bounds that scenario files rely on since 2026: a file that was valid must stay so, and a wrong unit must be refused."""
 
@@ -292,6 +290,14 @@ def test_bounds_are_those_that_scenario_files_rely_on():
         assert COEFFICIENTS[name].bounds == (-1e6, 1e6)
     assert {name: c.default for name, c in COEFFICIENTS.items() if c.default} == {"gravity": 9.81}
     assert {c.null for c in COEFFICIENTS.values()} == {0.0}
+
+
+def test_effects_that_need_a_pivot_act_where_the_heavy_mass_is_held():
+    values = {"pivot_friction": 1e-3, "pivot_damping": 1e-3}
+    for release in ("looping", "vertical", "drop", "held"):
+        names = {e.name for e in TEN_TO_ONE.replace(release=release, **values).effects}
+        assert (names >= set(values)) is (release == "held")
+        assert bool(names & set(values)) is (release == "held")
 
 
 def test_effects_that_need_a_string_are_those_of_string_and_rod():
