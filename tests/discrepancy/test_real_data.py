@@ -109,7 +109,7 @@ def drag_coefficient(result, ball):
 
 @pytest.mark.parametrize(
     "ball",
-    ["bowling_ball", "green_basketball", pytest.param("baseball", marks=pytest.mark.accurate)],
+    ["bowling_ball", *(pytest.param(ball, marks=pytest.mark.accurate) for ball in ("green_basketball", "baseball"))],
 )
 def test_no_drag_is_claimed_of_a_heavy_ball(tmp_path, ball):
     """The basketball falls slower by one share at all speeds: a scale that is off, or drag that hardly grows with speed."""
