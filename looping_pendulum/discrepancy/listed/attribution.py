@@ -356,11 +356,13 @@ def _check_held_out_blocks(fit: Fit, max_iterations: int) -> HeldOutTest:
         chi2.append(float(residuals @ np.linalg.solve(covariance, residuals)) / len(residuals))
         counts.append(len(residuals))
         is_point = np.concatenate([np.arange(len(d.t)) < d.event_slice.start for d in problem.data])[rows]
-        sigma = np.concatenate([d.sigma for d in problem.data])[rows]
-        is_point &= np.isfinite(sigma)  # what is left out of fits, as an outlier, is no part of their error
+        is_point &= np.isfinite(
+            np.concatenate([d.sigma for d in problem.data])[rows]
+        )  # what is left out of fits, as an outlier, is no part of their error
         if is_point.any():
             # twice the mean square of a coordinate is that of a distance in the plane
-            rms_of_blocks.append(math.sqrt(2 * float(np.mean((residuals[is_point] * sigma[is_point]) ** 2))))
+            off = np.concatenate([d.value - problem.predict(partial.x, k) for k, d in enumerate(problem.data)])[rows]
+            rms_of_blocks.append(math.sqrt(2 * float(np.mean(off[is_point] ** 2))))
     return HeldOutTest(
         names=tuple(names),
         chi2=(float(np.average(chi2, weights=counts)),),
