@@ -44,7 +44,7 @@ HALTS_BY_SLIDING = 2
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study:
+class EngineStudy:
     """The stored data that the page is written from."""
 
     convergence: ConvergenceResult
@@ -62,10 +62,10 @@ class Study:
         return json.dumps(rounded(tree), indent=None, separators=(",", ":")).replace('{"engine":', '\n{"engine":') + "\n"
 
 
-def read(text: str) -> Study:
-    """Read `Study.to_json`'s text back."""
+def read(text: str) -> EngineStudy:
+    """Read `EngineStudy.to_json`'s text back."""
     tree = json.loads(text)
-    return Study(
+    return EngineStudy(
         convergence=ConvergenceResult.from_json(json.dumps(tree["convergence"])),
         pareto=tuple(Point(**p) for p in tree["pareto"]),
         version=tree["convergence"]["schema"]["version"],
@@ -81,7 +81,7 @@ def rounded(tree: Any) -> Any:
     return float(f"{tree:.6g}") if isinstance(tree, float) else tree
 
 
-def page(study: Study) -> str:
+def page(study: EngineStudy) -> str:
     """Return the page of Markdown."""
     result = study.convergence
     return f"""# What the engines' errors are made of
@@ -181,7 +181,7 @@ def main() -> None:
         if result.interrupted:
             sys.exit(130)
         timed = kept_points(result, options.work / pareto.NAME, options.timing_budget)
-        write_atomically(SUMMARY, Study(convergence=result, pareto=timed).to_json())
+        write_atomically(SUMMARY, EngineStudy(convergence=result, pareto=timed).to_json())
     study = read(SUMMARY.read_text(encoding="utf-8"))
     write_atomically(FIGURE, png(figure(list(study.pareto))))
     write_atomically(PAGE, page(study))

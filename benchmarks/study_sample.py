@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from benchmarks.engine_study import SCENARIO, SUMMARY, Study, read
+from benchmarks.engine_study import SCENARIO, SUMMARY, EngineStudy, read
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.convergence.result import PATH_END_TIMES, RunSummary, VariantStudy
 from looping_pendulum.compare.metrics import rms_until
@@ -39,7 +39,7 @@ class StoredRun:
     summary: RunSummary
 
 
-def stored_runs(study: Study, budget: float) -> list[StoredRun]:
+def stored_runs(study: EngineStudy, budget: float) -> list[StoredRun]:
     """Return runs that ended properly and are known to take less than ``budget`` wall seconds per simulated second."""
     costs = {point.key: point.wall for point in study.pareto}
     runs = []

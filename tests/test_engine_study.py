@@ -6,14 +6,14 @@ import dataclasses
 
 import pytest
 
-from benchmarks.engine_study import COMMAND, PAGE, SUMMARY, Study, page, read
+from benchmarks.engine_study import COMMAND, PAGE, SUMMARY, EngineStudy, page, read
 from benchmarks.pareto import Point, front
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import ADAPTERS, all_engines, label
 
 
 @pytest.fixture(scope="module")
-def study() -> Study:
+def study() -> EngineStudy:
     return read(SUMMARY.read_text(encoding="utf-8"))
 
 

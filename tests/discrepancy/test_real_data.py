@@ -139,7 +139,7 @@ def test_the_pendulum_lacks_quadratic_drag_and_is_not_hung_quite_straight(tmp_pa
     explanations = [{e.name for e in tie} for tie in result.ties]
     quadratic = {"light_drag", "string_drag"}  # which one length does not tell apart
     assert all(names & quadratic for names in explanations)
-    assert {"light_drag", "tilt"} in explanations
+    assert any("tilt" in names for names in explanations)
     seen = next(e for e in result.errors if not e.held_out)
     assert seen.rms_after <= 0.6 * seen.rms_before
     assert held_out_error(result).rms_after <= 0.6 * held_out_error(result).rms_before
