@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 import subprocess
 import sys
-import zipfile
 
 import pytest
 import yaml
@@ -19,6 +17,7 @@ from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.reference_ode.effects.own import COORDINATES, DIRECTIONS
 from looping_pendulum.reference_ode.solve import available_integrators, solve
 from looping_pendulum.scenarios import load_text
+from tests import page_package
 from tests.blind import Effects
 from tests.blind.cases import CASES
 from tests.command_line import here
@@ -26,13 +25,12 @@ from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, only_candid
 from tests.docs_commands import PROJECT
 from tests.scenarios.test_errors import GOOD
 
-PAGE = (PROJECT / "docs" / "write-an-effect.md").read_text(encoding="utf-8")
-BUILD = "from setuptools.build_meta import build_wheel; build_wheel('dist')"
+PAGE = PROJECT / "docs" / "write-an-effect.md"
 fits = pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
 
 
 def blocks(language):
-    return re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+    return page_package.blocks(PAGE, language)
 
 
 def blind_study(folder, case, extra=""):
@@ -76,21 +74,12 @@ def test_the_scenario_on_the_page_brakes_the_heavy_mass():
 
 def test_the_page_names_every_direction_and_quantity():
     for name in (*DIRECTIONS, *COORDINATES):
-        assert f"`{name}`" in PAGE
+        assert f"`{name}`" in PAGE.read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory):
-    """Return the page's two files built by pip as a wheel and unpacked, which is how pip installs pure Python."""
-    pytest.importorskip("setuptools")
-    project, site = tmp_path_factory.mktemp("project"), tmp_path_factory.mktemp("site")
-    (project / "looping_pulse.py").write_text(blocks("python")[0], encoding="utf-8")
-    (project / "pyproject.toml").write_text(blocks("toml")[0], encoding="utf-8")
-    done = subprocess.run([sys.executable, "-c", BUILD], cwd=project, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    (wheel,) = (project / "dist").glob("*.whl")
-    zipfile.ZipFile(wheel).extractall(site)
-    return site
+    return page_package.install(PAGE, "looping_pulse", tmp_path_factory)
 
 
 def python(package, *arguments):

@@ -16,14 +16,12 @@ from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of
 from looping_pendulum.discrepancy.fit.event_tests import event_rms_by_unit
 from looping_pendulum.discrepancy.fit.likelihood import likelihood_interval
 from looping_pendulum.discrepancy.fit.problem import TrialData
-from looping_pendulum.discrepancy.listed.attribution import MAX_NULL_SCORE, position_slices, rms
+from looping_pendulum.discrepancy.listed.attribution import position_slices, rms
 from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.listed.screening import SCALE_SIZE
+from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE, SCALE_SIZE
 from looping_pendulum.discrepancy.outlier_summary import summarise_outliers
-from looping_pendulum.discrepancy.record_starts import record_starts
+from looping_pendulum.discrepancy.record_start_summary import record_starts
 from looping_pendulum.discrepancy.result import (
-    CorrelatedError,
-    EventResidual,
     Experiment,
     FitReport,
     FittedParameter,
@@ -31,11 +29,10 @@ from looping_pendulum.discrepancy.result import (
     IdentifiedEffect,
     Round,
     SmallestVisible,
-    TrialError,
-    TrialFigure,
     Unlisted,
     Verdict,
 )
+from looping_pendulum.discrepancy.trial_results import CorrelatedError, EventResidual, TrialError, TrialFigure
 from looping_pendulum.discrepancy.verdict_sentence import effect_in_words, verdict_notes, verdict_sentence
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios import loader
@@ -139,7 +136,7 @@ def _correlated_noise(model: CandidateModel) -> tuple[CorrelatedError, ...]:
             amplitude=noise.amplitude,
             unit=channels[body][0].unit,
             correlation_time=noise.correlation_time,
-            points=noise.correlation_time / float(np.median(np.diff(channels[body][0].t))),
+            points=noise.correlation_time / channels[body][0].time_step,
         )
         for body, noise in noises_of(model.fit).items()
     )

@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -16,7 +17,14 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import best_of, calibrate_from_random_start, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs
-from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, Refit, check_held_out, refits, with_own_noises
+from looping_pendulum.discrepancy.listed.attribution import (
+    HeldOutTest,
+    Refit,
+    bic_penalty,
+    check_held_out,
+    refits,
+    with_own_noises,
+)
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN, record_round
@@ -70,11 +78,11 @@ class Search:
         self.formulas: tuple[FittedFormula, ...] = ()
         """Formulas of these forces, refitted to the trajectories, the best first."""
         self.first_refits: list[Refit] = []
-        """Refits of the declared model with one candidate; with a noise of their own, once `correlated_base` is known."""
+        """Refits of the declared model with one candidate, with white noise."""
         self.correlated_base: CandidateModel | None = None
         """The declared model with errors of the tracked points that last longer than a frame; None: the search takes none."""
         self.correlated_fit: Fit | None = None
-        """Its fit, once it is known that there are such errors."""
+        """Fit of the declared model with such errors, once it is known that there are some."""
 
     def run(self) -> None:
         """Search until a model passes all tests or no candidate is accepted."""
@@ -115,7 +123,7 @@ class Search:
         if not searched_unlisted and self.unlisted_force_explains(best_single):
             return
         if self.correlated_fit is not None:
-            self.search_with_correlated_noise(self.correlated_fit)
+            self.search_with_correlated_noise()
 
     def unlisted_force_explains(self, best_single: CandidateModel | None) -> bool:
         """Return whether an unlisted force explains the data, beside the declared model or beside its best single effect."""
@@ -141,33 +149,33 @@ class Search:
         # The cheapest tests first: where an effect is missing, one of them mostly fails
         if not check_residuals(fit).passes:
             return False
-        base = self.judge(fit, ())
-        if base.failed_tests or any(r.delta_bic >= MIN_DELTA_BIC for r in self.refits_with_own_noise()):
+        base = self.correlated_model
+        if base.failed_tests or any(r.delta_bic >= MIN_DELTA_BIC for r in self.refits_with_own_noise):
             return False
         if self.find_unlisted_forces(base):
             return False
         self.declared_model = base
         return True
 
+    @cached_property
+    def correlated_model(self) -> CandidateModel:
+        """Return the declared model with errors of the tracked points that last longer than a frame, tested."""
+        assert self.correlated_fit is not None
+        return self.judge(self.correlated_fit, ())
+
+    @cached_property
     def refits_with_own_noise(self) -> list[Refit]:
         """Return the refits of the first round, each with the noise that its own residuals show."""
         assert self.correlated_fit is not None
-        if not any(noises_of(r.fit) for r in self.first_refits):
-            self.first_refits = with_own_noises(self.correlated_fit, self.first_refits, self.workers)
-        return self.first_refits
+        return with_own_noises(self.correlated_fit, self.first_refits, self.workers)
 
-    def search_with_correlated_noise(self, fit: Fit) -> None:
+    def search_with_correlated_noise(self) -> None:
         """Search again with errors of the tracked points that last longer than a frame, as of a tracker that wanders.
 
         Each model has the noise that its own residuals show, and models are compared by their likelihoods.
-
-        Parameters
-        ----------
-        fit
-            The declared model with such errors.
         """
         assert self.declared_model is not None
-        self.correlated_base = base = current = self.judge(fit, ())
+        self.correlated_base = base = current = self.correlated_model
         for added_count in range(MAX_EFFECTS):
             next_model = self.run_round(current, 0.9 + 0.02 * added_count)
             if self.accepted_models and added_count:
@@ -195,7 +203,7 @@ class Search:
             refits = self.refit_candidates(current, 0.7)
             rivals = [r for r in refits if r.delta_bic >= max(min_delta_bic, MIN_DELTA_BIC) and r.within_bounds]
             judged = self.judge_refits(current, rivals, 0.8)
-            self.rounds.append(record_round(current, refits, judged, correlated_noise=self.correlated_base is not None))
+            self.record(current, refits, judged)
             self.accepted_models += tuple(judged.values())
 
     def revise(self, model: CandidateModel) -> CandidateModel:
@@ -213,7 +221,7 @@ class Search:
             better = [r for r in refits if r.delta_bic > delta_bic + MIN_DELTA_BIC_MARGIN and r.within_bounds][:1]
             if better:
                 judged = self.judge_refits(current, better, 0.55)
-                self.rounds.append(record_round(current, refits, judged, correlated_noise=self.correlated_base is not None))
+                self.record(current, refits, judged)
                 return judged[better[0].candidate.name]
         return model
 
@@ -230,6 +238,10 @@ class Search:
         return CandidateModel(
             fit=fit, added=others, tests=model.tests, held_out=model.held_out, screening=_returning(remaining)
         )
+
+    def record(self, current: CandidateModel, refits: Sequence[Refit], judged: dict[str, CandidateModel]) -> None:
+        """Record a round."""
+        self.rounds.append(record_round(current, refits, judged, correlated_noise=self.correlated_base is not None))
 
     def judge(self, fit: Fit, added: tuple[Candidate, ...], start_costs: tuple[float, ...] = ()) -> CandidateModel:
         """Test a fit on its residuals, on held-out data and by the scores of the remaining candidates."""
@@ -274,7 +286,7 @@ class Search:
         threshold = max(MIN_DELTA_BIC, refits[0].delta_bic - MIN_DELTA_BIC_MARGIN) if refits else MIN_DELTA_BIC
         near = [r for r in refits if r.delta_bic >= threshold]
         judged = self.judge_refits(current, near, share + (0.01 if self.correlated_base else 0.2))
-        self.rounds.append(record_round(current, refits, judged, correlated_noise=self.correlated_base is not None))
+        self.record(current, refits, judged)
         within_bounds = {r.candidate.name for r in refits if r.within_bounds}
         passing = [m for name, m in judged.items() if name in within_bounds and not m.failed_tests]
         # A model within the margin that fails a test is no winner, but its delta BIC is too near to the best to rule it out.
@@ -290,7 +302,7 @@ class Search:
         known: dict[str, Refit | None] = dict(current.refitted)
         if self.correlated_base and not current.added:
             # Correlated noise may hide from the score what the candidate's own noise shows
-            known.update((r.candidate.name, r) for r in self.refits_with_own_noise())
+            known.update((r.candidate.name, r) for r in self.refits_with_own_noise)
             chosen += [s for s in current.remaining if s.candidate.name in known and s not in chosen]
         counter = itertools.count()
 
@@ -360,7 +372,7 @@ class Search:
 
 def _delta_bic(without: Fit, fit: Fit, candidate: Candidate) -> float:
     """Return the delta BIC of a candidate by fits with and without it to the same data."""
-    return without.cost - fit.cost - (1 + len(candidate.companions)) * math.log(fit.problem.count)
+    return without.cost - fit.cost - bic_penalty(candidate, fit)
 
 
 def _predicts_better(base: CandidateModel, held_out: HeldOutTest, min_improvement: float = 0.0) -> bool:

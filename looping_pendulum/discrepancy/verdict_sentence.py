@@ -5,15 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from looping_pendulum.discrepancy.outlier_summary import outliers_in_words
-from looping_pendulum.discrepancy.result import (
-    CorrelatedError,
-    IdentifiedEffect,
-    Outliers,
-    Round,
-    TrialError,
-    Unlisted,
-    Verdict,
-)
+from looping_pendulum.discrepancy.result import IdentifiedEffect, Round, Unlisted, Verdict
+from looping_pendulum.discrepancy.trial_results import CorrelatedError, Outliers, TrialError
 from looping_pendulum.pages.numbers import amount, number, quantity, uncertain
 
 BODY_IN_WORDS = {"light": "light mass", "heavy": "heavy mass", "angle": "angle", "height": "height"}

@@ -15,7 +15,8 @@ from looping_pendulum.discrepancy.fit.residual import GroupTest, ResidualTests
 from looping_pendulum.discrepancy.listed.attribution import HeldOutTest
 from looping_pendulum.discrepancy.listed.round_record import _reason
 from looping_pendulum.discrepancy.report import lead_figure, markdown, next_steps, page, plots, visible_report
-from looping_pendulum.discrepancy.result import CorrelatedError, Experiment, SmallestVisible, Verdict
+from looping_pendulum.discrepancy.result import Experiment, SmallestVisible, Verdict
+from looping_pendulum.discrepancy.trial_results import CorrelatedError
 from looping_pendulum.discrepancy.verdict_sentence import verdict_notes, verdict_sentence
 from tests.pages.made_up import identification
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import re
 import sys
 import types
-from pathlib import Path
 
-PAGE = Path(__file__).parents[2] / "docs" / "write-an-engine.md"
+from tests import page_package
+from tests.docs_commands import PROJECT
+
+PAGE = PROJECT / "docs" / "write-an-engine.md"
 
 
 def blocks(language):
     """Return the code blocks of one language, in the order of the page."""
-    return re.findall(rf"^```{language}\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    return page_package.blocks(PAGE, language)
 
 
 def module(name, source):

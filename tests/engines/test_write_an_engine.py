@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 import sys
-import zipfile
 from types import SimpleNamespace
 
 import pytest
@@ -19,24 +18,14 @@ from looping_pendulum.engines.conformance.apparatus import LOSSLESS
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.studies import Studies
 from looping_pendulum.errors import EngineError
+from tests import page_package
 from tests.command_line import here
-from tests.engines.page_example import blocks, module
-
-BUILD = "from setuptools.build_meta import build_wheel; build_wheel('dist')"
+from tests.engines.page_example import PAGE, blocks, module
 
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory):
-    """Return the page's two files built by pip as a wheel and unpacked, which is how pip installs pure Python."""
-    pytest.importorskip("setuptools")
-    project, site = tmp_path_factory.mktemp("project"), tmp_path_factory.mktemp("site")
-    (project / "looping_spring.py").write_text(blocks("python")[0], encoding="utf-8")
-    (project / "pyproject.toml").write_text(blocks("toml")[0], encoding="utf-8")
-    done = subprocess.run([sys.executable, "-c", BUILD], cwd=project, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    (wheel,) = (project / "dist").glob("*.whl")
-    zipfile.ZipFile(wheel).extractall(site)
-    return site
+    return page_package.install(PAGE, "looping_spring", tmp_path_factory)
 
 
 @pytest.fixture(scope="module")

@@ -5,20 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from looping_pendulum.discrepancy.result import (
-    EventResidual,
     FitReport,
     FittedParameter,
     ForceProfile,
     Identification,
     IdentifiedEffect,
-    Outliers,
     RankedCandidate,
     Round,
-    TrialError,
-    TrialFigure,
     Unlisted,
     Verdict,
 )
+from looping_pendulum.discrepancy.trial_results import EventResidual, Outliers, TrialError, TrialFigure
 
 
 def identification(name: str) -> Identification:

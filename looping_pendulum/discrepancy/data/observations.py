@@ -76,6 +76,11 @@ class Channel:
         """Return the SI unit of the values."""
         return UNITS[self.name]
 
+    @property
+    def time_step(self) -> float:
+        """Return the median time from one sample to the next [s]; 0 with fewer than two samples."""
+        return float(np.median(np.diff(self.t))) if len(self) > 1 else 0.0
+
     def __len__(self) -> int:
         """Return the number of samples."""
         return len(self.t)

@@ -333,7 +333,7 @@ def _refuse_implausible_values(
             values = f"found {channel.value[worst]:g} {channel.unit}, needed at most {limit:.4g}"
             message = f"{values}; if the file is in another unit, say so: 'units: {{{kind}: {unit}}}'"
             raise table.error(rows[worst].line, channel.column, message)
-        step = float(np.median(np.diff(channel.t))) if len(channel) > 1 else 0.0
-        if check_times and step > MAX_TIME_STEP:
-            message = f"found a row every {step:g} s, needed many a second; if times are in ms, say so: 'units: {{time: ms}}'"
+        if check_times and channel.time_step > MAX_TIME_STEP:
+            steps = f"found a row every {channel.time_step:g} s, needed many a second"
+            message = f"{steps}; if times are in ms, say so: 'units: {{time: ms}}'"
             raise table.error(rows[0].line, "t", message)

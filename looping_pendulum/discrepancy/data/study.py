@@ -280,7 +280,7 @@ class Study:
         acting += ["origin_y", "scale"] if "height" in named else []
         priors = {n: Estimate(value=CAMERA[n].null, sigma=CAMERA[n].error) for n in dict.fromkeys(acting)}
         if named:
-            step = max((float(np.median(np.diff(c.t))) for c in named.values() if len(c) > 1), default=0.0)
+            step = max(c.time_step for c in named.values())
             # The first frame after the release is known to a frame or two.
             priors["clock_offset"] = Estimate(value=0.0, sigma=max(CAMERA["clock_offset"].error, 2 * step))
         if "height" in named:

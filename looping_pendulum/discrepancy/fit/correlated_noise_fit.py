@@ -91,7 +91,7 @@ def with_noises(d: TrialData, noises: Noises) -> TrialData:
         noise = noises.get(_body_of(c.name))
         if noise is not None and len(c) > 1:
             correlated[c.name] = noise
-            sigma[d.slices[c.name]] = noise.white_sigma(d.sigma[d.slices[c.name]], _step(c.t))
+            sigma[d.slices[c.name]] = noise.white_sigma(d.sigma[d.slices[c.name]], c.time_step)
     return dataclasses.replace(d, sigma=sigma, correlated=correlated)
 
 
@@ -114,15 +114,10 @@ def _noise(logs: Array) -> CorrelatedNoise:
     return CorrelatedNoise(amplitude=amplitude, correlation_time=correlation_time)
 
 
-def _step(t: Array) -> float:
-    return float(np.median(np.diff(t)))
-
-
 class _Likelihood:
     """Restricted likelihood of a fit's residuals as a function of the correlated noise of each body."""
 
     def __init__(self, fit: Fit, white: list[TrialData]) -> None:
-        self._white = white
         # Residuals and derivatives in the units of the data
         bare = fit.problem.with_data([dataclasses.replace(d, sigma=np.where(np.isfinite(d.sigma), 1.0, np.inf)) for d in white])
         jacobian, residuals = bare.jacobian(fit.x), bare.residuals(fit.x)
@@ -130,31 +125,29 @@ class _Likelihood:
         self._rows = np.column_stack([residuals, jacobian])
         n = bare.measured_rows
         self._prior = self._rows[n:].T @ self._rows[n:]
-        edges = np.cumsum([0] + [len(d.sigma) for d in white]).tolist()
-        self._parts = {
-            body: [(d, slice(start + d.slices[c.name].start, start + d.slices[c.name].stop), c.name, c.t)
-                   for d, start in zip(white, edges, strict=False) for c in d.channels if c.name in names]
-            for body, names in BODIES.items()
-        }  # fmt: skip
-        self._rest = self._normal_matrix_of_events(edges)
-
-    def _normal_matrix_of_events(self, edges: list[int]) -> Array:
-        """Return the part of the normal matrix by events, whose errors are independent."""
-        total = np.zeros_like(self._prior)
-        for d, start in zip(self._white, edges, strict=False):
+        # Each channel as data of its own, with the first of its rows
+        self._tracks: dict[str, list[tuple[TrialData, int]]] = {body: [] for body in BODIES}
+        # Of events, whose errors are independent
+        self._rest = np.zeros_like(self._prior)
+        start = 0
+        for d in white:
+            for c in d.channels:
+                part = d.slices[c.name]
+                alone = TrialData(trial=d.trial, channels=(c,), sigma=d.sigma[part])
+                self._tracks[_body_of(c.name)].append((alone, start + part.start))
             rows = self._rows[start + d.event_slice.start : start + d.event_slice.stop]
             scaled = rows / d.sigma[d.event_slice][:, None]
-            total += scaled.T @ scaled
-        return total
+            self._rest += scaled.T @ scaled
+            start += len(d.sigma)
 
     def estimate(self, start: Noises) -> dict[str, CorrelatedNoise]:
         """Return the noise of each body for which there is evidence; ``start``: what is known of it, empty: nothing."""
         noises = dict(start)
-        parts = {body: self._body(body, noises.get(body)) for body in self._parts}
+        parts = {body: self._body(body, noises.get(body)) for body in BODIES}
         # What is taken for the noise of one body depends on that of the other, which the model ties to it
         for _ in range(1 if start else PASSES):
-            for body, tracks in self._parts.items():
-                sigma = np.concatenate([d.sigma[d.slices[name]] for d, _, name, _ in tracks] or [np.zeros(0)])
+            for body, tracks in self._tracks.items():
+                sigma = np.concatenate([d.sigma for d, _ in tracks] or [np.zeros(0)])
                 sigma = sigma[np.isfinite(sigma)]
                 if len(sigma) < 2 * MIN_DIFFERENCES:
                     continue
@@ -178,9 +171,9 @@ class _Likelihood:
         before
             Where the search begins; None: at the best of a grid.
         """
-        times = [t for *_, t in self._parts[body] if len(t) > 1]
-        shortest = MIN_CORRELATION_STEPS * min(map(_step, times))
-        longest = max(2 * shortest, *(MAX_CORRELATION_SHARE * float(np.ptp(t)) for t in times))
+        channels = [c for d, _ in self._tracks[body] for c in d.channels if len(c) > 1]
+        shortest = MIN_CORRELATION_STEPS * min(c.time_step for c in channels)
+        longest = max(2 * shortest, *(MAX_CORRELATION_SHARE * float(np.ptp(c.t)) for c in channels))
         low, high = np.log([1e-2 * sigma, shortest]), np.log([1e4 * sigma, longest])
 
         def cost(logs: Array) -> float:
@@ -204,11 +197,9 @@ class _Likelihood:
     def _body(self, body: str, noise: CorrelatedNoise | None) -> tuple[Array, float]:
         """Return a body's part of the normal matrix, and of the log determinant."""
         total, log_determinant = np.zeros_like(self._prior), 0.0
-        for d, rows, name, _ in self._parts[body]:
-            channel = next(c for c in d.channels if c.name == name)
-            alone = TrialData(trial=d.trial, channels=(channel,), sigma=d.sigma[d.slices[name]])
+        for alone, first in self._tracks[body]:
             data = with_noises(alone, {body: noise} if noise else {})
-            standardised = data.standardise(self._rows[rows])
+            standardised = data.standardise(self._rows[first : first + len(alone.sigma)])
             total += standardised.T @ standardised
             log_determinant += data.log_determinant
         return total, log_determinant

@@ -75,7 +75,8 @@ def data_with_noise_of_residuals(fit: Fit, k: int) -> TrialData:
     used = np.isfinite(d.sigma) | d.is_outlier
     sigma, outliers = d.sigma.copy(), np.zeros(len(d.sigma), dtype=bool)
     for names in BODIES.values():
-        channels = [c.name for c in d.channels if c.name in names]
+        steps = {c.name: c.time_step for c in d.channels if c.name in names}
+        channels = list(steps)
         if not channels:
             continue
         law = _noise_of_body(fit, k, residual, channels)
@@ -89,7 +90,7 @@ def data_with_noise_of_residuals(fit: Fit, k: int) -> TrialData:
             part = d.slices[name]
             scatter = law[name]
             if name in d.correlated:
-                scatter = d.correlated[name].white_sigma(scatter, float(np.median(np.diff(d.t[part]))))
+                scatter = d.correlated[name].white_sigma(scatter, steps[name])
             # Values that are left out of the fit for another reason, with infinite sigma, stay so
             sigma[part] = np.where((used & ~here)[part], scatter, np.inf)
     return dataclasses.replace(d, sigma=sigma, outliers=outliers)

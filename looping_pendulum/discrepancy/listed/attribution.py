@@ -24,8 +24,6 @@ from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate
 from looping_pendulum.discrepancy.workers import SERIAL, ProgressCallback, Workers
 from looping_pendulum.reference_ode.geometry import Array
 
-MAX_NULL_SCORE = 4.0
-"""Largest score |z| of a candidate that noise alone may give; 120 studies without a missing effect reach 3.94."""
 MAX_HELD_OUT_CHI2 = 1.08
 """Largest chi2 per value of a held-out trial that passes.
 
@@ -119,11 +117,16 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
         null = np.concatenate([base.x, np.zeros(1 + len(screened.companions))])
         with contextlib.suppress(FitError):
             best = min(best, minimise(problem, null, max_iterations=MAX_ITERATIONS), key=lambda f: f.cost)
-    penalty = (1 + len(screened.companions)) * math.log(base.problem.count)
+    penalty = bic_penalty(screened.candidate, base)
     if screened.companions and base.cost - best.cost - penalty > max(delta_bic_to_beat - RESTART_MARGIN, 0.0):
         best = min([best, *_restart(best, screened)], key=lambda f: f.cost)
     result = Refit(screened=screened, fit=best, delta_bic=base.cost - best.cost - penalty)
     return with_own_noise(base, result) if noises_of(base) else result
+
+
+def bic_penalty(candidate: Candidate, fit: Fit) -> float:
+    """Return what the Bayesian information criterion adds for the parameters of a candidate: ln n for each."""
+    return (1 + len(candidate.companions)) * math.log(fit.problem.count)
 
 
 def with_own_noise(base: Fit, r: Refit) -> Refit:
@@ -132,8 +135,7 @@ def with_own_noise(base: Fit, r: Refit) -> Refit:
     Under the noise of ``base``, which may stand for much of what the candidate explains, its refit would gain too little.
     """
     fit = with_correlated_noise(r.fit)
-    penalty = (1 + len(r.screened.companions)) * math.log(base.problem.count)
-    delta_bic = base.minus_twice_log_likelihood - fit.minus_twice_log_likelihood - penalty
+    delta_bic = base.minus_twice_log_likelihood - fit.minus_twice_log_likelihood - bic_penalty(r.candidate, base)
     return dataclasses.replace(r, fit=fit, delta_bic=delta_bic)
 
 

@@ -9,9 +9,9 @@ from functools import cached_property
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.model_test import ModelTest, failures_in_words
 from looping_pendulum.discrepancy.fit.residual import ResidualTests
-from looping_pendulum.discrepancy.listed.attribution import MAX_NULL_SCORE, HeldOutTest, Refit, refit
+from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, Refit, refit
 from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate
+from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE, ScreenedCandidate
 
 MAX_SCORES_CHECKED = 3
 """Candidates whose score alone may fail a model."""

@@ -29,8 +29,8 @@ MIN_SHARE_FOR_FINITE = 0.05
 
 If the fitted parameters absorb nearly all of a change, only its own curvature would be left.
 """
-MIN_SCORE_BEYOND_BOUNDS = 4.0
-"""Smallest |z| at impossible values that is worth a word: noise gives no more, see `attribution.MAX_NULL_SCORE`."""
+MAX_NULL_SCORE = 4.0
+"""Largest score |z| of a candidate that noise alone may give; 120 studies without a missing effect reach 3.94."""
 MAX_TRIES, MAX_FAILURES = 12, 2
 """Largest number of values that are tried for a change of a given size, and how many of these may be impossible."""
 
@@ -56,7 +56,7 @@ class ScreenedCandidate:
     @property
     def held_by(self) -> str:
         """Return what is known in general that keeps the value within its bounds, while the residuals would have it beyond."""
-        held = self.score_beyond_bounds > max(abs(self.score), MIN_SCORE_BEYOND_BOUNDS)
+        held = self.score_beyond_bounds > max(abs(self.score), MAX_NULL_SCORE)
         return self.candidate.bounds_reason if held else ""
 
 

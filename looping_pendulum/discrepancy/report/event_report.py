@@ -10,7 +10,8 @@ from looping_pendulum.compare.paper_table import quantity_label
 from looping_pendulum.compare.plots import without_mathtext
 from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.fit.event_prediction import MISSED_EVENT_ERRORS
-from looping_pendulum.discrepancy.result import EventResidual, Identification
+from looping_pendulum.discrepancy.result import Identification
+from looping_pendulum.discrepancy.trial_results import EventResidual
 from looping_pendulum.pages.numbers import DISPLAY_UNITS
 
 AXIS_LIMIT = 15.0

@@ -16,7 +16,8 @@ from matplotlib.figure import Figure as Drawing
 
 from looping_pendulum.compare.plots import GREY, without_mathtext
 from looping_pendulum.discrepancy.data.observations import BODIES, UNITS
-from looping_pendulum.discrepancy.result import Identification, TrialFigure, Verdict
+from looping_pendulum.discrepancy.result import Identification, Verdict
+from looping_pendulum.discrepancy.trial_results import TrialFigure
 from looping_pendulum.discrepancy.verdict_sentence import BODY_IN_WORDS, worst_trial
 from looping_pendulum.pages.figures import INK, Figure, escaped, horizontal, plain, points
 from looping_pendulum.reference_ode.geometry import Array

@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 
 from looping_pendulum.compare.tables import GAP, number, signed, table
-from looping_pendulum.discrepancy.record_starts import record_starts_in_words
+from looping_pendulum.discrepancy.record_start_summary import record_starts_in_words
 from looping_pendulum.discrepancy.report import (
     event_report,
     lead_figure,

@@ -10,7 +10,8 @@ from looping_pendulum.discrepancy.report import lead_figure, markdown
 from looping_pendulum.discrepancy.report.event_report import AXIS_LIMIT, off_by
 from looping_pendulum.discrepancy.report.plots import MAX_RANKED
 from looping_pendulum.discrepancy.report.unlisted_report import SIDES
-from looping_pendulum.discrepancy.result import Identification, TrialFigure, Unlisted
+from looping_pendulum.discrepancy.result import Identification, Unlisted
+from looping_pendulum.discrepancy.trial_results import TrialFigure
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.figures import DOTTED, INK, LINE, SOFT, Figure, band, escaped, horizontal, plain, points
 from looping_pendulum.pages.glossary import glossary

@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from looping_pendulum.compare.plots import GREY, without_mathtext
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.report import event_report, lead_figure, unlisted_report
-from looping_pendulum.discrepancy.result import Identification, TrialFigure
+from looping_pendulum.discrepancy.result import Identification
+from looping_pendulum.discrepancy.trial_results import TrialFigure
 from looping_pendulum.files import file_stems, optional_output
 from looping_pendulum.pages.palette import COLOURS
 

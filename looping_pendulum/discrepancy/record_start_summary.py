@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from looping_pendulum.discrepancy.fit.calibration import Fit
-from looping_pendulum.discrepancy.result import RecordStart
+from looping_pendulum.discrepancy.trial_results import RecordStart
 from looping_pendulum.pages.numbers import number, uncertain
 
 

@@ -1,0 +1,30 @@
+"""Code blocks of a page of the documentation, and the package that the page makes of them."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import zipfile
+
+import pytest
+
+BUILD = "from setuptools.build_meta import build_wheel; build_wheel('dist')"
+
+
+def blocks(page, language):
+    """Return the code blocks of one language, in the order of the page."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+
+
+def install(page, module, tmp_path_factory):
+    """Return the page's two files built by pip as a wheel and unpacked, which is how pip installs pure Python."""
+    pytest.importorskip("setuptools")
+    project, site = tmp_path_factory.mktemp("project"), tmp_path_factory.mktemp("site")
+    (project / f"{module}.py").write_text(blocks(page, "python")[0], encoding="utf-8")
+    (project / "pyproject.toml").write_text(blocks(page, "toml")[0], encoding="utf-8")
+    done = subprocess.run([sys.executable, "-c", BUILD], cwd=project, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    (wheel,) = (project / "dist").glob("*.whl")
+    zipfile.ZipFile(wheel).extractall(site)
+    return site
