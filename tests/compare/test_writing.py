@@ -197,6 +197,8 @@ def test_commands_notice_before_the_work_that_they_cannot_write(tmp_path, monkey
     for place in (
         "looping_pendulum.cli.main.run_and_compare",
         "looping_pendulum.cli.teaching.run_and_compare",
+        # Before what it imports: a module that is first imported here would keep the patched function after this test
+        "looping_pendulum.compare.harness.run_all",
         "looping_pendulum.engines.isolation.run_all",
         "looping_pendulum.compare.convergence.study.study_convergence",
         "looping_pendulum.discrepancy.identify.identify",
