@@ -78,6 +78,7 @@ TRACKS = (
     ("scale", 1),
     ("thrust", 3),
     ("rough_patch", 1),
+    ("magnet", 3),
     ("static_excess", 0),
     ("side_force", 0),
     ("pixel_aspect", 0),

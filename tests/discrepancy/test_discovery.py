@@ -69,14 +69,12 @@ def pulses_planted():
     return np.mean(pulses, axis=0)
 
 
-@pytest.mark.parametrize(
-    "library",
-    [pytest.param(MIMICS, id="mimics"), pytest.param(WHOLE_LIBRARY, id="whole_library", marks=pytest.mark.accurate)],
-)
+@pytest.mark.accurate  # daily, the screening below names the pulse's time and body
+@pytest.mark.parametrize("library", [pytest.param(MIMICS, id="mimics"), pytest.param(WHOLE_LIBRARY, id="whole_library")])
 def test_a_pulse_of_thrust_is_found_as_a_force_of_time(tmp_path, library, monkeypatch):
     """Planted: a pulse along the velocity, 0.3 s after release and 0.05 s wide, by a simulator that shares no equation.
 
-    Daily beside the candidates that come nearest to it: both rounds of the search run, and so does that for unlisted forces,
+    Beside the candidates that come nearest to it, both rounds of the search run, and so does that for unlisted forces,
     which screens all closures and refits the best two instead of five.
     """
     if library is MIMICS:
@@ -122,21 +120,27 @@ def test_no_formula_is_accepted_on_clean_data(tmp_path):
     assert all(w.delta_bic < DECISIVE for w in fitted)
 
 
-@pytest.mark.accurate  # daily, the same screening names time and body of the pulse of thrust, in the test above
 @pytest.mark.parametrize(
     ("name", "acts_on", "depends_on"),
     [
-        ("magnet", "light mass, away from a point", "distance"),
-        ("brake", "heavy mass", "hanging_length"),
-        ("rough_patch", "string on rod", "wrap_angle"),
+        ("thrust", "light mass", "time"),
+        *(
+            pytest.param(*case, marks=pytest.mark.accurate)
+            for case in (
+                ("magnet", "light mass, away from a point", "distance"),
+                ("brake", "heavy mass", "hanging_length"),
+                ("rough_patch", "string on rod", "wrap_angle"),
+            )
+        ),
     ],
 )
 def test_the_screening_names_what_a_law_acts_on_and_depends_on(tmp_path, name, acts_on, depends_on):
-    """Planted by the separate simulator: a force towards a point, one between two heights, and friction between two angles.
+    """Planted by the separate simulator: forces at a time, towards a point, between two heights; friction between two angles.
 
     By the linearised model alone, without a refit to the trajectories.
     """
-    inputs = read_inputs(load(write_study(tmp_path, CASES[name], 1)))
+    seed, trials = (3, TWO_RATIOS) if name == "thrust" else (1, None)
+    inputs = read_inputs(load(write_study(tmp_path, CASES[name], seed, trials=trials)))
     base = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
     best = max(screen(base, motions(base)), key=lambda s: s.twice_log_bayes_factor)
     assert (best.closure.target, best.closure.coordinate) == (acts_on, depends_on)

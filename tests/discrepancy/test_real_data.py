@@ -88,6 +88,7 @@ def test_the_errors_of_the_wiffle_balls_marks_are_reported(wiffle):
     assert "## Errors that last longer than a frame" in markdown.render(wiffle)
 
 
+@pytest.mark.accurate  # daily, the wiffle ball's tests ask the same of the same fits
 def test_the_tennis_ball_is_braked_by_the_air(tmp_path):
     result = falling(tmp_path, "tennis_ball")
     explanations = [{e.name for e in tie} for tie in result.ties] or [set(result.names)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import re
 from types import SimpleNamespace
 
@@ -28,6 +29,7 @@ TESTS = (
 )  # fmt: skip
 
 
+@functools.cache
 def made_up(verdict):
     result = identification("swing")
     ties = (result.effects, (dataclasses.replace(result.effects[0], name="clock_ratio"),))
@@ -75,7 +77,7 @@ def made_up(verdict):
 @pytest.mark.parametrize("verdict", list(Verdict))
 def test_a_report_begins_with_the_sentence_the_picture_and_what_to_do_next(verdict):
     result = made_up(verdict)
-    report = markdown.render(result, {path: caption for path, (caption, _) in pictures(result).items()})
+    report = markdown.render(result, {path: caption for path, (caption, _) in pictures(verdict).items()})
     blocks = [b for b in report.split("\n\n") if b.strip()]
     assert blocks[1].strip().startswith("## Verdict: ")
     assert blocks[2].strip() == result.sentence
@@ -86,8 +88,9 @@ def test_a_report_begins_with_the_sentence_the_picture_and_what_to_do_next(verdi
     assert report.index("## Tests") > report.index("## Candidates")
 
 
-def pictures(result):
-    return {f"figures/{name}": drawing for name, drawing in plots.draw(result).items()}
+@functools.cache
+def pictures(verdict):
+    return {f"figures/{name}": drawing for name, drawing in plots.draw(made_up(verdict)).items()}
 
 
 @pytest.mark.parametrize("verdict", list(Verdict))
@@ -99,7 +102,7 @@ def test_no_sentence_has_test_statistics(verdict):
         result.sentence,
         *result.notes,
         lead_figure.caption(result),
-        *(caption for caption, _ in pictures(result).values()),
+        *(caption for caption, _ in pictures(verdict).values()),
     ):
         assert not STATISTICS.search(text), text
     report = markdown.render(result).split("## Tests")[0]

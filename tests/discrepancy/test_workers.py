@@ -102,7 +102,10 @@ def test_worker_processes_end_with_their_pool():
         os.kill(worker_process, 0)
 
 
-@pytest.mark.parametrize("shared", [1, np.ones(10**6)], ids=["small", "larger than a pipe holds"])
+@pytest.mark.parametrize(
+    "shared",
+    [pytest.param(1, id="small", marks=pytest.mark.accurate), pytest.param(np.ones(10**6), id="larger than a pipe holds")],
+)
 def test_a_pool_ends_while_its_worker_process_is_busy(shared):
     """The executor waited for ever for the rest of an answer whose process was killed while it sent it."""
     for pause in (0.0, 0.003, 0.01):

@@ -95,7 +95,7 @@ def test_ten_to_one_keeps_the_targets(coordinates):
 
 
 @both
-@pytest.mark.parametrize("static_friction", [0.265, 0.307])
+@pytest.mark.parametrize("static_friction", [0.265, pytest.param(0.307, marks=pytest.mark.accurate)])
 def test_two_to_one_reverses_sticks_and_breaks_away(coordinates, static_friction):
     # Oracle: reference. Changes are found within the step, so an error is one of time, of second order in it: with a jump in
     # acceleration of at most g, g dt^2 per change, carried on for T.

@@ -114,6 +114,7 @@ def test_static_capstan_without_the_correction_is_that_of_the_corners(bend):
     assert measure_capstan_exponent(engine).exponent == pytest.approx(chain_capstan_exponent(0.34, math.pi, bend), rel=2e-3)
 
 
+@pytest.mark.accurate  # daily, the chain that leaks every few steps follows the reference to the same bound
 def test_leaking_at_every_step_changes_nothing_that_shows(ten_to_one):
     # Oracle: the same engine, told at every step. Bound: a tenth of the project's 0.6 mm for the light mass.
     assert QUICK.leak_interval > 1

@@ -75,6 +75,7 @@ def test_a_segment_with_the_corrected_friction_is_in_equilibrium(bend):
     assert along / inwards == pytest.approx(contact_friction(FullChainVariant.SEGMENTS, mu, bend), rel=1e-12)
 
 
+@pytest.mark.accurate  # daily, the test below and the balance of one corrected segment above
 @pytest.mark.parametrize("variant", CAREFUL)
 def test_static_capstan(variant):
     # Oracle: mu theta, which both corrections aim at. Bound: 0.3 % of the exponent; without them it would show 2.2 % more for

@@ -323,7 +323,7 @@ def test_processes_change_no_byte_even_if_one_dies(tmp_path, whole):
     assert contents(tmp_path) == whole
 
 
-@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("sent", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.accurate)])
 def test_workers_end_with_their_parent(tmp_path, sent):
     (tmp_path / "map.yaml").write_text(LONG)
     started = program("tests.sweep.fake", tmp_path / "map.yaml", tmp_path / "out", "--jobs", 2, FAKE_SLEEP="0.2")
