@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property, lru_cache
 from types import MappingProxyType, SimpleNamespace
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import effects as effect_library
@@ -17,6 +17,8 @@ from looping_pendulum.reference_ode.effects import Effect
 from looping_pendulum.reference_ode.effects.check import taken_names
 from looping_pendulum.reference_ode.effects.own import OwnEffect, check_name, effect_of, own_effect_from
 from looping_pendulum.reference_ode.effects.properties import MIN_LOSS_TIME
+
+Value = TypeVar("Value")
 
 MAX_LENGTH_OR_MASS = 1e9
 """Largest length [m] or mass [kg] that is accepted: far above any apparatus, while its square stays finite."""
@@ -222,8 +224,18 @@ class Parameters:
 
     @property
     def static_equals_kinetic(self) -> bool:
-        """Whether static and kinetic friction are equal; then `replace` changes both with ``kinetic_friction``."""
+        """Whether static and kinetic friction are equal."""
         return bool(self.coefficients["static_friction"] == self.coefficients["kinetic_friction"])
+
+    def with_static_friction(self, changes: Mapping[str, Value]) -> dict[str, Value]:
+        """Return ``changes`` of parameters, to which that of the static friction is added if it follows the kinetic one.
+
+        It does so where both are equal and only the kinetic one is changed: an apparatus with one coefficient keeps one.
+        """
+        complete = dict(changes)
+        if "kinetic_friction" in complete and self.static_equals_kinetic:
+            complete.setdefault("static_friction", complete["kinetic_friction"])
+        return complete
 
     @property
     def string_length(self) -> float:
@@ -270,9 +282,7 @@ class Parameters:
         if type(self) is Parameters and all(n in _NUMBERS or n in self.coefficients for n in changes):
             return self._replace_numbers(changes)
         coefficients = self._copied_coefficients()
-        if self.static_equals_kinetic:
-            # Not given, it follows the kinetic friction
-            del coefficients["static_friction"]
+        changes = self.with_static_friction(changes)
         for name in [n for n in changes if n in self.coefficients]:
             coefficients[name] = float(changes.pop(name))  # type: ignore[arg-type]
         return dataclasses.replace(self, coefficients=coefficients, **changes)  # type: ignore[arg-type]
@@ -280,9 +290,7 @@ class Parameters:
     def _replace_numbers(self, changes: Mapping[str, Any]) -> Parameters:
         """Return the same as `replace`, without checking what does not change: a fit asks for thousands of copies."""
         coefficients = self._copied_coefficients()
-        moved = {name: float(value) for name, value in changes.items() if name in coefficients}
-        if "kinetic_friction" in moved and self.static_equals_kinetic:
-            moved.setdefault("static_friction", moved["kinetic_friction"])
+        moved = self.with_static_friction({name: float(value) for name, value in changes.items() if name in coefficients})
         copy = object.__new__(Parameters)  # without __post_init__, which would check everything again
         fields = vars(copy)
         for name in _FIELDS:

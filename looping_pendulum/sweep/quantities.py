@@ -130,10 +130,9 @@ def columns(base: Parameters, given: Mapping[str, Array]) -> dict[str, Array]:
         Varied quantities by name (`variables`), SI, shape (n,) each.
     """
     known = vars(base.values())
-    out = {name: np.asarray(values, dtype=float) for name, values in given.items() if name not in RATIOS}
-    # A scenario with one coefficient of friction keeps one, also where the kinetic one is varied
-    if "kinetic_friction" in out and "static_friction" not in out and base.static_equals_kinetic:
-        out["static_friction"] = out["kinetic_friction"]
+    out = base.with_static_friction(
+        {name: np.asarray(values, dtype=float) for name, values in given.items() if name not in RATIOS}
+    )
     for name, ratio in RATIOS.items():
         if name in given:
             # The chain looks into what is set so far first, so that a ratio uses a varied value rather than the scenario's

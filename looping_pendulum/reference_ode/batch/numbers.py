@@ -42,10 +42,8 @@ def equation_parameters(base: Parameters, columns: Columns) -> dict[str, Any]:
     Derived ones (`end_length`, `string_length`) and the defaults are those of `Parameters`.
     """
     values: dict[str, Any] = {name: getattr(base, name) for name in _FIELDS} | dict(base.coefficients)
-    values |= {name: np.asarray(column, dtype=float) for name, column in columns.items()}
-    # The rules of `Parameters.replace`: static friction follows the kinetic one, a vertical release keeps its angle
-    if base.static_equals_kinetic and "static_friction" not in columns:
-        values["static_friction"] = values["kinetic_friction"]
+    values |= base.with_static_friction({name: np.asarray(column, dtype=float) for name, column in columns.items()})
+    # As in `Parameters.replace`, a vertical release keeps its angle
     if base.release is Release.VERTICAL:
         values["release_angle"] = base.release_angle
     light_radius, rod_radius = values["light_radius"], values["rod_radius"]
