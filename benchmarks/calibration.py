@@ -26,11 +26,12 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.result import Identification, IdentifiedEffect, Verdict
+from looping_pendulum.discrepancy.result import Identification, IdentifiedEffect, Unlisted, Verdict
 from looping_pendulum.discrepancy.search import Search
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.versions import MISSING, installed_version
+from tests.discrepancy.expected import PLANTED_LAWS
 
 RESULT = Path(__file__).parents[1] / "docs" / "data" / "calibration.json"
 NORMAL_95 = 1.96
@@ -130,6 +131,8 @@ def solve(study: BlindStudy) -> tuple[str, Outcome]:
         if result.verdict is Verdict.INTERRUPTED:
             raise KeyboardInterrupt
         outcome = outcome_of(result, planted_values(study), study.kind)
+        if study.kind == "unlisted":
+            outcome["law"] = law_of(result.unlisted, study.hidden[0])
         outcome["cpu_seconds"] = time.process_time() - started
         if study.kind == "clean" and study.noise_kind != "wander":
             outcome["statistics"] = statistics_of_tests(loaded)
@@ -151,6 +154,14 @@ def outcome_of(result: Identification, planted: dict[str, float], kind: str) -> 
         "held_out_error": max(held_out),
         "correlated_noise": bool(result.correlated_noise),
     }
+
+
+def law_of(force: Unlisted | None, planted: str) -> dict[str, Any] | None:
+    """Return what a force that was found acts on and depends on, and whether the ``planted`` one does the same."""
+    if force is None:
+        return None
+    law = force.acts_on, force.depends_on
+    return {"acts_on": law[0], "depends_on": law[1], "as_planted": law == PLANTED_LAWS[planted]}
 
 
 def judgement(verdict: Verdict, explanations: list[set[str]], planted: set[str], kind: str) -> str:

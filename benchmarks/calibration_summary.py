@@ -52,6 +52,9 @@ def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
         "coverage": _coverage(judged),
         "two": _shares(of_kind["two"]),
         "unlisted": _shares(of_kind["unlisted"]),
+        "unlisted_law": proportion(
+            sum(bool(o["law"] and o["law"]["as_planted"]) for _, o in of_kind["unlisted"]), len(of_kind["unlisted"])
+        ),
         "held_out_error_of_named": _quantiles(
             [o["held_out_error"] for s, o in judged if s.kind != "clean" and o["judgement"] in NAMED], TIME_QUANTILES
         ),
@@ -165,6 +168,7 @@ def print_summary(title: str, result: dict[str, Any]) -> None:
     for kind in ("two", "unlisted"):
         for judgement, share in result[kind].items():
             table.add_row(f"{kind}: {judgement}", in_words(share))
+    table.add_row("unlisted: body and coordinate as planted", in_words(result["unlisted_law"]))
     for name, seconds in result["cpu_seconds"].items():
         table.add_row(f"CPU seconds, {'largest' if name == 'largest' else 'quantile ' + name}", f"{seconds:.1f}")
     for name in ("unreachable", "failed"):

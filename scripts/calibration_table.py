@@ -47,6 +47,7 @@ def block(rates: dict[str, Any]) -> str:
         f"| two effects: the pair is named or tied | {_named(s['two'])} |",
         f"| two effects: only one of them is named | {share(s['two']['part'])} |",
         f"| unlisted force: the verdict is `unlisted` | {share(s['unlisted']['right'])} |",
+        f"| unlisted force: what it acts on and depends on is as planted | {share(s['unlisted_law'])} |",
         f"| unlisted force: a listed effect is named instead | {share(s['unlisted']['wrong'])} |",
     ]
     sizes = sorted(s["single"]["by_size"].items(), key=lambda item: float(item[0]))

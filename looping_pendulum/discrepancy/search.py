@@ -77,6 +77,8 @@ class Search:
         """Listed effects that the model has beside these forces."""
         self.formulas: tuple[FittedFormula, ...] = ()
         """Formulas of these forces, refitted to the trajectories, the best first."""
+        self.scales: dict[str, float] = {}
+        """Candidate's name -> change of its value that changes the prediction as `screening.SCALE_SIZE` says."""
         self.first_refits: list[Refit] = []
         """Refits of the declared model with one candidate, with white noise."""
         self.correlated_base: CandidateModel | None = None
@@ -270,12 +272,13 @@ class Search:
         """
         added_names = {c.name for c in added}
         costly = {k for c in added if c.needs_compilation for k in (c.name, *(k.name for k in c.companions))}
-        rough = screen(fit, [c for c in self.inputs.library if c.name not in added_names], tuple(costly), self.workers)
+        library = [c for c in self.inputs.library if c.name not in added_names]
+        rough = screen(fit, library, tuple(costly), self.workers, self.scales)
+        self.scales |= {s.candidate.name: s.scale for s in rough}
         if not costly:
             return tuple(rough)
-        exact = screen(
-            fit, [s.candidate for s in rough[:MAX_RESCREENED] if abs(s.score) > MIN_REFIT_SCORE], workers=self.workers
-        )
+        best = [s.candidate for s in rough[:MAX_RESCREENED] if abs(s.score) > MIN_REFIT_SCORE]
+        exact = screen(fit, best, workers=self.workers, known_scales=self.scales)
         rescreened = {s.candidate.name for s in exact}
         both = [*exact, *(s for s in rough if s.candidate.name not in rescreened)]
         return tuple(sorted(both, key=lambda s: -abs(s.score)))

@@ -15,6 +15,9 @@ FITTING = (
     "test_residual",
     "test_discovery",
     "test_real_data",
+    "test_held_pendulum",
+    "test_outliers",
+    "test_correlated_noise",
 )
 
 

@@ -62,3 +62,11 @@ def planted(case: Case) -> tuple[str, float]:
 
 EXPECTED = {name: planted(CASES[name]) for name in CANDIDATES}
 """Blind case -> name of the candidate, and planted value in that candidate's unit."""
+
+PLANTED_LAWS = {
+    "thrust": ("light mass", "time"),
+    "magnet": ("light mass, away from a point", "distance"),
+    "brake": ("heavy mass", "hanging_length"),
+    "rough_patch": ("string on rod", "wrap_angle"),
+}
+"""Case that no library lists -> what its law acts on, and the coordinate that it is a function of."""

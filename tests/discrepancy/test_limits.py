@@ -73,9 +73,9 @@ def test_held_out_data_are_explained_up_to_what_clean_ones_reach(count, monkeypa
 
 
 @pytest.mark.parametrize("count", [25, 100, 400])
-def test_few_values_are_granted_three_standard_errors(count, monkeypatch):
-    # Oracle: 1 + 3 / sqrt(n), as the page on the method has it.
-    limit = 1 + 3 / math.sqrt(count)
+def test_few_values_are_granted_two_and_a_half_standard_deviations(count, monkeypatch):
+    # Oracle: chi2 per value of noise has the standard deviation sqrt(2 / n); above 2.47 of them is 0.7 % of it.
+    limit = 1 + 2.475 * math.sqrt(2 / count)
     assert held_out(limit - 1e-3, count, monkeypatch)
     assert not held_out(limit + 1e-3, count, monkeypatch)
 

@@ -121,6 +121,7 @@ def minimise(
     max_iterations: int = 30,
     confirm: bool = True,
     initial_jacobian: Array | None = None,
+    jacobian_is_rough: bool = False,
 ) -> Fit:
     """Minimise the cost within the bounds by the Levenberg-Marquardt method.
 
@@ -143,6 +144,8 @@ def minimise(
         Whether convergence must be confirmed with a newly computed Jacobian.
     initial_jacobian
         Jacobian at ``x``, or as near to it as two iterations are when a fit ends; None: not known.
+    jacobian_is_rough
+        Whether ``initial_jacobian`` is only near enough for a first step, after which it is treated as an updated one.
 
     Raises
     ------
@@ -156,7 +159,7 @@ def minimise(
     cost, damping, iterations = float(r @ r), 1e-3, 0
     jacobian = np.zeros((0, 0)) if initial_jacobian is None else initial_jacobian
     # The age is the number of updates since the Jacobian was computed; at its largest value a new one is due
-    age = MAX_BROYDEN_UPDATES if initial_jacobian is None else 0
+    age = MAX_BROYDEN_UPDATES if initial_jacobian is None else int(jacobian_is_rough)
     while True:
         if age >= MAX_BROYDEN_UPDATES:
             if iterations == max_iterations:

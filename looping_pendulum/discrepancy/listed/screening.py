@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +30,8 @@ MIN_SHARE_FOR_FINITE = 0.05
 
 If the fitted parameters absorb nearly all of a change, only its own curvature would be left.
 """
+MIN_ALIGNMENT = 0.99
+"""Cosine between the linear change and the first finite one above which no larger change is tried."""
 MAX_NULL_SCORE = 4.0
 """Largest score |z| of a candidate that noise alone may give; 120 studies without a missing effect reach 3.94."""
 MAX_TRIES, MAX_FAILURES = 12, 2
@@ -61,12 +64,19 @@ class ScreenedCandidate:
 
 
 def screen(
-    fit: Fit, chosen: Sequence[Candidate], without: Sequence[str] = (), workers: Workers = SERIAL
+    fit: Fit,
+    chosen: Sequence[Candidate],
+    without: Sequence[str] = (),
+    workers: Workers = SERIAL,
+    known_scales: Mapping[str, float] = MappingProxyType({}),
 ) -> list[ScreenedCandidate]:
     """Score candidates, best first. Those that do not change the prediction are left out.
 
     Parameters
     ----------
+    known_scales
+        Candidate's name -> its scale (`ScreenedCandidate.scale`) beside an earlier fit, from which the search for a change of
+        the right size begins.
     without
         Parameters of the fit that are set to their null value while sensitivities are computed: every new set of effects costs
         a compilation, and an effect that was added hardly changes what another one does.
@@ -80,7 +90,7 @@ def screen(
     # What the fitted parameters could explain is no evidence for a candidate
     residual = _orthogonal_part(basis, fit.residuals)
     reduced = Problem(fit.problem.study, fit.problem.data, [fit.problem.free_parameters[i] for i in kept])
-    shared = _ScreeningInput(reduced, fit.x[kept], basis, residual)
+    shared = _ScreeningInput(reduced, fit.x[kept], basis, residual, dict(known_scales))
     chosen = slowest_first(chosen)
     results = workers.map(_screen_one, shared, chosen, labels=[c.name for c in chosen])
     # a worker process returns copies of the candidates; put this process's own in their place
@@ -118,6 +128,8 @@ class _ScreeningInput(NamedTuple):
     """Orthonormal basis of the changes that the fitted parameters can make, shape (n, p)."""
     residual: Array
     """Part of the residuals that is orthogonal to these, shape (n,)."""
+    known_scales: dict[str, float]
+    """Candidate's name -> its scale beside an earlier fit."""
 
 
 def _screen_one(shared: _ScreeningInput, candidate: Candidate) -> ScreenedCandidate | None:
@@ -138,7 +150,7 @@ def _orthogonal_part(basis: Array, v: Array) -> Array:
 
 def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, values: Sequence[float]) -> ScreenedCandidate | None:
     """Score a candidate whose companions have these ``values`` [SI]."""
-    reduced, x, basis, residual = shared
+    reduced, x, basis, residual, known_scales = shared
     companions = candidate.companion_parameters(values)
     problem = reduced.with_parameters(candidate.free_parameter(1.0), *companions)
     here = reduced.residuals(x)
@@ -160,7 +172,8 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
         return v.copy()
 
     best, beyond, scale, error = (0.0, 0.0), 0.0, 0.0, math.inf
-    first = _first_change(candidate)
+    known = known_scales.get(candidate.name, 0.0)
+    first = known * LINEAR_SIZE / SCALE_SIZE or _first_change(candidate)
     both_sides = candidate.bounds[0] < candidate.null < candidate.bounds[1]
     templates: tuple[float, ...] = FINITE_SIZES
     for side in (1.0, -1.0):
@@ -168,6 +181,7 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
         if side * reach <= 0:
             continue
         delta = side * first
+        linear: Array | None = None
         for size in (LINEAR_SIZE, *FINITE_SIZES):
             delta, template = _find_template(change, delta, reach, size)
             if template is None:  # below the integrator's errors, or without effect: try the next size from a larger value
@@ -180,6 +194,7 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
                     # The central difference: what both sides have in common is curvature, not the linear effect
                     template = 0.5 * (template - opposite)
                     templates = FINITE_SIZES if _independent_share(basis, template) > MIN_SHARE_FOR_FINITE else ()
+                linear = template
             if size in (LINEAR_SIZE, *templates):
                 score, amplitude, error_here = _score(basis, residual, template, delta)
                 error = min(error, error_here)
@@ -193,6 +208,10 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
                 best = score, amplitude
             if size == FINITE_SIZES[-1]:
                 scale = max(scale, abs(delta))
+            elif size == FINITE_SIZES[0] and not (templates and _alignment(basis, linear, template) < MIN_ALIGNMENT):
+                # A still larger change would say the same again
+                scale = max(scale, min(abs(delta) * FINITE_SIZES[-1] / FINITE_SIZES[0], abs(reach)))
+                break
             else:
                 delta *= FINITE_SIZES[0] / LINEAR_SIZE if size == LINEAR_SIZE else FINITE_SIZES[-1] / FINITE_SIZES[0]
     if not scale:
@@ -216,6 +235,14 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
 def _independent_share(basis: Array, v: Array) -> float:
     """Return the size of the part of ``v`` that the fitted parameters cannot make, relative to ``v``."""
     return float(np.linalg.norm(_orthogonal_part(basis, v))) / max(float(np.linalg.norm(v)), 1e-300)
+
+
+def _alignment(basis: Array, linear: Array | None, finite: Array) -> float:
+    """Return the cosine between a linear and a finite change, of their parts that the fitted parameters cannot make."""
+    if linear is None:
+        return 0.0
+    a, b = _orthogonal_part(basis, linear), _orthogonal_part(basis, finite)
+    return float(a @ b) / max(float(np.linalg.norm(a)) * float(np.linalg.norm(b)), 1e-300)
 
 
 def _score(basis: Array, residual: Array, v: Array, delta: float) -> tuple[float, float, float]:
