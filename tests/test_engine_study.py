@@ -32,5 +32,5 @@ def test_stored_numbers_read_back(study):
 
 def test_points_that_nothing_beats():
     base = Point(variant="a", where="", key="", contact=True, rms=1.0, wall=1.0, cpu=1.0, runs=1, slowest=1.0)
-    fast, near, beaten = (dataclasses.replace(base, wall=w, rms=e) for w, e in ((0.5, 2.0), (2.0, 0.5), (2.5, 0.6)))
+    fast, near, beaten = (dataclasses.replace(base, cpu=seconds, rms=e) for seconds, e in ((0.5, 2.0), (2.0, 0.5), (2.5, 0.6)))
     assert front([beaten, near, base, fast]) == [fast, base, near]

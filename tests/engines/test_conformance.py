@@ -40,11 +40,17 @@ DAILY_FOR_CHAINS = frozenset(
         "push_across_acts_as_in_the_reference",
     }
 )
-HELD_ELSEWHERE = frozenset({("pybullet:chain", "is_deterministic"), ("pybullet:chain", "push_across_acts_as_in_the_reference")})
-"""Checks of `DAILY_FOR_CHAINS` that take seconds; they run with the accurate ones, as `test_pybullet.py` holds the same daily.
+HELD_ELSEWHERE = frozenset(
+    {
+        *(("pybullet:chain", check) for check in ("is_deterministic", "push_across_acts_as_in_the_reference")),
+        ("drake:chain", "follows_the_reference_without_losses"),
+    }
+)
+"""Checks of `DAILY_FOR_CHAINS` that take seconds; they run with the accurate ones, as the engines' own tests hold the same daily.
 
-There a run is made twice on a shorter string, and every node's velocity after a push is compared with the taut string's; that a
-chain moves on from there as it should is for the other checks.
+In `test_pybullet.py` a run is made twice on a shorter string, and every node's velocity after a push is compared with the taut
+string's; that a chain moves on from there as it should is for the other checks. In `test_drake.py` the chain follows the
+reference with losses until after the halt.
 """
 NEVER_DAILY = frozenset({"pybullet:remade", "pybullet:point_to_point", "pymunk:beads", "pymunk:segments"})
 """Variants for studies whose runs take many seconds; they are not tested daily."""
