@@ -18,8 +18,7 @@ from benchmarks import pareto
 from benchmarks.pareto import PROTOTYPES, Point, figure, front, points
 from looping_pendulum.cli.progress import convergence_bars
 from looping_pendulum.compare.convergence import report
-from looping_pendulum.compare.convergence.result import SCHEMA_ID as CONVERGENCE_ID
-from looping_pendulum.compare.convergence.result import SCHEMA_VERSION, ConvergenceResult
+from looping_pendulum.compare.convergence.result import ConvergenceResult
 from looping_pendulum.compare.convergence.study import study_convergence, write
 from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.plots import png
@@ -32,15 +31,6 @@ DOCS = Path(__file__).parents[1] / "docs"
 SUMMARY, PAGE, FIGURE = DOCS / "data" / "engine_study.json", DOCS / "engine-study.md", DOCS / "img" / "pareto.png"
 COMMAND = "python -m benchmarks.engine_study"
 SCENARIO = "ten_to_one"
-OLD_HALTS = """**These runs were made before the present definition of the halting time.** In them the heavy mass counted as
-at rest below 20 mm/s, and rebounds up to 40 mm/s were not noticed. So the halting errors of chains, here and
-in the other tables, are smaller than those in README and in reports, whose halting time is the end of the
-string's sliding to 0.1 mm. Paths are not affected.
-
-"""
-"""Note on the page if the stored study has halting times of version 1."""
-HALTS_BY_SLIDING = 2
-"""First version of the convergence result whose halting time is the end of the string's sliding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,14 +39,12 @@ class EngineStudy:
 
     convergence: ConvergenceResult
     pareto: tuple[Point, ...]
-    version: int = SCHEMA_VERSION
-    """Version of the convergence result; in version 1 halting times were read from speeds."""
 
     def to_json(self) -> str:
         """Return the text of the stored data: one line per variant, ladder and timed point, to keep it small."""
         tree = {
             "schema": {"id": "looping-pendulum/engine-study", "version": 1},
-            "convergence": json.loads(self.convergence.to_json()) | {"schema": {"id": CONVERGENCE_ID, "version": self.version}},
+            "convergence": json.loads(self.convergence.to_json()),
             "pareto": [dataclasses.asdict(p) for p in self.pareto],
         }
         return json.dumps(rounded(tree), indent=None, separators=(",", ":")).replace('{"engine":', '\n{"engine":') + "\n"
@@ -68,7 +56,6 @@ def read(text: str) -> EngineStudy:
     return EngineStudy(
         convergence=ConvergenceResult.from_json(json.dumps(tree["convergence"])),
         pareto=tuple(Point(**p) for p in tree["pareto"]),
-        version=tree["convergence"]["schema"]["version"],
     )
 
 
@@ -97,7 +84,7 @@ every setting. The [glossary](glossary.md) explains the terms.
 {report.splits_table(result)}
 ## Does the halting time converge?
 
-{"" if study.version >= HALTS_BY_SLIDING else OLD_HALTS}{report.halting_table(result)}
+{report.halting_table(result)}
 ## Every ladder
 
 {report.ladders_table(result)}
@@ -145,7 +132,7 @@ def pareto_text(timed_points: tuple[Point, ...]) -> str:
             )
     old = table(["prototype", "RMS to 0.7 s [mm]", "wall s per s"], [[w, number(e), number(t)] for w, e, t in PROTOTYPES])
     return f"""Timed apart from the error runs, one process at a time, building included and imports not; median and largest
-of the runs. Another process worked on the machine's other core.
+of the runs. Only settings whose runs took at most 20 s were timed, and only those are here whose path has not changed since.
 
 {table(head, rows, left=3)}
 The prototypes that were written before the adapters, in haste and on a shared machine (times to a factor of two):

@@ -46,7 +46,7 @@ HELD_ELSEWHERE = frozenset(
         ("drake:chain", "follows_the_reference_without_losses"),
     }
 )
-"""Checks of `DAILY_FOR_CHAINS` that take seconds; they run with the accurate ones, as the engines' own tests hold the same daily.
+"""Checks of `DAILY_FOR_CHAINS` that take long; they run with the accurate ones, as an engine's own tests hold the same daily.
 
 In `test_pybullet.py` a run is made twice on a shorter string, and every node's velocity after a push is compared with the taut
 string's; that a chain moves on from there as it should is for the other checks. In `test_drake.py` the chain follows the
