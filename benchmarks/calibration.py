@@ -26,6 +26,7 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
 from looping_pendulum.discrepancy.result import Identification, IdentifiedEffect, Unlisted, Verdict
 from looping_pendulum.discrepancy.search import Search
 from looping_pendulum.errors import HarnessError
@@ -151,9 +152,23 @@ def outcome_of(result: Identification, planted: dict[str, float], kind: str) -> 
         "judgement": judgement(result.verdict, [{e.name for e in tie} for tie in explanations], set(planted), kind),
         "planted": planted,
         "estimates": [_estimate(effect, planted[effect.name]) for effect in right],
+        "visibility": visibility(result, planted),
         "held_out_error": max(held_out),
         "correlated_noise": bool(result.correlated_noise),
     }
+
+
+def visibility(result: Identification, planted: dict[str, float]) -> float | None:
+    """Return the planted change over the smallest one that the data could show, by the report; of two effects the smaller.
+
+    None: nothing that the library lists was planted, or the report says nothing of it.
+    """
+    smallest = {v.name: (v.value, v.null_value) for v in result.smallest_visible}
+    explanations = result.ties or (result.effects,)
+    smallest |= {e.name: (MAX_NULL_SCORE * e.error, e.null_value) for tie in explanations for e in tie}
+    if not planted or not planted.keys() <= smallest.keys():
+        return None
+    return min(abs(value - smallest[name][1]) / smallest[name][0] for name, value in planted.items())
 
 
 def law_of(force: Unlisted | None, planted: str) -> dict[str, Any] | None:

@@ -13,6 +13,8 @@ from benchmarks.blind_sample import NOISE_KINDS, BlindStudy
 from benchmarks.resumable import Outcome
 
 CONFIDENCE = 0.95
+VISIBILITY = (("below 0.5", 0.5), ("0.5 to 1", 1.0), ("1 to 2", 2.0))
+"""Classes of a planted size over the smallest that the data could show, and their upper ends; larger ones are above 2."""
 NAMED = ("right", "tied")
 JUDGEMENTS = ("right", "tied", "part", "wrong", "none")
 TIME_QUANTILES = (0.5, 0.9, 0.99)
@@ -79,6 +81,7 @@ def _single(pairs: Sequence[Pair]) -> dict[str, Any]:
     return {
         "all": _shares(pairs),
         "by_size": _power(pairs, lambda s: f"{s.size:g}"),
+        "by_visibility": _by_visibility(pairs),
         "by_noise": _power(pairs, lambda s: f"{s.noise:g}"),
         "by_trials": _power(pairs, lambda s: str(s.trials)),
         "by_effect": {
@@ -97,6 +100,19 @@ def _power(pairs: Sequence[Pair], key: Callable[[BlindStudy], str]) -> dict[str,
         }
         for value, group in _grouped(pairs, key).items()
     }
+
+
+def _by_visibility(pairs: Sequence[Pair]) -> dict[str, Any]:
+    """Return the power for effects below and above the smallest size that the report says the data could show."""
+
+    def word(study: BlindStudy, outcome: Outcome) -> str:
+        ratio = outcome["visibility"]
+        if ratio is None:
+            return "not stated"
+        return next((name for name, limit in VISIBILITY if ratio < limit), "above 2")
+
+    words = {id(study): word(study, outcome) for study, outcome in pairs}
+    return _power(pairs, lambda study: words[id(study)])
 
 
 def _shares(pairs: Sequence[Pair]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ DATA = Path(__file__).parents[1] / "docs" / "data"
 BEGIN, END = "<!-- measured rates: python -m scripts.docs_numbers -->", "<!-- end of the measured rates -->"
 BLOCK = re.compile(rf"{re.escape(BEGIN)}\n.*?{re.escape(END)}", re.DOTALL)
 SET = "rates"
+VISIBILITY_ORDER = ("below 0.5", "0.5 to 1", "1 to 2", "above 2", "not stated")
 PLANNED = 800
 """Studies of the whole measurement: the benchmark's defaults."""
 
@@ -55,6 +56,10 @@ def block(rates: dict[str, Any]) -> str:
         f"| {1e3 * float(size):g} mm | {share(row['named'])} | {share(row['named_or_tied'])} | {share(row['wrong'])} |"
         for size, row in sizes
     ]
+    visible = [
+        f"| {size} | {share(row['named'])} | {share(row['named_or_tied'])} | {share(row['wrong'])} |"
+        for size, row in sorted(s["single"]["by_visibility"].items(), key=lambda item: VISIBILITY_ORDER.index(item[0]))
+    ]
     return f"""So far {s["studies"]} studies{few}
 (`{rates["command"]}`, {rates["measured_on"]}). An identification took {median} s of CPU time in the median,
 {largest} s at most. Intervals are of 95 %, by Clopper and Pearson.
@@ -68,6 +73,13 @@ The power of the search against the size of one hidden effect, of all kinds and 
 | the light mass moves by (RMS) | named | named or tied | another is named |
 |---|---|---|---|
 {chr(10).join(power)}
+
+Much of what an effect does, the fitted parameters can do as well: the wrong mass of a single trial is a friction. So the report
+states the smallest size that the data could show. Against that size the power is:
+
+| hidden size over the smallest visible one | named | named or tied | another is named |
+|---|---|---|---|
+{chr(10).join(visible)}
 """
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import pytest
 
 from benchmarks import blind_sample, calibration, rivals
 from benchmarks.blind_sample import SIZES, BlindStudy, case_of, draw, planted_values
+from benchmarks.calibration import law_of, visibility
 from benchmarks.calibration_summary import in_words, proportion, summary, with_upper_bound
 from benchmarks.resumable import run
 from benchmarks.rival_methods import Rival
@@ -29,7 +31,14 @@ def test_upper_bound_of_none_of_n_is_the_root_of_five_per_cent():
 
 def outcome(judgement, *, within=(), seconds=1.0, **more):
     estimates = [{"within": w} for w in within]
-    return {"judgement": judgement, "estimates": estimates, "cpu_seconds": seconds, "held_out_error": 1.0, **more}
+    return {
+        "judgement": judgement,
+        "estimates": estimates,
+        "cpu_seconds": seconds,
+        "held_out_error": 1.0,
+        "visibility": None,
+        **more,
+    }
 
 
 def test_summary_of_made_up_outcomes():
@@ -41,8 +50,8 @@ def test_summary_of_made_up_outcomes():
         outcome("none", seconds=2.0),
         outcome("wrong", seconds=3.0, statistics=statistics[1]),
         outcome("right", seconds=4.0),
-        outcome("right", within=[True], seconds=5.0),
-        outcome("tied", within=[False], seconds=6.0),
+        outcome("right", within=[True], seconds=5.0, visibility=3.0),
+        outcome("tied", within=[False], seconds=6.0, visibility=1.0),
         {"unreachable": "no scale"},
     ]
     result = summary(list(zip([*clean, *single], outcomes, strict=True)))
@@ -53,11 +62,31 @@ def test_summary_of_made_up_outcomes():
     assert result["clean"]["wander"]["unexplained"]["share"] == 1.0
     assert result["single"]["by_effect"]["wind"]["0.008"]["named_or_tied"]["count"] == 2
     assert result["single"]["by_size"]["0.008"]["named"]["count"] == 1
+    visible = result["single"]["by_visibility"]
+    assert {size: row["named_or_tied"]["count"] for size, row in visible.items()} == {"1 to 2": 1, "above 2": 1}
+    assert visible["1 to 2"]["named"]["count"] == 0
     assert (result["coverage"]["count"], result["coverage"]["of"]) == (1, 2)
     assert result["cpu_seconds"]["0.5"] == 3.5
     assert result["cpu_seconds"]["largest"] == 6.0
     assert result["statistics"]["lag1_z"]["extreme"] == 2.0
     assert result["statistics"]["ljung_box_p"]["extreme"] == 0.1, "of p values the smallest speaks against noise"
+
+
+def test_a_law_is_as_planted_if_body_and_coordinate_are():
+    force = SimpleNamespace(acts_on="heavy mass", depends_on="hanging_length")
+    assert law_of(force, "brake") == {"acts_on": "heavy mass", "depends_on": "hanging_length", "as_planted": True}
+    assert not law_of(force, "magnet")["as_planted"]
+    assert law_of(None, "brake") is None
+
+
+def test_visibility_is_that_of_the_effect_that_hides_best():
+    named = SimpleNamespace(name="wind", error=0.1, null_value=0.0)
+    hidden = SimpleNamespace(name="scale", value=0.02, null_value=1.0)
+    result = SimpleNamespace(smallest_visible=(hidden,), ties=(), effects=(named,))
+    assert visibility(result, {"wind": 2.0}) == pytest.approx(5.0)
+    assert visibility(result, {"wind": 2.0, "scale": 0.99}) == pytest.approx(0.5)
+    assert visibility(result, {"push": 1.0}) is None
+    assert visibility(result, {}) is None
 
 
 def test_sets_have_other_seeds_and_fewer_studies_are_the_first_of_more():
