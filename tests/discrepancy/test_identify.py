@@ -24,6 +24,7 @@ from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.result import Identification, Verdict
 from looping_pendulum.scenarios import loader
 from tests.blind.cases import CASES, CLEAN, CLEAN_VARIED, with_signature
+from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
 from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, only_candidates, write_study
 from tests.discrepancy.expected import DECISIVE, EXPECTED
 
@@ -157,6 +158,7 @@ def test_interrupted_it_leaves_what_it_has(tmp_path):
     assert write(result, tmp_path / "out").exists()
 
 
+@pytest.mark.usefixtures("quick_figures")
 def test_command_line(tmp_path):
     path = write_study(tmp_path, CLEAN, 5, trials=["ten_a"])
     for out in ("out", "again"):

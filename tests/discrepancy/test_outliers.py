@@ -15,6 +15,7 @@ from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.result import Verdict
 from tests.blind.cases import CASES, CLEAN
+from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
 from tests.discrepancy.blind_study import TWO_RATIOS, WHOLE_LIBRARY, only_candidates, put_on_another_object, write_study
 from tests.discrepancy.expected import EXPECTED
 
@@ -115,6 +116,7 @@ def listed_times(result, trial):
     return sum(o.count for o in result.outliers if o.trial == trial)
 
 
+@pytest.mark.usefixtures("quick_figures")
 @pytest.mark.parametrize(
     ("seed", "planted", "library"),
     [

@@ -19,6 +19,7 @@ from looping_pendulum.discrepancy.report import lead_figure, markdown, next_step
 from looping_pendulum.discrepancy.result import Experiment, SmallestVisible, Verdict
 from looping_pendulum.discrepancy.trial_results import CorrelatedError
 from looping_pendulum.discrepancy.verdict_sentence import verdict_notes, verdict_sentence
+from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
 from tests.pages.made_up import identification
 
 STATISTICS = re.compile(r"chi2|chi-square|BIC|Bayes|\bz\b|\bp\b|Ljung|lag-1", re.IGNORECASE)
@@ -74,6 +75,7 @@ def made_up(verdict):
     )
 
 
+@pytest.mark.usefixtures("quick_figures")
 @pytest.mark.parametrize("verdict", list(Verdict))
 def test_a_report_begins_with_the_sentence_the_picture_and_what_to_do_next(verdict):
     result = made_up(verdict)
@@ -93,6 +95,7 @@ def pictures(verdict):
     return {f"figures/{name}": drawing for name, drawing in plots.draw(made_up(verdict)).items()}
 
 
+@pytest.mark.usefixtures("quick_figures")
 @pytest.mark.parametrize("verdict", list(Verdict))
 def test_no_sentence_has_test_statistics(verdict):
     result = made_up(verdict)

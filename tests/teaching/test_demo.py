@@ -19,6 +19,7 @@ from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching import demo
 from looping_pendulum.teaching.demo_data import COARSE_RATE, FINE_RATE, page_data
+from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
 from tests.pages.small import LABELS, engines, small_result
 
 TWO_TO_ONE = load("two_to_one")
@@ -161,6 +162,7 @@ def test_a_damaged_folder_is_not_used(folder, tmp_path, file, text):
     assert stored_result(copy, TWO_TO_ONE, engines()) is None
 
 
+@pytest.mark.usefixtures("quick_figures")
 def test_the_command_uses_what_compare_left(tmp_path, monkeypatch):
     arguments = ["two_to_one", "--engine", "mujoco:capstan", "--out", str(tmp_path)]
     done = CliRunner().invoke(cli.app, ["compare", *arguments])
