@@ -13,7 +13,7 @@ from looping_pendulum.discrepancy.data.measurement import estimate_noise, predic
 from looping_pendulum.discrepancy.data.observations import Channel, DataError
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.sensitivity import solve_sensitivities
-from looping_pendulum.reference_ode.solve import solve
+from looping_pendulum.reference_ode.solve import available_integrators, solve
 from tests.apparatus import TEN_TO_ONE, WITHOUT_LOSSES
 
 FRAME = 1 / 240
@@ -56,6 +56,7 @@ def test_a_camera_with_all_errors_measures_the_transformed_positions_at_the_true
     )
 
 
+@pytest.mark.skipif("heyoka" not in available_integrators(), reason="heyoka is not installed")
 def test_derivatives_of_the_picture_are_those_of_the_prediction():
     t = np.arange(0.02, 0.7, 10 * FRAME)
     names = ("light_x", "light_y", "heavy_x", "heavy_y")

@@ -38,13 +38,8 @@ MAX_ITERATIONS = 10
 """Largest number of iterations in each window of a refit; right explanations need about four."""
 MAX_SWING_ITERATIONS = 25
 """Largest number of iterations of a refit to a long swing, which has no windows."""
-MIN_PREDICTED_SHARE = 0.9
-"""Share of the decrease of the cost that the score predicts with which a first fit is enough.
-
-Of 27 candidates of five blind studies, the two that were stuck in a minimum of their own reached 0.4 and 0.7 of it.
-"""
-MIN_RIVAL_SHARE = 0.5
-"""Share of another candidate's delta BIC below which no second fit is made."""
+MIN_RIVAL_SHARE = 0.9
+"""Share of another candidate's delta BIC that a first fit or the score must reach for a second fit from another start."""
 RESTART_FACTORS = (5.0, 0.2)
 """Factors on a companion's fitted value at which its fit is restarted: the cost has further minima there."""
 RESTART_MARGIN = 20.0
@@ -101,7 +96,8 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
         return minimise(problem, x, max_iterations=MAX_ITERATIONS, initial_jacobian=jacobian, jacobian_is_rough=True)
 
     # From the base fit's values it takes half the time of growing windows, but may end in a minimum that these have been bent
-    # to: with a static friction that was missing, at a cost of 2450 where the windows reach 1805
+    # to: with a static friction that was missing, at a cost of 2450 where the windows reach 1805. The windows may end early,
+    # too, so that a candidate that comes near to the best gets both.
     starts: list[tuple[Callable[[Array], Fit], Array, float]] = [
         (from_base, base.x, amplitude),
         (functools.partial(calibrate, problem, max_iterations=MAX_ITERATIONS), base.problem.prior_mean, amplitude),
@@ -115,9 +111,10 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
         except FitError:
             continue
         decrease = base.cost - fits[-1].cost
-        if decrease > MIN_PREDICTED_SHARE * predicted_decrease:
-            break
         if max(decrease, predicted_decrease) < MIN_RIVAL_SHARE * delta_bic_to_beat:
+            break
+        # A long swing has no windows, and its second start is only for a first one that failed
+        if base.problem.is_swing and decrease > 0.5 * predicted_decrease:
             break
     if not fits:
         return None

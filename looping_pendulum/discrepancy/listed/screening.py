@@ -171,7 +171,7 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
         v[:measured] = (here - moved[: len(here)])[:measured]
         return v.copy()
 
-    best, beyond, scale, error = (0.0, 0.0), 0.0, 0.0, math.inf
+    best, beyond, scale, linear_error, finite_error = (0.0, 0.0), 0.0, 0.0, math.inf, math.inf
     known = known_scales.get(candidate.name, 0.0)
     first = known * LINEAR_SIZE / SCALE_SIZE or _first_change(candidate)
     both_sides = candidate.bounds[0] < candidate.null < candidate.bounds[1]
@@ -197,7 +197,10 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
                 linear = template
             if size in (LINEAR_SIZE, *templates):
                 score, amplitude, error_here = _score(basis, residual, template, delta)
-                error = min(error, error_here)
+                if size == LINEAR_SIZE:
+                    linear_error = min(linear_error, error_here)
+                else:
+                    finite_error = min(finite_error, error_here)
             else:
                 score, amplitude = 0.0, 0.0
             allowed = candidate.bounds[0] <= candidate.null + amplitude <= candidate.bounds[1]
@@ -225,7 +228,8 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
         candidate=candidate,
         score=best[0],
         amplitude=best[1],
-        error=error,
+        # The curvature of a finite change would make effects look visible that the fitted parameters hide
+        error=linear_error if math.isfinite(linear_error) else finite_error,
         scale=scale,
         companions=companions,
         score_beyond_bounds=beyond,
