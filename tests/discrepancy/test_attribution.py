@@ -34,6 +34,17 @@ def test_no_candidate_scores_on_clean_data_and_the_held_out_trial_passes(tmp_pat
     assert held_out.passes
 
 
+def test_the_error_that_screening_states_is_that_of_a_fit(tmp_path):
+    """Oracle: the standard error of the refit. From finite changes, linear drag's was 6.3 times too small.
+
+    A static friction above the kinetic one does nothing at first, so that a fit has no standard error for it.
+    """
+    inputs, fit = inputs_and_fit(tmp_path, "clean", 2)
+    for screened in screen_chosen(inputs, fit):
+        if screened.candidate.name != "static_friction":
+            assert screened.error == pytest.approx(refit(fit, screened, 1e9).error, rel=0.1), screened.candidate.name
+
+
 def test_static_friction_is_found_by_finite_templates(tmp_path):
     """Its derivative at the null value is zero: only a finite excess moves the slip onset."""
     inputs, fit = inputs_and_fit(tmp_path, "static_excess", 0, trials=TWO_RATIOS)
