@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import signal
 import sys
 import warnings
 from dataclasses import dataclass
@@ -45,3 +46,8 @@ def here(*arguments: str) -> Done:
             code = ended.code
     assert code is None or isinstance(code, int)
     return Done(returncode=code or 0, stdout=out.getvalue(), stderr=err.getvalue())
+
+
+def can_be_interrupted() -> None:
+    """Let a process be interrupted, as ``preexec_fn``: below a shell's background job it would ignore SIGINT."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -18,7 +18,7 @@ from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines import registry
 from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.scenarios import loader
-from tests.command_line import here
+from tests.command_line import can_be_interrupted, here
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
 from tests.engines.faulty import offer
 
@@ -235,7 +235,9 @@ def test_interrupt_keeps_what_was_computed(tmp_path):
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     environment = os.environ | {"TMPDIR": str(scratch)}
-    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+    process = subprocess.Popen(
+        arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, preexec_fn=can_be_interrupted
+    )
     deadline = time.monotonic() + 180
     while not any(path.stat().st_size for path in scratch.glob("*/samples.bin")) and time.monotonic() < deadline:
         time.sleep(0.05)

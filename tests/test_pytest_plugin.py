@@ -19,6 +19,7 @@ from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.units import to_si
+from tests.command_line import can_be_interrupted
 from tests.compare.conftest import quick_figures  # noqa: F401, for the sessions whose reports are not what a test is about
 from tests.engines.faulty import offer
 
@@ -337,6 +338,7 @@ def test_an_interrupt_ends_the_session_and_is_no_failed_limit(project, tmp_path)
         stderr=subprocess.STDOUT,
         text=True,
         env=os.environ | {"TMPDIR": str(scratch), "PYTHONPATH": path},
+        preexec_fn=can_be_interrupted,
     )
     deadline = time.monotonic() + 180
     while not any(file.stat().st_size for file in scratch.glob("*/samples.bin")) and time.monotonic() < deadline:
