@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -13,8 +14,10 @@ from benchmarks.blind_sample import NOISE_KINDS, BlindStudy
 from benchmarks.resumable import Outcome
 
 CONFIDENCE = 0.95
-VISIBILITY = (("below 0.5", 0.5), ("0.5 to 1", 1.0), ("1 to 2", 2.0))
-"""Classes of a planted size over the smallest that the data could show, and their upper ends; larger ones are above 2."""
+VISIBILITY = {"below 0.5": 0.5, "0.5 to 1": 1.0, "1 to 2": 2.0, "above 2": math.inf}
+"""Classes of a planted size over the smallest that the data could show, and their upper ends."""
+NOT_STATED = "not stated"
+"""Class of effects of which the report says no such size."""
 NAMED = ("right", "tied")
 JUDGEMENTS = ("right", "tied", "part", "wrong", "none")
 TIME_QUANTILES = (0.5, 0.9, 0.99)
@@ -78,19 +81,21 @@ def _clean(pairs: Sequence[Pair]) -> dict[str, Any]:
 
 
 def _single(pairs: Sequence[Pair]) -> dict[str, Any]:
+    by_visibility = _power(pairs, _visibility_class)
     return {
         "all": _shares(pairs),
-        "by_size": _power(pairs, lambda s: f"{s.size:g}"),
-        "by_visibility": _by_visibility(pairs),
-        "by_noise": _power(pairs, lambda s: f"{s.noise:g}"),
-        "by_trials": _power(pairs, lambda s: str(s.trials)),
+        "by_size": _power(pairs, lambda pair: f"{pair[0].size:g}"),
+        "by_visibility": {name: by_visibility[name] for name in (*VISIBILITY, NOT_STATED) if name in by_visibility},
+        "by_noise": _power(pairs, lambda pair: f"{pair[0].noise:g}"),
+        "by_trials": _power(pairs, lambda pair: str(pair[0].trials)),
         "by_effect": {
-            name: _power(group, lambda s: f"{s.size:g}") for name, group in _grouped(pairs, lambda s: s.hidden[0]).items()
+            name: _power(group, lambda pair: f"{pair[0].size:g}")
+            for name, group in _grouped(pairs, lambda pair: pair[0].hidden[0]).items()
         },
     }
 
 
-def _power(pairs: Sequence[Pair], key: Callable[[BlindStudy], str]) -> dict[str, Any]:
+def _power(pairs: Sequence[Pair], key: Callable[[Pair], str]) -> dict[str, Any]:
     """Return the share of studies whose effect is named or tied, and wrong names, for each value of ``key``."""
     return {
         value: {
@@ -102,17 +107,10 @@ def _power(pairs: Sequence[Pair], key: Callable[[BlindStudy], str]) -> dict[str,
     }
 
 
-def _by_visibility(pairs: Sequence[Pair]) -> dict[str, Any]:
-    """Return the power for effects below and above the smallest size that the report says the data could show."""
-
-    def word(study: BlindStudy, outcome: Outcome) -> str:
-        ratio = outcome["visibility"]
-        if ratio is None:
-            return "not stated"
-        return next((name for name, limit in VISIBILITY if ratio < limit), "above 2")
-
-    words = {id(study): word(study, outcome) for study, outcome in pairs}
-    return _power(pairs, lambda study: words[id(study)])
+def _visibility_class(pair: Pair) -> str:
+    """Return the class of a planted size over the smallest one that the report says the data could show."""
+    ratio = pair[1]["visibility"]
+    return NOT_STATED if ratio is None else next(name for name, end in VISIBILITY.items() if ratio < end)
 
 
 def _shares(pairs: Sequence[Pair]) -> dict[str, Any]:
@@ -149,10 +147,10 @@ def _count(pairs: Iterable[Pair], judgement: str) -> int:
     return sum(outcome["judgement"] == judgement for _, outcome in pairs)
 
 
-def _grouped(pairs: Iterable[Pair], key: Callable[[BlindStudy], str]) -> dict[str, list[Pair]]:
+def _grouped(pairs: Iterable[Pair], key: Callable[[Pair], str]) -> dict[str, list[Pair]]:
     groups: dict[str, list[Pair]] = defaultdict(list)
     for pair in pairs:
-        groups[key(pair[0])].append(pair)
+        groups[key(pair)].append(pair)
     return dict(sorted(groups.items()))
 
 

@@ -39,6 +39,8 @@ class EngineStudy:
 
     convergence: ConvergenceResult
     pareto: tuple[Point, ...]
+    timing_note: str = ""
+    """What a reader must know of these times; empty: they were taken in one run with the errors."""
 
     def to_json(self) -> str:
         """Return the text of the stored data: one line per variant, ladder and timed point, to keep it small."""
@@ -46,6 +48,7 @@ class EngineStudy:
             "schema": {"id": "looping-pendulum/engine-study", "version": 1},
             "convergence": json.loads(self.convergence.to_json()),
             "pareto": [dataclasses.asdict(p) for p in self.pareto],
+            "timing_note": self.timing_note,
         }
         return json.dumps(rounded(tree), indent=None, separators=(",", ":")).replace('{"engine":', '\n{"engine":') + "\n"
 
@@ -56,6 +59,7 @@ def read(text: str) -> EngineStudy:
     return EngineStudy(
         convergence=ConvergenceResult.from_json(json.dumps(tree["convergence"])),
         pareto=tuple(Point(**p) for p in tree["pareto"]),
+        timing_note=tree.get("timing_note", ""),
     )
 
 
@@ -92,7 +96,7 @@ every setting. The [glossary](glossary.md) explains the terms.
 
 ![CPU seconds per simulated second against the error at 0.7 s](img/pareto.png)
 
-{pareto_text(study.pareto)}
+{pareto_text(study.pareto, study.timing_note)}
 ## Hidden defaults
 
 Each row is a run in which only this setting differs from the variant's own settings.
@@ -106,11 +110,11 @@ Each row is a run in which only this setting differs from the variant's own sett
 {report.provenance_table(result)}"""
 
 
-def pareto_text(timed_points: tuple[Point, ...]) -> str:
+def pareto_text(timed_points: tuple[Point, ...], timing_note: str) -> str:
     """Return the tables of the points on the Pareto front, the variants' own points, and the prototypes."""
     best = {p.key for p in front(timed_points)}
     contact = {p.key for p in front(p for p in timed_points if p.contact)}
-    head = ["variant", "setting", "what", "RMS to 0.7 s [mm]", "CPU s per s", "slowest", "wall s per s", "runs"]
+    head = ["variant", "setting", "what", "RMS to 0.7 s [mm]", "CPU s per s", "wall s per s", "runs", "slowest"]
     rows = []
     for p in sorted(timed_points, key=lambda p: (p.variant, p.cpu)):
         marks = [
@@ -119,7 +123,7 @@ def pareto_text(timed_points: tuple[Point, ...]) -> str:
             *(["own settings"] if not p.where else []),
         ]
         if marks:
-            times = [number(x, digits=2) for x in (p.cpu, p.slowest, p.wall)]
+            times = [number(x, digits=2) for x in (p.cpu, p.wall)]
             rows.append(
                 [
                     p.variant,
@@ -128,11 +132,12 @@ def pareto_text(timed_points: tuple[Point, ...]) -> str:
                     number(1e3 * p.rms),
                     *times,
                     str(p.runs),
+                    number(p.slowest, digits=2),
                 ]
             )
     old = table(["prototype", "RMS to 0.7 s [mm]", "wall s per s"], [[w, number(e), number(t)] for w, e, t in PROTOTYPES])
-    return f"""Timed apart from the error runs, one process at a time, building included and imports not; median and largest
-of the runs. Only settings whose runs took at most 20 s were timed, and only those are here whose path has not changed since.
+    return f"""Timed apart from the error runs, one process at a time, building included and imports not; median of the runs.
+The slowest is in wall seconds.{timing_note}
 
 {table(head, rows, left=3)}
 The prototypes that were written before the adapters, in haste and on a shared machine (times to a factor of two):

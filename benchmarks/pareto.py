@@ -80,7 +80,7 @@ class Point:
     """Median CPU seconds per simulated second."""
     runs: int
     slowest: float
-    """Largest CPU seconds per simulated second of the runs."""
+    """Largest wall seconds per simulated second of the runs."""
 
 
 def points(study: ConvergenceResult, budget: float, known: Mapping[str, Point] | None = None) -> Iterator[Point]:
@@ -96,7 +96,7 @@ def points(study: ConvergenceResult, budget: float, known: Mapping[str, Point] |
                 yield known[key]
             elif key in engines and (took.get(key) or 0.0) <= budget:
                 wall, cpu = timed(engines[key], scenario)
-                times = {"wall": statistics.median(wall), "cpu": statistics.median(cpu), "slowest": max(cpu)}
+                times = {"wall": statistics.median(wall), "cpu": statistics.median(cpu), "slowest": max(wall)}
                 print(
                     f"{v.label} {where or '(own)'}: {1e3 * rms:.3g} mm, {times['cpu']:.3g} CPU s per s",
                     file=sys.stderr,

@@ -13,7 +13,8 @@ from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrat
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs
-from looping_pendulum.discrepancy.listed.attribution import check_held_out, refit
+from looping_pendulum.discrepancy.listed.attribution import refit
+from looping_pendulum.discrepancy.listed.held_out import check_held_out
 from looping_pendulum.discrepancy.listed.screening import screen
 
 Array = NDArray[np.float64]

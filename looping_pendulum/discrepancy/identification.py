@@ -16,8 +16,8 @@ from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of
 from looping_pendulum.discrepancy.fit.event_tests import event_rms_by_unit
 from looping_pendulum.discrepancy.fit.likelihood import likelihood_interval
 from looping_pendulum.discrepancy.fit.problem import TrialData
-from looping_pendulum.discrepancy.listed.attribution import position_slices, rms
 from looping_pendulum.discrepancy.listed.candidates import Candidate
+from looping_pendulum.discrepancy.listed.held_out import position_slices, rms
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE, SCALE_SIZE
 from looping_pendulum.discrepancy.outlier_summary import summarise_outliers
 from looping_pendulum.discrepancy.record_start_summary import record_starts

@@ -17,16 +17,10 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import best_of, calibrate_from_random_start, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs
-from looping_pendulum.discrepancy.listed.attribution import (
-    HeldOutTest,
-    Refit,
-    bic_penalty,
-    check_held_out,
-    refits,
-    with_own_noises,
-)
+from looping_pendulum.discrepancy.listed.attribution import Refit, bic_penalty, refits, with_own_noises
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.candidates import Candidate
+from looping_pendulum.discrepancy.listed.held_out import check_held_out, improvement_test, predicts_better, square_ratio
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN, record_round
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate, compile_for, screen, slowest_first
 from looping_pendulum.discrepancy.result import Round, Verdict
@@ -251,8 +245,8 @@ class Search:
         other_tests: tuple[ModelTest, ...] = ()
         tests = check_residuals(fit)
         if added and self.correlated_base and self.declared_model:
-            other_tests = (_held_out_improvement_test(self.correlated_base, held_out),)
-            if _square_ratio(self.declared_model, held_out) <= MAX_SQUARE_LEFT:
+            other_tests = (improvement_test(self.correlated_base.held_out, held_out),)
+            if square_ratio(self.declared_model.held_out, held_out) <= MAX_SQUARE_LEFT:
                 tests = dataclasses.replace(tests, groups=())
         return CandidateModel(
             fit=fit,
@@ -342,9 +336,9 @@ class Search:
             f for f in forces if f.twice_log_bayes_factor >= MIN_DELTA_BIC and f.held_out.passes and f.held_out.worst < before
         ]
         if noises_of(base.fit):  # with which most tests pass, so that chi2 says little
-            passing = [f for f in passing if _predicts_better(base, f.held_out, MIN_DELTA_BIC)]
+            passing = [f for f in passing if predicts_better(base.held_out, f.held_out, MIN_DELTA_BIC)]
             # Nor is a force of any form an explanation if without it, and with white noise, the model is nearer to the points
-            passing = [f for f in passing if self.declared_model and _square_ratio(self.declared_model, f.held_out) < 1]
+            passing = [f for f in passing if self.declared_model and square_ratio(self.declared_model.held_out, f.held_out) < 1]
         if passing:
             formulas = refit_formulas(base.fit, passing, self.inputs.held_out, lambda what: self.report_progress(what, 0.93))
             self.formulas = tuple(formulas)
@@ -376,38 +370,6 @@ class Search:
 def _delta_bic(without: Fit, fit: Fit, candidate: Candidate) -> float:
     """Return the delta BIC of a candidate by fits with and without it to the same data."""
     return without.cost - fit.cost - bic_penalty(candidate, fit)
-
-
-def _predicts_better(base: CandidateModel, held_out: HeldOutTest, min_improvement: float = 0.0) -> bool:
-    """Return whether a model with a noise of its own predicts held-out data better than another one.
-
-    -2 ln L must be lower by ``min_improvement``, and the model nearer to the points: larger noise alone also makes data likely.
-    """
-    return _square_ratio(base, held_out) < 1 and _improvement(base, held_out) > min_improvement
-
-
-def _square_ratio(base: CandidateModel, held_out: HeldOutTest) -> float:
-    """Return the mean square residual of held-out points over that of another model; 0 if there are only events."""
-    squares = [(b * b, a * a) for b, a in zip(base.held_out.rms, held_out.rms, strict=True) if b is not None and a is not None]
-    return sum(a for _, a in squares) / sum(b for b, _ in squares) if squares else 0.0
-
-
-def _improvement(base: CandidateModel, held_out: HeldOutTest) -> float:
-    """Return by how much -2 ln L of held-out data is lower than that of a model with a noise of its own."""
-    return base.held_out.minus_twice_log_likelihood - held_out.minus_twice_log_likelihood
-
-
-def _held_out_improvement_test(base: CandidateModel, held_out: HeldOutTest) -> ModelTest:
-    """Test whether a model with a noise of its own predicts held-out data better than ``base``."""
-    return ModelTest(
-        subject="held-out data, beside the declared model",
-        statistic="decrease of -2 ln L",
-        value=_improvement(base, held_out),
-        limit=0.0,
-        limit_is_lower=True,
-        passes=_predicts_better(base, held_out),
-        failure="the model predicts the held-out data no better than the declared model",
-    )
 
 
 def _returning(screened: tuple[ScreenedCandidate, ...]) -> Callable[[], tuple[ScreenedCandidate, ...]]:

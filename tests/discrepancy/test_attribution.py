@@ -9,7 +9,8 @@ from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.listed.attribution import BLOCK_COUNT, check_held_out, refit
+from looping_pendulum.discrepancy.listed.attribution import refit
+from looping_pendulum.discrepancy.listed.held_out import BLOCK_COUNT, check_held_out
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE, screen
 from tests.blind.cases import CASES
 from tests.discrepancy.blind_study import TWO_RATIOS, write_study

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.listed.attribution import check_held_out
+from looping_pendulum.discrepancy.listed.held_out import check_held_out
 from looping_pendulum.discrepancy.search import Search
 from tests.discrepancy.expected import DECISIVE
 
@@ -59,8 +59,8 @@ def held_out(chi2_per_value, count, monkeypatch):
     data = SimpleNamespace(channels=(), trial=SimpleNamespace(name="six"))
     marks = SimpleNamespace(channels=("light_x", "light_y"))
     fit = SimpleNamespace(cost=chi2_per_value * count, problem=SimpleNamespace(count=count, data=[marks]))
-    monkeypatch.setattr("looping_pendulum.discrepancy.listed.attribution._fit_held_out_trial", lambda *_: fit)
-    monkeypatch.setattr("looping_pendulum.discrepancy.listed.attribution.rms", lambda *_: 1e-3)
+    monkeypatch.setattr("looping_pendulum.discrepancy.listed.held_out._fit_held_out_trial", lambda *_: fit)
+    monkeypatch.setattr("looping_pendulum.discrepancy.listed.held_out.rms", lambda *_: 1e-3)
     return check_held_out(fit, [(data, ())]).passes
 
 

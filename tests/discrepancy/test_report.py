@@ -13,7 +13,7 @@ import pytest
 from looping_pendulum.discrepancy.fit.event_tests import EventTest
 from looping_pendulum.discrepancy.fit.model_test import ModelTest, failures_in_words
 from looping_pendulum.discrepancy.fit.residual import GroupTest, ResidualTests
-from looping_pendulum.discrepancy.listed.attribution import HeldOutTest
+from looping_pendulum.discrepancy.listed.held_out import HeldOutTest
 from looping_pendulum.discrepancy.listed.round_record import _reason
 from looping_pendulum.discrepancy.report import lead_figure, markdown, next_steps, page, plots, visible_report
 from looping_pendulum.discrepancy.result import Experiment, SmallestVisible, Verdict

@@ -121,7 +121,7 @@ def minimise(
     max_iterations: int = 30,
     confirm: bool = True,
     initial_jacobian: Array | None = None,
-    jacobian_is_rough: bool = False,
+    known_columns: Array | None = None,
 ) -> Fit:
     """Minimise the cost within the bounds by the Levenberg-Marquardt method.
 
@@ -144,8 +144,8 @@ def minimise(
         Whether convergence must be confirmed with a newly computed Jacobian.
     initial_jacobian
         Jacobian at ``x``, or as near to it as two iterations are when a fit ends; None: not known.
-    jacobian_is_rough
-        Whether ``initial_jacobian`` is only near enough for a first step, after which it is treated as an updated one.
+    known_columns
+        Jacobian near ``x`` of the same problem without its last parameters, with which the first step is made.
 
     Raises
     ------
@@ -157,9 +157,13 @@ def minimise(
     if r is None:
         raise FitError("the model cannot run at the start of the fit; check the study's values")
     cost, damping, iterations = float(r @ r), 1e-3, 0
-    jacobian = np.zeros((0, 0)) if initial_jacobian is None else initial_jacobian
     # The age is the number of updates since the Jacobian was computed; at its largest value a new one is due
-    age = MAX_BROYDEN_UPDATES if initial_jacobian is None else int(jacobian_is_rough)
+    if initial_jacobian is not None:
+        jacobian, age = initial_jacobian, 0
+    elif known_columns is not None:
+        jacobian, age = problem.jacobian(x, known_columns=known_columns), 1  # one that may be wrong, like an updated one
+    else:
+        jacobian, age = np.zeros((0, 0)), MAX_BROYDEN_UPDATES
     while True:
         if age >= MAX_BROYDEN_UPDATES:
             if iterations == max_iterations:

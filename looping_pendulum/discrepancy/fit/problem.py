@@ -306,7 +306,7 @@ class Problem:
         r = np.concatenate([*parts, -self.prior_weights @ (x - self.prior_mean)])
         return r if np.all(np.isfinite(r)) else None
 
-    def jacobian(self, x: Array, *, central: bool = False) -> Array:
+    def jacobian(self, x: Array, *, central: bool = False, known_columns: Array | None = None) -> Array:
         """Return minus the derivative of `residuals`, shape (n + p, p).
 
         Parameters
@@ -315,19 +315,25 @@ class Problem:
             Whether to use the best derivatives there are: variational equations for the study's own parameters if the model is
             the base one, and central differences for all others. Otherwise variational equations are only used for releases
             with few events, and all other derivatives are one-sided differences.
+        known_columns
+            Jacobian of the same problem without its last parameters, which is taken over; only the others are computed.
         """
+        known = 0 if known_columns is None else known_columns.shape[1]
         edges = np.cumsum([0] + [len(d.t) for d in self.data])
         jacobian = np.zeros((edges[-1] + len(x), len(x)))
         jacobian[edges[-1] :] = self.prior_weights
         for k, d in enumerate(self.data):
             here = self.predict(x, k)
             rows = slice(edges[k], edges[k + 1])
-            exact = self._variational_derivatives(x, k) if central or d.trial.release in RELEASES_WITH_FEW_EVENTS else {}
+            precise = central or d.trial.release in RELEASES_WITH_FEW_EVENTS
+            exact = self._variational_derivatives(x, k) if precise and not known else {}
             derivatives = np.zeros((len(here), len(x)))
-            for i in (i for i in self.order if i in self._acting_in_trial[k]):
+            for i in (i for i in self.order if i >= known and i in self._acting_in_trial[k]):
                 derivatives[:, i] = exact[i] if i in exact else self._difference_quotient(x, k, i, here, central)
             # A value that no derivative is known for must not spoil those after it, which a correlation ties to it
             jacobian[rows] = d.standardise(np.nan_to_num(derivatives, nan=0.0, posinf=0.0, neginf=0.0))
+        if known_columns is not None:
+            jacobian[: edges[-1], :known] = known_columns[: edges[-1]]
         return jacobian
 
     def _variational_derivatives(self, x: Array, k: int) -> dict[int, Array]:

@@ -9,8 +9,9 @@ from functools import cached_property
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.model_test import ModelTest, failures_in_words
 from looping_pendulum.discrepancy.fit.residual import ResidualTests
-from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, Refit, refit
+from looping_pendulum.discrepancy.listed.attribution import Refit, refit
 from looping_pendulum.discrepancy.listed.candidates import Candidate
+from looping_pendulum.discrepancy.listed.held_out import HeldOutTest
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE, ScreenedCandidate
 
 MAX_SCORES_CHECKED = 3

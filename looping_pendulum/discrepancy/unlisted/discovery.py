@@ -20,7 +20,7 @@ from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import WINDOW_COST_TOLERANCE, Fit, FitError, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
-from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, check_held_out
+from looping_pendulum.discrepancy.listed.held_out import HeldOutTest, check_held_out
 from looping_pendulum.discrepancy.unlisted.closures import STRING, Closure, simplicity
 from looping_pendulum.discrepancy.unlisted.screening import (
     MAX_PULSE_SPACING,

@@ -19,7 +19,7 @@ from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
-from looping_pendulum.discrepancy.listed.attribution import HeldOutTest, check_held_out
+from looping_pendulum.discrepancy.listed.held_out import HeldOutTest, check_held_out
 from looping_pendulum.discrepancy.unlisted.closures import TARGETS, simplicity
 from looping_pendulum.discrepancy.unlisted.discovery import WEAK_PRIOR, RecoveredForce, point_parameters
 from looping_pendulum.discrepancy.unlisted.simplify import (
