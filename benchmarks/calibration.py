@@ -144,13 +144,16 @@ def solve(study: BlindStudy) -> tuple[str, Outcome]:
 def outcome_of(result: Identification, planted: dict[str, float], kind: str) -> Outcome:
     """Return what an identification says, beside what was planted."""
     explanations = result.ties or ((result.effects,) if result.effects else ())
+    named = [{e.name for e in tie} for tie in explanations]
+    if result.verdict is Verdict.AMBIGUOUS and result.unlisted:
+        named.append({UNLISTED})
     right = next((tie for tie in explanations if {e.name for e in tie} == set(planted)), ())
     held_out = [e.standardised_rms_after for e in result.errors if e.held_out]
     return {
         "verdict": result.verdict.value,
         "names": list(result.names),
         "ties": [[e.name for e in tie] for tie in result.ties],
-        "judgement": judgement(result.verdict, [{e.name for e in tie} for tie in explanations], set(planted), kind),
+        "judgement": judgement(result.verdict, named, set(planted), kind),
         "planted": planted,
         "estimates": [_estimate(effect, planted[effect.name]) for effect in right],
         "visibility": visibility(result, planted),
@@ -172,6 +175,10 @@ def visibility(result: Identification, planted: dict[str, float]) -> float | Non
     return min(abs(value - smallest[name][1]) / smallest[name][0] for name, value in planted.items())
 
 
+UNLISTED = "an unlisted force"
+"""What an explanation names that is no listed effect."""
+
+
 def law_of(force: Unlisted | None, planted: str) -> dict[str, Any] | None:
     """Return what a force that was found acts on and depends on, and whether the ``planted`` one does the same."""
     if force is None:
@@ -186,7 +193,9 @@ def judgement(verdict: Verdict, explanations: list[set[str]], planted: set[str],
     Of clean studies only the verdict that nothing is missing is right. Of unlisted forces only that verdict is.
     """
     if kind == "unlisted":
-        return "right" if verdict is Verdict.UNLISTED else "wrong" if explanations else "none"
+        if verdict is Verdict.UNLISTED:
+            return "right"
+        return "tied" if {UNLISTED} in explanations else "wrong" if explanations else "none"
     if verdict is Verdict.UNLISTED:
         return "wrong"
     if not explanations:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import gc
 import shutil
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import pytest
 
 from looping_pendulum.discrepancy import workers
-from tests.backends import BACKENDS, current
+from looping_pendulum.reference_ode.heyoka_library import load_heyoka
+from looping_pendulum.reference_ode.solve import available_integrators
+from tests.backends import BACKENDS, DEFAULT, current
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 LONGEST = "tests/test_tolerances.py"
@@ -47,6 +50,27 @@ def _fits_without_helpers():
     That the result is the same with helpers is for tests/discrepancy/test_identify.py, which asks for two.
     """
     workers.MAX_PROCESSES = 1
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _no_optimisation_in_this_process():
+    """Compile in a seventh of the time, which on a machine that has no compiled code yet takes two minutes of a processor less.
+
+    A run then takes half as long again. The processes that tests start optimise, as users' do, and so does every other backend.
+    """
+    if current() != DEFAULT or "heyoka" not in available_integrators():
+        yield
+        return
+    with pytest.MonkeyPatch.context() as patch:
+        leave_code_unoptimised(patch)
+        yield
+
+
+def leave_code_unoptimised(patch):
+    """Have both of heyoka's compilers that the package calls optimise nothing, until ``patch`` is undone."""
+    hy = load_heyoka()
+    for compiler in ("taylor_adaptive", "cfunc"):
+        patch.setattr(hy, compiler, partial(getattr(hy, compiler), opt_level=0))
 
 
 @pytest.fixture(scope="session")

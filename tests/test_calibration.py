@@ -118,6 +118,8 @@ def test_noise_is_not_scaled_with_what_is_hidden(monkeypatch):
         (Verdict.IDENTIFIED, [{"a"}], {"a", "b"}, "two", "part"),
         (Verdict.UNLISTED, [], set(), "unlisted", "right"),
         (Verdict.IDENTIFIED, [{"a"}], set(), "unlisted", "wrong"),
+        (Verdict.AMBIGUOUS, [{"a", "b"}, {calibration.UNLISTED}], set(), "unlisted", "tied"),
+        (Verdict.AMBIGUOUS, [{"a", "b"}, {calibration.UNLISTED}], {"a", "b"}, "two", "tied"),
     ],
 )
 def test_judgement(verdict, explanations, planted, kind, expected):

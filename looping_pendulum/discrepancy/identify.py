@@ -105,7 +105,7 @@ def _identify(study: Study, seed: int, progress: FractionCallback, workers: Work
         with contextlib.suppress(KeyboardInterrupt):
             experiments = best_experiments(inputs.study, [t.fit for t in ties], [t.names for t in ties])
     force = None
-    if verdict is Verdict.UNLISTED:
+    if search.forces and verdict is not Verdict.INTERRUPTED:
         force = describe_unlisted_force(search.forces, search.formulas, search.declared_model.held_out.worst)
     return identification(
         inputs.study,

@@ -330,7 +330,7 @@ class Identification(ShownInNotebook):
     ties: tuple[tuple[IdentifiedEffect, ...], ...]
     """Every explanation that these data cannot tell from the best, including the best; empty unless ambiguous."""
     unlisted: Unlisted | None
-    """The unknown force, if the verdict is unlisted."""
+    """The unknown force, if the verdict is unlisted, or if it is one of several explanations."""
     correlated_noise: tuple[CorrelatedError, ...]
     """Errors of the tracked points that last longer than a frame, under the repaired model; empty: they are white noise."""
     smallest_visible: tuple[SmallestVisible, ...]

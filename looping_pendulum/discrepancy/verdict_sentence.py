@@ -52,9 +52,11 @@ def verdict_sentence(
         verb, them = ("explain", "them") if len(effects) > 1 else ("explains", "it")
         return f"{added} {verb} what the declared model misses: with {them}, {_nearer(worst)}."
     if verdict is Verdict.AMBIGUOUS:
-        each = "; or ".join(" and ".join(effect_in_words(e) for e in tie) for tie in ties)
+        explanations = [" and ".join(effect_in_words(e) for e in tie) for tie in ties]
+        explanations += [f"a {unlisted.in_words}, which is not listed"] if unlisted else []
         return (
-            f"Something is missing, and these data cannot say which of {len(ties)} explanations is right: {each}; "
+            f"Something is missing, and these data cannot say which of {len(explanations)} explanations is right: "
+            f"{'; or '.join(explanations)}; "
             f"with the first, {_nearer(worst)}."
         )
     candidates = "the library or of the study" if own_effects else "the library"

@@ -45,7 +45,10 @@ class Backend:
 
 
 BACKENDS = {
-    DEFAULT: Backend(environment={"PYTHONHASHSEED": "0"}, why="as installed"),
+    DEFAULT: Backend(
+        environment={"PYTHONHASHSEED": "0"}, why="as installed; what heyoka compiles for the tests themselves is not optimised"
+    ),
+    "heyoka-optimised": Backend(environment={"PYTHONHASHSEED": "0"}, why="as installed, optimised for the tests too"),
     "heyoka-avx512": Backend(
         heyoka='{"force_avx512": true, "slp_vectorize": true}',
         why="vectors of eight numbers, and sums in another order; without AVX-512 only the latter",

@@ -1,18 +1,17 @@
-"""Compile without optimisation in sweeps over all effects, which takes a ninth of the time.
+"""Compile without optimisation in sweeps over all effects, under every backend.
 
-Sweeps compile hundreds of systems, each for a run or two, and test the equations, which are the same. All other tests run
-optimised code, as users do.
+Sweeps compile hundreds of systems, each for a run or two, and test the equations, which are the same.
 """
 
 from __future__ import annotations
 
-from functools import cache, partial
+from functools import cache
 
 import pytest
 
 from looping_pendulum.reference_ode import heyoka_backend, sensitivity
-from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.solve import available_integrators
+from tests.conftest import leave_code_unoptimised
 
 SWEEPS = ("test_effects", "test_sensitivity", "test_effects_against_blind")
 
@@ -23,9 +22,7 @@ def _sweeps_are_not_optimised(request):
         yield
         return
     with pytest.MonkeyPatch.context() as patch:
-        hy = load_heyoka()
-        for compiler in ("taylor_adaptive", "cfunc"):
-            patch.setattr(hy, compiler, partial(getattr(hy, compiler), opt_level=0))
+        leave_code_unoptimised(patch)
         # Caches for this module: unlimited, as a sweep comes back to each effect, and dropped with the unoptimised code
         for backend, name in ((heyoka_backend, "_compiled"), (sensitivity, "_variational")):
             patch.setattr(backend, name, cache(getattr(backend, name).__wrapped__))

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from looping_pendulum.compare.tables import GAP, number, table
-from looping_pendulum.discrepancy.result import ForceProfile, Formula, Identification, Unlisted
+from looping_pendulum.discrepancy.result import ForceProfile, Formula, Identification, Unlisted, Verdict
 from looping_pendulum.pages.palette import COLOURS
 
 SIDES = {
@@ -17,6 +17,11 @@ SIDES = {
     "friction": "coefficient of friction",
 }
 """Direction of a force (`ForceProfile.side`) -> words."""
+
+
+IN_NO_REPAIRED_MODEL = (
+    "It explains held-out data as well as the listed effects do; the repaired model has those, as it can have only one of both."
+)
 
 
 def section(result: Identification) -> str:
@@ -37,11 +42,11 @@ def section(result: Identification) -> str:
         [SIDES[p.side], number(p.largest_at), number(p.largest), _significant_range(p), f"`{p.formula}`"]
         for p in force.profiles
     ]
+    model = _model_in_words(force) if result.verdict is Verdict.UNLISTED else IN_NO_REPAIRED_MODEL
     text = (
         "## The unlisted force\n\n"
         f"It is a {force.in_words}, and acts {force.phase}. It was found as a sum of radial "
-        f"basis functions of that coordinate. {_model_in_words(force)} *Significant*: above two standard errors.\n\n"
-        + table(head, rows, left=1)
+        f"basis functions of that coordinate. {model} *Significant*: above two standard errors.\n\n" + table(head, rows, left=1)
     )
     return text if force.formula is None else text + _parameters(force.formula)
 

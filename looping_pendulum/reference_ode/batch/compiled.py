@@ -51,10 +51,12 @@ def batch_model(effects: Effects, parameters: Mapping[str, Any]) -> BatchModel:
 class CompiledFunction:
     """A compiled function, evaluated on the columns of a table."""
 
-    def __init__(self, outputs: Sequence[Any], inputs: Sequence[Any]) -> None:
+    def __init__(self, outputs: Sequence[Any], inputs: Sequence[Any], *, rarely_called: bool = False) -> None:
+        """Compile a function; one that is rarely called is not optimised, which takes a quarter of the time to compile."""
         hy = load_heyoka()
 
-        self._function = hy.cfunc([expression(output) for output in outputs], list(inputs))
+        level = {"opt_level": 0} if rarely_called else {}
+        self._function = hy.cfunc([expression(output) for output in outputs], list(inputs), **level)
 
     def __call__(self, data: Array) -> Array:
         """Return the outputs, shape (number of outputs, n), of columns of inputs, shape (number of inputs, n).

@@ -74,7 +74,9 @@ class Stepper:
         self.step = CompiledFunction([*(hy.sum(terms) for terms in motion_terms), _smallest(hy, lower_bounds)], symbols.inputs)
         """Outputs: `rows` at the end of the step, then a lower bound of all event functions within it."""
         fraction, event = _first_event(hy, event_terms, lower_bounds)
-        self._advance_to_event = CompiledFunction([*(horner(terms, fraction) for terms in motion_terms), event], symbols.inputs)
+        self._advance_to_event = CompiledFunction(
+            [*(horner(terms, fraction) for terms in motion_terms), event], symbols.inputs, rarely_called=True
+        )
         self._terms, self._inputs = [term for terms in motion_terms + event_terms for term in terms], symbols.inputs
 
     def advance_to_event(self, data: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -97,7 +99,7 @@ class Stepper:
     @cached_property
     def _expand(self) -> CompiledFunction:
         """Compile the coefficients of `rows`, then of the event functions, in ascending powers of the fraction of the step."""
-        return CompiledFunction(self._terms, self._inputs)
+        return CompiledFunction(self._terms, self._inputs, rarely_called=True)
 
 
 def _series(symbols: Symbols, mode: Mode, effects: Effects) -> tuple[dict[str, Series], dict[Event, Series]]:

@@ -1,0 +1,77 @@
+"""Several listed effects can mimic one law that the library lacks: whether the data tell one from the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from benchmarks.blind_sample import draw, write_files
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.identify import identify
+from looping_pendulum.discrepancy.listed.held_out import HeldOutTest
+from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.discrepancy.search import Search
+from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN
+from looping_pendulum.reference_ode.solve import available_integrators
+
+COUNT = 1000
+LISTED = HeldOutTest(names=("a", "b"), chi2=(1.0,), counts=(COUNT,), limits=(1.1,), rms=(1e-3,))
+
+
+def search_with(force, residual=0.0):
+    """Return what a search has once two listed effects are accepted, where ``force`` is what explains as much alone."""
+    asked = []
+
+    def find_unlisted_forces(base, min_evidence):
+        asked.append(min_evidence)
+        return (SimpleNamespace(held_out=force),) if force else ()
+
+    problem = SimpleNamespace(with_data=lambda data: SimpleNamespace(residuals=lambda x: np.full(3, residual)))
+    accepted = SimpleNamespace(held_out=LISTED, fit=SimpleNamespace(problem=problem, x=None))
+    declared = SimpleNamespace(fit=SimpleNamespace(cost=300.0, problem=SimpleNamespace(data=())))
+    search = SimpleNamespace(
+        accepted_models=(accepted,), declared_model=declared, forces=(), find_rivals=lambda: None,
+        find_unlisted_forces=find_unlisted_forces, asked=asked,
+    )  # fmt: skip
+    Search.find_rivals_of_several(search)
+    return search
+
+
+def predicts(difference):
+    """Return a held-out test whose -2 ln L is lower than that of the listed effects by ``difference``."""
+    nearer = 1 - 1e-3 * np.sign(difference)
+    return replace(LISTED, chi2=(1.0 - difference / COUNT,), rms=(1e-3 * nearer,))
+
+
+@pytest.mark.parametrize(
+    ("force", "listed", "unlisted"),
+    [
+        (None, True, False),
+        (predicts(-LIKELIHOOD_MARGIN - 1), True, False),
+        (predicts(-LIKELIHOOD_MARGIN + 1), True, True),
+        (predicts(LIKELIHOOD_MARGIN - 1), True, True),
+        (predicts(LIKELIHOOD_MARGIN + 1), False, True),
+    ],
+)
+def test_held_out_data_decide_between_both(force, listed, unlisted):
+    search = search_with(force)
+    assert (bool(search.accepted_models), bool(search.forces)) == (listed, unlisted)
+
+
+def test_a_force_that_explains_far_less_is_not_fitted():
+    """Of chi2 300 the effects leave 3 x 4: half of the rest is the least evidence of a force that is fitted."""
+    assert search_with(None, residual=2.0).asked == [(300 - 12) / 2]
+
+
+@pytest.mark.accurate  # half a minute each
+@pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
+@pytest.mark.parametrize(("index", "verdict"), [(0, Verdict.AMBIGUOUS), (1, Verdict.UNLISTED)], ids=["magnet", "thrust"])
+def test_two_listed_effects_do_not_stand_for_an_unlisted_force(tmp_path, index, verdict):
+    """Oracle: the magnet and the thrust of the separate simulator, which pairs of listed effects explain to their noise."""
+    result = identify(load(write_files(draw("rates", "unlisted", index + 1, 2)[index], tmp_path)))
+    assert result.verdict is verdict
+    assert result.unlisted.acts_on.startswith("light mass")
+    assert ("which is not listed" in result.sentence) == (verdict is Verdict.AMBIGUOUS)
