@@ -361,12 +361,15 @@ class Search:
             base.fit, self.inputs.held_out, lambda what: self.report_progress(what, 0.85), self.workers,
             min_evidence=MIN_DELTA_BIC if noises_of(base.fit) else min_evidence,
         )  # fmt: skip
-        before = base.held_out.worst
+        # Many forms are tried, so that the best of them fits noise better than none; held-out data are not so easily pleased
         passing = [
-            f for f in forces if f.twice_log_bayes_factor >= MIN_DELTA_BIC and f.held_out.passes and f.held_out.worst < before
+            f
+            for f in forces
+            if f.twice_log_bayes_factor >= MIN_DELTA_BIC
+            and f.held_out.passes
+            and predicts_better(base.held_out, f.held_out, MIN_DELTA_BIC)
         ]
-        if noises_of(base.fit):  # with which most tests pass, so that chi2 says little
-            passing = [f for f in passing if predicts_better(base.held_out, f.held_out, MIN_DELTA_BIC)]
+        if noises_of(base.fit):
             # Nor is a force of any form an explanation if without it, and with white noise, the model is nearer to the points
             passing = [f for f in passing if self.declared_model and square_ratio(self.declared_model.held_out, f.held_out) < 1]
         if passing:

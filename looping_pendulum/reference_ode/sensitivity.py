@@ -80,6 +80,17 @@ class Sensitivities:
     """Derivatives of every entry of the state at fixed time, each of shape (m, n)."""
     event_times: Array
     """Derivatives of the times of all events of the run, shape (events, m); 0 for the release and for TIME_UP."""
+    end_state: State
+    """Derivatives of every entry of the state at the run's end, whose time moves, each of shape (m,)."""
+
+    def and_end(self) -> Sensitivities:
+        """Return the same with the end of the run as the last sample; the derivatives there are those of `end_state`."""
+        columns = zip(self.state, self.end_state, strict=True)
+        return dataclasses.replace(
+            self,
+            samples=self.samples.and_end(),
+            state=State(*(np.column_stack([values, at_end]) for values, at_end in columns)),
+        )
 
     @cached_property
     def dual_state(self) -> State:
@@ -151,6 +162,7 @@ def solve_sensitivities(
         parameters=moved,
         state=State(*derivatives),
         event_times=np.array([dual.derivatives_of(e.time, count) for e in driver.events]),
+        end_state=State(*(dual.derivatives_of(v, count) for v in driver.events[-1].state)),
     )
 
 

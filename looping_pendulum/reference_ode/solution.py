@@ -102,6 +102,17 @@ class Samples:
     signs: Signs
     """Signs and phases of each sample, which the equations need beside the state, arrays of shape (n,)."""
 
+    def and_end(self) -> Samples:
+        """Return these samples and, as the last one, the end of the run."""
+        end = self.run.end
+        return Samples(
+            run=self.run,
+            t=np.append(self.t, end.time),
+            state=State(*(np.append(values, at_end) for values, at_end in zip(self.state, end.state, strict=True))),
+            mode=np.append(self.mode, self.mode.dtype.type(end.mode_after)),
+            signs=Signs(*(np.append(values, values[-1:]) for values in self.signs)),
+        )
+
     @cached_property
     def light_position(self) -> Array:
         """Position (x, y) of the light mass [m], shape (n, 2)."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.data.study_io import load
-from looping_pendulum.discrepancy.fit.calibration import calibrate
+from looping_pendulum.discrepancy.fit.calibration import calibrate, minimise
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
 from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of, with_correlated_noise
 from looping_pendulum.discrepancy.fit.problem import Problem
@@ -71,6 +73,29 @@ def test_the_planted_noise_is_estimated_and_explains_the_residuals(tmp_path, see
     assert check_residuals(correlated).passes
     # White noise of a millimetre at rest: neither grows at the other's expense
     assert np.quantile(np.concatenate([d.sigma for d in correlated.problem.data]), 0.1) == pytest.approx(1e-3, rel=0.2)
+
+
+def test_a_tracker_that_wanders_over_one_body_wanders_over_the_other(tmp_path):
+    """The light mass's marks, a third of the usual, cannot show it alone, which left a pattern of theirs unexplained."""
+    study = study_with_wander(tmp_path, CLEAN, 5, amplitude=5e-4)
+    inputs = read_inputs(study)
+    problem = Problem(inputs.study, inputs.training, inputs.free_parameters)
+    fit = refit_with_estimated_noise(calibrate(problem))
+    few = [
+        dataclasses.replace(d, sigma=np.where(light_marks(d) & (np.arange(len(d.sigma)) % 3 > 0), np.inf, d.sigma))
+        for d in fit.problem.data
+    ]
+    noises = noises_of(with_correlated_noise(minimise(fit.problem.with_data(few), fit.x)))
+    assert set(noises) == {"light", "heavy"}
+    assert noises["light"] == noises["heavy"]
+
+
+def light_marks(d):
+    """Return which values of a trial are coordinates of the light mass."""
+    chosen = np.zeros(len(d.sigma), dtype=bool)
+    for name in ("light_x", "light_y"):
+        chosen[d.slices[name]] = True
+    return chosen
 
 
 def test_white_noise_stays_white(tmp_path):

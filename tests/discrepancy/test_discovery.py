@@ -156,21 +156,9 @@ def test_basis_functions_stand_for_a_formula_to_a_thousandth(target):
         assert error < (0.01 if "step" in form.name else 1e-3) * np.abs(exact).max(), form.name
 
 
-UNSEPARATED = pytest.mark.xfail(
-    strict=True,
-    raises=AssertionError,
-    reason="side_stiffness and clock_offset together have a delta BIC of 761, the best closure of 762: nothing separates them",
-)
-
-
 @pytest.mark.accurate
-@pytest.mark.parametrize(
-    ("name", "seed"),
-    [
-        *(pytest.param("magnet", seed, marks=[UNSEPARATED] if seed == 3 else []) for seed in (1, 2, 3)),
-        *(("thrust", seed) for seed in (1, 2, 3)),
-    ],
-)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("name", ["magnet", "thrust"])
 def test_unlisted_cases_are_unlisted(tmp_path, name, seed):
     result = identified(tmp_path, name, seed)
     assert result.verdict is Verdict.UNLISTED, result.sentence

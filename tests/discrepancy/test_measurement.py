@@ -83,7 +83,9 @@ def test_before_the_release_and_after_the_end(run):
     early, late = t < 0.1, t - 0.1 > run.end_time
     at_release = run.sample(np.zeros(1)).light_position[0]
     assert prediction.values["light_x"][early] == pytest.approx(at_release[0], abs=1e-15)
-    assert np.array_equal(np.isnan(prediction.values["light_y"]), late)
+    at_end = np.array([run.sample(np.array([run.end_time])).light_position[0, axis] for axis in (0, 1)])
+    assert prediction.values["light_x"][late] == pytest.approx(at_end[0], abs=1e-12)
+    assert prediction.values["light_y"][late] == pytest.approx(at_end[1], abs=1e-12)
     assert prediction.after_end == {"light_x": late.sum(), "light_y": late.sum()}
     assert prediction.before_release == {"light_x": early.sum(), "light_y": early.sum()}
 

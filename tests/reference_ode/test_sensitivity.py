@@ -87,6 +87,21 @@ def test_derivatives_agree_with_differences_through_stop_stick_and_slip(case):
     assert max(actual.values()) < AGREEMENT, actual
 
 
+def test_derivatives_at_the_end_follow_the_moving_end():
+    """Oracle: central differences of the place where the light mass reaches the rod, and what its speed and the time's give."""
+    t = np.linspace(0, 1.0, 20)
+    ours = solve_sensitivities(TEN_TO_ONE, t, ("free_length",), duration=2.0)
+    step = 1e-5
+    ahead, behind = (
+        solve_at(TEN_TO_ONE.replace(free_length=TEN_TO_ONE.free_length + d), t, duration=2.0).and_end() for d in (step, -step)
+    )
+    differences_at_end = (ahead.light_position[-1] - behind.light_position[-1]) / (2 * step)
+    at_end = ours.and_end()
+    assert at_end.light_position[-1, :, 0] == pytest.approx(differences_at_end, abs=1e-6)
+    assert at_end.samples.t[-1] == ours.samples.run.end_time
+    assert np.array_equal(at_end.light_position[:-1], ours.light_position)
+
+
 def test_static_friction_and_the_light_masses_radius_move_events_only():
     p = FOUR_TO_ONE.replace(static_friction=0.36, light_radius=0.01)
     assert Mode.STICKING in solve(p).modes[1:-2]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.noise import Noise, estimate_noise, speed_at
-from looping_pendulum.discrepancy.data.observations import Channel
+from looping_pendulum.discrepancy.data.observations import Channel, DataError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.sensitivity import Sensitivities
@@ -44,7 +44,7 @@ class Prediction:
     """Values that the camera would have measured in a run."""
 
     values: Mapping[str, Array]
-    """Channel -> predicted values [SI] at its measured times, shape (n,); NaN past the run's end."""
+    """Channel -> predicted values [SI] at its measured times, shape (n,); past the run's end, those of its end."""
     after_end: Mapping[str, int]
     """Channel -> number of measured points past the run's end."""
     before_release: Mapping[str, int]
@@ -65,20 +65,30 @@ def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel],
         The run, as from `sampler`. It is called once, with all times that any channel needs.
     dropped
         Mass that a channel "height" shows, "light" or "heavy". Height is measured from its release, plus origin_y.
+
+    Raises
+    ------
+    DataError
+        If no measured point is within the run.
     """
     sample_times = _sample_times(camera.clock_offset, camera.clock_ratio, tuple(channels))
     samples = sample(sample_times.times)
+    known = len(samples.t)
+    ends_early = known < len(sample_times.times)
+    if ends_early:
+        # Not the last sample: within a frame of its end the light mass moves by centimetres
+        samples = samples.and_end()
     series = _series(samples, camera, dropped, set(sample_times.index))
     values, after = {}, {}
     for name, index in sample_times.index.items():
-        known = series[name]
-        beyond = len(sample_times.times) - len(known)
         # np.take is several times faster than indexing with an array
-        values[name] = np.take(np.append(known, np.full(beyond, np.nan)) if beyond else known, index)
-        after[name] = int(np.count_nonzero(index >= len(known))) if beyond else 0
+        values[name] = np.take(series[name], np.minimum(index, known) if ends_early else index)
+        after[name] = int(np.count_nonzero(index >= known)) if ends_early else 0
         if name == "angle_rate":
             # before its release the mass is at rest, but the run's first sample may have the speed of a push
             values[name][: sample_times.before_release[name]] = 0.0
+    if ends_early and all(after[name] == len(values[name]) for name in values):
+        raise DataError("found no point during the run, needed some; check the times and the clock offset")
     return Prediction(values=values, after_end=after, before_release=sample_times.before_release)
 
 
@@ -95,13 +105,15 @@ def predicted_derivatives(
     ----------
     solved
         Function that returns the run's derivatives at given times, as from `solve_sensitivities`. Past its end everything is
-        at rest.
+        at rest where it ended.
     channels
         Channels of `DIFFERENTIABLE_CHANNELS`.
     """
     sample_times = _sample_times(camera.clock_offset, camera.clock_ratio, tuple(channels))
     s = solved(sample_times.times)
     known = len(s.samples.t)
+    if known < len(sample_times.times):
+        s = s.and_end()
     series: dict[str, Array] = {}
     for mass, derivatives in (("light", s.light_position), ("heavy", s.heavy_position)):
         if f"{mass}_x" in sample_times.index or f"{mass}_y" in sample_times.index:
@@ -110,7 +122,7 @@ def predicted_derivatives(
             series[f"{mass}_x"], series[f"{mass}_y"] = measured[..., 0], measured[..., 1]
     if "angle" in sample_times.index:
         series["angle"] = s.state.wrap_angle.T
-    return {name: series[name][np.minimum(index, known - 1)] for name, index in sample_times.index.items()}
+    return {name: series[name][np.minimum(index, known)] for name, index in sample_times.index.items()}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.data.measurement import DIFFERENTIABLE_CHANNELS, predict, predicted_derivatives
-from looping_pendulum.discrepancy.data.observations import Channel, DataError, EventObservation
+from looping_pendulum.discrepancy.data.observations import Channel, EventObservation
 from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
 from looping_pendulum.discrepancy.fit.event_prediction import EventRun, event_times, with_missed_events
@@ -266,7 +266,7 @@ class Problem:
         return self._run_for_events(parameters, k).predict(camera)
 
     def predict(self, x: Array, k: int) -> Array:
-        """Predict all values of trial ``k`` [SI], shape (n,); after a run's end everything is at rest.
+        """Predict all values of trial ``k`` [SI], shape (n,); after a run's end everything is at rest where it ended.
 
         An event that does not happen counts as missed by `event_prediction.MISSED_EVENT_ERRORS` standard errors.
         """
@@ -286,8 +286,6 @@ class Problem:
         if d.channels:
             values = predict(sample, camera, d.channels, dropped=d.trial.dropped).values
             parts = [values[c.name] for c in d.channels]
-            if not np.isfinite(np.concatenate(parts)).all():
-                parts = [_hold_last_value(part) for part in parts]
         if d.events:
             parts.append(with_missed_events(self._predict_events(parameters, camera, k), d.events))
         return np.concatenate(parts or [np.zeros(0)])
@@ -375,14 +373,3 @@ class Problem:
         moved = x.copy()
         moved[i] += by
         return self.predict(moved, k)
-
-
-def _hold_last_value(values: Array) -> Array:
-    """Replace NaN, after the end of a run, by the last value."""
-    known = np.isfinite(values)
-    if known.all():
-        return values
-    if not known.any():
-        raise DataError("found no point during the run, needed some; check the times and the clock offset")
-    index = np.maximum.accumulate(np.where(known, np.arange(len(values)), 0))
-    return np.asarray(values[index])
