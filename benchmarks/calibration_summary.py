@@ -92,6 +92,10 @@ def _single(pairs: Sequence[Pair]) -> dict[str, Any]:
             name: _power(group, lambda pair: f"{pair[0].size:g}")
             for name, group in _grouped(pairs, lambda pair: pair[0].hidden[0]).items()
         },
+        "each": [
+            {"effect": s.hidden[0], "size": s.size, "visibility": o["visibility"], "judgement": o["judgement"]}
+            for s, o in pairs
+        ],
     }
 
 

@@ -76,6 +76,8 @@ The power of the search against the size of one hidden effect, of all kinds and 
 Much of what an effect does, the fitted parameters can do as well: the wrong mass of a single trial is a friction. So the report
 states the smallest size that the data could show. Against that size the power is:
 
+![What `identify` says of each hidden effect, against its size over the smallest visible one](img/power.png)
+
 | hidden size over the smallest visible one | named | named or tied | another is named |
 |---|---|---|---|
 {chr(10).join(visible)}

@@ -16,6 +16,7 @@ from benchmarks.calibration_summary import in_words, proportion, summary, with_u
 from benchmarks.resumable import run
 from benchmarks.rival_methods import Rival
 from looping_pendulum.discrepancy.result import Verdict
+from scripts import power_figure
 from tests.blind.cases import CASES
 from tests.discrepancy.expected import EXPECTED
 
@@ -66,6 +67,7 @@ def test_summary_of_made_up_outcomes():
     assert {size: row["named_or_tied"]["count"] for size, row in visible.items()} == {"1 to 2": 1, "above 2": 1}
     assert visible["1 to 2"]["named"]["count"] == 0
     assert (result["coverage"]["count"], result["coverage"]["of"]) == (1, 2)
+    assert result["single"]["each"][1] == {"effect": "wind", "size": 8e-3, "visibility": 1.0, "judgement": "tied"}
     assert result["cpu_seconds"]["0.5"] == 3.5
     assert result["cpu_seconds"]["largest"] == 6.0
     assert result["statistics"]["lag1_z"]["extreme"] == 2.0
@@ -183,3 +185,17 @@ def test_one_study_from_end_to_end():
     assert said["estimates"][0]["planted"] == pytest.approx(planted_values(study)["wind_speed"])
     assert said["held_out_error"] < 1.2
     assert said["cpu_seconds"] > 0
+
+
+def test_each_study_with_one_effect_is_a_marker_in_the_row_of_its_effect():
+    cases = [("wind", 3.0, "right"), ("scale", 1e6, "wrong"), ("wind", 0.5, "none"), ("push", None, "none")]
+    studies = [
+        {"effect": name, "size": 8e-3, "visibility": visibility, "judgement": judgement}
+        for name, visibility, judgement in cases
+    ]
+    (axes,) = power_figure.figure(studies).axes
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["wind", "scale"]
+    drawn = {line.get_label(): line.get_xdata() for line in axes.get_lines()}
+    assert list(drawn["named (1)"]) == [3.0]
+    assert list(drawn["another is named (1)"]) == [power_figure.LARGEST]
+    assert list(drawn["nothing is named (1)"]) == [0.5], "of one without a smallest visible size nothing is drawn"
