@@ -167,25 +167,64 @@ def sindy(inputs: Inputs) -> Rival:
     """
     import pysindy
 
-    rows, targets = [], []
-    for d in inputs.training:
-        if {"light_x", "light_y"} <= set(d.slices):
-            parameters = inputs.study.parameters({}, d.trial)
-            terms, across = _terms_across(d, parameters.rod_radius, parameters.coefficients["gravity"])
-            rows.append(terms)
-            targets.append(across)
-    if not rows:
+    data = _accelerations_across(inputs)
+    if data is None:
         return Rival(names=(), departs=False, held_out_error=None)
-    theta, y = np.concatenate(rows), np.concatenate(targets)
+    terms, across = data
     optimiser = pysindy.STLSQ(threshold=SINDY_THRESHOLD, alpha=1e-6, normalize_columns=False)
-    scale = np.sqrt(np.mean(theta**2, axis=0))
-    optimiser.fit(theta / scale, y[:, None])
-    kept = np.abs(optimiser.coef_[0]) > 0
-    names = tuple(sorted(name for name, k in zip(SINDY_TERMS, kept, strict=True) if k and name))
+    optimiser.fit(terms, across[:, None])
+    return _named_terms(np.abs(optimiser.coef_[0]) > 0)
+
+
+def symbolic_regression(inputs: Inputs) -> Rival:
+    """Look for a formula of the same acceleration in the same terms by genetic programming, with PyOperon.
+
+    The formula is that of its last front which describes the data most briefly (minimum description length). Those terms in
+    it that are not declared name effects; what is out of reach of `sindy` is so here, too.
+    """
+    from pyoperon.sklearn import SymbolicRegressor
+
+    data = _accelerations_across(inputs)
+    if data is None:
+        return Rival(names=(), departs=False, held_out_error=None)
+    regressor = SymbolicRegressor(
+        allowed_symbols="add,sub,mul,constant,variable", max_length=FORMULA_LENGTH, generations=GENERATIONS,
+        population_size=POPULATION, pool_size=POPULATION, objectives=["r2", "length"],
+        model_selection_criterion="minimum_description_length", n_threads=1, random_state=0,
+    )  # fmt: skip
+    regressor.fit(*data)
+    columns = [f"term{i}" for i in range(len(TERMS_ACROSS))]
+    formula = regressor.get_model_string(regressor.model_, 3, names=columns)
+    return _named_terms(np.array([column in formula for column in columns]))
+
+
+FORMULA_LENGTH, GENERATIONS, POPULATION = 25, 200, 500
+"""Largest number of nodes of a formula, and the size of the search: some 2 s."""
+
+
+def _named_terms(kept: NDArray[np.bool_]) -> Rival:
+    """Return what a method says that keeps these of the terms across the string."""
+    names = tuple(sorted(name for name, k in zip(TERMS_ACROSS, kept, strict=True) if k and name))
     return Rival(names=names, departs=bool(names), held_out_error=None)
 
 
-SINDY_TERMS = ("", "", "light_linear_drag", "wind_speed", "side_force", "side_stiffness")
+def _accelerations_across(inputs: Inputs) -> tuple[Array, Array] | None:
+    """Return terms of unit root mean square, shape (n, terms), and the acceleration across the string [m/s^2], shape (n,).
+
+    None if no trial has the light mass's path.
+    """
+    parts = []
+    for d in inputs.training:
+        if {"light_x", "light_y"} <= set(d.slices):
+            parameters = inputs.study.parameters({}, d.trial)
+            parts.append(_terms_across(d, parameters.rod_radius, parameters.coefficients["gravity"]))
+    if not parts:
+        return None
+    terms, across = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return terms / np.sqrt(np.mean(terms**2, axis=0)), across
+
+
+TERMS_ACROSS = ("", "", "light_linear_drag", "wind_speed", "side_force", "side_stiffness")
 """Effect of each term of the library; empty: gravity and quadratic drag, which are declared."""
 SINDY_THRESHOLD = 0.3
 """Smallest RMS acceleration of a term that is kept [m/s^2]: a little above what smoothing leaves of a millimetre's noise."""
@@ -234,9 +273,8 @@ METHODS = {
         function=gaussian_process, package="sklearn", title="Gaussian-process discrepancy", names_effects=False
     ),
     "sindy": Method(function=sindy, package="pysindy", title="PySINDy's STLSQ on smoothed points"),
+    "symbolic_regression": Method(
+        function=symbolic_regression, package="pyoperon", title="symbolic regression (PyOperon) on smoothed points"
+    ),
 }
 """Name -> method."""
-NOT_RUN = {
-    "symbolic regression": "PySR and gplearn give a formula of a column, not the name of a cause; PySR also needs Julia",
-}
-"""Method -> why it is not among `METHODS`."""
