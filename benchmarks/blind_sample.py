@@ -1,16 +1,24 @@
-"""Draw blind studies: what is hidden, how large it is, the noise, and the number of trials; write their files."""
+"""Draw blind studies: what is hidden, how large it is, the noise, and the number of trials; write their files.
+
+What makes a hidden effect move the light mass by a given size is found by the simulator, which takes longer than to name it.
+So the factors are stored; `python -m benchmarks.blind_sample` finds those that are missing (half an hour for all).
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
 import itertools
+import json
 import zlib
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from looping_pendulum.files import write_atomically
 from tests.blind.camera import Camera
 from tests.blind.cases import CASES, CLEAN_VARIED, UNLISTED, Case, with_signature
 from tests.discrepancy.blind_study import let_the_tracker_wander, put_on_another_object, write_study
@@ -33,6 +41,10 @@ WANDER = {"amplitude": 0.5e-3, "frames": 10.0}
 """Standard deviation [m] and correlation time [frames] of the error of a tracker that wanders over its mark."""
 OUTLIERS = {"share": 0.02, "distance": 0.03}
 """Share of points on another object, and its distance [m]."""
+
+
+FACTORS = Path(__file__).with_name("blind_factors.json")
+"""What `find_factors` found."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,14 +120,54 @@ def _shuffled_hidden(kind: str, rng: np.random.Generator) -> list[tuple[tuple[st
 
 @functools.cache
 def scaled(name: str, size: float) -> Case:
-    """Return a case that moves the light mass by ``size`` [m].
+    """Return a case that moves the light mass by ``size`` [m], by its stored factor.
 
     Raises
     ------
     ValueError
         If no value of the hidden number does.
     """
-    return with_signature(CASES[name], size)
+    found = stored_factors().get(_key(CASES[name], size))
+    if found is None:
+        return with_signature(CASES[name], size)
+    if not found["factor"]:
+        raise ValueError(found["reason"])
+    return CASES[name].scaled(found["factor"])
+
+
+@functools.cache
+def stored_factors() -> dict[str, dict[str, Any]]:
+    """Return case and size -> the factor of what is hidden, or the reason why there is none."""
+    tree: dict[str, dict[str, Any]] = json.loads(FACTORS.read_text(encoding="utf-8")) if FACTORS.exists() else {}
+    return tree
+
+
+def _key(case: Case, size: float) -> str:
+    """Return where the factor of a case is stored; another case of the same name has another key."""
+    return f"{case.name} {zlib.crc32(repr(case).encode()):08x} {size:g}"
+
+
+def find_factors(name: str) -> dict[str, dict[str, Any]]:
+    """Return the factors of a case for all sizes, each search starting at the size before."""
+    found: dict[str, dict[str, Any]] = {}
+    case = CASES[name]
+    for size in SIZES:
+        key = _key(CASES[name], size)
+        found[key] = stored_factors().get(key, {})
+        if found[key].get("factor"):
+            case = CASES[name].scaled(found[key]["factor"])
+        elif not found[key]:
+            try:
+                case = with_signature(case, size)
+            except ValueError as error:
+                found[key] = {"factor": None, "reason": str(error)}
+            else:
+                found[key] = {"factor": _hidden_number(case) / _hidden_number(CASES[name])}
+    return found
+
+
+def _hidden_number(case: Case) -> float:
+    return (case.effects + case.apparatus_errors + case.camera_errors)[0][1]
 
 
 def case_of(study: BlindStudy) -> Case:
@@ -153,3 +205,18 @@ def write_files(study: BlindStudy, folder: Path) -> Path:
         elif study.noise_kind == "outliers":
             put_on_another_object(folder / f"{name}.csv", seed=study.seed + i, **OUTLIERS)
     return path
+
+
+def main() -> None:
+    """Find the factors that are missing, and store each case's as soon as they are known."""
+    names = [*EXPECTED, *(case.name for case in UNLISTED)]
+    known = dict(stored_factors())
+    with ProcessPoolExecutor() as pool:
+        for future in as_completed([pool.submit(find_factors, name) for name in names]):
+            known |= future.result()
+            write_atomically(FACTORS, json.dumps(dict(sorted(known.items())), indent=1) + "\n")
+            print(f"{len(known)} factors")
+
+
+if __name__ == "__main__":
+    main()

@@ -17,7 +17,7 @@ from benchmarks.resumable import run
 from benchmarks.rival_methods import Rival
 from looping_pendulum.discrepancy.result import Verdict
 from scripts import power_figure
-from tests.blind.cases import CASES
+from tests.blind.cases import CASES, UNLISTED, signature
 from tests.discrepancy.expected import EXPECTED
 
 
@@ -199,3 +199,24 @@ def test_each_study_with_one_effect_is_a_marker_in_the_row_of_its_effect():
     assert list(drawn["named (1)"]) == [3.0]
     assert list(drawn["another is named (1)"]) == [power_figure.LARGEST]
     assert list(drawn["nothing is named (1)"]) == [0.5], "of one without a smallest visible size nothing is drawn"
+
+
+def test_every_size_of_every_case_has_its_factor_stored():
+    wanted = {blind_sample._key(CASES[name], size) for name in (*EXPECTED, *(c.name for c in UNLISTED)) for size in SIZES}
+    assert blind_sample.stored_factors().keys() == wanted, "run: python -m benchmarks.blind_sample"
+
+
+@pytest.mark.accurate
+@pytest.mark.parametrize(("name", "size"), [("wind", 8e-3), ("magnet", 16e-3)])
+def test_a_stored_factor_gives_its_size(name, size):
+    """Oracle: the simulator, with and without what is hidden."""
+    assert signature(blind_sample.scaled(name, size)) == pytest.approx(size, rel=0.05)
+
+
+def test_a_size_that_nothing_gives_is_refused(monkeypatch):
+    monkeypatch.setattr(blind_sample, "stored_factors", lambda: {blind_sample._key(CASES["wind"], 7.0): NO_FACTOR})
+    with pytest.raises(ValueError, match="no scale found"):
+        blind_sample.scaled("wind", 7.0)
+
+
+NO_FACTOR = {"factor": None, "reason": "wind: no scale found that moves the light mass by 7 m"}

@@ -1,0 +1,40 @@
+"""Which candidates are refitted: the best by score and, where scores say little, what acts on the same as the best."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from looping_pendulum.discrepancy import search as search_module
+from looping_pendulum.discrepancy.search import MAX_REFITS, Search
+
+
+def screened(name, score, acts_on):
+    return SimpleNamespace(candidate=SimpleNamespace(name=name, acts_on=acts_on), score=score, amplitude=1.0)
+
+
+REMAINING = [
+    screened("wind", 30.0, "light mass"),
+    *(screened(f"view {i}", 28.0 - i, "camera") for i in range(MAX_REFITS - 1)),
+    screened("tilt", 20.0, "camera"),
+    screened("drag", 12.0, "light mass"),
+    screened("weak", 4.0, "light mass"),
+]
+
+
+@pytest.mark.parametrize(("gain", "more"), [(1.0, []), (2.0, ["drag"])])
+def test_what_acts_on_the_same_is_refitted_where_scores_say_little(monkeypatch, gain, more):
+    """``gain``: delta BIC of the best over what its score predicts. "weak" is below a sixth of the best score."""
+    refitted = []
+
+    def refits(base, chosen, known, *rest):
+        refitted.extend(s.candidate.name for s in chosen if s.candidate.name not in known)
+        return [SimpleNamespace(candidate=s.candidate, screened=s, delta_bic=gain * s.score**2) for s in chosen]
+
+    monkeypatch.setattr(search_module, "refits", refits)
+    current = SimpleNamespace(remaining=REMAINING, refitted={}, fit=None, added=())
+    search = SimpleNamespace(correlated_base=None, workers=None, declared_model=None, report_progress=lambda *_: None)
+    results = Search.refit_candidates(search, current, 0.0)
+    assert refitted == [s.candidate.name for s in REMAINING[:MAX_REFITS]] + more
+    assert len(results) == len(refitted)
