@@ -8,6 +8,7 @@ import platform
 import time
 
 from looping_pendulum import __version__
+from looping_pendulum.discrepancy.conclusion import conclude
 from looping_pendulum.discrepancy.data.study import Study
 from looping_pendulum.discrepancy.identification import Conclusion, identification
 from looping_pendulum.discrepancy.inputs import read_inputs
@@ -97,7 +98,7 @@ def _identify(study: Study, seed: int, progress: FractionCallback, workers: Work
             raise
         interrupted = True
     progress("reporting", REPORT_SHARE)
-    verdict, model, ties = search.conclusion(interrupted)
+    verdict, model, ties = conclude(search, interrupted)
     assert search.declared_model is not None
     experiments: tuple[Experiment, ...] = ()
     if len(ties) > 1:

@@ -23,7 +23,7 @@ from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.held_out import check_held_out, improvement_test, predicts_better, square_ratio
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN, record_round
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate, compile_for, screen, slowest_first
-from looping_pendulum.discrepancy.result import Round, Verdict
+from looping_pendulum.discrepancy.result import Round
 from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN, RecoveredForce, by_preference, discover
 from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
 from looping_pendulum.discrepancy.unlisted.formula import refit as refit_formulas
@@ -389,28 +389,6 @@ class Search:
             formulas = refit_formulas(base.fit, passing, self.inputs.held_out, lambda what: self.report_progress(what, 0.93))
             self.formulas = tuple(formulas)
         return tuple(by_preference(passing) + [f for f in forces if f not in passing]) if passing else ()
-
-    def conclusion(self, interrupted: bool) -> tuple[Verdict, CandidateModel, tuple[CandidateModel, ...]]:
-        """Return the verdict, the repaired model, and the tied models if the verdict is ambiguous."""
-        assert self.declared_model is not None
-        if interrupted:
-            return Verdict.INTERRUPTED, self.accepted_models[0] if self.accepted_models else self.declared_model, ()
-        if not (self.accepted_models or self.declared_model.failed_tests):
-            return Verdict.NO_MISSING_EFFECT, self.declared_model, ()
-        if not self.accepted_models and self.forces:
-            fit, held_out = self.forces[0].fit, self.forces[0].held_out
-            for formula in self.formulas[:1]:
-                if formula.accepted and formula.held_out:
-                    fit, held_out = formula.fit, formula.held_out
-            tests = check_residuals(fit)
-            # The screening is `tuple`, which returns no candidates: nothing is added to this model any more
-            added = self.beside_forces
-            return Verdict.UNLISTED, CandidateModel(fit=fit, added=added, tests=tests, held_out=held_out, screening=tuple), ()
-        if not self.accepted_models:
-            return Verdict.UNEXPLAINED, self.declared_model, ()
-        if len(self.accepted_models) > 1 or self.forces:
-            return Verdict.AMBIGUOUS, self.accepted_models[0], self.accepted_models
-        return Verdict.IDENTIFIED, self.accepted_models[0], ()
 
 
 def _delta_bic(without: Fit, fit: Fit, candidate: Candidate) -> float:
