@@ -295,7 +295,7 @@ class Unlisted:
             else f"force on the {self.acts_on}"
         )
         place = "" if self.point is None else f" from x = {self.point[0]:.3f} m, y = {self.point[1]:.3f} m"
-        return f"{law} as a function of the {self.depends_on.replace('_', ' ')} s{place}"
+        return f"{law} as a function of the {self.depends_on.replace('_', ' ')}{place}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -93,9 +93,7 @@ def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
         for e in effects
     ]  # fmt: skip
     # Not where it would say that a parameter is itself
-    note = "".join(
-        f"\nThe value of {e.name} {e.meaning} {e.parameter}.\n" for e in effects if e.name != e.parameter or e.meaning != "is"
-    )
+    note = "".join(f"\nThe value of {e.name} {e.meaning} {e.parameter}.\n" for e in effects if e.name != e.parameter)
     for e in effects:
         note += "".join(f"\nFitted with {e.name}: {n} = {uncertain(v, s)} [SI].\n" for n, v, s in e.companions)
     return table(head, rows, left=5) + note

@@ -87,7 +87,7 @@ def _after_ambiguous(result: Identification) -> list[str]:
     experiments = result.next_experiments
     rest = "Add it to the study as a further trial, and run `looping-pendulum identify` again."
     if result.unlisted is not None and len(result.ties) == 1:
-        return [f"Film what tells the unlisted force from the rest: {_where(result.unlisted)}.", rest]
+        return [f"Film what tells the unlisted force from the listed effects: {_where(result.unlisted)}.", rest]
     if not experiments:
         return ["Measure one of the explanations directly: no trial within the study's limits could be simulated.", rest]
     best = experiments[0]

@@ -45,7 +45,7 @@ def section(result: Identification) -> str:
     model = _model_in_words(force) if result.verdict is Verdict.UNLISTED else IN_NO_REPAIRED_MODEL
     text = (
         "## The unlisted force\n\n"
-        f"It is a {force.in_words}, and acts {force.phase}. It was found as a sum of radial "
+        f"It is a {force.in_words} (s in the formula), and acts {force.phase}. It was found as a sum of radial "
         f"basis functions of that coordinate. {model} *Significant*: above two standard errors.\n\n" + table(head, rows, left=1)
     )
     return text if force.formula is None else text + _parameters(force.formula)
