@@ -5,18 +5,21 @@ from __future__ import annotations
 import gc
 import shutil
 from collections.abc import Iterator
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import pytest
 
 from looping_pendulum.discrepancy import workers
+from looping_pendulum.reference_ode import heyoka_backend, sensitivity
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.solve import available_integrators
 from tests.backends import BACKENDS, DEFAULT, current
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 LONGEST = "tests/test_tolerances.py"
+COMPILERS = ("taylor_adaptive", "cfunc")
+"""Functions of heyoka that compile."""
 
 
 def pytest_configure(config):
@@ -69,8 +72,19 @@ def _no_optimisation_in_this_process():
 def leave_code_unoptimised(patch):
     """Have both of heyoka's compilers that the package calls optimise nothing, until ``patch`` is undone."""
     hy = load_heyoka()
-    for compiler in ("taylor_adaptive", "cfunc"):
+    for compiler in COMPILERS:
         patch.setattr(hy, compiler, partial(getattr(hy, compiler), opt_level=0))
+
+
+@pytest.fixture
+def optimised(monkeypatch):
+    """Compile in this process as in those that it starts, for a test that compares the results of both in every bit."""
+    hy = load_heyoka()
+    for compiler in COMPILERS:
+        function = getattr(hy, compiler)
+        monkeypatch.setattr(hy, compiler, function.func if isinstance(function, partial) else function)
+    for module, name in ((heyoka_backend, "_compiled"), (sensitivity, "_variational")):
+        monkeypatch.setattr(module, name, cache(getattr(module, name).__wrapped__))
 
 
 @pytest.fixture(scope="session")
