@@ -11,7 +11,6 @@ import functools
 import itertools
 import json
 import zlib
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from looping_pendulum.files import write_atomically
 from tests.blind.camera import Camera
 from tests.blind.cases import CASES, CLEAN_VARIED, UNLISTED, Case, with_signature
 from tests.discrepancy.blind_study import let_the_tracker_wander, put_on_another_object, write_study
-from tests.discrepancy.expected import EXPECTED, planted
+from tests.discrepancy.expected import EXPECTED, hidden_number, planted
 
 SETS = ("thresholds", "rates")
 """Studies that thresholds are chosen by, and studies that rates are measured on: their seeds differ."""
@@ -150,24 +149,22 @@ def _key(case: Case, size: float) -> str:
 def find_factors(name: str) -> dict[str, dict[str, Any]]:
     """Return the factors of a case for all sizes, each search starting at the size before."""
     found: dict[str, dict[str, Any]] = {}
-    case = CASES[name]
+    start = CASES[name]
     for size in SIZES:
         key = _key(CASES[name], size)
-        found[key] = stored_factors().get(key, {})
-        if found[key].get("factor"):
-            case = CASES[name].scaled(found[key]["factor"])
-        elif not found[key]:
-            try:
-                case = with_signature(case, size)
-            except ValueError as error:
-                found[key] = {"factor": None, "reason": str(error)}
-            else:
-                found[key] = {"factor": _hidden_number(case) / _hidden_number(CASES[name])}
+        found[key] = stored_factors().get(key) or _find_factor(start, size)
+        if found[key]["factor"]:
+            start = CASES[name].scaled(found[key]["factor"])
     return found
 
 
-def _hidden_number(case: Case) -> float:
-    return (case.effects + case.apparatus_errors + case.camera_errors)[0][1]
+def _find_factor(start: Case, size: float) -> dict[str, Any]:
+    """Return the factor that gives a case its size, or the reason why there is none; the search begins at ``start``."""
+    try:
+        case = with_signature(start, size)
+    except ValueError as error:
+        return {"factor": None, "reason": str(error)}
+    return {"factor": hidden_number(case) / hidden_number(CASES[case.name])}
 
 
 def case_of(study: BlindStudy) -> Case:
@@ -211,11 +208,10 @@ def main() -> None:
     """Find the factors that are missing, and store each case's as soon as they are known."""
     names = [*EXPECTED, *(case.name for case in UNLISTED)]
     known = dict(stored_factors())
-    with ProcessPoolExecutor() as pool:
-        for future in as_completed([pool.submit(find_factors, name) for name in names]):
-            known |= future.result()
-            write_atomically(FACTORS, json.dumps(dict(sorted(known.items())), indent=1) + "\n")
-            print(f"{len(known)} factors")
+    for name in names:
+        known |= find_factors(name)
+        write_atomically(FACTORS, json.dumps(dict(sorted(known.items())), indent=1) + "\n")
+        print(f"{name}: {len(known)} of {len(names) * len(SIZES)} factors are known")
 
 
 if __name__ == "__main__":

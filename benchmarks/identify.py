@@ -88,7 +88,7 @@ def _residuals_by_scipy(problem: Problem, x: np.ndarray) -> np.ndarray:
             camera, d.channels, dropped=d.trial.dropped,
         )  # fmt: skip
         values = np.concatenate([seen.values[c.name] for c in d.channels])
-        parts.append(np.nan_to_num((d.value - values) / d.sigma))
+        parts.append((d.value - values) / d.sigma)
     return np.concatenate([*parts, -problem.prior_weights @ (x - problem.prior_mean)])
 
 

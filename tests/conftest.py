@@ -57,9 +57,9 @@ def _fits_without_helpers():
 
 @pytest.fixture(scope="session", autouse=True)
 def _no_optimisation_in_this_process():
-    """Compile in a seventh of the time, which on a machine that has no compiled code yet takes two minutes of a processor less.
+    """Compile in a third of the time, which on a machine that has no compiled code yet takes 90 s of a processor less.
 
-    A run then takes half as long again. The processes that tests start optimise, as users' do, and so does every other backend.
+    A run then takes up to half as long again. The processes that tests start optimise, as users' do; so do all other backends.
     """
     if current() != DEFAULT or "heyoka" not in available_integrators():
         yield
@@ -83,8 +83,13 @@ def optimised(monkeypatch):
     for compiler in COMPILERS:
         function = getattr(hy, compiler)
         monkeypatch.setattr(hy, compiler, function.func if isinstance(function, partial) else function)
+    keep_compiled_apart(monkeypatch)
+
+
+def keep_compiled_apart(patch):
+    """Keep all that is compiled until ``patch`` is undone, and use nothing that was compiled before."""
     for module, name in ((heyoka_backend, "_compiled"), (sensitivity, "_variational")):
-        monkeypatch.setattr(module, name, cache(getattr(module, name).__wrapped__))
+        patch.setattr(module, name, cache(getattr(module, name).__wrapped__))
 
 
 @pytest.fixture(scope="session")

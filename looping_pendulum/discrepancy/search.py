@@ -41,8 +41,8 @@ MAX_SCORE_RATIO = 6
 MAX_NONLINEARITY = 1.5
 """Largest delta BIC of a refit over what its score predicts, z^2, up to which the scores are trusted to rank candidates.
 
-A string that is smoother on itself, which cut the light mass's errors in half, had a score of 17 where friction per wrap angle
-had 33, and a delta BIC of 2520 instead of 1100.
+A string that is smoother on itself had a score of 17, friction per wrap angle one of 33 in its place, which predicts a delta
+BIC of 1100; its refit had 2520.
 """
 MAX_RESCREENED = 5
 """Candidates that are screened again with all added effects in the model, which costs compilations."""
@@ -56,7 +56,7 @@ MAX_EFFECTS = 3
 MIN_RIVAL_EVIDENCE = 0.5
 """Smallest twice log Bayes factor of a force that is refitted as a rival of listed effects, as a share of what they explain.
 
-In blind studies of a magnet and of a thrust, which two listed effects mimicked, it was 0.95 and 0.53; of two effects, 0.32.
+In blind studies of a magnet and of a thrust, which two listed effects mimicked, it was 0.95 and 0.54; of two effects, 0.32.
 """
 
 FractionCallback = Callable[[str, float], None]
@@ -328,7 +328,8 @@ class Search:
         """Refit the model with each of the best candidates; return the refits, best first."""
         min_score = max(MIN_REFIT_SCORE, abs(current.remaining[0].score) / MAX_SCORE_RATIO) if current.remaining else 0.0
         # An amplitude of zero means that no change within the bounds looks like the residuals
-        chosen = [s for s in current.remaining if s.amplitude and abs(s.score) >= min_score][:MAX_REFITS]
+        eligible = [s for s in current.remaining if s.amplitude and abs(s.score) >= min_score]
+        chosen = eligible[:MAX_REFITS]
         known: dict[str, Refit | None] = dict(current.refitted)
         if self.correlated_base and not current.added:
             # Correlated noise may hide from the score what the candidate's own noise shows
@@ -343,10 +344,9 @@ class Search:
 
         results = refits(current.fit, chosen, known, self.workers, report)
         if results and results[0].delta_bic > MAX_NONLINEARITY * results[0].screened.score ** 2:
-            # Of a large effect the scores say little: what acts on the same may do better than the best, whatever its score
+            # Of a large effect the scores say little: what acts on the same may do better than the best with a smaller score
             acts_on = results[0].candidate.acts_on
-            alike = [s for s in current.remaining if s.amplitude and abs(s.score) >= min_score and s not in chosen]
-            alike = [s for s in alike if s.candidate.acts_on == acts_on][:MAX_REFITS]
+            alike = [s for s in eligible if s.candidate.acts_on == acts_on and s not in chosen][:MAX_REFITS]
             known.update((r.candidate.name, r) for r in results)
             results = refits(current.fit, [*chosen, *alike], known, self.workers, report)
         if current is self.declared_model:

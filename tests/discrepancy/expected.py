@@ -54,10 +54,14 @@ CONVERSIONS: dict[str, Callable[[float], float]] = {
 """Case -> planted value in the candidate's unit, from the hidden number; the hidden number itself for all others."""
 
 
+def hidden_number(case: Case) -> float:
+    """Return the first hidden number of a case, which may have been scaled."""
+    return (case.effects + case.apparatus_errors + case.camera_errors)[0][1]
+
+
 def planted(case: Case) -> tuple[str, float]:
     """Return the candidate's name and the planted value of a case with one hidden effect, which may have been scaled."""
-    hidden = (case.effects + case.apparatus_errors + case.camera_errors)[0][1]
-    return CANDIDATES[case.name], CONVERSIONS.get(case.name, float)(hidden)
+    return CANDIDATES[case.name], CONVERSIONS.get(case.name, float)(hidden_number(case))
 
 
 EXPECTED = {name: planted(CASES[name]) for name in CANDIDATES}

@@ -5,13 +5,10 @@ Sweeps compile hundreds of systems, each for a run or two, and test the equation
 
 from __future__ import annotations
 
-from functools import cache
-
 import pytest
 
-from looping_pendulum.reference_ode import heyoka_backend, sensitivity
 from looping_pendulum.reference_ode.solve import available_integrators
-from tests.conftest import leave_code_unoptimised
+from tests.conftest import keep_compiled_apart, leave_code_unoptimised
 
 SWEEPS = ("test_effects", "test_sensitivity", "test_effects_against_blind")
 
@@ -23,7 +20,5 @@ def _sweeps_are_not_optimised(request):
         return
     with pytest.MonkeyPatch.context() as patch:
         leave_code_unoptimised(patch)
-        # Caches for this module: unlimited, as a sweep comes back to each effect, and dropped with the unoptimised code
-        for backend, name in ((heyoka_backend, "_compiled"), (sensitivity, "_variational")):
-            patch.setattr(backend, name, cache(getattr(backend, name).__wrapped__))
+        keep_compiled_apart(patch)  # all of it, as a sweep comes back to each effect
         yield

@@ -88,7 +88,7 @@ def test_derivatives_agree_with_differences_through_stop_stick_and_slip(case):
 
 
 def test_derivatives_at_the_end_follow_the_moving_end():
-    """Oracle: central differences of the place where the light mass reaches the rod, and what its speed and the time's give."""
+    """Oracle: central differences of the place where the light mass reaches the rod."""
     t = np.linspace(0, 1.0, 20)
     ours = solve_sensitivities(TEN_TO_ONE, t, ("free_length",), duration=2.0)
     step = 1e-5

@@ -69,7 +69,7 @@ def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel],
     Raises
     ------
     DataError
-        If no measured point is within the run.
+        If a channel has points, but none of them during the run.
     """
     sample_times = _sample_times(camera.clock_offset, camera.clock_ratio, tuple(channels))
     samples = sample(sample_times.times)
@@ -84,11 +84,11 @@ def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel],
         # np.take is several times faster than indexing with an array
         values[name] = np.take(series[name], np.minimum(index, known) if ends_early else index)
         after[name] = int(np.count_nonzero(index >= known)) if ends_early else 0
+        if after[name] and after[name] == len(index):
+            raise DataError("found no point during the run, needed some; check the times and the clock offset")
         if name == "angle_rate":
             # before its release the mass is at rest, but the run's first sample may have the speed of a push
             values[name][: sample_times.before_release[name]] = 0.0
-    if ends_early and all(after[name] == len(values[name]) for name in values):
-        raise DataError("found no point during the run, needed some; check the times and the clock offset")
     return Prediction(values=values, after_end=after, before_release=sample_times.before_release)
 
 

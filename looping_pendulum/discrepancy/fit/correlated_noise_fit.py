@@ -3,7 +3,7 @@
 Amplitude and correlation time of each body maximise the restricted likelihood of the residuals (Patterson and Thompson,
 Biometrika 58 (1971) 545): the fitted parameters, about which the model is linear, are integrated out, since a fit removes from
 the residuals what its parameters can do. A body keeps white noise unless the Bayesian information criterion is lower with the
-correlated part, be it a part of its own or, as one tracker mostly follows both bodies, the same as the other body's.
+correlated part, be it a part of its own or, as one tracker mostly follows both masses, the same as the other mass's.
 """
 
 from __future__ import annotations
@@ -162,14 +162,15 @@ class _Likelihood:
     def _with_shared(
         self, noises: dict[str, CorrelatedNoise], parts: Mapping[str, tuple[Array, float]]
     ) -> dict[str, CorrelatedNoise]:
-        """Give each body without correlated noise that of the other one, if that makes the residuals more likely.
+        """Give a mass without correlated noise that of the other one, if that makes the residuals more likely.
 
         It adds no number that is fitted, so that no criterion has to be paid.
         """
-        for body in [b for b in BODIES if b not in noises and self._tracks[b]]:
-            for noise in list(noises.values()):
-                if self._cost({**parts, body: self._body(body, noise)}) < self._cost(parts):
-                    noises[body] = noise
+        for body, other in (("light", "heavy"), ("heavy", "light")):
+            if other in noises and body not in noises and self._tracks[body]:
+                shared = {**parts, body: self._body(body, noises[other])}
+                if self._cost(shared) < self._cost(parts):
+                    return noises | {body: noises[other]}
         return noises
 
     def _best(
