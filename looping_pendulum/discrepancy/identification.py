@@ -18,7 +18,7 @@ from looping_pendulum.discrepancy.fit.likelihood import likelihood_interval
 from looping_pendulum.discrepancy.fit.problem import TrialData
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.held_out import position_slices, rms
-from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE, SCALE_SIZE
+from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
 from looping_pendulum.discrepancy.outlier_summary import summarise_outliers
 from looping_pendulum.discrepancy.record_start_summary import record_starts
 from looping_pendulum.discrepancy.result import (
@@ -151,7 +151,7 @@ def _smallest_visible(model: CandidateModel) -> tuple[SmallestVisible, ...]:
             unit=s.candidate.unit,
             acts_on=s.candidate.acts_on,
             null_value=s.candidate.null,
-            motion=SCALE_SIZE * MAX_NULL_SCORE * s.error / s.scale,
+            motion=MAX_NULL_SCORE * s.motion_by_error,
         )
         for s in model.remaining
         if math.isfinite(s.error)

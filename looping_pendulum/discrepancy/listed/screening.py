@@ -48,7 +48,12 @@ class ScreenedCandidate:
     amplitude: float
     """Predicted value less the null value [SI]."""
     error: float
-    """Standard error of the value by the template [SI]: an effect several times as large would be seen."""
+    """Standard error of the value by the template [SI]: an effect several times as large would be seen.
+
+    With companions it is the largest at any of their initial values: friction in its bearing, for example, hides a rod that turns.
+    """
+    motion_by_error: float
+    """Change of the prediction by one `error`, all else unchanged [RMS, in units of noise]."""
     scale: float
     """Change of the value [SI] that changes the prediction by `SCALE_SIZE`."""
     companions: tuple[FreeParameter, ...] = ()
@@ -134,8 +139,13 @@ class _ScreeningInput(NamedTuple):
 
 def _screen_one(shared: _ScreeningInput, candidate: Candidate) -> ScreenedCandidate | None:
     """Score a candidate with each of its companions' initial values; return the best, or None if nothing changes."""
-    results = [_screen_with_companions(shared, candidate, values) for values in candidate.companion_grid()]
-    return min((s for s in results if s), key=lambda s: -abs(s.score), default=None)
+    screened = [_screen_with_companions(shared, candidate, values) for values in candidate.companion_grid()]
+    results = [s for s in screened if s]
+    if not results:
+        return None
+    best = max(results, key=lambda s: abs(s.score))
+    best_hidden = max(results, key=lambda s: s.error)
+    return dataclasses.replace(best, error=best_hidden.error, motion_by_error=best_hidden.motion_by_error)
 
 
 def slowest_first(chosen: Iterable[Candidate]) -> list[Candidate]:
@@ -224,12 +234,14 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
         # What a candidate does to a long swing's phase, the fitted parameters nearly undo, so that a scale by the whole change
         # of the prediction would be off by orders of magnitude; the prior and the steps of a refit are in units of it
         scale = abs(best[1])
+    # The curvature of a finite change would make effects look visible that the fitted parameters hide
+    error = linear_error if math.isfinite(linear_error) else finite_error
     return ScreenedCandidate(
         candidate=candidate,
         score=best[0],
         amplitude=best[1],
-        # The curvature of a finite change would make effects look visible that the fitted parameters hide
-        error=linear_error if math.isfinite(linear_error) else finite_error,
+        error=error,
+        motion_by_error=SCALE_SIZE * error / scale,
         scale=scale,
         companions=companions,
         score_beyond_bounds=beyond,
