@@ -187,6 +187,15 @@ def test_one_study_from_end_to_end():
     assert said["cpu_seconds"] > 0
 
 
+@pytest.mark.accurate
+def test_what_a_companion_hides_is_not_called_visible():
+    """A rod that turns, whose bearing rubs, was 21 times its smallest visible size, and its score 3.1: lost in noise."""
+    (study,) = (s for s in draw("rates", "single", 9, 3) if s.hidden == ("rod_mobility",))
+    _, outcome = calibration.solve(study)
+    assert outcome["judgement"] == "none"
+    assert outcome["visibility"] < 1
+
+
 def test_each_study_with_one_effect_is_a_marker_in_the_row_of_its_effect():
     cases = [("wind", 3.0, "right"), ("scale", 1e6, "wrong"), ("wind", 0.5, "none"), ("push", None, "none")]
     studies = [
