@@ -306,6 +306,7 @@ def test_faults_of_files_and_options_are_one_line_each(project):
     assert done.ret == pytest.ExitCode.INTERRUPTED
 
 
+@pytest.mark.accurate  # two further sessions of pytest; daily, one process shares its runs
 def test_workers_share_one_run_of_an_engine(project):
     pytest.importorskip("xdist")
     pytester = project(mine=TOLERANCES)

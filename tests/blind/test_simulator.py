@@ -75,10 +75,15 @@ def errors(a: Apparatus, motion: Motion) -> tuple[Samples, np.ndarray, np.ndarra
     ("apparatus", "numerics"),
     [
         (TEN, Numerics()),  # as films are made
-        (SIX, QUICK),
-        (dataclasses.replace(TEN, release="held"), QUICK),
-        (dataclasses.replace(TEN, release="vertical", friction=0.1, free_length=0.3), QUICK),
-        (dataclasses.replace(TEN, release="drop"), QUICK),
+        *(
+            pytest.param(a, QUICK, marks=pytest.mark.accurate)
+            for a in (
+                SIX,
+                dataclasses.replace(TEN, release="held"),
+                dataclasses.replace(TEN, release="vertical", friction=0.1, free_length=0.3),
+                dataclasses.replace(TEN, release="drop"),
+            )
+        ),
     ],
     ids=["10:1", "6:1", "held", "vertical", "drop"],
 )
@@ -183,6 +188,7 @@ def test_vertical_drop_is_an_atwood_machine(friction: float, effects: Effects, h
     assert np.allclose(drop, acceleration * motion.t**2 / 2, rtol=0, atol=2e-5)
 
 
+@pytest.mark.accurate  # daily, test_effects_against_blind.py finds the reference's motions, which keep theirs
 @pytest.mark.parametrize(
     ("apparatus", "effects"),
     [

@@ -22,6 +22,7 @@ rod: {radius: 6.25 mm}
 release: {angle: 90 deg, free_length: 60 cm, hanging_length: 3 cm}
 duration: 1 s
 """
+REGISTRY = pint.UnitRegistry()
 each_metric = pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
 
 
@@ -32,7 +33,7 @@ def test_every_metric_is_computed_in_the_order_of_the_table(scenario, reference,
 @each_metric
 def test_the_unit_in_which_it_is_shown_is_that_many_of_the_si_unit(metric):
     # Oracle: pint.
-    assert pint.UnitRegistry().Quantity(1.0, metric.unit or "").m_as(metric.shown_in.name) == pytest.approx(
+    assert REGISTRY.Quantity(1.0, metric.unit or "").m_as(metric.shown_in.name) == pytest.approx(
         metric.shown_in.per_si_unit, rel=1e-12
     )
     assert metric.column == f"{metric.heading} [{metric.shown_in.name}]"

@@ -34,6 +34,7 @@ HOSTILE = ("[/x]", "[bold", "$\\frac{", "$a$", "a" * 260, "_hidden", "half a pai
 """Names that ended a command after its work: markup of rich, formulas of matplotlib, too long, no characters at all."""
 
 
+@pytest.mark.accurate  # daily, all names at once, below
 @pytest.mark.usefixtures("quick_figures")
 @pytest.mark.parametrize("name", HOSTILE)
 def test_no_name_of_a_trial_costs_the_report_of_identify(tmp_path, name, capsys):
@@ -69,6 +70,7 @@ def hostile_run(make_run, name):
     return make_run(engine="toy", variant=name, settings={"how": name}, message=name, status=RunStatus.FAILED)
 
 
+@pytest.mark.accurate  # daily, all names at once, below
 @pytest.mark.usefixtures("quick_figures")
 @pytest.mark.parametrize("name", HOSTILE)
 def test_no_name_or_message_of_an_engine_costs_the_report_of_compare(tmp_path, scenario, reference, make_run, name):

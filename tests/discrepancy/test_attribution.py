@@ -57,6 +57,7 @@ def test_static_friction_is_found_by_finite_templates(tmp_path):
     assert refitted.within_bounds
 
 
+@pytest.mark.accurate  # daily, test_identify.py names the scale
 def test_a_scale_error_is_recovered_and_explains_held_out_data(tmp_path):
     inputs, fit = inputs_and_fit(tmp_path, "scale", 1, trials=TWO_RATIOS)
     assert not check_held_out(fit, inputs.held_out).passes

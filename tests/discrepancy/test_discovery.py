@@ -107,6 +107,14 @@ def test_a_pulse_of_thrust_is_found_as_a_force_of_time(tmp_path, library, monkey
     assert all(f"| {name.replace('_', ', ')} |" in section for name in parameters)
 
 
+def test_no_force_is_recovered_from_clean_data(tmp_path):
+    """Oracle: data in which nothing is hidden."""
+    inputs = read_inputs(load(write_study(tmp_path, CLEAN, 5, trials=["ten_a"])))
+    base = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
+    assert max(s.twice_log_bayes_factor for s in screen(base, motions(base))) < DECISIVE
+
+
+@pytest.mark.accurate  # daily, the test above
 def test_no_formula_is_accepted_on_clean_data(tmp_path):
     """Oracle: data in which nothing is hidden. The best closure has no force, and no formula of it a decisive delta BIC."""
     inputs = read_inputs(load(write_study(tmp_path, CLEAN, 5, trials=TWO_RATIOS)))

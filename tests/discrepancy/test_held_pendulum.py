@@ -107,6 +107,7 @@ def test_friction_of_the_pivot_is_named_among_losses(tmp_path):
     assert abs(effect.value - rubbing.axle_torque) < 4 * effect.error
 
 
+@pytest.mark.accurate  # daily, friction of the pivot is named among all losses
 def test_damping_of_the_pivot_and_linear_drag_are_tied_until_another_length(tmp_path):
     result = identified(tmp_path, DAMPED, names=("pivot_damping", "light_linear_drag"), turning_points=24)
     assert result.verdict is Verdict.AMBIGUOUS

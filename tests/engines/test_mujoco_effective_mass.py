@@ -18,6 +18,10 @@ pytest.importorskip("mujoco")
 NO_DRAG = {"light_drag": 0.0, "heavy_drag": 0.0, "string_drag": 0.0}
 LIGHT_DRAG = {"light_drag": 2.72e-4, "heavy_drag": 1.11e-3, "string_drag": 1.56e-6}
 both = pytest.mark.parametrize("coordinates", Coordinates)
+daily_without_drum = pytest.mark.parametrize(
+    "coordinates", [pytest.param(c, marks=[pytest.mark.accurate] * (c is Coordinates.DRUM)) for c in Coordinates]
+)
+"""Daily, test_tolerances.py runs the drum through the shipped scenarios."""
 
 
 def run(coordinates, parameters, duration, *, profile=Profile.QUICK, **changes):
@@ -78,7 +82,7 @@ def test_held_pendulum_follows_the_reference(coordinates):
     assert distance(run(coordinates, p, 1.0), p).max() < 1e-6
 
 
-@both
+@daily_without_drum
 def test_ten_to_one_keeps_the_targets(coordinates):
     # Oracle: reference. Bounds: the accurate figures of the prototype, 0.1 um, 2 um and 4 um, rounded up.
     trajectory = run(coordinates, TEN_TO_ONE, 1.0, profile=Profile.ACCURATE)
@@ -94,7 +98,7 @@ def test_ten_to_one_keeps_the_targets(coordinates):
     assert np.ptp(trajectory.heavy_position[trajectory.t > halt + 1e-3, 1]) < 1e-9
 
 
-@both
+@daily_without_drum
 @pytest.mark.parametrize("static_friction", [0.265, pytest.param(0.307, marks=pytest.mark.accurate)])
 def test_two_to_one_reverses_sticks_and_breaks_away(coordinates, static_friction):
     # Oracle: reference. Changes are found within the step, so an error is one of time, of second order in it: with a jump in
@@ -118,7 +122,7 @@ def test_error_falls_with_the_square_of_the_step(coordinates):
     assert errors[0] / errors[1] >= 10**1.5
 
 
-@both
+@daily_without_drum
 def test_held_string_goes_slack_and_is_caught(coordinates):
     # Oracle: reference with its slack mode. The catch is found within the step, but takes the string's time constant, in which
     # the light mass goes on at its speed at first.

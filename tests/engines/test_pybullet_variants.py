@@ -40,6 +40,7 @@ def farthest(engine, case: Scenario) -> float:
     return float(np.linalg.norm(run.light_position[: len(exact.t)] - exact.light_position, axis=1).max())
 
 
+@pytest.mark.accurate  # a variant for studies, which no daily check runs
 def test_pinned_bodies_follow_the_reference_as_near_as_their_string_keeps_its_length() -> None:
     case = scenario(0.06, rod_radius=0.03, free_length=0.25)
     coarse = PybulletPointToPoint()

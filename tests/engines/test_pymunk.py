@@ -92,7 +92,10 @@ def test_polygon_winds_up_as_much_string_as_the_circle():
         assert n * chord == pytest.approx(2 * math.pi * 0.01, rel=1e-12)
 
 
-@pytest.mark.parametrize(("rod_radius", "friction"), [(6.25e-3, 0.34), (0.03, 0.34), (6.25e-3, 0.0)])
+@pytest.mark.parametrize(
+    ("rod_radius", "friction"),
+    [(6.25e-3, 0.34), *(pytest.param(*other, marks=pytest.mark.accurate) for other in ((0.03, 0.34), (6.25e-3, 0.0)))],
+)
 def test_vertical_release_is_an_atwood_machine_with_the_capstan_ratio(rod_radius, friction):
     # Oracle: g (M2 - M1 e^{mu pi}) / (M2 + M1 e^{mu pi}). Bound: the project's own for this engine, 0.3 %; a wrong friction by
     # 1 % would show as 0.6 %, the uncorrected polygon (mu low by b^2 / 12 = 0.9 %) as 0.5 %.
@@ -101,13 +104,13 @@ def test_vertical_release_is_an_atwood_machine_with_the_capstan_ratio(rod_radius
     assert fitted_acceleration(run(p, 0.2)) == pytest.approx(atwood_acceleration(p), rel=3e-3)
 
 
-@pytest.mark.parametrize("wrap_angle", [math.radians(135), math.pi, math.radians(225)])
-def test_static_capstan(wrap_angle):
+@pytest.mark.parametrize("degrees", [225, *(pytest.param(d, marks=pytest.mark.accurate) for d in (135, 180))])
+def test_static_capstan(degrees):
     # Oracle: mu theta. Bound: 0.4 % of the exponent; uncorrected corners would show as 1 %, a rod's radius is not in it.
-    assert abs(measure_capstan_exponent(PymunkChain(), wrap_angle=wrap_angle).error) < 4e-3
+    assert abs(measure_capstan_exponent(PymunkChain(), wrap_angle=math.radians(degrees)).error) < 4e-3
 
 
-@pytest.mark.parametrize("bend", [0.48, 0.32])
+@pytest.mark.parametrize("bend", [0.48, pytest.param(0.32, marks=pytest.mark.accurate)])
 def test_static_capstan_without_the_correction_is_that_of_the_corners(bend):
     # Oracle: 2 N artanh(mu tan(b/2)), which is 2.2 % and 1.0 % above mu theta. Bound: 0.2 %.
     engine = PymunkChain().with_settings(bend=bend, polygon_friction=False)
@@ -238,16 +241,14 @@ def test_held_pendulum_keeps_its_energy():
 def test_held_pendulum_follows_the_reference():
     # Oracle: the reference. Bound: R b^2 / 8, by which the free string's distance from the centre swings about R.
     p = TEN_TO_ONE.replace(release=Release.HELD, **NO_DRAG)
-    held = run(p, 0.6)
+    held = run(p, 0.4)
     exact = solve_at(p, held.t)
     distance = np.linalg.norm(held.light_position - exact.light_position, axis=1)
     assert distance.max() < p.rod_radius * QUICK.bend**2 / 8 + 1e-5  # 1e-5: the contact slop
 
 
-@pytest.mark.parametrize(
-    ("rod_radius", "free_length"),
-    [(0.00625, 0.2), pytest.param(0.0125, 0.58, marks=pytest.mark.accurate)],  # as many turns on a shorter string every day
-)
+@pytest.mark.accurate  # daily, test_tolerances.py winds the string of a fat rod
+@pytest.mark.parametrize(("rod_radius", "free_length"), [(0.00625, 0.2), (0.0125, 0.58)])
 def test_winding_many_turns_ends_at_the_rod(rod_radius, free_length):
     # Oracle: the reference's end, after two turns. Bound: a sample, and the time in which the light mass winds up two links at
     # the end; beads are no longer added when the straight string is shorter than that. On the way the trial's limit on the
@@ -281,6 +282,7 @@ def test_with_the_private_call_provenance_says_so(ten_to_one):
     assert ten_to_one.provenance.settings["bend"] == QUICK.bend
 
 
+@pytest.mark.accurate  # daily, the trial, whose steps are grouped, follows the reference
 def test_groups_of_steps_change_nothing_that_shows():
     # Oracle: the same engine with the drag given every step. Bound: a tenth of the project's 0.6 mm for the light mass.
     grouped, every = (first_fifth(replace(QUICK, force_interval=n, leak_interval=1)) for n in (50, 1))

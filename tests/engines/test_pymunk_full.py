@@ -31,6 +31,10 @@ from tests.apparatus import TEN_TO_ONE
 pymunk = pytest.importorskip("pymunk")
 
 CAREFUL = (FullChainVariant.BEADS, FullChainVariant.SEGMENTS)
+daily_with_beads = pytest.mark.parametrize(
+    "variant", [FullChainVariant.BEADS, pytest.param(FullChainVariant.SEGMENTS, marks=pytest.mark.accurate)]
+)
+"""Daily, test_tolerances.py runs the segments, too."""
 FINE = {"link_length": 3e-3, "time_step": 1e-5}
 """Links of 0.48 rad on the thin rod."""
 
@@ -84,7 +88,7 @@ def test_static_capstan(variant):
     assert abs(point.error) < 3e-3
 
 
-@pytest.mark.parametrize("variant", CAREFUL)
+@daily_with_beads
 def test_static_capstan_without_the_correction_is_that_of_the_links(variant):
     # Oracle: 2 N artanh(mu tan(b/2)) for beads, N arsinh(mu sin b) for segments: 2.2 % above mu theta and 4.2 % below it.
     # Bound: 0.5 %; each formula misses the other's links by 6 %. Over 0.1 s, in which the string slides by five links.
@@ -97,7 +101,7 @@ def test_static_capstan_without_the_correction_is_that_of_the_links(variant):
     assert measure_capstan_exponent(engine, duration=0.1).exponent == pytest.approx(expected[variant], rel=5e-3)
 
 
-@pytest.mark.parametrize("variant", CAREFUL)
+@daily_with_beads
 def test_fat_rod_follows_the_reference(variant):
     # Oracle: the reference. Bound: 2 mm; without friction it would be 60 mm.
     trajectory, p = fat_rod(variant)

@@ -46,6 +46,7 @@ def cluster(tmp_path):
         yield address, workers
 
 
+@pytest.mark.accurate  # daily, test_runner.py kills processes of a map at any moment
 def test_a_worker_killed_in_the_middle_loses_nothing(cluster, tmp_path):
     address, workers = cluster
     plan, left = map_file.load_text(LONG), []
