@@ -33,8 +33,7 @@ What they hold is held daily by the same variant in a shorter run, or by another
 from a hand, Atwood's machine, the sliding part of ten_to_one and the beads' way to its halt in tests/engines
 (`test_pybullet.py`, `test_mujoco_beads.py`, ...), a loop without friction in `test_conformance.py` there, static friction by
 `pymunk:chain` here, the fat rod by that one and `mujoco:beads`; 2:1 and 2.5:1 by the tendons alone. 10:1 is held to its limits
-by `pymunk:chain` until after the halt in `test_pymunk.py` there, and on the way to the rod, which takes it 15 s in the trial,
-on a shorter string.
+by `pymunk:chain` until after the halt in `test_pymunk.py` there; to the rod it winds on the fat rod, here.
 """
 
 
