@@ -32,7 +32,14 @@ from scripts import calibration_table, engine_table
 PROJECT = Path(__file__).parents[1]
 DATA = PROJECT / "docs" / "data"
 NUMBERS_FILE = DATA / "numbers.yaml"
-GENERATED_PAGES = ("docs/answers.md", "docs/engine-study.md", "docs/metrics.md", "docs/support.md", "docs/demonstrations/")
+GENERATED_PAGES = (
+    "docs/answers.md",
+    "docs/engine-study.md",
+    "docs/keys.md",
+    "docs/metrics.md",
+    "docs/support.md",
+    "docs/demonstrations/",
+)
 """Pages that other scripts generate from their own data; each has a test of its own."""
 VERIFICATION_PAGE = "docs/verification.md"
 """Page whose tables name, in each row, a bound and the test that asserts it; a test checks that this test exists."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable
 from enum import StrEnum
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -59,6 +60,25 @@ DataFolder = Annotated[
     Path | None,
     typer.Option("--data", metavar="DIR", help="Folder with measured tables (paper/...); default: $LOOPING_PENDULUM_DATA."),
 ]
+
+
+def schema_option(kind: str, module: str) -> Any:
+    """Return the option --schema, which prints the JSON Schema of a kind of file and ends the command.
+
+    Parameters
+    ----------
+    module
+        Import path of the module whose function ``json_schema`` returns it; imported on use.
+    """
+
+    def show(ctx: typer.Context, wanted: bool) -> None:
+        # While a shell completes a line, it is parsed, but must print nothing of its own
+        if wanted and not ctx.resilient_parsing:
+            say(json.dumps(import_module(module).json_schema(), indent=2))
+            raise typer.Exit
+
+    words = f"Print the JSON Schema of {kind} files, for editors (docs/keys.md lists all keys)."
+    return typer.Option("--schema", is_eager=True, callback=show, help=words)
 
 
 def load_scenario(name: str) -> Scenario:

@@ -33,6 +33,7 @@ from looping_pendulum.cli.common import (
     load_scenario,
     report_folder,
     run_and_compare,
+    schema_option,
     show_output_of_failed,
 )
 from looping_pendulum.cli.converge import converge
@@ -80,7 +81,7 @@ def root(version: Annotated[bool, typer.Option("--version", help="Print the vers
 @app.command()
 def scenarios(
     name: Annotated[str | None, typer.Argument(metavar="[SCENARIO]", help="Print the YAML file of this scenario.")] = None,
-    schema: Annotated[bool, typer.Option("--schema", help="Print the JSON Schema of scenario files, for editors.")] = False,
+    schema: Annotated[bool, schema_option("scenario", "looping_pendulum.scenarios.loader")] = False,
 ) -> None:
     """List the shipped scenarios, print one of them, or print the schema of scenario files.
 
@@ -89,11 +90,7 @@ def scenarios(
     # Imported here, and so in every command, as --help and a mistyped command must not wait for NumPy
     from looping_pendulum.scenarios import loader
 
-    if schema:
-        import json
-
-        say(json.dumps(loader.json_schema(), indent=2))
-    elif name is not None:
+    if name is not None:
         say_file(loader.source_text(name))
     else:
         table = new_table("scenario", "release", "M2/M1", "title")
@@ -236,6 +233,7 @@ def identify(
         float | None,
         typer.Option(metavar="SECONDS", min=1.0, help="End the search after about this time, and report its results so far."),
     ] = None,
+    schema: Annotated[bool, schema_option("study", "looping_pendulum.discrepancy.data.study_file")] = False,
 ) -> None:
     """Find the physics that a model of measured trials lacks, and report the model's error before and after adding it.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from looping_pendulum.cli.common import INTERRUPTED, Jobs, MemoryLimit, TimeLimit
+from looping_pendulum.cli.common import INTERRUPTED, Jobs, MemoryLimit, TimeLimit, schema_option
 from looping_pendulum.cli.progress import ProgressBars
 from looping_pendulum.cli.terminal import new_table, say, say_file, show_table
 
@@ -56,8 +56,9 @@ def _duration(seconds: float) -> str:
 
 def maps(
     name: Annotated[str | None, typer.Argument(metavar="[MAP]", help="Print the YAML file of this map.")] = None,
+    schema: Annotated[bool, schema_option("map", "looping_pendulum.sweep.map_file")] = False,
 ) -> None:
-    """List the shipped maps, or print one.
+    """List the shipped maps, print one of them, or print the schema of map files.
 
     To write your own:  looping-pendulum maps angle_and_ratio > mine.yaml
     """

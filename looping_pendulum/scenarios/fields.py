@@ -19,7 +19,7 @@ from looping_pendulum.scenarios.units import QuantityKind, RangeError, UnitError
 NUMBER_PATTERN = r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?"
 """Regular expression of a number, as JSON Schema takes it."""
 QUANTITY_TEXT = "x-words"
-"""Temporary key of the JSON Schema for the kind of quantity; `schema.json_schema` moves its text into the description."""
+"""Temporary key of the JSON Schema for what a key takes; `file_schema.json_schema` moves its text into the description."""
 
 
 def input_error(message: str, key: str = "") -> PydanticCustomError:
@@ -50,6 +50,11 @@ class QuantityField:
         return core_schema.no_info_plain_validator_function(self.read, metadata={"kind": self.kind})
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return self.json_schema
+
+    @property
+    def json_schema(self) -> JsonSchemaValue:
+        """Return the JSON Schema of such a value."""
         if not self.kind.unit:
             bounds = {"minimum": self.kind.low, "maximum": self.kind.high}
             number = {"type": "number"} | {name: bound for name, bound in bounds.items() if math.isfinite(bound)}
@@ -66,6 +71,63 @@ class QuantityField:
             "examples": [self.kind.example_text],
             QUANTITY_TEXT: f"{self.kind.requirement}, with its unit",
         }
+
+
+class OneOf:
+    """Field type for pydantic: one of a few words."""
+
+    def __init__(self, *words: str) -> None:
+        self.words = words
+
+    def read(self, value: object) -> str:
+        """Return the word in the file."""
+        if isinstance(value, str) and value in self.words:
+            return value
+        raise input_error(f"expected one of {', '.join(self.words)}, got {quote(value)}{suggest(str(value), self.words)}")
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {"type": "string", "enum": list(self.words)}
+
+
+class WholeNumber:
+    """Field type for pydantic: a whole number without a sign, of ten digits at most."""
+
+    def __init__(self, example: str, *, low: int = 1) -> None:
+        self.example = example
+        self.low = low
+
+    def read(self, value: object) -> int:
+        """Return the number in the file."""
+        # ASCII, as isdigit() takes superscripts, too, which int() refuses; the length first, as int() of a very long text takes
+        # quadratic time
+        if isinstance(value, str) and value.isascii() and value.isdigit() and len(value) <= 10 and int(value) >= self.low:
+            return int(value)
+        raise input_error(f"expected a whole number from {self.low}, got {quote(value)}; write for example '{self.example}'")
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {"type": "integer", "minimum": self.low, "examples": [int(self.example)]}
+
+
+class Flag:
+    """Field type for pydantic: true or false."""
+
+    def read(self, value: object) -> bool:
+        """Return the flag in the file."""
+        if value in ("true", "false"):
+            return value == "true"
+        raise input_error(f"expected true or false, got {quote(value)}")
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {"type": "boolean"}
 
 
 def quantity_kind(c: Coefficient, example: str = "") -> QuantityKind:

@@ -19,18 +19,16 @@ from pydantic import (
     Field,
     Tag,
     ValidationInfo,
-    WithJsonSchema,
     create_model,
     model_validator,
 )
-from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
-from pydantic_core import core_schema
 
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode import parameters
 from looping_pendulum.reference_ode.effects import Coefficient
+from looping_pendulum.scenarios import file_schema
 from looping_pendulum.scenarios.document import quote
-from looping_pendulum.scenarios.fields import QUANTITY_TEXT, Group, QuantityField, Text, input_error, quantity_kind, suggest
+from looping_pendulum.scenarios.fields import Group, OneOf, QuantityField, Text, input_error, quantity_kind, suggest
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.own_effects import OwnEffects
 from looping_pendulum.scenarios.scenario import FILE_KEYS, file_key
@@ -48,14 +46,6 @@ def coefficient(name: str) -> QuantityField:
 def _quantity_of(c: Coefficient) -> QuantityField:
     """Return the field type of a coefficient."""
     return QuantityField(quantity_kind(c))
-
-
-def _one_of(value: object, known: Iterable[str]) -> str:
-    """Validate a choice among ``known``."""
-    known = tuple(known)
-    if isinstance(value, str) and value in known:
-        return value
-    raise input_error(f"expected one of {', '.join(known)}, got {quote(value)}{suggest(str(value), known)}")
 
 
 def _parameter_key(value: object, info: ValidationInfo) -> str:
@@ -156,11 +146,7 @@ class StringGroup(Group):
 class ReleaseGroup(Group):
     """How the masses are let go."""
 
-    kind: Annotated[
-        str,
-        BeforeValidator(lambda value: _one_of(value, parameters.Release)),
-        WithJsonSchema({"type": "string", "enum": [str(r.value) for r in parameters.Release]}),
-    ] = parameters.Release.LOOPING.value
+    kind: Annotated[str, OneOf(*(r.value for r in parameters.Release))] = parameters.Release.LOOPING.value
     """looping: as in the demonstration; vertical: both hang; held: the heavy mass is clamped; drop: no string."""
     angle: Annotated[float, QuantityField(QuantityKind(unit="rad", low=0.0, high=2 * math.pi, exclusive_low=True))] | None = (
         None
@@ -193,7 +179,7 @@ class InferredGroup(Group):
     """Values that the source does not print."""
 
     parameters: Annotated[list[Annotated[str, BeforeValidator(_parameter_key)]], Field(min_length=1)]
-    """Which keys of this file, as "release.angle"."""
+    """Keys of this file, as "release.angle"."""
     how: Text
     """How they were found."""
     script: Text = ""
@@ -215,6 +201,7 @@ class Limit(Group):
     """What an engine must keep."""
 
     limit: float
+    """Largest magnitude of the metric that is accepted, or for a few metrics the smallest value."""
     reason: Text
     """Why this much: its source."""
     expected_failure: Text = ""
@@ -225,7 +212,8 @@ def _limit_of(unit: str) -> type[Limit]:
     """Return the model of a limit on a metric with this SI unit."""
     example = {"m": "0.6 mm", "s": "8 ms", "rad": "0.01 rad", "": "0.003"}.get(unit, "")
     quantity = QuantityField(QuantityKind(unit=unit, low=0.0, example=example))
-    return create_model(f"Limit of {unit or 'a number'}", __base__=Limit, limit=(Annotated[float, quantity], ...))
+    limit: Any = (Annotated[float, quantity], Field(description=Limit.model_fields["limit"].description))
+    return create_model(f"Limit of {unit or 'a number'}", __base__=Limit, limit=limit)
 
 
 _LIMITS = {unit: _limit_of(unit) for unit in dict.fromkeys(metric.unit for metric in METRICS.values())}
@@ -242,7 +230,9 @@ class ProfilesGroup(Group):
     """One engine's limits, by profile."""
 
     quick: Limits | None = None  # type: ignore[valid-type]
+    """Limits with the settings of the profile quick."""
     accurate: Limits | None = None  # type: ignore[valid-type]
+    """Limits with the settings of the profile accurate."""
 
 
 class ScenarioFile(Group):
@@ -296,28 +286,6 @@ def _file_model(others: tuple[Coefficient, ...]) -> type[ScenarioFile]:
     return create_model("ScenarioFile", __base__=ScenarioFile, __doc__=ScenarioFile.__doc__, effects=(effects, effects()))
 
 
-class _EditorSchema(GenerateJsonSchema):
-    """Generator of a JSON Schema without null: a key is either given or left out."""
-
-    def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
-        return self.generate_inner(schema["schema"])
-
-    def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
-        return self.generate_inner(schema["schema"])
-
-
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a scenario file, for editors that complete and check YAML."""
-    schema = file_model().model_json_schema(schema_generator=_EditorSchema)
-    _describe_units(schema)
-    return {"$schema": _EditorSchema.schema_dialect} | schema | {"title": "Looping pendulum scenario"}
-
-
-def _describe_units(schema: Any) -> None:
-    """Add to the description of each quantity what kind of quantity it is."""
-    if isinstance(schema, dict):
-        quantity = schema.pop(QUANTITY_TEXT, "")
-        if quantity:
-            schema["description"] = f"{schema.get('description', '')} Needed: {quantity}.".strip()
-    for inner in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
-        _describe_units(inner)
+    return file_schema.json_schema(file_model(), "Looping pendulum scenario")

@@ -6,57 +6,31 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
-from pydantic import BeforeValidator, ValidationError
+from pydantic import BeforeValidator, ValidationError, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import how_to_get, label, missing_packages, select
 from looping_pendulum.errors import EngineError, ScenarioError
-from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE
-from looping_pendulum.scenarios import document, loader
+from looping_pendulum.scenarios import document, file_schema, loader
 from looping_pendulum.scenarios.document import Document, one_line, quote, shorten
-from looping_pendulum.scenarios.fields import Group, QuantityField, Text, input_error, suggest
+from looping_pendulum.scenarios.fields import Group, OneOf, QuantityField, Text, WholeNumber, input_error, suggest
 from looping_pendulum.scenarios.scenario import FILE_KEYS, Scenario
 from looping_pendulum.scenarios.schema import MAX_DURATION
-from looping_pendulum.scenarios.units import QuantityKind, factor, unit_text
+from looping_pendulum.scenarios.units import QuantityKind
 from looping_pendulum.scenarios.validation_errors import first_error
+from looping_pendulum.sweep.axis_file import COUNT, MAX_AXES, MAX_RUNS, parameters_schema, read_axis
 from looping_pendulum.sweep.cells import engine_called
 from looping_pendulum.sweep.fields import REFERENCE
 from looping_pendulum.sweep.plan import Axis, Grid, MapPlan, Sample
 from looping_pendulum.sweep.quantities import ALLOWED_OVERLAPS, Variable, variables
 
-MAX_AXES = 3
-"""Largest number of quantities that a map varies."""
-MAX_RUNS = 20_000_000
-"""Largest number of runs of the reference without --max-runs: a quarter of an hour at 25 000 runs/s."""
 MAX_ENGINE_RUNS = 20_000
 """Largest number of runs of engines without --max-runs; their runs take seconds."""
 TITLE_LIMIT = 200
 """Largest number of characters of a title; a longer one is cut."""
-
-
-def _count(raw: object) -> int:
-    # A document's scalars are text. ASCII, as isdigit() takes superscripts, too, which int() refuses; the first digits only, as
-    # int() of a very long text takes quadratic time
-    if isinstance(raw, str) and raw.isascii() and raw.isdigit() and 0 < int(raw[:10]) < 10**10 and len(raw) < 11:
-        return int(raw)
-    raise input_error(f"expected a whole number from 1, got {quote(raw)}; write for example '100'")
-
-
-def _seed(raw: object) -> int:
-    return 0 if raw == "0" else _count(raw)
-
-
-def _one_of(*known: str) -> BeforeValidator:
-    def choose(raw: object) -> str:
-        if isinstance(raw, str) and raw in known:
-            return raw
-        raise input_error(f"expected one of {', '.join(known)}, got {quote(raw)}{suggest(str(raw), known)}")
-
-    return BeforeValidator(choose)
 
 
 def _names(raw: object) -> list[str]:
@@ -66,17 +40,20 @@ def _names(raw: object) -> list[str]:
     return [str(name) for name in listed]
 
 
-Count = Annotated[int, BeforeValidator(_count)]
+Count = Annotated[int, COUNT]
+
+
+_ENGINE_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}
 
 
 class SampleGroup(Group):
     """Runs distributed evenly over the box of all parameters, instead of a grid."""
 
-    method: Annotated[str, _one_of("sobol", "halton")] = "sobol"
+    method: Annotated[str, OneOf("sobol", "halton")] = "sobol"
     """Low-discrepancy sequence, scrambled: sobol (a power of 2 runs is best) or halton."""
     count: Count
     """Number of runs."""
-    seed: Annotated[int, BeforeValidator(_seed)] = 0
+    seed: Annotated[int, WholeNumber("1", low=0)] = 0
     """Seed of the scrambling."""
 
 
@@ -89,12 +66,12 @@ class MapFile(Group):
     """Question that the map answers."""
     scenario: Text
     """Shipped scenario, or path of a file from this file's folder."""
-    engine: Annotated[Any, BeforeValidator(_names)] = [REFERENCE]
-    """reference, or a list of engines and variants; their runs take seconds each."""
-    profile: Annotated[str, _one_of(*(p.value for p in Profile))] = Profile.QUICK.value
+    engine: Annotated[Any, BeforeValidator(_names), WithJsonSchema(_ENGINE_SCHEMA)] = [REFERENCE]
+    """reference, if not given, or a list of engines and variants, whose runs take seconds each."""
+    profile: Annotated[str, OneOf(*(p.value for p in Profile))] = Profile.QUICK.value
     """Profile of the engines' settings; the reference has its tolerance."""
-    parameters: Any
-    """One to three quantities and their values."""
+    parameters: Annotated[Any, WithJsonSchema(parameters_schema())]
+    """One to three quantities, each with a range or a list of values."""
     sample: SampleGroup | None = None
     tolerance: Annotated[float, QuantityField(QuantityKind(unit="", low=1e-15, high=1e-3, example="1e-12"))] = TOLERANCE
     """Relative tolerance of a step of the reference."""
@@ -105,6 +82,11 @@ class MapFile(Group):
     """Limit on the simulated time of a run; 5 s or the scenario's, whichever is longer."""
     chunk: Count | None = None
     """Most runs that are computed, written and resumed as one."""
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a map file, for editors that complete and check YAML."""
+    return file_schema.json_schema(MapFile, "Looping pendulum map")
 
 
 def shipped() -> list[str]:
@@ -252,7 +234,7 @@ def _axes(doc: Document, checked: MapFile, scenario: Scenario) -> tuple[Axis, ..
             message = "found an angle, but a vertical release hangs at 180 deg, needed another quantity; leave it out"
             raise doc.error(("parameters", key), message)
         try:
-            axes.append(_axis(variable, content, sampled=checked.sample is not None))
+            axes.append(read_axis(variable, content, sampled=checked.sample is not None))
         except PydanticCustomError as error:
             # `input_error` notes the key inside the range, for its line
             below = error.context.get("key", "") if error.context else ""
@@ -284,99 +266,3 @@ def _refuse_overlaps(doc: Document, names: list[str], keys: list[str]) -> None:
             if both and not {(first, second), (second, first)} & ALLOWED_OVERLAPS:
                 message = f"found beside {first}, which also sets {both[0]}, needed only one of them; leave one out"
                 raise doc.error(("parameters", keys[i]), message)
-
-
-def _axis(variable: Variable, content: object, *, sampled: bool) -> Axis:
-    """Read and check the values of one quantity."""
-    quantity = QuantityField(variable.kind)
-    way_out = variable.kind.example_text
-    group = {"values": content} if isinstance(content, list) else content
-    example = f"{{from: {way_out}, to: ..., count: 50}}" if not sampled else f"{{from: {way_out}, to: ...}}"
-    if not isinstance(group, dict):
-        raise input_error(f"expected a range or a list of values, got {quote(content)}; write for example '{example}'")
-    keys = ("from", "to", "spacing") if sampled else ("from", "to", "count", "spacing", "values")
-    for key in group:
-        if key not in keys:
-            why = " (a sample has one count for all, under 'sample')" if sampled and key in ("count", "values") else ""
-            raise input_error(f"found an unknown key, needed one of: {', '.join(keys)}{why}{suggest(key, keys)}", key)
-    logarithmic = _spacing(group.get("spacing", "linear"))
-    if "values" in group:
-        values, first = _listed(quantity, group)
-    else:
-        values, first = _range(quantity, group, logarithmic, sampled=sampled, example=example)
-    written = unit_text(first)
-    return Axis(
-        name=variable.name,
-        unit=variable.kind.unit,
-        written=written,
-        scale=float(factor(written, variable.kind.unit)) if written else 1.0,
-        meaning=variable.meaning,
-        values=values,
-        logarithmic=logarithmic,
-    )
-
-
-def _spacing(raw: object) -> bool:
-    """Return whether the values are spaced by a constant factor."""
-    if raw not in ("linear", "log"):
-        raise input_error(f"expected linear or log, got {quote(raw)}; leave it out for linear", "spacing")
-    return raw == "log"
-
-
-def _listed(quantity: QuantityField, group: dict[str, Any]) -> tuple[Array, str]:
-    """Return the values [SI] of a list, and the first as the file writes it."""
-    if len(group) > 1:
-        other = next(key for key in group if key != "values")
-        raise input_error("found beside 'values', needed either these or a range; delete one", other)
-    listed = group["values"]
-    if not isinstance(listed, list):
-        raise input_error(f"expected a list, got {quote(listed)}; write for example '[{quantity.kind.example_text}]'", "values")
-    if not listed:
-        raise input_error(
-            f"found an empty list, so an empty grid, needed a value; write '[{quantity.kind.example_text}]'", "values"
-        )
-    try:
-        values = np.array([quantity.read(each) for each in listed])
-    except PydanticCustomError as error:
-        raise input_error(str(error), "values") from None
-    if np.any(np.diff(values) <= 0):
-        raise input_error("found values out of order or twice, needed each once, rising; sort them", "values")
-    return values, str(listed[0])
-
-
-def _range(
-    quantity: QuantityField, group: dict[str, Any], logarithmic: bool, *, sampled: bool, example: str
-) -> tuple[Array, str]:
-    """Return the values [SI] of a range (for a sample, its ends), and its start as the file writes it."""
-    ends = []
-    for key in ("from", "to"):
-        if key not in group:
-            raise input_error(f"missing, needed {quantity.kind.requirement}; write for example '{example}'", key)
-        try:
-            ends.append(quantity.read(group[key]))
-        except PydanticCustomError as error:
-            raise input_error(str(error), key) from None
-    low, high = ends
-    count = 2 if sampled else _counted(group, example)
-    if not low < high and not (low == high and count == 1):
-        raise input_error(f"found {quote(group['to'])}, needed more than 'from'; swap them, or list one under 'values'", "to")
-    if logarithmic and low <= 0:
-        raise input_error("found a start of 0 or less, needed one above 0 with 'spacing: log'", "from")
-    if count == 1 and low < high:
-        raise input_error("found 1 value for a range of two ends, needed 2 or more; or list it under 'values'", "count")
-    values = np.geomspace(low, high, count) if logarithmic else np.linspace(low, high, count)
-    return values, str(group["from"])
-
-
-def _counted(group: dict[str, Any], example: str) -> int:
-    if "count" not in group:
-        raise input_error(f"missing, needed the number of values; write for example '{example}'", "count")
-    if group["count"] == "0":
-        raise input_error("found 0, so an empty grid, needed 1 or more; write for example '50'", "count")
-    try:
-        count = _count(group["count"])
-    except PydanticCustomError as error:
-        raise input_error(str(error), "count") from None
-    if count > MAX_RUNS:
-        raise input_error(f"found {count} values of one quantity, needed at most {MAX_RUNS}; lower it", "count")
-    return count

@@ -11,7 +11,7 @@ import yaml
 
 from looping_pendulum.discrepancy.data import readers, study_io
 from looping_pendulum.discrepancy.data.observations import DataError
-from looping_pendulum.discrepancy.data.study_file import FREE_STARTS
+from looping_pendulum.discrepancy.data.study_fields import FREE_STARTS
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import DURATION, solve

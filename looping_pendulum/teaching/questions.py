@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from pydantic_core import PydanticCustomError
 
-from looping_pendulum.discrepancy.data.study_file import MeasuredField
+from looping_pendulum.discrepancy.data.study_fields import MeasuredField
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.parameters import Release

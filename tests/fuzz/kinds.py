@@ -20,7 +20,7 @@ from looping_pendulum.compare.export import trajectory_csv
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.stored import stored_result
 from looping_pendulum.discrepancy.data import readers, study_io
-from looping_pendulum.discrepancy.data.study_file import MeasuredField
+from looping_pendulum.discrepancy.data.study_fields import MeasuredField
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.engines.memory import parse_memory
 from looping_pendulum.engines.protocol import Profile

@@ -119,8 +119,10 @@ def problems(schema: dict, data: object, root: dict, at: str = "") -> list[str]:
     for choice in ("anyOf", "oneOf"):
         if choice in schema and not any(not problems(s, data, root, at) for s in schema[choice]):
             faults.append(f"{at}: none of {choice}")
-    types = {"object": dict, "array": list, "string": str, "number": (int, float)}
-    if "type" in schema and not isinstance(data, types[schema["type"]]):
+    types = {"object": dict, "array": list, "string": str, "number": (int, float), "integer": int, "boolean": bool}
+    if "type" in schema and (
+        not isinstance(data, types[schema["type"]]) or (isinstance(data, bool) and schema["type"] != "boolean")
+    ):
         return [f"{at}: not a {schema['type']}"]
     if "pattern" in schema and not re.search(schema["pattern"], str(data)):
         faults.append(f"{at}: pattern")
