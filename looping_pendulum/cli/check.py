@@ -18,6 +18,7 @@ from looping_pendulum.cli.common import (
     load_scenario,
     run_and_compare,
 )
+from looping_pendulum.cli.completion import scenario_names
 from looping_pendulum.cli.terminal import new_table, say, show_table
 from looping_pendulum.errors import ScenarioError
 
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
 
 def check(
     scenario: Annotated[
-        list[str] | None, typer.Argument(metavar="[SCENARIO]...", help="Default: all shipped scenarios.")
+        list[str] | None,
+        typer.Argument(metavar="[SCENARIO]...", help="Default: all shipped scenarios.", autocompletion=scenario_names),
     ] = None,
     engine: EngineNames = None,
     profile: ProfileName = ProfileChoice.QUICK,

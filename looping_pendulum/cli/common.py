@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from looping_pendulum.cli.completion import engine_names, scenario_names
 from looping_pendulum.cli.progress import ProgressBars
 from looping_pendulum.cli.terminal import say
 
@@ -33,12 +34,21 @@ class ProfileChoice(StrEnum):
 
 
 ScenarioName = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="Name of a shipped scenario (see `scenarios`), or path of a YAML file.")
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        help="Name of a shipped scenario (see `scenarios`), or path of a YAML file.",
+        autocompletion=scenario_names,
+    ),
 ]
 EngineNames = Annotated[
     list[str] | None,
     typer.Option(
-        "--engine", "-e", metavar="NAME", help="Run only this engine (pymunk) or variant (mujoco:capstan); repeatable."
+        "--engine",
+        "-e",
+        metavar="NAME",
+        help="Run only this engine (pymunk) or variant (mujoco:capstan); repeatable.",
+        autocompletion=engine_names,
     ),
 ]
 ProfileName = Annotated[

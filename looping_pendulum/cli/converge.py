@@ -18,17 +18,25 @@ from looping_pendulum.cli.common import (
     load_scenario,
     report_folder,
 )
+from looping_pendulum.cli.completion import engine_names, scenario_names
 from looping_pendulum.cli.progress import convergence_bars
 from looping_pendulum.cli.terminal import new_table, say, show_table
 
 
 def converge(
     scenario: Annotated[
-        str, typer.Argument(metavar="[SCENARIO]", help="Shipped scenario, or path of a YAML file.")
+        str,
+        typer.Argument(metavar="[SCENARIO]", help="Shipped scenario, or path of a YAML file.", autocompletion=scenario_names),
     ] = "ten_to_one",
     engine: Annotated[
         list[str] | None,
-        typer.Option("--engine", "-e", metavar="NAME", help="Engine, variant, or all; repeatable. Default: the main variants."),
+        typer.Option(
+            "--engine",
+            "-e",
+            metavar="NAME",
+            help="Engine, variant, or all; repeatable. Default: the main variants.",
+            autocompletion=engine_names,
+        ),
     ] = None,
     profile: ProfileName = ProfileChoice.QUICK,
     out: Annotated[

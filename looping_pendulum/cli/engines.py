@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from looping_pendulum.cli.common import OUTSIDE_TOLERANCE, ProfileChoice, ProfileName, TimeLimit
+from looping_pendulum.cli.completion import engine_names
 from looping_pendulum.cli.terminal import new_table, say, show_table
 from looping_pendulum.errors import EngineError
 
@@ -72,7 +73,12 @@ def _list_support(profile: Profile, markdown: bool) -> None:
 
 
 def conformance(
-    name: Annotated[str, typer.Argument(metavar="ENGINE", help="Engine (all its variants) or variant (my_engine:chain).")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="ENGINE", help="Engine (all its variants) or variant (my_engine:chain).", autocompletion=engine_names
+        ),
+    ],
     profile: ProfileName = ProfileChoice.QUICK,
     time_limit: TimeLimit = 300.0,
 ) -> None:

@@ -36,6 +36,7 @@ from looping_pendulum.cli.common import (
     schema_option,
     show_output_of_failed,
 )
+from looping_pendulum.cli.completion import scenario_names
 from looping_pendulum.cli.converge import converge
 from looping_pendulum.cli.engines import conformance, engines
 from looping_pendulum.cli.maps import map_, maps
@@ -55,7 +56,6 @@ MAX_MESSAGE_LENGTH = 1000
 
 # rich_markup_mode=None: formatting the help with rich would double the time that --help takes
 app = typer.Typer(
-    add_completion=False,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -80,7 +80,10 @@ def root(version: Annotated[bool, typer.Option("--version", help="Print the vers
 
 @app.command()
 def scenarios(
-    name: Annotated[str | None, typer.Argument(metavar="[SCENARIO]", help="Print the YAML file of this scenario.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="[SCENARIO]", help="Print the YAML file of this scenario.", autocompletion=scenario_names),
+    ] = None,
     schema: Annotated[bool, schema_option("scenario", "looping_pendulum.scenarios.loader")] = False,
 ) -> None:
     """List the shipped scenarios, print one of them, or print the schema of scenario files.

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from looping_pendulum.cli.common import INTERRUPTED, Jobs, MemoryLimit, TimeLimit, schema_option
+from looping_pendulum.cli.completion import map_names
 from looping_pendulum.cli.progress import ProgressBars
 from looping_pendulum.cli.terminal import new_table, say, say_file, show_table
 
@@ -55,7 +56,10 @@ def _duration(seconds: float) -> str:
 
 
 def maps(
-    name: Annotated[str | None, typer.Argument(metavar="[MAP]", help="Print the YAML file of this map.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="[MAP]", help="Print the YAML file of this map.", autocompletion=map_names),
+    ] = None,
     schema: Annotated[bool, schema_option("map", "looping_pendulum.sweep.map_file")] = False,
 ) -> None:
     """List the shipped maps, print one of them, or print the schema of map files.
@@ -85,7 +89,11 @@ def _list_maps() -> None:
 def map_(
     file: Annotated[
         str | None,
-        typer.Argument(metavar="[MAP.yaml]", help="Map file, or name of a shipped map; without it, list the shipped maps."),
+        typer.Argument(
+            metavar="[MAP.yaml]",
+            help="Map file, or name of a shipped map; without it, list the shipped maps.",
+            autocompletion=map_names,
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the map; default: report/MAP-map.")] = None,
     jobs: Jobs = None,

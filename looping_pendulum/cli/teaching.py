@@ -25,6 +25,7 @@ from looping_pendulum.cli.common import (
     run_and_compare,
     show_output_of_failed,
 )
+from looping_pendulum.cli.completion import engine_names, scenario_names
 from looping_pendulum.cli.progress import ProgressBars
 from looping_pendulum.cli.terminal import say
 from looping_pendulum.errors import printable
@@ -42,7 +43,8 @@ class NewFile(StrEnum):
 
 def demo(
     scenario: Annotated[
-        str, typer.Argument(metavar="[SCENARIO]", help="Shipped scenario, or path of a YAML file.")
+        str,
+        typer.Argument(metavar="[SCENARIO]", help="Shipped scenario, or path of a YAML file.", autocompletion=scenario_names),
     ] = "ten_to_one",
     engine: EngineNames = None,
     profile: ProfileName = ProfileChoice.QUICK,
@@ -97,13 +99,19 @@ def tracker(
     source: Annotated[
         str,
         typer.Argument(
-            metavar="SOURCE", help="Scenario (name or file), folder that `compare` wrote, or CSV file that `run` wrote."
+            metavar="SOURCE",
+            help="Scenario (name or file), folder that `compare` wrote, or CSV file that `run` wrote.",
+            autocompletion=scenario_names,
         ),
     ],
     engine: Annotated[
         str | None,
         typer.Option(
-            "--engine", "-e", metavar="NAME", help="Take the motion of this variant (mujoco:capstan); default: the reference."
+            "--engine",
+            "-e",
+            metavar="NAME",
+            help="Take the motion of this variant (mujoco:capstan); default: the reference.",
+            autocompletion=engine_names,
         ),
     ] = None,
     fps: Annotated[float, typer.Option(metavar="RATE", help="True frame rate of the video.")] = 240.0,
@@ -153,7 +161,12 @@ def new(
         Path | None, typer.Argument(metavar="[FILE.yaml]", help="Default: my.scenario.yaml, or my_study.yaml.")
     ] = None,
     like: Annotated[
-        str, typer.Option(metavar="SCENARIO", help="Scenario (name or file) whose numbers are offered as defaults.")
+        str,
+        typer.Option(
+            metavar="SCENARIO",
+            help="Scenario (name or file) whose numbers are offered as defaults.",
+            autocompletion=scenario_names,
+        ),
     ] = "ten_to_one",
     answers: Annotated[
         list[str] | None,
