@@ -9,17 +9,19 @@ import typer
 from looping_pendulum.cli.common import (
     INTERRUPTED,
     OUTSIDE_TOLERANCE,
+    AsJson,
     EngineNames,
     Jobs,
     MemoryLimit,
     ProfileChoice,
     ProfileName,
+    Quiet,
     TimeLimit,
     load_scenario,
     run_and_compare,
 )
 from looping_pendulum.cli.completion import scenario_names
-from looping_pendulum.cli.terminal import new_table, say, show_table
+from looping_pendulum.cli.terminal import new_table, say, show_json, show_table
 from looping_pendulum.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -36,6 +38,8 @@ def check(
     time_limit: TimeLimit = 900.0,
     memory_limit: MemoryLimit = "2 GiB",
     jobs: Jobs = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Check whether engines keep the tolerances in scenario files; write no report.
 
@@ -53,11 +57,13 @@ def check(
     requested = None if not engine else {label(variant) for variant in select(engine, engine_profile)}
     scenarios = [expand_tolerances(load_scenario(name), engine_profile) for name in scenario or loader.shipped()]
     results: list[ComparisonResult] = []
+    without_tolerances: dict[str, str] = {}
     not_judged: list[str] = []
     for loaded in scenarios:
         reason = why_no_tolerances(loaded, profile.value, requested)
         if reason:
             say(f"{loaded.name}: {reason}")
+            without_tolerances[loaded.name] = reason
             if scenario and requested is None:
                 not_judged.append(f"{loaded.name}: {reason}")
             continue
@@ -66,9 +72,17 @@ def check(
         result = run_and_compare(loaded, wanted, profile, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
         _show(result)
         results.append(result)
+        if interrupted(result):
+            break
         gap = why_nothing_judged(result)
         not_judged += [f"{loaded.name}: {gap}"] if gap else []
-    if not all(result.within_tolerance for result in results):
+    within = all(result.within_tolerance for result in results)
+    judged = {result.scenario: result.tolerances for result in results}
+    gaps = {"without_tolerances": without_tolerances, "not_judged": not_judged}
+    show_json({"within_tolerance": within if results else None, "profile": profile, "tolerances": judged, **gaps})
+    if results and interrupted(results[-1]):
+        raise typer.Exit(INTERRUPTED)
+    if not within:
         raise typer.Exit(OUTSIDE_TOLERANCE)
     if not_judged:
         raise ScenarioError(f"check: nothing was judged of {'; '.join(not_judged)}")
@@ -77,16 +91,19 @@ def check(
 
 
 def _show(result: ComparisonResult) -> None:
-    """Print a table of the limits and their outcomes; exit if the check was interrupted."""
-    from looping_pendulum.engines.trajectory import RunStatus
-
+    """Print a table of the limits and their outcomes."""
     table = new_table("scenario", "engine", "metric", "value", "limit", "outcome")
     for t in result.tolerances:
         value = "" if t.value is None else f"{t.value:.6g}"
         table.add_row(result.scenario, t.engine, t.metric, value, f"{t.limit:.6g}", t.outcome.value)
     show_table(table)
-    if any(engine.status == RunStatus.INTERRUPTED.name for engine in result.engines):
-        raise typer.Exit(INTERRUPTED)
+
+
+def interrupted(result: ComparisonResult) -> bool:
+    """Return whether the user interrupted the runs of ``result``."""
+    from looping_pendulum.engines.trajectory import RunStatus
+
+    return any(engine.status == RunStatus.INTERRUPTED.name for engine in result.engines)
 
 
 def why_nothing_judged(result: ComparisonResult) -> str:

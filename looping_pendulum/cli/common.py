@@ -13,7 +13,7 @@ import typer
 
 from looping_pendulum.cli.completion import engine_names, scenario_names
 from looping_pendulum.cli.progress import ProgressBars
-from looping_pendulum.cli.terminal import say
+from looping_pendulum.cli.terminal import choose_json, choose_quiet, say
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.result import ComparisonResult
@@ -66,6 +66,18 @@ MAX_JOBS = 1024
 Jobs = Annotated[
     int | None, typer.Option(metavar="N", min=1, max=MAX_JOBS, help="Number of runs at the same time; default: one per core.")
 ]
+AsJson = Annotated[
+    bool,
+    typer.Option(
+        "--json", callback=choose_json, help="Print the results as one JSON document, in SI units, and nothing else on stdout."
+    ),
+]
+Quiet = Annotated[
+    bool,
+    typer.Option(
+        "--quiet", "-q", callback=choose_quiet, help="Print errors only, no results and no progress; with --json, the document."
+    ),
+]
 DataFolder = Annotated[
     Path | None,
     typer.Option("--data", metavar="DIR", help="Folder with measured tables (paper/...); default: $LOOPING_PENDULUM_DATA."),
@@ -89,6 +101,13 @@ def schema_option(kind: str, module: str) -> Any:
 
     words = f"Print the JSON Schema of {kind} files, for editors (docs/keys.md lists all keys)."
     return typer.Option("--schema", is_eager=True, callback=show, help=words)
+
+
+def yaml_content(text: str) -> Any:
+    """Return the content of a YAML file that has been checked, as plain data for JSON."""
+    import yaml
+
+    return yaml.safe_load(text)
 
 
 def load_scenario(name: str) -> Scenario:

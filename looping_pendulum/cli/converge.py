@@ -10,17 +10,19 @@ import typer
 
 from looping_pendulum.cli.common import (
     INTERRUPTED,
+    AsJson,
     Jobs,
     MemoryLimit,
     ProfileChoice,
     ProfileName,
+    Quiet,
     TimeLimit,
     load_scenario,
     report_folder,
 )
 from looping_pendulum.cli.completion import engine_names, scenario_names
 from looping_pendulum.cli.progress import convergence_bars
-from looping_pendulum.cli.terminal import new_table, say, show_table
+from looping_pendulum.cli.terminal import new_table, say, show_json, show_table
 
 
 def converge(
@@ -56,6 +58,8 @@ def converge(
     time_limit: TimeLimit = 3600.0,
     memory_limit: MemoryLimit = "2 GiB",
     jobs: Jobs = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Split each engine's error into three parts: not converged, different model, and adapter's choice.
 
@@ -112,5 +116,7 @@ def converge(
     for v in result.variants:
         say(f"- {v.label}: halting time converges: {halting_verdict(v)}")
     say(f"wrote {written}")
+    listed = [{"variant": v.label, "splits": v.splits, "halting_time_converges": halting_verdict(v)} for v in result.variants]
+    show_json({"scenario": chosen.name, "interrupted": result.interrupted, "variants": listed, "report": written})
     if result.interrupted:
         raise typer.Exit(INTERRUPTED)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from looping_pendulum.cli.common import OUTSIDE_TOLERANCE, ProfileChoice, ProfileName, TimeLimit
+from looping_pendulum.cli.common import OUTSIDE_TOLERANCE, AsJson, ProfileChoice, ProfileName, Quiet, TimeLimit
 from looping_pendulum.cli.completion import engine_names
-from looping_pendulum.cli.terminal import new_table, say, show_table
+from looping_pendulum.cli.terminal import new_table, say, show_json, show_table
 from looping_pendulum.errors import EngineError
 
 if TYPE_CHECKING:
+    from looping_pendulum.engines.conformance.suite import CheckResult
     from looping_pendulum.engines.protocol import Profile
 
 
@@ -19,6 +20,7 @@ def engines(
     profile: ProfileName = ProfileChoice.QUICK,
     support: Annotated[bool, typer.Option("--support", help="Show which engine can run which scenario, and why not.")] = False,
     markdown: Annotated[bool, typer.Option("--markdown", help="With --support: print it as a Markdown page.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """List the engines, how to install missing ones, and which physics is the engine's own or fed in by its adapter.
 
@@ -38,14 +40,25 @@ def _list_engines(profile: Profile, markdown: bool) -> None:
 
     table = new_table("engine", "here", "winding", "friction law", "stick-slip", "drag", "runs", "what it is")
     notes: dict[str, str] = {}
+    listed: list[dict[str, Any]] = []
     available, load_errors = load_engines(profile)
     packages = adapter_packages()
     for engine in available:
         missing = missing_packages(engine)
-        suppliers = [supplier for _, supplier, _ in supplies_as_rows(engine.abilities.supplies)]
+        supplied_by = {physics: supplier for physics, supplier, _ in supplies_as_rows(engine.abilities.supplies)}
         when = "as reference" if engine.name == "reference" else "always" if engine.abilities.main else "if named"
         source = f" (of the package {packages[engine.name]})" if packages.get(engine.name) else ""
-        table.add_row(label(engine), "no" if missing else "yes", *suppliers, when, engine.abilities.summary + source)
+        summary = engine.abilities.summary + source
+        table.add_row(label(engine), "no" if missing else "yes", *supplied_by.values(), when, summary)
+        listed.append(
+            {
+                "engine": label(engine),
+                "missing_packages": missing,
+                "supplied_by": supplied_by,
+                "runs": when,
+                "summary": summary,
+            }
+        )
         notes |= {package: how_to_get(package) for package in missing}
     for name in load_errors:
         table.add_row(name, "broken", *[""] * 5, "left out; see below")
@@ -54,6 +67,7 @@ def _list_engines(profile: Profile, markdown: bool) -> None:
         say(f"{package} is not installed; to get it: {how}")
     for load_error in load_errors.values():
         say(load_error)
+    show_json({"engines": listed, "how_to_get": notes, "broken": load_errors})
 
 
 def _list_support(profile: Profile, markdown: bool) -> None:
@@ -65,7 +79,9 @@ def _list_support(profile: Profile, markdown: bool) -> None:
     if markdown:
         say(support.page(available), nl=False)
         return
-    for header, rows in support.tables(available):
+    tables = list(support.tables(available))
+    show_json({"tables": [[dict(zip(header, row, strict=True)) for row in rows] for header, rows in tables]})
+    for header, rows in tables:
         table = new_table(*header)
         for row in rows:
             table.add_row(*row)
@@ -81,6 +97,8 @@ def conformance(
     ],
     profile: ProfileName = ProfileChoice.QUICK,
     time_limit: TimeLimit = 300.0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Check that an engine does what every engine must do; for adapters of your own (docs/write-an-engine.md).
 
@@ -91,13 +109,17 @@ def conformance(
     from looping_pendulum.engines.registry import how_to_get, label, missing_packages, select
 
     all_good = True
+    listed: dict[str, list[CheckResult]] = {}
     for engine in select([name], Profile(profile.value)):
         missing = missing_packages(engine)
         if missing:
             raise EngineError(f"{label(engine)}: {missing[0]} is not installed; to get it: {how_to_get(missing[0])}")
         say(f"{label(engine)}, {profile.value}")
+        listed[label(engine)] = []
         for verdict in run_checks(engine, time_limit=time_limit):
+            listed[label(engine)].append(verdict)
             why = f": {verdict.why}" if verdict.why else ""
             say(f"  {verdict.outcome.value:8}  {verdict.check.replace('_', ' ')}{why}")
             all_good = all_good and verdict.outcome.acceptable
+    show_json({"profile": profile, "conforms": all_good, "checks": listed})
     raise typer.Exit(0 if all_good else OUTSIDE_TOLERANCE)

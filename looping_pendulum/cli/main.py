@@ -20,12 +20,14 @@ from looping_pendulum.cli.common import (
     COMPARE_FOLDERS,
     INTERRUPTED,
     OUTSIDE_TOLERANCE,
+    AsJson,
     DataFolder,
     EngineNames,
     Jobs,
     MemoryLimit,
     ProfileChoice,
     ProfileName,
+    Quiet,
     ScenarioName,
     TimeLimit,
     comparison_folder,
@@ -35,6 +37,7 @@ from looping_pendulum.cli.common import (
     run_and_compare,
     schema_option,
     show_output_of_failed,
+    yaml_content,
 )
 from looping_pendulum.cli.completion import scenario_names
 from looping_pendulum.cli.converge import converge
@@ -42,7 +45,7 @@ from looping_pendulum.cli.engines import conformance, engines
 from looping_pendulum.cli.maps import map_, maps
 from looping_pendulum.cli.progress import ProgressBars
 from looping_pendulum.cli.teaching import demo, demonstrations, init, new, tracker
-from looping_pendulum.cli.terminal import new_table, say, say_file, show_table
+from looping_pendulum.cli.terminal import new_table, reset_output, say, say_file, show_json, show_table
 from looping_pendulum.errors import HarnessError, one_line, shorten
 
 if TYPE_CHECKING:
@@ -73,6 +76,7 @@ app = typer.Typer(
 @app.callback(invoke_without_command=True)
 def root(version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False) -> None:
     """Handle options that come before the command."""
+    reset_output()
     if version:
         say(f"looping-pendulum {__version__}")
         raise typer.Exit
@@ -85,6 +89,7 @@ def scenarios(
         typer.Argument(metavar="[SCENARIO]", help="Print the YAML file of this scenario.", autocompletion=scenario_names),
     ] = None,
     schema: Annotated[bool, schema_option("scenario", "looping_pendulum.scenarios.loader")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """List the shipped scenarios, print one of them, or print the schema of scenario files.
 
@@ -94,14 +99,20 @@ def scenarios(
     from looping_pendulum.scenarios import loader
 
     if name is not None:
-        say_file(loader.source_text(name))
-    else:
-        table = new_table("scenario", "release", "M2/M1", "title")
-        for shipped in loader.shipped():
-            scenario = loader.load(shipped)
-            p = scenario.parameters
-            table.add_row(shipped, p.release.value, f"{p.heavy_mass / p.light_mass:g}", scenario.title)
-        show_table(table)
+        text = loader.source_text(name)
+        say_file(text)
+        show_json(yaml_content(text))
+        return
+    table = new_table("scenario", "release", "M2/M1", "title")
+    listed = []
+    for shipped in loader.shipped():
+        scenario = loader.load(shipped)
+        p = scenario.parameters
+        ratio = p.heavy_mass / p.light_mass
+        table.add_row(shipped, p.release.value, f"{ratio:g}", scenario.title)
+        listed.append({"scenario": shipped, "release": p.release, "mass_ratio": ratio, "title": scenario.title})
+    show_table(table)
+    show_json({"scenarios": listed})
 
 
 app.command()(engines)
@@ -118,6 +129,8 @@ def run(
     time_limit: TimeLimit = 900.0,
     memory_limit: MemoryLimit = "2 GiB",
     jobs: Jobs = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run one scenario and print its events and how each run ended; without --engine, solve the exact reference.
 
@@ -147,6 +160,7 @@ def run(
             finished=bars.show_finished_run,
         )
     table = new_table("engine", "samples", "until [s]", "M2 dropped [m]", "wall [s]", "ended")
+    listed: list[dict[str, Any]] = []
     stems = file_stems([(result.label, result.profile) for result in runs])
     for result, stem in zip(runs, stems, strict=True):
         until, drop = ("", "") if not len(result.t) else (f"{result.t[-1]:.3f}", f"{result.heavy_drop[-1]:.4f}")
@@ -158,7 +172,21 @@ def run(
             path = out / f"{stem}.csv"
             write_atomically(path, trajectory_csv(result))
             say(f"wrote {path}")
+        listed.append(
+            {
+                "engine": result.label,
+                "status": result.status.name,
+                "ended": ended,
+                "samples": len(result.t),
+                "end_time": result.t[-1] if len(result.t) else None,
+                "heavy_drop": result.heavy_drop[-1] if len(result.t) else None,
+                "wall_time": result.wall_time,
+                "events": [{"time": event.time, "name": event.name} for event in result.events],
+                "file": path if out is not None and len(result.t) else None,
+            }
+        )
     show_table(table)
+    show_json({"scenario": chosen.name, "profile": profile, "runs": listed})
     show_output_of_failed(runs)
     exit_with_status(runs)
 
@@ -179,6 +207,8 @@ def compare(
     baseline_threshold: Annotated[
         float, typer.Option(metavar="FRACTION", min=0.0, help="Smallest relative change of a metric to list; 0.01 is 1 %.")
     ] = 0.01,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run all engines on one scenario and report how each departs from the exact reference.
 
@@ -212,6 +242,7 @@ def compare(
     if changes is not None:
         _show_changes(changes)
     say(f"wrote {written} and report.html")
+    show_json({"result": result, "changes": changes, "report": written})
     assert result.samples is not None
     runs = [aligned.run for aligned in result.samples.aligned]
     show_output_of_failed(runs)
@@ -237,6 +268,8 @@ def identify(
         typer.Option(metavar="SECONDS", min=1.0, help="End the search after about this time, and report its results so far."),
     ] = None,
     schema: Annotated[bool, schema_option("study", "looping_pendulum.discrepancy.data.study_file")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Find the physics that a model of measured trials lacks, and report the model's error before and after adding it.
 
@@ -287,6 +320,8 @@ def identify(
         )
     show_table(table)
     say(f"wrote {written} and report.html")
+    summary = {"verdict": result.verdict, "sentence": result.sentence, "notes": result.notes, "errors": result.errors}
+    show_json({"study": loaded.name, **summary, "report": written})
     if interrupted:
         raise typer.Exit(INTERRUPTED)
 

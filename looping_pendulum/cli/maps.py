@@ -10,10 +10,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from looping_pendulum.cli.common import INTERRUPTED, Jobs, MemoryLimit, TimeLimit, schema_option
+from looping_pendulum.cli.common import (
+    INTERRUPTED,
+    AsJson,
+    Jobs,
+    MemoryLimit,
+    Quiet,
+    TimeLimit,
+    schema_option,
+    yaml_content,
+)
 from looping_pendulum.cli.completion import map_names
 from looping_pendulum.cli.progress import ProgressBars
-from looping_pendulum.cli.terminal import new_table, say, say_file, show_table
+from looping_pendulum.cli.terminal import new_table, note, say, say_file, show_json, show_table
 
 if TYPE_CHECKING:
     from looping_pendulum.sweep.plan import MapPlan
@@ -35,7 +44,7 @@ def _run_counter(bars: ProgressBars) -> Callable[[int, int], None]:
         if first is None:
             first = (now, complete)
             if complete:
-                say(f"{complete} of {runs} runs are stored already", err=True)
+                note(f"{complete} of {runs} runs are stored already")
             if complete < runs:
                 bars.update("starting", complete / runs)
             return
@@ -61,6 +70,7 @@ def maps(
         typer.Argument(metavar="[MAP]", help="Print the YAML file of this map.", autocompletion=map_names),
     ] = None,
     schema: Annotated[bool, schema_option("map", "looping_pendulum.sweep.map_file")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """List the shipped maps, print one of them, or print the schema of map files.
 
@@ -69,7 +79,9 @@ def maps(
     from looping_pendulum.sweep import map_file
 
     if name is not None:
-        say_file(map_file.source_text(name))
+        text = map_file.source_text(name)
+        say_file(text)
+        show_json(yaml_content(text))
     else:
         _list_maps()
 
@@ -79,11 +91,14 @@ def _list_maps() -> None:
     from looping_pendulum.sweep import map_file
 
     table = new_table("map", "runs", "over", "title")
+    listed = []
     for shipped in map_file.shipped():
         plan = map_file.load(shipped)
-        over = ", ".join(axis.name for axis in plan.design.axes)
-        table.add_row(shipped, str(plan.runs), over, plan.title)
+        over = [axis.name for axis in plan.design.axes]
+        table.add_row(shipped, str(plan.runs), ", ".join(over), plan.title)
+        listed.append({"map": shipped, "runs": plan.runs, "over": over, "title": plan.title})
     show_table(table)
+    show_json({"maps": listed})
 
 
 def map_(
@@ -106,6 +121,8 @@ def map_(
     ] = None,
     time_limit: TimeLimit = 900.0,
     memory_limit: MemoryLimit = "2 GiB",
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run one scenario over ranges of one to three quantities, and map how each run ends.
 
@@ -144,6 +161,7 @@ def map_(
             memory_limit=memory_bytes,
             progress=_run_counter(bars),
         )
+    show_json({"map": plan.name, "outcome": outcome, "report": folder / report.REPORT, "store": folder / STORE})
     if outcome.interrupted:
         stored = f"{outcome.runs_now} of {outcome.runs} runs are kept in {folder}"
         say(f"interrupted: {stored}; the same command continues from there", err=True)
@@ -163,5 +181,5 @@ def _show_size(plan: MapPlan) -> None:
     over = ", ".join(axis.name for axis in plan.design.axes)
     megabytes = plan.runs * BYTES_PER_RUN / 1e6
     message = f"{plan.runs} runs ({sizes}{engines}: {over}) in {plan.units} chunks, at most {amount(megabytes)} MB"
-    say(message, err=True)
+    note(message)
     sys.stderr.flush()

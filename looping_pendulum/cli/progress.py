@@ -6,7 +6,7 @@ import math
 import time
 from typing import TYPE_CHECKING, Any
 
-from looping_pendulum.cli.terminal import say
+from looping_pendulum.cli.terminal import note, output
 from looping_pendulum.errors import printable
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class ProgressBars:
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
         console = Console(stderr=True)
-        self.on_terminal = console.is_terminal
+        self.on_terminal = console.is_terminal and not output.quiet
         columns: list[Any] = [BarColumn(), TaskProgressColumn(), TimeElapsedColumn()]
         if self._time_left:
             columns += [TextColumn("left:"), TimeRemainingColumn()]
@@ -87,7 +87,7 @@ class ProgressBars:
             self._tasks[task] = self._bar.add_task(printable(description), total=1.0, completed=fraction)  # type: ignore[arg-type]
         if not self.on_terminal and self._line_is_due(fraction):
             self._line_fraction, self._line_time = fraction, time.monotonic()
-            say(line or f"{100 * fraction:.0f} %: {description}", err=True)
+            note(line or f"{100 * fraction:.0f} %: {description}")
 
     def _line_is_due(self, fraction: float) -> bool:
         if fraction >= self._line_fraction + self._line_every_fraction:
@@ -106,7 +106,7 @@ class ProgressBars:
         if not self.on_terminal:
             # A run that was stopped from outside has no wall time: it is NaN, which does not equal itself.
             wall_time = f" ({run.wall_time:.1f} s)" if run.wall_time == run.wall_time else ""
-            say(f"{run.label}: {run.status.value}{wall_time}", err=True)
+            note(f"{run.label}: {run.status.value}{wall_time}")
 
 
 def convergence_bars() -> ProgressBars:

@@ -27,7 +27,7 @@ from looping_pendulum.cli.common import (
 )
 from looping_pendulum.cli.completion import engine_names, scenario_names
 from looping_pendulum.cli.progress import ProgressBars
-from looping_pendulum.cli.terminal import say
+from looping_pendulum.cli.terminal import note, say
 from looping_pendulum.errors import printable
 
 EXAMPLE_FOLDER = Path("looping-pendulum-example")
@@ -83,7 +83,7 @@ def demo(
         folder = comparison_folder(folder, result)
         write(result, folder)
     else:
-        say(f"{folder} has the results of this input; use --again to run the engines again", err=True)
+        note(f"{folder} has the results of this input; use --again to run the engines again")
     path = pages.write(result, folder)
     say(f"wrote {path}")
     if not no_open and not pages.show(path):
