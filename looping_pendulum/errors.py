@@ -11,7 +11,16 @@ class ParameterError(HarnessError, ValueError):
     """A physical quantity is impossible, on its own or together with the others."""
 
 
-class ScenarioError(HarnessError, ValueError):
+class FileKeyError(HarnessError, ValueError):
+    """A file that the user wrote has a fault."""
+
+    def __init__(self, message: str, path: tuple[str | int, ...] = ()) -> None:
+        super().__init__(message)
+        self.path = path
+        """Keys and list indices that lead to the fault in the file; empty if it is in no key."""
+
+
+class ScenarioError(FileKeyError):
     """A scenario file cannot be read as a scenario."""
 
 

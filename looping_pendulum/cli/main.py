@@ -43,8 +43,9 @@ from looping_pendulum.cli.completion import scenario_names
 from looping_pendulum.cli.converge import converge
 from looping_pendulum.cli.engines import conformance, engines
 from looping_pendulum.cli.maps import map_, maps
+from looping_pendulum.cli.new import new
 from looping_pendulum.cli.progress import ProgressBars
-from looping_pendulum.cli.teaching import demo, demonstrations, init, new, tracker
+from looping_pendulum.cli.teaching import demo, demonstrations, init, tracker
 from looping_pendulum.cli.terminal import new_table, reset_output, say, say_file, show_json, show_table
 from looping_pendulum.errors import HarnessError, one_line, shorten
 

@@ -1,9 +1,7 @@
-"""Commands for teaching: a demonstration, a new scenario, an example folder, a file for Tracker."""
+"""Commands for teaching: a demonstration, an example folder, a file for Tracker, the experiments on each model."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -28,17 +26,9 @@ from looping_pendulum.cli.common import (
 from looping_pendulum.cli.completion import engine_names, scenario_names
 from looping_pendulum.cli.progress import ProgressBars
 from looping_pendulum.cli.terminal import note, say
-from looping_pendulum.errors import printable
 
 EXAMPLE_FOLDER = Path("looping-pendulum-example")
 """Folder that `init` fills where none is named."""
-
-
-class NewFile(StrEnum):
-    """Kinds of file that `new` writes."""
-
-    SCENARIO = "scenario"
-    STUDY = "study"
 
 
 def demo(
@@ -153,89 +143,6 @@ def init(
     for path in write_example(folder):
         say(f"wrote {path}")
     say(f"Next: cd {folder}, and read README.md; it begins with: looping-pendulum run mine.scenario.yaml")
-
-
-def new(
-    what: Annotated[NewFile, typer.Argument(help="A trial to run, or filmed trials to explain.")] = NewFile.SCENARIO,
-    file: Annotated[
-        Path | None, typer.Argument(metavar="[FILE.yaml]", help="Default: my.scenario.yaml, or my_study.yaml.")
-    ] = None,
-    like: Annotated[
-        str,
-        typer.Option(
-            metavar="SCENARIO",
-            help="Scenario (name or file) whose numbers are offered as defaults.",
-            autocompletion=scenario_names,
-        ),
-    ] = "ten_to_one",
-    answers: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Answer beforehand (light.mass=12 g); repeatable."),
-    ] = None,
-    trial: Annotated[
-        list[Path] | None, typer.Option(metavar="CSV", help="With `new study`: file of a trial's tracked points; repeatable.")
-    ] = None,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing: take the default where --set has no answer.")] = False,
-) -> None:
-    """Ask for the numbers of a scenario or a study, with units and defaults, and write the file; every answer is checked.
-
-    An existing file is never overwritten without asking.
-
-    looping-pendulum new scenario my.scenario.yaml --like two_to_one
-    """
-    from looping_pendulum.compare.export import write_atomically
-    from looping_pendulum.teaching.new_file import expected_motion, new_scenario, new_study
-    from looping_pendulum.teaching.questions import AnswerError
-
-    study = what is NewFile.STUDY
-    path = file or Path("my_study.yaml" if study else "my.scenario.yaml")
-    if trial and not study:
-        raise AnswerError("--trial: found it with a scenario, needed it with a study; write `new study`")
-    if path.exists() and (yes or not typer.confirm(printable(f"{path} exists already. Overwrite it?"), default=False)):
-        raise AnswerError(f"{path}: found a file, which is left as it is; needed another name: `new {what.value} OTHER.yaml`")
-    given = dict(_key_and_value(answer) for answer in answers or ())
-    ask = _take_default if yes else _ask
-    name = path.name.removesuffix(".yaml").removesuffix(".scenario")
-    if study:
-        files = [str(trial_file) for trial_file in trial or ()]
-        text = new_study(ask, name=name, folder=path.parent, files=files, given=given, like=like)
-    else:
-        text, scenario = new_scenario(ask, name=name, like=like, given=given)
-        say(expected_motion(scenario))
-    write_atomically(path, text)
-    say(f"wrote {path}; next: looping-pendulum {'identify' if study else 'run'} {path}")
-
-
-def _ask(words: str, default: str, check: Callable[[str], str]) -> str:
-    """Ask until the answer passes its check."""
-    from looping_pendulum.teaching.questions import AnswerError
-
-    while True:
-        answer = str(typer.prompt(printable(f"{words} [{default}]"), default=default, show_default=False)).strip()
-        try:
-            warning = check(answer)
-        except AnswerError as error:
-            say(f"  {error}")
-            continue
-        if warning:
-            say(f"  {warning}")
-        return answer
-
-
-def _take_default(words: str, default: str, check: Callable[[str], str]) -> str:
-    """Return the default, after its check."""
-    check(default)
-    return default
-
-
-def _key_and_value(text: str) -> tuple[str, str]:
-    """Split an answer of --set into key and value."""
-    from looping_pendulum.teaching.questions import AnswerError
-
-    key, equals, value = text.partition("=")
-    if not (key.strip() and equals and value.strip()):
-        raise AnswerError(f"--set: found '{text}', needed KEY=VALUE; write for example --set 'light.mass=12 g'")
-    return key.strip(), value.strip()
 
 
 def demonstrations(

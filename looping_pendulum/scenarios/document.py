@@ -55,7 +55,7 @@ class Document:
         nearest = next((path[:n] for n in range(len(path), 0, -1) if path[:n] in self.lines), ())
         line = f":{self.lines[nearest]}" if nearest else ""
         key = f" {key_text(path)}:" if path else ""
-        return ScenarioError(one_line(f"{self.file}{line}:{key} {message}"))
+        return ScenarioError(one_line(f"{self.file}{line}:{key} {message}"), path)
 
 
 def key_text(path: Path) -> str:

@@ -23,6 +23,11 @@ from looping_pendulum.scenarios.units import QuantityKind, show
 class AnswerError(HarnessError, ValueError):
     """An answer cannot be used; the message says what was found, what was needed and an example."""
 
+    def __init__(self, message: str, *, keys: tuple[str, ...] = ()) -> None:
+        super().__init__(message)
+        self.keys = keys
+        """Keys of the questions, or groups of questions, that have to be asked again; empty: all, or the one being asked."""
+
 
 Check = Callable[[str], str]
 """Takes an answer; returns a warning to be shown, or nothing; raises `AnswerError` if it cannot be used."""

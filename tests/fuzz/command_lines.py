@@ -37,6 +37,7 @@ WORK = (
     "looping_pendulum.teaching.tracker.run_isolated",
     "looping_pendulum.teaching.tracker.solve",
     "looping_pendulum.teaching.new_file.solve",
+    "looping_pendulum.discrepancy.inputs.read_inputs",
 )
 """Where work begins; a command line that gets there was accepted."""
 

@@ -16,6 +16,7 @@ from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.loader import shipped
+from looping_pendulum.teaching.answers import Answers
 from looping_pendulum.teaching.example_folder import FolderError, write_example
 from looping_pendulum.teaching.new_file import new_scenario
 from looping_pendulum.teaching.questions import QUESTIONS, AnswerError
@@ -46,7 +47,7 @@ def take_default(words, default, check):
 
 @pytest.mark.parametrize("name", shipped())
 def test_the_defaults_are_the_shipped_scenarios_numbers(name):
-    _, scenario = new_scenario(take_default, name="mine", like=name, given={})
+    _, scenario = new_scenario(Answers(take_default, {}), name="mine", like=name)
     expected = load(name)
     skipped = {"heavy_drag", "kinetic_friction", "static_friction"} if expected.parameters.release is Release.HELD else set()
     for key, value in expected.parameters.coefficients.items():

@@ -193,12 +193,18 @@ def _mass_of_track(table: DelimitedTable, columns: list[Column], tracks: Mapping
         if missing:
             raise table.error(None, "", f"found the tracks {shown}, needed {quote(missing[0])}; correct 'tracks'")
         return {track: mass for mass, track in tracks.items()}
-    # Names of tracks such as "light ball" or "mass_heavy"
-    known = {t: m for t in have for m in MASSES if t.lower() == m or re.search(rf"\b{m}\b", t.lower().replace("_", " "))}
+    known = {t: m for t in have if (m := mass_in_name(t))}
     if have and not known:
         way_out = f"'tracks: {{light: {have[0] or Path(table.file).stem}}}'"
         raise table.error(None, "", f"found the tracks {shown}, needed to know which mass each is; say so by {way_out}")
     return known
+
+
+def mass_in_name(track: str) -> str:
+    """Return the mass that the name of a track says, such as "light ball" or "mass_heavy"; '' if it says none, or both."""
+    words = track.lower().replace("_", " ")
+    said = [mass for mass in MASSES if re.search(rf"\b{mass}\b", words)]
+    return said[0] if len(said) == 1 else ""
 
 
 def _read_channel(

@@ -24,7 +24,7 @@ from looping_pendulum.discrepancy.data.study import (
     Trial,
 )
 from looping_pendulum.discrepancy.data.study_file import StudyFile, TrialGroup
-from looping_pendulum.errors import HarnessError, ParameterError, ScenarioError
+from looping_pendulum.errors import FileKeyError, ParameterError, ScenarioError
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import document, own_effects
 from looping_pendulum.scenarios.document import Document, one_line
@@ -50,7 +50,7 @@ _EXAMPLES = MappingProxyType(
 )
 
 
-class StudyError(HarnessError, ValueError):
+class StudyError(FileKeyError):
     """Raised if a file cannot be read as a study."""
 
 
@@ -84,7 +84,7 @@ def _load(raw: bytes, file: str, name: str, folder: Path) -> Study:
         return _study(study_file.check(doc), doc, name, folder)
     except ScenarioError as error:  # the parser is shared with scenarios, so its messages speak of one
         raise StudyError(
-            str(error).replace("needed a scenario; start from a copy of a shipped one", "needed a study")
+            str(error).replace("needed a scenario; start from a copy of a shipped one", "needed a study"), error.path
         ) from None
 
 
