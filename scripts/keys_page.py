@@ -6,6 +6,7 @@ python -m scripts.keys_page
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -26,40 +27,58 @@ from looping_pendulum.sweep.quantities import RATIOS, variables
 PAGE = Path(__file__).parents[1] / "docs" / "keys.md"
 HEAD = ["key", "it takes", "example", "default", "meaning"]
 ELSEWHERE = {
-    "effects": "one of the [coefficients](#coefficients-of-effects)",
+    "effects": "some of the [coefficients](#coefficients-of-effects)",
     "parameters": "one to three of the [quantities](#quantities-of-a-map)",
-    "camera": "one of the [errors of a camera](#errors-of-a-camera)",
-    "quick": "one of the [metrics](metrics.md), each with the keys below",
-    "accurate": "as under `quick`",
+    "camera": "some of the [errors of a camera](#errors-of-a-camera)",
+    "quick": "some of the [metrics](metrics.md), each with the keys below",
+    "accurate": "as `quick`",
 }
 """Key of a group whose own keys are listed in a table of their own -> the words in its row."""
 TYPES = {"string": "text", "integer": "a whole number", "number": "a plain number", "boolean": "true or false"}
 
 
-def rows(
-    schema: dict[str, Any], root: dict[str, Any], path: str = "", defaults: Mapping[str, str] = MappingProxyType({})
-) -> Iterator[list[str]]:
-    """Yield a row for each key below the group that ``schema`` describes; ``defaults`` has those that it does not state."""
+@dataclass(frozen=True, kw_only=True)
+class KeyGroup:
+    """A group of keys of a file, which has a table of its own."""
+
+    path: str
+    """Key of the group, with dots; '' for the file itself."""
+    meaning: str
+    rows: list[list[str]]
+    """A row per key, as `HEAD`."""
+
+
+def key_groups(
+    schema: dict[str, Any], root: dict[str, Any], defaults: Mapping[str, str], path: str = "", meaning: str = ""
+) -> Iterator[KeyGroup]:
+    """Yield the group of keys that ``schema`` describes, then those inside it.
+
+    ``defaults`` has the defaults that the schema does not state, by key.
+    """
+    rows, inside = [], []
     for key, entry in schema["properties"].items():
         inner = _resolved(entry, root)
-        here = f"{path}{key}"
+        here = f"{path}.{key}".lstrip(".")
         default = defaults.get(here, "")
         if "default" in entry:
             default = f"`{_text(entry['default'])}`"
         elif key in schema.get("required", ()):
             default = "required"
-        meaning = entry.get("description") or inner.get("description", "")
+        what = entry.get("description") or inner.get("description", "")
+        takes, example = _takes(inner, root)
         if key in ELSEWHERE and inner.get("type") == "object":
-            yield [f"`{here}`", ELSEWHERE[key], "", default, meaning]
+            takes = ELSEWHERE[key]
             if key == "quick":
                 limit = _resolved(next(iter(inner["properties"].values())), root)
-                yield from rows(limit, root, f"{here}.METRIC.")
-            continue
-        below, way = _group_below(inner, root, here)
-        takes, example = _takes(inner, root)
-        yield [f"`{here}`", takes, f"`{example}`" if example else "", default, meaning]
-        if below:
-            yield from rows(below, root, way, defaults)
+                inside.append((limit, f"{here}.METRIC", "The limit on one metric."))
+        else:
+            below, way = _group_below(inner, root, here)
+            if below:
+                inside.append((below, way, what or below.get("description", "")))
+        rows.append([f"`{key}`", takes, f"`{example}`" if example else "", default, what])
+    yield KeyGroup(path=path, meaning=meaning, rows=rows)
+    for below, way, what in inside:
+        yield from key_groups(below, root, defaults, way, what)
 
 
 def _resolved(schema: dict[str, Any], root: dict[str, Any]) -> dict[str, Any]:
@@ -71,14 +90,14 @@ def _resolved(schema: dict[str, Any], root: dict[str, Any]) -> dict[str, Any]:
 def _group_below(schema: dict[str, Any], root: dict[str, Any], path: str) -> tuple[dict[str, Any] | None, str]:
     """Return the group of keys inside ``schema``, or None, and how its keys begin."""
     if schema.get("properties"):
-        return schema, f"{path}."
+        return schema, path
     if isinstance(schema.get("items"), dict):
         return _group_below(_resolved(schema["items"], root), root, f"{path}[]")
     if isinstance(schema.get("additionalProperties"), dict):
         return _group_below(_resolved(schema["additionalProperties"], root), root, f"{path}.NAME")
     for one in schema.get("anyOf", schema.get("oneOf", ())):
         if "properties" in (choice := _resolved(one, root)):
-            return choice, f"{path}."
+            return choice, path
     return None, ""
 
 
@@ -107,9 +126,13 @@ def _text(value: object) -> str:
 
 
 def section(model: Any, defaults: Mapping[str, str] = MappingProxyType({})) -> str:
-    """Return the table of a file's keys."""
+    """Return the tables of a file's keys: those of the file itself, then those of each group in it."""
     schema = undescribed_schema(model)
-    return table(HEAD, rows(schema, schema, defaults=defaults), left=len(HEAD))
+    first, *others = key_groups(schema, schema, defaults)
+    parts = [table(HEAD, first.rows, left=len(HEAD))]
+    for group in others:
+        parts.append(f"Below **`{group.path}`**: {group.meaning}\n\n{table(HEAD, group.rows, left=len(HEAD))}")
+    return "\n".join(parts)
 
 
 def coefficient_default(c: Coefficient) -> str:
@@ -157,7 +180,7 @@ All three files are YAML. A dot leads into a group: `light.mass` is the key `mas
 of a list, and a word in capitals for a name of your choice. A quantity is written with its unit, as `6.25 mm` or `112 deg`;
 lengths, masses, times and angles take any unit of their kind, such as m, cm, mm, in; kg, g, oz; s, ms, min; rad, deg, turn. A
 key that is not listed here is refused. Where the column *default* is empty, the key may be left out, and *meaning* says what
-then holds.
+then holds; required keys of a group are required only if the group is there.
 
 An editor that reads JSON Schema completes the keys and checks the values while you type:
 

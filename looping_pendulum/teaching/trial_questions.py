@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -221,10 +220,11 @@ def _check_reading(at: str, path: str, tree: Tree, *, asked: bool) -> None:
 
 
 def _usual_file(index: int, before: Sequence[Tree]) -> str:
-    """Return the first file of tracked points in the current folder that no trial has yet, or a name for one."""
-    taken = {trial["file"] for trial in before}
-    tables = [p for p in sorted(Path().glob("*.csv")) if p.name not in taken and p.stat().st_size < MAX_PROPOSED_SIZE]
-    return next((p.name for p in tables[:MAX_PROPOSED] if _has_tracks(p)), f"trial{index + 1}.csv")
+    """Return the first file of tracked points in the current folder, or in one below it, that no trial has yet, or a name."""
+    taken = {Path(trial["file"]) for trial in before}
+    tables = [p for pattern in ("*.csv", "*/*.csv") for p in sorted(Path().glob(pattern)) if p not in taken]
+    small = [p for p in tables[:MAX_PROPOSED] if p.stat().st_size < MAX_PROPOSED_SIZE]
+    return next((str(p) for p in small if _has_tracks(p)), f"trial{index + 1}.csv")
 
 
 def _has_tracks(path: Path) -> bool:
@@ -250,7 +250,7 @@ def check_file(path: str) -> str:
     """
     if not Path(path).exists():
         folder = Path(path).parent
-        near = suggest(path, [str(folder / name) for name in os.listdir(folder)] if folder.is_dir() else ())
+        near = suggest(path, [str(p) for p in folder.iterdir() if p.is_file()] if folder.is_dir() else ())
         if near:
             raise AnswerError(f"found no file {quote(path)}{near}")
         return f"{path} is not there yet; put it there before `identify`"
