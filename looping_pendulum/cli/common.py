@@ -17,6 +17,7 @@ from looping_pendulum.cli.terminal import choose_json, choose_quiet, say
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.result import ComparisonResult
+    from looping_pendulum.compare.trial import MeasuredTrial
     from looping_pendulum.engines.trajectory import Trajectory
     from looping_pendulum.scenarios.scenario import Scenario
 
@@ -110,6 +111,37 @@ def yaml_content(text: str) -> Any:
     return yaml.safe_load(text)
 
 
+MarksFiles = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--marks",
+        metavar="FILE",
+        help="Draw and judge your own trial: a file of tracked points (or light=FILE and heavy=FILE) or events, or a study.",
+    ),
+]
+MarksSettings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--marks-set",
+        metavar="KEY=VALUE",
+        help="How to read it: 'tracks.light=mass A', 'frame_rate=240 Hz', units.length=cm, mirrored=true, "
+        "'camera.clock_offset=-0.35 s'; repeatable.",
+    ),
+]
+
+
+def read_marks(files: list[str] | None, settings: list[str] | None) -> MeasuredTrial | None:
+    """Read the trial of --marks; None without one."""
+    from looping_pendulum.discrepancy.data.trial_files import read_measured_trial
+    from looping_pendulum.errors import HarnessError
+
+    if files:
+        return read_measured_trial(files, settings or ())
+    if settings:
+        raise HarnessError("--marks-set: found it without --marks, needed the trial's file; add for example --marks trial.csv")
+    return None
+
+
 def load_scenario(name: str) -> Scenario:
     """Load a shipped scenario, or a scenario file."""
     from looping_pendulum.scenarios import loader
@@ -123,6 +155,7 @@ def run_and_compare(
     profile: ProfileChoice,
     *,
     data: Path | None = None,
+    trial: MeasuredTrial | None = None,
     time_limit: float,
     memory_limit: str,
     jobs: int | None,
@@ -138,6 +171,7 @@ def run_and_compare(
             engines=engine or (),
             profile=profile.value,
             data_folder=data,
+            trial=trial,
             jobs=jobs,
             time_limit=time_limit,
             memory_limit=memory_bytes,
@@ -146,7 +180,25 @@ def run_and_compare(
         )
 
 
-COMPARE_FILES, COMPARE_FOLDERS = ("result.json", "report.md", "report.html"), ("figures", "trajectories")
+def show_residuals(result: ComparisonResult) -> None:
+    """Print what a measured trial says of the reference and of each engine, and what looks like a mistake in it."""
+    from looping_pendulum.cli.terminal import new_table, show_table
+    from looping_pendulum.compare.trial_table import short_residual_rows
+
+    if result.trial is None:
+        return
+    say(f"Trial {result.trial.name}, measured less predicted:")
+    head, rows = short_residual_rows(result)
+    if rows:
+        table = new_table(*head)
+        for row in rows:
+            table.add_row(*row)
+        show_table(table)
+    for note in result.trial.notes:
+        say(f"- {note}")
+
+
+COMPARE_FILES, COMPARE_FOLDERS = ("result.json", "report.md", "report.html", "residuals.csv"), ("figures", "trajectories")
 """Files and folders that `compare.write` writes."""
 
 

@@ -24,6 +24,8 @@ from looping_pendulum.cli.common import (
     DataFolder,
     EngineNames,
     Jobs,
+    MarksFiles,
+    MarksSettings,
     MemoryLimit,
     ProfileChoice,
     ProfileName,
@@ -33,11 +35,13 @@ from looping_pendulum.cli.common import (
     comparison_folder,
     exit_with_status,
     load_scenario,
+    read_marks,
     report_folder,
     run_and_compare,
     schema_option,
     show_output_of_failed,
     yaml_content,
+    show_residuals,
 )
 from looping_pendulum.cli.completion import scenario_names
 from looping_pendulum.cli.converge import converge
@@ -199,6 +203,8 @@ def compare(
     profile: ProfileName = ProfileChoice.QUICK,
     out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the report; default: report/SCENARIO.")] = None,
     data: DataFolder = None,
+    marks: MarksFiles = None,
+    marks_set: MarksSettings = None,
     time_limit: TimeLimit = 900.0,
     memory_limit: MemoryLimit = "2 GiB",
     jobs: Jobs = None,
@@ -216,6 +222,8 @@ def compare(
     Writes report.md with figures, report.html, result.json and the trajectories as CSV. With --baseline it also prints what
     changed since that result, and writes it to changes.json; the exit status depends on the tolerances only.
 
+    With --marks your own filmed trial stands beside the runs: its points in the figures, and each run's residual and its RMS.
+
     looping-pendulum compare ten_to_one --profile quick --out report/ten_to_one
     """
     from looping_pendulum.compare import write
@@ -224,12 +232,14 @@ def compare(
     from looping_pendulum.files import prepare_output_folder
 
     chosen = load_scenario(scenario)
+    trial = read_marks(marks, marks_set)
     earlier = None if baseline is None else read_baseline(baseline, chosen.name)
     folder = out or Path("report") / chosen.name
     prepare_output_folder(
         folder, files=(*COMPARE_FILES, "changes.json"), folders=COMPARE_FOLDERS
     )  # refuse an unusable folder before the work, not after it
-    result = run_and_compare(chosen, engine, profile, data=data, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
+    limits: dict[str, Any] = {"time_limit": time_limit, "memory_limit": memory_limit, "jobs": jobs}
+    result = run_and_compare(chosen, engine, profile, data=data, trial=trial, **limits)
     changes = None if earlier is None else changes_since(earlier, result, source=str(baseline), relative=baseline_threshold)
     folder = comparison_folder(folder, result)
     written = write(result, folder, changes)
@@ -238,6 +248,7 @@ def compare(
     for row in rows:
         table.add_row(*row)
     show_table(table)
+    show_residuals(result)
     for engine_result in result.engines:
         say(f"- {engine_result.label}: {engine_result.story}")
     if changes is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -13,6 +13,8 @@ from looping_pendulum.cli.common import (
     OUTSIDE_TOLERANCE,
     EngineNames,
     Jobs,
+    MarksFiles,
+    MarksSettings,
     MemoryLimit,
     ProfileChoice,
     ProfileName,
@@ -20,6 +22,7 @@ from looping_pendulum.cli.common import (
     comparison_folder,
     exit_with_status,
     load_scenario,
+    read_marks,
     run_and_compare,
     show_output_of_failed,
 )
@@ -42,6 +45,8 @@ def demo(
         Path | None, typer.Option(metavar="DIR", help="Folder for the page and the results; default: report/SCENARIO.")
     ] = None,
     no_open: Annotated[bool, typer.Option("--no-open", help="Write the page, but do not open it in a browser.")] = False,
+    marks: MarksFiles = None,
+    marks_set: MarksSettings = None,
     again: Annotated[bool, typer.Option("--again", help="Run the engines even if DIR has their results.")] = False,
     time_limit: TimeLimit = 900.0,
     memory_limit: MemoryLimit = "2 GiB",
@@ -50,11 +55,13 @@ def demo(
     """Animate the reference and all engines together, on one web page that works offline.
 
     Play it in slow motion, switch engines off, and see when each stops, sticks, slips and halts. Writes demo.html beside the
-    files of `compare`; if DIR has `compare`'s results of the same input and versions, no engine runs again.
+    files of `compare`; if DIR has `compare`'s results of the same input and versions, no engine runs again. With --marks the
+    points of your own filmed trial move in step.
 
     looping-pendulum demo two_to_one --no-open
     """
     from looping_pendulum.compare import write
+    from looping_pendulum.compare.comparison import with_trial
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.compare.stored import stored_result
     from looping_pendulum.engines.protocol import Profile
@@ -62,6 +69,7 @@ def demo(
     from looping_pendulum.teaching import demo as pages
 
     chosen = load_scenario(scenario)
+    trial = read_marks(marks, marks_set)
     folder = out or Path("report") / chosen.name
     prepare_output_folder(
         folder, files=(*COMPARE_FILES, pages.FILE), folders=COMPARE_FOLDERS
@@ -69,11 +77,15 @@ def demo(
     engines = chosen_engines(engine or (), Profile(profile.value))
     result = None if again else stored_result(folder, chosen, engines)
     if result is None:
-        result = run_and_compare(chosen, engine, profile, time_limit=time_limit, memory_limit=memory_limit, jobs=jobs)
+        limits: dict[str, Any] = {"time_limit": time_limit, "memory_limit": memory_limit, "jobs": jobs}
+        result = run_and_compare(chosen, engine, profile, trial=trial, **limits)
         folder = comparison_folder(folder, result)
         write(result, folder)
     else:
         note(f"{folder} has the results of this input; use --again to run the engines again")
+        if trial is not None:
+            result = with_trial(result, trial)
+            write(result, folder)
     path = pages.write(result, folder)
     say(f"wrote {path}")
     if not no_open and not pages.show(path):

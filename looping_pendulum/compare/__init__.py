@@ -10,7 +10,7 @@ from pathlib import Path
 
 from looping_pendulum.compare.baseline import ResultChanges
 from looping_pendulum.compare.comparison import compare
-from looping_pendulum.compare.export import trajectory_csv, trajectory_files
+from looping_pendulum.compare.export import residual_csv, trajectory_csv, trajectory_files
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.files import optional_output, write_atomically
 
@@ -20,9 +20,9 @@ __all__ = ["ComparisonResult", "compare", "write"]
 def write(result: ComparisonResult, folder: Path | str, changes: ResultChanges | None = None) -> Path:
     """Write ``result`` below ``folder`` and return the report's path; each file is whole or absent.
 
-    A result read back from JSON has no samples: then the report has no figures and there are no CSV files. With ``changes``
-    since a baseline the report has a section on them, and ``changes.json`` has them as data. The numbers are written first; a
-    figure or a page that cannot be made is left out with a warning.
+    With a measured trial there is ``residuals.csv``, too. A result read back from JSON has no samples: then the report has no
+    figures and there are no CSV files. With ``changes`` since a baseline the report has a section on them, and ``changes.json``
+    has them as data. The numbers are written first; a figure or a page that cannot be made is left out with a warning.
     """
     from looping_pendulum.compare import page
     from looping_pendulum.compare.plots import draw
@@ -38,6 +38,8 @@ def write(result: ComparisonResult, folder: Path | str, changes: ResultChanges |
             # A run without samples has no trajectory to write
             if len(aligned.run.t):
                 write_atomically(folder / "trajectories" / name, trajectory_csv(aligned.run))
+        if result.trial is not None and result.trial.tracks:
+            write_atomically(folder / "residuals.csv", residual_csv(result, result.samples, result.trial))
     figures = draw(result)
     for name, (_, png) in figures.items():
         write_atomically(folder / "figures" / name, png)

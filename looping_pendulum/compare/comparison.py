@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import datetime
 import math
 from collections.abc import Sequence
@@ -29,6 +30,7 @@ from looping_pendulum.compare.result import (
 )
 from looping_pendulum.compare.stories import missing_physics, story
 from looping_pendulum.compare.tolerances import NOT_RUN_STATUSES, judge
+from looping_pendulum.compare.trial import MeasuredTrial, compare_trial
 from looping_pendulum.engines.landmarks import Landmarks, run_landmarks
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.engines.trajectory import Provenance, Trajectory, finite_length, first_samples, supplies_as_rows
@@ -71,7 +73,7 @@ class ComparedEventTable(Protocol):
 def compare(
     scenario: Scenario, reference: Reference, trajectories: Sequence[Trajectory], measured: ComparedEventTable | None = None
 ) -> ComparisonResult:
-    """Compare engines with the reference, and both with a measured event table if there is one.
+    """Compare engines with the reference, and both with a measured event table if there is one; `with_trial` adds a trial.
 
     Parameters
     ----------
@@ -115,6 +117,24 @@ def compare(
             wall_times=tuple(_wall_time(run) for run in trajectories),
         ),
         samples=ResultSamples(reference=reference_run, aligned=aligned),
+    )
+
+
+def with_trial(result: ComparisonResult, trial: MeasuredTrial) -> ComparisonResult:
+    """Return ``result`` with the residuals of a measured trial, which replaces the scenario's own measured events.
+
+    Raises
+    ------
+    ValueError
+        If ``result`` was read from a file without its trajectories.
+    """
+    if result.samples is None:
+        raise ValueError("this result was read without its trajectories; make it again with `looping-pendulum compare`")
+    return dataclasses.replace(
+        result,
+        measured=_measured(trial, result.reference.landmarks, result.engines),
+        measured_source=trial.source,
+        trial=compare_trial(trial, result.samples.reference, tuple(a.run for a in result.samples.aligned)),
     )
 
 
@@ -197,6 +217,7 @@ def _measured(
             # By its own events: here the reference is compared with a measurement, not with runs that only have samples
             reference=event_value(exact_landmarks, row.quantity, row.index),
             engines=tuple(event_value(e.landmarks, row.quantity, row.index) for e in engines),
+            sigma=plain(getattr(row, "sigma", None)),
         )
         for row in table.rows
     )

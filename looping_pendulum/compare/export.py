@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import io
 from collections.abc import Callable
 
 import numpy as np
 
-from looping_pendulum.compare.result import ComparisonResult
+from looping_pendulum.compare.result import ComparisonResult, ResultSamples
+from looping_pendulum.compare.trial import TrialComparison, residual
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Trajectory
 from looping_pendulum.files import file_stem, file_stems, write_atomically
 from looping_pendulum.reference_ode.transitions import Mode
@@ -43,6 +45,25 @@ def trajectory_csv(run: Trajectory) -> str:
     for row, mode in zip(columns.tolist(), run.mode.tolist(), strict=True):
         cells = ["" if value != value else f"{value:.9g}" for value in row]  # only NaN differs from itself
         out.write(",".join([*cells, modes[mode]]) + "\n")
+    return out.getvalue()
+
+
+def residual_csv(result: ComparisonResult, samples: ResultSamples, trial: TrialComparison) -> str:
+    """Return CSV text of a trial's points, one line per point and coordinate: the measured value, and the residual of each run.
+
+    SI units; a residual is measured less predicted, and empty where the run does not reach.
+    """
+    labels = ["reference", *(result.short_name(e) for e in result.engines)]
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["channel", "unit", "t [s]", "measured", *(f"residual of {label}" for label in labels)])
+    for comparison in trial.tracks:
+        track = comparison.track
+        off = np.stack([residual(track, run) for run in (samples.reference, *(a.run for a in samples.aligned))])
+        for k, channel in enumerate(track.channels):
+            for i, t in enumerate(track.t):
+                values = [track.values[k][i], *off[:, i, k].tolist()]
+                writer.writerow([channel, track.unit, f"{t:.9g}", *("" if v != v else f"{v:.9g}" for v in values)])
     return out.getvalue()
 
 

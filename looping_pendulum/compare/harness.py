@@ -6,9 +6,10 @@ import dataclasses
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from looping_pendulum.compare.comparison import compare
+from looping_pendulum.compare.comparison import compare, with_trial
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.run_cache import run_key
+from looping_pendulum.compare.trial import MeasuredTrial
 from looping_pendulum.engines.isolation import TIME_LIMIT, Progress, run_all
 from looping_pendulum.engines.limits import expand_tolerances
 from looping_pendulum.engines.memory import MEMORY_LIMIT
@@ -32,6 +33,7 @@ def compare_engines(
     engines: Iterable[str] = (),
     profile: Profile | str = Profile.QUICK,
     data_folder: Path | None = None,
+    trial: MeasuredTrial | None = None,
     jobs: int | None = None,
     time_limit: float = TIME_LIMIT,
     memory_limit: int = MEMORY_LIMIT,
@@ -50,6 +52,9 @@ def compare_engines(
         "quick" or "accurate".
     data_folder
         Folder of measured event tables; they are also looked for in ``$LOOPING_PENDULUM_DATA``.
+    trial
+        Measured trial to compare with, in place of the scenario's own measured events;
+        `discrepancy.data.trial_files.read_measured_trial` reads one.
     jobs
         Number of runs at the same time; one per core if None.
     time_limit, memory_limit
@@ -74,7 +79,8 @@ def compare_engines(
     scenario = expand_tolerances(scenario, profile)
     chosen = chosen_engines(engines, profile)
     reference = Reference(scenario)
-    measured = measured_table(scenario, data_folder)  # Read before the runs, so that a faulty table does not waste them.
+    # Read before the runs, so that a faulty table does not waste them
+    measured = measured_table(scenario, data_folder) if trial is None else None
     runs = run_all(
         chosen,
         scenario,
@@ -85,6 +91,8 @@ def compare_engines(
         finished=finished,
     )
     result = compare(scenario, reference, runs, measured)
+    if trial is not None:
+        result = with_trial(result, trial)
     # `compare` knows trajectories only, and a key takes the engine with its settings
     return dataclasses.replace(result, run_keys=tuple(run_key(engine, scenario) for engine in chosen))
 

@@ -11,10 +11,22 @@ from looping_pendulum.compare import report
 from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.baseline import ResultChanges
 from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS
-from looping_pendulum.compare.paper_table import quantity_label
-from looping_pendulum.compare.plots import MIN_DRAWN_DEVIATION, PRINTED_HALF_DIGIT, measured_drops
+from looping_pendulum.compare.paper_table import PAPER_COLUMN, quantity_label
+from looping_pendulum.compare.plots import (
+    MIN_DRAWN_DEVIATION,
+    PRINTED_HALF_DIGIT,
+    RESIDUAL_CAPTION,
+    bar_words,
+    half_width,
+    measured_drops,
+    tracked_drops,
+    tracked_points,
+)
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, ResultSamples
+from looping_pendulum.compare.trial import TrialComparison, distance
+from looping_pendulum.compare.trial_table import RESIDUAL_UNITS
 from looping_pendulum.compare.words import events_to_show
+from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.pages import report as pages
 from looping_pendulum.pages.figures import (
     INK,
@@ -60,6 +72,8 @@ def figures(result: ComparisonResult) -> list[Figure]:
     if result.samples is not None:
         shown = [(e, a, look[e.label]) for e, a in zip(result.engines, result.samples.aligned, strict=True) if len(a.t) > 1]
         page_figures += [make(result, result.samples, shown) for make in (path_figure, drop_figure, divergence_figure)]
+        if result.trial is not None and result.trial.tracks:
+            page_figures.append(residual_figure(result, result.samples, result.trial, shown))
     if any(row.unit == "s" and row.measured is not None for row in result.measured):
         page_figures.append(events_figure(result, look))
     return page_figures
@@ -72,6 +86,9 @@ def path_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) 
     """Path of the light mass, equal axes."""
     traces = [_path("reference", samples.reference.light_position, None)]
     traces += [_path(_name(result, e), a.run.light_position, style) for e, a, style in shown]
+    tracked = tracked_points(result)
+    if tracked is not None:
+        traces.append(_tracked(*tracked))
     for e, a, style in shown:
         if e.landmarks.halting_time is not None:
             traces.append(_halt(a.run.t, a.run.light_position, e.landmarks.halting_time, run_colour(style), e.label, 12))
@@ -105,11 +122,15 @@ def drop_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) 
         off = np.where(np.abs(a.heavy_deviation) > MIN_DRAWN_DEVIATION, np.abs(a.heavy_deviation) * 1e3, np.nan)
         # One entry of the legend for both panels; a click on it hides the run in both
         traces.append(line(name, times, _line(off, 5), style, legendgroup=e.label, showlegend=False, yaxis="y2"))
+    tracked = tracked_drops(result, samples)
+    if tracked is not None:
+        traces.append(_tracked(*tracked))
     measured = measured_drops(result)
     if measured:
         t, drop = zip(*measured, strict=True)
         bars = {"type": "constant", "value": PRINTED_HALF_DIGIT, "color": INK}
-        traces.append(points("measured", t, drop, INK, "circle-open", error_x=bars, error_y=bars))
+        more = {"error_x": bars, "error_y": bars} if result.trial is None else {}
+        traces.append(points("measured events", t, drop, INK, "circle-open", **more))
     return Figure(
         id="drop",
         caption="Drop of the heavy mass (down is down), and below it how far each engine is from the reference.",
@@ -122,6 +143,29 @@ def drop_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) 
         },
         height=560,
     )
+
+
+def residual_figure(result: ComparisonResult, samples: ResultSamples, trial: TrialComparison, shown: Shown) -> Figure:
+    """Distance of every tracked point from each run, one panel for each tracked body."""
+    traces, rows = [], len(trial.tracks)
+    lowest = "y" if rows == 1 else f"y{rows}"
+    layout: dict[str, Any] = {"xaxis": {"title": {"text": TIME}, "anchor": lowest}, "showlegend": True}
+    for i, comparison in enumerate(trial.tracks):
+        track, unit = comparison.track, RESIDUAL_UNITS[comparison.track.unit]
+        axis = "y" if i == 0 else f"y{i + 1}"
+        layout[f"yaxis{'' if i == 0 else i + 1}"] = {
+            "title": {"text": f"{track.name} [{unit.name}]"},
+            "domain": [1 - (i + 0.92) / rows, 1 - i / rows],
+            "type": "log",
+            "tickformat": "~g",
+        }
+        t = plain(track.t)
+        runs: list[tuple[str, str, Trajectory, Style | None]] = [("reference", "reference", samples.reference, None)]
+        runs += [(_name(result, e), e.label, a.run, style) for e, a, style in shown]
+        for name, group, run, style in runs:
+            off = plain(distance(track, run) * unit.per_si_unit, 4)
+            traces.append(line(name, t, off, style, legendgroup=group, showlegend=i == 0, yaxis=axis))
+    return Figure(id="residuals", caption=RESIDUAL_CAPTION, traces=tuple(traces), layout=layout, height=180 + 210 * rows)
 
 
 def divergence_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) -> Figure:
@@ -163,30 +207,39 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
         return [None if v is None or m is None else round(1e3 * (v - m), 3) for v, m in pairs]
 
     traces = [
-        points("paper's numerical", less_measured(r.paper_numerical for r in rows), names, INK, "square-open"),
         points("reference", less_measured(r.reference for r in rows), names, INK),
     ]
+    if any(r.paper_numerical is not None for r in rows):
+        numerical = less_measured(r.paper_numerical for r in rows)
+        traces.insert(0, points(PAPER_COLUMN, numerical, names, INK, "square-open"))
     for i, engine in enumerate(result.engines):
         times = less_measured(r.engines[i] for r in rows)
         if any(time is not None for time in times):
             style = look[engine.label]
             traces.append(points(_name(result, engine), times, names, run_colour(style), SYMBOLS[style.marker]))
     off = [abs(x) for trace in traces for x in trace["x"] if x is not None]
-    reach = min(1.1 * max([*off, 1e3 * PRINTED_HALF_DIGIT]), MAX_SHOWN_DIFFERENCE)
-    half = 1e3 * PRINTED_HALF_DIGIT
-    digit = {"type": "rect", "x0": -half, "x1": half, "yref": "paper", "y0": 0, "y1": 1, "fillcolor": LINE, "opacity": 0.5}
+    halves = [1e3 * half_width(row) for row in rows]
+    reach = min(1.1 * max([*off, *halves]), MAX_SHOWN_DIFFERENCE)
+    grey = {"type": "rect", "fillcolor": LINE, "opacity": 0.5, "line": {"width": 0}, "layer": "below"}
+    # On an axis of categories, row k reaches from k - 0.5 to k + 0.5
+    bars = [grey | {"x0": -h, "x1": h, "y0": k - 0.5, "y1": k + 0.5} for k, h in enumerate(halves)]
     return Figure(
         id="events",
-        caption="Event times less the measured ones; grey: half of the last digit that the paper prints. "
+        caption=f"Event times less the measured ones; grey: {bar_words(result)}. "
         f"Events more than {MAX_SHOWN_DIFFERENCE:g} ms off show with Autoscale.",
         traces=tuple(traces),
         layout={
             "xaxis": {"title": {"text": "time less measured time [ms]"}, "range": [-reach, reach]},
             "yaxis": {"autorange": "reversed", "type": "category"},
-            "shapes": [digit | {"line": {"width": 0}, "layer": "below"}],
+            "shapes": bars,
         },
         height=200 + 26 * len(rows),
     )
+
+
+def _tracked(x: Array, y: Array) -> dict[str, Any]:
+    """Return the trace of tracked points, small and hollow, so that lines show through hundreds of them."""
+    return points("measured", plain(x), plain(y), SOFT, marker={"color": SOFT, "symbol": "circle-open", "size": 5})
 
 
 def _path(name: str, place: Array, style: Style | None) -> dict[str, Any]:

@@ -13,33 +13,49 @@ from looping_pendulum.engines.landmarks import Extremum
 DECIMALS = {"s": 4, "m": 4, "rad": 3}
 
 
+PAPER_COLUMN = "paper's numerical"
+"""Column of the paper's own simulation, which only the paper's trials have."""
+
+
 def quantity_label(quantity: str, index: int) -> str:
     """Return a label, ("x1_extremum", 3) -> "x1 extremum 3"; the number only where there can be several."""
     several = quantity in EVENT_QUANTITIES and EVENT_QUANTITIES[quantity].several
     return f"{quantity.replace('_', ' ')} {index}" if several else quantity.replace("_", " ")
 
 
-def render(result: ComparisonResult) -> str:
-    """Return the side-by-side table, or how to provide the measurements."""
+def render(result: ComparisonResult, *, source: bool = True) -> str:
+    """Return the side-by-side table, or how to provide the measurements.
+
+    Parameters
+    ----------
+    source
+        Whether to say where the measurements come from.
+    """
     if not result.measured:
         return (
             f"This trial was measured ({result.measured_source}), but its table of measured events is not in the package.\n"
             "Give the folder that contains it with `--data DIR` or in `$LOOPING_PENDULUM_DATA`.\n"
         )
-    head = ["quantity", "unit", "measured", "paper's numerical", "reference", *(result.short_name(e) for e in result.engines)]
+    head = ["quantity", "unit", "measured", PAPER_COLUMN, "reference", *(result.short_name(e) for e in result.engines)]
     rows = [_row(row) for row in result.measured]
     rows.append(_summary(result))
-    note = (
-        "In brackets: the difference from the measured value, or where nothing was measured from the paper's numerical one, "
-        "in thousandths of the unit (ms, mm, mrad). The paper prints times to 10 ms and lengths to 10 mm.\n\n"
-    )
-    source = f"Source: {result.measured_source}.\n\n" if result.measured_source else ""
-    return source + note + table(head, rows, left=2)
+    unit = "in thousandths of the unit (ms, mm, mrad)."
+    if any(row.paper_numerical is not None for row in result.measured):
+        otherwise = "or where nothing was measured from the paper's numerical one, "
+        note = f"{otherwise}{unit} The paper prints times to 10 ms and lengths to 10 mm."
+    else:
+        note = unit
+        place = head.index(PAPER_COLUMN)
+        head, *rows = ([*row[:place], *row[place + 1 :]] for row in (head, *rows))
+    origin = f"Source: {result.measured_source}.\n\n" if source and result.measured_source else ""
+    return f"{origin}In brackets: the difference from the measured value, {note}\n\n{table(head, rows, left=2)}"
 
 
 def _row(row: MeasuredRow) -> list[str]:
     base = row.paper_numerical if row.measured is None else row.measured
-    cells = [quantity_label(row.quantity, row.index), row.unit, fixed(row.measured, 2)]
+    # As precisely as it is printed: the paper's values to two decimals, others to the second digit of their standard error
+    decimals = 2 if row.sigma is None else min(max(1 - math.floor(math.log10(row.sigma)), 0), 6)
+    cells = [quantity_label(row.quantity, row.index), row.unit, fixed(row.measured, decimals)]
     if row.measured is None:
         cells.append(number(row.paper_numerical, digits=4))  # Shown as printed: the paper gives these values more digits.
     else:

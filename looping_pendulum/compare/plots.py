@@ -14,11 +14,14 @@ from matplotlib.patches import Circle
 
 from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.metrics import DEPARTURE_THRESHOLDS
-from looping_pendulum.compare.paper_table import quantity_label
-from looping_pendulum.compare.result import ComparisonResult, ResultSamples
+from looping_pendulum.compare.paper_table import PAPER_COLUMN, quantity_label
+from looping_pendulum.compare.result import ComparisonResult, MeasuredRow, ResultSamples
+from looping_pendulum.compare.trial import TrialComparison, distance
+from looping_pendulum.compare.trial_table import RESIDUAL_UNITS
 from looping_pendulum.compare.words import events_to_show
 from looping_pendulum.files import optional_output, utf8
 from looping_pendulum.pages.palette import Style, styles
+from looping_pendulum.reference_ode.geometry import Array
 
 PRINTED_HALF_DIGIT = 0.005
 """Bars of the paper's values: half of the last digit printed, in s and in m; the paper states no uncertainty."""
@@ -27,6 +30,9 @@ MAX_LABEL_LENGTH = 50
 """Characters of a name that a figure shows: a longer one would leave no room for the axes."""
 MIN_DRAWN_DEVIATION = 1e-8
 """Deviations below this [m] are not drawn on the log axis: they would squeeze the visible ones."""
+RESIDUAL_CAPTION = "Distance of each tracked point from what the reference and the engines predict for its time."
+TRACKED: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 3.2, "mfc": "white", "mec": "0.35", "mew": 0.8}
+"""Appearance of tracked points: hollow and small, so that lines show through hundreds of them."""
 
 
 def draw(result: ComparisonResult) -> dict[str, tuple[str, bytes]]:
@@ -46,8 +52,11 @@ def draw(result: ComparisonResult) -> dict[str, tuple[str, bytes]]:
         for name, caption, make in panels:
             with optional_output(f"figures/{name}"):
                 figures[name] = caption, png(make(result, result.samples, look))
+    if result.samples is not None and result.trial is not None and result.trial.tracks:
+        with optional_output("figures/residuals.png"):
+            figures["residuals.png"] = RESIDUAL_CAPTION, png(residual_figure(result, result.samples, result.trial, look))
     if any(row.unit == "s" and row.measured is not None for row in result.measured):
-        caption = "Event times less the measured ones; grey bars: half of the last digit that the paper prints."
+        caption = f"Event times less the measured ones; grey bars: {bar_words(result)}."
         with optional_output("figures/events.png"):
             figures["events.png"] = caption, png(events_figure(result, look))
     return figures
@@ -62,6 +71,9 @@ def path_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str
     for aligned in _drawn(samples):
         style = look[aligned.run.label]
         axes.plot(*aligned.run.light_position.T, **_line(style), label=_name(aligned, result), zorder=3)
+    points = tracked_points(result)
+    if points is not None:
+        axes.plot(*points, **TRACKED, label="measured", zorder=2.5)
     radius = float(result.parameters["rod_radius"])
     axes.add_patch(Circle((0, 0), radius, facecolor="0.8", edgecolor="black", lw=0.8, zorder=4))
     _halts(axes, result, samples, look)
@@ -104,12 +116,15 @@ def drop_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str
         line = _line(look[aligned.run.label])
         top.plot(aligned.t, aligned.run.heavy_drop, **line, label=_name(aligned, result), zorder=3)
         below.plot(aligned.t, -aligned.heavy_deviation * 1e3, **line, zorder=3)
+    tracked = tracked_drops(result, samples)
+    if tracked is not None:
+        top.plot(*tracked, **TRACKED, label="measured", zorder=2.5)
     points = measured_drops(result)
     if points:
         t, drop = zip(*points, strict=True)
-        bar = PRINTED_HALF_DIGIT
         how = {"fmt": "o", "color": "black", "mfc": "white", "ms": 5, "capsize": 3}
-        top.errorbar(t, drop, xerr=bar, yerr=bar, label="measured", zorder=5, **how)  # type: ignore[arg-type]
+        bar = PRINTED_HALF_DIGIT if result.trial is None else None
+        top.errorbar(t, drop, xerr=bar, yerr=bar, label="measured events", zorder=5, **how)  # type: ignore[arg-type]
     least, most = top.get_ylim()
     top.set_ylim(max(most, 0.01), min(least, -0.001))  # down is down; a clamped mass is drawn at rest, not as its rounding
     top.set(ylabel="drop of the heavy mass [m]", title=f"{without_mathtext(result.scenario)}: heavy mass")
@@ -130,6 +145,42 @@ def measured_drops(result: ComparisonResult) -> list[tuple[float, float]]:
     pairs += [("halting_time", "height_change_at_halt", -1), ("halting_time", "drop_at_halt", 1)]
     readings = [(value.get((t, 1)), value.get((height, 1)), sign) for t, height, sign in pairs]
     return [(t, sign * height) for t, height, sign in readings if t is not None and height is not None]
+
+
+def tracked_points(result: ComparisonResult) -> tuple[Array, Array] | None:
+    """Return x and y [m] of the tracked points of the light mass, shape (n,) each; None if it was not tracked in both."""
+    track = None if result.trial is None else result.trial.track("light mass")
+    x, y = (None, None) if track is None else (track.channel("light_x"), track.channel("light_y"))
+    return None if x is None or y is None else (np.array(x), np.array(y))
+
+
+def tracked_drops(result: ComparisonResult, samples: ResultSamples) -> tuple[Array, Array] | None:
+    """Return times [s] and drops [m] of the tracked points of the heavy mass; None if its height was not tracked."""
+    track = None if result.trial is None else result.trial.track("heavy mass")
+    height = None if track is None else track.channel("heavy_y")
+    if track is None or height is None:
+        return None
+    return np.array(track.t), samples.reference.heavy_position[0, 1] - np.array(height)
+
+
+def residual_figure(result: ComparisonResult, samples: ResultSamples, trial: TrialComparison, look: dict[str, Style]) -> Figure:
+    """Distance of every tracked point from each run, one panel for each tracked body."""
+    figure, panels = make_figure(8.0, 2.0 + 2.4 * len(trial.tracks), rows=(1,) * len(trial.tracks))
+    for axes, comparison in zip(panels, trial.tracks, strict=True):
+        track, unit = comparison.track, RESIDUAL_UNITS[comparison.track.unit]
+        own = distance(track, samples.reference) * unit.per_si_unit
+        for aligned in _drawn(samples):
+            off = distance(track, aligned.run) * unit.per_si_unit
+            label = _name(aligned, result) if axes is panels[0] else None
+            axes.plot(track.t, off, **_line(look[aligned.run.label]), label=label, zorder=3)
+        axes.plot(track.t, own, color="black", lw=2.0, label="reference" if axes is panels[0] else None, zorder=2)
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.set_ylabel(f"{track.name}:\nresidual [{unit.name}]")
+    panels[0].set_title(f"{without_mathtext(trial.name)}: measured less predicted")
+    panels[-1].set_xlabel("time since release [s]")
+    legend_below(figure)
+    return figure
 
 
 def divergence_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str, Style]) -> Figure:
@@ -168,8 +219,8 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
     rows = [row for row in result.measured if row.unit == "s" and row.measured is not None]
     figure, (axes,) = make_figure(8.0, 2.2 + 0.36 * len(rows))
     y = np.arange(len(rows), dtype=float)
-    bar = PRINTED_HALF_DIGIT * 1e3
-    axes.errorbar(np.zeros(len(rows)), y, xerr=bar, fmt="none", ecolor="0.8", elinewidth=9, label="measured", zorder=1)
+    bars = [half_width(row) * 1e3 for row in rows]
+    axes.errorbar(np.zeros(len(rows)), y, xerr=bars, fmt="none", ecolor="0.8", elinewidth=9, label="measured", zorder=1)
     axes.axvline(0, color="black", lw=0.8, zorder=1)
 
     def points(values: list[float | None], offset: float, label: str, **how: Any) -> None:
@@ -179,7 +230,7 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
             x, k = np.array(known).T
             axes.plot(x, k + offset, ls="none", label=label, **how)
 
-    points([r.paper_numerical for r in rows], -0.3, "paper's numerical", marker="s", mfc="white", mec="black", ms=5)
+    points([r.paper_numerical for r in rows], -0.3, PAPER_COLUMN, marker="s", mfc="white", mec="black", ms=5)
     points([r.reference for r in rows], -0.18, "reference", marker="o", color="black", ms=5)
     shown = [i for i in range(len(result.engines)) if any(r.engines[i] is not None for r in rows)]
     for place, i in enumerate(shown):
@@ -208,6 +259,18 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
     )
     legend_below(figure)
     return figure
+
+
+def half_width(row: MeasuredRow) -> float:
+    """Return the half-width [SI] of a measured value's bar: its standard error, or half of the last digit that is printed."""
+    return PRINTED_HALF_DIGIT if row.sigma is None else row.sigma
+
+
+def bar_words(result: ComparisonResult) -> str:
+    """Say what the bars of the measured values are."""
+    if all(row.sigma is None for row in result.measured):
+        return "half of the last digit that the paper prints"
+    return "standard error of the measured value"
 
 
 def _drawn(samples: ResultSamples) -> list[Aligned]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from looping_pendulum.compare import baseline, halting_table, paper_table
+from looping_pendulum.compare import baseline, halting_table, paper_table, trial_table
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, RunProvenance, ToleranceOutcome, ToleranceResult
 from looping_pendulum.compare.tables import GAP, fixed, number, table
 from looping_pendulum.compare.words import events_to_show
@@ -39,6 +39,7 @@ def before_figures(result: ComparisonResult, changes: baseline.ResultChanges | N
     return [
         f"# {result.title}\n\n{result.description.strip()}\n",
         "## Verdict\n\n" + _verdict(result),
+        *trial_table.render(result),
         "## Where, when and why\n\n" + _stories(result),
         *([] if changes is None else ["## Changes since the baseline\n\n" + baseline.render(changes)]),
     ]
@@ -47,8 +48,8 @@ def before_figures(result: ComparisonResult, changes: baseline.ResultChanges | N
 def after_figures(result: ComparisonResult) -> list[str]:
     """Return the sections below the figures, except the glossary."""
     sections = []
-    if result.measured_source or result.measured:
-        sections.append("## Against the paper's trial\n\n" + paper_table.render(result))
+    if result.trial is None and (result.measured_source or result.measured):
+        sections.append("## Against the measured events\n\n" + paper_table.render(result))
     return [
         *sections,
         *halting_table.render(result),
@@ -217,9 +218,13 @@ def _tolerance_row(t: ToleranceResult) -> list[str]:
 
 def _provenance(result: ComparisonResult) -> str:
     p = dict(result.parameters)
-    coefficients = p.pop("coefficients", {})
-    listed = ", ".join(f"{k} {_setting(v)}" for k, v in (p | dict(coefficients)).items())
-    text = f"Scenario `{result.scenario}`, simulated for {result.duration:g} s. Parameters (SI, radians): {listed}.\n\n"
+    coefficients = dict(p.pop("coefficients", {}))
+    # There are dozens of effects, and a scenario has a few of them
+    acting = {k: v for k, v in coefficients.items() if v != 0}
+    listed = ", ".join(f"{k} {_setting(v)}" for k, v in (p | acting).items())
+    zeros = len(coefficients) - len(acting)
+    text = f"Scenario `{result.scenario}`, simulated for {result.duration:g} s. Parameters (SI, radians): {listed}"
+    text += f"; the other {zeros} coefficients of effects are 0 (`result.json` lists them).\n\n" if zeros else ".\n\n"
     for i in result.inferred:
         script = f" (`{i.script}`)" if i.script else ""
         text += f"- Inferred, because the source does not print them: {', '.join(i.parameters)}. {i.how}{script}\n"

@@ -15,6 +15,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 from looping_pendulum.compare.json_text import dump, load
+from looping_pendulum.compare.trial import TrialComparison
 from looping_pendulum.engines.landmarks import Landmarks
 from looping_pendulum.pages.notebook import ShownInNotebook
 
@@ -196,6 +197,8 @@ class MeasuredRow:
     reference: float | None
     engines: tuple[float | None, ...]
     """In the order of `ComparisonResult.engines`."""
+    sigma: float | None = None
+    """Standard error of the measured value [SI]; None if its source states none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,7 +257,9 @@ class ComparisonResult(ShownInNotebook):
     measured: tuple[MeasuredRow, ...]
     """Empty without a measured event table."""
     measured_source: str
-    """Where the scenario says its measured event table comes from; empty if it has none."""
+    """Files of the measured trial, or where the scenario says its measured event table comes from; empty without either."""
+    trial: TrialComparison | None = None
+    """Residuals of a filmed trial's tracked points; None without one."""
     run_keys: tuple[str, ...] = ()
     """Key of each engine's run in the cache, equal for equal settings, scenario, versions and adapter; empty if unknown."""
     clock: Clock

@@ -42,6 +42,8 @@ class MeasuredEventRow:
     """Value of the paper's own simulation [SI]; None if the paper prints none."""
     unit: str
     """SI unit of both."""
+    sigma: float | None = None
+    """Standard error of the measured value [SI]; None if the source states none."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -93,6 +93,10 @@ CAMERA = MappingProxyType(
 """Coefficients of the camera model, by name; the null values are those of a perfect camera."""
 
 
+NEWTON_STEPS = 8
+"""Newton steps of `Camera.true_position`: from an error of some centimetres they reach rounding in four or five."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Camera:
     """Camera of one trial; the default is a perfect one. `CAMERA` has the meaning and the unit of each value."""
@@ -130,6 +134,17 @@ class Camera:
             If a position lies behind the camera.
         """
         return np.asarray(self._scaled_and_turned(self._image(position)) + [self.origin_x, self.origin_y])
+
+    def true_position(self, measured: Array) -> Array:
+        """Return the true positions [m] that `project` maps to measured ones [m], shape (n, 2)."""
+        cosine, sine = math.cos(self.tilt), math.sin(self.tilt)
+        position: Array = (measured - [self.origin_x, self.origin_y]) / self.scale @ np.array([[cosine, -sine], [sine, cosine]])
+        if self._looks_straight:
+            return position
+        for _ in range(NEWTON_STEPS):
+            jacobian = np.stack([self.project_displacement(position, np.eye(2)[k]) for k in (0, 1)], axis=-1)
+            position = position + np.linalg.solve(jacobian, (measured - self.project(position))[..., np.newaxis])[..., 0]
+        return position
 
     def project_displacement(self, position: Array, displacement: Array) -> Array:
         """Return the displacement [m] in the picture of small true ones [m] at true positions [m].

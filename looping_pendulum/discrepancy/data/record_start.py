@@ -129,13 +129,6 @@ def _angles(study: Study, trial: Trial, observations: Observations, length: floa
         return np.zeros(0), np.zeros(0), 0.0
     x, y = channels["light_x"], channels["light_y"]
     t, in_x, in_y = np.intersect1d(x.t, y.t, return_indices=True)
-    position = _true_position(camera, np.stack([x.value[in_x], y.value[in_y]], axis=1))
+    position = camera.true_position(np.stack([x.value[in_x], y.value[in_y]], axis=1))
     _, angle = string_coordinates(position, _value(study, trial, "rod_radius"), math.pi)
     return t, angle, estimate_noise((x, y)).a / length
-
-
-def _true_position(camera: Camera, measured: Array) -> Array:
-    """Return true positions [m] of measured ones [m], shape (n, 2), but for what the lens and an oblique view do to them."""
-    cosine, sine = math.cos(camera.tilt), math.sin(camera.tilt)
-    rotated = (measured - [camera.origin_x, camera.origin_y]) / camera.scale
-    return np.asarray(rotated @ np.array([[cosine, -sine], [sine, cosine]]))

@@ -331,7 +331,12 @@ def _effect_acts_in(effect: Effect, trial: Trial) -> bool:
 
 
 def read_trial(study: Study, trial: Trial) -> Observations:
-    """Read a trial's files.
+    """Read the files of a trial of ``study``, as `read_files` does."""
+    return read_files(study.folder, trial)
+
+
+def read_files(folder: Path, trial: Trial) -> Observations:
+    """Read a trial's files, whose paths are relative to ``folder``.
 
     Raises
     ------
@@ -342,7 +347,7 @@ def read_trial(study: Study, trial: Trial) -> Observations:
 
     parts = tuple(
         read(
-            study.folder / path,
+            folder / path,
             frame_rate=trial.frame_rate,
             clip_rate=trial.clip_rate,
             tracks=tracks or None,
@@ -354,6 +359,6 @@ def read_trial(study: Study, trial: Trial) -> Observations:
         for path, tracks in trial.files
     )
     if trial.events is not None:
-        parts = (*parts, read(study.folder / trial.events, kind="events", name=trial.name))
+        parts = (*parts, read(folder / trial.events, kind="events", name=trial.name))
     observations = with_event_errors(merge(trial.name, parts), dict(trial.event_errors))
     return mirrored(observations) if trial.mirrored else observations

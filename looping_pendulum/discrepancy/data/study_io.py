@@ -160,6 +160,17 @@ def _estimates(group: Any, names: Mapping[str, str]) -> dict[str, Estimate]:
     return estimates
 
 
+def trial_of(doc: Document) -> Trial:
+    """Return the first trial of a document, without what a fit of it would need.
+
+    Raises
+    ------
+    ScenarioError
+        If a key of it has an error.
+    """
+    return _trial(study_file.check(doc).trials[0], doc, 0)
+
+
 def _trial(group: TrialGroup, doc: Document, index: int) -> Trial:
     path = ("trials", index)
     if (group.file is None) == (group.files is None):

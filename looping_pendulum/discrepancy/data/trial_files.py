@@ -1,0 +1,188 @@
+"""Read the files of one trial for a comparison: every form that a study's trial may have, as points since the release.
+
+The camera is taken at its word and undone, never fitted: `identify` fits it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from looping_pendulum.compare.trial import MeasuredTrack, MeasuredTrial
+from looping_pendulum.discrepancy.data import study_io
+from looping_pendulum.discrepancy.data.camera import Camera
+from looping_pendulum.discrepancy.data.observations import Channel, DataError, Observations
+from looping_pendulum.discrepancy.data.study import Trial, read_files
+from looping_pendulum.errors import ScenarioError
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.scenarios.document import Document, one_line, quote
+from looping_pendulum.scenarios.fields import suggest
+from looping_pendulum.scenarios.measured import MeasuredEventRow
+
+OPTION = "--marks-set"
+"""Option of the command line by which a user gives the keys of a trial."""
+KEYS = ("name", "kind", "frame_rate", "clip_rate", "tracks", "units", "drop", "dropped", "mirrored", "camera", "event_errors")
+"""Keys of a study's trial that say how its files are read."""
+STUDY_SUFFIXES = (".yaml", ".yml")
+_WAYS_OUT = (
+    (re.compile(r"'(tracks|units): \{(\w+): ([^}]*)\}'"), rf"{OPTION} '\1.\2=\3'"),
+    (re.compile(r"'drop: (\S+)'"), rf"{OPTION} drop=\1"),
+    (re.compile(r"give 'frame_rate'"), f"give {OPTION} 'frame_rate=240 Hz'"),
+    (re.compile(r"correct 'tracks'"), f"correct {OPTION} 'tracks.light=NAME'"),
+    (re.compile(r"say by 'tracks'"), f"say by {OPTION} 'tracks.light=NAME'"),
+    (re.compile(r"check 'tracks' and 'kind'"), f"check {OPTION} tracks.light and kind"),
+    (re.compile(r"leave 'drop' out"), f"leave {OPTION} drop out"),
+)
+"""Way out that an error offers to the author of a study -> the same on the command line."""
+
+
+def read_measured_trial(files: Sequence[str], settings: Sequence[str] = ()) -> MeasuredTrial:
+    """Read one trial.
+
+    Parameters
+    ----------
+    files
+        Files of tracked points or events, each for both masses or, as "light=FILE" or "heavy=FILE", for one; or one study
+        file, of which one trial is taken.
+    settings
+        Keys of a study's trial, `KEYS`, as "tracks.light=mass A"; of a study only "name=TRIAL".
+
+    Raises
+    ------
+    DataError, ScenarioError, StudyError
+        In one line, if a file or a setting cannot be used.
+    """
+    given = dict(_key_and_value(setting) for setting in settings)
+    if any(Path(file).suffix.lower() in STUDY_SUFFIXES for file in files):
+        return _trial_of_study(files, given)
+    trial = _trial(files, given)
+    try:
+        return measured_trial(trial, read_files(Path(), trial))
+    except DataError as error:
+        message = str(error)
+        for way_out, option in _WAYS_OUT:
+            message = way_out.sub(option, message)
+        raise DataError(message) from None
+
+
+def measured_trial(trial: Trial, observations: Observations) -> MeasuredTrial:
+    """Return what was measured in a trial: the masses' true positions by its camera's stated values, and its events."""
+    camera = Camera(**{name: estimate.value for name, estimate in trial.camera.items()})
+    channels = {c.name: c for c in observations.channels}
+    tracks, late = [], 0
+    for name, track_channels, t, values in _tracks(channels, camera, trial.dropped):
+        kept = t >= 0
+        late += int(np.sum(~kept))
+        if kept.any():
+            tracks.append(
+                MeasuredTrack(
+                    name=name,
+                    channels=track_channels,
+                    unit="rad" if "wrap_angle" in track_channels else "m",
+                    t=tuple(t[kept].tolist()),
+                    values=tuple(tuple(v[kept].tolist()) for v in values),
+                    level_unknown="heavy_y" in track_channels or "height" in channels,
+                )
+            )
+    if not tracks and not observations.events:
+        way_out = f"say when it was by {OPTION} camera.clock_offset"
+        raise DataError(f"{observations.file}: found no point after the release, needed some; {way_out}")
+    left_out = [f"{late} points before the release are left out."] if late else []
+    notes = [f"{observations.summary()}.", *(f"{a[0].upper()}{a[1:]}." for a in observations.assumptions), *left_out]
+    return MeasuredTrial(
+        name=observations.name,
+        source=observations.file,
+        tracks=tuple(tracks),
+        rows=tuple(
+            MeasuredEventRow(
+                quantity=e.quantity, index=e.index, measured=e.value, paper_numerical=None, unit=e.unit, sigma=e.sigma
+            )
+            for e in observations.events
+        ),
+        notes=tuple(notes),
+    )
+
+
+_Track = tuple[str, tuple[str, ...], Array, list[Array]]
+"""Name, channels, true times [s] and true values [SI] of a track."""
+
+
+def _tracks(channels: dict[str, Channel], camera: Camera, dropped: str) -> list[_Track]:
+    """Return every track of a trial."""
+    found: list[_Track] = []
+    for mass in ("light", "heavy"):
+        x, y = channels.get(f"{mass}_x"), channels.get(f"{mass}_y")
+        if x is not None and y is not None:
+            t, in_x, in_y = np.intersect1d(x.t, y.t, return_indices=True)
+            position = camera.true_position(np.stack([x.value[in_x], y.value[in_y]], axis=1))
+            found.append((f"{mass} mass", (x.name, y.name), camera.true_time(t), list(position.T)))
+        elif x is not None or y is not None:
+            # Without the other coordinate, a tilted or oblique view cannot be undone
+            only = x or y
+            assert only is not None
+            origin = camera.origin_x if only is x else camera.origin_y
+            values = (only.value - origin) / camera.scale
+            found.append((f"{mass} mass", (only.name,), camera.true_time(only.t), [values]))
+    if "height" in channels:
+        height = channels["height"]
+        values = (height.value - camera.origin_y) / camera.scale
+        found.append((f"{dropped} mass", (f"{dropped}_y",), camera.true_time(height.t), [values]))
+    if "angle" in channels:
+        angle = channels["angle"]
+        found.append(("wrap angle", ("wrap_angle",), camera.true_time(angle.t), [angle.value + np.pi - camera.tilt]))
+    return found
+
+
+def _key_and_value(text: str) -> tuple[str, str]:
+    key, equals, value = text.partition("=")
+    if not (key.strip() and equals and value.strip()):
+        raise DataError(one_line(f"{OPTION}: found {quote(text)}, needed KEY=VALUE; write for example 'frame_rate=240 Hz'"))
+    if key.strip().partition(".")[0] not in KEYS:
+        known = ", ".join(KEYS)
+        message = f"{OPTION}: found the key {quote(key.strip())}, needed one of: {known}{suggest(key.strip(), KEYS)}"
+        raise DataError(one_line(message))
+    return key.strip(), value.strip()
+
+
+def _trial(files: Sequence[str], given: dict[str, str]) -> Trial:
+    """Return the trial that the files and settings of a command line describe, checked as a study's."""
+    entry: dict[str, Any] = {}
+    for key, value in given.items():
+        group, dot, inner = key.partition(".")
+        if dot:
+            entry.setdefault(group, {})[inner] = value
+        else:
+            entry[group] = value
+    of_mass = [file.partition("=") for file in files if file.startswith(("light=", "heavy="))]
+    whole = [file for file in files if not file.startswith(("light=", "heavy="))]
+    named: tuple[tuple[str, dict[str, str]], ...] = tuple((path, {mass: ""}) for mass, _, path in of_mass)
+    paths = [path for path, _ in named] + whole
+    entry = {"name": Path(paths[0]).stem, "file": paths[0]} | entry
+    try:
+        trial = study_io.trial_of(Document(file=OPTION, data={"title": "trial", "trials": [entry]}, lines={}))
+    except ScenarioError as error:
+        raise DataError(str(error).replace("trials[0].", "").replace("trials[0]: ", "")) from None
+    tracks = trial.files[0][1] if entry.get("tracks") else {}
+    return replace(trial, files=(*named, *((file, tracks) for file in whole)))
+
+
+def _trial_of_study(files: Sequence[str], given: dict[str, str]) -> MeasuredTrial:
+    """Read a trial of a study file, which says itself how its files are read."""
+    if len(files) > 1 or set(given) - {"name"}:
+        raise DataError(
+            f"--marks: found a study file beside other files or settings, needed it alone, or with {OPTION} name=TRIAL; "
+            "write the rest into the study"
+        )
+    study = study_io.load(files[0])
+    names = [trial.name for trial in study.trials]
+    name = given.get("name", names[0] if len(names) == 1 else "")
+    if name not in names:
+        what = f"no trial {quote(name)} among" if name else "the trials"
+        raise DataError(f"{files[0]}: found {what} {', '.join(names)}, needed one of them; choose by {OPTION} name={names[0]}")
+    trial = study.trial(name)
+    return measured_trial(trial, read_files(study.folder, trial))
