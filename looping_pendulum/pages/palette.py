@@ -29,26 +29,55 @@ class Style:
     """Index of the colour in `COLOURS`; pages use ``var(--run-SLOT)``, which depends on the background."""
 
 
+KNOWN_LABELS = (
+    # The variants that run if none is named, and Drake's
+    "mujoco:capstan",
+    "pymunk:chain",
+    "pybullet:chain",
+    "mujoco:documented",
+    "mujoco:beads",
+    "drake:chain",
+    # Of one engine's variants, no more have the same colour than must: MuJoCo has one more than there are colours
+    "pymunk:beads",
+    "mujoco:effective_mass",
+    "mujoco:drum",
+    "pymunk:segments",
+    "pymunk:defaults",
+    "mujoco:frictionloss",
+    "mujoco:defaults",
+    "pybullet:defaults",
+    "reference:heyoka",
+    "pybullet:remade",
+    "pybullet:point_to_point",
+    "reference:scipy",
+)
+"""Variants of this package: the place of each gives its style, which is the same on every page and in every figure."""
+
+
 def styles(labels: Iterable[str]) -> dict[str, Style]:
-    """Return a style per label, chosen by its checksum; of labels with the same one, later ones take the next free."""
-    taken: dict[int, str] = {}
-    # Sorted, so that a style depends on which labels there are, not on their order
-    for label in sorted(set(labels)):
+    """Return a style per label: always the same for one of `KNOWN_LABELS`, for another one chosen by its checksum.
+
+    Of other labels with the same checksum, later ones by the alphabet take the next free style.
+    """
+    given = set(labels)
+    slots = {label: slot for slot, label in enumerate(KNOWN_LABELS) if label in given}
+    count, taken = len(COLOURS), set[int]()
+    for label in sorted(given - slots.keys()):
         # Not hash(), which differs from process to process
-        wanted = zlib.crc32(utf8(label)) % len(COLOURS)
-        free = [slot for k in range(len(COLOURS)) if (slot := (wanted + k) % len(COLOURS)) not in taken]
-        taken[free[0] if free else len(taken)] = label
-    # When all colours are taken, the next round pairs each with another dash and marker
+        wanted = zlib.crc32(utf8(label)) % count
+        free = [slot for k in range(count) if (slot := (wanted + k) % count) not in taken]
+        slot = free[0] if free else len(taken)
+        taken.add(slot)
+        # Behind the known ones, so that a colour that both have goes with other dashes and markers
+        slots[label] = len(KNOWN_LABELS) + slot
+    return {label: _style(slot) for label, slot in slots.items()}
+
+
+def _style(slot: int) -> Style:
     count = len(COLOURS)
-    return {
-        label: Style(
-            colour=COLOURS[slot % count],
-            dashes=DASHES[(slot + slot // count) % count],
-            marker=MARKERS[(slot + slot // count) % count],
-            slot=slot % count,
-        )
-        for slot, label in taken.items()
-    }
+    # Each round through the colours pairs them with other dashes and markers
+    shape = (slot + slot // count) % count
+    return Style(colour=COLOURS[slot % count], dashes=DASHES[shape], marker=MARKERS[shape], slot=slot % count)
 
 
 def colour_rules() -> str:

@@ -18,12 +18,11 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FormatStrFormatter, MaxNLocator
 from numpy.typing import NDArray
 
+from looping_pendulum.pages.palette import styles
 from looping_pendulum.reference_ode.transitions import Event
-from looping_pendulum.sweep.fields import ENDING_DESCRIPTIONS, ENDINGS
+from looping_pendulum.sweep.fields import ENDING_DESCRIPTIONS, ENDINGS, REFERENCE
 from looping_pendulum.sweep.plan import Axis, MapPlan, Sample
 
-COLOURS = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Black for the first engine, then Okabe and Ito's palette."""
 MAP = "viridis"
 """Matplotlib's colour map: safe for colour-blind readers, and monotone when printed in grey."""
 HATCHES = ("", "////", "....", "xxxx", "\\\\\\\\", "++++", "oo")
@@ -88,11 +87,13 @@ def _lines(plan: MapPlan, data: xr.Dataset, axis: Axis) -> Figure:
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     # Many points, or a sample's in any order, are not joined: the line would hide them
     few = data.sizes[next(iter(data["end"].dims[-1:]))] <= 200 and not isinstance(plan.design, Sample)
+    look = styles(plan.engines)
     for i, engine in enumerate(plan.engines):
         one = _of_engine(plan, data, i)
+        colour = "black" if engine == REFERENCE else look[engine].colour
         x, halt = _values(axis, one), one["halting_time"].values.ravel()
         stops = np.where(one["stops"].values < 0, np.nan, one["stops"].values).ravel()
-        how: dict[str, Any] = {"color": COLOURS[i % len(COLOURS)], "ms": 4 if few else 2, "ls": "-" if few else "", "lw": 0.8}
+        how: dict[str, Any] = {"color": colour, "ms": 4 if few else 2, "ls": "-" if few else "", "lw": 0.8}
         above.plot(x, halt, marker="o", label=engine, **how)
         below.plot(x, stops, marker="o", **how)
         without = x[~np.isfinite(halt)]

@@ -107,11 +107,12 @@ def test_a_claim_about_a_number_that_is_not_there_does_not_break_the_page():
 
 def test_hostile_text_stays_text(tmp_path):
     hostile = "<script>alert(1)</script><img src=x onerror=alert(2)>"
-    d = dataclasses.replace(DEMONSTRATIONS["break-away"], title=hostile, question=hostile, change=hostile)
-    page = html(run_demonstration(d), b"")
+    d = DEMONSTRATIONS["break-away"]
+    picture = dataclasses.replace(d.picture, x=hostile)
+    page = html(run_demonstration(dataclasses.replace(d, title=hostile, question=hostile, change=hostile, picture=picture)))
     assert "<script>alert" not in page
     assert "<img src=x" not in page
-    assert page.count("&lt;script&gt;alert") >= 3
+    assert page.count("&lt;script&gt;alert") >= 4
 
 
 def test_a_page_stands_alone(tmp_path):
@@ -120,7 +121,7 @@ def test_a_page_stands_alone(tmp_path):
     page = files[-1].read_text()
     assert len(page) < 200_000
     assert not re.search(r"(src|href)=\"(?!data:|#|index\.html)", page)
-    assert 'alt="' in page
+    assert '<div role="img" tabindex="0" aria-label="' in page
     assert page.count("<th scope=") == 3 + 8
 
 

@@ -28,7 +28,8 @@
       ...merged,
       legend: { orientation: "h", yref: "container", y: 0, yanchor: "bottom", ...merged.legend },
       ...(Theme.printing ? { width: PAPER, autosize: false } : {}),
-      height: figure.layout.height + (width < 600 ? 22 * figure.traces.filter((t) => t.showlegend !== false).length : 0),
+      // On a phone no taller than wide, as a path to scale would have blank above and below it; the legend needs room beside that
+      height: (width < 600 ? Math.min(figure.layout.height, Math.max(width, 340) + 60) : figure.layout.height) + (width < 600 ? 22 * figure.traces.filter((t) => t.showlegend !== false).length : 0),
       margin: { l: 64, r: 12, t: 24, b: 90, ...merged.margin },
     });
   }

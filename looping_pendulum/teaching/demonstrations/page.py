@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import difflib
 import io
 from collections.abc import Mapping, Sequence
@@ -16,6 +15,7 @@ from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.tables import table
 from looping_pendulum.pages.palette import COLOURS, DASHES, MARKERS
 from looping_pendulum.pages.shell import page
+from looping_pendulum.pages.svg import themed_svg
 from looping_pendulum.teaching.demonstrations.chains import POLYGON, STRETCHY
 from looping_pendulum.teaching.demonstrations.demonstration import Demonstration, DemonstrationError, DemonstrationResult
 from looping_pendulum.teaching.demonstrations.friction import CONSTANT_FRICTION, CREEP, FORGOTTEN_TURNS, TENDON_WITHOUT_FRICTION
@@ -67,10 +67,9 @@ def find_demonstrations(names: Sequence[str]) -> tuple[Demonstration, ...]:
 def write_pages(result: DemonstrationResult, folder: Path, *, with_html: bool = True) -> tuple[Path, ...]:
     """Write NAME.png, NAME.md and, with ``with_html``, the self-contained NAME.html; return their paths."""
     name = result.demonstration.name
-    png = figure(result)
-    files: dict[str, str | bytes] = {f"{name}.png": png, f"{name}.md": markdown(result)}
+    files: dict[str, str | bytes] = {f"{name}.png": png(result), f"{name}.md": markdown(result)}
     if with_html:
-        files[f"{name}.html"] = html(result, png)
+        files[f"{name}.html"] = html(result)
     for file, content in files.items():
         write_atomically(folder / file, content)
     return tuple(folder / file for file in files)
@@ -134,8 +133,8 @@ def provenance(result: DemonstrationResult) -> str:
     return f"{MADE_WITH}{made}, by `looping-pendulum demonstrations {result.demonstration.name}`."
 
 
-def html(result: DemonstrationResult, png: bytes) -> str:
-    """Return the page as one HTML file that loads no other file."""
+def html(result: DemonstrationResult) -> str:
+    """Return the page as one HTML file that loads no other file; its figure has the colours of the page's ground."""
     d = result.demonstration
     return page(
         HERE,
@@ -144,15 +143,22 @@ def html(result: DemonstrationResult, png: bytes) -> str:
         d=d,
         result=result,
         not_borne_out=NOT_BORNE_OUT,
-        picture=f"data:image/png;base64,{base64.b64encode(png).decode()}",
+        picture=themed_svg(drawing(result)),
         words=commands_words(d).replace("`", ""),
         start=start(d),
         provenance=provenance(result).replace("`", ""),
     )
 
 
-def figure(result: DemonstrationResult) -> bytes:
-    """Return the figure as PNG: the reference in black, the others in colours, with dashes or markers that differ as well."""
+def png(result: DemonstrationResult) -> bytes:
+    """Return the figure as PNG."""
+    out = io.BytesIO()
+    drawing(result).savefig(out, format="png", dpi=100, metadata={"Software": None})
+    return out.getvalue()
+
+
+def drawing(result: DemonstrationResult) -> Figure:
+    """Draw the figure: the reference in black, the others in colours, with dashes or markers that differ as well."""
     picture = result.demonstration.picture
     fig = Figure(figsize=(7.2, 4.0), layout="constrained")
     FigureCanvasAgg(fig)
@@ -173,6 +179,4 @@ def figure(result: DemonstrationResult) -> bytes:
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     fig.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=9)
-    out = io.BytesIO()
-    fig.savefig(out, format="png", dpi=100, metadata={"Software": None})
-    return out.getvalue()
+    return fig
