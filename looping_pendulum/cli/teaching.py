@@ -44,6 +44,9 @@ def demo(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the page and the results; default: report/SCENARIO.")
     ] = None,
+    film: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write a film for slides: demo.gif, or demo.mp4 with ffmpeg.")
+    ] = None,
     no_open: Annotated[bool, typer.Option("--no-open", help="Write the page, but do not open it in a browser.")] = False,
     marks: MarksFiles = None,
     marks_set: MarksSettings = None,
@@ -70,6 +73,11 @@ def demo(
 
     chosen = load_scenario(scenario)
     trial = read_marks(marks, marks_set)
+    if film is not None:
+        from looping_pendulum.teaching.film import check_film, write_film
+
+        check_film(film)
+        prepare_output_folder(film.parent, files=(film.name,))
     folder = out or Path("report") / chosen.name
     prepare_output_folder(
         folder, files=(*COMPARE_FILES, pages.FILE), folders=COMPARE_FOLDERS
@@ -88,6 +96,10 @@ def demo(
             write(result, folder)
     path = pages.write(result, folder)
     say(f"wrote {path}")
+    if film is not None:
+        with ProgressBars() as bars:
+            write_film(result, film, bars.update)
+        say(f"wrote {film}")
     if not no_open and not pages.show(path):
         say(f"no browser was found; open {path.resolve().as_uri()} in one")
     assert result.samples is not None

@@ -19,8 +19,6 @@ from looping_pendulum.compare.plots import (
     bar_words,
     half_width,
     measured_drops,
-    tracked_drops,
-    tracked_points,
 )
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, ResultSamples
 from looping_pendulum.compare.trial import TrialComparison, distance
@@ -86,7 +84,7 @@ def path_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) 
     """Path of the light mass, equal axes."""
     traces = [_path("reference", samples.reference.light_position, None)]
     traces += [_path(_name(result, e), a.run.light_position, style) for e, a, style in shown]
-    tracked = tracked_points(result)
+    tracked = None if result.trial is None else result.trial.light_positions()
     if tracked is not None:
         traces.append(_tracked(*tracked))
     for e, a, style in shown:
@@ -122,7 +120,7 @@ def drop_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) 
         off = np.where(np.abs(a.heavy_deviation) > MIN_DRAWN_DEVIATION, np.abs(a.heavy_deviation) * 1e3, np.nan)
         # One entry of the legend for both panels; a click on it hides the run in both
         traces.append(line(name, times, _line(off, 5), style, legendgroup=e.label, showlegend=False, yaxis="y2"))
-    tracked = tracked_drops(result, samples)
+    tracked = None if result.trial is None else result.trial.heavy_drops(reference)
     if tracked is not None:
         traces.append(_tracked(*tracked))
     measured = measured_drops(result)

@@ -21,7 +21,6 @@ from looping_pendulum.compare.trial_table import RESIDUAL_UNITS
 from looping_pendulum.compare.words import events_to_show
 from looping_pendulum.files import optional_output, utf8
 from looping_pendulum.pages.palette import Style, styles
-from looping_pendulum.reference_ode.geometry import Array
 
 PRINTED_HALF_DIGIT = 0.005
 """Bars of the paper's values: half of the last digit printed, in s and in m; the paper states no uncertainty."""
@@ -71,9 +70,9 @@ def path_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str
     for aligned in _drawn(samples):
         style = look[aligned.run.label]
         axes.plot(*aligned.run.light_position.T, **_line(style), label=_name(aligned, result), zorder=3)
-    points = tracked_points(result)
-    if points is not None:
-        axes.plot(*points, **TRACKED, label="measured", zorder=2.5)
+    tracked = None if result.trial is None else result.trial.light_positions()
+    if tracked is not None:
+        axes.plot(*tracked, **TRACKED, label="measured", zorder=2.5)
     radius = float(result.parameters["rod_radius"])
     axes.add_patch(Circle((0, 0), radius, facecolor="0.8", edgecolor="black", lw=0.8, zorder=4))
     _halts(axes, result, samples, look)
@@ -116,7 +115,7 @@ def drop_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str
         line = _line(look[aligned.run.label])
         top.plot(aligned.t, aligned.run.heavy_drop, **line, label=_name(aligned, result), zorder=3)
         below.plot(aligned.t, -aligned.heavy_deviation * 1e3, **line, zorder=3)
-    tracked = tracked_drops(result, samples)
+    tracked = None if result.trial is None else result.trial.heavy_drops(samples.reference)
     if tracked is not None:
         top.plot(*tracked, **TRACKED, label="measured", zorder=2.5)
     points = measured_drops(result)
@@ -145,22 +144,6 @@ def measured_drops(result: ComparisonResult) -> list[tuple[float, float]]:
     pairs += [("halting_time", "height_change_at_halt", -1), ("halting_time", "drop_at_halt", 1)]
     readings = [(value.get((t, 1)), value.get((height, 1)), sign) for t, height, sign in pairs]
     return [(t, sign * height) for t, height, sign in readings if t is not None and height is not None]
-
-
-def tracked_points(result: ComparisonResult) -> tuple[Array, Array] | None:
-    """Return x and y [m] of the tracked points of the light mass, shape (n,) each; None if it was not tracked in both."""
-    track = None if result.trial is None else result.trial.track("light mass")
-    x, y = (None, None) if track is None else (track.channel("light_x"), track.channel("light_y"))
-    return None if x is None or y is None else (np.array(x), np.array(y))
-
-
-def tracked_drops(result: ComparisonResult, samples: ResultSamples) -> tuple[Array, Array] | None:
-    """Return times [s] and drops [m] of the tracked points of the heavy mass; None if its height was not tracked."""
-    track = None if result.trial is None else result.trial.track("heavy mass")
-    height = None if track is None else track.channel("heavy_y")
-    if track is None or height is None:
-        return None
-    return np.array(track.t), samples.reference.heavy_position[0, 1] - np.array(height)
 
 
 def residual_figure(result: ComparisonResult, samples: ResultSamples, trial: TrialComparison, look: dict[str, Style]) -> Figure:

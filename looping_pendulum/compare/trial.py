@@ -124,6 +124,20 @@ class TrialComparison:
         """Return the points of a body, None if it was not tracked."""
         return next((c.track for c in self.tracks if c.track.name == name), None)
 
+    def light_positions(self) -> tuple[Array, Array] | None:
+        """Return x and y [m] of the points of the light mass, shape (n,) each; None if it was not tracked in both."""
+        track = self.track("light mass")
+        x, y = (None, None) if track is None else (track.channel("light_x"), track.channel("light_y"))
+        return None if x is None or y is None else (np.array(x), np.array(y))
+
+    def heavy_drops(self, reference: Trajectory) -> tuple[Array, Array] | None:
+        """Return times [s] and drops below the release [m] of the points of the heavy mass; None if its height is unknown."""
+        track = self.track("heavy mass")
+        height = None if track is None else track.channel("heavy_y")
+        if track is None or height is None:
+            return None
+        return np.array(track.t), reference.heavy_position[0, 1] - np.array(height)
+
 
 def compare_trial(trial: MeasuredTrial, reference: Trajectory, runs: tuple[Trajectory, ...]) -> TrialComparison:
     """Return the residuals of every track of ``trial`` from the reference and from each of ``runs``."""

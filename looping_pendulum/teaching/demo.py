@@ -37,6 +37,7 @@ def render(result: ComparisonResult) -> str:
         data={"demo-data": data},
         result=result,
         runs=data["runs"],
+        trial=data["trial"],
         rate=data["rate"],
         tension_window=round(1e3 * AVERAGING_TIME),
         string=data["string"],

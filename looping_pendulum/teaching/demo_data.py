@@ -9,12 +9,14 @@ import numpy as np
 from looping_pendulum.compare.align import Aligned
 from looping_pendulum.compare.report import name
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, ResultSamples, SupplyEntry
+from looping_pendulum.compare.trial import distance
+from looping_pendulum.compare.trial_table import RESIDUAL_UNITS
 from looping_pendulum.compare.words import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, events_to_show, mode_description
 from looping_pendulum.engines.landmarks import RELEASES_WITHOUT_STOPS, Landmarks
 from looping_pendulum.engines.protocol import physics_of
 from looping_pendulum.engines.tension import tension_from_motion
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Supplier, Trajectory
-from looping_pendulum.pages.numbers import quantity
+from looping_pendulum.pages.numbers import number, quantity
 from looping_pendulum.pages.palette import styles
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release, parameters_from
@@ -70,7 +72,44 @@ def page_data(result: ComparisonResult) -> dict[str, Any]:
         "runs": runs,
         "modes": _mode_intervals(result.samples.reference),
         "kinds": {kind: words[0] for kind, words in EVENT_KINDS.items()},
+        "trial": _trial(result, result.samples),
     }
+
+
+def _trial(result: ComparisonResult, samples: ResultSamples) -> dict[str, Any] | None:
+    """Return the tracked points of the measured trial: for the stage by mass, for the panels by quantity; None without any."""
+    if result.trial is None or not result.trial.tracks:
+        return None
+    stage: dict[str, Any] = {}
+    panels: dict[str, Any] = {}
+    for comparison in result.trial.tracks:
+        track = comparison.track
+        t, mass = _rounded(np.array(track.t), 5), track.name.partition(" ")[0]
+        coordinates = {axis: track.channel(f"{mass}_{axis}") for axis in ("x", "y")}
+        if coordinates["y"] is not None and (mass == "heavy" or coordinates["x"] is not None):
+            known = {axis: _rounded(np.array(values), 5) for axis, values in coordinates.items() if values is not None}
+            stage[mass] = {"t": t} | known
+        angle = track.channel("wrap_angle")
+        if angle is not None:
+            panels["angle"] = {"t": t, "v": _rounded(np.array(angle), 5)}
+        if track.name == "light mass":
+            panels["distance"] = {"t": t, "v": _rounded(distance(track, samples.reference), 6)}
+    drops = result.trial.heavy_drops(samples.reference)
+    if drops is not None:
+        panels["drop"] = {"t": _rounded(drops[0], 5), "v": _rounded(drops[1], 6)}
+    return {"name": result.trial.name, "stage": stage, "panels": panels}
+
+
+def _residual_words(result: ComparisonResult, index: int | None) -> str:
+    """Return how far the measured points are from a run: from the engine of that index, or None: from the reference."""
+    parts = []
+    for comparison in () if result.trial is None else result.trial.tracks:
+        residual = comparison.reference if index is None else comparison.engines[index]
+        if residual.rms is not None:
+            unit = RESIDUAL_UNITS[comparison.track.unit]
+            rms = number(residual.rms, unit.per_si_unit)
+            parts.append(f"{comparison.track.name} {rms} {unit.name}")
+    return f"RMS distance of the measured points: {', '.join(parts)}." if parts else ""
 
 
 def _reference_run(result: ComparisonResult, samples: ResultSamples, p: Parameters, rate: int) -> dict[str, Any]:
@@ -91,7 +130,11 @@ def _reference_run(result: ComparisonResult, samples: ResultSamples, p: Paramete
         "events": events,
         "end": end,
         "gap": "",
-        "caption": f"The exact model, solved far more finely than any engine. {halts}".strip(),
+        "caption": " ".join(
+            part
+            for part in ("The exact model, solved far more finely than any engine.", halts, _residual_words(result, None))
+            if part
+        ),
         "story": "",
     } | _sampled_motion(samples.reference, None, p, rate)
 
@@ -106,7 +149,7 @@ def _engine_run(result: ComparisonResult, engine: EngineResult, aligned: Aligned
         "events": _timeline_events(engine, gap),
         "end": engine.end_time,
         "gap": gap,
-        "caption": caption(result, engine, p),
+        "caption": f"{caption(result, engine, p)} {_residual_words(result, result.engines.index(engine))}".strip(),
         "story": engine.story,
         "title": name(engine),
     } | _sampled_motion(aligned.run, aligned.distance, p, rate)

@@ -4,6 +4,7 @@
   const element = (id) => document.getElementById(id);
   const slider = element("time"), play = element("play"), clock = element("clock"), doing = element("doing");
   const shown = new Set(data.runs.filter((run) => run.count).map((run) => run.id));
+  if (data.trial) shown.add("measured");
   const STEP = 0.002;  // of the arrow keys [s]
   let time = 0, playing = false, slow = 4, previous = null, stale = true, frames = 0;
 
@@ -84,7 +85,7 @@
     clock.textContent = `${time.toFixed(3)} s`;
     play.textContent = playing ? "Pause" : "Play";
     doing.textContent = words();
-    stage.draw(time, on);
+    stage.draw(time, on, shown.has("measured"));
     for (const panel of panels) panel.draw(time, shown);
     timeline.draw(time, shown);
     readings();
@@ -133,6 +134,12 @@
     });
   }
   for (const svg of document.querySelectorAll("svg.swatch")) Svg.swatch(data.runs.find((run) => run.id === svg.dataset.run), svg);
+
+  // A button or box that was clicked would keep the space bar to itself; one that Tab leads to acts on it, as it should
+  document.addEventListener("click", (event) => {
+    const target = event.detail > 0 && event.target instanceof Element && event.target.closest("button, summary, label, input[type=checkbox]");
+    if (target) requestAnimationFrame(() => document.activeElement?.blur());  // after a label has handed the focus on
+  });
 
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) return;

@@ -33,5 +33,15 @@ const Motion = (() => {
     };
   }
 
-  return { at };
+  /** Number of ascending times that are not after ``time``. */
+  function upTo(times, time) {
+    let low = 0, high = times.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (times[middle] <= time + 1e-9) low = middle + 1; else high = middle;
+    }
+    return low;
+  }
+
+  return { at, upTo };
 })();

@@ -87,7 +87,8 @@ const Panels = (() => {
 
     /** Lowest and highest value that the axis shows; a short spike (a light mass at the rod, a jerk) does not flatten the rest. */
     range() {
-      const values = this.runs.flatMap((run) => run[this.kind.key].filter((v) => v !== null)).map((v) => v * this.kind.factor);
+      const lists = [...this.runs.map((run) => run[this.kind.key]), this.data.trial?.panels[this.kind.key]?.v ?? []];
+      const values = lists.flatMap((list) => list.filter((v) => v !== null)).map((v) => v * this.kind.factor);
       if (!values.length) return [0, 1];
       if (this.kind.log) return [FLOOR, Math.max(10 ** Math.ceil(Math.log10(Math.max(...values, 1e-2))), 1e-2)];
       values.sort((a, b) => a - b);
@@ -125,6 +126,14 @@ const Panels = (() => {
         this.groups.set(run.id, group);
         this.curve(run, group);
         this.dots.set(run.id, Svg.make("circle", { r: 4, style: `fill:${run.colour};stroke:var(--ground)` }, group));
+      }
+      const measured = data.trial?.panels[kind.key];
+      if (measured) {
+        const group = Svg.make("g", { "data-run": "measured", style: "fill:var(--ground);stroke:var(--ink);opacity:.7" }, inside);
+        this.groups.set("measured", group);
+        measured.t.forEach((t, i) => {
+          if (measured.v[i] !== null && t <= data.duration) Svg.make("circle", { cx: this.x(t).toFixed(1), cy: this.y(measured.v[i] * kind.factor).toFixed(1), r: 1.8 }, group);
+        });
       }
       if (!this.runs.length) Svg.make("text", { x: this.width / 2, y: HEIGHT / 2, "text-anchor": "middle" }, svg, "no run here knows it");
       this.cursor = Svg.make("line", { class: "cursor", y1: EDGE.top, y2: HEIGHT - EDGE.bottom }, svg);
@@ -164,6 +173,7 @@ const Panels = (() => {
       const x = this.x(time);
       this.cursor.setAttribute("x1", x);
       this.cursor.setAttribute("x2", x);
+      if (this.groups.has("measured")) this.groups.get("measured").style.display = shown.has("measured") ? "" : "none";
       for (const run of this.runs) {
         const on = shown.has(run.id), dot = this.dots.get(run.id);
         this.groups.get(run.id).style.display = on ? "" : "none";

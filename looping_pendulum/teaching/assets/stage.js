@@ -45,6 +45,11 @@ const Stage = (() => {
         box.high = Math.max(box.high, s.y, s.heavyY);
       }
     }
+    const { light, heavy } = data.trial?.stage ?? {};
+    for (const points of [light, heavy]) {
+      for (const x of points?.x ?? []) { box.left = Math.min(box.left, x); box.right = Math.max(box.right, x); }
+      for (const y of points?.y ?? []) { box.low = Math.min(box.low, y); box.high = Math.max(box.high, y); }
+    }
     const margin = 0.06 * Math.max(box.right - box.left, box.high - box.low);
     return { left: box.left - margin, right: box.right + margin, low: box.low - margin, high: box.high + margin };
   }
@@ -83,15 +88,15 @@ const Stage = (() => {
       return 1 + LANE * (lane + 0.7) + (this.pitch * Math.max(angle, 0)) / (2 * Math.PI);
     }
 
-    draw(time, shown) {
+    draw(time, shown, measured) {
       const colours = new Map(this.data.runs.map((run) => [run.id, Theme.colour(run.colour)]));
       const ink = Theme.colour("var(--ink)"), soft = Theme.colour("var(--soft)"), ground = Theme.colour("var(--panel)");
       const states = shown.map((run) => ({ run, s: Motion.at(this.data, run, time), colour: colours.get(run.id) })).filter((e) => e.s);
-      this.drawStage(time, states, { ink, soft, ground });
+      this.drawStage(time, states, { ink, soft, ground }, measured);
       if (this.rod) this.drawRod(states, ink);
     }
 
-    drawStage(time, states, { ink, soft, ground }) {
+    drawStage(time, states, { ink, soft, ground }, measured) {
       const { context: c, width, height } = fitted(this.stage);
       const { left, right, low, high } = this.box;
       const scale = Math.min(width / (right - left), height / (high - low));
@@ -115,6 +120,7 @@ const Stage = (() => {
         mark(c, run.marker, px(s.x), py(s.y), reference ? 9 : 6, colour, reference, ground);
         c.globalAlpha = 1;
       }
+      if (measured) for (const points of Object.values(this.data.trial?.stage ?? {})) this.points(c, points, time, ink, ground, px, py);
       if (states.length) {
         const { s } = states[0];
         c.fillStyle = ink;
@@ -123,6 +129,21 @@ const Stage = (() => {
         c.textBaseline = "middle";
         c.fillText("M2", px(s.heavyX) + 20, py(s.heavyY));
         c.fillText("M1", px(s.x) + 14, py(s.y) - 12);
+      }
+    }
+
+    /** Tracked points of a mass up to the time, the latest large while it is younger than two frames. */
+    points(c, { t, x, y }, time, ink, ground, px, py) {
+      const count = Motion.upTo(t, time), heavyX = this.data.runs[0].heavy[0];
+      c.strokeStyle = ink;
+      c.fillStyle = ground;  // hollow, so that they show on a line of the same colour
+      for (let i = 0; i < count; i++) {
+        const latest = i === count - 1 && time - t[i] < 2 * (i ? t[i] - t[i - 1] : 0.02);
+        c.beginPath();
+        c.arc(px(x?.[i] ?? heavyX), py(y[i]), latest ? 6.5 : 2.4, 0, 2 * Math.PI);
+        c.lineWidth = latest ? 2 : 1;
+        if (!latest) c.fill();
+        c.stroke();
       }
     }
 
