@@ -110,6 +110,12 @@ def _gif(stage: _Stage, end: float, drawn: Iterator[float]) -> bytes:
     stage.draw(end, 1.0)
     palette = stage.image().quantize(GIF_COLOURS)
     frames = [stage.image().quantize(palette=palette, dither=Image.Dither.NONE) for _ in drawn]
+    # The choice of colours tints the ground a little, which a white slide would show
+    ground = int(np.asarray(frames[0])[0, 0])
+    colours = palette.getpalette() or []
+    colours[3 * ground : 3 * ground + 3] = (255, 255, 255)
+    for frame in frames:
+        frame.putpalette(colours)
     out = io.BytesIO()
     frames[0].save(out, "GIF", save_all=True, append_images=frames[1:], duration=1000 // FRAME_RATE, loop=0)
     return out.getvalue()
@@ -164,8 +170,8 @@ class _Stage:
             wide = style is None
             (path,) = self._axes.plot([], [], color=colour, alpha=0.5, lw=2.6 if wide else 1.4, zorder=2, **dashed)
             (string,) = self._axes.plot([], [], color=colour, lw=2.0 if wide else 1.1, zorder=3)
-            label = without_mathtext(name)
-            (masses,) = self._axes.plot([], [], ls="none", color=colour, label=label, zorder=4, **masses_style)
+            masses_style |= {"ls": "none", "color": colour, "label": without_mathtext(name), "zorder": 4}
+            (masses,) = self._axes.plot([], [], **masses_style)
             self._lines.append((run, path, string, masses))
         self._points: list[tuple[Array, Array, Array, Line2D]] = []
         for track in [] if self._trial is None else [c.track for c in self._trial.tracks]:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from looping_pendulum.compare.align import SAME_TIME
 from looping_pendulum.compare.trial import MeasuredTrack, MeasuredTrial
 from looping_pendulum.discrepancy.data import study_io
 from looping_pendulum.discrepancy.data.camera import Camera
@@ -76,7 +77,7 @@ def measured_trial(trial: Trial, observations: Observations) -> MeasuredTrial:
     channels = {c.name: c for c in observations.channels}
     tracks, late = [], 0
     for name, track_channels, t, values in _tracks(channels, camera, trial.dropped):
-        kept = t >= 0
+        kept = t > -SAME_TIME  # a clock offset may round the release itself to just before it
         late += int(np.sum(~kept))
         if kept.any():
             tracks.append(
@@ -84,7 +85,7 @@ def measured_trial(trial: Trial, observations: Observations) -> MeasuredTrial:
                     name=name,
                     channels=track_channels,
                     unit="rad" if "wrap_angle" in track_channels else "m",
-                    t=tuple(t[kept].tolist()),
+                    t=tuple(np.maximum(t[kept], 0.0).tolist()),
                     values=tuple(tuple(v[kept].tolist()) for v in values),
                     level_unknown="heavy_y" in track_channels or "height" in channels,
                 )

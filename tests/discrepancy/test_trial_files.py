@@ -1,0 +1,146 @@
+"""Files of a trial for `compare --marks`: the oracle is the motion that the files were made of, seen by a known camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from looping_pendulum.discrepancy.data.camera import Camera
+from looping_pendulum.discrepancy.data.trial_files import read_measured_trial
+from looping_pendulum.errors import HarnessError
+
+T = np.arange(60) / 100
+LIGHT = np.column_stack([-0.5 + T, -0.2 - 0.3 * T])
+HEAVY = np.column_stack([np.full(60, 0.006), -0.05 - 0.4 * T**2])
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def write(name="trial.csv", t=T, light=LIGHT, heavy=HEAVY, tracks=("light", "heavy")):
+    rows = np.column_stack([t, light, heavy]).tolist()
+    head = f",{tracks[0]},,{tracks[1]},,\nt,x,y,x,y,\n"
+    Path(name).write_text(head + "".join(",".join(map(repr, row)) + ",\n" for row in rows))
+    return name
+
+
+def points(trial, name="light mass"):
+    return np.array(next(track for track in trial.tracks if track.name == name).values).T
+
+
+def test_a_tracker_export_is_read_as_it_is():
+    trial = read_measured_trial([write()])
+    assert (trial.name, trial.source) == ("trial", "trial.csv")
+    assert points(trial) == pytest.approx(LIGHT)
+    assert points(trial, "heavy mass") == pytest.approx(HEAVY)
+    assert [track.level_unknown for track in trial.tracks] == [False, True]
+    assert "used light_x 60" in trial.notes[0]
+
+
+def test_units_frame_rate_mirror_and_names_can_be_said():
+    write(t=np.arange(60) / 30, light=LIGHT * [-100, 100], heavy=HEAVY * [-100, 100], tracks=("mass A", "mass B"))
+    settings = ["tracks.light=mass A", "tracks.heavy=mass B", "units.length=cm", "frame_rate=100 Hz", "mirrored=true"]
+    trial = read_measured_trial(["trial.csv"], settings)
+    assert points(trial) == pytest.approx(LIGHT)
+    assert trial.tracks[0].t == pytest.approx(T)
+    assert "put to 100" in " ".join(trial.notes)
+
+
+def test_the_camera_is_undone_and_points_before_the_release_are_left_out():
+    camera = Camera(origin_x=0.02, origin_y=-0.01, scale=1.05, tilt=0.03, perspective_x=0.1, distortion=0.05)
+    write(t=T + 0.35, light=camera.project(LIGHT), heavy=camera.project(HEAVY))
+    settings = ["camera.origin_x=2 cm", "camera.origin_y=-1 cm", "camera.scale=1.05", "camera.tilt=0.03 rad"]
+    settings += ["camera.perspective_x=0.1 1/m", "camera.distortion=0.05 1/m^2", "camera.clock_offset=-0.4 s"]
+    trial = read_measured_trial(["trial.csv"], settings)
+    assert trial.tracks[0].t == pytest.approx(T[5:] - 0.05, abs=1e-12)
+    assert points(trial) == pytest.approx(LIGHT[5:], abs=1e-9)  # rounding: Newton's steps end far below
+    assert "10 points before the release are left out." in trial.notes
+
+
+def test_a_file_for_each_mass():
+    for name, places in (("a.csv", LIGHT), ("b.csv", HEAVY)):
+        Path(name).write_text(
+            "t,x,y\n" + "".join(f"{t!r},{x!r},{y!r}\n" for t, (x, y) in zip(T.tolist(), places.tolist(), strict=True))
+        )
+    trial = read_measured_trial(["heavy=b.csv", "light=a.csv"])
+    assert points(trial) == pytest.approx(LIGHT)
+    assert points(trial, "heavy mass") == pytest.approx(HEAVY)
+
+
+def test_events_beside_points_and_alone():
+    Path("events.csv").write_text("quantity,index,value,sigma,unit\nhalting_time,1,381,4,ms\n")
+    both = read_measured_trial([write(), "events.csv"])
+    assert len(both.tracks) == 2
+    (row,) = both.rows
+    assert (row.quantity, row.measured, row.sigma, row.unit) == ("halting_time", 0.381, 0.004, "s")
+    assert read_measured_trial(["events.csv"]).tracks == ()
+
+
+def test_an_angle_grows_from_straight_down_and_a_height_falls():
+    Path("angle.txt").write_text("".join(f"{t} {0.5 - t}\n" for t in T.tolist()))
+    (angle,) = read_measured_trial(["angle.txt"]).tracks
+    assert (angle.name, angle.unit) == ("wrap angle", "rad")
+    assert angle.values[0] == pytest.approx(np.pi + 0.5 - T)
+    Path("drop.csv").write_text("time,height\n" + "".join(f"{t},{30 - 4.9 * t * t}\n" for t in T.tolist()))
+    (height,) = read_measured_trial(["drop.csv"], ["dropped=light"]).tracks
+    assert (height.name, height.channels, height.level_unknown) == ("light mass", ("light_y",), True)
+
+
+def test_a_trial_of_a_study():
+    write("one.csv")
+    write("two.csv", light=LIGHT + 0.01)
+    release = "{angle: 112 deg, free_length: 58 cm}"
+    entries = "".join(f"  - {{file: {name}.csv, release: {release}, heavy: {{mass: 100 g}}}}\n" for name in ("one", "two"))
+    Path("study.yaml").write_text(
+        f"title: Two\napparatus: {{light: {{mass: 10 g}}, rod: {{radius: 6 mm}}}}\ntrials:\n{entries}"
+    )
+    assert points(read_measured_trial(["study.yaml"], ["name=two"])) == pytest.approx(LIGHT + 0.01)
+    for settings, message in (
+        ([], "study.yaml: found the trials one, two, needed one of them; choose by --marks-set name=one"),
+        (["name=three"], "found no trial 'three' among one, two"),
+        (["mirrored=true"], "found a study file beside other files or settings"),
+    ):
+        with pytest.raises(HarnessError, match="^[^\n]*$") as error:
+            read_measured_trial(["study.yaml"], settings)
+        assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("tracks", "settings", "message"),
+    [
+        (("a", "b"), [], "needed to know which mass each is; say so by --marks-set 'tracks.light=a'"),
+        (("a", "b"), ["tracks.light=c"], "found the tracks 'a', 'b', needed 'c'; correct --marks-set 'tracks.light=NAME'"),
+        (("light", "heavy"), ["frame_rate=240"], "--marks-set: frame_rate: expected a quantity in Hz, got '240'"),
+        (("light", "heavy"), ["frame_rat=1 Hz"], "did you mean 'frame_rate'?"),
+        (("light", "heavy"), ["camera.orign_x=1 m"], "did you mean 'origin_x'?"),
+        (("light", "heavy"), ["mirrored"], "--marks-set: found 'mirrored', needed KEY=VALUE"),
+        (("light", "heavy"), ["release.angle=3 deg"], "found the key 'release.angle', needed one of: name, kind"),
+        (("light", "heavy"), ["camera.clock_offset=-9 s"], "found no point after the release, needed some; say when it was by"),
+    ],
+)
+def test_a_mistake_is_one_line_with_a_way_out_on_the_command_line(tracks, settings, message):
+    write(tracks=tracks)
+    with pytest.raises(HarnessError, match="^[^\n]*$") as error:
+        read_measured_trial(["trial.csv"], settings)
+    assert message in str(error.value)
+    assert "trials[0]" not in str(error.value)
+    assert "'tracks:" not in str(error.value)
+
+
+def test_the_true_position_is_the_inverse_of_what_the_camera_does():
+    camera = Camera(
+        origin_x=0.01,
+        scale=1.2,
+        tilt=-0.2,
+        foreshortening=0.9,
+        perspective_x=0.2,
+        perspective_y=-0.1,
+        distortion=0.2,
+        centre_x=0.1,
+    )
+    places = np.random.default_rng(1).uniform(-0.7, 0.7, (200, 2))
+    assert camera.true_position(camera.project(places)) == pytest.approx(places, abs=1e-12)
