@@ -6,7 +6,9 @@ import dataclasses
 from functools import cache
 
 from looping_pendulum.compare import ComparisonResult, compare
+from looping_pendulum.compare.comparison import with_trial
 from looping_pendulum.compare.run_cache import run_key
+from looping_pendulum.compare.trial import MeasuredTrack, MeasuredTrial
 from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
@@ -48,6 +50,24 @@ def small_result() -> ComparisonResult:
     return compared(load("two_to_one"))
 
 
+def with_points(result: ComparisonResult, name: str = "mine", offset: float = 0.02) -> ComparisonResult:
+    """The result beside points of the reference's own masses every 4 ms, the light one ``offset`` [m] too far right."""
+    assert result.samples is not None
+    run, every = result.samples.reference, slice(None, 1000, 4)
+    tracks = tuple(
+        MeasuredTrack(
+            name=f"{mass} mass",
+            channels=(f"{mass}_x", f"{mass}_y"),
+            unit="m",
+            t=tuple(run.t[every].tolist()),
+            values=(tuple((places[every, 0] + shift).tolist()), tuple(places[every, 1].tolist())),
+            level_unknown=mass == "heavy",
+        )
+        for mass, places, shift in (("light", run.light_position, offset), ("heavy", run.heavy_position, 0.0))
+    )
+    return with_trial(result, MeasuredTrial(name=name, source=f"{name}.csv", tracks=tracks, notes=(name,)))
+
+
 @cache
 def hostile_result() -> ComparisonResult:
     """The same with hostile text wherever a scenario or an engine has a say."""
@@ -56,6 +76,7 @@ def hostile_result() -> ComparisonResult:
     assert result.samples is not None
     first, *others = result.engines
     aligned = result.samples.aligned[0]
+    result = with_points(result, HOSTILE)
     renamed = dataclasses.replace(aligned, run=dataclasses.replace(aligned.run, variant=HOSTILE))
     return dataclasses.replace(
         result,

@@ -8,7 +8,7 @@ import pytest
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.teaching import demo
 from tests.pages.conftest import PHONE, sideways, until
-from tests.pages.small import HOSTILE, LABELS, hostile_result, small_result
+from tests.pages.small import HOSTILE, LABELS, hostile_result, small_result, with_points
 
 ROUNDING = 1e-5
 """The page's numbers have 1e-5 rad and 1e-6 m, which at 0.58 m of string is 6 micrometres [m]."""
@@ -24,6 +24,22 @@ COUNT = """(colour) => {
   return count;
 }"""
 """Pixels of the stage that have a colour."""
+
+
+RINGS = """() => {
+  const original = CanvasRenderingContext2D.prototype.arc;
+  let count = 0;
+  CanvasRenderingContext2D.prototype.arc = function (...circle) {
+    if (this.canvas.id === "stage" && [2.4, 6.5].includes(circle[2])) count += 1;
+    original.apply(this, circle);
+  };
+  demo.setTime(demo.time);
+  return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => {
+    CanvasRenderingContext2D.prototype.arc = original;
+    done(count);
+  })));
+}"""
+"""Tracked points that one frame draws: circles with the radius of a point, or of the latest one [px]."""
 
 
 @pytest.fixture(scope="module")
@@ -158,6 +174,48 @@ def test_keys_go_from_moment_to_moment_of_the_shown_runs(opened):
     page.keyboard.press("Home")
     page.keyboard.press("N")
     assert page.evaluate("demo.time") == min(times[0], page.evaluate("demo.data.runs[1].events[0].t"))
+
+
+@pytest.mark.parametrize("what", ["[data-slow='10']", "#forward", "#runs input[data-run=run1]", "#runs .name >> nth=1"])
+def test_space_plays_whatever_was_clicked_last(opened, what):
+    page = opened.page
+    page.click(what)
+    frame(page)
+    before = page.evaluate("[demo.time, demo.shown.length]")
+    page.keyboard.press("Space")
+    assert page.evaluate("demo.playing")
+    page.keyboard.press("Space")
+    assert not page.evaluate("demo.playing")
+    assert page.evaluate("demo.time") - before[0] < 0.1
+    assert page.evaluate("demo.shown.length") == before[1]
+
+
+def test_space_on_a_button_that_the_keyboard_led_to_presses_it(opened):
+    page = opened.page
+    page.locator("#end").focus()
+    page.keyboard.press("Space")
+    assert page.evaluate("demo.time") == small_result().duration
+
+
+def test_tracked_points_come_in_step_and_can_be_switched_off(visit):
+    result = with_points(small_result())
+    opened = visit(demo.render(result))
+    page = opened.page
+    assert page.inner_text("#runs .run[data-run=measured] .name") == "measured: mine"
+    assert "light mass 20 mm" in page.inner_text("#runs .run[data-run=reference] .caption")
+    times = np.array(result.trial.tracks[0].track.t)
+    for time in (0.0, 0.25, 0.6):
+        at(page, time)
+        assert page.evaluate(RINGS) == 2 * np.sum(times <= time), "both masses, up to the time"
+    rings = page.locator(".panels g[data-run=measured]")
+    assert rings.count() == 2, "drop, and distance from the reference"
+    assert rings.first.locator("circle").count() == len(times)
+    page.locator("#runs input[data-run=measured]").uncheck()
+    frame(page)
+    assert page.evaluate(RINGS) == 0
+    assert not rings.first.is_visible()
+    assert page.evaluate("demo.shown").count("measured") == 0
+    opened.assert_no_requests_or_complaints(page.url)
 
 
 def test_a_switched_off_engine_disappears(opened):

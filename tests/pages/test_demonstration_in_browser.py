@@ -7,7 +7,7 @@ import dataclasses
 import pytest
 
 from looping_pendulum.teaching.demonstrations.demonstration import run_demonstration
-from looping_pendulum.teaching.demonstrations.page import DEMONSTRATIONS, figure, html
+from looping_pendulum.teaching.demonstrations.page import DEMONSTRATIONS, html
 from tests.pages.conftest import PHONE
 
 
@@ -22,24 +22,28 @@ def asked_for_nothing(opened):
 
 
 def test_a_page_asks_for_nothing_and_fits_a_phone(visit, result):
-    opened = visit(html(result, figure(result)), viewport=PHONE)
+    opened = visit(html(result), viewport=PHONE)
     asked_for_nothing(opened)
     assert opened.page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
-    assert opened.page.evaluate("document.querySelector('figure img').naturalWidth") > 500
-    assert opened.page.locator("figure img").get_attribute("alt") == result.demonstration.picture.caption
+    assert opened.page.evaluate("document.querySelector('figure svg').getBoundingClientRect().width") > 500, "can be read"
+    assert opened.page.locator("figure [role=img]").get_attribute("aria-label") == result.demonstration.picture.caption
 
 
 def test_dark_on_request(visit, result):
-    opened = visit(html(result, figure(result)), color_scheme="light")
+    opened = visit(html(result), color_scheme="light")
     ground = "getComputedStyle(document.body).backgroundColor"
     light = opened.page.evaluate(ground)
+    ink = """[...document.querySelectorAll("figure svg path")].filter((p) => p.style.stroke === "var(--reference)").map(
+      (p) => getComputedStyle(p).stroke)"""
+    assert set(opened.page.evaluate(ink)) == {"rgb(0, 0, 0)"}
     opened.page.locator("#theme").click()
     assert opened.page.evaluate(ground) != light
+    assert set(opened.page.evaluate(ink)) == {"rgb(255, 255, 255)"}, "the figure follows"
 
 
 def test_hostile_text_does_not_run(visit, result):
     hostile = "</script><script>alert(1)</script><img src=x onerror=alert(2)>"
     d = dataclasses.replace(result.demonstration, title=hostile, question=hostile, change=hostile)
-    opened = visit(html(dataclasses.replace(result, demonstration=d), figure(result)))
+    opened = visit(html(dataclasses.replace(result, demonstration=d)))
     asked_for_nothing(opened)
     assert opened.page.locator("h1").inner_text() == hostile

@@ -12,13 +12,15 @@ import pytest
 
 from looping_pendulum.compare import page as comparison_page
 from looping_pendulum.discrepancy.report import page as identification_page
+from looping_pendulum.engines.protocol import Profile
+from looping_pendulum.engines.registry import ADAPTERS, all_engines, label, main_engines
 from looping_pendulum.pages import markdown
 from looping_pendulum.pages.figures import Figure, escaped, plain
-from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS
+from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS, KNOWN_LABELS, styles
 from looping_pendulum.pages.shell import embedded
 from looping_pendulum.teaching import demo
 from tests.pages.made_up import identification
-from tests.pages.small import HOSTILE, hostile_result, small_result
+from tests.pages.small import HOSTILE, hostile_result, small_result, with_points
 
 MOST_BYTES = 6e6  # the limit
 
@@ -69,10 +71,23 @@ def test_text_can_be_read(pair):
     assert contrast(*pair) >= 4.5  # WCAG 2.2, AA
 
 
+def test_every_variant_of_this_package_has_a_style_of_its_own_whatever_else_is_shown():
+    adapters = {*ADAPTERS, "drake"}
+    labels = [label(engine) for engine in all_engines(Profile.QUICK) if engine.name in adapters]
+    assert sorted(labels) == sorted(KNOWN_LABELS), "a new variant needs a place in pages/palette.py"
+    together = styles([*labels, "another:engine"])
+    assert all(styles([one])[one] == style for one, style in together.items())
+    assert len({(style.colour, style.dashes) for style in together.values()}) == len(together)
+    main = [label(engine) for engine in main_engines(Profile.QUICK)]
+    assert len({together[one].colour for one in main}) == len(main)
+
+
 PAGES = {
     "comparison": lambda: comparison_page.render(small_result()),
+    "comparison with points": lambda: comparison_page.render(with_points(small_result())),
     "identification": lambda: identification_page.render(identification("calm")),
     "demo": lambda: demo.render(small_result()),
+    "demo with points": lambda: demo.render(with_points(small_result())),
 }
 
 

@@ -31,7 +31,8 @@ def test_comparison_draws_its_figures_and_fetches_nothing(comparison):
     page = comparison.page
     until(page, DRAWN)
     figures = comparison_page.figures(hostile_result())
-    assert page.locator(".figure").count() == len(figures) == 3
+    assert page.locator(".figure").count() == len(figures) == 4
+    assert page.locator("#residuals .scatterlayer .trace").count() == 2 * 4, "two bodies, the reference and three runs"
     for figure in figures:
         lines = page.locator(f"#{figure.id} .scatterlayer .trace").count()
         assert lines == len(figure.traces)
@@ -71,7 +72,30 @@ def test_a_phone_shows_it_without_scrolling_sideways(comparison):
     page.set_viewport_size(PHONE)
     until(page, "document.querySelector('#path .main-svg').getBoundingClientRect().width <= 390")
     assert sideways(page) == 0
+    cards = page.locator("table.cards").all()
+    assert cards, "a table with sentences"
+    for table in cards:
+        cells = table.locator("tbody tr").first.locator("td").all()
+        places = [cell.evaluate("(c) => c.getBoundingClientRect().left") for cell in cells]
+        assert len(set(places)) == 1, "below each other"
+        assert cells[1].get_attribute("data-label") == table.locator("thead th").nth(1).inner_text().strip()
     page.set_viewport_size(DESKTOP)
+
+
+def test_sections_start_folded_on_a_phone_and_a_link_opens_one(visit):
+    page = visit(comparison_page.render(hostile_result()), viewport=PHONE).page
+    folds = page.locator("details.fold")
+    assert folds.count() >= 5
+    assert not any(fold.evaluate("(f) => f.open") for fold in folds.all())
+    until(page, DRAWN)
+    assert page.evaluate("document.documentElement.scrollHeight") < 12 * PHONE["height"]
+    page.locator("nav.contents a", has_text="Provenance").click()
+    until(page, "document.querySelectorAll('details.fold[open]').length === 1")
+    assert page.locator("details.fold[open] table").first.is_visible()
+
+
+def test_sections_are_open_on_a_desktop(comparison):
+    assert all(fold.evaluate("(f) => f.open") for fold in comparison.page.locator("details.fold").all())
 
 
 def test_identification_draws_every_figure(identified):
