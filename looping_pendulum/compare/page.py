@@ -128,7 +128,7 @@ def drop_figure(result: ComparisonResult, samples: ResultSamples, shown: Shown) 
         t, drop = zip(*measured, strict=True)
         bars = {"type": "constant", "value": PRINTED_HALF_DIGIT, "color": INK}
         more = {"error_x": bars, "error_y": bars} if result.trial is None else {}
-        traces.append(points("measured events", t, drop, INK, "circle-open", **more))
+        traces.append(points("measured", t, drop, INK, "circle-open", **more))
     return Figure(
         id="drop",
         caption="Drop of the heavy mass (down is down), and below it how far each engine is from the reference.",
@@ -219,8 +219,11 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
     halves = [1e3 * half_width(row) for row in rows]
     reach = min(1.1 * max([*off, *halves]), MAX_SHOWN_DIFFERENCE)
     grey = {"type": "rect", "fillcolor": LINE, "opacity": 0.5, "line": {"width": 0}, "layer": "below"}
-    # On an axis of categories, row k reaches from k - 0.5 to k + 0.5
-    bars = [grey | {"x0": -h, "x1": h, "y0": k - 0.5, "y1": k + 0.5} for k, h in enumerate(halves)]
+    if len(set(halves)) == 1:
+        bars = [grey | {"x0": -halves[0], "x1": halves[0], "yref": "paper", "y0": 0, "y1": 1}]
+    else:
+        # On an axis of categories, row k reaches from k - 0.5 to k + 0.5
+        bars = [grey | {"x0": -half, "x1": half, "y0": k - 0.5, "y1": k + 0.5} for k, half in enumerate(halves)]
     return Figure(
         id="events",
         caption=f"Event times less the measured ones; grey: {bar_words(result)}. "
@@ -237,7 +240,7 @@ def events_figure(result: ComparisonResult, look: dict[str, Style]) -> Figure:
 
 def _tracked(x: Array, y: Array) -> dict[str, Any]:
     """Return the trace of tracked points, small and hollow, so that lines show through hundreds of them."""
-    return points("measured", plain(x), plain(y), SOFT, marker={"color": SOFT, "symbol": "circle-open", "size": 5})
+    return points("tracked points", plain(x), plain(y), SOFT, marker={"color": SOFT, "symbol": "circle-open", "size": 5})
 
 
 def _path(name: str, place: Array, style: Style | None) -> dict[str, Any]:

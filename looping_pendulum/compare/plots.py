@@ -72,7 +72,7 @@ def path_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str
         axes.plot(*aligned.run.light_position.T, **_line(style), label=_name(aligned, result), zorder=3)
     tracked = None if result.trial is None else result.trial.light_positions()
     if tracked is not None:
-        axes.plot(*tracked, **TRACKED, label="measured", zorder=2.5)
+        axes.plot(*tracked, **TRACKED, label="tracked points", zorder=2.5)
     radius = float(result.parameters["rod_radius"])
     axes.add_patch(Circle((0, 0), radius, facecolor="0.8", edgecolor="black", lw=0.8, zorder=4))
     _halts(axes, result, samples, look)
@@ -117,13 +117,13 @@ def drop_figure(result: ComparisonResult, samples: ResultSamples, look: dict[str
         below.plot(aligned.t, -aligned.heavy_deviation * 1e3, **line, zorder=3)
     tracked = None if result.trial is None else result.trial.heavy_drops(samples.reference)
     if tracked is not None:
-        top.plot(*tracked, **TRACKED, label="measured", zorder=2.5)
+        top.plot(*tracked, **TRACKED, label="tracked points", zorder=2.5)
     points = measured_drops(result)
     if points:
         t, drop = zip(*points, strict=True)
         how = {"fmt": "o", "color": "black", "mfc": "white", "ms": 5, "capsize": 3}
         bar = PRINTED_HALF_DIGIT if result.trial is None else None
-        top.errorbar(t, drop, xerr=bar, yerr=bar, label="measured events", zorder=5, **how)  # type: ignore[arg-type]
+        top.errorbar(t, drop, xerr=bar, yerr=bar, label="measured", zorder=5, **how)  # type: ignore[arg-type]
     least, most = top.get_ylim()
     top.set_ylim(max(most, 0.01), min(least, -0.001))  # down is down; a clamped mass is drawn at rest, not as its rounding
     top.set(ylabel="drop of the heavy mass [m]", title=f"{without_mathtext(result.scenario)}: heavy mass")

@@ -222,9 +222,8 @@ def _provenance(result: ComparisonResult) -> str:
     # There are dozens of effects, and a scenario has a few of them
     acting = {k: v for k, v in coefficients.items() if v != 0}
     listed = ", ".join(f"{k} {_setting(v)}" for k, v in (p | acting).items())
-    zeros = len(coefficients) - len(acting)
     text = f"Scenario `{result.scenario}`, simulated for {result.duration:g} s. Parameters (SI, radians): {listed}"
-    text += f"; the other {zeros} coefficients of effects are 0 (`result.json` lists them).\n\n" if zeros else ".\n\n"
+    text += "; no other effect acts.\n\n" if len(acting) < len(coefficients) else ".\n\n"
     for i in result.inferred:
         script = f" (`{i.script}`)" if i.script else ""
         text += f"- Inferred, because the source does not print them: {', '.join(i.parameters)}. {i.how}{script}\n"

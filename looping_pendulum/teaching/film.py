@@ -178,7 +178,7 @@ class _Stage:
             mass = track.name.partition(" ")[0]
             x, y = (track.channel(f"{mass}_{axis}") for axis in ("x", "y"))
             if x is not None and y is not None:
-                label = None if self._points else "measured"
+                label = None if self._points else "tracked points"
                 (rings,) = self._axes.plot([], [], **TRACKED, label=label, zorder=5)
                 self._points.append((np.array(track.t), np.array(x), np.array(y), rings))
 

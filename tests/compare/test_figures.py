@@ -62,8 +62,16 @@ def test_the_pages_event_times_reach_a_tenth_beyond_the_furthest(compared, late,
     assert (low, high) == (pytest.approx(-reach), pytest.approx(reach))
     (digit,) = figure.layout["shapes"]
     assert (digit["x0"], digit["x1"], digit["y0"], digit["y1"]) == (-5.0, 5.0, 0, 1)
-    assert [trace["x"] for trace in figure.traces] == [[None, None], [0.0, None], [pytest.approx(1e3 * late), None]]
+    assert [trace["x"] for trace in figure.traces] == [[0.0, None], [pytest.approx(1e3 * late), None]]
     assert figure.traces[0]["y"] == ["x1 extremum 1", "x1 extremum 2"]
+
+
+def test_each_event_has_the_bar_of_its_standard_error(compared):
+    rows = (row(reference=0.41), dataclasses.replace(row(index=2, reference=0.42), sigma=0.002))
+    result = compared(measured=rows)
+    bars = on_page(result, "events").layout["shapes"]
+    assert [(bar["x0"], bar["x1"], bar["y0"], bar["y1"]) for bar in bars] == [(-5.0, 5.0, -0.5, 0.5), (-2.0, 2.0, 0.5, 1.5)]
+    assert "standard error" in on_page(result, "events").caption
 
 
 def test_event_times_are_those_that_were_measured(compared):
@@ -86,6 +94,8 @@ def test_event_times_are_those_that_were_measured(compared):
 
 def test_an_engine_without_any_measured_event_is_not_in_the_legend(compared):
     result = compared(measured=(row(reference=0.4),))
+    assert [trace["name"] for trace in on_page(result, "events").traces] == ["reference"], "nor a paper"
+    result = compared(measured=(row(reference=0.4, paper=0.41),))
     assert [trace["name"] for trace in on_page(result, "events").traces] == ["paper's numerical", "reference"]
     (axes,) = plots.events_figure(result, look_of(result)).axes
     assert "pymunk:chain" not in {line.get_label() for line in axes.lines}
