@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 import typer
 
@@ -246,3 +247,28 @@ def test_interrupt_keeps_what_was_computed(tmp_path):
     assert process.returncode == 130, stderr
     assert "Traceback" not in stderr
     assert "interrupted by the user" in (tmp_path / "report.md").read_text()
+
+
+@pytest.mark.usefixtures("quick_figures")
+def test_marks_stand_beside_the_runs_and_mistakes_in_them_are_one_line(tmp_path):
+    """A free fall that begins 0.1 s into the clip, measured from the ground; oracle: g t^2 / 2 less the planted 20 mm."""
+    t = np.arange(0, 60) / 120
+    height = 30 - 0.5 * 9.81 * np.maximum(t - 0.1, 0) ** 2 - 0.02 * (t > 0.4)
+    marks = tmp_path / "fall.csv"
+    marks.write_text("time,height\n" + "".join(f"{a},{b}\n" for a, b in zip(t.tolist(), height.tolist(), strict=True)))
+    scenario = tmp_path / "vacuum.yaml"
+    light = "light: {mass: 10 g}\nheavy: {mass: 100 g}\nrod: {radius: 6 mm}\nduration: 0.5 s\ngravity: 9.81 m/s^2\n"
+    scenario.write_text(f"title: V\ndescription: V\n{light}release: {{kind: drop, angle: 90 deg, free_length: 50 cm}}\n")
+    arguments = ["compare", str(scenario), "-e", REFERENCE, "--out", str(tmp_path / "out"), "--marks", str(marks)]
+    done = here(*arguments, "--marks-set", "camera.clock_offset=-0.1 s")
+    assert done.returncode == 0, done.stderr
+    result = ComparisonResult.from_json((tmp_path / "out" / "result.json").read_text())
+    (heavy,) = result.trial.tracks
+    late = np.sum(t > 0.4)
+    assert heavy.reference.rms == pytest.approx(0.02 * np.sqrt(late / heavy.reference.compared), abs=1e-5)
+    assert heavy.engines[0].rms == pytest.approx(heavy.reference.rms, abs=1e-6)
+    assert "heavy mass: RMS residual [mm]" in done.stdout
+    assert (tmp_path / "out" / "residuals.csv").exists()
+    assert "## Against the measured trial" in (tmp_path / "out" / "report.md").read_text()
+    assert "--marks-set: found it without --marks" in one_line_error(here(*arguments[:-2], "--marks-set", "mirrored=true"))
+    assert "nowhere.csv: cannot be read" in one_line_error(here(*arguments[:-1], str(tmp_path / "nowhere.csv")))

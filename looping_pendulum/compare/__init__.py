@@ -40,6 +40,8 @@ def write(result: ComparisonResult, folder: Path | str, changes: ResultChanges |
                 write_atomically(folder / "trajectories" / name, trajectory_csv(aligned.run))
         if result.trial is not None and result.trial.tracks:
             write_atomically(folder / "residuals.csv", residual_csv(result, result.samples, result.trial))
+        else:
+            (folder / "residuals.csv").unlink(missing_ok=True)  # of another trial
     figures = draw(result)
     for name, (_, png) in figures.items():
         write_atomically(folder / "figures" / name, png)

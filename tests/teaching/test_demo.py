@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli import main as cli
 from looping_pendulum.cli import teaching as cli_teaching
-from looping_pendulum.compare import compare, write
+from looping_pendulum.compare import ComparisonResult, compare, write
 from looping_pendulum.compare.stored import stored_result
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.trajectory import RunStatus
@@ -182,6 +182,16 @@ def test_the_command_uses_what_compare_left(tmp_path, monkeypatch):
     assert opened == [(tmp_path / "demo.html").resolve().as_uri()]
     assert (tmp_path / "result.json").read_bytes() == ran
     assert "mujoco:capstan" in (tmp_path / "demo.html").read_text()
+    run = small_result().samples.reference
+    marks = tmp_path / "mine.csv"
+    rows = np.column_stack([run.t, run.light_position])[::4].tolist()
+    marks.write_text("t,light_x,light_y\n" + "".join(",".join(map(repr, row)) + "\n" for row in rows))
+    for extra in (["--marks", str(marks)], []):  # without it, the trial that the results are of stays
+        done = CliRunner().invoke(cli.app, ["demo", *arguments, "--no-open", *extra])
+        assert done.exit_code == 0, done.output
+        assert "measured: mine" in (tmp_path / "demo.html").read_text()
+        trial = ComparisonResult.from_json((tmp_path / "result.json").read_text()).trial
+        assert trial.tracks[0].reference.rms < 1e-6, "the reference's own places, to the digits of the files"
     for arguments_of_another in (
         [*arguments, "--again"],
         ["ten_to_one", *arguments[1:]],
