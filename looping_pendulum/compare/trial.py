@@ -79,6 +79,10 @@ class MeasuredTrial:
     """Measured events."""
     notes: tuple[str, ...] = ()
     """What was read, left out and assumed, each as a sentence."""
+    clock_offset: float = 0.0
+    """Time since the release [s] at which the file's clock is 0, as its points have it."""
+    origin: tuple[float, float] = (0.0, 0.0)
+    """Place in the file (x, y) [m] of the rod's centre, as its points have it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,7 +160,7 @@ def compare_trial(trial: MeasuredTrial, reference: Trajectory, runs: tuple[Traje
         compared.append(comparison)
         notes += _level_note(comparison)
         # A wrong clock moves the points, too, and is the more likely mistake
-        notes += [] if hint else _offset_hint(comparison)
+        notes += [] if hint else _offset_hint(comparison, trial.origin)
     return TrialComparison(name=trial.name, source=trial.source, notes=tuple(notes), tracks=tuple(compared))
 
 
@@ -247,12 +251,11 @@ def _clock_hint(trial: MeasuredTrial, reference: Trajectory) -> str:
     when = "earlier" if shifts[best] > 0 else "later"
     return (
         f"The points fit the reference much better if the release was {abs(shifts[best]):.3f} s {when} by the file's clock; if "
-        f"it was, add {shifts[best]:+.3f} s to the true time at which the file's clock is 0: --marks-set "
-        "camera.clock_offset='... s'."
+        f"it was, say so: --marks-set 'camera.clock_offset={trial.clock_offset + shifts[best]:.3f} s'."
     )
 
 
-def _offset_hint(comparison: TrackComparison) -> list[str]:
+def _offset_hint(comparison: TrackComparison, origin: tuple[float, float]) -> list[str]:
     """Return a sentence if most of the reference's residual is a constant offset."""
     found, track = comparison.reference, comparison.track
     if track.unit != "m" or found.rms is None or len(track.channels) < 2 or track.level_unknown:
@@ -264,5 +267,6 @@ def _offset_hint(comparison: TrackComparison) -> list[str]:
     sides = f"{abs(x) * 1e3:.1f} mm {'right' if x > 0 else 'left'} of and {abs(y) * 1e3:.1f} mm {'above' if y > 0 else 'below'}"
     return [
         f"On average the points of the {track.name} lie {sides} the reference, which is most of their residual: is the axes' "
-        f"origin on the rod's centre? If it was measured elsewhere: --marks-set camera.origin_x='... mm', camera.origin_y."
+        f"origin on the rod's centre? If not, say where that is: --marks-set 'camera.origin_x={1e3 * (origin[0] + x):.1f} mm' "
+        f"--marks-set 'camera.origin_y={1e3 * (origin[1] + y):.1f} mm'."
     ]

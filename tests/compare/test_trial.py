@@ -89,14 +89,16 @@ def test_a_clock_that_does_not_start_at_the_release_is_noticed(against):
     late = np.arange(300) / 240
     notes = " ".join(against(tracked(late=0.35, t=late)).trial.notes)
     assert "if the release was 0.350 s later by the file's clock" in notes
-    assert "add -0.350 s" in notes
-    assert "camera.clock_offset" in notes
+    assert "--marks-set 'camera.clock_offset=-0.350 s'" in notes
+    said = dataclasses.replace(tracked(late=0.35, t=late), clock_offset=0.1)
+    assert "camera.clock_offset=-0.250 s" in " ".join(against(said).trial.notes), "in addition to what was said"
     assert "clock" not in " ".join(against(tracked()).trial.notes)
 
 
 def test_axes_beside_the_rod_are_noticed(against):
     notes = " ".join(against(tracked(offset=(0.012, -0.005))).trial.notes)
     assert "lie 12.0 mm right of and 5.0 mm below the reference" in notes
+    assert "'camera.origin_x=12.0 mm' --marks-set 'camera.origin_y=-5.0 mm'" in notes
     assert "origin" not in " ".join(against(tracked(offset=(1e-3, 0.0))).trial.notes)  # as accurate as tracking is
 
 

@@ -106,6 +106,8 @@ def measured_trial(trial: Trial, observations: Observations) -> MeasuredTrial:
             for e in observations.events
         ),
         notes=tuple(notes),
+        clock_offset=camera.clock_offset,
+        origin=(camera.origin_x, camera.origin_y),
     )
 
 
