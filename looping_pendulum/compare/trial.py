@@ -26,6 +26,10 @@ MAX_CLOCK_ERROR = 1.0
 """Largest error of the release's time that is looked for [s]."""
 CLOCK_STEP = 1e-3
 """Step of that search [s]: a quarter of a frame at 240 frames a second."""
+EARLY = 0.35
+"""Time since the release [s] up to which points tell it: an error of the model, as of its friction, is still small then."""
+MIN_EARLY_POINTS = 10
+"""Fewest points up to then."""
 CLOCK_GAIN = 0.5
 """Part of the RMS to which a better release time must bring it before the report speaks of it."""
 OFFSET_SHARE = 0.7
@@ -236,9 +240,9 @@ def _clock_hint(trial: MeasuredTrial, reference: Trajectory) -> str:
 
     def rms(shift: float) -> float:
         off = residual(track, reference, shift)
-        known = np.isfinite(off).all(axis=1)
+        known = np.isfinite(off).all(axis=1) & (np.array(track.t) + shift <= EARLY)
         # A shift that moves the points out of the run would fit whatever is left
-        if 2 * known.sum() < len(track.t):
+        if known.sum() < min(MIN_EARLY_POINTS, len(track.t)):
             return math.inf
         return float(np.sqrt(np.mean(np.sum(off[known] ** 2, axis=1))))
 

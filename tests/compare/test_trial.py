@@ -95,6 +95,16 @@ def test_a_clock_that_does_not_start_at_the_release_is_noticed(against):
     assert "clock" not in " ".join(against(tracked()).trial.notes)
 
 
+def test_the_release_is_found_although_the_model_is_wrong_later(against):
+    """After 0.35 s these points stay where they were; their release is 0.35 s into the clip all the same."""
+    late = np.arange(300) / 240
+    trial = tracked(late=0.35, t=late)
+    light = trial.tracks[0]
+    stopped = tuple(tuple(np.where(late > 0.7, values[168], values).tolist()) for values in light.values)
+    notes = against(dataclasses.replace(trial, tracks=(dataclasses.replace(light, values=stopped),))).trial.notes
+    assert "camera.clock_offset=-0.350 s" in " ".join(notes)
+
+
 def test_axes_beside_the_rod_are_noticed(against):
     notes = " ".join(against(tracked(offset=(0.012, -0.005))).trial.notes)
     assert "lie 12.0 mm right of and 5.0 mm below the reference" in notes
