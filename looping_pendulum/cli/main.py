@@ -40,8 +40,8 @@ from looping_pendulum.cli.common import (
     run_and_compare,
     schema_option,
     show_output_of_failed,
-    yaml_content,
     show_residuals,
+    yaml_content,
 )
 from looping_pendulum.cli.completion import scenario_names
 from looping_pendulum.cli.converge import converge

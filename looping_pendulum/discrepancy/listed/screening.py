@@ -50,7 +50,7 @@ class ScreenedCandidate:
     error: float
     """Standard error of the value by the template [SI]: an effect several times as large would be seen.
 
-    With companions it is the largest at any of their initial values: friction in its bearing, for example, hides a rod that turns.
+    With companions it is the largest at any of their initial values: friction in its bearing, say, hides a rod that turns.
     """
     motion_by_error: float
     """Change of the prediction by one `error`, all else unchanged [RMS, in units of noise]."""
