@@ -27,6 +27,7 @@ from benchmarks.rival_methods import METHODS, Rival
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.installation import install_command
 
 RESULT = Path(__file__).parents[1] / "docs" / "data" / "rivals.json"
 OURS = "identify"
@@ -54,7 +55,7 @@ def benchmark(options: argparse.Namespace) -> None:
     installed = [name for name, m in METHODS.items() if not m.package or find_spec(m.package)]
     runnable = [name for name in installed if name in (options.method or METHODS)]
     not_run = {
-        m.title: "not asked for" if name in installed else f"{m.package} is missing: pip install 'looping-pendulum[benchmark]'"
+        m.title: "not asked for" if name in installed else f"{m.package} is missing: {install_command('-e', '.[benchmark]')}"
         for name, m in METHODS.items()
         if name not in runnable
     }

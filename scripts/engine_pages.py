@@ -42,7 +42,7 @@ def pages() -> dict[str, str]:
 def page(name: str, variants: list[Engine]) -> str:
     """Return the page of one engine."""
     packages = sorted({package for engine in variants for package in engine.abilities.packages})
-    get = "\n".join(f"- `{package}`: {how_to_get(package)}" for package in packages)
+    get = "\n".join(f"- `{package}`: {how_to_get(package, anywhere=True)}" for package in packages)
     sections = "\n".join(_variant(engine) for engine in variants)
     effects = f"\n{_effects()}" if name == "reference" else ""
     return (
@@ -51,7 +51,7 @@ def page(name: str, variants: list[Engine]) -> str:
         "[Engines](../engines.md) explains the conventions, and the traps that the adapters avoid; "
         "[engine study](../engine-study.md) shows the errors and their causes; "
         "the [glossary](../glossary.md) explains the terms.\n\n"
-        f"How to install it:\n\n{get}\n\n{sections}{effects}"
+        f"How to install what it needs ([what installs where](../install.md)):\n\n{get}\n\n{sections}{effects}"
     )
 
 

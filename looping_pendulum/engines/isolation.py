@@ -78,7 +78,7 @@ def run_isolated(
     """
     missing = missing_packages(engine)
     if missing:
-        return _empty_trajectory(engine, scenario, RunStatus.MISSING, f"get it: {how_to_get(missing[0])}")
+        return _empty_trajectory(engine, scenario, RunStatus.MISSING, f"get it: {how_to_get(missing[0], anywhere=True)}")
     unsupported = engine.abilities.unsupported(scenario.parameters)
     if unsupported:
         return _empty_trajectory(engine, scenario, RunStatus.UNSUPPORTED, unsupported)

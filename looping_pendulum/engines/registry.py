@@ -14,6 +14,7 @@ from importlib.util import find_spec
 
 from looping_pendulum.engines.protocol import Abilities, Engine, Profile
 from looping_pendulum.errors import EngineError
+from looping_pendulum.installation import install_command
 
 ADAPTERS = {
     "reference": "looping_pendulum.engines.reference",
@@ -32,15 +33,16 @@ ENGINE_MEMBERS = ("name", "variant", "profile", "abilities", "settings", "simula
 ALL_VARIANTS = "all"
 """Name by which a user selects every variant, including those that are only for studies."""
 
-HOW_TO_GET = {
-    "pydrake": 'pip install "looping-pendulum[drake]", which is pip install "drake>=1.51"',
-    "heyoka": "pip install heyoka (wheels for Linux x86-64, Python 3.11 to 3.13); SciPy stands in for it everywhere else",
-    "mujoco": "pip install mujoco",
-    "pymunk": "pip install pymunk",
-    "pybullet": "use Python 3.11, where `pip install pybullet` finds a wheel; above it pip compiles for many minutes",
-    "scipy": "pip install scipy",
+DISTRIBUTIONS = {"pydrake": "drake"}
+"""Package, as Python imports it -> the name by which pip knows it, where the two differ."""
+
+WHERE_IT_INSTALLS = {
+    "pydrake": "Linux, from glibc 2.34 on; on a Mac with an ARM processor from Python 3.12 on; not on Windows",
+    "heyoka": "Linux only; SciPy replaces it everywhere else",
+    "mujoco": "all systems but Macs with an Intel processor",
+    "pybullet": "Linux on x86-64 with Python 3.11 only; elsewhere pip compiles it for many minutes, which needs a C++ compiler",
 }
-"""Package, as Python imports it -> how to install it."""
+"""Package, as Python imports it -> the systems for which PyPI has it compiled, if they are not all (docs/install.md)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,9 +66,13 @@ def label(engine: Engine) -> str:
     return f"{engine.name}:{engine.variant}"
 
 
-def how_to_get(package: str) -> str:
-    """Return how to install a package that an engine needs."""
-    return HOW_TO_GET.get(package, f"pip install {package}")
+def how_to_get(package: str, *, anywhere: bool = False) -> str:
+    """Return the command that installs a package, as Python imports it, and on which systems that works.
+
+    ``anywhere``: for text that is read on other machines (see `install_command`).
+    """
+    where = f" ({WHERE_IT_INSTALLS[package]})" if package in WHERE_IT_INSTALLS else ""
+    return f"`{install_command(DISTRIBUTIONS.get(package, package), anywhere=anywhere)}`{where}"
 
 
 @cache

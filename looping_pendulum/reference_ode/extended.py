@@ -23,7 +23,7 @@ from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.hybrid_system import SingleRunSystem
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Run, SegmentSamples
-from looping_pendulum.reference_ode.solve import DURATION, available_integrators
+from looping_pendulum.reference_ode.solve import DURATION, require_heyoka
 from looping_pendulum.reference_ode.state import Effects, Signs, State, event_in_phase, full_state
 from looping_pendulum.reference_ode.transitions import Event, Mode
 
@@ -52,8 +52,7 @@ def solve_extended(
     """
     if precision not in TOLERANCES:
         raise ValueError(f"precision: found {precision!r}, needed one of {', '.join(TOLERANCES)}")
-    if "heyoka" not in available_integrators():
-        raise MissingPackageError("extended precision needs heyoka, which is not installed: `pip install heyoka`")
+    require_heyoka("extended precision")
     driver = _ExtendedDriver(parameters, duration, TOLERANCES[precision] if tolerance is None else tolerance, precision)
     driver.run_sampled(np.zeros(0))
     return Run(**(driver.record() | {"integrator": f"heyoka, {precision}"}))

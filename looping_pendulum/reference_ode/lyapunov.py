@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.errors import MissingPackageError, ParameterError
+from looping_pendulum.errors import ParameterError
 from looping_pendulum.reference_ode import dual
 from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.dual import Dual
@@ -24,7 +24,7 @@ from looping_pendulum.reference_ode.geometry import Array, light_position, light
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.sensitivity import DualDriver
 from looping_pendulum.reference_ode.solution import Run, Samples, join_samples
-from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, require_heyoka
 from looping_pendulum.reference_ode.state import State, extra_variables, string_has_thickness, variables
 
 OBSERVABLES = ("x1", "y1", "vx1", "vy1", "y2", "vy2")
@@ -100,8 +100,7 @@ def solve_tangent_map(
     SensitivityError
         If an event is only grazed: there the tangent map does not exist.
     """
-    if "heyoka" not in available_integrators():
-        raise MissingPackageError("exponents need heyoka, which is not installed: `pip install heyoka` (Linux x86-64)")
+    require_heyoka("Lyapunov exponents")
     own = extra_variables(parameters.effects)
     if own or string_has_thickness(parameters.effects):
         names = ", ".join(e.name for e in parameters.effects if e.variables or e.winding)

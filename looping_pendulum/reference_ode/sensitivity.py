@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.errors import IntegrationError, MissingPackageError, ParameterError
+from looping_pendulum.errors import IntegrationError, ParameterError
 from looping_pendulum.reference_ode import dual, effects
 from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.dual import Dual
@@ -42,7 +42,7 @@ from looping_pendulum.reference_ode.solution import (
     join_samples,
     light_mass_position,
 )
-from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, available_integrators
+from looping_pendulum.reference_ode.solve import DURATION, TOLERANCE, require_heyoka
 from looping_pendulum.reference_ode.state import Effects, Signs, State, event_in_phase, fill_in_heavy_speed, full_state
 from looping_pendulum.reference_ode.transitions import PHASE_ZERO, Event, Mode
 
@@ -143,8 +143,7 @@ def solve_sensitivities(
     SensitivityError
         If a derivative does not exist: an event is only grazed, or the motion changes its kind at the value of a parameter.
     """
-    if "heyoka" not in available_integrators():
-        raise MissingPackageError("sensitivities need heyoka, which is not installed: `pip install heyoka` (Linux x86-64)")
+    require_heyoka("sensitivities")
     wrt = tuple(wrt)
     _check_wrt(parameters, wrt)
     moved = _as_dual_numbers(parameters, wrt)

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from looping_pendulum.errors import IntegratorFallbackWarning, IntegratorGaveUpError, MissingPackageError
+from looping_pendulum.installation import install_command
 from looping_pendulum.reference_ode.driver import Driver
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -120,5 +121,12 @@ def _resolve_integrator(integrator: str) -> str:
     if name not in ("heyoka", "scipy"):
         raise ValueError(f"integrator: found {integrator!r}, needed 'heyoka', 'scipy' or 'auto'")
     if name not in available_integrators():
-        raise MissingPackageError("heyoka is not installed: `pip install heyoka` (Linux x86-64), or use integrator='scipy'")
+        require_heyoka("integrator='heyoka'", instead="integrator='scipy'")
     return name
+
+
+def require_heyoka(what: str, instead: str = "") -> None:
+    """Raise `MissingPackageError` if heyoka, which ``what`` needs, is not installed; ``instead`` can do without it."""
+    if "heyoka" not in available_integrators():
+        way_out = f" (Linux only), or use {instead}" if instead else " (Linux only)"
+        raise MissingPackageError(f"{what}: heyoka is not installed; to get it: `{install_command('heyoka')}`{way_out}")

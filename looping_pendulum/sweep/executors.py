@@ -14,6 +14,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from looping_pendulum.errors import EngineError, HarnessError, MissingPackageError
+from looping_pendulum.installation import install_command
 from looping_pendulum.processes import process_pool
 from looping_pendulum.scenarios.document import one_line, quote
 from looping_pendulum.sweep.cells import CellResult, CellTask
@@ -108,7 +109,7 @@ class _Cluster:
         try:
             self._distributed: Any = import_module("distributed")
         except ImportError:
-            message = '--cluster: Dask is not installed: `pip install "looping-pendulum[cluster]"`'
+            message = f"--cluster: Dask is not installed; to get it: `{install_command('dask')}`"
             raise MissingPackageError(message) from None
         try:
             # Not the default client, which a caller's own program may have set
