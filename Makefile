@@ -15,7 +15,7 @@ unexport PYTHONDONTWRITEBYTECODE
 compare: $(VENV)/main ## run all engines on the 10:1 trial and write report/ten_to_one/report.md
 	$(BIN)/looping-pendulum compare ten_to_one --profile quick --out report/ten_to_one
 
-demo: $(VENV)/main ## the demonstration page: all engines and the truth, in step
+demo: $(VENV)/main ## run all engines on the 10:1 trial, and open the demonstration: reference and engines in step
 	$(BIN)/looping-pendulum demo
 
 test: $(VENV)/test ## run the tests (some minutes); BACKEND=scipy, old-processor, ...: as on another machine (`python -m tests.backends`)
