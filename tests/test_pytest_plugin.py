@@ -224,7 +224,7 @@ def test_engines_that_are_not_here_are_skips_with_the_way_to_get_them_and_crashe
         [
             "*faulty:segfault, quick: its run broke off: the engine's process died*",
             "*killed by signal SIGSEGV",
-            "SKIPPED *no_such_package is not installed; to get it: pip install no_such_package",
+            "SKIPPED *no_such_package is not installed; to get it: `*pip install *no_such_package`",
         ]
     )
     assert "Traceback" not in done.stdout.str()
@@ -239,7 +239,7 @@ def test_a_session_that_judges_nothing_is_no_success(project, offered):
     assert done.ret == 2
     done.stdout.fnmatch_lines_random(
         [
-            "SKIPPED *no_such_package is not installed; to get it: pip install no_such_package",
+            "SKIPPED *no_such_package is not installed; to get it: `*pip install *no_such_package`",
             "gap.scenario.yaml: nothing was judged: faulty:missing: no_such_package is not installed*",
             "looping-pendulum: nothing was judged: *; exit status 2",
         ]
