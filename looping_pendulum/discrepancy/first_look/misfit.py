@@ -1,0 +1,287 @@
+"""How far tracked points are from the declared motion: as it stands, and with the study's uncertain values fitted.
+
+Both compare the first part of a trial, before small errors have grown. The camera's origin and the height of the heavy mass
+are left out of it: they shift a whole picture, and no other mistake looks like that.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from looping_pendulum.discrepancy.data.camera import Camera
+from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
+from looping_pendulum.discrepancy.data.measurement import predict
+from looping_pendulum.discrepancy.data.observations import Channel
+from looping_pendulum.discrepancy.data.record_start import with_free_start
+from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial
+from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
+from looping_pendulum.discrepancy.fit.residual import trial_data
+from looping_pendulum.errors import HarnessError
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.reference_ode.solution import Samples, Solution
+from looping_pendulum.reference_ode.solve import available_integrators, solve_without_warning
+
+CANNOT_RUN = (HarnessError, ValueError, ArithmeticError)
+"""Errors of a model that cannot run with some values."""
+WINDOWS = (1.5, 2.5)
+"""Ends of the parts that are compared, in units of the time in which a mass falls through the free length.
+
+In the first the light mass swings down and begins to loop, in the second it has looped and friction has shown itself.
+"""
+MIN_POINTS = 6
+"""Smallest number of points of a channel that is compared."""
+MAX_DISTANCE = 0.5
+"""Distance in free lengths at which the weight of a point ends, so that no outlier decides."""
+MODEL_ERROR = 0.002
+"""Standard deviation that is added to a point's own noise for what the declared model lacks, in free lengths."""
+UNKNOWN_OFFSET = 0.5
+"""Assumed error of the clock's offset where the study says that it is not known [s]."""
+UNKNOWN_PLACE = 0.2
+"""Standard error of the origin and of the heavy mass's height, in free lengths."""
+HOPELESS = 4.0
+"""Misfit of the first window above which the second is left out: it cannot mend what the first shows."""
+FAILED = 20.0
+"""Misfit of a model that cannot run: larger than any that was seen of one that can."""
+_SHIFTS = {"light_x": "x", "heavy_x": "x", "light_y": "y", "heavy_y": "height of the heavy mass", "height": "height"}
+"""Channel -> name of the unknown shift that it shares with others."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Distance:
+    """Distance of the points from the motion as declared, nothing fitted but shifts."""
+
+    rms: float
+    """Root mean square over all coordinates [m]; that of an angle is multiplied by the free length."""
+    relative: float
+    """The same in free lengths; 1: no points could be compared."""
+    length_factor: float = 1.0
+    """Factor on the points' lengths with which it was found."""
+    points: tuple[tuple[Channel, Array], ...] = ()
+    """Channels of the first window and their prediction, shifted and scaled to the points."""
+    window: float = 0.0
+    """Length of the first window [s]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FittedMisfit:
+    """Misfit after a quick robust fit of the study's uncertain values."""
+
+    misfits: tuple[float, ...]
+    """Root of twice the robust cost per value in each window: near 1 where only noise and small effects remain."""
+    values: dict[str, float]
+    """Parameter -> fitted value [SI]."""
+    errors: dict[str, float]
+    """Parameter -> standard error of what is known of it before [SI]."""
+
+    @property
+    def largest(self) -> float:
+        """Return the misfit of the window that fits worst."""
+        return max(self.misfits)
+
+
+def measured_distance(declared: DeclaredTrial, *, with_length_factor: bool = False) -> Distance:
+    """Return the distance of the points from the motion as declared.
+
+    Parameters
+    ----------
+    with_length_factor
+        Whether the points' lengths are first multiplied by the factor that suits the motion best.
+    """
+    nothing = Distance(rms=math.inf, relative=1.0)
+    try:
+        declared = _with_start(declared)
+        parameters, window, solution = _solved(declared)
+        shifts = _clock_shifts(declared)
+        found = [_distance(declared, parameters, window, solution, shift, with_length_factor) for shift in shifts]
+    except CANNOT_RUN:
+        return nothing
+    return min((d for d in found if d is not None), key=lambda d: d.relative, default=nothing)
+
+
+def _with_start(declared: DeclaredTrial) -> DeclaredTrial:
+    """Return the trial with its start in mid-swing, if it has one."""
+    return declared.with_trial(with_free_start(declared.study, declared.trial, declared.observations))
+
+
+def _clock_shifts(declared: DeclaredTrial) -> tuple[float, ...]:
+    """Return times by which the clock may be off by what the study allows of it [s]."""
+    offset = declared.trial.camera.get("clock_offset")
+    if offset is None or declared.trial.in_mid_swing:
+        return (0.0,)
+    error = UNKNOWN_OFFSET if offset.free else 2 * (offset.sigma or 0.0)
+    return tuple(error * share for share in (0.0, -1.0, -0.5, 0.5, 1.0)) if error else (0.0,)
+
+
+def _solved(declared: DeclaredTrial) -> tuple[Parameters, float, Solution]:
+    """Return the parameters as declared, the first window [s], and the run over it."""
+    parameters = declared.study.parameters({}, declared.trial)
+    window = WINDOWS[0] * _fall_time(parameters)
+    # Many mistakes leave the parameters as they are
+    return parameters, window, _solve(_Key(parameters), window)
+
+
+@dataclass(frozen=True, eq=False)
+class _Key:
+    """Parameters as the key of a cache: by value, as they hold a mapping and so have no hash."""
+
+    parameters: Parameters
+
+    def __hash__(self) -> int:
+        return hash(repr(self.parameters.as_dict()))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self.parameters == other.parameters
+
+
+@lru_cache(maxsize=64)
+def _solve(key: _Key, window: float) -> Solution:
+    return solve_without_warning(key.parameters, duration=window, integrator=available_integrators()[0])
+
+
+def _fall_time(parameters: Parameters) -> float:
+    """Return the time in which a mass falls through the free length on Earth [s]."""
+    return math.sqrt(2 * parameters.free_length / 9.81)
+
+
+def _distance(
+    declared: DeclaredTrial, parameters: Parameters, window: float, solution: Solution, shift: float, with_factor: bool
+) -> Distance | None:
+    """Return the distance with the clock shifted by ``shift`` [s]; None: there are too few points."""
+    values = {n: e.value for n, e in declared.trial.camera.items() if n not in ("origin_x", "origin_y")}
+    camera = Camera(**values | {"clock_offset": values.get("clock_offset", 0.0) + shift})
+    channels = []
+    for c in declared.observations.channels:
+        count = int(np.searchsorted(camera.true_time(c.t), window, side="right"))
+        # A rate was computed from the angles, and a factor on the times would change it, too
+        if count >= MIN_POINTS and c.name != "angle_rate":
+            channels.append(dataclasses.replace(c, t=c.t[:count], value=c.value[:count]))
+    if not channels or (with_factor and any(c.unit != "m" for c in channels)):
+        return None
+
+    def sample(t: Array) -> Samples:
+        return solution.sample(t[t <= solution.end_time])
+
+    predicted = predict(sample, camera, channels, dropped=declared.trial.dropped).values
+    groups: dict[str, list[Channel]] = {}
+    for c in channels:
+        groups.setdefault(_SHIFTS.get(c.name, ""), []).append(c)
+    factor = _best_length_factor(groups, predicted) if with_factor else 1.0
+    if factor <= 0:
+        return None
+    length, squares, shown = parameters.free_length, [], []
+    for name, members in groups.items():
+        residuals = [factor * c.value - predicted[c.name] if c.unit == "m" else c.value - predicted[c.name] for c in members]
+        common = float(np.median(np.concatenate(residuals))) if name else 0.0
+        for c, residual in zip(members, residuals, strict=True):
+            unit = 1.0 if c.unit == "m" else length
+            squares.append(np.minimum((unit * (residual - common)) ** 2, (MAX_DISTANCE * length) ** 2))
+            shown.append((c, (predicted[c.name] + common) / (factor if c.unit == "m" else 1.0)))
+    rms = math.sqrt(float(np.mean(np.concatenate(squares))))
+    return Distance(rms=rms, relative=rms / length, length_factor=factor, points=tuple(shown), window=window)
+
+
+def _best_length_factor(groups: dict[str, list[Channel]], predicted: dict[str, Array]) -> float:
+    """Return the factor on the points' lengths that suits the motion best; 0 if there is none."""
+    product = square = 0.0
+    for members in groups.values():
+        points, model = (np.concatenate(v) for v in ([c.value for c in members], [predicted[c.name] for c in members]))
+        points, model = points - points.mean(), model - model.mean()
+        product += float(points @ model)
+        square += float(points @ points)
+    return product / square if square else 0.0
+
+
+def fitted_misfit(declared: DeclaredTrial, also_fit: Sequence[str] = ()) -> FittedMisfit:
+    """Fit the study's uncertain values to each window in turn, quickly and robustly.
+
+    Parameters
+    ----------
+    also_fit
+        Further parameters of the camera to be fitted.
+    """
+    failed = FittedMisfit(misfits=(FAILED,), values={}, errors={})
+    try:
+        declared = _with_start(declared)
+        data = trial_data(declared.trial, declared.observations)
+        free = _free_parameters(declared, also_fit)
+        problem = Problem(declared.study, [data], free)
+        parameters = declared.study.parameters({}, declared.trial)
+        return _fit_windows(problem, data, parameters)
+    except CANNOT_RUN:
+        return failed
+
+
+def _free_parameters(declared: DeclaredTrial, also_fit: Sequence[str]) -> list[FreeParameter]:
+    """Return the study's free parameters; the origin, the heavy mass's height and the clock's offset are always among them."""
+    trial = declared.trial
+    length = declared.study.parameters({}, trial).free_length
+    free = []
+    for known in free_parameters_of(declared.study, [(trial, declared.observations)]):
+        if known.parameter in ("origin_x", "origin_y", "hanging_length"):
+            known = dataclasses.replace(
+                known, scale=max(known.scale, UNKNOWN_PLACE * length), prior=1.0, bounds=(-math.inf, math.inf)
+            )
+        free.append(known)
+    priors = declared.study.camera_priors(trial, declared.observations)
+    named = {known.parameter for known in free}
+    for name, scale in (("clock_offset", 0.0), *((n, 0.1) for n in also_fit)):
+        if name not in named and name in priors and not (name == "clock_offset" and trial.in_mid_swing):
+            scale = scale or priors[name].sigma or 1e-3
+            free.append(
+                FreeParameter(
+                    name=f"{trial.name}.{name}", parameter=name, role=ParameterRole.CAMERA, trials=(trial.name,),
+                    init_value=priors[name].value, scale=scale, prior=1.0,
+                )
+            )  # fmt: skip
+    return free
+
+
+def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters) -> FittedMisfit:
+    from scipy import optimize
+
+    camera = problem.parameters_and_camera(problem.prior_mean, 0)[1]
+    length, free = parameters.free_length, problem.free_parameters
+    prior_sigma = np.array([n.prior_sigma for n in free])
+    # Finite bounds, within which the fit's trust region is scaled alike for all
+    low, high = np.maximum(problem.low, -50.0), np.minimum(problem.high, 50.0)
+    margin = 1e-9 * (high - low)
+    x = np.clip(np.zeros(len(free)), low + margin, high - margin)
+    misfits, fitted_count = [], 0
+    for window in WINDOWS:
+        part = data.until((window * _fall_time(parameters) - camera.clock_offset) / camera.clock_ratio)
+        if not part.channels or max(map(len, part.channels)) < MIN_POINTS or len(part.value) == fitted_count:
+            continue
+        fitted_count = len(part.value)
+        here = problem.with_data([part])
+        units = [np.full(len(c), 1.0 if c.unit == "m" else length) for c in part.channels]
+        unit = np.concatenate([*units, np.ones(len(part.events))])
+        sigma = np.hypot(part.sigma * unit, MODEL_ERROR * length)
+
+        def residuals(x: Array, here: Problem = here, part: TrialData = part, unit: Array = unit, sigma: Array = sigma) -> Array:
+            try:
+                points = (part.value - here.predict(x, 0)) * unit / sigma
+            except CANNOT_RUN:
+                points = np.full(len(sigma), 1e3)
+            return np.concatenate([points, x / prior_sigma])
+
+        fit = optimize.least_squares(
+            residuals, x, bounds=(low, high), loss="soft_l1", diff_step=1e-3, max_nfev=12, xtol=1e-3, ftol=1e-3
+        )
+        x = np.clip(fit.x, low + margin, high - margin)
+        misfits.append(math.sqrt(2 * float(fit.cost) / len(sigma)))
+        if misfits[-1] > HOPELESS:
+            break
+    if not misfits:
+        misfits = [FAILED]
+    return FittedMisfit(
+        misfits=tuple(misfits),
+        values={n.parameter: n.init_value + n.scale * float(v) for n, v in zip(free, x, strict=True)},
+        errors={n.parameter: n.scale * n.prior_sigma for n in free},
+    )

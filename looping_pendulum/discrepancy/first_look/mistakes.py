@@ -1,0 +1,300 @@
+"""Table of the mistakes that a first look can name: how each is undone, what it makes wrong, and the key that mends it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from looping_pendulum.discrepancy.data.study import Trial
+from looping_pendulum.discrepancy.first_look.declared_trial import (
+    OTHER_MASS,
+    DeclaredTrial,
+    mirrored,
+    upside_down,
+    with_lengths,
+    with_masses_exchanged,
+    with_times,
+    with_tracks_exchanged,
+)
+from looping_pendulum.pages.numbers import number, quantity
+from looping_pendulum.reference_ode.parameters import Release
+from looping_pendulum.scenarios.units import UnitError, to_si
+
+Undo = Callable[[DeclaredTrial], DeclaredTrial | None]
+"""Function that returns a trial without a mistake; None: the trial cannot have that mistake."""
+
+MIN_UNIT_FACTOR = 1.4
+"""Smallest factor on lengths or times, or inverse of one, that means another unit or frame rate and no error of measurement."""
+TIME_FACTORS = tuple(f for f in (2.0 ** (np.arange(-28, 29) / 4)).tolist() if not 1 / MIN_UNIT_FACTOR < f < MIN_UNIT_FACTOR)
+"""Factors on the file's times that are tried: steps of 1/4 octave; a fit refines the best."""
+MAX_DECLARED_ERROR = 0.1
+"""Largest standard error, or distance from 1, of a declared scale or clock ratio with which lengths or times are judged.
+
+Beyond it the study itself says that they may be off by a factor.
+"""
+FRAME_RATES = (24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0, 200.0, 240.0, 250.0, 300.0, 400.0, 480.0, 500.0, 600.0,
+               960.0, 1000.0)  # fmt: skip
+"""Frame rates of cameras [Hz], one of which is named if the points' rate is near it."""
+LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "foot": 0.3048, "m": 1.0}
+"""Units of length that are named if the points' unit is near one of them [m]."""
+NEARNESS = 0.05
+"""Largest relative distance from a usual frame rate or unit at which that one is named."""
+WITH_BOTH_MASSES = (Release.LOOPING, Release.VERTICAL)
+"""Releases in whose motion both masses and the rod's radius take part."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mistake:
+    """A mistake of filming or of declaration, large enough to be seen before any fit."""
+
+    name: str
+    """Short name; variants of one mistake, as by other factors, share it."""
+    undo: Undo
+    found: Callable[[Undone], str]
+    """What is wrong with the points or the declaration, in words."""
+    keys: Callable[[Undone], str]
+    """Keys of the study that mend it, with their values."""
+    releases: tuple[Release, ...] = tuple(Release)
+    of_apparatus: bool = False
+    """Whether the mended key may stand in `apparatus`, so that all trials together say whether it is wrong."""
+    fits: tuple[str, ...] = ()
+    """Camera parameters that a fit refines: "clock_ratio" after a factor on times, "scale" after one on lengths."""
+    steps: int = 1
+    """Number of mistakes that this one is made of."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Undone:
+    """A trial before and after a mistake was undone."""
+
+    declared: DeclaredTrial
+    corrected: DeclaredTrial
+    factors: Mapping[str, float] = field(default_factory=dict)
+    """What the points' "lengths" and "times" must be multiplied by."""
+
+    @property
+    def trial(self) -> Trial:
+        """Return the trial as it is declared."""
+        return self.declared.trial
+
+    def value(self, parameter: str, *, corrected: bool = True) -> float:
+        """Return the corrected or the declared value of a parameter [SI]."""
+        known = (self.corrected if corrected else self.declared).estimate(parameter)
+        return math.nan if known is None else known.value
+
+
+def is_left_open(trial: Trial, name: str) -> bool:
+    """Return whether the study says that this parameter of the camera may be far from 1."""
+    known = trial.camera.get(name)
+    return known is not None and (
+        known.free or (known.sigma or 0.0) > MAX_DECLARED_ERROR or abs(known.value - 1) > MAX_DECLARED_ERROR
+    )
+
+
+def possible_mistakes(declared: DeclaredTrial, steps: int) -> Iterator[tuple[Mistake, DeclaredTrial]]:
+    """Yield every mistake of so many steps that the trial can have, with the trial as it is without that mistake."""
+    for mistake in MISTAKES:
+        if mistake.steps == steps and declared.trial.release in mistake.releases:
+            corrected = mistake.undo(declared)
+            if corrected is not None:
+                yield mistake, corrected
+
+
+def _times_text(factor: float) -> str:
+    """Write a factor as "25 times" or "1/25 of"."""
+    return f"{number(factor, digits=2)} times" if factor >= 1 else f"1/{number(1 / factor, digits=2)} of"
+
+
+def _frame_rate(undone: Undone) -> str:
+    """Return the key of the frame rate, and the rate that the corrected times have."""
+    step = min(c.time_step for c in undone.declared.observations.channels if c.time_step > 0)
+    rate = 1 / (step * undone.factors["times"])
+    usual = min(FRAME_RATES, key=lambda r: abs(math.log(r / rate)))
+    rate = usual if abs(rate / usual - 1) <= NEARNESS else rate
+    return f"frame_rate: {number(rate)} Hz"
+
+
+def _length_unit(undone: Undone) -> str:
+    """Return the key of the unit of length: a usual unit, or how long one unit of the file is, as of a pixel."""
+    declared_unit = undone.trial.units.get("length", "m")
+    try:
+        unit = to_si(declared_unit if declared_unit[:1].isdigit() else f"1 {declared_unit}", "m") * undone.factors["lengths"]
+    except UnitError:
+        unit = undone.factors["lengths"]
+    for name, size in LENGTH_UNITS.items():
+        if abs(unit / size - 1) <= NEARNESS:
+            return f"units: {{length: {name}}}"
+    return f"units: {{length: {number(1e3 * unit)} mm}}"
+
+
+def _tracks(undone: Undone) -> str:
+    """Return the key that exchanges the tracks."""
+    files = undone.trial.files
+    tracks = {OTHER_MASS[mass]: track for _, named in files for mass, track in named.items()}
+    if len(files) > 1:
+        return "files: {light: the heavy mass's file, heavy: the light mass's file}"
+    if set(tracks) == set(OTHER_MASS):
+        return f"tracks: {{light: {tracks['light']}, heavy: {tracks['heavy']}}}"
+    return "tracks: {light: ..., heavy: ...}"
+
+
+def _mass_keys(undone: Undone) -> str:
+    light, heavy = (quantity(undone.value(f"{mass}_mass"), "kg", digits=3) for mass in ("light", "heavy"))
+    return f"light: {{mass: {light}}}' and 'heavy: {{mass: {heavy}}}"
+
+
+def _with_factors(**factors: float) -> Undo:
+    """Return a function that multiplies declared values by factors."""
+
+    def undo(declared: DeclaredTrial) -> DeclaredTrial | None:
+        values = {}
+        for parameter, factor in factors.items():
+            known = declared.estimate(parameter)
+            if known is None:
+                return None
+            values[parameter] = known.value * factor
+        return declared.with_values(values)
+
+    return undo
+
+
+def _with_angle(change: Callable[[float], float]) -> Undo:
+    """Return a function that changes the declared release angle [rad]."""
+
+    def undo(declared: DeclaredTrial) -> DeclaredTrial | None:
+        known = declared.estimate("release_angle")
+        if known is None or not 0 < change(known.value) < 2 * math.pi:
+            return None
+        return declared.with_values({"release_angle": change(known.value)})
+
+    return undo
+
+
+def _joined(first: Mistake, second: Mistake) -> Mistake:
+    """Return two mistakes at once."""
+
+    def undo(declared: DeclaredTrial) -> DeclaredTrial | None:
+        half = first.undo(declared)
+        return None if half is None else second.undo(half)
+
+    return Mistake(
+        name=f"{first.name} and {second.name}",
+        undo=undo,
+        found=lambda undone: f"{first.found(undone)} and {second.found(undone)}",
+        keys=lambda undone: f"{first.keys(undone)}' and '{second.keys(undone)}",
+        fits=first.fits + second.fits,
+        steps=first.steps + second.steps,
+    )
+
+
+MIRRORED = Mistake(
+    name="mirrored",
+    undo=mirrored,
+    found=lambda undone: "a mirrored motion",
+    keys=lambda undone: f"mirrored: {'false' if undone.trial.mirrored else 'true'}",
+)
+UPSIDE_DOWN = Mistake(
+    name="upside down",
+    undo=upside_down,
+    found=lambda undone: "a motion that is upside down, as where y grows downwards",
+    keys=lambda undone: f"mirrored: {'false' if undone.trial.mirrored else 'true'}' and 'camera: {{tilt: 180 deg}}",
+)
+TRACKS_EXCHANGED = Mistake(
+    name="tracks exchanged",
+    undo=with_tracks_exchanged,
+    found=lambda undone: "the heavy mass's motion in the light mass's track",
+    keys=_tracks,
+)
+MASSES_EXCHANGED = Mistake(
+    name="masses exchanged",
+    undo=with_masses_exchanged,
+    found=lambda undone: "the motion of a light mass and a heavy mass that are exchanged",
+    keys=_mass_keys,
+    releases=WITH_BOTH_MASSES,
+    of_apparatus=True,
+)
+LENGTHS = Mistake(
+    name="unit of length",
+    # The factor follows from the points themselves (`misfit.screen`)
+    undo=lambda declared: None if is_left_open(declared.trial, "scale") else declared,
+    found=lambda undone: f"lengths that are {_times_text(1 / undone.factors['lengths'])} what the declared apparatus allows",
+    keys=_length_unit,
+    fits=("scale",),
+)
+
+
+def _times(factor: float) -> Mistake:
+    return Mistake(
+        name="frame rate",
+        undo=lambda declared: None if is_left_open(declared.trial, "clock_ratio") else with_times(declared, factor),
+        found=lambda undone: f"times that are {_times_text(1 / undone.factors['times'])} what the declared apparatus allows",
+        keys=_frame_rate,
+        fits=("clock_ratio",),
+    )
+
+
+def _angle(change: Callable[[float], float]) -> Mistake:
+    return Mistake(
+        name="release angle",
+        undo=_with_angle(change),
+        found=lambda undone: (
+            f"a release near {number(math.degrees(undone.value('release_angle')))} deg (0: straight up, 180: straight down) "
+            f"instead of the declared {number(math.degrees(undone.value('release_angle', corrected=False)))} deg"
+        ),
+        keys=lambda undone: f"release: {{angle: {number(math.degrees(undone.value('release_angle')))} deg}}",
+    )
+
+
+def _value(name: str, group: str, parameters: Mapping[str, str], factor: float, **fields: bool) -> Mistake:
+    """Return the mistake that declared values of one group are too large or small by a factor; parameter -> its SI unit."""
+
+    def keys(undone: Undone) -> str:
+        parts = []
+        for parameter, unit in parameters.items():
+            where, key = (parameter.split("_", 1) if not group else (group, parameter))
+            parts.append(f"{where}: {{{key}: {quantity(undone.value(parameter), unit, digits=3)}}}")
+        return "' and '".join(parts)
+
+    return Mistake(
+        name=name,
+        undo=_with_factors(**dict.fromkeys(parameters, factor)),
+        found=lambda undone: f"the motion of {' and '.join(p.replace('_', ' ') for p in parameters)} {_times_text(factor)} the declared",
+        keys=keys,
+        releases=tuple(Release) if group else WITH_BOTH_MASSES,
+        **fields,
+    )
+
+
+EXCHANGED = _joined(TRACKS_EXCHANGED, MASSES_EXCHANGED)
+MISTAKES = (
+    MIRRORED,
+    UPSIDE_DOWN,
+    TRACKS_EXCHANGED,
+    MASSES_EXCHANGED,
+    dataclasses.replace(EXCHANGED, name="light and heavy exchanged", releases=WITH_BOTH_MASSES, steps=1),
+    LENGTHS,
+    *(_joined(first, LENGTHS) for first in (MIRRORED, UPSIDE_DOWN, TRACKS_EXCHANGED)),
+    *(mistake for factor in TIME_FACTORS for mistake in (_times(factor), _joined(MIRRORED, _times(factor)),
+                                                         _joined(TRACKS_EXCHANGED, _times(factor)))),
+    _joined(MIRRORED, TRACKS_EXCHANGED),
+    *(_angle(change) for change in (
+        math.degrees,
+        math.radians,
+        lambda angle: math.pi - angle,
+        lambda angle: 2 * math.pi - angle,
+        lambda angle: 1.5 * math.pi - angle,
+        lambda angle: angle + math.pi / 2,
+        lambda angle: angle - math.pi / 2,
+    )),
+    # A radius that is twice what was declared is no common mistake, and more friction looks alike
+    *(_value(f"rod radius times {number(factor)}", "", {"rod_radius": "m"}, factor, of_apparatus=True)
+      for factor in (1 / 2, 1 / 10, 10.0)),
+    *(_value("free length", "release", {"free_length": "m"}, factor) for factor in (1 / 100, 1 / 10, 10.0, 100.0)),
+    *(_value(f"{' and '.join(m)} mass", "", {f"{mass}_mass": "kg" for mass in m}, factor, of_apparatus=True)
+      for m in (("light",), ("heavy",), ("light", "heavy")) for factor in (1e-3, 1e3)),
+)  # fmt: skip
+"""All mistakes that are tried, each alone, and the commonest mistakes of filming in pairs."""
