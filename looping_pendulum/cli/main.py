@@ -46,6 +46,7 @@ from looping_pendulum.cli.common import (
 from looping_pendulum.cli.completion import scenario_names
 from looping_pendulum.cli.converge import converge
 from looping_pendulum.cli.engines import conformance, engines
+from looping_pendulum.cli.look import look, stop_at_mistakes
 from looping_pendulum.cli.maps import map_, maps
 from looping_pendulum.cli.new import new
 from looping_pendulum.cli.progress import ProgressBars
@@ -282,10 +283,14 @@ def identify(
     schema: Annotated[bool, schema_option("study", "looping_pendulum.discrepancy.data.study_file")] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Search even if the tracked points contradict what the study declares.")
+    ] = False,
 ) -> None:
     """Find the physics that a model of measured trials lacks, and report the model's error before and after adding it.
 
-    Writes report.md with figures, report.html, verdict.json and repaired.yaml, a scenario file that `compare` can run.
+    Before the search it takes a first look, as `look` does, and stops if the points contradict the study. Writes report.md with
+    figures, report.html, verdict.json and repaired.yaml, a scenario file that `compare` can run.
 
     looping-pendulum identify trials/study.yaml --out report/trials
     """
@@ -300,8 +305,8 @@ def identify(
     prepare_output_folder(
         folder, files=writing.FILES, folders=writing.FOLDERS
     )  # refuse an unusable folder before the work, not after it
-    with ProgressBars() as bars:
-        result = find(loaded, seed=seed, progress=bars.update, time_limit=time_limit)
+    with stop_at_mistakes(folder), ProgressBars() as bars:
+        result = find(loaded, seed=seed, progress=bars.update, time_limit=time_limit, anyway=anyway)
     previous_handler = signal.signal(
         signal.SIGINT, signal.SIG_IGN
     )  # Ctrl-C must not cut the report short; writing it takes two seconds
@@ -338,6 +343,7 @@ def identify(
         raise typer.Exit(INTERRUPTED)
 
 
+app.command()(look)
 app.command()(demo)
 app.command()(new)
 app.command()(init)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
 import platform
 import time
@@ -10,6 +11,7 @@ import time
 from looping_pendulum import __version__
 from looping_pendulum.discrepancy.conclusion import conclude
 from looping_pendulum.discrepancy.data.study import Study
+from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.identification import Conclusion, identification
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.next_experiment import best_experiments
@@ -43,6 +45,7 @@ def identify(
     progress: FractionCallback = lambda what, share: None,
     workers: int | None = None,
     time_limit: float | None = None,
+    anyway: bool = False,
 ) -> Identification:
     """Find what the declared model of a study lacks.
 
@@ -57,11 +60,15 @@ def identify(
         many processors.
     time_limit
         Time [s] after which the search ends at its next step, as after Ctrl-C, and the verdict says so; None: no limit.
+    anyway
+        Whether to search even if the tracked points contradict the declaration. What looks wrong is then among the notes.
 
     Raises
     ------
     DataError
         If the data cannot be used.
+    DeclarationError
+        If the tracked points contradict the declaration, and ``anyway`` is false.
     FitError
         If the declared model cannot run.
     OutOfTimeError
@@ -78,7 +85,7 @@ def identify(
     try:
         # Before the files are read, so that the worker processes start and import meanwhile
         with Workers(default_process_count() if workers is None else workers) as team:
-            return _identify(study, seed, progress_within_limit, team)
+            return _identify(study, seed, progress_within_limit, team, anyway)
     except _OutOfTime:
         message = (
             f"--time-limit: found no fit of the declared model within {time_limit:g} s; check the study's units and values"
@@ -86,8 +93,11 @@ def identify(
         raise OutOfTimeError(f"{message}, or allow more") from None
 
 
-def _identify(study: Study, seed: int, progress: FractionCallback, workers: Workers) -> Identification:
+def _identify(study: Study, seed: int, progress: FractionCallback, workers: Workers, anyway: bool) -> Identification:
     """Identify; an interrupt after the calibration ends the search, one before it is raised."""
+    first_look = take_first_look(study)
+    if not anyway:
+        first_look.refuse_mistakes()
     inputs = read_inputs(study)
     search = Search(inputs, seed, progress, workers)
     interrupted = False
@@ -108,7 +118,7 @@ def _identify(study: Study, seed: int, progress: FractionCallback, workers: Work
     force = None
     if search.forces and verdict is not Verdict.INTERRUPTED:
         force = describe_unlisted_force(search.forces, search.formulas, search.declared_model.held_out.worst)
-    return identification(
+    result = identification(
         inputs.study,
         [o.summary() for _, o in inputs.observed],
         seed,
@@ -123,6 +133,7 @@ def _identify(study: Study, seed: int, progress: FractionCallback, workers: Work
         ),
         _provenance(),
     )
+    return dataclasses.replace(result, notes=(*first_look.notes, *result.notes), first_look=first_look)
 
 
 def _provenance() -> dict[str, str]:

@@ -10,8 +10,7 @@ from looping_pendulum.discrepancy.data.observations import DataError, Observatio
 from looping_pendulum.discrepancy.data.record_start import with_free_start
 from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
-from looping_pendulum.discrepancy.fit.other_units import refuse_wrong_units
-from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
+from looping_pendulum.discrepancy.fit.problem import TrialData, free_parameters_of
 from looping_pendulum.discrepancy.fit.residual import trial_data
 from looping_pendulum.discrepancy.listed.candidates import Candidate, candidates
 
@@ -39,7 +38,7 @@ def read_inputs(study: Study) -> Inputs:
     Raises
     ------
     DataError
-        If a file cannot be used, or its lengths or times are in another unit than the study says.
+        If a file cannot be used.
     """
     observed = tuple((t, read_trial(study, t)) for t in study.trials)
     for _, o in observed:
@@ -57,10 +56,6 @@ def read_inputs(study: Study) -> Inputs:
         shared = [n for n in shared if n != "clock_offset"]
     data = tuple(trial_data(t, o) for t, o in training)
     held_out = tuple((trial_data(t, o), free_parameters_of(study, [(t, o)])) for t, o in observed if t.held_out)
-    refuse_wrong_units(Problem(study, data, free_parameters))
-    # Each by itself: a held-out trial is never in one problem with those that are fitted
-    for trial, parameters in held_out:
-        refuse_wrong_units(Problem(study, (trial,), parameters))
     return Inputs(
         study=study,
         observed=observed,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 from looping_pendulum.discrepancy.fit.model_test import ModelTest
 from looping_pendulum.discrepancy.trial_results import (
@@ -19,6 +20,9 @@ from looping_pendulum.discrepancy.trial_results import (
     TrialFigure,
 )
 from looping_pendulum.pages.notebook import ShownInNotebook
+
+if TYPE_CHECKING:
+    from looping_pendulum.discrepancy.first_look.result import DeclarationCheck
 
 
 class Verdict(StrEnum):
@@ -359,6 +363,8 @@ class Identification(ShownInNotebook):
     """The repaired model of the first trial as a scenario file."""
     trial_figures: tuple[TrialFigure, ...] = field(default=(), compare=False)
     """Arrays for the figure of each trial that was tracked."""
+    first_look: DeclarationCheck | None = field(default=None, compare=False)
+    """Comparison of the points with the declaration before any fit; what looked wrong there is among the notes."""
 
     @property
     def names(self) -> tuple[str, ...]:

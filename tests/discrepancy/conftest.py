@@ -9,6 +9,7 @@ from looping_pendulum.reference_ode.solve import available_integrators
 FITTING = (
     "test_camera_studies",
     "test_events",
+    "test_first_look",
     "test_identify",
     "test_attribution",
     "test_calibration",

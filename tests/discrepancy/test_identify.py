@@ -16,7 +16,7 @@ from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.likelihood import cost_rise
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
-from looping_pendulum.discrepancy.identify import identify
+from looping_pendulum.discrepancy.identify import OutOfTimeError, identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.listed.attribution import refit
 from looping_pendulum.discrepancy.listed.screening import screen
@@ -157,6 +157,13 @@ def test_interrupted_it_leaves_what_it_has(tmp_path):
     assert result.verdict is Verdict.INTERRUPTED
     assert result.before.failed_tests
     assert write(result, tmp_path / "out").exists()
+
+
+def test_a_search_ends_with_its_time_limit(tmp_path):
+    """Before anything is fitted there is nothing to report; later, the search reports as after Ctrl-C."""
+    study = load(write_study(tmp_path, CLEAN, 5, trials=["ten_a"]))
+    with pytest.raises(OutOfTimeError, match=r"^--time-limit: found no fit of the declared model within 1e-09 s; check"):
+        identify(study, workers=1, time_limit=1e-9)
 
 
 @pytest.mark.usefixtures("quick_figures")

@@ -21,6 +21,7 @@ from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.stored import stored_result
 from looping_pendulum.discrepancy.data import readers, study_io
 from looping_pendulum.discrepancy.data.study_fields import MeasuredField
+from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.engines.memory import parse_memory
 from looping_pendulum.engines.protocol import Profile
@@ -178,6 +179,7 @@ def run_study(data: bytes) -> None:
     Path("any.yaml").write_bytes(data)
     study = study_io.load("any.yaml")
     assert study_io.load_text(study_io.dump(study), "any.yaml") == study
+    take_first_look(study)
     read_inputs(study)
 
 

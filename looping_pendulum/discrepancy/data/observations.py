@@ -41,6 +41,10 @@ class DataError(HarnessError, ValueError):
     """Raised if a file of measured data cannot be used as it is."""
 
 
+class ImplausibleLengthError(DataError):
+    """Raised if lengths are so large that they must be in another unit than the file or the study says."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class UnusedValues:
     """How many values of a file were not used, and why."""

@@ -17,7 +17,14 @@ import numpy as np
 from looping_pendulum.discrepancy.data.columns import Column, ReadingNotes, read_columns
 from looping_pendulum.discrepancy.data.delimited import DelimitedTable, TableLine, data_error, read_table
 from looping_pendulum.discrepancy.data.events import is_event_table, read_events
-from looping_pendulum.discrepancy.data.observations import UNITS, Channel, DataError, Observations, UnusedValues
+from looping_pendulum.discrepancy.data.observations import (
+    UNITS,
+    Channel,
+    DataError,
+    ImplausibleLengthError,
+    Observations,
+    UnusedValues,
+)
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.units import UnitError, to_si
@@ -68,7 +75,8 @@ def read(
     kind
         One of `KINDS`.
     units
-        Units of columns whose header names none, for example ``{"length": "cm", "angle": "deg", "time": "ms"}``.
+        Units of columns whose header names none, for example ``{"length": "cm", "angle": "deg", "time": "ms"}``; a length of
+        ``"1.4 mm"`` is that of a pixel.
     drop
         Number of the drop to read, if the file has several.
     name
@@ -252,7 +260,8 @@ def _to_si(table: DelimitedTable, column: Column, si: str, units: Mapping[str, s
     """Return the factor from the column's unit to SI."""
     unit_text = column.unit or units.get(_KIND_OF_UNIT.get(column.role, ""), si)
     try:
-        return to_si(f"1 {unit_text}", si)
+        # A unit may have a size of its own: "1.4 mm" for the pixels of a picture
+        return to_si(unit_text if unit_text[:1].isdigit() else f"1 {unit_text}", si)
     except UnitError as error:
         line = table.head[-1].line if table.head and column.unit else None
         detail = f" ({error})" if str(error) else ""
@@ -338,7 +347,8 @@ def _refuse_implausible_values(
             kind, unit = ("angle", "deg") if channel.unit.startswith("rad") else ("length", "cm")
             values = f"found {channel.value[worst]:g} {channel.unit}, needed at most {limit:.4g}"
             message = f"{values}; if the file is in another unit, say so: 'units: {{{kind}: {unit}}}'"
-            raise table.error(rows[worst].line, channel.column, message)
+            error = table.error(rows[worst].line, channel.column, message)
+            raise ImplausibleLengthError(str(error)) if kind == "length" else error
         if check_times and channel.time_step > MAX_TIME_STEP:
             steps = f"found a row every {channel.time_step:g} s, needed many a second"
             message = f"{steps}; if times are in ms, say so: 'units: {{time: ms}}'"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -64,7 +64,7 @@ class Distance:
     length_factor: float = 1.0
     """Factor on the points' lengths with which it was found."""
     points: tuple[tuple[Channel, Array], ...] = ()
-    """Channels of the first window and their prediction, shifted and scaled to the points."""
+    """Channels of the first window, and what is declared of them in the same units; a height begins at the points'."""
     window: float = 0.0
     """Length of the first window [s]."""
 
@@ -182,12 +182,19 @@ def _distance(
         for c, residual in zip(members, residuals, strict=True):
             unit = 1.0 if c.unit == "m" else length
             squares.append(np.minimum((unit * (residual - common)) ** 2, (MAX_DISTANCE * length) ** 2))
-            shown.append((c, (predicted[c.name] + common) / (factor if c.unit == "m" else 1.0)))
+            shown.append((c, _as_seen(predicted[c.name] + (common if c.name == "height" else 0.0), c, declared, factor)))
     rms = math.sqrt(float(np.mean(np.concatenate(squares))))
     return Distance(rms=rms, relative=rms / length, length_factor=factor, points=tuple(shown), window=window)
 
 
-def _best_length_factor(groups: dict[str, list[Channel]], predicted: dict[str, Array]) -> float:
+def _as_seen(predicted: Array, channel: Channel, declared: DeclaredTrial, factor: float) -> Array:
+    """Return predicted values in the units of the points, with the declared origin."""
+    origin = declared.trial.camera.get(f"origin_{channel.name[-1]}")
+    shift = origin.value if origin is not None and channel.name.endswith(("_x", "_y")) else 0.0
+    return np.asarray((predicted + shift) / (factor if channel.unit == "m" else 1.0))
+
+
+def _best_length_factor(groups: Mapping[str, Sequence[Channel]], predicted: Mapping[str, Array]) -> float:
     """Return the factor on the points' lengths that suits the motion best; 0 if there is none."""
     product = square = 0.0
     for members in groups.values():
@@ -264,7 +271,9 @@ def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters) -> F
         unit = np.concatenate([*units, np.ones(len(part.events))])
         sigma = np.hypot(part.sigma * unit, MODEL_ERROR * length)
 
-        def residuals(x: Array, here: Problem = here, part: TrialData = part, unit: Array = unit, sigma: Array = sigma) -> Array:
+        def residuals(
+            x: Array, here: Problem = here, part: TrialData = part, unit: Array = unit, sigma: Array = sigma
+        ) -> Array:
             try:
                 points = (part.value - here.predict(x, 0)) * unit / sigma
             except CANNOT_RUN:
@@ -272,7 +281,7 @@ def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters) -> F
             return np.concatenate([points, x / prior_sigma])
 
         fit = optimize.least_squares(
-            residuals, x, bounds=(low, high), loss="soft_l1", diff_step=1e-3, max_nfev=12, xtol=1e-3, ftol=1e-3
+            residuals, x, bounds=(low, high), loss="soft_l1", diff_step=1e-3, max_nfev=10, xtol=1e-3, ftol=1e-2
         )
         x = np.clip(fit.x, low + margin, high - margin)
         misfits.append(math.sqrt(2 * float(fit.cost) / len(sigma)))

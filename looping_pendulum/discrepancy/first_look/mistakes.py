@@ -15,7 +15,6 @@ from looping_pendulum.discrepancy.first_look.declared_trial import (
     DeclaredTrial,
     mirrored,
     upside_down,
-    with_lengths,
     with_masses_exchanged,
     with_times,
     with_tracks_exchanged,
@@ -249,23 +248,32 @@ def _angle(change: Callable[[float], float]) -> Mistake:
     )
 
 
-def _value(name: str, group: str, parameters: Mapping[str, str], factor: float, **fields: bool) -> Mistake:
-    """Return the mistake that declared values of one group are too large or small by a factor; parameter -> its SI unit."""
+def _value(name: str, group: str, parameters: Mapping[str, str], factor: float) -> Mistake:
+    """Return the mistake that declared values must be multiplied by a factor.
+
+    Parameters
+    ----------
+    group
+        Group of the values in a trial; empty: they are of the apparatus.
+    parameters
+        Parameter -> its SI unit.
+    """
+    in_words = " and ".join(p.replace("_", " ") for p in parameters)
 
     def keys(undone: Undone) -> str:
         parts = []
         for parameter, unit in parameters.items():
-            where, key = (parameter.split("_", 1) if not group else (group, parameter))
+            where, _, key = (group, "", parameter) if group else parameter.partition("_")
             parts.append(f"{where}: {{{key}: {quantity(undone.value(parameter), unit, digits=3)}}}")
         return "' and '".join(parts)
 
     return Mistake(
         name=name,
         undo=_with_factors(**dict.fromkeys(parameters, factor)),
-        found=lambda undone: f"the motion of {' and '.join(p.replace('_', ' ') for p in parameters)} {_times_text(factor)} the declared",
+        found=lambda undone: f"the motion of a {in_words} of {number(factor)} times what is declared",
         keys=keys,
         releases=tuple(Release) if group else WITH_BOTH_MASSES,
-        **fields,
+        of_apparatus=not group,
     )
 
 
@@ -291,10 +299,10 @@ MISTAKES = (
         lambda angle: angle - math.pi / 2,
     )),
     # A radius that is twice what was declared is no common mistake, and more friction looks alike
-    *(_value(f"rod radius times {number(factor)}", "", {"rod_radius": "m"}, factor, of_apparatus=True)
+    *(_value(f"rod radius times {number(factor)}", "", {"rod_radius": "m"}, factor)
       for factor in (1 / 2, 1 / 10, 10.0)),
     *(_value("free length", "release", {"free_length": "m"}, factor) for factor in (1 / 100, 1 / 10, 10.0, 100.0)),
-    *(_value(f"{' and '.join(m)} mass", "", {f"{mass}_mass": "kg" for mass in m}, factor, of_apparatus=True)
+    *(_value(f"{' and '.join(m)} mass", "", {f"{mass}_mass": "kg" for mass in m}, factor)
       for m in (("light",), ("heavy",), ("light", "heavy")) for factor in (1e-3, 1e3)),
 )  # fmt: skip
 """All mistakes that are tried, each alone, and the commonest mistakes of filming in pairs."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from types import MappingProxyType
 
-from looping_pendulum.discrepancy.data.study import Study
 from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.parameters import Release
@@ -25,7 +24,7 @@ to a stairwell's height.
 """
 
 
-def implausible_values(study: Study, declared: Sequence[DeclaredTrial]) -> Iterator[str]:
+def implausible_values(declared: Sequence[DeclaredTrial]) -> Iterator[str]:
     """Yield a line for every declared value of unusual size in a trial whose light mass loops."""
     said = set()
     for each in declared:

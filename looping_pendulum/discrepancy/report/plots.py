@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from looping_pendulum.compare.plots import GREY, without_mathtext
+from looping_pendulum.discrepancy.first_look import picture as first_look
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.report import event_report, lead_figure, unlisted_report
 from looping_pendulum.discrepancy.result import Identification
@@ -53,6 +54,11 @@ def draw(result: Identification) -> dict[str, tuple[str, bytes]]:
     for name, caption, make in drawings:
         with optional_output(f"figures/{name}"):
             figures[name] = caption, _png(make())
+    if result.first_look is not None and result.first_look.notes:
+        with optional_output(f"figures/{first_look.NAME}"):
+            image = first_look.draw(result.first_look)
+            if image is not None:
+                figures[first_look.NAME] = first_look.CAPTION, image
     return figures
 
 
