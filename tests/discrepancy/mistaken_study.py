@@ -107,7 +107,9 @@ FURTHER = {
     "30 for 240 and mirrored": Mistake(
         keys=frozenset({"frame_rate", "mirrored"}), row=lambda row: _scaled(8, 0)(_scaled(-1, 1, 3)(row))
     ),
-    "origin": Mistake(keys=frozenset({"camera"}), row=lambda row: [v if v is None else v + 0.5 * (i > 0) for i, v in enumerate(row)]),
+    "origin": Mistake(
+        keys=frozenset({"camera"}), row=lambda row: [row[0], *(None if v is None else v + 0.5 for v in row[1:])]
+    ),
     "light mass in kilograms": Mistake(keys=frozenset({"light"}), study=_every_value("light", "mass", _thousandfold)),
     "angle from the horizontal": Mistake(keys=frozenset({"release"}), study=_angle(lambda degrees: degrees - 90)),
     "angle on the other side": Mistake(keys=frozenset({"release"}), study=_angle(lambda degrees: 360 - degrees)),
@@ -115,7 +117,7 @@ FURTHER = {
 
 
 def mistaken(study: Path, folder: Path, mistake: Mistake, *, trials: int | None = None) -> Path:
-    """Write a study and its files with a mistake into ``folder``; of the trials only the first ones, if their number is given."""
+    """Write a study and its files with a mistake into ``folder``; only its first ``trials``, if their number is given."""
     tree = yaml.safe_load(study.read_text(encoding="utf-8"))
     tree["trials"] = tree["trials"][:trials]
     for trial in tree["trials"]:

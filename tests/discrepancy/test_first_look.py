@@ -26,7 +26,7 @@ from tests.blind.cases import CASES, CLEAN, CLEAN_VARIED
 from tests.blind.pendulum import Pendulum
 from tests.command_line import here
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
-from tests.discrepancy.blind_study import write_study
+from tests.discrepancy.blind_study import only_candidates, write_study
 from tests.discrepancy.held_study import write_held_study
 from tests.discrepancy.mistaken_study import FURTHER, MISTAKES, Mistake, mended, mistaken, named_keys
 
@@ -62,6 +62,8 @@ def test_a_mistake_is_named_with_the_key_that_mends_it(example, tmp_path, name):
     assert named_keys(found.keys) == mistake.keys
     assert "\n" not in found.text
     after = look(mended(path, found.keys))
+    if name == "pixels of a picture":  # only in the right unit is it seen where the origin is
+        after = look(mended(path.with_name("mended.yaml"), the_only(after).keys))
     assert not after.mistakes
     assert not after.warnings
 
@@ -93,11 +95,9 @@ def test_the_frame_rate_is_the_true_one(example, tmp_path, file_factor):
     assert the_only(look(mistaken(example, tmp_path, mistake, trials=1))).keys == "frame_rate: 240 Hz"
 
 
-@pytest.mark.parametrize(
-    ("per_metre", "unit"), [(39.37, "inch"), (100, "cm"), (1000, "mm"), (1 / 0.7, "none"), (0.5, "2000 mm")]
-)
+@pytest.mark.parametrize(("per_metre", "unit"), [(39.37, "inch"), (100, "cm"), (1000, "mm"), (1.3, "none"), (0.5, "2000 mm")])
 def test_the_unit_of_length_is_the_true_one(example, tmp_path, per_metre, unit):
-    """A scale that is off by 30 % is no other unit, and left to the fit: the camera's scale is a candidate."""
+    """A scale that is off by a third is no other unit, and left to the fit: the camera's scale is a candidate."""
     mistake = Mistake(keys=frozenset(), row=lambda row: [row[0], *(None if v is None else per_metre * v for v in row[1:])])
     check = look(mistaken(example, tmp_path, mistake, trials=1))
     if unit == "none":
@@ -135,7 +135,10 @@ def test_a_factor_that_the_study_leaves_open_is_left_to_the_fit(example, tmp_pat
     study = study_io.load(path)
     free = {name: Estimate(value=1.0, free=True) for name in camera}
     trial = dataclasses.replace(study.trials[0], camera=free)
-    assert not take_first_look(dataclasses.replace(study, trials=(trial,))).mistakes
+    check = take_first_look(dataclasses.replace(study, trials=(trial,)))
+    assert not check.mistakes
+    left_open = next(iter(sorted(camera, key="scale".__ne__)))
+    assert [t.text for t in check.trials] == [f"trial 'first': not looked at, as its camera's {left_open} may be far from 1"]
 
 
 def test_a_value_of_unusual_size_is_a_warning(example, tmp_path):
@@ -154,7 +157,7 @@ def test_a_value_of_unusual_size_is_a_warning(example, tmp_path):
 def test_clean_and_hidden_effects_look_right(tmp_path):
     """What is hidden moves the light mass by up to some centimetres; `test_no_false_warning` has forty and more."""
     for case, seed in ((CLEAN_VARIED, 5), (CASES["thrust"], 3), (CASES["magnet"], 3), (CASES["static_excess"], 0)):
-        check = look(write_study(tmp_path / case.name, case, seed, trials=["ten_a", "six"]))
+        check = look(write_study(tmp_path / case.name, case, seed, trials=["ten_a"]))
         assert not check.mistakes, check.mistakes[0].text
         assert not check.warnings
 
@@ -164,7 +167,7 @@ def test_clean_and_hidden_effects_look_right(tmp_path):
     [
         pytest.param(lambda t, angle: (t, angle), None, id="clean"),
         pytest.param(lambda t, angle: (8 * t, angle), "frame_rate: 30 Hz", id="frame_rate"),
-        pytest.param(lambda t, angle: (t, -angle), "mirrored: true", id="mirrored"),
+        pytest.param(lambda t, angle: (t, -angle), "mirrored: true' or 'release: {angle: 220 deg}", id="mirrored"),
     ],
 )
 def test_a_held_pendulum(tmp_path, change, key):
@@ -196,7 +199,7 @@ def test_a_drop(tmp_path, factor, key):
 
 
 def test_a_trial_with_events_only_is_not_looked_at(tmp_path):
-    (tmp_path / "e.csv").write_text("quantity,index,measured,unit\nhalting_time,1,0.351,s\n")
+    (tmp_path / "e.csv").write_text("quantity,index,value,sigma,unit\nhalting_time,1,0.351,0.001,s\n")
     text = (
         "title: T\napparatus: {light: {mass: 10 g}, heavy: {mass: 100 g}, rod: {radius: 6 mm}}\n"
         "trials: [{name: table, file: e.csv, release: {angle: 112 deg, free_length: 58 cm}}]\n"
@@ -243,13 +246,14 @@ def test_identify_stops_before_the_fit_and_says_how_to_go_on(example, tmp_path):
 @pytest.mark.usefixtures("quick_figures")
 def test_a_search_that_goes_on_anyway_reports_what_looks_wrong(example, tmp_path):
     def interrupt(what, share):
-        if what.startswith("refitting") or share > 0.3:
+        if what.startswith("refitting"):
             raise KeyboardInterrupt
 
     study = study_io.load(mistaken(example, tmp_path, MISTAKES["diameter"], trials=1))
     with pytest.raises(DeclarationError, match="needed 'rod: {radius: 6.25 mm}'"):
         identify(study, workers=1)
-    result = identify(study, workers=1, anyway=True, progress=interrupt)
+    with only_candidates(["scale", "tilt"]):
+        result = identify(study, workers=1, anyway=True, progress=interrupt)
     assert result.verdict is Verdict.INTERRUPTED
     assert "needed 'rod: {radius: 6.25 mm}'" in result.notes[0]
     report = write(result, tmp_path / "out").read_text(encoding="utf-8")

@@ -16,7 +16,7 @@ from looping_pendulum.discrepancy.data.observations import DataError, Implausibl
 from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
 from looping_pendulum.discrepancy.first_look.declared_trial import declared_trial
 from looping_pendulum.discrepancy.first_look.misfit import measured_distance
-from looping_pendulum.discrepancy.first_look.mistakes import LENGTHS
+from looping_pendulum.discrepancy.first_look.mistakes import LENGTHS, is_left_open
 from looping_pendulum.discrepancy.first_look.plausible import implausible_values
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, NamedMistake, TrialCheck
 from looping_pendulum.discrepancy.first_look.trial_search import (
@@ -30,14 +30,16 @@ from looping_pendulum.pages.numbers import quantity
 
 MAX_MISFIT_RATIO = 0.6
 """Largest misfit without a mistake, as a share of that with it, at which the mistake is named."""
+MAX_MENDED_MISFIT = 2.5
+"""Largest misfit without a mistake at which it is named: that of trials in which a hidden effect moves the mass by 50 mm."""
 MAX_OWN_RATIO = 0.8
 """The same in a single trial, of a mistake of the apparatus that all trials together must show."""
+SHORT_UNIT = "0.001 mm"
+"""Unit in which lengths are read that are too large in the study's own: shorter than any that a tracker writes."""
 STEPS = (1, 2)
 """Numbers of mistakes at once that are tried, one after the other: two are no explanation where one suffices."""
 MIN_ORIGIN_SHIFT = 0.1
 """Smallest distance of the origin from where it was declared, in free lengths, that is no error of measurement."""
-MAX_ORIGIN_MISFIT = 2.5
-"""Largest misfit of a trial whose origin is judged: that of one with large effects that the model lacks."""
 MIN_ORIGIN_SIGMAS = 10.0
 """The same in standard errors of the declared place."""
 ORIGIN = ("origin_x", "origin_y")
@@ -57,10 +59,10 @@ def take_first_look(study: Study) -> DeclarationCheck:
         try:
             observed.append((trial, read_trial(study, trial)))
         except ImplausibleLengthError as error:
-            # Pixels, perhaps: as millimetres they are short enough to be read, and the motion then says how long one is
-            in_mm = dataclasses.replace(trial, units={**trial.units, "length": "mm"})
+            # Pixels, perhaps. In a unit that is far too short they can be read, and the motion then says how long one is
+            readable = dataclasses.replace(trial, units={**trial.units, "length": SHORT_UNIT})
             try:
-                observed.append((in_mm, read_trial(study, in_mm)))
+                observed.append((readable, read_trial(study, readable)))
             except DataError:
                 raise error from None
             unreadable[trial.name] = str(error)
@@ -83,6 +85,11 @@ def check_declaration(study: Study, observed: Iterable[tuple[Trial, Observations
     for trial, observations in observed:
         if not observations.channels:
             checks.append(TrialCheck(trial=trial.name, distance=None, reason="it has events only"))
+            continue
+        left_open = next((name for name in ("scale", "clock_ratio") if is_left_open(trial, name)), None)
+        if left_open is not None:
+            reason = f"as its camera's {left_open} may be far from 1"
+            checks.append(TrialCheck(trial=trial.name, distance=None, reason=reason))
             continue
         declared = declared_trial(study, trial, observations)
         distance = measured_distance(declared)
@@ -140,6 +147,8 @@ def _best(search: TrialSearch, searches: Sequence[TrialSearch]) -> list[Explanat
 
 def _mends(explanation: Explanation, search: TrialSearch, searches: Sequence[TrialSearch]) -> bool:
     """Return whether the misfit vanishes without a mistake; one of the apparatus must explain all trials together."""
+    if explanation.fit.largest > MAX_MENDED_MISFIT:
+        return False
     with_mistake, without = search.as_declared.largest**2, explanation.fit.largest**2
     # First by the trial itself, as a fit of every other one takes its time
     if explanation.mistake.of_apparatus and without < MAX_OWN_RATIO**2 * with_mistake:
@@ -180,7 +189,7 @@ def _where(trials: Sequence[str]) -> str:
 def _origin_is_wrong(search: TrialSearch) -> bool:
     """Return whether the rod's centre is far from where it was declared, in a trial that agrees otherwise."""
     values = search.as_declared.values
-    if search.as_declared.largest > MAX_ORIGIN_MISFIT or not values.keys() >= set(ORIGIN):
+    if search.as_declared.largest > MAX_MENDED_MISFIT or not values.keys() >= set(ORIGIN):
         return False
     priors = search.declared.study.camera_priors(search.declared.trial, search.declared.observations)
     least = MIN_ORIGIN_SHIFT * search.declared.study.parameters({}, search.declared.trial).free_length

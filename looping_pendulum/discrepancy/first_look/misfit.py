@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -67,6 +67,8 @@ class Distance:
     """Channels of the first window, and what is declared of them in the same units; a height begins at the points'."""
     window: float = 0.0
     """Length of the first window [s]."""
+    shifts: Mapping[str, float] = field(default_factory=dict)
+    """Channel -> shift of its points from the motion about the rod's centre, which is left out of the distance [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,8 +79,6 @@ class FittedMisfit:
     """Root of twice the robust cost per value in each window: near 1 where only noise and small effects remain."""
     values: dict[str, float]
     """Parameter -> fitted value [SI]."""
-    errors: dict[str, float]
-    """Parameter -> standard error of what is known of it before [SI]."""
 
     @property
     def largest(self) -> float:
@@ -175,16 +175,17 @@ def _distance(
     factor = _best_length_factor(groups, predicted) if with_factor else 1.0
     if factor <= 0:
         return None
-    length, squares, shown = parameters.free_length, [], []
+    length, squares, shown, shifts = parameters.free_length, [], [], {}
     for name, members in groups.items():
         residuals = [factor * c.value - predicted[c.name] if c.unit == "m" else c.value - predicted[c.name] for c in members]
         common = float(np.median(np.concatenate(residuals))) if name else 0.0
         for c, residual in zip(members, residuals, strict=True):
             unit = 1.0 if c.unit == "m" else length
+            shifts[c.name] = common
             squares.append(np.minimum((unit * (residual - common)) ** 2, (MAX_DISTANCE * length) ** 2))
             shown.append((c, _as_seen(predicted[c.name] + (common if c.name == "height" else 0.0), c, declared, factor)))
     rms = math.sqrt(float(np.mean(np.concatenate(squares))))
-    return Distance(rms=rms, relative=rms / length, length_factor=factor, points=tuple(shown), window=window)
+    return Distance(rms=rms, relative=rms / length, length_factor=factor, points=tuple(shown), window=window, shifts=shifts)
 
 
 def _as_seen(predicted: Array, channel: Channel, declared: DeclaredTrial, factor: float) -> Array:
@@ -205,19 +206,21 @@ def _best_length_factor(groups: Mapping[str, Sequence[Channel]], predicted: Mapp
     return product / square if square else 0.0
 
 
-def fitted_misfit(declared: DeclaredTrial, also_fit: Sequence[str] = ()) -> FittedMisfit:
+def fitted_misfit(declared: DeclaredTrial, distance: Distance, also_fit: Sequence[str] = ()) -> FittedMisfit:
     """Fit the study's uncertain values to each window in turn, quickly and robustly.
 
     Parameters
     ----------
+    distance
+        Distance of the same points, whose shifts the fit starts from.
     also_fit
         Further parameters of the camera to be fitted.
     """
-    failed = FittedMisfit(misfits=(FAILED,), values={}, errors={})
+    failed = FittedMisfit(misfits=(FAILED,), values={})
     try:
         declared = _with_start(declared)
         data = trial_data(declared.trial, declared.observations)
-        free = _free_parameters(declared, also_fit)
+        free = _free_parameters(declared, distance.shifts, also_fit)
         problem = Problem(declared.study, [data], free)
         parameters = declared.study.parameters({}, declared.trial)
         return _fit_windows(problem, data, parameters)
@@ -225,16 +228,17 @@ def fitted_misfit(declared: DeclaredTrial, also_fit: Sequence[str] = ()) -> Fitt
         return failed
 
 
-def _free_parameters(declared: DeclaredTrial, also_fit: Sequence[str]) -> list[FreeParameter]:
+def _free_parameters(declared: DeclaredTrial, shifts: Mapping[str, float], also_fit: Sequence[str]) -> list[FreeParameter]:
     """Return the study's free parameters; the origin, the heavy mass's height and the clock's offset are always among them."""
     trial = declared.trial
     length = declared.study.parameters({}, trial).free_length
+    places = _shown_places(declared, shifts)
     free = []
     for known in free_parameters_of(declared.study, [(trial, declared.observations)]):
-        if known.parameter in ("origin_x", "origin_y", "hanging_length"):
-            known = dataclasses.replace(
-                known, scale=max(known.scale, UNKNOWN_PLACE * length), prior=1.0, bounds=(-math.inf, math.inf)
-            )
+        if known.parameter in places:
+            value, scale = places[known.parameter], max(known.scale, UNKNOWN_PLACE * length)
+            bounds = (0.0, math.inf) if known.parameter == "hanging_length" else (-math.inf, math.inf)
+            known = dataclasses.replace(known, init_value=value, scale=scale, prior=1.0, bounds=bounds)
         free.append(known)
     priors = declared.study.camera_priors(trial, declared.observations)
     named = {known.parameter for known in free}
@@ -248,6 +252,19 @@ def _free_parameters(declared: DeclaredTrial, also_fit: Sequence[str]) -> list[F
                 )
             )  # fmt: skip
     return free
+
+
+def _shown_places(declared: DeclaredTrial, shifts: Mapping[str, float]) -> dict[str, float]:
+    """Return the origin and the hanging length that the shifts of the points show [m]."""
+    places = {}
+    for direction in ("x", "y"):
+        if f"light_{direction}" in shifts:
+            places[f"origin_{direction}"] = shifts[f"light_{direction}"]
+    known = declared.estimate("hanging_length")
+    if known is not None and {"light_y", "heavy_y"} <= shifts.keys():
+        # A longer string below the rod shows the heavy mass lower
+        places["hanging_length"] = max(known.value + shifts["light_y"] - shifts["heavy_y"], 1e-3)
+    return places
 
 
 def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters) -> FittedMisfit:
@@ -292,5 +309,4 @@ def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters) -> F
     return FittedMisfit(
         misfits=tuple(misfits),
         values={n.parameter: n.init_value + n.scale * float(v) for n, v in zip(free, x, strict=True)},
-        errors={n.parameter: n.scale * n.prior_sigma for n in free},
     )

@@ -31,9 +31,9 @@ MIN_UNIT_FACTOR = 1.4
 TIME_FACTORS = tuple(f for f in (2.0 ** (np.arange(-28, 29) / 4)).tolist() if not 1 / MIN_UNIT_FACTOR < f < MIN_UNIT_FACTOR)
 """Factors on the file's times that are tried: steps of 1/4 octave; a fit refines the best."""
 MAX_DECLARED_ERROR = 0.1
-"""Largest standard error, or distance from 1, of a declared scale or clock ratio with which lengths or times are judged.
+"""Largest standard error, or distance from 1, of a declared scale or clock ratio with which a trial is looked at.
 
-Beyond it the study itself says that they may be off by a factor.
+Beyond it the study itself says that lengths or times may be off by a factor.
 """
 FRAME_RATES = (24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0, 200.0, 240.0, 250.0, 300.0, 400.0, 480.0, 500.0, 600.0,
                960.0, 1000.0)  # fmt: skip
@@ -219,7 +219,7 @@ MASSES_EXCHANGED = Mistake(
 LENGTHS = Mistake(
     name="unit of length",
     # The factor follows from the points themselves (`misfit.screen`)
-    undo=lambda declared: None if is_left_open(declared.trial, "scale") else declared,
+    undo=lambda declared: declared,
     found=lambda undone: f"lengths that are {_times_text(1 / undone.factors['lengths'])} what the declared apparatus allows",
     keys=_length_unit,
     fits=("scale",),
@@ -229,7 +229,7 @@ LENGTHS = Mistake(
 def _times(factor: float) -> Mistake:
     return Mistake(
         name="frame rate",
-        undo=lambda declared: None if is_left_open(declared.trial, "clock_ratio") else with_times(declared, factor),
+        undo=lambda declared: with_times(declared, factor),
         found=lambda undone: f"times that are {_times_text(1 / undone.factors['times'])} what the declared apparatus allows",
         keys=_frame_rate,
         fits=("clock_ratio",),

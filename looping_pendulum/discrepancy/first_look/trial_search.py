@@ -27,7 +27,7 @@ The distance is that of the points from the motion before anything is fitted, in
 """
 MAX_TRIED = 6
 """Number of mistakes, those of the smallest distances, that are tried with a fit."""
-MAX_TRIED_DISTANCE = 0.25
+MAX_TRIED_DISTANCE = 0.2
 """Largest distance of the points without a mistake, in free lengths, at which it is tried: beyond it another thing is wrong."""
 
 
@@ -72,7 +72,7 @@ class TrialSearch:
     @cached_property
     def as_declared(self) -> FittedMisfit:
         """Return the misfit with the study as it is."""
-        return fitted_misfit(self.declared)
+        return fitted_misfit(self.declared, self.distance)
 
     def corrections(self, steps: int) -> list[Correction]:
         """Return mistakes of so many steps that leave the points nearer to the motion, nearest first; of variants the best."""
@@ -132,7 +132,7 @@ def _correction(mistake: Mistake, declared: DeclaredTrial, corrected: DeclaredTr
 def _explanation(correction: Correction) -> Explanation:
     """Fit a trial without a mistake, and refine the factors of the mistake by it."""
     undone = correction.undone
-    fit = fitted_misfit(undone.corrected, correction.mistake.fits)
+    fit = fitted_misfit(undone.corrected, correction.distance, correction.mistake.fits)
     factors = dict(undone.factors)
     # The fit knows them better than the grid, or the unfitted motion, from which they come
     if "times" in factors:
