@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import signal
 import sys
 import warnings
 from pathlib import Path
@@ -36,7 +35,6 @@ from looping_pendulum.cli.common import (
     exit_with_status,
     load_scenario,
     read_marks,
-    report_folder,
     run_and_compare,
     schema_option,
     show_output_of_failed,
@@ -46,7 +44,7 @@ from looping_pendulum.cli.common import (
 from looping_pendulum.cli.completion import scenario_names
 from looping_pendulum.cli.converge import converge
 from looping_pendulum.cli.engines import conformance, engines
-from looping_pendulum.cli.look import look, stop_at_mistakes
+from looping_pendulum.cli.identify import identify, look
 from looping_pendulum.cli.maps import map_, maps
 from looping_pendulum.cli.new import new
 from looping_pendulum.cli.progress import ProgressBars
@@ -269,80 +267,7 @@ app.command("map")(map_)
 app.command()(maps)
 
 
-@app.command()
-def identify(
-    study: Annotated[
-        Path, typer.Argument(metavar="STUDY.yaml", help="Study file: apparatus, declared effects, and the trials' files.")
-    ],
-    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the report; default: report/STUDY.")] = None,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Random seed of the fit's second starting point.")] = 0,
-    time_limit: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", min=1.0, help="End the search after about this time, and report its results so far."),
-    ] = None,
-    schema: Annotated[bool, schema_option("study", "looping_pendulum.discrepancy.data.study_file")] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    anyway: Annotated[
-        bool, typer.Option("--anyway", help="Search even if the tracked points contradict what the study declares.")
-    ] = False,
-) -> None:
-    """Find the physics that a model of measured trials lacks, and report the model's error before and after adding it.
-
-    Before the search it takes a first look, as `look` does, and stops if the points contradict the study. Writes report.md with
-    figures, report.html, verdict.json and repaired.yaml, a scenario file that `compare` can run.
-
-    looping-pendulum identify trials/study.yaml --out report/trials
-    """
-    from looping_pendulum.discrepancy.data import study_io
-    from looping_pendulum.discrepancy.identify import identify as find
-    from looping_pendulum.discrepancy.report import writing
-    from looping_pendulum.discrepancy.result import Verdict
-    from looping_pendulum.files import prepare_output_folder
-
-    loaded = study_io.load(study)
-    folder = out or Path("report") / loaded.name
-    prepare_output_folder(
-        folder, files=writing.FILES, folders=writing.FOLDERS
-    )  # refuse an unusable folder before the work, not after it
-    with stop_at_mistakes(folder), ProgressBars() as bars:
-        result = find(loaded, seed=seed, progress=bars.update, time_limit=time_limit, anyway=anyway)
-    previous_handler = signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # Ctrl-C must not cut the report short; writing it takes two seconds
-    try:
-        interrupted = result.verdict is Verdict.INTERRUPTED
-        folder = report_folder(
-            folder,
-            "verdict.json",
-            interrupted=interrupted,
-            was_interrupted=lambda verdict: verdict["verdict"] == Verdict.INTERRUPTED,
-        )
-        written = writing.write(result, folder)
-    finally:
-        signal.signal(signal.SIGINT, previous_handler)
-    say(f"{result.verdict.value}: {result.sentence}")
-    for note in result.notes:
-        say(note)
-    table = new_table("trial", "held out", "RMS before [mm]", "RMS after [mm]", "before [noise]", "after [noise]")
-    for e in result.errors:
-        # A trial without tracked points has measured events only, and so no RMS distance.
-        sizes = ["" if rms is None else f"{1e3 * rms:.2f}" for rms in (e.rms_before, e.rms_after)]
-        table.add_row(
-            e.trial,
-            "yes" if e.held_out else "no",
-            *sizes,
-            f"{e.standardised_rms_before:.2f}",
-            f"{e.standardised_rms_after:.2f}",
-        )
-    show_table(table)
-    say(f"wrote {written} and report.html")
-    summary = {"verdict": result.verdict, "sentence": result.sentence, "notes": result.notes, "errors": result.errors}
-    show_json({"study": loaded.name, **summary, "report": written})
-    if interrupted:
-        raise typer.Exit(INTERRUPTED)
-
-
+app.command()(identify)
 app.command()(look)
 app.command()(demo)
 app.command()(new)

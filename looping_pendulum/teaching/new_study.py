@@ -109,16 +109,16 @@ def new_study(answer: Answers, *, name: str, folder: Path, files: Sequence[str],
 
 
 def fault_of_data(study: Study) -> str:
-    """Return why `identify` would refuse the trials of a study; '' if it would accept them, or if a file is not there yet.
-
-    A further check of the tracked points against what the study declares belongs here.
-    """
-    from looping_pendulum.discrepancy.inputs import read_inputs  # imports what fits, which takes a second
+    """Return why `identify` would refuse the trials of a study; '' if it would accept them, or if a file is not there yet."""
+    # These import what fits, which takes a second
+    from looping_pendulum.discrepancy.first_look.check import take_first_look
+    from looping_pendulum.discrepancy.inputs import read_inputs
 
     if not all((study.folder / path).exists() for trial in study.trials for path, _ in trial.files):
         return ""
     try:
         read_inputs(study)
+        take_first_look(study).refuse_mistakes()
     except DataError as error:
         return str(error)
     return ""

@@ -1,0 +1,157 @@
+"""The commands on studies of measured trials: `look` compares points with what is declared, `identify` finds what lacks."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from looping_pendulum.cli.common import INTERRUPTED, AsJson, Quiet, report_folder, schema_option
+from looping_pendulum.cli.progress import ProgressBars
+from looping_pendulum.cli.terminal import new_table, say, show_json, show_table
+from looping_pendulum.errors import HarnessError
+
+if TYPE_CHECKING:
+    from looping_pendulum.discrepancy.first_look.result import DeclarationCheck
+
+
+class FirstLookError(HarnessError, ValueError):
+    """Tracked points contradict a study; the message says how to go on."""
+
+
+def look(
+    study: Annotated[
+        Path, typer.Argument(metavar="STUDY.yaml", help="Study file: apparatus, declared effects, and the trials' files.")
+    ],
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the picture; default: report/STUDY.")] = None,
+) -> None:
+    """Compare tracked points with what a study declares, in seconds and before any fit.
+
+    Names large mistakes of filming or declaration (frame rate, unit, mirrored film, exchanged tracks or masses, angle, diameter
+    for radius) with the key that mends each, and draws first-look.png. The exit status is 2 if something looks wrong.
+
+    looping-pendulum look trials/study.yaml
+    """
+    from looping_pendulum.discrepancy.data import study_io
+    from looping_pendulum.discrepancy.first_look import picture
+    from looping_pendulum.discrepancy.first_look.check import take_first_look
+    from looping_pendulum.files import prepare_output_folder
+
+    loaded = study_io.load(study)
+    folder = out or Path("report") / loaded.name
+    prepare_output_folder(folder, files=(picture.NAME,))  # refuse an unusable folder before the work, not after it
+    check = take_first_look(loaded)
+    for trial in check.trials:
+        say(trial.text)
+    for warning in check.warnings:
+        say(f"warning: {warning}")
+    drawn = _write_picture(check, folder)
+    if drawn is not None:
+        say(f"wrote {drawn}")
+    if check.mistakes:
+        raise FirstLookError("; ".join(mistake.text for mistake in check.mistakes))
+    if not check.warnings:
+        say("nothing looks wrong")
+
+
+@contextmanager
+def stop_at_mistakes(folder: Path) -> Iterator[None]:
+    """Where the points contradict the study, write the picture into ``folder`` and say how to go on."""
+    from looping_pendulum.discrepancy.first_look.result import DeclarationError
+
+    try:
+        yield
+    except DeclarationError as error:
+        drawn = _write_picture(error.check, folder)
+        seen = "" if drawn is None else f"; {drawn} shows it"
+        raise FirstLookError(f"{error}{seen}; correct the study, or search --anyway") from None
+
+
+def _write_picture(check: DeclarationCheck, folder: Path) -> Path | None:
+    """Write the picture of a first look; None: there is nothing to draw."""
+    from looping_pendulum.discrepancy.first_look import picture
+    from looping_pendulum.files import optional_output, write_atomically
+
+    with optional_output(picture.NAME):
+        image = picture.draw(check)
+        if image is not None:
+            write_atomically(folder / picture.NAME, image)
+            return folder / picture.NAME
+    return None
+
+
+def identify(
+    study: Annotated[
+        Path, typer.Argument(metavar="STUDY.yaml", help="Study file: apparatus, declared effects, and the trials' files.")
+    ],
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the report; default: report/STUDY.")] = None,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Random seed of the fit's second starting point.")] = 0,
+    time_limit: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", min=1.0, help="End the search after about this time, and report its results so far."),
+    ] = None,
+    schema: Annotated[bool, schema_option("study", "looping_pendulum.discrepancy.data.study_file")] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Search even if the tracked points contradict what the study declares.")
+    ] = False,
+) -> None:
+    """Find the physics that a model of measured trials lacks, and report the model's error before and after adding it.
+
+    Before the search it takes a first look, as `look` does, and stops if the points contradict the study. Writes report.md with
+    figures, report.html, verdict.json and repaired.yaml, a scenario file that `compare` can run.
+
+    looping-pendulum identify trials/study.yaml --out report/trials
+    """
+    from looping_pendulum.discrepancy.data import study_io
+    from looping_pendulum.discrepancy.identify import identify as find
+    from looping_pendulum.discrepancy.report import writing
+    from looping_pendulum.discrepancy.result import Verdict
+    from looping_pendulum.files import prepare_output_folder
+
+    loaded = study_io.load(study)
+    folder = out or Path("report") / loaded.name
+    prepare_output_folder(
+        folder, files=writing.FILES, folders=writing.FOLDERS
+    )  # refuse an unusable folder before the work, not after it
+    with stop_at_mistakes(folder), ProgressBars() as bars:
+        result = find(loaded, seed=seed, progress=bars.update, time_limit=time_limit, anyway=anyway)
+    previous_handler = signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # Ctrl-C must not cut the report short; writing it takes two seconds
+    try:
+        interrupted = result.verdict is Verdict.INTERRUPTED
+        folder = report_folder(
+            folder,
+            "verdict.json",
+            interrupted=interrupted,
+            was_interrupted=lambda verdict: verdict["verdict"] == Verdict.INTERRUPTED,
+        )
+        written = writing.write(result, folder)
+    finally:
+        signal.signal(signal.SIGINT, previous_handler)
+    say(f"{result.verdict.value}: {result.sentence}")
+    for note in result.notes:
+        say(note)
+    table = new_table("trial", "held out", "RMS before [mm]", "RMS after [mm]", "before [noise]", "after [noise]")
+    for e in result.errors:
+        # A trial without tracked points has measured events only, and so no RMS distance.
+        sizes = ["" if rms is None else f"{1e3 * rms:.2f}" for rms in (e.rms_before, e.rms_after)]
+        table.add_row(
+            e.trial,
+            "yes" if e.held_out else "no",
+            *sizes,
+            f"{e.standardised_rms_before:.2f}",
+            f"{e.standardised_rms_after:.2f}",
+        )
+    show_table(table)
+    say(f"wrote {written} and report.html")
+    summary = {"verdict": result.verdict, "sentence": result.sentence, "notes": result.notes, "errors": result.errors}
+    show_json({"study": loaded.name, **summary, "report": written})
+    if interrupted:
+        raise typer.Exit(INTERRUPTED)
