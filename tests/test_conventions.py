@@ -13,6 +13,7 @@ MUTABLE = {
     "IsolatedEngine": "stands for an engine, and engines are named by position",
     "ValueRange": "grows as cells are read",
     "EngineSummary": "grows as cells are read",
+    "TrialSearch": "keeps the misfits that it has computed",
 }
 """Dataclass that is not frozen or not by keyword -> why."""
 

@@ -124,10 +124,10 @@ def _solved(declared: DeclaredTrial) -> tuple[Parameters, float, Solution]:
     parameters = declared.study.parameters({}, declared.trial)
     window = WINDOWS[0] * _fall_time(parameters)
     # Many mistakes leave the parameters as they are
-    return parameters, window, _solve(_Key(parameters), window)
+    return parameters, window, _solve(_Key(parameters=parameters), window)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Key:
     """Parameters as the key of a cache: by value, as they hold a mapping and so have no hash."""
 
