@@ -6,8 +6,8 @@ import os
 import shlex
 import subprocess
 import sys
+from importlib.machinery import PathFinder
 from importlib.metadata import PackageNotFoundError, requires
-from importlib.util import find_spec
 from pathlib import Path
 
 DISTRIBUTION = "looping-pendulum"
@@ -37,7 +37,8 @@ def _installer() -> list[str]:
     if Path(sys.prefix, "pipx_metadata.json").exists():
         return ["pipx", "inject", DISTRIBUTION]
     python = _shown(Path(sys.executable))
-    if find_spec("pip") is None:  # as in every environment that uv makes
+    # Not importlib.util.find_spec: it would ask setuptools' finder for pip, after which setuptools cannot be imported any more
+    if PathFinder.find_spec("pip") is None:  # as in every environment that uv makes
         return ["uv", "pip", "install", "--python", python]
     return [python, "-m", "pip", "install"]
 

@@ -1,7 +1,7 @@
 """Draw the pictures of README and the documentation's first page again: `python -m scripts.pictures`.
 
-It runs the demonstration on the 10:1 trial and `identify` on the example's study in a temporary folder, some minutes in all. It
-takes a picture of the demonstration's page in headless Chromium and copies the reports' figures to docs/img.
+In a temporary folder, it runs the demonstration on the 10:1 trial and `identify` on the example's study (some minutes in all),
+takes a picture of the demonstration's page in headless Chromium, and copies the reports' figures to docs/img.
 """
 
 from __future__ import annotations

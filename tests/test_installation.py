@@ -8,11 +8,9 @@ import subprocess
 import sys
 import venv
 import zipfile
+from importlib.machinery import PathFinder
 from pathlib import Path
-from types import ModuleType
 
-import packaging
-import pip
 import pytest
 
 from looping_pendulum import installation
@@ -39,10 +37,11 @@ def environment(tmp_path):
     """Return a function that makes an environment with this package and some others, and returns its Python."""
     make_wheel(tmp_path)
 
-    def make(name: str, *packages: ModuleType) -> Path:
+    def make(name: str, *packages: str) -> Path:
         venv.create(tmp_path / name, symlinks=os.name != "nt")
-        for package in packages:  # copied, since pip would need seconds
-            shutil.copytree(Path(package.__file__).parent, tmp_path / f"{name} packages" / package.__name__)
+        for package in packages:  # copied, since installing would take seconds
+            source = Path(PathFinder.find_spec(package).origin).parent
+            shutil.copytree(source, tmp_path / f"{name} packages" / package)
         (site,) = (tmp_path / name).glob("Lib/site-packages" if os.name == "nt" else "lib/*/site-packages")
         (site / "some.pth").write_text(f"{tmp_path / name} packages\n{PROJECT}\n", encoding="utf-8")
         return tmp_path / name / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
@@ -72,7 +71,7 @@ PRINT = f"from looping_pendulum.installation import install_command; print(insta
 def test_the_printed_command_installs_into_the_environment_that_printed_it(environment, tmp_path, name, inside):
     """Oracle: pip itself."""
     folder = tmp_path if inside else tmp_path.parent
-    python = environment(name, packaging, pip)
+    python = environment(name, "packaging", "pip")
     line = run_in(folder, [python, "-c", PRINT])
     assert line.startswith(name) is inside
     run_in(folder, f'{line} --quiet --no-index --find-links "{tmp_path}"')
@@ -82,7 +81,7 @@ def test_the_printed_command_installs_into_the_environment_that_printed_it(envir
 def test_without_pip_in_the_environment_uv_installs(environment, tmp_path):
     """Oracle: uv itself, whose environments have no pip."""
     uv = shutil.which("uv", path=str(Path(sys.executable).parent)) or shutil.which("uv")
-    python = environment("env", packaging)
+    python = environment("env", "packaging")
     line = run_in(tmp_path.parent, [python, "-c", PRINT])
     assert line.startswith("uv pip install --python ")
     if uv is None:
