@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import subprocess
 import sys
@@ -19,7 +20,8 @@ def blocks(page, language):
 
 def install(page, module, tmp_path_factory):
     """Return the page's two files built by pip as a wheel and unpacked, which is how pip installs pure Python."""
-    pytest.importorskip("setuptools")
+    if importlib.util.find_spec("setuptools") is None:  # not imported: it would take the place of distutils in this process
+        pytest.skip("setuptools is not installed")
     project, site = tmp_path_factory.mktemp("project"), tmp_path_factory.mktemp("site")
     (project / f"{module}.py").write_text(blocks(page, "python")[0], encoding="utf-8")
     (project / "pyproject.toml").write_text(blocks(page, "toml")[0], encoding="utf-8")
