@@ -28,8 +28,12 @@ from looping_pendulum.discrepancy.first_look.trial_search import (
 )
 from looping_pendulum.pages.numbers import quantity
 
-MAX_MISFIT_RATIO = 0.6
-"""Largest misfit without a mistake, as a share of that with it, at which the mistake is named."""
+MAX_MISFIT_RATIO = 0.7
+"""Largest misfit without a mistake, as a share of that with it, at which the mistake is named.
+
+Of ten mistakes in eleven blind studies, the diameter in place of the radius comes nearest to it, with 0.5. Where an effect that
+moves the light mass by 50 mm is hidden, half the radius leaves 0.97 and more of the misfit (37 blind studies).
+"""
 MAX_MENDED_MISFIT = 2.5
 """Largest misfit without a mistake at which it is named: that of trials in which a hidden effect moves the mass by 50 mm."""
 MAX_OWN_RATIO = 0.8

@@ -254,6 +254,11 @@ def _free_parameters(declared: DeclaredTrial, shifts: Mapping[str, float], also_
     return free
 
 
+def _soft(residuals: Array) -> Array:
+    """Return residuals whose squares grow with the size of large ones, not with its square (SciPy's loss "soft_l1")."""
+    return np.asarray(np.sign(residuals) * np.sqrt(2 * (np.sqrt(1 + residuals**2) - 1)))
+
+
 def _shown_places(declared: DeclaredTrial, shifts: Mapping[str, float]) -> dict[str, float]:
     """Return the origin and the hanging length that the shifts of the points show [m]."""
     places = {}
@@ -275,7 +280,8 @@ def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters) -> F
     prior_sigma = np.array([n.prior_sigma for n in free])
     # Finite bounds, within which the fit's trust region is scaled alike for all
     low, high = np.maximum(problem.low, -50.0), np.minimum(problem.high, 50.0)
-    margin = 1e-9 * (high - low)
+    # Away from the bounds, where the trust region would be too small to leave them
+    margin = np.minimum(0.1, 0.1 * (high - low))
     x = np.clip(np.zeros(len(free)), low + margin, high - margin)
     misfits, fitted_count = [], 0
     for window in WINDOWS:
@@ -295,11 +301,10 @@ def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters) -> F
                 points = (part.value - here.predict(x, 0)) * unit / sigma
             except CANNOT_RUN:
                 points = np.full(len(sigma), 1e3)
-            return np.concatenate([points, x / prior_sigma])
+            # Robust for points alone: what was measured of the apparatus may not be given up for a better fit
+            return np.concatenate([_soft(points), x / prior_sigma])
 
-        fit = optimize.least_squares(
-            residuals, x, bounds=(low, high), loss="soft_l1", diff_step=1e-3, max_nfev=10, xtol=1e-3, ftol=1e-2
-        )
+        fit = optimize.least_squares(residuals, x, bounds=(low, high), diff_step=1e-3, max_nfev=15, xtol=1e-3, ftol=3e-3)
         x = np.clip(fit.x, low + margin, high - margin)
         misfits.append(math.sqrt(2 * float(fit.cost) / len(sigma)))
         if misfits[-1] > HOPELESS:

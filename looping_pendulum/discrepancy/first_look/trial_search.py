@@ -25,6 +25,8 @@ MAX_RIVAL_RATIO, MAX_RIVAL_DISTANCE = 1.15, 0.02
 
 The distance is that of the points from the motion before anything is fitted, in free lengths.
 """
+MIN_POINTS_OF_FRAME_RATE = 10
+"""Smallest number of points in the first part of the motion after a factor on the times: fewer fit too many motions."""
 MAX_TRIED = 6
 """Number of mistakes, those of the smallest distances, that are tried with a fit."""
 MAX_TRIED_DISTANCE = 0.2
@@ -113,7 +115,7 @@ class TrialSearch:
 
 
 def _correction(mistake: Mistake, declared: DeclaredTrial, corrected: DeclaredTrial) -> Correction | None:
-    """Return a trial without a mistake and its distance; None: a factor on lengths would be too near 1 for a mistake."""
+    """Return a trial without a mistake and its distance; None: the factor is too near 1, or leaves too few points."""
     of_length = "scale" in mistake.fits
     distance = measured_distance(corrected, with_length_factor=of_length)
     factors = {}
@@ -123,6 +125,8 @@ def _correction(mistake: Mistake, declared: DeclaredTrial, corrected: DeclaredTr
             return None
         corrected = with_lengths(corrected, factor)
     if "clock_ratio" in mistake.fits:
+        if max((len(c) for c, _ in distance.points), default=0) < MIN_POINTS_OF_FRAME_RATE:
+            return None
         before, after = (d.observations.channels[0].t[-1] for d in (declared, corrected))
         factors["times"] = float(after / before)
     undone = Undone(declared=declared, corrected=corrected, factors=factors)
