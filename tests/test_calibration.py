@@ -15,6 +15,9 @@ from benchmarks.calibration import law_of, visibility
 from benchmarks.calibration_summary import in_words, proportion, summary, with_upper_bound
 from benchmarks.resumable import run
 from benchmarks.rival_methods import Rival
+from looping_pendulum.discrepancy.fit import residual
+from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
+from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
 from looping_pendulum.discrepancy.result import Verdict
 from scripts import power_figure
 from tests.blind.cases import CASES, UNLISTED, signature
@@ -174,6 +177,27 @@ def test_sets_are_stored_side_by_side(tmp_path):
     calibration.store(file, "rates", {"x": 1 / 3})
     calibration.store(file, "thresholds", {"x": 2})
     assert json.loads(file.read_text(encoding="utf-8")) == {"rates": {"x": 0.3333}, "thresholds": {"x": 2}}
+
+
+@pytest.mark.parametrize(
+    ("statistic", "limit"),
+    [
+        ("chi2_per_dof", residual.MAX_CHI2_PER_DOF),
+        ("lag1_z", residual.MAX_LAG1_Z),
+        ("ljung_box_p", residual.MIN_LJUNG_BOX_P),
+        ("runs_z", residual.MIN_RUNS_Z),
+        ("score", MAX_NULL_SCORE),
+        ("delta_bic", MIN_DELTA_BIC),
+    ],
+)
+def test_a_limit_lets_99_of_100_clean_studies_pass(statistic, limit):
+    """Oracle: what the test's statistic reached in studies of their own, with which no rate is measured."""
+    stored = json.loads(calibration.RESULT.read_text(encoding="utf-8"))
+    assert stored["thresholds"]["command"] != stored["rates"]["command"]
+    reached = stored["thresholds"]["summary"]["statistics"][statistic]
+    assert reached["of"] >= 80
+    is_lower_limit = reached["extreme"] < reached["0.5"]
+    assert limit < reached["0.99"] if is_lower_limit else limit > reached["0.99"]
 
 
 @pytest.mark.accurate

@@ -52,7 +52,13 @@ def the_only(check):
     return check.mistakes[0]
 
 
-@pytest.mark.parametrize("name", [*MISTAKES, *FURTHER])
+DAILY = ("30 for 240 frames a second", "tracks exchanged", "pixels of a picture", "angle from straight down", "diameter")
+"""One mistake of each kind: of times, of tracks, of the picture, of the release, of the apparatus."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.accurate] * (n not in DAILY)) for n in (*MISTAKES, *FURTHER)]
+)
 def test_a_mistake_is_named_with_the_key_that_mends_it(example, tmp_path, name):
     mistake = (MISTAKES | FURTHER)[name]
     path = mistaken(example, tmp_path, mistake, trials=1)
@@ -89,13 +95,20 @@ def test_a_mistake_of_one_trial_is_named_for_that_one(example, tmp_path):
     assert found.keys == "release: {angle: 104 deg}"
 
 
-@pytest.mark.parametrize("file_factor", [1 / 8, 1 / 2, 2, 8])
+@pytest.mark.parametrize("file_factor", [1 / 8, *(pytest.param(f, marks=pytest.mark.accurate) for f in (1 / 2, 2, 8))])
 def test_the_frame_rate_is_the_true_one(example, tmp_path, file_factor):
     mistake = Mistake(keys=frozenset(), row=lambda row: [file_factor * row[0], *row[1:]])
     assert the_only(look(mistaken(example, tmp_path, mistake, trials=1))).keys == "frame_rate: 240 Hz"
 
 
-@pytest.mark.parametrize(("per_metre", "unit"), [(39.37, "inch"), (100, "cm"), (1000, "mm"), (1.3, "none"), (0.5, "2000 mm")])
+@pytest.mark.parametrize(
+    ("per_metre", "unit"),
+    [
+        (39.37, "inch"),
+        (1.3, "none"),
+        *(pytest.param(*u, marks=pytest.mark.accurate) for u in ((100, "cm"), (1000, "mm"), (0.5, "2000 mm"))),
+    ],
+)
 def test_the_unit_of_length_is_the_true_one(example, tmp_path, per_metre, unit):
     """A scale that is off by a third is no other unit, and left to the fit: the camera's scale is a candidate."""
     mistake = Mistake(keys=frozenset(), row=lambda row: [row[0], *(None if v is None else per_metre * v for v in row[1:])])
@@ -112,7 +125,7 @@ def test_the_unit_of_length_is_the_true_one(example, tmp_path, per_metre, unit):
     "row",
     [
         pytest.param(lambda row: [row[0], *(None if v is None else 1.05 * v for v in row[1:])], id="scale"),
-        pytest.param(lambda row: [1.05 * row[0], *row[1:]], id="clock"),
+        pytest.param(lambda row: [1.05 * row[0], *row[1:]], id="clock", marks=pytest.mark.accurate),
         pytest.param(lambda row: [row[0], *(None if v is None else v + 0.02 for v in row[1:])], id="origin"),
     ],
 )
@@ -120,7 +133,13 @@ def test_what_a_camera_gets_wrong_by_little_is_no_mistake(example, tmp_path, row
     assert not look(mistaken(example, tmp_path, Mistake(keys=frozenset(), row=row), trials=1)).mistakes
 
 
-@pytest.mark.parametrize("changes", [{"heavy_mass": 0.2}, {"heavy_mass": 0.06}, {"light_mass": 0.015}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"heavy_mass": 0.2},
+        *(pytest.param(c, marks=pytest.mark.accurate) for c in ({"heavy_mass": 0.06}, {"light_mass": 0.015})),
+    ],
+)
 def test_a_wrong_mass_of_the_usual_size_is_left_to_the_fit(example, changes):
     study = study_io.load(example)
     trial = study.trials[0]

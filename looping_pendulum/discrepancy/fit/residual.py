@@ -2,7 +2,8 @@
 
 A study has some eight groups of residuals with three tests each, and tests of their size, of held-out data and of scores. Each
 limit is chosen so that of studies without a missing effect ("clean studies") it fails about 0.5 %, and all together some 3 %.
-`docs/data/calibration.json` has the rates that were measured.
+`docs/data/calibration.json` has what clean studies reach (``thresholds``), by which a test judges the limits, and the rates
+that were measured with other studies (``rates``).
 """
 
 from __future__ import annotations
@@ -29,10 +30,7 @@ from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
 
 MAX_CHI2_PER_DOF = 1.07
-"""Largest chi2 per degree of freedom that passes.
-
-Of clean studies with some 2900 values, 95 % are below 1.056; the largest has 1.073.
-"""
+"""Largest chi2 per degree of freedom that passes; 99 % of clean studies stay below it (docs/data/calibration.json)."""
 CHI2_SCATTER_SIGMAS = 3.5
 """Largest excess of chi2 per value over 1, in units of 1/sqrt(n), for fewer values, in the fit and in held-out data.
 

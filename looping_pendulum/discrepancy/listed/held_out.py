@@ -21,10 +21,7 @@ from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residu
 from looping_pendulum.reference_ode.geometry import Array
 
 MAX_HELD_OUT_CHI2 = 1.08
-"""Largest chi2 per value of a held-out trial that passes.
-
-Its maximum in studies without a missing effect is 1.072, with about a thousand values.
-"""
+"""Largest chi2 per value of a held-out trial that passes, if it has some 2000 values or more (see `_max_chi2`)."""
 BLOCK_COUNT = 8
 """Number of blocks of time that a study without held-out trials is cut into; two that lie far apart are held out at once."""
 

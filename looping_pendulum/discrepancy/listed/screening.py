@@ -33,7 +33,7 @@ If the fitted parameters absorb nearly all of a change, only its own curvature w
 MIN_ALIGNMENT = 0.99
 """Cosine between the linear change and the first finite one above which no larger change is tried."""
 MAX_NULL_SCORE = 4.0
-"""Largest score |z| of a candidate that noise alone may give; 120 studies without a missing effect reach 3.94."""
+"""Largest score |z| that noise alone may give; 99 % of clean studies stay below it (docs/data/calibration.json)."""
 MAX_TRIES, MAX_FAILURES = 12, 2
 """Largest number of values that are tried for a change of a given size, and how many of these may be impossible."""
 
