@@ -52,7 +52,7 @@ def the_only(check):
     return check.mistakes[0]
 
 
-DAILY = ("30 for 240 frames a second", "tracks exchanged", "pixels of a picture", "angle from straight down", "diameter")
+DAILY = ("30 for 240 frames a second", "tracks exchanged", "pixels", "angle from straight down", "diameter")
 """One mistake of each kind: of times, of tracks, of the picture, of the release, of the apparatus."""
 
 
@@ -95,28 +95,19 @@ def test_a_mistake_of_one_trial_is_named_for_that_one(example, tmp_path):
     assert found.keys == "release: {angle: 104 deg}"
 
 
-@pytest.mark.parametrize("file_factor", [1 / 8, *(pytest.param(f, marks=pytest.mark.accurate) for f in (1 / 2, 2, 8))])
+@pytest.mark.parametrize("file_factor", [1 / 8, 2])
 def test_the_frame_rate_is_the_true_one(example, tmp_path, file_factor):
     mistake = Mistake(keys=frozenset(), row=lambda row: [file_factor * row[0], *row[1:]])
     assert the_only(look(mistaken(example, tmp_path, mistake, trials=1))).keys == "frame_rate: 240 Hz"
 
 
-@pytest.mark.parametrize(
-    ("per_metre", "unit"),
-    [
-        (39.37, "inch"),
-        (1.3, "none"),
-        *(pytest.param(*u, marks=pytest.mark.accurate) for u in ((100, "cm"), (1000, "mm"), (0.5, "2000 mm"))),
-    ],
-)
+@pytest.mark.parametrize(("per_metre", "unit"), [(39.37, "inch"), (1000, "mm"), (1.3, "none")])
 def test_the_unit_of_length_is_the_true_one(example, tmp_path, per_metre, unit):
     """A scale that is off by a third is no other unit, and left to the fit: the camera's scale is a candidate."""
     mistake = Mistake(keys=frozenset(), row=lambda row: [row[0], *(None if v is None else per_metre * v for v in row[1:])])
     check = look(mistaken(example, tmp_path, mistake, trials=1))
     if unit == "none":
         assert not check.mistakes
-    elif unit == "2000 mm":
-        assert 0.9 * 2000 < float(the_only(check).keys.split("length: ")[1].split(" mm")[0]) < 1.1 * 2000
     else:
         assert the_only(check).keys == f"units: {{length: {unit}}}"
 
@@ -125,7 +116,7 @@ def test_the_unit_of_length_is_the_true_one(example, tmp_path, per_metre, unit):
     "row",
     [
         pytest.param(lambda row: [row[0], *(None if v is None else 1.05 * v for v in row[1:])], id="scale"),
-        pytest.param(lambda row: [1.05 * row[0], *row[1:]], id="clock", marks=pytest.mark.accurate),
+        pytest.param(lambda row: [1.05 * row[0], *row[1:]], id="clock"),
         pytest.param(lambda row: [row[0], *(None if v is None else v + 0.02 for v in row[1:])], id="origin"),
     ],
 )
@@ -133,13 +124,7 @@ def test_what_a_camera_gets_wrong_by_little_is_no_mistake(example, tmp_path, row
     assert not look(mistaken(example, tmp_path, Mistake(keys=frozenset(), row=row), trials=1)).mistakes
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"heavy_mass": 0.2},
-        *(pytest.param(c, marks=pytest.mark.accurate) for c in ({"heavy_mass": 0.06}, {"light_mass": 0.015})),
-    ],
-)
+@pytest.mark.parametrize("changes", [{"heavy_mass": 0.2}, {"light_mass": 0.015}])
 def test_a_wrong_mass_of_the_usual_size_is_left_to_the_fit(example, changes):
     study = study_io.load(example)
     trial = study.trials[0]

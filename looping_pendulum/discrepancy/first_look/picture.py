@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from looping_pendulum.discrepancy.data.observations import BODIES, Channel
 from looping_pendulum.discrepancy.first_look.misfit import Distance
-from looping_pendulum.discrepancy.first_look.result import DeclarationCheck
+from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, TrialCheck
 from looping_pendulum.pages.palette import COLOURS
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -28,6 +29,48 @@ PANEL = 3.4
 """Width and height of a panel [inches]."""
 
 
+AXES = {True: ("x [m]", "y [m]"), False: ("time by the file's clock [s]", "measured [SI]")}
+"""Whether a path is shown -> titles of its axes."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """Tracked points of one body or channel, and its declared motion."""
+
+    label: str
+    points: Array
+    """Positions [m], or times and values, shape (n, 2)."""
+    motion: Array
+    """The same as declared."""
+    is_path: bool
+    """Whether these are positions."""
+
+
+def curves(distance: Distance) -> list[Curve]:
+    """Return the path of each mass that was tracked; where none was, every channel against time."""
+    named = {channel.name: (channel, predicted) for channel, predicted in distance.points}
+    paths = []
+    for body, names in BODIES.items():
+        if len(names) == 2 and named.keys() >= set(names):
+            tracked, motion = _positions([named[n] for n in names])
+            paths.append(Curve(label=f"{body}, tracked", points=tracked, motion=motion, is_path=True))
+    return paths or [
+        Curve(
+            label=f"{channel.name}, measured",
+            points=np.column_stack([channel.t, channel.value]),
+            motion=np.column_stack([channel.t, predicted]),
+            is_path=False,
+        )
+        for channel, predicted in named.values()
+    ]
+
+
+def shown_trials(check: DeclarationCheck) -> list[TrialCheck]:
+    """Return the trials to show, those with mistakes first."""
+    mistaken = {trial for mistake in check.mistakes for trial in mistake.trials}
+    return sorted((t for t in check.trials if t.distance is not None), key=lambda t: t.trial not in mistaken)[:MAX_TRIALS]
+
+
 def draw(check: DeclarationCheck) -> bytes | None:
     """Return the picture as PNG; None: no trial has points to show.
 
@@ -39,7 +82,7 @@ def draw(check: DeclarationCheck) -> bytes | None:
     from looping_pendulum.compare.plots import without_mathtext
 
     corrected = {trial: (m.keys, distance) for m in check.mistakes for trial, distance in m.corrected.items()}
-    rows = sorted((t for t in check.trials if t.distance is not None), key=lambda t: t.trial not in corrected)[:MAX_TRIALS]
+    rows = shown_trials(check)
     if not rows:
         return None
     columns = 2 if corrected else 1
@@ -63,27 +106,19 @@ def draw(check: DeclarationCheck) -> bytes | None:
 
 
 def _panel(axes: Axes, distance: Distance) -> None:
-    """Draw the points and the motion, to scale where positions were tracked, otherwise against time."""
-    named = {channel.name: (channel, predicted) for channel, predicted in distance.points}
-    drawn: set[str] = set()
-    for i, (body, names) in enumerate(BODIES.items()):
-        if len(names) == 2 and named.keys() >= set(names):
-            points, motion = _positions([named[n] for n in names])
-            axes.plot(*points.T, ".", ms=4, color=COLOURS[i], label=f"{body}, tracked")
-            axes.plot(*motion.T, "-", lw=1.2, color="black", label="declared motion" if not drawn else None)
-            axes.plot(*motion[0], "o", ms=5, mfc="none", color="black", label="its start" if not drawn else None)
-            drawn |= set(names)
-    if drawn:
+    """Draw the points and the motion: paths to scale."""
+    shown = curves(distance)
+    for i, curve in enumerate(shown):
+        axes.plot(*curve.points.T, ".", ms=4, color=COLOURS[i % len(COLOURS)], label=curve.label)
+        axes.plot(*curve.motion.T, "-", lw=1.2, color="black", label="declared motion" if i == 0 else None)
+        if curve.is_path:
+            axes.plot(*curve.motion[0], "o", ms=5, mfc="none", color="black", label="its start" if i == 0 else None)
+    if shown[0].is_path:
         axes.plot(0, 0, "+", ms=8, color="0.4", label="origin")
         axes.set_aspect("equal", adjustable="datalim")
-        axes.set_xlabel("x [m]")
-        axes.set_ylabel("y [m]")
-        return
-    for i, (channel, predicted) in enumerate(named.values()):
-        axes.plot(channel.t, channel.value, ".", ms=4, color=COLOURS[i % len(COLOURS)], label=f"{channel.name}, measured")
-        axes.plot(channel.t, predicted, "-", lw=1.2, color="black", label="declared motion" if i == 0 else None)
-    axes.set_xlabel("time by the file's clock [s]")
-    axes.set_ylabel("measured [SI]")
+    x_title, y_title = AXES[shown[0].is_path]
+    axes.set_xlabel(x_title)
+    axes.set_ylabel(y_title)
 
 
 def _positions(both: Sequence[tuple[Channel, Array]]) -> tuple[Array, Array]:

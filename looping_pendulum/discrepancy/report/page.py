@@ -6,7 +6,7 @@ from typing import Any
 
 from looping_pendulum.compare.paper_table import quantity_label
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
-from looping_pendulum.discrepancy.report import lead_figure, markdown
+from looping_pendulum.discrepancy.report import first_look_figure, lead_figure, markdown
 from looping_pendulum.discrepancy.report.event_report import AXIS_LIMIT, off_by
 from looping_pendulum.discrepancy.report.plots import MAX_RANKED
 from looping_pendulum.discrepancy.report.unlisted_report import SIDES
@@ -50,7 +50,10 @@ def first_figures(result: Identification) -> list[Figure]:
 
 def figures(result: Identification) -> list[Figure]:
     """Return every figure that the result has data for, but for the first."""
-    charts = [error_figure(result)] if result.errors else []
+    look = result.first_look
+    shown = first_look_figure.figure(look) if look is not None and look.notes else None
+    charts = [] if shown is None else [shown]
+    charts += [error_figure(result)] if result.errors else []
     charts += [trial_figure(picture, i) for i, picture in enumerate(result.trial_figures)]
     if result.events and result.trial_figures:  # without these it stands below the verdict
         charts.append(event_figure(result))
