@@ -30,6 +30,7 @@ ELSEWHERE = {
     r"^looping-pendulum maps?( |$)(?!map\.yaml|quick)": "tests/sweep",
     r"^looping-pendulum converge": "tests/compare/test_convergence_study.py",
     r"^looping-pendulum check$": "tests/test_tolerances.py",
+    r"--engine mujoco --marks": "tests/compare/test_trial.py, and docs/demo.md with one variant",
     r"--install-completion": "tests/test_completion.py",
     r"^looping-pendulum engines --support --markdown": "tests/engines/test_support.py",
 }
