@@ -50,7 +50,7 @@ class Explanation(Correction):
     fit: FittedMisfit
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class TrialSearch:
     """Misfits of one trial, computed when they are asked for."""
 
