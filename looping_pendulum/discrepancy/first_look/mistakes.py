@@ -42,6 +42,9 @@ LENGTH_UNITS = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "foot": 0.3048, "m": 1.0
 """Units of length that are named if the points' unit is near one of them [m]."""
 NEARNESS = 0.05
 """Largest relative distance from a usual frame rate or unit at which that one is named."""
+CAUSES = {1 / 2: ", as where a diameter was given for the radius", 1e-3: ", as where kg was written for g",
+          1e3: ", as where g was written for kg"}  # fmt: skip
+"""Factor that a declared value must be multiplied by -> its likely cause in words."""
 WITH_BOTH_MASSES = (Release.LOOPING, Release.VERTICAL)
 """Releases in whose motion both masses and the rod's radius take part."""
 
@@ -270,7 +273,7 @@ def _value(name: str, group: str, parameters: Mapping[str, str], factor: float) 
     return Mistake(
         name=name,
         undo=_with_factors(**dict.fromkeys(parameters, factor)),
-        found=lambda undone: f"the motion of a {in_words} of {number(factor)} times what is declared",
+        found=lambda undone: f"the motion of a {in_words} of {number(factor)} times what is declared{CAUSES.get(factor, '')}",
         keys=keys,
         releases=tuple(Release) if group else WITH_BOTH_MASSES,
         of_apparatus=not group,
