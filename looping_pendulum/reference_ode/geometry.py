@@ -22,8 +22,13 @@ def light_position(xp: Any, free_length: Any, wrap_angle: Any, rod_radius: Any) 
 
 def light_velocity(xp: Any, wrap_angle: Any, retreat_speed: Any, across_speed: Any) -> tuple[Any, Any]:
     """Return the velocity (x, y) of the light mass [m/s]: -u e1 + w t1 (paper, eq. v1)."""
+    return vector_xy(xp, wrap_angle, -retreat_speed, across_speed)
+
+
+def vector_xy(xp: Any, wrap_angle: Any, along: Any, across: Any) -> tuple[Any, Any]:
+    """Return the components (x, y) of a vector with these components along e1 and t1, see `effects`."""
     cosine, sine = xp.cos(wrap_angle), xp.sin(wrap_angle)
-    return -retreat_speed * sine - across_speed * cosine, retreat_speed * cosine - across_speed * sine
+    return along * sine - across * cosine, -along * cosine - across * sine
 
 
 def next_string_coordinates(x: float, y: float, rod_radius: float, wrap_angle: float) -> tuple[float, float]:

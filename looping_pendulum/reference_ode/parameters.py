@@ -22,6 +22,8 @@ Value = TypeVar("Value")
 
 MAX_LENGTH_OR_MASS = 1e9
 """Largest length [m] or mass [kg] that is accepted: far above any apparatus, while its square stays finite."""
+# Not `math.degrees`, so that a message can be written for an expression, too
+DEGREES_PER_RADIAN = 180 / math.pi
 POINT_MASS_END = 1 / 3
 """Free length, in rod radii, at which a light mass without a radius counts as having reached the rod.
 
@@ -76,7 +78,7 @@ OF_THE_APPARATUS = (
     ),
     Requirement(
         is_met=lambda v: (v["release_angle"] > 0) & (v["release_angle"] < 2 * math.pi),
-        message=lambda v: f"release_angle: found {math.degrees(v['release_angle']):g} deg, needed between 0 and 360 deg",
+        message=lambda v: f"release_angle: found {v['release_angle'] * DEGREES_PER_RADIAN:g} deg, needed between 0 and 360 deg",
     ),
 )
 OF_SEVERAL = (

@@ -26,6 +26,8 @@ from looping_pendulum.reference_ode.transitions import Event, Mode
 NAME = "scipy"
 MAX_STEPS = 200_000
 """Number of steps in one mode after which a run is given up."""
+FIRST_STEP = 1e-6
+"""First step in a mode [s], short enough for any release."""
 DEGREE = 7
 """Degree of DOP853's dense output."""
 CHECKS = np.linspace(0.0, 1.0, 9)
@@ -73,7 +75,7 @@ class ScipyIntegrator:
             np.inf,
             rtol=self._tolerance,
             atol=0.1 * self._tolerance,  # values near 0 count as 0.1 m, rad or m/s
-            first_step=1e-6,  # [s], short enough for any release
+            first_step=FIRST_STEP,
         )
         times: list[float] = [t]
         steps: list[Array] = []
