@@ -8,6 +8,8 @@ const WEIGHTS = BETWEEN.map((x) =>
     CHECKS.reduce((product, other, j) => (j === i ? product : (product * (x - other)) / (node - other)), 1),
   ),
 );
+/** Largest value between `CHECKS` of such a polynomial whose values at `CHECKS` are at most 1 (Lebesgue's constant). */
+const MAX_GROWTH = Math.max(...WEIGHTS.map((weights) => weights.reduce((sum, weight) => sum + Math.abs(weight), 0)));
 const GOLDEN = (3 - Math.sqrt(5)) / 2;
 const MAX_ITERATIONS = 200;
 
@@ -70,8 +72,15 @@ function crossing(values, value, dips) {
 function bottomOfDip(values, value, before) {
   let largest = 0;
   for (let i = 0; i < values.length; i++) largest = Math.max(largest, Math.abs(values[i]));
+  const [start, end] = [values[0], values[values.length - 1]];
+  let bend = 0;
+  for (let i = 0; i < values.length; i++) {
+    bend = Math.max(bend, Math.abs(values[i] - start - CHECKS[i] * (end - start)));
+  }
+  // In most steps a function is so nearly linear that the polynomial cannot be so low
+  if (Math.min(start, end) - MAX_GROWTH * bend > DIP_THRESHOLD * largest) return null;
   let lowest = 0;
-  let least = values[0];
+  let least = start;
   // Most of a run's time would pass here with the methods of arrays
   for (let i = 1; i < BETWEEN.length && BETWEEN[i] <= before; i++) {
     const weights = WEIGHTS[i];
