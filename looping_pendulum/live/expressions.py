@@ -1,7 +1,7 @@
 """Expressions that print themselves as JavaScript: the numbers that the equations take when their formulas are to be written.
 
-Python's operators and a math namespace (`ExpressionMath`) build a graph in which equal expressions are one node. It is printed in
-the order in which it was built, so that JavaScript does the same operations on doubles in the same order as Python.
+Python's operators and a math namespace (`ExpressionMath`) build a graph in which equal expressions are one node. It is printed
+in the order in which it was built, so that JavaScript does the same operations on doubles in the same order as Python.
 """
 
 from __future__ import annotations

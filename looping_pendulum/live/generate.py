@@ -1,6 +1,7 @@
 """Writes `model.js`: equations, events and rules of transition as JavaScript, from their one definition in `reference_ode`.
 
-``python -m looping_pendulum.live.generate`` writes the file anew; a test holds that the one in the repository is what it writes.
+``python -m looping_pendulum.live.generate`` writes the file anew; a test holds that the file in the repository is what it
+writes.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def main() -> None:
 def model_source() -> str:
     """Return the text of the generated module."""
     lines = [
-        "// Written by `python -m looping_pendulum.live.generate` from looping_pendulum/reference_ode. Do not change it by hand.",
+        "// Written by `python -m looping_pendulum.live.generate` from looping_pendulum/reference_ode: change that.",
         *_types(),
         *_constants(),
         *_tables_of_dop853(),
@@ -106,7 +107,10 @@ def _constants() -> Iterator[str]:
         "MAX_STEPS": (scipy_backend.MAX_STEPS, "Number of steps in one mode after which a run is given up."),
         "FIRST_STEP": (scipy_backend.FIRST_STEP, "First step in a mode [s]."),
         "REST_SERIES_DURATION": (rules.REST_SERIES_DURATION, "Length of the step by which a run leaves rest [s]."),
-        "DIP_THRESHOLD": (scipy_backend.DIP_THRESHOLD, "Fraction of an event function's largest value; a lower dip is minimized."),
+        "DIP_THRESHOLD": (
+            scipy_backend.DIP_THRESHOLD,
+            "Fraction of an event function's largest value; a lower dip is minimized.",
+        ),
         "MIN_DIP_DEPTH": (scipy_backend.MIN_DIP_DEPTH, "Fraction of the same by which a minimum must be below zero."),
     }
     for name, (value, meaning) in numbers.items():
@@ -132,7 +136,8 @@ def _tables_of_dop853() -> Iterator[str]:
 
 def _names() -> Iterator[str]:
     names = {mode.value: mode.name.lower() for mode in (*MODES, Mode.ENDED)}
-    yield f"/** Number of a mode -> its name.\n * @type {{Record<number, string>}} */\nexport const MODE_NAMES = {json.dumps(names)};"
+    yield "/** Number of a mode -> its name.\n * @type {Record<number, string>} */"
+    yield f"export const MODE_NAMES = {json.dumps(names)};"
     yield f"export const ENDED = {Mode.ENDED.value};\nexport const STICKING = {Mode.STICKING.value};"
     for event in (Event.TIME_UP, Event.LIGHT_REACHES_ROD, Event.STOP):
         yield f'export const {event.name} = "{event.value}";'
@@ -146,12 +151,14 @@ def _names() -> Iterator[str]:
 
 def _settings() -> Iterator[str]:
     """Yield which settings there are, and what they are if not given."""
-    defaults: dict[str, float] = {f.name: f.default for f in fields(Parameters) if f.name in NUMBERS and f.default is not MISSING}
+    optional = [f for f in fields(Parameters) if f.name in NUMBERS and f.default is not MISSING]
+    defaults: dict[str, Any] = {f.name: f.default for f in optional}
     of_effects = effect_tables(()).defaults
     coefficients = {name: of_effects[name] for name in live_coefficients()}
     yield "/** Values of the settings that need not be given [SI]; `static_friction` then equals `kinetic_friction`."
     yield f" * @type {{Record<string, number>}} */\nexport const DEFAULTS = {json.dumps(defaults | coefficients)};"
-    yield f"/** Settings that must be given. */\nexport const REQUIRED = {json.dumps([n for n in NUMBERS if n not in defaults])};"
+    required = [name for name in NUMBERS if name not in defaults]
+    yield f"/** Settings that must be given. */\nexport const REQUIRED = {json.dumps(required)};"
     vertical = Parameters(light_mass=1, heavy_mass=1, rod_radius=1, free_length=1, release_angle=1, release=Release.VERTICAL)
     yield "/** Release -> the release angle that it demands [rad].\n * @type {Record<string, number>} */"
     yield f"export const DEMANDED_ANGLES = {json.dumps({vertical.release.value: vertical.release_angle})};"
@@ -186,15 +193,16 @@ def _faults() -> Iterator[str]:
 
 
 def _releases() -> Iterator[str]:
-    """Yield the table of the releases; those that begin alike, but for numbers, share a function."""
-    kinds: dict[tuple[str, ...], list[Release]] = {}
-    for kind in Release:
-        kinds.setdefault(tuple(release_function(kind)), []).append(kind)
+    """Yield the table of the releases; one that begins like another, but for numbers, has the same function."""
     yield "/** How each release begins.\n * @type {Record<string, (p: Numbers) => Release>} */\nexport const RELEASES = {};"
-    for lines, alike in kinds.items():
-        first, *rest = lines
-        names = " = ".join(f"RELEASES.{kind.value}" for kind in alike)
-        yield from (f"{names} = {first}", *rest[:-1], "};")
+    known: dict[tuple[str, ...], str] = {}
+    for kind in Release:
+        first, *rest = lines = tuple(release_function(kind))
+        if lines in known:
+            yield f"RELEASES.{kind.value} = {known[lines]};"
+        else:
+            known[lines] = f"RELEASES.{kind.value}"
+            yield from (f"RELEASES.{kind.value} = {first}", *rest[:-1], "};")
 
 
 def _list(values: Any) -> str:

@@ -1,4 +1,4 @@
-// Written by `python -m looping_pendulum.live.generate` from looping_pendulum/reference_ode. Do not change it by hand.
+// Written by `python -m looping_pendulum.live.generate` from looping_pendulum/reference_ode: change that.
 /**
  * Numbers of the apparatus, in SI.
  * @typedef {{light_mass: number, heavy_mass: number, rod_radius: number, free_length: number, release_angle: number, hanging_length: number, light_radius: number, gravity: number, kinetic_friction: number, static_friction: number, light_drag: number, heavy_drag: number, string_drag: number, light_linear_drag: number, heavy_linear_drag: number, wind_speed: number, side_force: number, push_across: number, push_along: number, end_length: number, string_length: number}} Numbers
@@ -146,7 +146,7 @@ export function faultOf(p) {
 /** How each release begins.
  * @type {Record<string, (p: Numbers) => Release>} */
 export const RELEASES = {};
-RELEASES.looping = RELEASES.vertical = (p) => {
+RELEASES.looping = (p) => {
   const a0 = p.push_across < 0 ? -1 : 1;
   const a1 = a0 * p.push_across;
   const a2 = p.push_across * p.push_across;
@@ -268,6 +268,7 @@ RELEASES.looping = RELEASES.vertical = (p) => {
     series: [[p.free_length, p.release_angle, a70, p.push_across, a80, 0], [a105, a106, a107, a108, a109, a110], [a111, a112, 0, 0, 0, a113]],
   };
 };
+RELEASES.vertical = RELEASES.looping;
 RELEASES.held = (p) => {
   const a0 = p.push_across < 0 ? -1 : 1;
   const a1 = p.push_along < 0;

@@ -176,7 +176,8 @@ export class Run {
     /** All events in order, the release (`event` null) first and the end last. */
     this.events = events;
     this.segments = segments;
-    this.energyAtRelease = this.mechanicalEnergy(0);
+    const { kineticEnergy, potentialEnergy } = this.quantities(0);
+    this.energyAtRelease = kineticEnergy + potentialEnergy;
   }
 
   /** Time at which the run ended [s]. */
@@ -198,17 +199,16 @@ export class Run {
 
   /**
    * Return what is to be seen at t [s], from 0 to the end: positions and velocities (x to the right, y up, from the rod's
-   * centre) [m, m/s], angle [rad], lengths [m], tensions [N], energies [J], the force of the air on the light mass [N], and of a
-   * taut string that no clamp holds ln(T2/T1), which the rod's friction keeps up, beside the most that it can hold.
+   * centre) [m, m/s], angle [rad], lengths [m], tensions [N], energies [J] (`lost`: since the release, negative where wind or a
+   * side force gave more), the force of the air on the light mass [N], and of a taut string that no clamp holds |ln(T2/T1)|,
+   * which the rod's friction keeps up (`needed`), beside the most that it can hold (`bound`); else `holding` is null.
    * @param {number} t
    */
   sample(t) {
     if (!(t >= 0 && t <= this.endTime)) throw new RangeError(`t: found ${t}, needed from 0 to ${this.endTime} s`);
-    const segment = this.segments[lastStarted(this.segments.length, (i) => this.segments[i].start, t)];
-    const { mode, signs } = segment;
-    const { kineticEnergy, potentialEnergy, ...seen } = MODES[mode].quantities(this.settings, t, stateAt(segment, t), signs);
+    const { mode, kineticEnergy, potentialEnergy, ...seen } = this.quantities(t);
     return {
-      mode: MODE_NAMES[mode],
+      mode,
       ...seen,
       energies: {
         kinetic: kineticEnergy,
@@ -219,14 +219,9 @@ export class Run {
   }
 
   /** @param {number} t */
-  mechanicalEnergy(t) {
-    const segment = this.segments[0];
-    const { kineticEnergy, potentialEnergy } = MODES[segment.mode].quantities(
-      this.settings,
-      t,
-      stateAt(segment, t),
-      segment.signs,
-    );
-    return kineticEnergy + potentialEnergy;
+  quantities(t) {
+    const segment = this.segments[lastStarted(this.segments.length, (i) => this.segments[i].start, t)];
+    const { mode, signs } = segment;
+    return { mode: MODE_NAMES[mode], ...MODES[mode].quantities(this.settings, t, stateAt(segment, t), signs) };
   }
 }

@@ -1,15 +1,7 @@
-// Runs the live model in Node: cases as JSON on standard input, runs as JSON on standard output.
+// Runs the live model in Node: cases as JSON on standard input; runs, or the messages of their errors, as JSON on standard output.
 import { simulate } from "../../looping_pendulum/live/run.js";
+import { runCase } from "./run_case.mjs";
 
 let text = "";
 for await (const part of process.stdin) text += part;
-const runs = JSON.parse(text).map(({ settings, duration, times }) => {
-  const run = simulate(settings, { duration });
-  return {
-    events: run.events,
-    haltingTime: run.haltingTime,
-    stops: run.stops,
-    samples: times.map((t) => run.sample(Math.min(t, run.endTime))),
-  };
-});
-process.stdout.write(JSON.stringify(runs));
+process.stdout.write(JSON.stringify(JSON.parse(text).map((item) => runCase(simulate, item))));
