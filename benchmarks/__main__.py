@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks import calibration, engine_overhead, identify, pages, rivals
+from benchmarks import calibration, engine_overhead, identify, live, pages, rivals
 from benchmarks.plain_scipy import plain_run
 from benchmarks.rival_methods import METHODS
 from looping_pendulum.engines.protocol import Profile
@@ -92,7 +92,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
         "--only",
-        choices=["reference", "command-line", "comparison", "identify", "overhead", "pages", "maps", "calibration", "rivals"],
+        choices=[
+            "reference",
+            "command-line",
+            "comparison",
+            "identify",
+            "overhead",
+            "pages",
+            "live",
+            "maps",
+            "calibration",
+            "rivals",
+        ],
         help="calibration and rivals take hours, so they run only if they are named",
     )
     parser.add_argument("--runs", type=int, default=1_000_000, help="runs of the map in `--only maps`")
@@ -118,6 +129,8 @@ def main() -> None:
         maps.benchmark(min(options.repeats, 3), options.runs)
     if options.only in (None, "pages"):
         pages.benchmark()
+    if options.only in (None, "live"):
+        live.benchmark()
     if options.only == "calibration":
         calibration.benchmark(options)
     if options.only == "rivals":

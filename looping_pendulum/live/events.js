@@ -23,16 +23,15 @@ const MAX_ITERATIONS = 200;
  * @returns {{place: number, fraction: number} | null}
  */
 export function firstEvent(count, evaluate, dips) {
-  const rows = CHECKS.map((x) => {
-    const out = new Float64Array(count);
-    evaluate(x, out);
-    return out;
-  });
   const scratch = new Float64Array(count);
-  const values = new Float64Array(CHECKS.length);
+  const table = new Float64Array(count * CHECKS.length);
+  for (let i = 0; i < CHECKS.length; i++) {
+    evaluate(CHECKS[i], scratch);
+    for (let place = 0; place < count; place++) table[place * CHECKS.length + i] = scratch[place];
+  }
   let first = null;
   for (let place = 0; place < count; place++) {
-    for (let i = 0; i < values.length; i++) values[i] = rows[i][place];
+    const values = table.subarray(place * CHECKS.length, (place + 1) * CHECKS.length);
     const value = (/** @type {number} */ x) => {
       evaluate(x, scratch);
       return scratch[place];

@@ -4,8 +4,7 @@ import { DOP853 } from "./model.js";
 
 const STAGES = DOP853.B.length;
 const ALL_STAGES = DOP853.C.length;
-/** Terms of the dense output. */
-export const TERMS = 3 + DOP853.D.length;
+const TERMS = 3 + DOP853.D.length;
 const SAFETY = 0.9;
 const MIN_FACTOR = 0.2;
 const MAX_FACTOR = 10;
@@ -34,7 +33,7 @@ export class DenseStep {
    * @param {number} start
    * @param {number} size
    * @param {Float64Array} z values at the start
-   * @param {Float64Array[]} terms
+   * @param {Float64Array} terms first that of each value, then the second of each, ...
    */
   constructor(start, size, z, terms) {
     this.start = start;
@@ -49,11 +48,12 @@ export class DenseStep {
    * @param {Float64Array} out
    */
   at(x, out) {
-    const [f0, f1, f2, f3, f4, f5, f6] = this.terms;
+    const f = this.terms;
+    const n = out.length;
     const rest = 1 - x;
-    for (let i = 0; i < out.length; i++) {
-      const inner = f3[i] + x * (f4[i] + rest * (f5[i] + x * f6[i]));
-      out[i] = this.z[i] + x * (f0[i] + rest * (f1[i] + x * (f2[i] + rest * inner)));
+    for (let i = 0; i < n; i++) {
+      const inner = f[i + 3 * n] + x * (f[i + 4 * n] + rest * (f[i + 5 * n] + x * f[i + 6 * n]));
+      out[i] = this.z[i] + x * (f[i] + rest * (f[i + n] + x * (f[i + 2 * n] + rest * inner)));
     }
     return out;
   }
@@ -175,14 +175,14 @@ export class Integrator {
   accept(size) {
     for (let stage = STAGES + 1; stage < ALL_STAGES; stage++) this.stage(stage, ROWS[stage], size);
     const n = this.z.length;
-    const terms = Array.from({ length: TERMS }, () => new Float64Array(n));
+    const terms = new Float64Array(TERMS * n);
     const [first, last] = [this.slopes[0], this.slopes[STAGES]];
     for (let i = 0; i < n; i++) {
       const change = this.end[i] - this.z[i];
-      terms[0][i] = change;
-      terms[1][i] = size * first[i] - change;
-      terms[2][i] = 2 * change - size * (last[i] + first[i]);
-      for (let k = 0; k < DENSE.length; k++) terms[3 + k][i] = size * this.weighted(DENSE[k], i);
+      terms[i] = change;
+      terms[i + n] = size * first[i] - change;
+      terms[i + 2 * n] = 2 * change - size * (last[i] + first[i]);
+      for (let k = 0; k < DENSE.length; k++) terms[i + (3 + k) * n] = size * this.weighted(DENSE[k], i);
     }
     const dense = new DenseStep(this.t, size, this.z, terms);
     this.t += size;

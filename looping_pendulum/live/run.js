@@ -88,10 +88,10 @@ function complete(settings) {
   for (const name of REQUIRED) {
     if (!(name in p)) throw new RangeError(`${name}: not given`);
   }
-  const complete = withDerived(p);
-  const fault = faultOf(complete);
+  const whole = withDerived(p);
+  const fault = faultOf(whole);
   if (fault) throw new RangeError(fault);
-  return { release, p: complete };
+  return { release, p: whole };
 }
 
 /**
@@ -198,7 +198,7 @@ export class Run {
   }
 
   /**
-   * Return what is to be seen at t [s], from 0 to the end: positions and velocities (x to the right, y up, from the rod's
+   * Return what is to be seen at t [s], from 0 to the end (`(i / n) * endTime` never passes it): positions and velocities (x to the right, y up, from the rod's
    * centre) [m, m/s], angle [rad], lengths [m], tensions [N], energies [J] (`lost`: since the release, negative where wind or a
    * side force gave more), the force of the air on the light mass [N], and of a taut string that no clamp holds |ln(T2/T1)|,
    * which the rod's friction keeps up (`needed`), beside the most that it can hold (`bound`); else `holding` is null.

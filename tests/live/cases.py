@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.live.symbols import live_coefficients
+from looping_pendulum.live.settings import live_settings
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solution import Solution
 from looping_pendulum.reference_ode.transitions import Event
@@ -65,15 +65,9 @@ def random_apparatus(rng: np.random.Generator, place: int) -> Parameters:
     )
 
 
-def settings_of(p: Parameters) -> dict[str, Any]:
-    """Return the settings of the live model for an apparatus."""
-    numbers = {name: value for name, value in p.as_dict().items() if name not in ("coefficients", "own_effects")}
-    return numbers | {name: p.coefficients[name] for name in live_coefficients()}
-
-
 def case_of(p: Parameters, end_time: float) -> dict[str, Any]:
     """Return the case that the JavaScript is to run."""
-    return {"settings": settings_of(p), "duration": DURATION, "times": (FRACTIONS * end_time).tolist()}
+    return {"settings": live_settings(p), "duration": DURATION, "times": (FRACTIONS * end_time).tolist()}
 
 
 @dataclass(frozen=True, kw_only=True)
