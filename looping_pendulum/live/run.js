@@ -198,10 +198,11 @@ export class Run {
   }
 
   /**
-   * Return what is to be seen at t [s], from 0 to the end (`(i / n) * endTime` never passes it): positions and velocities (x to the right, y up, from the rod's
-   * centre) [m, m/s], angle [rad], lengths [m], tensions [N], energies [J] (`lost`: since the release, negative where wind or a
-   * side force gave more), the force of the air on the light mass [N], and of a taut string that no clamp holds |ln(T2/T1)|,
-   * which the rod's friction keeps up (`needed`), beside the most that it can hold (`bound`); else `holding` is null.
+   * Return what is to be seen at t [s], from 0 to the end (`(i / n) * endTime` never passes it): positions and velocities (x to
+   * the right, y up, from the rod's centre) [m, m/s], angle [rad], lengths [m], tensions [N], energies [J] (`lost`: since the
+   * release, negative where wind or a side force gave more), the force of the air on the light mass [N], and of a taut string
+   * that no clamp holds |ln(T2/T1)|, which the rod's friction keeps up (`needed`), beside the most that it can hold (`bound`);
+   * else `holding` is null.
    * @param {number} t
    */
   sample(t) {

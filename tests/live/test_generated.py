@@ -122,8 +122,7 @@ def test_an_expression_refuses_to_be_decided_by_if():
 
 @pytest.mark.parametrize("tool", ["tsc", "eslint"])
 def test_types_and_style_of_the_javascript(tool):
-    # npm install in the folder, or the tools on the path
-    path = shutil.which(tool, path=str(FOLDER / "node_modules" / ".bin")) or shutil.which(tool)
+    path = shutil.which(tool, path=str(FOLDER / "node_modules" / ".bin"))
     if path is None:
         pytest.skip(f"{tool} is not installed: `npm install` in {FOLDER}")
     command = [path, "."] if tool == "eslint" else [path]
