@@ -42,6 +42,7 @@ def page(
     title: str,
     styles: Sequence[tuple[str, str]] = (),
     scripts: Sequence[str] = (),
+    blob_workers: bool = False,
     data: Mapping[str, Any] | None = None,
     **context: Any,
 ) -> str:
@@ -54,6 +55,8 @@ def page(
     scripts
         Sources of scripts, run in this order at the end of the body. Nothing else can run, since the security policy
         lists them by hash.
+    blob_workers
+        Whether scripts may start workers whose text they have themselves.
     data
         Id of an element -> data that scripts read from it as JSON.
     context
@@ -63,7 +66,7 @@ def page(
     sheets = [asset(SHARED_PACKAGE, "base.css"), colour_rules(), *(asset(*sheet) for sheet in styles)]
     return _compiled(package, template).render(
         title=title,
-        policy=Markup(_policy([theme, *scripts])),
+        policy=Markup(_policy([theme, *scripts], blob_workers=blob_workers)),
         sheet=Markup("\n".join(sheets)),
         theme=Markup(theme),
         scripts=[Markup(_checked_script(source)) for source in scripts],
@@ -94,10 +97,10 @@ def _checked_script(source: str) -> str:
     return source
 
 
-def _policy(scripts: Sequence[str]) -> str:
+def _policy(scripts: Sequence[str], *, blob_workers: bool) -> str:
     """Return the content security policy: no requests at all, and only ``scripts`` may run."""
     run = " ".join(f"'sha256-{_digest(source)}'" for source in scripts)
-    return f"default-src 'none'; style-src 'unsafe-inline'; img-src data: blob:; script-src {run}"
+    return f"default-src 'none'; style-src 'unsafe-inline'; img-src data: blob:; script-src {run}{'; worker-src blob:' if blob_workers else ''}"
 
 
 @lru_cache(maxsize=8)

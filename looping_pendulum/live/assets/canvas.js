@@ -1,0 +1,121 @@
+/** What all drawings share: sharp canvases, colours of the page, steps of axes. */
+
+/** @typedef {CanvasRenderingContext2D} Context */
+
+const MAX_PIXEL_RATIO = 2;
+const FONT = "system-ui, sans-serif";
+
+/**
+ * Fit a canvas to its box, sharp on any screen, and empty it.
+ * @param {HTMLCanvasElement} canvas
+ * @returns {{c: Context, width: number, height: number}} size in CSS pixels
+ */
+export function fitted(canvas) {
+  const { clientWidth: width, clientHeight: height } = canvas;
+  const ratio = Math.min(window.devicePixelRatio || 1, MAX_PIXEL_RATIO);
+  const [wide, high] = [Math.round(width * ratio), Math.round(height * ratio)];
+  if (canvas.width !== wide || canvas.height !== high) [canvas.width, canvas.height] = [wide, high];
+  const c = /** @type {Context} */ (canvas.getContext("2d"));
+  c.setTransform(ratio, 0, 0, ratio, 0, 0);
+  c.clearRect(0, 0, width, height);
+  c.lineJoin = c.lineCap = "round";
+  return { c, width, height };
+}
+
+const NAMES = {
+  ink: "--ink", soft: "--soft", ground: "--ground", panel: "--panel", line: "--line", grid: "--grid", accent: "--accent",
+  blue: "--run-0", orange: "--run-1", green: "--run-2", pink: "--run-3", yellow: "--run-4", sky: "--run-5",
+};
+/** @type {Record<string, string> | null} */
+let known = null;
+
+/** Colours of the page as it is now. @returns {Record<keyof typeof NAMES, string>} */
+export function colours() {
+  if (!known) {
+    const style = getComputedStyle(document.documentElement);
+    known = Object.fromEntries(Object.entries(NAMES).map(([name, property]) => [name, style.getPropertyValue(property).trim()]));
+  }
+  return /** @type {Record<keyof typeof NAMES, string>} */ (known);
+}
+
+/** To be called when the page turns dark or light. */
+export function forgetColours() {
+  known = null;
+}
+
+/**
+ * @param {Context} c
+ * @param {string} words
+ * @param {number} x
+ * @param {number} y
+ * @param {{colour: string, size?: number, align?: CanvasTextAlign, baseline?: CanvasTextBaseline, bold?: boolean}} style
+ */
+export function write(c, words, x, y, { colour, size = 12, align = "left", baseline = "middle", bold = false }) {
+  c.fillStyle = colour;
+  c.font = `${bold ? "600 " : ""}${size}px ${FONT}`;
+  c.textAlign = align;
+  c.textBaseline = baseline;
+  c.fillText(words, x, y);
+}
+
+/**
+ * Draw a line through points.
+ * @param {Context} c
+ * @param {Iterable<number[]>} points
+ * @param {{colour: string, width?: number, dash?: number[], alpha?: number}} style
+ */
+export function polyline(c, points, { colour, width = 2, dash = [], alpha = 1 }) {
+  c.beginPath();
+  let first = true;
+  for (const [x, y] of points) {
+    if (first) c.moveTo(x, y);
+    else c.lineTo(x, y);
+    first = false;
+  }
+  c.strokeStyle = colour;
+  c.lineWidth = width;
+  c.globalAlpha = alpha;
+  c.setLineDash(dash);
+  c.stroke();
+  c.setLineDash([]);
+  c.globalAlpha = 1;
+}
+
+/**
+ * Draw an arrow; none if it is too short to be seen.
+ * @param {Context} c
+ * @param {number[]} from
+ * @param {number[]} along its length and direction [px]
+ * @param {string} colour
+ */
+export function arrow(c, [x, y], [dx, dy], colour) {
+  const length = Math.hypot(dx, dy);
+  if (length < 3) return;
+  const head = Math.min(9, length);
+  const [ux, uy] = [dx / length, dy / length];
+  const [ex, ey] = [x + dx, y + dy];
+  polyline(c, [[x, y], [ex - 0.6 * head * ux, ey - 0.6 * head * uy]], { colour, width: 3.5 });
+  c.beginPath();
+  c.moveTo(ex, ey);
+  c.lineTo(ex - head * ux - 0.6 * head * uy, ey - head * uy + 0.6 * head * ux);
+  c.lineTo(ex - head * ux + 0.6 * head * uy, ey - head * uy - 0.6 * head * ux);
+  c.closePath();
+  c.fillStyle = colour;
+  c.fill();
+}
+
+/**
+ * Round numbers in a range, about as many as asked for.
+ * @param {number} low
+ * @param {number} high
+ * @param {number} count
+ */
+export function ticks(low, high, count = 4) {
+  const raw = (high - low) / count;
+  if (!(raw > 0)) return [low];
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = ([1, 2, 5, 10].find((m) => m * power >= raw) ?? 10) * power;
+  const found = [];
+  for (let i = Math.ceil(low / step - 1e-9); i * step <= high + 1e-9 * step; i++) found.push(Number((i * step).toPrecision(6)));
+  return found;
+}

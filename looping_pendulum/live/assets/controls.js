@@ -1,0 +1,150 @@
+/** The settings that can be changed: their ranges and units, and the state of them all. */
+
+import { RELEASES } from "./texts.js";
+
+/**
+ * @typedef {{name: string, label: string, key: string, unit: string, factor: number, min: number, max: number, step: number,
+ *   more: boolean}} Control `key`: its name in a link; `factor`: SI units in one shown unit; `more`: seldom needed
+ * @typedef {{release: string, values: Record<string, number>}} State values in the units that are shown
+ * @typedef {{name: string, title: string, description: string, release: string, settings: Record<string, number>}} Preset
+ */
+
+const DEGREE = Math.PI / 180;
+
+/** @type {Control[]} */
+export const CONTROLS = [
+  control("release_angle", "Angle of the string", "deg", "°", DEGREE, 5, 175, 1),
+  control("free_length", "Length of the free string", "cm", "cm", 1e-2, 10, 150, 1),
+  control("light_mass", "Light mass M1", "g", "g", 1e-3, 1, 100, 1),
+  control("mass_ratio", "Mass ratio M2/M1", "", "", 1, 1, 20, 0.1),
+  control("rod_radius", "Radius of the rod", "mm", "mm", 1e-3, 1, 40, 0.25),
+  control("kinetic_friction", "Friction, string sliding", "", "", 1, 0, 1, 0.01),
+  control("static_friction", "Friction, string at rest", "", "", 1, 0, 1, 0.01),
+  control("light_drag", "Air drag of M1", "g_per_m", "g/m", 1e-3, 0, 5, 0.05),
+  control("heavy_drag", "Air drag of M2", "g_per_m", "g/m", 1e-3, 0, 5, 0.05, true),
+  control("string_drag", "Air drag of the string", "g_per_m2", "g/m²", 1e-3, 0, 10, 0.05, true),
+  control("light_linear_drag", "Drag of M1, proportional to speed", "g_per_s", "g/s", 1e-3, 0, 10, 0.1, true),
+  control("heavy_linear_drag", "Drag of M2, proportional to speed", "g_per_s", "g/s", 1e-3, 0, 10, 0.1, true),
+  control("wind_speed", "Wind to the right", "m_per_s", "m/s", 1, -3, 3, 0.1, true),
+  control("side_force", "Force to the right on M1", "mN", "mN", 1e-3, -20, 20, 0.5, true),
+  control("gravity", "Gravity", "m_per_s2", "m/s²", 1, 1, 25, 0.01, true),
+  control("hanging_length", "Hanging string at the start", "cm", "cm", 1e-2, 1, 30, 0.5, true),
+  control("light_radius", "Size (radius) of M1", "mm", "mm", 1e-3, 0, 20, 0.5, true),
+];
+const BY_NAME = new Map(CONTROLS.map((one) => [one.name, one]));
+
+/** Control that a name stands for. @param {string} name @returns {Control} */
+export function controlOf(name) {
+  const found = BY_NAME.get(name);
+  if (!found) throw new RangeError(`${name}: no such control`);
+  return found;
+}
+
+/** @returns {Control} */
+function control(
+  /** @type {string} */ name, /** @type {string} */ label, /** @type {string} */ unitInKey, /** @type {string} */ unit,
+  /** @type {number} */ factor, /** @type {number} */ min, /** @type {number} */ max, /** @type {number} */ step, more = false,
+) {
+  return { name, label, key: unitInKey ? `${name}_${unitInKey}` : name, unit, factor, min, max, step, more };
+}
+
+/** Number without the noise of its last digits. @param {number} x */
+const tidy = (x) => Number(x.toPrecision(10));
+
+/** State of a scenario. @param {Preset} preset @returns {State} */
+export function stateOf({ release, settings }) {
+  /** @type {Record<string, number>} */
+  const values = {};
+  for (const { name, factor } of CONTROLS) {
+    const si = name === "mass_ratio" ? settings.heavy_mass / settings.light_mass : settings[name];
+    values[name] = tidy(si / factor);
+  }
+  return { release, values };
+}
+
+/** Widen the ranges so that every scenario is within them. @param {Preset[]} presets */
+export function admit(presets) {
+  for (const preset of presets) {
+    const { values } = stateOf(preset);
+    for (const one of CONTROLS) {
+      one.min = Math.min(one.min, values[one.name]);
+      one.max = Math.max(one.max, values[one.name]);
+    }
+  }
+}
+
+/** Settings of the model [SI]. @param {State} state @returns {Record<string, any>} */
+export function settingsOf({ release, values }) {
+  /** @type {Record<string, any>} */
+  const settings = { release };
+  for (const { name, factor } of CONTROLS) settings[name] = values[name] * factor;
+  settings.heavy_mass = settings.light_mass * settings.mass_ratio;
+  delete settings.mass_ratio;
+  return settings;
+}
+
+/**
+ * Return the state with one value changed; a string at rest holds at least as well as one that slides.
+ * @param {State} state
+ * @param {string} name
+ * @param {number} value
+ * @returns {State}
+ */
+export function withValue(state, name, value) {
+  const { min, max } = controlOf(name);
+  const values = { ...state.values, [name]: tidy(Math.min(max, Math.max(min, value))) };
+  const equal = state.values.static_friction === state.values.kinetic_friction;
+  if (name === "kinetic_friction") {
+    values.static_friction = equal ? values.kinetic_friction : Math.max(values.static_friction, values.kinetic_friction);
+  }
+  if (name === "static_friction") values.kinetic_friction = Math.min(values.static_friction, values.kinetic_friction);
+  return { ...state, values };
+}
+
+/** @param {State} one @param {State} other */
+export function same(one, other) {
+  return one.release === other.release && CONTROLS.every(({ name }) => one.values[name] === other.values[name]);
+}
+
+/**
+ * Number that somebody typed, with a point or a comma; NaN if it is none.
+ * @param {string} typed
+ */
+export function parsed(typed) {
+  const plain = typed.trim().replace(",", ".");
+  return /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(plain) ? Number(plain) : NaN;
+}
+
+/** The state as the part of an address after "#". @param {State} state */
+export function linkOf({ release, values }) {
+  const parts = CONTROLS.map(({ name, key }) => `${key}=${values[name]}`);
+  return [`release=${release}`, ...parts].join("&");
+}
+
+/**
+ * Read a link; what it does not name stays as in `state`.
+ * @param {string} link
+ * @param {State} state
+ * @returns {{state: State, faults: {key: string, text: string, min?: number, max?: number}[]}}
+ */
+export function readLink(link, state) {
+  const faults = [];
+  const known = new Map(CONTROLS.map((one) => [one.key, one]));
+  let read = state;
+  for (const [key, value] of new URLSearchParams(link)) {
+    if (key === "release") {
+      if (Object.hasOwn(RELEASES, value)) read = { ...read, release: value };
+      else faults.push({ key, text: value });
+      continue;
+    }
+    const one = known.get(key);
+    if (!one) continue; // of a later version of this page, or of somebody's own
+    const number = parsed(value);
+    if (number >= one.min && number <= one.max) {
+      read = { ...read, values: { ...read.values, [one.name]: number } };
+    } else faults.push({ key, text: value, min: one.min, max: one.max });
+  }
+  // As typed, a link may hold a friction at rest below that of sliding
+  const { kinetic_friction: sliding, static_friction: resting } = read.values;
+  return { state: { ...read, values: { ...read.values, static_friction: Math.max(sliding, resting) } }, faults };
+}

@@ -1,0 +1,422 @@
+/** The page: settings lead to a run, the run and the time to all that is drawn. */
+
+import { forgetColours } from "./canvas.js";
+import { CONTROLS, admit, linkOf, readLink, settingsOf, stateOf, withValue } from "./controls.js";
+import { runCsv, save, scenarioYaml } from "./export.js";
+import { History } from "./history.js";
+import { HaltMap } from "./map.js";
+import { Player } from "./player.js";
+import { KINDS, Plot } from "./plots.js";
+import { ShownRun } from "./shown_run.js";
+import { Sliders } from "./sliders.js";
+import { Stage } from "./stage.js";
+import { EVENTS, MODES, RELEASES, text } from "./texts.js";
+import { TrialPanel } from "./trial_panel.js";
+
+/** @typedef {import("./controls.js").State} State */
+/** @typedef {import("./controls.js").Preset} Preset */
+/** @typedef {{presets: Preset[], start: string, keys: Record<string, string>}} PageData */
+
+const CENTIMETRES = 100;
+/** How near to the light mass a finger must be to take it [px]. */
+const REACH = 44;
+const TABLE_ROWS = 20;
+
+/** @param {string} id */
+function element(id) {
+  const found = document.getElementById(id);
+  if (!found) throw new Error(`the page has no element ${id}`);
+  return found;
+}
+
+/** Everything on the page. */
+class Page {
+  /** @param {PageData} data @param {string} source this script, which the worker runs, too */
+  constructor(data, source) {
+    this.data = data;
+    admit(data.presets);
+    const first = data.presets.find(({ name }) => name === data.start) ?? data.presets[0];
+    this.history = new History(stateOf(first));
+    this.run = new ShownRun(settingsOf(this.state));
+    /** @type {ShownRun | null} */
+    this.ghost = null;
+    this.player = new Player(element, () => this.run.end, () => this.wake());
+    this.stage = new Stage(/** @type {HTMLCanvasElement} */ (element("stage")));
+    this.plots = KINDS.map((kind) => this.plot(kind));
+    const startWorker = () => new Worker(URL.createObjectURL(new Blob([source], { type: "text/javascript" })));
+    const map = /** @type {HTMLCanvasElement} */ (element("map"));
+    this.map = new HaltMap(map, startWorker, (values) => this.pick(values), () => this.wake());
+    this.trial = new TrialPanel(element, () => this.change());
+    this.sliders = new Sliders(element("settings"), element("more-settings"), this.select("release"), {
+      onMove: (name, value) => this.move(withValue(this.state, name, value)),
+      onSettle: () => this.settle(),
+      onRelease: (release) => this.set({ ...this.state, release }),
+      onFault: (message) => this.say("fault", message),
+    });
+    this.stale = { run: true, drawing: true };
+    this.pending = false;
+    /** Times that a change and its drawing took [ms], the newest last; for the benchmark. @type {number[]} */
+    this.costs = [];
+    this.frames = 0;
+    this.listen();
+    this.readAddress();
+    this.change();
+  }
+
+  get state() {
+    return this.history.present;
+  }
+
+  /** @param {string} id */
+  select(id) {
+    return /** @type {HTMLSelectElement} */ (element(id));
+  }
+
+  /** @param {string} id */
+  checked(id) {
+    return /** @type {HTMLInputElement} */ (element(id)).checked;
+  }
+
+  /** @param {string} id @param {string} words */
+  say(id, words) {
+    if (element(id).textContent !== words) element(id).textContent = words;
+  }
+
+  /** @param {import("./plots.js").Kind} kind */
+  plot(kind) {
+    const canvas = document.createElement("canvas");
+    canvas.className = "plot";
+    canvas.dataset.plot = kind.id;
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", `${kind.title} over time; the numbers are in the table of the run`);
+    element("plots").append(canvas);
+    return new Plot(canvas, kind, (time) => this.player.stopAt(time));
+  }
+
+  listen() {
+    for (const { name, title } of this.data.presets) this.select("preset").append(new Option(title, name));
+    this.select("preset").addEventListener("change", () => {
+      const preset = this.data.presets.find(({ name }) => name === this.select("preset").value);
+      if (preset) this.set(stateOf(preset));
+    });
+    element("undo").addEventListener("click", () => this.go(() => this.history.undo()));
+    element("redo").addEventListener("click", () => this.go(() => this.history.redo()));
+    for (const id of ["ghost", "forces"]) element(id).addEventListener("change", () => this.change());
+    element("copy").addEventListener("click", () => this.copyLink());
+    element("save-picture").addEventListener("click", () => {
+      /** @type {HTMLCanvasElement} */ (element("stage")).toBlob((blob) => blob && save("looping-pendulum.png", blob));
+    });
+    element("save-numbers").addEventListener("click", () => {
+      save("looping-pendulum.csv", new Blob([runCsv(settingsOf(this.state))], { type: "text/csv" }));
+    });
+    element("save-scenario").addEventListener("click", () => {
+      save("live.scenario.yaml", new Blob([this.scenario()], { type: "application/yaml" }));
+    });
+    element("table-of-run").addEventListener("toggle", () => this.table());
+    document.addEventListener("keydown", (event) => this.onKey(event));
+    window.addEventListener("hashchange", () => this.readAddress());
+    window.addEventListener("resize", () => this.change());
+    Theme.onChange(() => {
+      forgetColours();
+      this.change();
+    });
+    this.listenToStage(/** @type {HTMLCanvasElement} */ (element("stage")));
+  }
+
+  /** Take the light mass and let it go elsewhere. @param {HTMLCanvasElement} canvas */
+  listenToStage(canvas) {
+    let dragged = false;
+    const place = (/** @type {PointerEvent} */ event) => {
+      const box = canvas.getBoundingClientRect();
+      return [event.clientX - box.left, event.clientY - box.top];
+    };
+    const isNear = (/** @type {PointerEvent} */ event) => {
+      const [px, py] = place(event);
+      const [x, y] = this.run.at(this.player.time).light;
+      return Math.hypot(this.stage.view.x(x) - px, this.stage.view.y(y) - py) < REACH;
+    };
+    canvas.addEventListener("pointerdown", (event) => {
+      if (!isNear(event)) return;
+      dragged = true;
+      this.stage.frozen = true;
+      canvas.setPointerCapture(event.pointerId);
+      this.player.stopAt(0);
+    });
+    // Elsewhere a finger scrolls the page
+    canvas.addEventListener("touchstart", (event) => dragged && event.preventDefault(), { passive: false });
+    canvas.addEventListener("pointermove", (event) => {
+      if (!dragged) {
+        canvas.style.cursor = isNear(event) ? "grab" : "";
+        return;
+      }
+      const [px, py] = place(event);
+      this.move(this.releasedAt(this.stage.toPlane(px, py)));
+    });
+    const end = () => {
+      if (!dragged) return;
+      dragged = false;
+      this.stage.frozen = false;
+      this.settle();
+      if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches) this.player.play();
+    };
+    canvas.addEventListener("pointerup", end);
+    canvas.addEventListener("pointercancel", end);
+  }
+
+  /** State with the light mass released at a place [m]. @param {number[]} place @returns {State} */
+  releasedAt([x, y]) {
+    const radius = settingsOf(this.state).rod_radius;
+    const length = Math.sqrt(Math.max(x * x + y * y - radius * radius, 0));
+    // The string is a tangent: from the rod's centre, the mass is seen by this angle ahead of the point where it leaves the rod
+    const degrees = ((Math.atan2(y, x) - Math.atan2(length, radius)) * 180) / Math.PI;
+    const angle = degrees < -90 ? degrees + 360 : degrees;
+    const round = (/** @type {number} */ value) => Math.round(10 * value) / 10;
+    const state = withValue(this.state, "free_length", round(length * CENTIMETRES));
+    return state.release === "vertical" ? state : withValue(state, "release_angle", round(angle));
+  }
+
+  /** @param {KeyboardEvent} event */
+  onKey(event) {
+    const target = /** @type {HTMLElement} */ (event.target);
+    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && !target.matches("input[type=text]")) {
+      event.preventDefault();
+      this.go(() => (event.shiftKey ? this.history.redo() : this.history.undo()));
+      return;
+    }
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (target.matches("input:not(#time), select, textarea, summary, a")) return;
+    if (event.key === " " && target.matches("button")) return;
+    if (this.player.onKey(event)) event.preventDefault();
+  }
+
+  /** Show a state that is on its way. @param {State} state */
+  move(state) {
+    this.history.present = state;
+    this.change();
+  }
+
+  /** Keep what is shown as a setting of its own. */
+  settle() {
+    this.history.settle();
+    this.writeAddress();
+    this.change();
+  }
+
+  /** @param {State} state */
+  set(state) {
+    this.history.settle();
+    this.move(state);
+    this.settle();
+    this.player.stopAt(0);
+  }
+
+  /** @param {{release_angle: number, mass_ratio: number}} values */
+  pick({ release_angle, mass_ratio }) {
+    this.set(withValue(withValue(this.state, "release_angle", release_angle), "mass_ratio", mass_ratio));
+  }
+
+  /** @param {() => void} travel */
+  go(travel) {
+    travel();
+    this.writeAddress();
+    this.change();
+  }
+
+  readAddress() {
+    const link = location.hash.slice(1);
+    if (!link || link === linkOf(this.state)) return;
+    const { state, faults } = readLink(link, this.state);
+    this.history.settle();
+    this.history.present = state;
+    this.history.settle();
+    const [fault] = faults;
+    const { key = "", text: found = "", min = "", max = "" } = fault ?? {};
+    const words = min === "" ? text("badRelease", { text: found, names: Object.keys(RELEASES).join(", ") }) : text("badLink", { key, text: found, min, max });
+    this.say("fault", fault ? words : "");
+    this.linkFault = fault ? words : "";
+    this.change();
+  }
+
+  writeAddress() {
+    window.history.replaceState(null, "", `#${linkOf(this.state)}`);
+  }
+
+  async copyLink() {
+    this.writeAddress();
+    try {
+      await navigator.clipboard.writeText(location.href);
+      this.say("copied", text("copied"));
+    } catch {
+      this.say("copied", text("notCopied")); // a page from a folder may not be allowed to
+    }
+  }
+
+  /** The settings as a scenario file. */
+  scenario() {
+    return scenarioYaml(settingsOf(this.state), this.data.keys, linkOf(this.state));
+  }
+
+  /** The settings or what is shown of the run have changed. */
+  change() {
+    this.stale.run = true;
+    this.wake();
+  }
+
+  wake() {
+    this.stale.drawing = true;
+    if (this.pending) return;
+    this.pending = true;
+    requestAnimationFrame((now) => this.frame(now));
+  }
+
+  /** @param {number} now */
+  frame(now) {
+    this.pending = false;
+    const started = performance.now();
+    this.player.advance(now);
+    const changed = this.stale.run;
+    if (this.stale.run) this.compute();
+    this.draw();
+    this.stale = { run: false, drawing: false };
+    this.frames += 1;
+    if (changed) this.costs.push(performance.now() - started);
+    if (this.player.playing) this.wake();
+  }
+
+  /** Run the model, and show all that does not move with the time. */
+  compute() {
+    const { state } = this;
+    this.sliders.show(state);
+    const settings = settingsOf(state);
+    if (!this.computed || JSON.stringify(settings) !== this.computed) {
+      try {
+        this.run = new ShownRun(settings);
+        this.say("fault", this.linkFault);
+        this.linkFault = "";
+      } catch (error) {
+        this.say("fault", text("cannotRun", { fault: error instanceof Error ? error.message : String(error) }));
+      }
+      this.computed = JSON.stringify(settings);
+    }
+    this.ghost = this.ghostOf(this.history.before);
+    this.player.time = Math.min(this.player.time, this.run.end);
+    for (const plot of this.plots) plot.show(this.run, this.ghost);
+    const preset = this.data.presets.find((one) => linkOf(stateOf(one)) === linkOf(state));
+    this.select("preset").value = preset?.name ?? "";
+    this.say("story", preset?.description ?? "");
+    this.button("undo").disabled = !this.history.past.length;
+    this.button("redo").disabled = !this.history.undone.length;
+    this.say("heavy-mass", `M2 = ${Number((state.values.light_mass * state.values.mass_ratio).toPrecision(4))} g`);
+    this.say("result", this.result(this.run));
+    this.say("compared", this.compared());
+    this.say("map-state", state.release === "looping" ? "" : text("mapNoLoop"));
+    this.trial.show(this.run);
+    this.map.show(state);
+    this.showEvents();
+    this.table();
+  }
+
+  linkFault = "";
+  computed = "";
+
+  /** @param {string} id */
+  button(id) {
+    return /** @type {HTMLButtonElement} */ (element(id));
+  }
+
+  /** @param {State | null} before @returns {ShownRun | null} */
+  ghostOf(before) {
+    if (!before || !this.checked("ghost")) return null;
+    const settings = settingsOf(before);
+    if (this.ghost && JSON.stringify(settings) === JSON.stringify(this.ghost.settings)) return this.ghost;
+    try {
+      return new ShownRun(settings);
+    } catch {
+      return null; // what cannot be built leaves no ghost
+    }
+  }
+
+  /** @param {ShownRun} run */
+  result({ halt, dropAtHalt, end, ending, release }) {
+    if (halt !== null && dropAtHalt !== null) {
+      return text("halts", { time: halt.toFixed(3), drop: (CENTIMETRES * dropAtHalt).toFixed(1) });
+    }
+    return text(release === "looping" ? "neverHalts" : "noHalt", { ending: EVENTS[ending], time: end.toFixed(3) });
+  }
+
+  /** The change against the ghost as numbers. */
+  compared() {
+    const { run, ghost } = this;
+    if (!ghost || (run.halt === null && ghost.halt === null)) return "";
+    if (ghost.halt === null || ghost.dropAtHalt === null) return text("beforeNever");
+    const [time, drop] = [ghost.halt.toFixed(3), (CENTIMETRES * ghost.dropAtHalt).toFixed(1)];
+    const change = (/** @type {number | null} */ now, /** @type {number} */ then, /** @type {number} */ digits) =>
+      now === null ? "–" : `${now - then < 0 ? "−" : "+"}${Math.abs(now - then).toFixed(digits)}`;
+    const moreDrop = change(run.dropAtHalt === null ? null : CENTIMETRES * run.dropAtHalt, CENTIMETRES * ghost.dropAtHalt, 1);
+    return text("change", { time, drop, moreTime: change(run.halt, ghost.halt, 3), moreDrop });
+  }
+
+  /** Buttons that go to the events of the run. */
+  showEvents() {
+    const list = element("events");
+    const wanted = this.run.events.slice(0, TABLE_ROWS);
+    list.replaceChildren(...wanted.map(({ kind, time }) => {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.textContent = `${time.toFixed(3)} s: ${EVENTS[kind]}`;
+      button.addEventListener("click", () => this.player.stopAt(time));
+      const item = document.createElement("li");
+      item.append(button);
+      return item;
+    }));
+  }
+
+  /** The run as a table, when it is open. */
+  table() {
+    const details = /** @type {HTMLDetailsElement} */ (element("table-of-run"));
+    if (!details.open) return;
+    const body = /** @type {HTMLTableElement} */ (element("table")).tBodies[0];
+    const { run } = this;
+    body.replaceChildren(...Array.from({ length: TABLE_ROWS + 1 }, (_, i) => {
+      const s = run.at((i / TABLE_ROWS) * run.end);
+      const row = document.createElement("tr");
+      const numbers = [s.t.toFixed(3), ...[...s.light, s.drop].map((x) => (CENTIMETRES * x).toFixed(1)), s.turns.toFixed(2),
+        s.lightTension.toFixed(3), s.heavyTension.toFixed(3)];
+      for (const number of [...numbers, MODES[/** @type {keyof typeof MODES} */ (s.mode)]]) row.insertCell().textContent = number;
+      return row;
+    }));
+  }
+
+  /** Draw all that moves with the time. */
+  draw() {
+    const { time } = this.player;
+    const points = { light: this.trial.points("light"), heavy: this.trial.points("heavy") };
+    this.stage.draw({
+      run: this.run,
+      ghost: this.ghost,
+      time,
+      forces: this.checked("forces"),
+      points: { light: points.light.map(([, x, y]) => [x, y]), heavy: points.heavy.map(([, x, y]) => [x, y]) },
+      now: { light: nearest(points.light, time), heavy: nearest(points.heavy, time) },
+    });
+    for (const plot of this.plots) plot.draw(time);
+    this.map.draw(this.state);
+    this.player.draw();
+    const { mode } = this.run.at(time);
+    this.say("doing", time === 0 ? "Drag the light mass M1, or press Play." : MODES[/** @type {keyof typeof MODES} */ (mode)]);
+  }
+}
+
+/** Tracked point that is nearest in time, if it is near. @param {[number, number, number][]} points @param {number} time */
+function nearest(points, time) {
+  let best = null;
+  for (const point of points) if (best === null || Math.abs(point[0] - time) < Math.abs(best[0] - time)) best = point;
+  return best !== null && Math.abs(best[0] - time) < 0.02 ? [best[1], best[2]] : null;
+}
+
+/** Start the page. @param {string} source text of the script that runs */
+export function startPage(source) {
+  const data = /** @type {PageData} */ (JSON.parse(element("live-data").textContent ?? ""));
+  // For tests and benchmarks, which look at what the page draws
+  Object.assign(window, { live: new Page(data, source), liveControls: CONTROLS });
+}

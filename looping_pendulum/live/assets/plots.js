@@ -1,0 +1,190 @@
+/** Quantities over time, with one cursor for all. */
+
+import { colours, fitted, polyline, ticks, write } from "./canvas.js";
+
+/** @typedef {import("./shown_run.js").ShownRun} ShownRun */
+/** @typedef {import("./shown_run.js").Sample} Sample */
+/**
+ * @typedef {{id: string, title: string, down?: boolean, stacked?: boolean, digits: number,
+ *   lines: {name: string, colour: string, value: (s: Sample, run: ShownRun) => number}[]}} Kind
+ */
+
+const EDGE = { left: 44, right: 10, top: 26, bottom: 22 };
+
+/** @type {Kind[]} */
+export const KINDS = [
+  {
+    id: "drop", title: "Drop of M2 [cm]", down: true, digits: 1,
+    lines: [{ name: "drop", colour: "blue", value: (s) => 100 * s.drop }],
+  },
+  {
+    id: "turns", title: "String on the rod [turns]", digits: 2,
+    lines: [{ name: "turns", colour: "orange", value: (s) => s.turns }],
+  },
+  {
+    id: "pull", title: "Pull of the string [N]", digits: 2,
+    lines: [
+      { name: "at M2", colour: "blue", value: (s) => s.heavyTension },
+      { name: "at M1", colour: "orange", value: (s) => s.lightTension },
+    ],
+  },
+  {
+    id: "energy", title: "Energy [mJ]", stacked: true, digits: 0,
+    lines: [
+      { name: "height", colour: "sky", value: (s, run) => 1e3 * (s.energies.potential - lowest(run)) },
+      { name: "motion", colour: "yellow", value: (s) => 1e3 * s.energies.kinetic },
+      { name: "lost", colour: "pink", value: (s) => 1e3 * s.energies.lost },
+    ],
+  },
+];
+
+/** @type {WeakMap<ShownRun, number>} */
+const lowestOf = new WeakMap();
+
+/** Lowest potential energy of a run [J], from which it is counted. @param {ShownRun} run */
+function lowest(run) {
+  let value = lowestOf.get(run);
+  if (value === undefined) {
+    value = Math.min(...run.samples.map(({ energies }) => energies.potential));
+    lowestOf.set(run, value);
+  }
+  return value;
+}
+
+/** One plot on a canvas of its own. What does not move with the time is drawn once. */
+export class Plot {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {Kind} kind
+   * @param {(time: number) => void} onTime
+   */
+  constructor(canvas, kind, onTime) {
+    this.canvas = canvas;
+    this.kind = kind;
+    this.still = document.createElement("canvas");
+    /** @type {ShownRun | null} */
+    this.run = null;
+    this.end = 1;
+    this.x = (/** @type {number} */ t) => t;
+    this.y = (/** @type {number} */ v) => v;
+    const follow = (/** @type {PointerEvent} */ event) => {
+      const share = (event.clientX - canvas.getBoundingClientRect().left - EDGE.left) / (canvas.clientWidth - EDGE.left - EDGE.right);
+      onTime(share * this.end);
+    };
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      follow(event);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      if (event.buttons) follow(event);
+    });
+  }
+
+  /** Draw all that does not move with the time. @param {ShownRun} run @param {ShownRun | null} ghost */
+  show(run, ghost) {
+    this.run = run;
+    const { c, width, height } = fitted(this.canvas);
+    const { grid, soft, ink } = colours();
+    const { kind } = this;
+    this.end = Math.max(run.end, ghost ? ghost.end : 0);
+    const [low, high] = this.limits(ghost ? [run, ghost] : [run]);
+    const tall = height - EDGE.top - EDGE.bottom;
+    this.x = (t) => EDGE.left + (t / this.end) * (width - EDGE.left - EDGE.right);
+    this.y = (v) => EDGE.top + tall * (kind.down ? (v - low) / (high - low) : (high - v) / (high - low));
+    for (const v of ticks(low, high)) {
+      polyline(c, [[EDGE.left, this.y(v)], [width - EDGE.right, this.y(v)]], { colour: grid, width: 1 });
+      write(c, String(v), EDGE.left - 6, this.y(v), { colour: soft, size: 11, align: "right" });
+    }
+    for (const t of ticks(0, this.end)) write(c, `${t} s`, this.x(t), height - 9, { colour: soft, size: 11, align: "center" });
+    write(c, kind.title, 6, 13, { colour: ink, size: 13, bold: true });
+    c.save();
+    c.beginPath();
+    c.rect(EDGE.left, EDGE.top - 3, width - EDGE.left - EDGE.right + 3, tall + 6);
+    c.clip();
+    if (kind.stacked) this.areas(c, run);
+    if (ghost && !kind.stacked) this.curves(c, ghost, true);
+    if (!kind.stacked) this.curves(c, run, false);
+    c.restore();
+    this.legend(c, width);
+    this.keep();
+  }
+
+  /** @param {ShownRun[]} runs @returns {[number, number]} */
+  limits(runs) {
+    const { lines, stacked } = this.kind;
+    const ranges = runs.flatMap((run) =>
+      stacked ? [run.range((s) => lines.reduce((sum, { value }) => sum + value(s, run), 0))] : lines.map(({ value }) => run.range((s) => value(s, run))),
+    );
+    const [low, high] = [Math.min(0, ...ranges.map(([first]) => first)), Math.max(...ranges.map(([, last]) => last))];
+    const span = Math.max(high - low, 1e-6);
+    return [low < 0 ? low - 0.04 * span : low, high + 0.05 * span];
+  }
+
+  /** @param {import("./canvas.js").Context} c @param {ShownRun} run @param {boolean} pale */
+  curves(c, run, pale) {
+    for (const { value, colour } of this.kind.lines) {
+      const style = pale ? { colour: colours().soft, width: 1.5, dash: [5, 4] } : { colour: colourOf(colour), width: 2.2 };
+      polyline(c, run.samples.map((s) => [this.x(s.t), this.y(value(s, run))]), style);
+    }
+  }
+
+  /** @param {import("./canvas.js").Context} c @param {ShownRun} run */
+  areas(c, run) {
+    let below = run.samples.map(() => 0);
+    for (const { value, colour } of this.kind.lines) {
+      const above = run.samples.map((s, i) => below[i] + value(s, run));
+      c.beginPath();
+      run.samples.forEach((s, i) => c.lineTo(this.x(s.t), this.y(above[i])));
+      for (let i = run.samples.length - 1; i >= 0; i--) c.lineTo(this.x(run.samples[i].t), this.y(below[i]));
+      c.closePath();
+      c.fillStyle = colourOf(colour);
+      c.fill();
+      below = above;
+    }
+  }
+
+  /** @param {import("./canvas.js").Context} c @param {number} width */
+  legend(c, width) {
+    const { lines } = this.kind;
+    if (lines.length < 2) return;
+    let x = width - EDGE.right;
+    for (const { name, colour } of [...lines].reverse()) {
+      write(c, name, x, 13, { colour: colours().soft, size: 11, align: "right" });
+      x -= c.measureText(name).width + 13;
+      c.fillStyle = colourOf(colour);
+      c.fillRect(x, 8, 9, 9);
+      x -= 8;
+    }
+  }
+
+  keep() {
+    [this.still.width, this.still.height] = [this.canvas.width, this.canvas.height];
+    if (this.canvas.width && this.canvas.height) this.still.getContext("2d")?.drawImage(this.canvas, 0, 0);
+  }
+
+  /** Draw the cursor. @param {number} time */
+  draw(time) {
+    const { c, width, height } = fitted(this.canvas);
+    const { run } = this;
+    if (!run || !this.still.width || !this.still.height) return;
+    c.drawImage(this.still, 0, 0, width, height);
+    const { accent, ground } = colours();
+    const x = this.x(Math.min(time, this.end));
+    polyline(c, [[x, EDGE.top], [x, height - EDGE.bottom]], { colour: accent, width: 1.5 });
+    if (this.kind.stacked || time > run.end) return;
+    for (const { value, colour } of this.kind.lines) {
+      c.beginPath();
+      c.arc(x, Math.max(this.y(value(run.at(time), run)), EDGE.top), 4, 0, 2 * Math.PI);
+      c.fillStyle = colourOf(colour);
+      c.fill();
+      c.strokeStyle = ground;
+      c.lineWidth = 1;
+      c.stroke();
+    }
+  }
+}
+
+/** @param {string} name */
+function colourOf(name) {
+  return colours()[/** @type {keyof ReturnType<typeof colours>} */ (name)];
+}

@@ -1,0 +1,77 @@
+/** A run of the model as the page draws it: sampled once, with its events in words. */
+
+import { END_EVENTS, PHASE_EVENTS } from "../model.js";
+import { simulate } from "../run.js";
+
+/** Relative tolerance of a step of a run that is only drawn: errors far below a micrometre. */
+const DRAWN_TOLERANCE = 1e-9;
+const TIME_BETWEEN_SAMPLES = 2.5e-3;
+const [MIN_SAMPLES, MAX_SAMPLES] = [300, 1200];
+/** Longest time that is watched [s]: masses without a string are soon out of sight. */
+const DURATIONS = { looping: 5, vertical: 5, held: 5, drop: 0.6 };
+/** Share of the samples that are not a short spike. */
+const SHARE_WITHOUT_SPIKES = 0.99;
+
+/** @typedef {{kind: keyof typeof import("./texts.js").EVENTS, time: number}} ShownEvent */
+/** @typedef {ReturnType<ShownRun["at"]>} Sample */
+
+/** @param {string} release */
+export function durationOf(release) {
+  return DURATIONS[/** @type {keyof typeof DURATIONS} */ (release)];
+}
+
+/** The exact run of settings, sampled for drawing. */
+export class ShownRun {
+  /** @param {Record<string, any>} settings @throws {RangeError} if the apparatus is impossible */
+  constructor(settings) {
+    this.settings = settings;
+    this.release = settings.release;
+    this.run = simulate(settings, { duration: durationOf(settings.release), tolerance: DRAWN_TOLERANCE });
+    this.end = this.run.endTime;
+    this.halt = this.run.haltingTime;
+    this.startHeight = this.run.sample(0).heavy[1];
+    const count = Math.round(Math.min(MAX_SAMPLES, Math.max(MIN_SAMPLES, this.end / TIME_BETWEEN_SAMPLES)));
+    this.samples = Array.from({ length: count + 1 }, (_, i) => this.at((i / count) * this.end));
+    this.events = this.eventsInWords();
+    this.dropAtHalt = this.halt === null ? null : this.at(this.halt).drop;
+  }
+
+  /** What is to be seen at t [s]; after the end, the end. @param {number} t */
+  at(t) {
+    const sample = this.run.sample(Math.min(Math.max(t, 0), this.end));
+    return { t: Math.min(t, this.end), drop: this.startHeight - sample.heavy[1], turns: sample.wrapAngle / (2 * Math.PI), ...sample };
+  }
+
+  /** Last event of the run. */
+  get ending() {
+    return this.events[this.events.length - 1].kind;
+  }
+
+  /** @returns {ShownEvent[]} */
+  eventsInWords() {
+    /** @type {ShownEvent[]} */
+    const shown = [];
+    for (const { time, event, modeAfter } of this.run.events) {
+      if (event === null || PHASE_EVENTS.has(event)) continue;
+      if (event.startsWith("slip_onset")) shown.push({ kind: "slips", time });
+      else if (event === "stop") {
+        shown.push({ kind: modeAfter !== "sticking" ? "stops" : time === this.halt ? "halts" : "sticks", time });
+      } else if (event === "taut" && modeAfter === "sticking") {
+        shown.push({ kind: time === this.halt ? "halts" : "sticks", time });
+      } else if (event === "slack" || event === "taut" || END_EVENTS.has(event)) {
+        shown.push({ kind: /** @type {ShownEvent["kind"]} */ (event), time });
+      }
+    }
+    return shown;
+  }
+
+  /**
+   * Smallest and largest value of a quantity, without the short spike of a light mass that comes to the rod.
+   * @param {(s: Sample) => number} value
+   * @returns {[number, number]}
+   */
+  range(value) {
+    const values = this.samples.map(value).sort((a, b) => a - b);
+    return [values[0], values[Math.floor(SHARE_WITHOUT_SPIKES * (values.length - 1))]];
+  }
+}

@@ -1,0 +1,125 @@
+/** The sliders: each with its range, a field for a typed number, and steps by keyboard. */
+
+import { CONTROLS, controlOf, parsed } from "./controls.js";
+import { RELEASES, text } from "./texts.js";
+
+/** @typedef {import("./controls.js").State} State */
+/** @typedef {import("./controls.js").Control} Control */
+/**
+ * @typedef {{onMove: (name: string, value: number) => void, onSettle: () => void, onRelease: (release: string) => void,
+ *   onFault: (message: string) => void}} Callbacks `onMove`: on its way; `onSettle`: as it shall stay
+ */
+
+const LARGE_STEP = 10;
+/** Settings that mean nothing at a release. @type {Record<string, string[]>} */
+const WITHOUT_MEANING = {
+  vertical: ["release_angle"],
+  drop: ["kinetic_friction", "static_friction", "string_drag"],
+  held: ["mass_ratio", "kinetic_friction", "static_friction", "heavy_drag", "heavy_linear_drag"],
+};
+
+/** Rows of sliders in two boxes, those that are seldom needed in the second. */
+export class Sliders {
+  /** @param {HTMLElement} main @param {HTMLElement} more @param {HTMLSelectElement} release @param {Callbacks} callbacks */
+  constructor(main, more, release, callbacks) {
+    this.callbacks = callbacks;
+    this.release = release;
+    /** @type {Map<string, {row: HTMLElement, range: HTMLInputElement, field: HTMLInputElement}>} */
+    this.rows = new Map();
+    for (const control of CONTROLS) (control.more ? more : main).append(this.row(control));
+    for (const [name, words] of Object.entries(RELEASES)) release.append(new Option(words, name));
+    release.addEventListener("change", () => callbacks.onRelease(release.value));
+  }
+
+  /** @param {Control} control */
+  row(control) {
+    const { name, label, unit, min, max, step } = control;
+    const row = document.createElement("div");
+    row.className = "setting";
+    row.dataset.name = name;
+    const words = document.createElement("label");
+    words.textContent = label;
+    words.htmlFor = `range-${name}`;
+    const range = document.createElement("input");
+    Object.assign(range, { type: "range", id: `range-${name}`, min: String(min), max: String(max), step: "any" });
+    const field = document.createElement("input");
+    Object.assign(field, { type: "text", id: `field-${name}`, inputMode: "decimal", autocomplete: "off" });
+    field.setAttribute("aria-label", `${label}${unit ? ` in ${unit}` : ""}, typed`);
+    const typed = document.createElement("span");
+    typed.className = "typed";
+    const unitWords = document.createElement("span");
+    unitWords.className = "unit";
+    unitWords.textContent = unit;
+    typed.append(field, unitWords);
+    const limits = document.createElement("span");
+    limits.className = "limits";
+    limits.setAttribute("aria-hidden", "true");
+    limits.append(...[min, max].map((limit) => Object.assign(document.createElement("span"), { textContent: String(limit) })));
+    row.append(words, typed, range, limits);
+    range.addEventListener("input", () => this.callbacks.onMove(name, snapped(Number(range.value), step)));
+    range.addEventListener("change", () => this.callbacks.onSettle());
+    range.addEventListener("keydown", (event) => this.onKey(event, control));
+    range.addEventListener("keyup", () => this.callbacks.onSettle());
+    field.addEventListener("change", () => this.onTyped(control, field));
+    this.rows.set(name, { row, range, field });
+    return row;
+  }
+
+  /** Step by a round number; the browser's own step of a range without steps is none. @param {KeyboardEvent} event
+   * @param {Control} control */
+  onKey(event, { name, min, max, step }) {
+    /** @type {Record<string, number>} */
+    const steps = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: LARGE_STEP, PageDown: -LARGE_STEP };
+    const value = this.values[name];
+    let wanted;
+    if (event.key in steps) {
+      const count = steps[event.key];
+      wanted = snapped(value, step) + count * step;
+    } else if (event.key === "Home") wanted = min;
+    else if (event.key === "End") wanted = max;
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
+    this.callbacks.onMove(name, wanted);
+  }
+
+  /** @param {Control} control @param {HTMLInputElement} field */
+  onTyped(control, field) {
+    const value = parsed(field.value);
+    const { name, label, unit, min, max } = control;
+    if (value >= min && value <= max) {
+      this.callbacks.onMove(name, value);
+      this.callbacks.onSettle();
+      return;
+    }
+    const example = this.values[name];
+    const fault = Number.isNaN(value)
+      ? text("notANumber", { label, text: field.value, example })
+      : text("outOfRange", { label, value: field.value.trim(), unit, min, max }).replaceAll("  ", " ").trim();
+    field.value = String(example);
+    this.callbacks.onFault(fault);
+  }
+
+  /** @param {State} state */
+  show(state) {
+    this.values = state.values;
+    if (this.release.value !== state.release) this.release.value = state.release;
+    const without = WITHOUT_MEANING[state.release] ?? [];
+    for (const [name, { row, range, field }] of this.rows) {
+      const value = state.values[name];
+      range.value = String(value);
+      const { unit } = controlOf(name);
+      range.setAttribute("aria-valuetext", `${value} ${unit}`.trim());
+      if (document.activeElement !== field || parsed(field.value) !== value) field.value = String(value);
+      row.hidden = without.includes(name);
+    }
+  }
+
+  /** @type {Record<string, number>} */
+  values = {};
+}
+
+/** @param {number} value @param {number} step */
+function snapped(value, step) {
+  return Number((Math.round(value / step) * step).toPrecision(10));
+}

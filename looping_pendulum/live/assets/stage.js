@@ -1,0 +1,268 @@
+/** The apparatus: both masses, string, rod, trails, forces and tracked points, beside the rod enlarged. */
+
+import { arrow, colours, fitted, polyline, write } from "./canvas.js";
+
+/** @typedef {import("./shown_run.js").ShownRun} ShownRun */
+/** @typedef {import("./shown_run.js").Sample} Sample */
+/** @typedef {import("./canvas.js").Context} Context */
+/** @typedef {{left: number, right: number, low: number, high: number}} Box */
+/** @typedef {{x: (x: number) => number, y: (y: number) => number, scale: number}} View from metres to pixels */
+/**
+ * @typedef {{run: ShownRun, ghost: ShownRun | null, time: number, forces: boolean, points: {light: number[][], heavy: number[][]},
+ *   now: {light: number[] | null, heavy: number[] | null}}} Scene
+ */
+
+/** The box stays as it is while the motion fills more than this share of it. */
+const LEAST_FILLED = 0.6;
+const MARGIN = 0.08;
+/** Radius of wound string on the enlarged rod: its gain in one turn, in rod radii. */
+const GAIN_PER_TURN = 0.11;
+const LEAST_TURNS_SHOWN = 5;
+const [LIGHT_SIZE, HEAVY_SIZE] = [9, 14];
+/** Length of the heavy mass's weight as an arrow [px]. */
+const WEIGHT_LENGTH = 70;
+const MAX_LENGTH = 150;
+
+/** Draws scenes, and knows where on the canvas things are. */
+export class Stage {
+  /** @param {HTMLCanvasElement} canvas */
+  constructor(canvas) {
+    this.canvas = canvas;
+    /** @type {Box | null} */
+    this.box = null;
+    /** Whether the scale stays as it is, since something is dragged. */
+    this.frozen = false;
+    /** @type {View} */
+    this.view = { x: (x) => x, y: (y) => y, scale: 1 };
+  }
+
+  /** @param {Scene} scene */
+  draw(scene) {
+    const { c, width, height } = fitted(this.canvas);
+    const { run, ghost, time } = scene;
+    const side = Math.min(170, Math.max(104, 0.22 * width));
+    this.fit(scene, width - side, height);
+    const { view } = this;
+    this.scaleBar(c, height);
+    if (ghost) this.apparatus(c, ghost, time, true);
+    this.trackedPoints(c, scene);
+    this.apparatus(c, run, time, false);
+    const sample = run.at(time);
+    if (scene.forces) this.forces(c, run, sample);
+    c.beginPath();
+    c.arc(view.x(0), view.y(0), Math.max(run.settings.rod_radius * view.scale, 3), 0, 2 * Math.PI);
+    c.fillStyle = colours().soft;
+    c.fill();
+    if (run.release === "drop") return;
+    rod(c, sample, run, { left: width - side, width: side, height: Math.min(side, 0.5 * height) });
+    if (scene.forces) holding(c, sample, { left: width - side, width: side, top: Math.min(side, 0.5 * height), height });
+  }
+
+  /** Choose which part of the plane is seen. @param {Scene} scene @param {number} width @param {number} height */
+  fit({ run, ghost, points }, width, height) {
+    const box = boxOf(ghost ? [run, ghost] : [run], [...points.light, ...points.heavy]);
+    if (!this.box || (!this.frozen && !fills(box, this.box))) this.box = box;
+    const { left, right, low, high } = this.box;
+    const scale = Math.min(width / (right - left), height / (high - low)) * (1 - MARGIN);
+    this.view = {
+      x: (x) => width / 2 + (x - (left + right) / 2) * scale,
+      y: (y) => height / 2 - (y - (low + high) / 2) * scale,
+      scale,
+    };
+  }
+
+  /** Place on the canvas [px] -> place in the plane [m]. @param {number} px @param {number} py */
+  toPlane(px, py) {
+    const { x, y, scale } = this.view;
+    return [(px - x(0)) / scale, (y(0) - py) / scale];
+  }
+
+  /** @param {Context} c @param {ShownRun} run @param {number} time @param {boolean} pale */
+  apparatus(c, run, time, pale) {
+    const { view } = this;
+    const { ink, soft, blue, orange } = colours();
+    const sample = run.at(time);
+    const whole = run.samples.map(({ light: [x, y] }) => [view.x(x), view.y(y)]);
+    const done = whole.slice(0, Math.floor((time / run.end) * (whole.length - 1)) + 1);
+    const dash = pale ? [5, 5] : [];
+    polyline(c, whole, { colour: pale ? soft : orange, width: pale ? 1.5 : 1.2, dash, alpha: pale ? 0.8 : 0.45 });
+    const [lx, ly] = [view.x(sample.light[0]), view.y(sample.light[1])];
+    const [hx, hy] = [view.x(sample.heavy[0]), view.y(sample.heavy[1])];
+    if (!pale) polyline(c, [...done, [lx, ly]], { colour: orange, width: 2.5 });
+    if (run.release !== "drop") this.string(c, run, sample, pale ? soft : ink, pale);
+    const alpha = pale ? 0.5 : 1;
+    c.globalAlpha = alpha;
+    for (const [x, y, size, colour] of [[hx, hy, HEAVY_SIZE, blue], [lx, ly, LIGHT_SIZE, orange]]) {
+      c.beginPath();
+      c.arc(Number(x), Number(y), Number(size), 0, 2 * Math.PI);
+      c.fillStyle = pale ? colours().panel : String(colour);
+      c.fill();
+      c.strokeStyle = pale ? soft : colours().panel;
+      c.lineWidth = 1.5;
+      c.stroke();
+    }
+    c.globalAlpha = 1;
+    if (pale) return;
+    write(c, "M2", hx + HEAVY_SIZE + 4, hy, { colour: ink, size: 13, bold: true });
+    write(c, "M1", lx - LIGHT_SIZE - 4, ly - 12, { colour: ink, size: 13, bold: true, align: "right" });
+  }
+
+  /** From the heavy mass up to the rod, round it, and along the tangent to the light mass.
+   * @param {Context} c @param {ShownRun} run @param {Sample} sample @param {string} colour @param {boolean} pale */
+  string(c, run, sample, colour, pale) {
+    const { view } = this;
+    const r = run.settings.rod_radius;
+    c.beginPath();
+    c.moveTo(view.x(sample.heavy[0]), view.y(sample.heavy[1]));
+    c.lineTo(view.x(r), view.y(0));
+    c.arc(view.x(0), view.y(0), r * view.scale, 0, -Math.max(sample.wrapAngle, 0), true);
+    c.lineTo(view.x(sample.light[0]), view.y(sample.light[1]));
+    c.strokeStyle = colour;
+    c.lineWidth = pale ? 1 : 2;
+    c.globalAlpha = pale ? 0.6 : 1;
+    c.setLineDash(sample.mode.endsWith("slack") ? [3, 5] : []); // only the ends of a slack string are known
+    c.stroke();
+    c.setLineDash([]);
+    c.globalAlpha = 1;
+  }
+
+  /** @param {Context} c @param {ShownRun} run @param {Sample} sample */
+  forces(c, run, sample) {
+    const { view } = this;
+    const { blue, green, pink } = colours();
+    const { light_mass: m1, heavy_mass: m2, gravity, rod_radius: r } = run.settings;
+    const scale = WEIGHT_LENGTH / (m2 * gravity);
+    const light = [view.x(sample.light[0]), view.y(sample.light[1])];
+    const heavy = [view.x(sample.heavy[0]), view.y(sample.heavy[1])];
+    arrow(c, light, [0, m1 * gravity * scale], blue);
+    arrow(c, heavy, [0, m2 * gravity * scale], blue);
+    const [fx, fy] = sample.dragForce;
+    arrow(c, light, [fx * scale, -fy * scale], green);
+    if (run.release === "drop") return;
+    // The string pulls the light mass towards the point where it leaves the rod
+    const [dx, dy] = [r * Math.cos(sample.wrapAngle) - sample.light[0], r * Math.sin(sample.wrapAngle) - sample.light[1]];
+    const share = Math.min(sample.lightTension * scale, MAX_LENGTH) / Math.hypot(dx, dy);
+    arrow(c, light, [dx * share, -dy * share], pink);
+    arrow(c, heavy, [0, -Math.min(sample.heavyTension * scale, MAX_LENGTH)], pink);
+  }
+
+  /** @param {Context} c @param {Scene} scene */
+  trackedPoints(c, { points, now }) {
+    const { view } = this;
+    const { green, ink, panel } = colours();
+    for (const [x, y] of [...points.light, ...points.heavy]) {
+      c.beginPath();
+      c.arc(view.x(x), view.y(y), 2, 0, 2 * Math.PI);
+      c.fillStyle = green;
+      c.globalAlpha = 0.7;
+      c.fill();
+    }
+    c.globalAlpha = 1;
+    for (const place of [now.light, now.heavy]) {
+      if (!place) continue;
+      c.beginPath();
+      c.arc(view.x(place[0]), view.y(place[1]), 6, 0, 2 * Math.PI);
+      c.fillStyle = panel;
+      c.fill();
+      c.strokeStyle = ink;
+      c.lineWidth = 2;
+      c.stroke();
+    }
+  }
+
+  /** @param {Context} c @param {number} height */
+  scaleBar(c, height) {
+    const { soft } = colours();
+    const metres = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2].find((m) => m * this.view.scale > 44) ?? 2;
+    polyline(c, [[12, height - 12], [12 + metres * this.view.scale, height - 12]], { colour: soft });
+    write(c, `${Math.round(metres * 100)} cm`, 12, height - 16, { colour: soft, baseline: "bottom" });
+  }
+}
+
+/**
+ * Smallest box that holds all places of runs, and points [m].
+ * @param {ShownRun[]} runs
+ * @param {number[][]} points
+ * @returns {Box}
+ */
+function boxOf(runs, points) {
+  const r = Math.max(...runs.map(({ settings }) => settings.rod_radius));
+  const box = { left: -r, right: r, low: -r, high: r };
+  const places = runs.flatMap(({ samples }) => samples.flatMap(({ light, heavy }) => [light, heavy]));
+  for (const [x, y] of [...places, ...points]) {
+    box.left = Math.min(box.left, x);
+    box.right = Math.max(box.right, x);
+    box.low = Math.min(box.low, y);
+    box.high = Math.max(box.high, y);
+  }
+  return box;
+}
+
+/** Whether a box is inside another and nearly as large. @param {Box} inner @param {Box} outer */
+function fills(inner, outer) {
+  const inside = inner.left >= outer.left && inner.right <= outer.right && inner.low >= outer.low && inner.high <= outer.high;
+  const wide = (inner.right - inner.left) / (outer.right - outer.left);
+  const high = (inner.high - inner.low) / (outer.high - outer.low);
+  return inside && Math.max(wide, high) > LEAST_FILLED;
+}
+
+/**
+ * The rod enlarged, with the wound string: each turn lies outside the one before.
+ * @param {Context} c
+ * @param {Sample} sample
+ * @param {ShownRun} run
+ * @param {{left: number, width: number, height: number}} place
+ */
+function rod(c, { wrapAngle, freeLength, turns }, run, { left, width, height }) {
+  const { line, ink, soft } = colours();
+  const most = Math.max(LEAST_TURNS_SHOWN, run.samples[run.samples.length - 1].turns);
+  const scale = (0.42 * Math.min(width, height)) / (1.1 + GAIN_PER_TURN * most);
+  const [cx, cy] = [left + width / 2, height / 2 + 8];
+  const radius = (/** @type {number} */ angle) => (1.05 + (GAIN_PER_TURN * Math.max(angle, 0)) / (2 * Math.PI)) * scale;
+  c.save();
+  c.beginPath();
+  c.rect(left, 0, width, height + 8);
+  c.clip();
+  c.beginPath();
+  c.arc(cx, cy, scale, 0, 2 * Math.PI);
+  c.fillStyle = line;
+  c.fill();
+  const points = [[cx + radius(0), cy + height], [cx + radius(0), cy]];
+  for (let a = 0; a < wrapAngle; a += 0.1) points.push([cx + radius(a) * Math.cos(a), cy - radius(a) * Math.sin(a)]);
+  const [cos, sin, outer] = [Math.cos(wrapAngle), Math.sin(wrapAngle), radius(wrapAngle)];
+  const length = (freeLength / run.settings.rod_radius) * scale;
+  points.push([cx + outer * cos, cy - outer * sin], [cx + outer * cos - length * sin, cy - outer * sin - length * cos]);
+  polyline(c, points, { colour: ink, width: 1.6 });
+  c.restore();
+  write(c, turns.toFixed(2), cx, cy - 7, { colour: ink, size: 13, align: "center", bold: true });
+  write(c, "turns", cx, cy + 8, { colour: ink, size: 11, align: "center" });
+  write(c, "the rod, enlarged", cx, 12, { colour: soft, size: 11, align: "center" });
+}
+
+/**
+ * What friction must hold beside the most that it can hold, both as the exponent ln(T2/T1) of the capstan law.
+ * @param {Context} c
+ * @param {Sample} sample
+ * @param {{left: number, width: number, top: number, height: number}} place
+ */
+function holding(c, { holding: pair, mode }, { left, width, top, height }) {
+  const { soft, ink, pink, green } = colours();
+  const base = height - 44;
+  const tall = base - top - 34;
+  if (tall < 30 || !pair) return;
+  const most = Math.max(3, pair.bound, pair.needed);
+  const sticks = mode === "sticking";
+  write(c, sticks ? "friction holds" : "friction slides", left + width / 2, top + 16, { colour: ink, size: 12, align: "center", bold: true });
+  for (const [share, value, colour, name] of [[0.3, pair.needed, pink, "must"], [0.7, pair.bound, green, "can"]]) {
+    const x = left + Number(share) * width;
+    arrow(c, [x, base], [0, (-tall * Number(value)) / most], String(colour));
+    write(c, String(name), x, base + 12, { colour: soft, size: 11, align: "center" });
+    write(c, ratio(Math.exp(Number(value))), x, base + 27, { colour: ink, size: 12, align: "center" });
+  }
+  write(c, "pull ratio T2/T1", left + width / 2, base + 40, { colour: soft, size: 10, align: "center" });
+}
+
+/** @param {number} value */
+function ratio(value) {
+  return value < 100 ? value.toFixed(2) : value < 1e4 ? value.toFixed(0) : value.toExponential(0);
+}

@@ -1,0 +1,65 @@
+/** Words that the scripts of the page write; a further language is a further table of these. */
+
+/** Release -> its name. */
+export const RELEASES = {
+  looping: "let the light mass go",
+  vertical: "both hang straight down",
+  held: "heavy mass clamped",
+  drop: "no string",
+};
+
+/** Event of a run -> what happens. */
+export const EVENTS = {
+  stops: "the heavy mass stops and turns round",
+  sticks: "the string grips the rod",
+  halts: "the heavy mass halts for good",
+  slips: "the string slides again",
+  slack: "the string goes slack",
+  taut: "the string is taut again",
+  light_reaches_rod: "the light mass reaches the rod",
+  heavy_reaches_rod: "the heavy mass is pulled up to the rod",
+  unwrapped: "the string comes off the rod",
+  time_up: "the run is watched no longer",
+};
+
+/** Mode of a run -> what the string does. */
+export const MODES = {
+  sticking: "the rod holds the string",
+  sliding_down: "the string slides; the heavy mass falls",
+  sliding_up: "the string slides; the heavy mass rises",
+  slack: "the string is slack",
+  clamped: "the light mass swings",
+  clamped_slack: "the string is slack",
+  falling: "both masses fall freely",
+  ended: "the end",
+};
+
+export const TEXTS = {
+  halts: "The heavy mass halts after {time} s, {drop} cm below its start.",
+  neverHalts: "The heavy mass never halts: {ending} after {time} s.",
+  noHalt: "Nothing can halt here: {ending} after {time} s.",
+  change: "Before: {time} s, {drop} cm. Change: {moreTime} s, {moreDrop} cm.",
+  beforeNever: "Before, it never halted.",
+  notANumber: "{label}: found '{text}', needed a number such as {example}",
+  outOfRange: "{label}: found {value} {unit}, needed {min} to {max} {unit}",
+  badLink: "the link: {key}: found '{text}', needed {min} to {max}; the rest of the link is used",
+  badRelease: "the link: release: found '{text}', needed one of {names}; the rest of the link is used",
+  cannotRun: "This cannot be built: {fault}",
+  copied: "The link is copied.",
+  notCopied: "Copy the address from the address bar: it holds all settings.",
+  trialUsed: "{file}: {used}. {typical}",
+  trialDistance: "Typical distance from the run: {distance} cm.",
+  trialNone: "No point falls into the time of the run.",
+  notUsed: "{count} values not used ({reason})",
+  mapNoLoop: "The map is for a light mass that is let go.",
+  mapWorks: "computing",
+};
+
+/**
+ * Return a text of `TEXTS` with its values filled in.
+ * @param {keyof typeof TEXTS} name
+ * @param {Record<string, string | number>} values
+ */
+export function text(name, values = {}) {
+  return TEXTS[name].replace(/\{(\w+)\}/g, (_, key) => String(values[key]));
+}

@@ -1,0 +1,205 @@
+/** Reads a text table as `identify` does (`discrepancy/data/delimited.py`): encoding, delimiter, decimal comma, header. */
+
+/** A file that cannot be used; the message is one line. */
+export class DataError extends Error {}
+
+/** @typedef {{line: number, cells: string[]}} TableLine */
+
+const LARGEST_FILE = 20 * 1024 * 1024;
+const MAX_LINE_LENGTH = 100_000;
+const MISSING = new Set(["", "-", "--", "nan", "na", "n/a", "null", "none"]);
+const DECIMAL_POINT = /^[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?$/;
+const DECIMAL_COMMA = /^[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]{1,4})?$/;
+/** First bytes -> what the file is. @type {[number[], string][]} */
+const OTHER_FORMATS = [
+  [[0x50, 0x4b, 3, 4], "a zip archive (a spreadsheet or a Tracker project)"],
+  [[0xd0, 0xcf, 0x11, 0xe0], "an old spreadsheet"],
+  [[0x3c, 0x3f, 0x78, 0x6d, 0x6c], "XML (a Tracker project?)"],
+  [[0x25, 0x50, 0x44, 0x46], "a PDF"],
+];
+const MAX_QUOTED = 60;
+
+/** A value of a file as messages name it. @param {string} value */
+export function quote(value) {
+  const characters = [...value];
+  return `'${characters.length <= MAX_QUOTED ? value : `${characters.slice(0, MAX_QUOTED - 3).join("")}...`}'`;
+}
+
+/** A number with six digits, as Python's format "g" writes it. @param {number} x @param {number} digits */
+export function general(x, digits = 6) {
+  if (x === 0) return "0";
+  const [mantissa, exponent] = x.toExponential(digits - 1).split("e");
+  const power = Number(exponent);
+  if (power >= -4 && power < digits) return String(Number(x.toPrecision(digits)));
+  return `${Number(mantissa)}e${power < 0 ? "-" : "+"}${String(Math.abs(power)).padStart(2, "0")}`;
+}
+
+/**
+ * @param {string} file
+ * @param {number | null} line
+ * @param {string} column
+ * @param {string} message
+ */
+export function dataError(file, line, column, message) {
+  const words = `${line ? `${file}:${line}` : file}: ${column ? `column ${column}: ` : ""}${message}`;
+  return new DataError(words.replace(/[\p{Cc}\p{Cf}\u2028\u2029]/gu, (c) => `\\x${(c.codePointAt(0) ?? 0).toString(16).padStart(2, "0")}`));
+}
+
+/** A text table: lines of a header, then rows of numbers. */
+export class Table {
+  /**
+   * @param {{file: string, delimiter: string, decimalComma: boolean, head: TableLine[], rows: TableLine[]}} parts
+   */
+  constructor({ file, delimiter, decimalComma, head, rows }) {
+    this.file = file;
+    this.delimiter = delimiter;
+    this.decimalComma = decimalComma;
+    this.head = head;
+    this.rows = rows;
+  }
+
+  /** @param {number | null} line @param {string} column @param {string} message */
+  error(line, column, message) {
+    return dataError(this.file, line, column, message);
+  }
+
+  /**
+   * Value of a cell; null if it is empty or says that there is none.
+   * @param {TableLine} row
+   * @param {number} index
+   * @param {string} column
+   */
+  number(row, index, column) {
+    const text = row.cells[index] ?? "";
+    if (MISSING.has(text.toLowerCase())) return null;
+    const withPoint = this.decimalComma && DECIMAL_COMMA.test(text) ? text.replace(",", ".") : text;
+    if (!DECIMAL_POINT.test(withPoint)) {
+      throw this.error(row.line, column, `found ${quote(text)}, needed a number or an empty cell; correct the cell, or empty it`);
+    }
+    const value = Number(withPoint);
+    if (!Number.isFinite(value)) {
+      throw this.error(row.line, column, `found ${quote(text)}, needed a finite number; correct the cell, or empty it`);
+    }
+    return value;
+  }
+}
+
+/**
+ * Read the bytes of a file.
+ * @param {string} file its name
+ * @param {Uint8Array} bytes
+ * @returns {Table}
+ */
+export function readTable(file, bytes) {
+  const numbered = decoded(file, bytes).split(/\r\n|\r|\n/).map((line, i) => ({ line, number: i + 1 }));
+  const lines = numbered.filter(({ line }) => line.trim() && !line.trimStart().startsWith("#"));
+  if (!lines.length) throw dataError(file, null, "", "found no rows, needed a table of numbers; export the data again");
+  for (const { line, number } of lines) {
+    if (line.length > MAX_LINE_LENGTH) {
+      const message = `found a line of ${line.length} characters, needed rows of at most ${MAX_LINE_LENGTH}`;
+      throw dataError(file, number, "", `${message}; export the data again`);
+    }
+  }
+  const { delimiter, decimalComma } = dialect(lines.map(({ line }) => line));
+  const rows = lines.map(({ line, number }) => ({ line: number, cells: cellsOf(line, delimiter) }));
+  const named = rows.findIndex(({ cells }) => cells[0].toLowerCase() === "quantity");
+  const first = named >= 0 ? named + 1 : rows.findIndex(({ cells }) => isData(cells, decimalComma));
+  if (first < 0 || first === rows.length) {
+    const last = quote(lines[lines.length - 1].line.trim());
+    const way = "needed rows such as '0.0042,0.51,-0.22'; export the data again, as numbers without units";
+    throw dataError(file, rows[rows.length - 1].line, "", `found no row of numbers (last row ${last}), ${way}`);
+  }
+  const table = new Table({ file, delimiter, decimalComma, head: rows.slice(0, first), rows: rows.slice(first) });
+  if (decimalComma) refuseMixedDecimals(table);
+  return table;
+}
+
+/** @param {string} file @param {Uint8Array} bytes */
+function decoded(file, bytes) {
+  if (bytes.length > LARGEST_FILE) {
+    throw dataError(file, null, "", "found more than 20 MiB, needed one trial; cut the file to the trial's frames");
+  }
+  const way = "export it as text (in Tracker: File > Export > Data)";
+  const begins = (/** @type {number[]} */ start, from = 0) => start.every((byte, i) => bytes[from + i] === byte);
+  const afterMark = begins([0xef, 0xbb, 0xbf]) ? 3 : 0;
+  for (const [start, what] of OTHER_FORMATS) {
+    if (begins(start, afterMark)) throw dataError(file, null, "", `found ${what}, needed a text table; ${way}`);
+  }
+  const text = textOf(bytes, begins);
+  if (text.includes("\0")) throw dataError(file, null, "", `found binary data, needed a text table; ${way}`);
+  return text;
+}
+
+/** @param {Uint8Array} bytes @param {(start: number[]) => boolean} begins */
+function textOf(bytes, begins) {
+  try {
+    if (begins([0xff, 0xfe])) return new TextDecoder("utf-16le", { fatal: true }).decode(bytes);
+    if (begins([0xfe, 0xff])) return new TextDecoder("utf-16be", { fatal: true }).decode(bytes);
+    return new TextDecoder("utf-8", { fatal: true }).decode(bytes);
+  } catch {
+    // Older programs on Windows write names in their own code page; the numbers are the same in all
+    return Array.from(bytes, (byte) => String.fromCharCode(byte)).join("");
+  }
+}
+
+/**
+ * Cells of a line without the spaces around them; quotation marks as spreadsheets write them.
+ * @param {string} line
+ * @param {string} delimiter " " means any white space
+ */
+function cellsOf(line, delimiter) {
+  if (delimiter === " ") return line.trim().split(/\s+/);
+  if (!line.includes('"')) return line.split(delimiter).map((cell) => cell.trim());
+  const cells = [];
+  let [cell, quoted, start] = ["", false, true];
+  for (let i = 0; i < line.length; i++) {
+    const sign = line[i];
+    if (quoted && sign === '"' && line[i + 1] === '"') {
+      cell += sign;
+      i += 1;
+    } else if (quoted && sign === '"') quoted = false;
+    else if (start && sign === '"') [quoted, start] = [true, false];
+    else if (!quoted && sign === delimiter) {
+      cells.push(cell.trim());
+      [cell, start] = ["", true];
+    } else {
+      cell += sign;
+      start = false;
+    }
+  }
+  return [...cells, cell.trim()];
+}
+
+/** @param {string[]} lines @returns {{delimiter: string, decimalComma: boolean}} */
+function dialect(lines) {
+  for (const delimiter of ["\t", ";"]) {
+    if (lines.filter((line) => line.includes(delimiter)).length * 2 > lines.length) {
+      return { delimiter, decimalComma: lines.some((line) => cellsOf(line, delimiter).some((cell) => DECIMAL_COMMA.test(cell))) };
+    }
+  }
+  // The last line holds numbers, whatever the lines of the header look like
+  const last = cellsOf(lines[lines.length - 1], " ");
+  if (last.length > 1 && last.every((cell) => DECIMAL_POINT.test(cell) || DECIMAL_COMMA.test(cell))) {
+    return { delimiter: " ", decimalComma: lines.some((line) => cellsOf(line, " ").some((cell) => DECIMAL_COMMA.test(cell))) };
+  }
+  return { delimiter: lines.some((line) => line.includes(",")) ? "," : " ", decimalComma: false };
+}
+
+/** Whether a line is a row of numbers: its first cell is one, or most of its cells are. @param {string[]} cells @param {boolean} comma */
+function isData(cells, comma) {
+  const filled = cells.filter((cell) => cell);
+  const numbers = filled.map((cell) => DECIMAL_POINT.test(cell) || (comma && DECIMAL_COMMA.test(cell)));
+  return Boolean(cells[0]) && (numbers[0] || 2 * numbers.filter(Boolean).length > filled.length);
+}
+
+/** A point among decimal commas could as well separate thousands. @param {Table} table */
+function refuseMixedDecimals(table) {
+  for (const row of table.rows) {
+    row.cells.forEach((cell, i) => {
+      if (cell.includes(".") && (DECIMAL_POINT.test(cell) || cell.includes(","))) {
+        const message = `found ${quote(cell)} among numbers with a decimal comma, needed one kind; replace one by the other`;
+        throw table.error(row.line, String(i + 1), message);
+      }
+    });
+  }
+}

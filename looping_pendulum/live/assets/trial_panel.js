@@ -1,0 +1,231 @@
+/** A trial of one's own: its file, its points over the motion, and what is left between them and the run. */
+
+import { colours, fitted, polyline, ticks, write } from "./canvas.js";
+import { parsed } from "./controls.js";
+import { text } from "./texts.js";
+import { DataError, readTrial, tracksOf } from "./trial/reader.js";
+
+/** @typedef {import("./shown_run.js").ShownRun} ShownRun */
+/** @typedef {import("./trial/reader.js").Trial} Trial */
+/** @typedef {{name: string, colour: "blue" | "orange" | "green" | "pink", t: number[], value: number[]}} Residual [cm] or [deg] */
+
+const EDGE = { left: 44, right: 10, top: 26, bottom: 22 };
+/** Points at the start by which the side is told on which the light mass is let go. */
+const FIRST_POINTS = 5;
+/** @type {Record<string, Residual["colour"]>} */
+const COLOURS = { light_x: "orange", light_y: "pink", heavy_x: "green", heavy_y: "blue", angle: "orange", height: "blue" };
+
+/** Reads the file again whenever what is said about it changes. */
+export class TrialPanel {
+  /** @param {(id: string) => HTMLElement} element @param {() => void} onChange */
+  constructor(element, onChange) {
+    this.element = element;
+    this.onChange = onChange;
+    /** @type {{name: string, bytes: Uint8Array} | null} */
+    this.file = null;
+    /** @type {Trial | null} */
+    this.trial = null;
+    const file = /** @type {HTMLInputElement} */ (element("trial-file"));
+    file.addEventListener("change", () => {
+      if (file.files?.length) this.open(file.files[0]);
+      file.value = "";
+    });
+    element("trial-remove").addEventListener("click", () => this.remove());
+    for (const id of ["trial-light", "trial-heavy", "trial-length", "trial-clock", "trial-rate"]) {
+      element(id).addEventListener("change", () => this.read());
+    }
+    element("trial-release").addEventListener("change", () => onChange());
+    element("trial-mirror").addEventListener("change", () => onChange());
+    document.addEventListener("dragover", (event) => event.preventDefault());
+    document.addEventListener("drop", (event) => {
+      event.preventDefault();
+      const dropped = event.dataTransfer?.files;
+      if (dropped?.length) this.open(dropped[0]);
+    });
+  }
+
+  /** @param {File} file */
+  async open(file) {
+    try {
+      this.file = { name: file.name, bytes: new Uint8Array(await file.arrayBuffer()) };
+    } catch {
+      this.fail(`${file.name}: cannot be read; choose it again`);
+      return;
+    }
+    this.offerTracks(this.file);
+    this.read();
+    if (this.trial) /** @type {HTMLInputElement} */ (this.element("trial-mirror")).checked = startsOnTheRight(this.trial);
+    this.onChange();
+    this.element("trial").scrollIntoView({ block: "nearest" });
+  }
+
+  /** @param {{name: string, bytes: Uint8Array}} file */
+  offerTracks({ name, bytes }) {
+    /** @type {string[]} */
+    let tracks = [];
+    try {
+      tracks = tracksOf(name, bytes);
+    } catch (error) {
+      if (!(error instanceof DataError)) throw error; // its message comes when the whole file is read
+    }
+    for (const id of ["trial-light", "trial-heavy"]) {
+      const select = /** @type {HTMLSelectElement} */ (this.element(id));
+      select.replaceChildren(new Option("by its name", "-"), ...tracks.map((track) => new Option(track || "the only track", `=${track}`)));
+    }
+  }
+
+  remove() {
+    this.file = this.trial = null;
+    this.element("trial-message").textContent = "";
+    this.element("trial-error").textContent = "";
+    this.element("trial-options").hidden = true;
+    this.onChange();
+  }
+
+  /** @param {string} id */
+  chosen(id) {
+    return /** @type {HTMLInputElement | HTMLSelectElement} */ (this.element(id)).value;
+  }
+
+  read() {
+    if (!this.file) return;
+    /** @type {Record<string, string>} */
+    const tracks = {};
+    for (const mass of ["light", "heavy"]) {
+      const value = this.chosen(`trial-${mass}`);
+      if (value.startsWith("=")) tracks[mass] = value.slice(1);
+    }
+    const rate = this.chosen("trial-rate").trim();
+    this.element("trial-options").hidden = false;
+    try {
+      this.trial = readTrial(this.file.name, this.file.bytes, {
+        tracks,
+        units: { length: this.chosen("trial-length"), time: this.chosen("trial-clock") },
+        frame_rate: rate ? parsed(rate) : null,
+      });
+      this.element("trial-error").textContent = "";
+    } catch (error) {
+      if (!(error instanceof DataError)) throw error;
+      this.fail(error.message);
+    }
+    this.onChange();
+  }
+
+  /** @param {string} message */
+  fail(message) {
+    this.trial = null;
+    this.element("trial-message").textContent = "";
+    this.element("trial-error").textContent = message;
+  }
+
+  /** Time of the release by the file's clock [s]. */
+  get releaseTime() {
+    return parsed(this.chosen("trial-release")) || 0;
+  }
+
+  /** A channel as the run shows it: from the release on, with the light mass let go on the left. @param {string} name */
+  channel(name) {
+    const found = this.trial?.channels.find((one) => one.name === name);
+    if (!found) return null;
+    const mirrored = /** @type {HTMLInputElement} */ (this.element("trial-mirror")).checked;
+    const sign = mirrored && ["light_x", "heavy_x", "angle"].includes(name) ? -1 : 1;
+    return { t: found.t.map((t) => t - this.releaseTime), value: found.value.map((value) => sign * value) };
+  }
+
+  /** Tracked points of a mass: time [s] and place [m]. @param {"light" | "heavy"} mass @returns {[number, number, number][]} */
+  points(mass) {
+    const [x, y] = [this.channel(`${mass}_x`), this.channel(`${mass}_y`)];
+    if (!x || !y) return [];
+    const heights = new Map(y.t.map((t, i) => [t, y.value[i]]));
+    return x.t.flatMap((t, i) => {
+      const height = heights.get(t);
+      return height === undefined ? [] : [/** @type {[number, number, number]} */ ([t, x.value[i], height])];
+    });
+  }
+
+  /** What is left between the trial and a run, at the times of the run. @param {ShownRun} run @returns {Residual[]} */
+  residuals(run) {
+    return Object.entries(COLOURS).flatMap(([name, colour]) => {
+      const channel = this.channel(name);
+      if (!channel) return [];
+      const inside = channel.t.flatMap((t, i) => (t >= 0 && t <= run.end ? [i] : []));
+      const t = inside.map((i) => channel.t[i]);
+      const first = inside.length ? channel.value[inside[0]] - predicted(run, name, t[0]) : 0;
+      // Of a height only changes are known: where it is zero, the file does not say
+      const offset = name === "height" ? first : 0;
+      const factor = name === "angle" ? 180 / Math.PI : 100;
+      return [{ name, colour, t, value: inside.map((i, k) => factor * (channel.value[i] - offset - predicted(run, name, t[k]))) }];
+    });
+  }
+
+  /** Say what was read and how far it is from a run, and draw what is left. @param {ShownRun} run */
+  show(run) {
+    const { trial, file } = this;
+    if (!trial || !file) {
+      this.draw([], run.end);
+      return;
+    }
+    const residuals = this.residuals(run);
+    const used = trial.channels.map(({ name, t }) => `${name} ${t.length}`).join(", ");
+    const unused = [...trial.unused].map(([reason, count]) => text("notUsed", { count, reason }));
+    const light = residuals.filter(({ name }) => name.startsWith("light"));
+    const any = residuals.some(({ t }) => t.length > 0);
+    const distance = Math.sqrt(light.reduce((sum, { value }) => sum + value.reduce((all, v) => all + v * v, 0) / value.length, 0));
+    const typical = !any ? text("trialNone") : light.length === 2 ? text("trialDistance", { distance: distance.toFixed(1) }) : "";
+    const parts = [`used ${used}`, ...unused, ...trial.assumptions].join("; ");
+    this.element("trial-message").textContent = text("trialUsed", { file: file.name, used: parts, typical });
+    this.draw(residuals, run.end);
+  }
+
+  /** @param {Residual[]} residuals @param {number} end */
+  draw(residuals, end) {
+    const canvas = /** @type {HTMLCanvasElement} */ (this.element("residuals"));
+    canvas.hidden = !residuals.length;
+    if (!residuals.length) return;
+    const { c, width, height } = fitted(canvas);
+    const { grid, soft, ink } = colours();
+    const most = Math.max(0.1, ...residuals.flatMap(({ value }) => value.map(Math.abs))) * 1.05;
+    const tall = height - EDGE.top - EDGE.bottom;
+    const x = (/** @type {number} */ t) => EDGE.left + (t / end) * (width - EDGE.left - EDGE.right);
+    const y = (/** @type {number} */ v) => EDGE.top + (tall * (most - v)) / (2 * most);
+    for (const v of ticks(-most, most)) {
+      polyline(c, [[EDGE.left, y(v)], [width - EDGE.right, y(v)]], { colour: v === 0 ? soft : grid, width: 1 });
+      write(c, String(v), EDGE.left - 6, y(v), { colour: soft, size: 11, align: "right" });
+    }
+    for (const t of ticks(0, end)) write(c, `${t} s`, x(t), height - 9, { colour: soft, size: 11, align: "center" });
+    const unit = residuals.every(({ name }) => name === "angle") ? "°" : "cm";
+    write(c, `Your points less the run [${unit}]`, 6, 13, { colour: ink, size: 13, bold: true });
+    let right = width - EDGE.right;
+    for (const { name, colour, t, value } of [...residuals].reverse()) {
+      c.fillStyle = colours()[colour];
+      t.forEach((time, i) => {
+        c.beginPath();
+        c.arc(x(time), y(value[i]), 2, 0, 2 * Math.PI);
+        c.fill();
+      });
+      const words = name.replace("light", "M1").replace("heavy", "M2").replace("_", " ");
+      write(c, words, right, 13, { colour: soft, size: 11, align: "right" });
+      right -= c.measureText(words).width + 12;
+      c.fillStyle = colours()[colour];
+      c.fillRect(right, 9, 8, 8);
+      right -= 7;
+    }
+  }
+}
+
+/** What a run has where a file has a channel. @param {ShownRun} run @param {string} name @param {number} t */
+function predicted(run, name, t) {
+  const { light, heavy, wrapAngle } = run.at(t);
+  /** @type {Record<string, number>} */
+  const values = {
+    light_x: light[0], light_y: light[1], heavy_x: heavy[0], heavy_y: heavy[1], angle: wrapAngle - Math.PI, height: heavy[1],
+  };
+  return values[name];
+}
+
+/** Whether the light mass is let go on the right. @param {Trial} trial */
+function startsOnTheRight(trial) {
+  const x = trial.channels.find(({ name }) => name === "light_x");
+  const first = x?.value.slice(0, FIRST_POINTS) ?? [];
+  return first.reduce((sum, value) => sum + value, 0) > 0;
+}
