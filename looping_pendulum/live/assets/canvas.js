@@ -5,13 +5,35 @@
 const MAX_PIXEL_RATIO = 2;
 const FONT = "system-ui, sans-serif";
 
+/** Sizes of the canvases' boxes: to ask for them anew in each frame would have the browser lay out the page anew. */
+const sizes = new WeakMap();
+let onResize = () => {};
+const observer = typeof ResizeObserver === "undefined" ? null : new ResizeObserver((entries) => {
+  for (const { target } of entries) sizes.set(target, [target.clientWidth, target.clientHeight]);
+  onResize();
+});
+
+/** Have a function called when a canvas has another size. @param {() => void} listener */
+export function whenResized(listener) {
+  onResize = listener;
+}
+
+/** @param {HTMLCanvasElement} canvas @returns {[number, number]} */
+function sizeOf(canvas) {
+  if (!sizes.has(canvas)) {
+    sizes.set(canvas, [canvas.clientWidth, canvas.clientHeight]);
+    observer?.observe(canvas);
+  }
+  return sizes.get(canvas);
+}
+
 /**
  * Fit a canvas to its box, sharp on any screen, and empty it.
  * @param {HTMLCanvasElement} canvas
  * @returns {{c: Context, width: number, height: number}} size in CSS pixels
  */
 export function fitted(canvas) {
-  const { clientWidth: width, clientHeight: height } = canvas;
+  const [width, height] = sizeOf(canvas);
   const ratio = Math.min(window.devicePixelRatio || 1, MAX_PIXEL_RATIO);
   const [wide, high] = [Math.round(width * ratio), Math.round(height * ratio)];
   if (canvas.width !== wide || canvas.height !== high) [canvas.width, canvas.height] = [wide, high];

@@ -34,7 +34,8 @@ export class HaltMap {
     this.complete = false;
     /** @type {{columns: number, rows: number, drops: (number[] | null)[]}[]} */
     this.grids = [];
-    this.largest = 1e-3;
+    /** Smallest and largest drop on the map [m]. */
+    this.range = [Infinity, -Infinity];
     this.timer = 0;
     /** @type {State | null} */
     this.state = null;
@@ -77,7 +78,7 @@ export class HaltMap {
     }
     this.job += 1;
     this.grids = [];
-    this.largest = 1e-3;
+    this.range = [Infinity, -Infinity];
     /** @type {import("./map_worker.js").MapJob} */
     const job = {
       job: this.job,
@@ -98,7 +99,8 @@ export class HaltMap {
       this.grids.push(grid);
     }
     grid.drops[row] = drops;
-    this.largest = Math.max(this.largest, ...drops.filter((drop) => drop === drop));
+    const halting = drops.filter((drop) => drop === drop);
+    this.range = [Math.min(this.range[0], ...halting), Math.max(this.range[1], ...halting)];
     this.complete = last;
     this.onChange();
   }
@@ -110,9 +112,10 @@ export class HaltMap {
     const [wide, tall] = [width - EDGE.left - EDGE.right, height - EDGE.top - EDGE.bottom];
     c.fillStyle = line;
     c.fillRect(EDGE.left, EDGE.top, wide, tall);
+    const [least, most] = this.range;
     for (const { columns, rows, drops } of this.grids) {
       drops.forEach((row, j) => row?.forEach((drop, i) => {
-        c.fillStyle = drop === drop ? tint(drop / this.largest) : line;
+        c.fillStyle = drop === drop ? tint((drop - least) / (most - least || 1)) : line;
         const [x, y] = [EDGE.left + (i / columns) * wide, EDGE.top + (1 - (j + 1) / rows) * tall];
         c.fillRect(x, y, wide / columns + 0.6, tall / rows + 0.6);
       }));

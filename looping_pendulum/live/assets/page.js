@@ -1,6 +1,6 @@
 /** The page: settings lead to a run, the run and the time to all that is drawn. */
 
-import { forgetColours } from "./canvas.js";
+import { forgetColours, whenResized } from "./canvas.js";
 import { CONTROLS, admit, linkOf, readLink, settingsOf, stateOf, withValue } from "./controls.js";
 import { runCsv, save, scenarioYaml } from "./export.js";
 import { History } from "./history.js";
@@ -21,6 +21,8 @@ const CENTIMETRES = 100;
 /** How near to the light mass a finger must be to take it [px]. */
 const REACH = 44;
 const TABLE_ROWS = 20;
+/** Time without a further key after which a setting is one of its own [ms]. */
+const PATIENCE = 1000;
 
 /** @param {string} id */
 function element(id) {
@@ -36,6 +38,8 @@ class Page {
     this.data = data;
     admit(data.presets);
     const first = data.presets.find(({ name }) => name === data.start) ?? data.presets[0];
+    /** Link of each scenario's settings -> the scenario. */
+    this.presetOfLink = new Map(data.presets.map((preset) => [linkOf(stateOf(preset)), preset]));
     this.history = new History(stateOf(first));
     this.run = new ShownRun(settingsOf(this.state));
     /** @type {ShownRun | null} */
@@ -48,8 +52,9 @@ class Page {
     this.map = new HaltMap(map, startWorker, (values) => this.pick(values), () => this.wake());
     this.trial = new TrialPanel(element, () => this.change());
     this.sliders = new Sliders(element("settings"), element("more-settings"), this.select("release"), {
+      current: () => this.state.values,
       onMove: (name, value) => this.move(withValue(this.state, name, value)),
-      onSettle: () => this.settle(),
+      onSettle: (later) => (later ? this.settleSoon() : this.settle()),
       onRelease: (release) => this.set({ ...this.state, release }),
       onFault: (message) => this.say("fault", message),
     });
@@ -84,13 +89,13 @@ class Page {
 
   /** @param {import("./plots.js").Kind} kind */
   plot(kind) {
-    const canvas = document.createElement("canvas");
-    canvas.className = "plot";
-    canvas.dataset.plot = kind.id;
-    canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", `${kind.title} over time; the numbers are in the table of the run`);
-    element("plots").append(canvas);
-    return new Plot(canvas, kind, (time) => this.player.stopAt(time));
+    const box = document.createElement("div");
+    box.className = "plot";
+    box.dataset.plot = kind.id;
+    box.setAttribute("role", "img");
+    box.setAttribute("aria-label", `${kind.title} over time; the numbers are in the table of the run`);
+    element("plots").append(box);
+    return new Plot(box, kind, (time) => this.player.stopAt(time));
   }
 
   listen() {
@@ -115,7 +120,7 @@ class Page {
     element("table-of-run").addEventListener("toggle", () => this.table());
     document.addEventListener("keydown", (event) => this.onKey(event));
     window.addEventListener("hashchange", () => this.readAddress());
-    window.addEventListener("resize", () => this.change());
+    whenResized(() => this.change());
     Theme.onChange(() => {
       forgetColours();
       this.change();
@@ -195,8 +200,17 @@ class Page {
     this.change();
   }
 
+  /** Keep what is shown as a setting of its own when no further key follows. */
+  settleSoon() {
+    clearTimeout(this.settling);
+    this.settling = window.setTimeout(() => this.settle(), PATIENCE);
+  }
+
+  settling = 0;
+
   /** Keep what is shown as a setting of its own. */
   settle() {
+    clearTimeout(this.settling);
     this.history.settle();
     this.writeAddress();
     this.change();
@@ -301,7 +315,7 @@ class Page {
     this.ghost = this.ghostOf(this.history.before);
     this.player.time = Math.min(this.player.time, this.run.end);
     for (const plot of this.plots) plot.show(this.run, this.ghost);
-    const preset = this.data.presets.find((one) => linkOf(stateOf(one)) === linkOf(state));
+    const preset = this.presetOfLink.get(linkOf(state));
     this.select("preset").value = preset?.name ?? "";
     this.say("story", preset?.description ?? "");
     this.button("undo").disabled = !this.history.past.length;
@@ -339,7 +353,7 @@ class Page {
   /** @param {ShownRun} run */
   result({ halt, dropAtHalt, end, ending, release }) {
     if (halt !== null && dropAtHalt !== null) {
-      return text("halts", { time: halt.toFixed(3), drop: (CENTIMETRES * dropAtHalt).toFixed(1) });
+      return text("halts", { time: halt.toFixed(4), drop: (CENTIMETRES * dropAtHalt).toFixed(1) });
     }
     return text(release === "looping" ? "neverHalts" : "noHalt", { ending: EVENTS[ending], time: end.toFixed(3) });
   }
@@ -349,17 +363,20 @@ class Page {
     const { run, ghost } = this;
     if (!ghost || (run.halt === null && ghost.halt === null)) return "";
     if (ghost.halt === null || ghost.dropAtHalt === null) return text("beforeNever");
-    const [time, drop] = [ghost.halt.toFixed(3), (CENTIMETRES * ghost.dropAtHalt).toFixed(1)];
+    const [time, drop] = [ghost.halt.toFixed(4), (CENTIMETRES * ghost.dropAtHalt).toFixed(1)];
     const change = (/** @type {number | null} */ now, /** @type {number} */ then, /** @type {number} */ digits) =>
       now === null ? "–" : `${now - then < 0 ? "−" : "+"}${Math.abs(now - then).toFixed(digits)}`;
     const moreDrop = change(run.dropAtHalt === null ? null : CENTIMETRES * run.dropAtHalt, CENTIMETRES * ghost.dropAtHalt, 1);
-    return text("change", { time, drop, moreTime: change(run.halt, ghost.halt, 3), moreDrop });
+    return text("change", { time, drop, moreTime: change(run.halt, ghost.halt, 4), moreDrop });
   }
 
   /** Buttons that go to the events of the run. */
   showEvents() {
     const list = element("events");
     const wanted = this.run.events.slice(0, TABLE_ROWS);
+    const shown = JSON.stringify(wanted);
+    if (list.dataset.shown === shown) return;
+    list.dataset.shown = shown;
     list.replaceChildren(...wanted.map(({ kind, time }) => {
       const button = document.createElement("button");
       button.type = "button";
@@ -401,6 +418,9 @@ class Page {
     });
     for (const plot of this.plots) plot.draw(time);
     this.map.draw(this.state);
+    const [least, most] = this.map.range.map((drop) => (Number.isFinite(drop) ? `${Math.round(CENTIMETRES * drop)} cm` : ""));
+    this.say("map-least", least);
+    this.say("map-most", most);
     this.player.draw();
     const { mode } = this.run.at(time);
     this.say("doing", time === 0 ? "Drag the light mass M1, or press Play." : MODES[/** @type {keyof typeof MODES} */ (mode)]);

@@ -51,17 +51,19 @@ function lowest(run) {
   return value;
 }
 
-/** One plot on a canvas of its own. What does not move with the time is drawn once. */
+/** One plot: a canvas for what does not move with the time, and one above it for the cursor. */
 export class Plot {
   /**
-   * @param {HTMLCanvasElement} canvas
+   * @param {HTMLElement} box
    * @param {Kind} kind
    * @param {(time: number) => void} onTime
    */
-  constructor(canvas, kind, onTime) {
-    this.canvas = canvas;
+  constructor(box, kind, onTime) {
     this.kind = kind;
-    this.still = document.createElement("canvas");
+    const [still, canvas] = [document.createElement("canvas"), document.createElement("canvas")];
+    box.append(still, canvas);
+    this.still = still;
+    this.canvas = canvas;
     /** @type {ShownRun | null} */
     this.run = null;
     this.end = 1;
@@ -83,7 +85,7 @@ export class Plot {
   /** Draw all that does not move with the time. @param {ShownRun} run @param {ShownRun | null} ghost */
   show(run, ghost) {
     this.run = run;
-    const { c, width, height } = fitted(this.canvas);
+    const { c, width, height } = fitted(this.still);
     const { grid, soft, ink } = colours();
     const { kind } = this;
     this.end = Math.max(run.end, ghost ? ghost.end : 0);
@@ -106,7 +108,6 @@ export class Plot {
     if (!kind.stacked) this.curves(c, run, false);
     c.restore();
     this.legend(c, width);
-    this.keep();
   }
 
   /** @param {ShownRun[]} runs @returns {[number, number]} */
@@ -157,17 +158,11 @@ export class Plot {
     }
   }
 
-  keep() {
-    [this.still.width, this.still.height] = [this.canvas.width, this.canvas.height];
-    if (this.canvas.width && this.canvas.height) this.still.getContext("2d")?.drawImage(this.canvas, 0, 0);
-  }
-
   /** Draw the cursor. @param {number} time */
   draw(time) {
-    const { c, width, height } = fitted(this.canvas);
+    const { c, height } = fitted(this.canvas);
     const { run } = this;
-    if (!run || !this.still.width || !this.still.height) return;
-    c.drawImage(this.still, 0, 0, width, height);
+    if (!run) return;
     const { accent, ground } = colours();
     const x = this.x(Math.min(time, this.end));
     polyline(c, [[x, EDGE.top], [x, height - EDGE.bottom]], { colour: accent, width: 1.5 });

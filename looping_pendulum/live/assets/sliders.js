@@ -6,8 +6,9 @@ import { RELEASES, text } from "./texts.js";
 /** @typedef {import("./controls.js").State} State */
 /** @typedef {import("./controls.js").Control} Control */
 /**
- * @typedef {{onMove: (name: string, value: number) => void, onSettle: () => void, onRelease: (release: string) => void,
- *   onFault: (message: string) => void}} Callbacks `onMove`: on its way; `onSettle`: as it shall stay
+ * @typedef {{current: () => Record<string, number>, onMove: (name: string, value: number) => void,
+ *   onSettle: (later: boolean) => void, onRelease: (release: string) => void, onFault: (message: string) => void}} Callbacks
+ *   `onMove`: on its way; `onSettle`: as it shall stay, at once or when no further key follows
  */
 
 const LARGE_STEP = 10;
@@ -55,11 +56,10 @@ export class Sliders {
     limits.className = "limits";
     limits.setAttribute("aria-hidden", "true");
     limits.append(...[min, max].map((limit) => Object.assign(document.createElement("span"), { textContent: String(limit) })));
-    row.append(words, typed, range, limits);
+    row.append(words, range, typed, limits);
     range.addEventListener("input", () => this.callbacks.onMove(name, snapped(Number(range.value), step)));
-    range.addEventListener("change", () => this.callbacks.onSettle());
+    range.addEventListener("change", () => this.callbacks.onSettle(false));
     range.addEventListener("keydown", (event) => this.onKey(event, control));
-    range.addEventListener("keyup", () => this.callbacks.onSettle());
     field.addEventListener("change", () => this.onTyped(control, field));
     this.rows.set(name, { row, range, field });
     return row;
@@ -70,7 +70,7 @@ export class Sliders {
   onKey(event, { name, min, max, step }) {
     /** @type {Record<string, number>} */
     const steps = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: LARGE_STEP, PageDown: -LARGE_STEP };
-    const value = this.values[name];
+    const value = this.callbacks.current()[name];
     let wanted;
     if (event.key in steps) {
       const count = steps[event.key];
@@ -81,6 +81,7 @@ export class Sliders {
     event.preventDefault();
     event.stopPropagation();
     this.callbacks.onMove(name, wanted);
+    this.callbacks.onSettle(true);
   }
 
   /** @param {Control} control @param {HTMLInputElement} field */
@@ -89,10 +90,10 @@ export class Sliders {
     const { name, label, unit, min, max } = control;
     if (value >= min && value <= max) {
       this.callbacks.onMove(name, value);
-      this.callbacks.onSettle();
+      this.callbacks.onSettle(false);
       return;
     }
-    const example = this.values[name];
+    const example = this.callbacks.current()[name];
     const fault = Number.isNaN(value)
       ? text("notANumber", { label, text: field.value, example })
       : text("outOfRange", { label, value: field.value.trim(), unit, min, max }).replaceAll("  ", " ").trim();
@@ -102,7 +103,6 @@ export class Sliders {
 
   /** @param {State} state */
   show(state) {
-    this.values = state.values;
     if (this.release.value !== state.release) this.release.value = state.release;
     const without = WITHOUT_MEANING[state.release] ?? [];
     for (const [name, { row, range, field }] of this.rows) {
@@ -114,9 +114,6 @@ export class Sliders {
       row.hidden = without.includes(name);
     }
   }
-
-  /** @type {Record<string, number>} */
-  values = {};
 }
 
 /** @param {number} value @param {number} step */

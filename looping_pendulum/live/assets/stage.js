@@ -247,13 +247,13 @@ function rod(c, { wrapAngle, freeLength, turns }, run, { left, width, height }) 
  */
 function holding(c, { holding: pair, mode }, { left, width, top, height }) {
   const { soft, ink, pink, green } = colours();
-  const base = height - 44;
+  const base = height - 50;
   const tall = base - top - 34;
   if (tall < 30 || !pair) return;
   const most = Math.max(3, pair.bound, pair.needed);
   const sticks = mode === "sticking";
   write(c, sticks ? "friction holds" : "friction slides", left + width / 2, top + 16, { colour: ink, size: 12, align: "center", bold: true });
-  for (const [share, value, colour, name] of [[0.3, pair.needed, pink, "must"], [0.7, pair.bound, green, "can"]]) {
+  for (const [share, value, colour, name] of [[0.28, pair.needed, pink, "must hold"], [0.72, pair.bound, green, "can hold"]]) {
     const x = left + Number(share) * width;
     arrow(c, [x, base], [0, (-tall * Number(value)) / most], String(colour));
     write(c, String(name), x, base + 12, { colour: soft, size: 11, align: "center" });
