@@ -45,6 +45,7 @@ from looping_pendulum.cli.completion import scenario_names
 from looping_pendulum.cli.converge import converge
 from looping_pendulum.cli.engines import conformance, engines
 from looping_pendulum.cli.identify import identify, look
+from looping_pendulum.cli.live import live
 from looping_pendulum.cli.maps import map_, maps
 from looping_pendulum.cli.new import new
 from looping_pendulum.cli.progress import ProgressBars
@@ -269,6 +270,7 @@ app.command()(maps)
 
 app.command()(identify)
 app.command()(look)
+app.command()(live)
 app.command()(demo)
 app.command()(new)
 app.command()(init)

@@ -4,4 +4,14 @@ export default [
   js.configs.recommended,
   // Functions of one table take the same arguments, whether they read them or not
   { rules: { "no-unused-vars": ["error", { args: "none" }], eqeqeq: "error", "prefer-const": "error", "no-var": "error" } },
+  {
+    files: ["assets/**"],
+    languageOptions: {
+      globals: Object.fromEntries(
+        ["window", "document", "location", "navigator", "self", "Worker", "Blob", "URL", "URLSearchParams", "TextDecoder", "Option", "Theme",
+          "IntersectionObserver", "ResizeObserver", "performance", "requestAnimationFrame", "getComputedStyle", "setTimeout", "clearTimeout",
+        ].map((name) => [name, "readonly"]),
+      ),
+    },
+  },
 ];

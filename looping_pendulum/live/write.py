@@ -59,7 +59,9 @@ def _preset(scenario: Scenario) -> dict[str, Any]:
     """Return a scenario as the page reads it: SI units and radians."""
     p = scenario.parameters
     values = p.values()
-    _refuse_other_effects(scenario, [name for name, value in p.coefficients.items() if name in COEFFICIENTS and value != COEFFICIENTS[name].null])
+    _refuse_other_effects(
+        scenario, [name for name, value in p.coefficients.items() if name in COEFFICIENTS and value != COEFFICIENTS[name].null]
+    )
     return {
         "name": scenario.name,
         "title": scenario.title,

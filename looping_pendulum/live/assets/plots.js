@@ -91,8 +91,8 @@ export class Plot {
     this.end = Math.max(run.end, ghost ? ghost.end : 0);
     const [low, high] = this.limits(ghost ? [run, ghost] : [run]);
     const tall = height - EDGE.top - EDGE.bottom;
-    this.x = (t) => EDGE.left + (t / this.end) * (width - EDGE.left - EDGE.right);
-    this.y = (v) => EDGE.top + tall * (kind.down ? (v - low) / (high - low) : (high - v) / (high - low));
+    this.x = (/** @type {number} */ t) => EDGE.left + (t / this.end) * (width - EDGE.left - EDGE.right);
+    this.y = (/** @type {number} */ v) => EDGE.top + tall * (kind.down ? (v - low) / (high - low) : (high - v) / (high - low));
     for (const v of ticks(low, high)) {
       polyline(c, [[EDGE.left, this.y(v)], [width - EDGE.right, this.y(v)]], { colour: grid, width: 1 });
       write(c, String(v), EDGE.left - 6, this.y(v), { colour: soft, size: 11, align: "right" });
