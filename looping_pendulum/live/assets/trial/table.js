@@ -19,6 +19,17 @@ const OTHER_FORMATS = [
 ];
 const MAX_QUOTED = 60;
 
+const UNPRINTABLE = /(?! )[\p{C}\p{Z}]/gu;
+
+/** An unprintable character as Python escapes it. @param {string} character */
+function escaped(character) {
+  /** @type {Record<string, string>} */
+  const short = { "\t": "\\t", "\n": "\\n", "\r": "\\r" };
+  const code = character.codePointAt(0) ?? 0;
+  const [letter, digits] = code < 0x100 ? ["x", 2] : code < 0x10000 ? ["u", 4] : ["U", 8];
+  return short[character] ?? `\\${letter}${code.toString(16).padStart(digits, "0")}`;
+}
+
 /** A value of a file as messages name it. @param {string} value */
 export function quote(value) {
   const characters = [...value];
@@ -42,7 +53,7 @@ export function general(x, digits = 6) {
  */
 export function dataError(file, line, column, message) {
   const words = `${line ? `${file}:${line}` : file}: ${column ? `column ${column}: ` : ""}${message}`;
-  return new DataError(words.replace(/[\p{Cc}\p{Cf}\u2028\u2029]/gu, (c) => `\\x${(c.codePointAt(0) ?? 0).toString(16).padStart(2, "0")}`));
+  return new DataError(words.replace(UNPRINTABLE, escaped));
 }
 
 /** A text table: lines of a header, then rows of numbers. */

@@ -1,0 +1,15 @@
+// Reads files of tracked points as the live page does: files as JSON on standard input, what was read or the message on standard output.
+import { DataError, readTrial } from "../../looping_pendulum/live/assets/trial/reader.js";
+
+let text = "";
+for await (const part of process.stdin) text += part;
+const results = JSON.parse(text).map(({ file, bytes, options }) => {
+  try {
+    const { channels, unused, assumptions } = readTrial(file, Buffer.from(bytes, "base64"), options);
+    return { channels, unused: Object.fromEntries(unused), assumptions };
+  } catch (error) {
+    if (!(error instanceof DataError)) throw error;
+    return { message: error.message };
+  }
+});
+process.stdout.write(JSON.stringify(results));
