@@ -104,7 +104,7 @@ def damaged(rng, lines):
         place = int(rng.integers(max(len(line), 1)))
         faults = [
             lambda line=line, place=place: line[:place] + line[place + 1 :],
-            lambda line=line, place=place: line[:place] + str(rng.choice(list(";,\t x-.9E\"#"))) + line[place:],
+            lambda line=line, place=place: line[:place] + str(rng.choice(list(';,\t x-.9E"#'))) + line[place:],
             lambda line=line: line.replace(".", ","),
             lambda line=line: line.replace(",", ";"),
             lambda line=line: line * 2,

@@ -351,11 +351,14 @@ class Page {
   }
 
   /** @param {ShownRun} run */
-  result({ halt, dropAtHalt, end, ending, release }) {
+  result({ halt, dropAtHalt, end, ending, release, events, modeAtStart }) {
     if (halt !== null && dropAtHalt !== null) {
       return text("halts", { time: halt.toFixed(4), drop: (CENTIMETRES * dropAtHalt).toFixed(1) });
     }
-    return text(release === "looping" ? "neverHalts" : "noHalt", { ending: EVENTS[ending], time: end.toFixed(3) });
+    if (release === "held" || release === "drop") return text(release);
+    if (ending === "time_up" && events.length === 1 && modeAtStart === "sticking") return text("stays");
+    if (ending === "time_up") return text("goesOn", { time: end.toFixed(1) });
+    return text(release === "vertical" ? "pulledUp" : "neverHalts", { ending: EVENTS[ending], time: end.toFixed(3) });
   }
 
   /** The change against the ghost as numbers. */
@@ -363,10 +366,13 @@ class Page {
     const { run, ghost } = this;
     if (!ghost || (run.halt === null && ghost.halt === null)) return "";
     if (ghost.halt === null || ghost.dropAtHalt === null) return text("beforeNever");
+    if (run.halt === null || run.dropAtHalt === null) {
+      return text("before", { time: ghost.halt.toFixed(4), drop: (CENTIMETRES * ghost.dropAtHalt).toFixed(1) });
+    }
     const [time, drop] = [ghost.halt.toFixed(4), (CENTIMETRES * ghost.dropAtHalt).toFixed(1)];
-    const change = (/** @type {number | null} */ now, /** @type {number} */ then, /** @type {number} */ digits) =>
-      now === null ? "–" : `${now - then < 0 ? "−" : "+"}${Math.abs(now - then).toFixed(digits)}`;
-    const moreDrop = change(run.dropAtHalt === null ? null : CENTIMETRES * run.dropAtHalt, CENTIMETRES * ghost.dropAtHalt, 1);
+    const change = (/** @type {number} */ now, /** @type {number} */ then, /** @type {number} */ digits) =>
+      `${now < then ? "−" : "+"}${Math.abs(now - then).toFixed(digits)}`;
+    const moreDrop = change(CENTIMETRES * run.dropAtHalt, CENTIMETRES * ghost.dropAtHalt, 1);
     return text("change", { time, drop, moreTime: change(run.halt, ghost.halt, 4), moreDrop });
   }
 

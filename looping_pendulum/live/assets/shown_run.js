@@ -29,6 +29,7 @@ export class ShownRun {
     this.run = simulate(settings, { duration: durationOf(settings.release), tolerance: DRAWN_TOLERANCE });
     this.end = this.run.endTime;
     this.halt = this.run.haltingTime;
+    this.modeAtStart = this.run.sample(0).mode;
     this.startHeight = this.run.sample(0).heavy[1];
     const count = Math.round(Math.min(MAX_SAMPLES, Math.max(MIN_SAMPLES, this.end / TIME_BETWEEN_SAMPLES)));
     this.samples = Array.from({ length: count + 1 }, (_, i) => this.at((i / count) * this.end));

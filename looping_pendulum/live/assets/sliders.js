@@ -27,6 +27,8 @@ export class Sliders {
     this.release = release;
     /** @type {Map<string, {row: HTMLElement, range: HTMLInputElement, field: HTMLInputElement}>} */
     this.rows = new Map();
+    /** Fields in which a number is being typed. @type {Set<HTMLInputElement>} */
+    this.typing = new Set();
     for (const control of CONTROLS) (control.more ? more : main).append(this.row(control));
     for (const [name, words] of Object.entries(RELEASES)) release.append(new Option(words, name));
     release.addEventListener("change", () => callbacks.onRelease(release.value));
@@ -60,6 +62,7 @@ export class Sliders {
     range.addEventListener("input", () => this.callbacks.onMove(name, snapped(Number(range.value), step)));
     range.addEventListener("change", () => this.callbacks.onSettle(false));
     range.addEventListener("keydown", (event) => this.onKey(event, control));
+    field.addEventListener("input", () => this.typing.add(field));
     field.addEventListener("change", () => this.onTyped(control, field));
     this.rows.set(name, { row, range, field });
     return row;
@@ -86,6 +89,7 @@ export class Sliders {
 
   /** @param {Control} control @param {HTMLInputElement} field */
   onTyped(control, field) {
+    this.typing.delete(field);
     const value = parsed(field.value);
     const { name, label, unit, min, max } = control;
     if (value >= min && value <= max) {
@@ -110,7 +114,7 @@ export class Sliders {
       range.value = String(value);
       const { unit } = controlOf(name);
       range.setAttribute("aria-valuetext", `${value} ${unit}`.trim());
-      if (document.activeElement !== field || parsed(field.value) !== value) field.value = String(value);
+      if (!this.typing.has(field)) field.value = String(value);
       row.hidden = without.includes(name);
     }
   }

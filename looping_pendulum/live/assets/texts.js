@@ -19,7 +19,7 @@ export const EVENTS = {
   light_reaches_rod: "the light mass reaches the rod",
   heavy_reaches_rod: "the heavy mass is pulled up to the rod",
   unwrapped: "the string comes off the rod",
-  time_up: "the run is watched no longer",
+  time_up: "here the page stops",
 };
 
 /** Mode of a run -> what the string does. */
@@ -37,8 +37,13 @@ export const MODES = {
 export const TEXTS = {
   halts: "The heavy mass halts after {time} s, {drop} cm below its start.",
   neverHalts: "The heavy mass never halts: {ending} after {time} s.",
-  noHalt: "Nothing can halt here: {ending} after {time} s.",
+  goesOn: "The heavy mass does not halt within {time} s.",
+  stays: "Nothing moves: the rod holds the string.",
+  pulledUp: "The heavy mass falls without a halt: {ending} after {time} s.",
+  held: "The heavy mass is clamped; the light one swings, and its string winds on and off the rod.",
+  drop: "Without a string both fall, slowed only by the air.",
   change: "Before: {time} s, {drop} cm. Change: {moreTime} s, {moreDrop} cm.",
+  before: "Before: {time} s, {drop} cm.",
   beforeNever: "Before, it never halted.",
   notANumber: "{label}: found '{text}', needed a number such as {example}",
   outOfRange: "{label}: found {value} {unit}, needed {min} to {max} {unit}",
@@ -50,9 +55,8 @@ export const TEXTS = {
   trialUsed: "{file}: {used}. {typical}",
   trialDistance: "Typical distance from the run: {distance} cm.",
   trialNone: "No point falls into the time of the run.",
-  notUsed: "{count} values not used ({reason})",
-  mapNoLoop: "The map is for a light mass that is let go.",
-  mapWorks: "computing",
+  notUsed: "not used: {count} ({reason})",
+  mapNoLoop: "It stands for a light mass that is let go, not for this release.",
 };
 
 /**

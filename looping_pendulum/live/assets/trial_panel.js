@@ -167,7 +167,14 @@ export class TrialPanel {
     }
     const residuals = this.residuals(run);
     const used = trial.channels.map(({ name, t }) => `${name} ${t.length}`).join(", ");
-    const unused = [...trial.unused].map(([reason, count]) => text("notUsed", { count, reason }));
+    /** @type {Map<string, number>} */
+    const counts = new Map();
+    // An empty cell is the same thing in each column
+    for (const [reason, count] of trial.unused) {
+      const kind = reason.startsWith("column") ? reason : (reason.split(": ").at(-1) ?? reason);
+      counts.set(kind, (counts.get(kind) ?? 0) + count);
+    }
+    const unused = [...counts].map(([reason, count]) => text("notUsed", { count, reason }));
     const light = residuals.filter(({ name }) => name.startsWith("light"));
     const any = residuals.some(({ t }) => t.length > 0);
     const distance = Math.sqrt(light.reduce((sum, { value }) => sum + value.reduce((all, v) => all + v * v, 0) / value.length, 0));

@@ -1,7 +1,7 @@
 /** Reads a trial's tracked points as `identify` does (`discrepancy/data/readers.py`), with the same messages. */
 
 import { readColumns, stem } from "./columns.js";
-import { DataError, dataError, general, quote, readTable } from "./table.js";
+import { DataError, dataError, general, inQuotes, quote, readTable } from "./table.js";
 
 /** @typedef {import("./table.js").Table} Table */
 /** @typedef {import("./table.js").TableLine} TableLine */
@@ -141,7 +141,7 @@ function readChannels(table, rows, columns, tracks, units, notes) {
     if (["t", "frame", "drop"].includes(role)) continue;
     const name = role === "x" || role === "y" ? `${masses[column.track] ?? ""}_${role}` : role;
     if (!Object.hasOwn(UNITS, name)) {
-      const reason = `column '${label}': ${role ? "track not asked for" : "not a time or a position"}`;
+      const reason = `column ${inQuotes(label)}: ${role ? "track not asked for" : "not a time or a position"}`;
       count(notes.unused, reason, rows.filter(({ cells }) => cells[index]).length);
       continue;
     }

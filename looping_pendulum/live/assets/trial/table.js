@@ -30,6 +30,13 @@ function escaped(character) {
   return short[character] ?? `\\${letter}${code.toString(16).padStart(digits, "0")}`;
 }
 
+/** A text in quotation marks, as Python writes it. @param {string} value */
+export function inQuotes(value) {
+  const mark = value.includes("'") && !value.includes('"') ? '"' : "'";
+  const plain = value.replaceAll("\\", "\\\\").replace(UNPRINTABLE, escaped);
+  return `${mark}${mark === "'" ? plain.replaceAll("'", "\\'") : plain}${mark}`;
+}
+
 /** A value of a file as messages name it. @param {string} value */
 export function quote(value) {
   const characters = [...value];
