@@ -1,0 +1,56 @@
+// Does a number of random actions on the live page, from a seed; an action is what a mouse, a finger or a key would do.
+async ([seed, count]) => {
+  let state = seed;
+  const random = () => (state = (state * 48271) % 2147483647) / 2147483647;
+  const pick = (list) => list[Math.floor(random() * list.length)];
+  const all = (selector) => [...document.querySelectorAll(selector)];
+  const send = (target, kind) => target.dispatchEvent(new Event(kind));
+  all("details").forEach((d) => { d.open = true; });
+
+  function slider() {
+    const { name, min, max } = pick(liveControls), range = document.getElementById(`range-${name}`);
+    range.value = min + random() * (max - min);
+    send(range, "input");
+    if (random() < 0.5) send(range, "change");
+  }
+
+  function typed() {
+    const field = document.getElementById(`field-${pick(liveControls).name}`);
+    field.value = pick(["1", "0,5", "x", "", "1e9", "-3"]);
+    send(field, "input");
+    send(field, "change");
+  }
+
+  function chosen() {
+    const select = pick(all("#preset, #release"));
+    select.value = pick([...select.options]).value;
+    send(select, "change");
+  }
+
+  function dragged() {
+    const canvas = pick(all("#stage, #map, .plot canvas + canvas")), box = canvas.getBoundingClientRect();
+    const place = () => ({ clientX: box.left + random() * box.width, clientY: box.top + random() * box.height, buttons: 1, bubbles: true });
+    canvas.setPointerCapture = () => {};  // no pointer of this kind is there to be captured
+    for (const kind of ["pointerdown", "pointermove", "pointerup"]) canvas.dispatchEvent(new PointerEvent(kind, place()));
+    canvas.dispatchEvent(new MouseEvent("click", place()));
+  }
+
+  function key() {
+    const name = pick(["ArrowLeft", "ArrowRight", "Home", "End", " ", "z"]);
+    const options = { key: name, ctrlKey: random() < 0.2, shiftKey: random() < 0.3, bubbles: true };
+    document.body.dispatchEvent(new KeyboardEvent("keydown", options));
+  }
+
+  const links = ["", "mass_ratio=3", "release=held&release_angle_deg=30", "nonsense", "rod_radius_mm=1e5", "%E0%A4"];
+  const actions = [
+    slider, typed, chosen, dragged, key,
+    () => pick(all("button:not([id^=save])").filter((b) => !b.disabled)).click(),
+    () => pick(all("input[type=checkbox]")).click(),
+    () => { location.hash = pick(links); },
+  ];
+  for (let i = 0; i < count; i++) {
+    pick(actions)();
+    if (random() < 0.3) await new Promise((done) => requestAnimationFrame(done));
+  }
+  return live.frames;
+}
