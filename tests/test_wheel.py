@@ -24,7 +24,7 @@ REQUIRED = frozenset(
         *("scenarios/ten_to_one.yaml", "sweep/maps/quick.yaml", "engines/validated.json", "engines/additions.json"),
         *("pages/assets/base.html", "pages/assets/tables.js", "teaching/assets/demo.html", "teaching/assets/motion.js"),
         *("teaching/example/study.yaml", "teaching/example/trials/first.csv", "teaching/example/README.md", "py.typed"),
-        *("live/model.js", "live/run.js"),
+        *("live/model.js", "live/run.js", "live/assets/live.html", "live/assets/trial/reader.js"),
     }
 )
 """Files that are no modules, one of each sort: what the test of all files compares with must itself not be empty."""
