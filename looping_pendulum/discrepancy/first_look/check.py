@@ -117,7 +117,9 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
     for search in searches:
         if search.is_near:
             continue
-        best = next((e for names in by_names if (e := _same(names, search, searches))), None) or _best(search, searches)
+        # Most mistakes are made in all trials alike, so those of other trials are tried first
+        known = (_same(explanations, search, searches) for ((_, explanations), *_) in by_names.values())
+        best = next(filter(None, known), None) or _best(search, searches)
         if best:
             by_names.setdefault(tuple(e.mistake.name for e in best), []).append((search, best))
     mistakes = [_mistake(names, members) for names, members in by_names.items()]
@@ -128,11 +130,11 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
     return tuple(mistakes)
 
 
-def _same(names: Sequence[str], search: TrialSearch, searches: Sequence[TrialSearch]) -> list[Explanation]:
+def _same(others: Sequence[Explanation], search: TrialSearch, searches: Sequence[TrialSearch]) -> list[Explanation]:
     """Return the explanations of another trial as those of this one; empty if they do not mend it, too."""
-    same = [search.explanation_named(name) for name in names]
+    same = [search.explanation_by(other.mistake) for other in others]
     good = [e for e in same if e is not None and e.fit.largest <= MAX_GOOD_MISFIT and _mends(e, search, searches)]
-    return good if len(good) == len(names) else []
+    return good if len(good) == len(others) else []
 
 
 def _best(search: TrialSearch, searches: Sequence[TrialSearch]) -> list[Explanation]:
@@ -158,7 +160,7 @@ def _mends(explanation: Explanation, search: TrialSearch, searches: Sequence[Tri
     if explanation.mistake.of_apparatus and without < MAX_OWN_RATIO**2 * with_mistake:
         for other in searches:
             if other is not search:
-                same = other.explanation_named(explanation.mistake.name)
+                same = other.explanation_by(explanation.mistake)
                 with_mistake += other.as_declared.largest**2
                 without += other.as_declared.largest**2 if same is None else same.fit.largest**2
     return math.sqrt(without / with_mistake) <= MAX_MISFIT_RATIO

@@ -57,7 +57,7 @@ class TrialSearch:
     declared: DeclaredTrial
     distance: Distance
     _corrections: dict[int, list[Correction]] = field(default_factory=dict)
-    _fitted: dict[str, Explanation] = field(default_factory=dict)
+    _fitted: dict[Mistake, Explanation] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -104,14 +104,19 @@ class TrialSearch:
 
     def explanation(self, correction: Correction) -> Explanation:
         """Return a correction with its fit."""
-        name = correction.mistake.name
-        if name not in self._fitted:
-            self._fitted[name] = _explanation(correction)
-        return self._fitted[name]
+        if correction.mistake not in self._fitted:
+            self._fitted[correction.mistake] = _explanation(correction)
+        return self._fitted[correction.mistake]
 
-    def explanation_named(self, name: str) -> Explanation | None:
-        """Return the single mistake of that name as an explanation of this trial; None: it brings the points no nearer."""
-        return next((self.explanation(c) for c in self.corrections(1) if c.mistake.name == name), None)
+    def explanation_by(self, mistake: Mistake) -> Explanation | None:
+        """Return a mistake of another trial as an explanation of this one; None: it brings the points no nearer."""
+        if mistake not in self._fitted:
+            corrected = mistake.undo(self.declared) if self.declared.trial.release in mistake.releases else None
+            correction = None if corrected is None else _correction(mistake, self.declared, corrected)
+            if correction is None or correction.distance.relative >= self.distance.relative:
+                return None
+            return self.explanation(correction)
+        return self._fitted[mistake]
 
 
 def _correction(mistake: Mistake, declared: DeclaredTrial, corrected: DeclaredTrial) -> Correction | None:
