@@ -82,22 +82,24 @@ def identify(
         progress(what, share)
 
     progress("reading", 0.0)
+    # Before the processes start, whose imports would slow down a look that refuses the study
+    first_look = take_first_look(study)
+    if not anyway:
+        first_look.refuse_mistakes()
     try:
         # Before the files are read, so that the worker processes start and import meanwhile
         with Workers(default_process_count() if workers is None else workers) as team:
-            return _identify(study, seed, progress_within_limit, team, anyway)
+            result = _identify(study, seed, progress_within_limit, team)
     except _OutOfTime:
         message = (
             f"--time-limit: found no fit of the declared model within {time_limit:g} s; check the study's units and values"
         )
         raise OutOfTimeError(f"{message}, or allow more") from None
+    return dataclasses.replace(result, notes=(*first_look.notes, *result.notes), first_look=first_look)
 
 
-def _identify(study: Study, seed: int, progress: FractionCallback, workers: Workers, anyway: bool) -> Identification:
+def _identify(study: Study, seed: int, progress: FractionCallback, workers: Workers) -> Identification:
     """Identify; an interrupt after the calibration ends the search, one before it is raised."""
-    first_look = take_first_look(study)
-    if not anyway:
-        first_look.refuse_mistakes()
     inputs = read_inputs(study)
     search = Search(inputs, seed, progress, workers)
     interrupted = False
@@ -118,7 +120,7 @@ def _identify(study: Study, seed: int, progress: FractionCallback, workers: Work
     force = None
     if search.forces and verdict is not Verdict.INTERRUPTED:
         force = describe_unlisted_force(search.forces, search.formulas, search.declared_model.held_out.worst)
-    result = identification(
+    return identification(
         inputs.study,
         [o.summary() for _, o in inputs.observed],
         seed,
@@ -133,7 +135,6 @@ def _identify(study: Study, seed: int, progress: FractionCallback, workers: Work
         ),
         _provenance(),
     )
-    return dataclasses.replace(result, notes=(*first_look.notes, *result.notes), first_look=first_look)
 
 
 def _provenance() -> dict[str, str]:
