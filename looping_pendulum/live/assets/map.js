@@ -87,7 +87,7 @@ export class HaltMap {
       ratios: [ratio.min, ratio.max],
       grids: GRIDS,
     };
-    this.worker.postMessage(job);
+    this.worker.postMessage({ map: job });
   }
 
   /** @param {MapRow} row */

@@ -1,4 +1,4 @@
-/** Computes the map of halts beside the page, a row at a time, coarse first. */
+/** Computes the map of halts, a row at a time, coarse first. */
 
 import { simulate } from "../run.js";
 
@@ -22,27 +22,20 @@ export function dropAtHalt(settings) {
   }
 }
 
-/** Answer the page's jobs; a new one ends the one before. */
-export function startWorker() {
-  const scope = /** @type {{onmessage: ((event: MessageEvent) => void) | null, postMessage(row: MapRow): void}} */ (
-    /** @type {unknown} */ (self)
+/** Compute a map, a row at a time; `isCurrent` tells whether no other map has been asked for since.
+ * @param {MapJob} job @param {() => boolean} isCurrent @param {(row: MapRow) => void} send */
+export function computeMap(job, isCurrent, send) {
+  const rows = job.grids.flatMap(([columns, count], grid) =>
+    Array.from({ length: count }, (_, row) => ({ columns, rows: count, row, last: grid === job.grids.length - 1 && row === count - 1 })),
   );
-  let current = 0;
-  scope.onmessage = ({ data }) => {
-    const job = /** @type {MapJob} */ (data);
-    current = job.job;
-    const rows = job.grids.flatMap(([columns, count], grid) =>
-      Array.from({ length: count }, (_, row) => ({ columns, rows: count, row, last: grid === job.grids.length - 1 && row === count - 1 })),
-    );
-    const next = () => {
-      const place = rows.shift();
-      // Between two rows the page may have sent another job
-      if (job.job !== current || !place) return;
-      scope.postMessage({ job: job.job, ...place, drops: rowOf(job, place) });
-      setTimeout(next, 0);
-    };
-    next();
+  const next = () => {
+    const place = rows.shift();
+    if (!isCurrent() || !place) return;
+    send({ job: job.job, ...place, drops: rowOf(job, place) });
+    // Between two rows the page may send another job
+    setTimeout(next, 0);
   };
+  next();
 }
 
 /** @param {MapJob} job @param {{columns: number, rows: number, row: number}} place */

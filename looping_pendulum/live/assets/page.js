@@ -3,6 +3,7 @@
 import { forgetColours, whenResized } from "./canvas.js";
 import { CONTROLS, admit, linkOf, readLink, settingsOf, stateOf, withValue } from "./controls.js";
 import { runCsv, save, scenarioYaml } from "./export.js";
+import { FitPanel, studyYaml } from "./fit_panel.js";
 import { History } from "./history.js";
 import { HaltMap } from "./map.js";
 import { Player } from "./player.js";
@@ -51,6 +52,7 @@ class Page {
     const map = /** @type {HTMLCanvasElement} */ (element("map"));
     this.map = new HaltMap(map, startWorker, (values) => this.pick(values), () => this.wake());
     this.trial = new TrialPanel(element, () => this.change());
+    this.fit = new FitPanel(element, this.trial, startWorker, () => this.state, (values) => this.takeFit(values));
     this.sliders = new Sliders(element("settings"), element("more-settings"), this.select("release"), {
       current: () => this.state.values,
       onMove: (name, value) => this.move(withValue(this.state, name, value)),
@@ -117,6 +119,7 @@ class Page {
     element("save-scenario").addEventListener("click", () => {
       save("live.scenario.yaml", new Blob([this.scenario()], { type: "application/yaml" }));
     });
+    element("trial-study").addEventListener("click", () => save("study.yaml", new Blob([this.study()], { type: "application/yaml" })));
     element("table-of-run").addEventListener("toggle", () => this.table());
     document.addEventListener("keydown", (event) => this.onKey(event));
     window.addEventListener("hashchange", () => this.readAddress());
@@ -222,6 +225,19 @@ class Page {
     this.move(state);
     this.settle();
     this.player.stopAt(0);
+  }
+
+  /** Set what a fit found. @param {Record<string, number>} values */
+  takeFit(values) {
+    let { state } = this;
+    for (const { name } of CONTROLS) if (name in values) state = withValue(state, name, values[name]);
+    this.set(state);
+  }
+
+  /** The trial as a study for `identify`. */
+  study() {
+    const file = this.trial.file?.name ?? "";
+    return studyYaml(settingsOf(this.state), { file, release: this.trial.releaseTime, ...this.trial.options });
   }
 
   /** @param {{release_angle: number, mass_ratio: number}} values */

@@ -56,6 +56,16 @@ export const TEXTS = {
   trialDistance: "Typical distance from the run: {distance} cm.",
   trialNone: "No point falls into the time of the run.",
   notUsed: "not used: {count} ({reason})",
+  fitWorks: "Fitting …",
+  fitFails: "The fit broke down; set the sliders nearer to your trial and fit again.",
+  fitNeedsLoop: "Set the release to: let the light mass go.",
+  fitNeedsPoints: "found {count} points of M1 after the release, needed at least 10",
+  fitDone: "Typical distance in x or y: {before} cm before the fit, {after} cm after it.",
+  fitNoise: "What is left looks like noise.",
+  fitNotNoise: "What is left is not noise: neighbouring points err alike (correlation {alike}), so something is missing. Save the study file; looping-pendulum identify looks for it.",
+  fitNotConverged: "It has not come to rest; fit again.",
+  originX: "Rod's axis in your file, x",
+  originY: "Rod's axis in your file, y",
   mapNoLoop: "It stands for a light mass that is let go, not for this release.",
 };
 

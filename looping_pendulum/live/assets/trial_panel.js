@@ -34,8 +34,9 @@ export class TrialPanel {
     for (const id of ["trial-light", "trial-heavy", "trial-length", "trial-clock", "trial-rate"]) {
       element(id).addEventListener("change", () => this.read());
     }
-    element("trial-release").addEventListener("change", () => onChange());
-    element("trial-mirror").addEventListener("change", () => onChange());
+    for (const id of ["trial-release", "trial-mirror", "trial-origin-x", "trial-origin-y"]) {
+      element(id).addEventListener("change", () => onChange());
+    }
     document.addEventListener("dragover", (event) => event.preventDefault());
     document.addEventListener("drop", (event) => {
       event.preventDefault();
@@ -78,6 +79,8 @@ export class TrialPanel {
     this.file = this.trial = null;
     this.element("trial-message").textContent = "";
     this.element("trial-error").textContent = "";
+    this.element("fit-message").textContent = "";
+    this.element("fit-table").replaceChildren();
     this.element("trial-options").hidden = true;
     this.onChange();
   }
@@ -87,8 +90,8 @@ export class TrialPanel {
     return /** @type {HTMLInputElement | HTMLSelectElement} */ (this.element(id)).value;
   }
 
-  read() {
-    if (!this.file) return;
+  /** What is said about the file. */
+  get options() {
     /** @type {Record<string, string>} */
     const tracks = {};
     for (const mass of ["light", "heavy"]) {
@@ -96,12 +99,18 @@ export class TrialPanel {
       if (value.startsWith("=")) tracks[mass] = value.slice(1);
     }
     const rate = this.chosen("trial-rate").trim();
+    return { tracks, length: this.chosen("trial-length"), time: this.chosen("trial-clock"), rate: rate ? parsed(rate) : null };
+  }
+
+  read() {
+    if (!this.file) return;
+    const { tracks, length, time, rate } = this.options;
     this.element("trial-options").hidden = false;
     try {
       this.trial = readTrial(this.file.name, this.file.bytes, {
         tracks,
-        units: { length: this.chosen("trial-length"), time: this.chosen("trial-clock") },
-        frame_rate: rate ? parsed(rate) : null,
+        units: { length, time },
+        frame_rate: rate,
       });
       this.element("trial-error").textContent = "";
     } catch (error) {
@@ -123,18 +132,27 @@ export class TrialPanel {
     return parsed(this.chosen("trial-release")) || 0;
   }
 
-  /** A channel as the run shows it: from the release on, with the light mass let go on the left. @param {string} name */
-  channel(name) {
+  /** Place of the rod's axis in the file, as the sides are shown [m]. @param {string} name of a channel */
+  originOf(name) {
+    const axis = name.endsWith("_x") ? "x" : name.endsWith("_y") ? "y" : "";
+    return axis ? 1e-2 * (parsed(this.chosen(`trial-origin-${axis}`)) || 0) : 0;
+  }
+
+  /** A channel as the run shows it: from the release on, with the light mass let go on the left.
+   * @param {string} name @param {boolean} fromAxis whether lengths are taken from the rod's axis, not from the file's origin */
+  channel(name, fromAxis = true) {
     const found = this.trial?.channels.find((one) => one.name === name);
     if (!found) return null;
     const mirrored = /** @type {HTMLInputElement} */ (this.element("trial-mirror")).checked;
     const sign = mirrored && ["light_x", "heavy_x", "angle"].includes(name) ? -1 : 1;
-    return { t: found.t.map((t) => t - this.releaseTime), value: found.value.map((value) => sign * value) };
+    const origin = fromAxis ? this.originOf(name) : 0;
+    return { t: found.t.map((t) => t - this.releaseTime), value: found.value.map((value) => sign * value - origin) };
   }
 
-  /** Tracked points of a mass: time [s] and place [m]. @param {"light" | "heavy"} mass @returns {[number, number, number][]} */
-  points(mass) {
-    const [x, y] = [this.channel(`${mass}_x`), this.channel(`${mass}_y`)];
+  /** Tracked points of a mass: time [s] and place [m].
+   * @param {"light" | "heavy"} mass @param {boolean} fromAxis @returns {[number, number, number][]} */
+  points(mass, fromAxis = true) {
+    const [x, y] = [this.channel(`${mass}_x`, fromAxis), this.channel(`${mass}_y`, fromAxis)];
     if (!x || !y) return [];
     const heights = new Map(y.t.map((t, i) => [t, y.value[i]]));
     return x.t.flatMap((t, i) => {

@@ -1,0 +1,130 @@
+/** The fit of a trial: its button, its result in words, and the study file for `identify`. */
+
+import { CONTROLS, settingsOf } from "./controls.js";
+import { durationOf } from "./shown_run.js";
+import { text } from "./texts.js";
+
+/** @typedef {import("./controls.js").State} State */
+/** @typedef {import("./trial/fit.js").FitResult} FitResult */
+/** @typedef {import("./trial_panel.js").TrialPanel} TrialPanel */
+
+/** Correlation of neighbouring residuals above which they are no noise: of a hundred points' noise, one in a thousand has more. */
+const MAX_CORRELATION = 0.3;
+const CENTIMETRES = 100;
+
+/** Has a worker fit the trial, and shows what it found. */
+export class FitPanel {
+  /**
+   * @param {(id: string) => HTMLElement} element
+   * @param {TrialPanel} trial
+   * @param {() => Worker} startWorker
+   * @param {() => State} current
+   * @param {(values: Record<string, number>) => void} onFitted takes the fitted settings, in the units that are shown
+   */
+  constructor(element, trial, startWorker, current, onFitted) {
+    this.element = element;
+    this.trial = trial;
+    this.startWorker = startWorker;
+    this.current = current;
+    this.onFitted = onFitted;
+    /** @type {Worker | null} */
+    this.worker = null;
+    this.button = /** @type {HTMLButtonElement} */ (element("trial-fit"));
+    this.button.addEventListener("click", () => this.start());
+  }
+
+  start() {
+    const settings = settingsOf(this.current());
+    const duration = durationOf(settings.release);
+    const [light, heavy] = [this.trial.points("light", false), this.trial.points("heavy", false)].map((points) =>
+      points.filter(([t]) => t >= 0 && t <= duration),
+    );
+    if (settings.release !== "looping") this.say(text("fitNeedsLoop"));
+    else if (light.length < 10) this.say(text("fitNeedsPoints", { count: light.length }));
+    else {
+      this.button.disabled = true;
+      this.say(text("fitWorks"));
+      this.worker ??= this.startWorker();
+      this.worker.onmessage = ({ data }) => this.take(/** @type {FitResult} */ (data));
+      this.worker.onerror = () => {
+        this.button.disabled = false;
+        this.say(text("fitFails"));
+      };
+      /** @type {import("./trial/fit.js").FitTask} */
+      const task = { settings, light, heavy, duration };
+      this.worker.postMessage({ fit: task });
+    }
+  }
+
+  /** @param {string} words */
+  say(words) {
+    this.element("fit-message").textContent = words;
+    this.element("fit-table").replaceChildren();
+  }
+
+  /** @param {FitResult} result */
+  take({ parameters, before, after, alike, converged }) {
+    this.button.disabled = false;
+    const [more, less] = [before, after].map((x) => (CENTIMETRES * x).toPrecision(2));
+    const noise = alike > MAX_CORRELATION ? text("fitNotNoise", { alike: alike.toFixed(2) }) : text("fitNoise");
+    this.say([text("fitDone", { before: more, after: less }), noise, converged ? "" : text("fitNotConverged")].join(" ").trim());
+    /** @type {Record<string, number>} */
+    const values = {};
+    for (const { name, value, error } of parameters) {
+      const { label, unit, factor } = CONTROLS.find((one) => one.name === name) ?? {
+        label: text(name === "origin_x" ? "originX" : "originY"), unit: "cm", factor: 1e-2,
+      };
+      const shown = rounded(value / factor, error / factor);
+      values[name] = shown.value;
+      const item = document.createElement("li");
+      item.textContent = `${label}: ${shown.words}${unit ? ` ${unit}` : ""}`;
+      this.element("fit-table").append(item);
+    }
+    for (const axis of ["x", "y"]) {
+      /** @type {HTMLInputElement} */ (this.element(`trial-origin-${axis}`)).value = String(values[`origin_${axis}`]);
+    }
+    this.onFitted(values);
+  }
+}
+
+/** A value and its standard error, with two digits of the error. @param {number} value @param {number} error */
+function rounded(value, error) {
+  if (!(error > 0 && error < Infinity)) return { value: Number(value.toPrecision(6)), words: `${Number(value.toPrecision(4))} (not determined)` };
+  const digits = Math.min(8, Math.max(0, 1 - Math.floor(Math.log10(error))));
+  return { value: Number(value.toFixed(digits)), words: `${value.toFixed(digits)} ± ${error.toFixed(digits)}` };
+}
+
+/**
+ * Return a study of the trial for `identify`, with what the page knows.
+ * @param {Record<string, any>} settings
+ * @param {{file: string, tracks: Record<string, string>, length: string, time: string, rate: number | null, release: number}} trial
+ */
+export function studyYaml(settings, { file, tracks, length, time, rate, release }) {
+  const quoted = (/** @type {string} */ words) => JSON.stringify(words);
+  const named = Object.entries(tracks).map(([mass, track]) => `${mass}: ${quoted(track)}`);
+  const options = [
+    ...(named.length ? [`    tracks: {${named.join(", ")}}`] : []),
+    ...(length !== "m" || time !== "s" ? [`    units: {length: ${length}, time: ${time}}`] : []),
+    ...(rate ? [`    frame_rate: ${rate} Hz`] : []),
+    ...(release ? [`    camera: {clock_offset: free from ${release} s}`] : []),
+  ];
+  const { light_mass: m1, heavy_mass: m2, rod_radius: radius, gravity, heavy_drag: drag, string_drag: stringDrag } = settings;
+  const { release_angle: angle, free_length: free, hanging_length: hanging } = settings;
+  return `# Written by the page live.html. Write +/- and its standard error behind each number that you have measured.
+title: ${quoted(file)}
+apparatus:
+  light: {mass: ${m1} kg}
+  rod: {radius: ${radius} m}
+effects:
+  gravity: ${gravity} m/s^2
+  capstan: free
+  light_drag: free
+  heavy_drag: ${drag} kg/m
+  string_drag: ${stringDrag} kg/m^2
+trials:
+  - name: mine
+    file: ${quoted(file)}
+${options.map((line) => `${line}\n`).join("")}    heavy: {mass: ${m2} kg}
+    release: {angle: free from ${angle} rad, free_length: free from ${free} m, hanging_length: free from ${hanging} m}
+`;
+}
