@@ -49,7 +49,7 @@ function control(
 }
 
 /** Number without the noise of its last digits. @param {number} x */
-const tidy = (x) => Number(x.toPrecision(10));
+export const tidy = (x) => Number(x.toPrecision(10));
 
 /** State of a scenario. @param {Preset} preset @returns {State} */
 export function stateOf({ release, settings }) {

@@ -1,6 +1,7 @@
 /** Files that the page writes: a picture, the run's numbers, a scenario. */
 
 import { simulate } from "../run.js";
+import { tidy } from "./controls.js";
 import { durationOf } from "./shown_run.js";
 
 const TIME_BETWEEN_ROWS = 1e-3;
@@ -31,7 +32,7 @@ export function scenarioYaml(settings, keys, link) {
     groups.set(group, [...(groups.get(group) ?? []), line]);
   };
   for (const [name, unit] of Object.entries(UNITS)) {
-    const value = settings[name];
+    const value = tidy(settings[name]);
     if (LEFT_OUT_AT_ZERO.includes(name) && value === 0) continue;
     if (release === "vertical" && name === "release_angle") continue;
     if (release === "drop" && OF_THE_STRING.includes(name)) continue;

@@ -1,6 +1,6 @@
 /** The fit of a trial: its button, its result in words, and the study file for `identify`. */
 
-import { CONTROLS, settingsOf } from "./controls.js";
+import { CONTROLS, settingsOf, tidy } from "./controls.js";
 import { durationOf } from "./shown_run.js";
 import { text } from "./texts.js";
 
@@ -97,34 +97,35 @@ function rounded(value, error) {
 /**
  * Return a study of the trial for `identify`, with what the page knows.
  * @param {Record<string, any>} settings
- * @param {{file: string, tracks: Record<string, string>, length: string, time: string, rate: number | null, release: number}} trial
+ * @param {{file: string, tracks: Record<string, string>, length: string, time: string, rate: number | null, release: number,
+ *   mirrored: boolean}} trial
  */
-export function studyYaml(settings, { file, tracks, length, time, rate, release }) {
+export function studyYaml(settings, { file, tracks, length, time, rate, release, mirrored }) {
   const quoted = (/** @type {string} */ words) => JSON.stringify(words);
   const named = Object.entries(tracks).map(([mass, track]) => `${mass}: ${quoted(track)}`);
   const options = [
     ...(named.length ? [`    tracks: {${named.join(", ")}}`] : []),
     ...(length !== "m" || time !== "s" ? [`    units: {length: ${length}, time: ${time}}`] : []),
     ...(rate ? [`    frame_rate: ${rate} Hz`] : []),
+    ...(mirrored ? ["    mirrored: true"] : []),
     ...(release ? [`    camera: {clock_offset: free from ${release} s}`] : []),
   ];
-  const { light_mass: m1, heavy_mass: m2, rod_radius: radius, gravity, heavy_drag: drag, string_drag: stringDrag } = settings;
-  const { release_angle: angle, free_length: free, hanging_length: hanging } = settings;
+  const si = (/** @type {string} */ name) => tidy(settings[name]);
   return `# Written by the page live.html. Write +/- and its standard error behind each number that you have measured.
 title: ${quoted(file)}
 apparatus:
-  light: {mass: ${m1} kg}
-  rod: {radius: ${radius} m}
+  light: {mass: ${si("light_mass")} kg}
+  rod: {radius: ${si("rod_radius")} m}
 effects:
-  gravity: ${gravity} m/s^2
+  gravity: ${si("gravity")} m/s^2
   capstan: free
   light_drag: free
-  heavy_drag: ${drag} kg/m
-  string_drag: ${stringDrag} kg/m^2
+  heavy_drag: ${si("heavy_drag")} kg/m
+  string_drag: ${si("string_drag")} kg/m^2
 trials:
   - name: mine
     file: ${quoted(file)}
-${options.map((line) => `${line}\n`).join("")}    heavy: {mass: ${m2} kg}
-    release: {angle: free from ${angle} rad, free_length: free from ${free} m, hanging_length: free from ${hanging} m}
+${options.map((line) => `${line}\n`).join("")}    heavy: {mass: ${si("heavy_mass")} kg}
+    release: {angle: free from ${si("release_angle")} rad, free_length: free from ${si("free_length")} m, hanging_length: free from ${si("hanging_length")} m}
 `;
 }

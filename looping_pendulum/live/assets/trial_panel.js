@@ -99,7 +99,8 @@ export class TrialPanel {
       if (value.startsWith("=")) tracks[mass] = value.slice(1);
     }
     const rate = this.chosen("trial-rate").trim();
-    return { tracks, length: this.chosen("trial-length"), time: this.chosen("trial-clock"), rate: rate ? parsed(rate) : null };
+    const { checked: mirrored } = /** @type {HTMLInputElement} */ (this.element("trial-mirror"));
+    return { tracks, length: this.chosen("trial-length"), time: this.chosen("trial-clock"), rate: rate ? parsed(rate) : null, mirrored };
   }
 
   read() {
@@ -143,8 +144,7 @@ export class TrialPanel {
   channel(name, fromAxis = true) {
     const found = this.trial?.channels.find((one) => one.name === name);
     if (!found) return null;
-    const mirrored = /** @type {HTMLInputElement} */ (this.element("trial-mirror")).checked;
-    const sign = mirrored && ["light_x", "heavy_x", "angle"].includes(name) ? -1 : 1;
+    const sign = this.options.mirrored && ["light_x", "heavy_x", "angle"].includes(name) ? -1 : 1;
     const origin = fromAxis ? this.originOf(name) : 0;
     return { t: found.t.map((t) => t - this.releaseTime), value: found.value.map((value) => sign * value - origin) };
   }
