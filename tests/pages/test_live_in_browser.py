@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from looping_pendulum.discrepancy.data.study_io import load_text
 from looping_pendulum.live.write import render
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load, shipped
@@ -533,3 +534,24 @@ def test_a_scenario_of_ones_own_comes_first(visit, tmp_path):
     assert value(opened.page, "release_angle") == 3  # below the slider's own range, which is widened
     assert "</script><b>mine</b>" in opened.page.locator("#preset option").all_inner_texts()
     assert opened.complaints == []
+
+
+def test_a_fit_sets_the_sliders_says_what_is_left_and_writes_the_study(opened, example):
+    page = opened.page
+    page.set_input_files("#trial-file", example)
+    until(page, "live.trial.trial !== null")
+    page.click("#trial-fit")
+    until(page, "document.getElementById('fit-table').children.length > 0")
+    settled(page)
+    # Its points were made with an effect that the page does not have (looping_pendulum/teaching/example/study.yaml)
+    assert "What is left is not noise" in page.inner_text("#fit-message")
+    before, after = map(float, re.findall(r"([\d.]+) cm (?:before|after)", page.inner_text("#fit-message")))
+    assert after < before / 5
+    angle = re.search(r"Angle of the string: ([\d.]+) ± ([\d.]+) °", page.inner_text("#fit-table"))
+    assert value(page, "release_angle") == float(angle[1])
+    assert float(angle[1]) == pytest.approx(112, abs=1.5)  # as the study states it, within three of its errors
+    study = load_text(page.evaluate("live.study()"), "mine")
+    assert study.trials[0].files[0][0] == "first.csv"
+    assert study.trials[0].estimates["release_angle"].value == pytest.approx(math.radians(float(angle[1])))
+    page.click("#undo")
+    assert value(page, "release_angle") == 113.08

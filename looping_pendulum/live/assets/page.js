@@ -3,15 +3,17 @@
 import { forgetColours, whenResized } from "./canvas.js";
 import { CONTROLS, admit, linkOf, readLink, settingsOf, stateOf, withValue } from "./controls.js";
 import { runCsv, save, scenarioYaml } from "./export.js";
+import { listenToStage, releasedAt } from "./dragging.js";
 import { FitPanel, studyYaml } from "./fit_panel.js";
 import { History } from "./history.js";
 import { HaltMap } from "./map.js";
+import { changeOf, fillTable, resultOf, showEvents } from "./outcome.js";
 import { Player } from "./player.js";
 import { KINDS, Plot } from "./plots.js";
 import { ShownRun } from "./shown_run.js";
 import { Sliders } from "./sliders.js";
 import { Stage } from "./stage.js";
-import { EVENTS, MODES, RELEASES, text } from "./texts.js";
+import { MODES, RELEASES, text } from "./texts.js";
 import { TrialPanel } from "./trial_panel.js";
 
 /** @typedef {import("./controls.js").State} State */
@@ -19,9 +21,6 @@ import { TrialPanel } from "./trial_panel.js";
 /** @typedef {{presets: Preset[], start: string, keys: Record<string, string>}} PageData */
 
 const CENTIMETRES = 100;
-/** How near to the light mass a finger must be to take it [px]. */
-const REACH = 44;
-const TABLE_ROWS = 20;
 /** Time without a further key after which a setting is one of its own [ms]. */
 const PATIENCE = 1000;
 
@@ -128,59 +127,15 @@ class Page {
       forgetColours();
       this.change();
     });
-    this.listenToStage(/** @type {HTMLCanvasElement} */ (element("stage")));
-  }
-
-  /** Take the light mass and let it go elsewhere. @param {HTMLCanvasElement} canvas */
-  listenToStage(canvas) {
-    let dragged = false;
-    const place = (/** @type {PointerEvent} */ event) => {
-      const box = canvas.getBoundingClientRect();
-      return [event.clientX - box.left, event.clientY - box.top];
-    };
-    const isNear = (/** @type {PointerEvent} */ event) => {
-      const [px, py] = place(event);
-      const [x, y] = this.run.at(this.player.time).light;
-      return Math.hypot(this.stage.view.x(x) - px, this.stage.view.y(y) - py) < REACH;
-    };
-    canvas.addEventListener("pointerdown", (event) => {
-      if (!isNear(event)) return;
-      dragged = true;
-      this.stage.frozen = true;
-      canvas.setPointerCapture(event.pointerId);
-      this.player.stopAt(0);
+    listenToStage(this.stage, {
+      lightMass: () => this.run.at(this.player.time).light,
+      onTake: () => this.player.stopAt(0),
+      onMove: (place) => this.move(releasedAt(this.state, place)),
+      onLetGo: () => {
+        this.settle();
+        if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches) this.player.play();
+      },
     });
-    // Elsewhere a finger scrolls the page
-    canvas.addEventListener("touchstart", (event) => dragged && event.preventDefault(), { passive: false });
-    canvas.addEventListener("pointermove", (event) => {
-      if (!dragged) {
-        canvas.style.cursor = isNear(event) ? "grab" : "";
-        return;
-      }
-      const [px, py] = place(event);
-      this.move(this.releasedAt(this.stage.toPlane(px, py)));
-    });
-    const end = () => {
-      if (!dragged) return;
-      dragged = false;
-      this.stage.frozen = false;
-      this.settle();
-      if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches) this.player.play();
-    };
-    canvas.addEventListener("pointerup", end);
-    canvas.addEventListener("pointercancel", end);
-  }
-
-  /** State with the light mass released at a place [m]. @param {number[]} place @returns {State} */
-  releasedAt([x, y]) {
-    const radius = settingsOf(this.state).rod_radius;
-    const length = Math.sqrt(Math.max(x * x + y * y - radius * radius, 0));
-    // The string is a tangent: from the rod's centre, the mass is seen by this angle ahead of the point where it leaves the rod
-    const degrees = ((Math.atan2(y, x) - Math.atan2(length, radius)) * 180) / Math.PI;
-    const angle = degrees < -90 ? degrees + 360 : degrees;
-    const round = (/** @type {number} */ value) => Math.round(10 * value) / 10;
-    const state = withValue(this.state, "free_length", round(length * CENTIMETRES));
-    return state.release === "vertical" ? state : withValue(state, "release_angle", round(angle));
   }
 
   /** @param {KeyboardEvent} event */
@@ -337,12 +292,12 @@ class Page {
     this.button("undo").disabled = !this.history.past.length;
     this.button("redo").disabled = !this.history.undone.length;
     this.say("heavy-mass", `M2 = ${Number((state.values.light_mass * state.values.mass_ratio).toPrecision(4))} g`);
-    this.say("result", this.result(this.run));
-    this.say("compared", this.compared());
+    this.say("result", resultOf(this.run));
+    this.say("compared", changeOf(this.run, this.ghost));
     this.say("map-state", state.release === "looping" ? "" : text("mapNoLoop"));
     this.trial.show(this.run);
     this.map.show(state);
-    this.showEvents();
+    showEvents(element("events"), this.run, (time) => this.player.stopAt(time));
     this.table();
   }
 
@@ -366,64 +321,11 @@ class Page {
     }
   }
 
-  /** @param {ShownRun} run */
-  result({ halt, dropAtHalt, end, ending, release, events, modeAtStart }) {
-    if (halt !== null && dropAtHalt !== null) {
-      return text("halts", { time: halt.toFixed(4), drop: (CENTIMETRES * dropAtHalt).toFixed(1) });
-    }
-    if (release === "held" || release === "drop") return text(release);
-    if (ending === "time_up" && events.length === 1 && modeAtStart === "sticking") return text("stays");
-    if (ending === "time_up") return text("goesOn", { time: end.toFixed(1) });
-    return text(release === "vertical" ? "pulledUp" : "neverHalts", { ending: EVENTS[ending], time: end.toFixed(3) });
-  }
-
-  /** The change against the ghost as numbers. */
-  compared() {
-    const { run, ghost } = this;
-    if (!ghost || (run.halt === null && ghost.halt === null)) return "";
-    if (ghost.halt === null || ghost.dropAtHalt === null) return text("beforeNever");
-    if (run.halt === null || run.dropAtHalt === null) {
-      return text("before", { time: ghost.halt.toFixed(4), drop: (CENTIMETRES * ghost.dropAtHalt).toFixed(1) });
-    }
-    const [time, drop] = [ghost.halt.toFixed(4), (CENTIMETRES * ghost.dropAtHalt).toFixed(1)];
-    const change = (/** @type {number} */ now, /** @type {number} */ then, /** @type {number} */ digits) =>
-      `${now < then ? "−" : "+"}${Math.abs(now - then).toFixed(digits)}`;
-    const moreDrop = change(CENTIMETRES * run.dropAtHalt, CENTIMETRES * ghost.dropAtHalt, 1);
-    return text("change", { time, drop, moreTime: change(run.halt, ghost.halt, 4), moreDrop });
-  }
-
-  /** Buttons that go to the events of the run. */
-  showEvents() {
-    const list = element("events");
-    const wanted = this.run.events.slice(0, TABLE_ROWS);
-    const shown = JSON.stringify(wanted);
-    if (list.dataset.shown === shown) return;
-    list.dataset.shown = shown;
-    list.replaceChildren(...wanted.map(({ kind, time }) => {
-      const button = document.createElement("button");
-      button.type = "button";
-      button.textContent = `${time.toFixed(3)} s: ${EVENTS[kind]}`;
-      button.addEventListener("click", () => this.player.stopAt(time));
-      const item = document.createElement("li");
-      item.append(button);
-      return item;
-    }));
-  }
-
   /** The run as a table, when it is open. */
   table() {
-    const details = /** @type {HTMLDetailsElement} */ (element("table-of-run"));
-    if (!details.open) return;
-    const body = /** @type {HTMLTableElement} */ (element("table")).tBodies[0];
-    const { run } = this;
-    body.replaceChildren(...Array.from({ length: TABLE_ROWS + 1 }, (_, i) => {
-      const s = run.at((i / TABLE_ROWS) * run.end);
-      const row = document.createElement("tr");
-      const numbers = [s.t.toFixed(3), ...[...s.light, s.drop].map((x) => (CENTIMETRES * x).toFixed(1)), s.turns.toFixed(2),
-        s.lightTension.toFixed(3), s.heavyTension.toFixed(3)];
-      for (const number of [...numbers, MODES[/** @type {keyof typeof MODES} */ (s.mode)]]) row.insertCell().textContent = number;
-      return row;
-    }));
+    if (/** @type {HTMLDetailsElement} */ (element("table-of-run")).open) {
+      fillTable(/** @type {HTMLTableElement} */ (element("table")), this.run);
+    }
   }
 
   /** Draw all that moves with the time. */

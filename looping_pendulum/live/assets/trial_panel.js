@@ -15,6 +15,11 @@ const FIRST_POINTS = 5;
 /** @type {Record<string, Residual["colour"]>} */
 const COLOURS = { light_x: "orange", light_y: "pink", heavy_x: "green", heavy_y: "blue", angle: "orange", height: "blue" };
 
+/** What is taken of a file of which nothing is said yet: id of a field -> its value. */
+const DEFAULTS = {
+  "trial-length": "m", "trial-clock": "s", "trial-rate": "", "trial-release": "0", "trial-origin-x": "0", "trial-origin-y": "0",
+};
+
 /** Reads the file again whenever what is said about it changes. */
 export class TrialPanel {
   /** @param {(id: string) => HTMLElement} element @param {() => void} onChange */
@@ -53,11 +58,21 @@ export class TrialPanel {
       this.fail(`${file.name}: cannot be read; choose it again`);
       return;
     }
+    this.reset();
     this.offerTracks(this.file);
     this.read();
     if (this.trial) /** @type {HTMLInputElement} */ (this.element("trial-mirror")).checked = startsOnTheRight(this.trial);
     this.onChange();
     this.element("trial").scrollIntoView({ block: "nearest" });
+  }
+
+  /** Forget what was said about another file. */
+  reset() {
+    for (const [id, value] of Object.entries(DEFAULTS)) {
+      /** @type {HTMLInputElement | HTMLSelectElement} */ (this.element(id)).value = value;
+    }
+    this.element("fit-message").textContent = "";
+    this.element("fit-table").replaceChildren();
   }
 
   /** @param {{name: string, bytes: Uint8Array}} file */
@@ -79,8 +94,7 @@ export class TrialPanel {
     this.file = this.trial = null;
     this.element("trial-message").textContent = "";
     this.element("trial-error").textContent = "";
-    this.element("fit-message").textContent = "";
-    this.element("fit-table").replaceChildren();
+    this.reset();
     this.element("trial-options").hidden = true;
     this.onChange();
   }

@@ -1,0 +1,66 @@
+/** The light mass is taken with mouse or finger and let go elsewhere. */
+
+import { settingsOf, withValue } from "./controls.js";
+
+/** @typedef {import("./controls.js").State} State */
+/** @typedef {import("./stage.js").Stage} Stage */
+/**
+ * @typedef {{lightMass: () => number[], onTake: () => void, onMove: (place: number[]) => void, onLetGo: () => void}} Callbacks
+ *   places in the plane [m]
+ */
+
+const CENTIMETRES = 100;
+/** How near to the light mass a finger must be to take it [px]. */
+const REACH = 44;
+
+/** @param {Stage} stage @param {Callbacks} callbacks */
+export function listenToStage(stage, { lightMass, onTake, onMove, onLetGo }) {
+  const { canvas } = stage;
+  let dragged = false;
+  const place = (/** @type {PointerEvent} */ event) => {
+    const box = canvas.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  };
+  const isNear = (/** @type {PointerEvent} */ event) => {
+    const [px, py] = place(event);
+    const [x, y] = lightMass();
+    return Math.hypot(stage.view.x(x) - px, stage.view.y(y) - py) < REACH;
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    if (!isNear(event)) return;
+    dragged = true;
+    stage.frozen = true;
+    canvas.setPointerCapture(event.pointerId);
+    onTake();
+  });
+  // Elsewhere a finger scrolls the page
+  canvas.addEventListener("touchstart", (event) => dragged && event.preventDefault(), { passive: false });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!dragged) {
+      canvas.style.cursor = isNear(event) ? "grab" : "";
+      return;
+    }
+    const [px, py] = place(event);
+    onMove(stage.toPlane(px, py));
+  });
+  const end = () => {
+    if (!dragged) return;
+    dragged = false;
+    stage.frozen = false;
+    onLetGo();
+  };
+  canvas.addEventListener("pointerup", end);
+  canvas.addEventListener("pointercancel", end);
+}
+
+/** State with the light mass released at a place [m]. @param {State} state @param {number[]} place @returns {State} */
+export function releasedAt(state, [x, y]) {
+  const radius = settingsOf(state).rod_radius;
+  const length = Math.sqrt(Math.max(x * x + y * y - radius * radius, 0));
+  // The string is a tangent: from the rod's centre, the mass is seen by this angle ahead of the point where it leaves the rod
+  const degrees = ((Math.atan2(y, x) - Math.atan2(length, radius)) * 180) / Math.PI;
+  const angle = degrees < -90 ? degrees + 360 : degrees;
+  const round = (/** @type {number} */ value) => Math.round(10 * value) / 10;
+  const longer = withValue(state, "free_length", round(length * CENTIMETRES));
+  return longer.release === "vertical" ? longer : withValue(longer, "release_angle", round(angle));
+}
