@@ -207,10 +207,11 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
                 linear = template
             if size in (LINEAR_SIZE, *templates):
                 score, amplitude, error_here = _score(basis, residual, template, delta)
-                if size == LINEAR_SIZE:
+                if size == LINEAR_SIZE and _rms(template) < FINITE_SIZES[0]:
                     linear_error = min(linear_error, error_here)
                 else:
-                    finite_error = min(finite_error, error_here)
+                    # An effect that does nothing up to some size, as static friction may: only what was tried is known to show
+                    finite_error = min(finite_error, max(error_here, abs(delta) / MAX_NULL_SCORE))
             else:
                 score, amplitude = 0.0, 0.0
             allowed = candidate.bounds[0] <= candidate.null + amplitude <= candidate.bounds[1]
@@ -246,6 +247,10 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
         companions=companions,
         score_beyond_bounds=beyond,
     )
+
+
+def _rms(v: Array) -> float:
+    return float(np.sqrt(np.mean(v**2)))
 
 
 def _independent_share(basis: Array, v: Array) -> float:
@@ -287,7 +292,7 @@ def _find_template(
         failures += v is None
         if failures > MAX_FAILURES:
             return delta, None
-        rms = math.inf if v is None else float(np.sqrt(np.mean(v**2)))
+        rms = math.inf if v is None else _rms(v)
         # About the size is enough, since a score does not depend on it as long as the change is linear
         if 0.5 < rms / size < 2:
             return delta, v
