@@ -27,6 +27,7 @@ ELSEWHERE = {
     r"--baseline": "tests/test_cli.py",
     r"conformance my_engine|spring": "tests/engines/test_write_an_engine.py",
     r"^looping-pendulum demo( |$)": "tests/teaching/test_demo.py",
+    r"^looping-pendulum live( |$)": "tests/live/test_command.py",
     r"^looping-pendulum maps?( |$)(?!map\.yaml|quick)": "tests/sweep",
     r"^looping-pendulum converge": "tests/compare/test_convergence_study.py",
     r"^looping-pendulum check$": "tests/test_tolerances.py",

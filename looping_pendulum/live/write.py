@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from looping_pendulum import __version__
-from looping_pendulum.errors import ScenarioError
+from looping_pendulum.errors import ParameterError, ScenarioError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.live.bundle import PACKAGE, bundle
-from looping_pendulum.live.symbols import FURTHER_EFFECTS, NUMBERS, live_coefficients
+from looping_pendulum.live.settings import live_settings
+from looping_pendulum.live.symbols import NUMBERS, live_coefficients
 from looping_pendulum.pages.shell import page
-from looping_pendulum.reference_ode.effects import COEFFICIENTS
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario, file_key
 
@@ -57,25 +56,14 @@ def write(path: Path, scenario: Scenario | None = None) -> None:
 
 def _preset(scenario: Scenario) -> dict[str, Any]:
     """Return a scenario as the page reads it: SI units and radians."""
-    p = scenario.parameters
-    values = p.values()
-    _refuse_other_effects(
-        scenario, [name for name, value in p.coefficients.items() if name in COEFFICIENTS and value != COEFFICIENTS[name].null]
-    )
+    try:
+        settings = live_settings(scenario.parameters)
+    except ParameterError as error:
+        raise ScenarioError(f"{scenario.name}: {error}; show this scenario by `looping-pendulum demo`") from None
     return {
         "name": scenario.name,
         "title": scenario.title,
         "description": " ".join(scenario.description.split()),
-        "release": p.release.value,
-        "settings": {name: float(getattr(values, name)) for name in (*NUMBERS, *live_coefficients())},
+        "release": settings.pop("release"),
+        "settings": settings,
     }
-
-
-def _refuse_other_effects(scenario: Scenario, acting: Iterable[str]) -> None:
-    names = [*(name for name in acting if name not in live_coefficients()), *(e.name for e in scenario.parameters.own_effects)]
-    if names:
-        has = ", ".join(effect.name for effect in FURTHER_EFFECTS)
-        raise ScenarioError(
-            f"{scenario.name}: found the effect {names[0]}, which the live page does not have (beside the forces of every "
-            f"scenario it has {has}); show this scenario by `looping-pendulum demo`"
-        )

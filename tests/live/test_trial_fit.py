@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from looping_pendulum.live.settings import live_settings
 from looping_pendulum.reference_ode.solve import solve_at
 from tests.apparatus import TEN_TO_ONE
-from tests.live.cases import settings_of
 
 FRAME_RATE, FILMED, NOISE = 120.0, 0.95, 1e-3
 """Rate of the camera [1/s], its time [s], and the standard deviation of a tracked coordinate [m]."""
@@ -40,7 +40,7 @@ def task(seed, truth=TRUTH, start=TEN_TO_ONE):
         mass: np.column_stack([t, place + list(ORIGIN.values()) + NOISE * rng.standard_normal((len(t), 2))]).tolist()
         for mass, place in (("light", samples.light_position), ("heavy", samples.heavy_position))
     }
-    return {"settings": settings_of(start), "duration": 5, **filmed}
+    return {"settings": live_settings(start), "duration": 5, **filmed}
 
 
 def planted(name):

@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 
 from looping_pendulum.discrepancy.data.study_io import load_text
+from looping_pendulum.errors import ScenarioError
+from looping_pendulum.live.settings import live_settings
 from looping_pendulum.live.write import render
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load, shipped
@@ -555,3 +557,16 @@ def test_a_fit_sets_the_sliders_says_what_is_left_and_writes_the_study(opened, e
     assert study.trials[0].estimates["release_angle"].value == pytest.approx(math.radians(float(angle[1])))
     page.click("#undo")
     assert value(page, "release_angle") == 113.08
+
+
+def test_every_number_of_the_live_model_has_a_control_or_follows_from_one(opened):
+    settings = opened.page.evaluate("live.run.settings")
+    assert settings.keys() == live_settings(load("ten_to_one").parameters).keys()
+
+
+def test_a_scenario_with_an_effect_that_the_page_lacks_is_refused(tmp_path):
+    file = tmp_path / "thick.yaml"
+    source = (Path(__file__).parents[2] / "looping_pendulum" / "scenarios" / "two_to_one.yaml").read_text(encoding="utf-8")
+    file.write_text(source + "effects: {string_thickness: 1 mm}\n", encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"^thick: effects: found string_thickness, which the live .*demo"):
+        render(load(str(file)))

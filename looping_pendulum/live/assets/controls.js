@@ -27,6 +27,8 @@ export const CONTROLS = [
   control("heavy_linear_drag", "Drag of M2, proportional to speed", "g_per_s", "g/s", 1e-3, 0, 10, 0.1, true),
   control("wind_speed", "Wind to the right", "m_per_s", "m/s", 1, -3, 3, 0.1, true),
   control("side_force", "Force to the right on M1", "mN", "mN", 1e-3, -20, 20, 0.5, true),
+  control("push_across", "Push of M1 across the string", "m_per_s", "m/s", 1, -3, 3, 0.05, true),
+  control("push_along", "Push of M1 along the string", "m_per_s", "m/s", 1, -3, 3, 0.05, true),
   control("gravity", "Gravity", "m_per_s2", "m/s²", 1, 1, 25, 0.01, true),
   control("hanging_length", "Hanging string at the start", "cm", "cm", 1e-2, 1, 30, 0.5, true),
   control("light_radius", "Size (radius) of M1", "mm", "mm", 1e-3, 0, 20, 0.5, true),

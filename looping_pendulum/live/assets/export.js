@@ -9,12 +9,14 @@ const TIME_BETWEEN_ROWS = 1e-3;
 const UNITS = {
   light_mass: "kg", heavy_mass: "kg", rod_radius: "m", free_length: "m", hanging_length: "m", light_radius: "m", release_angle: "rad",
   light_drag: "kg/m", heavy_drag: "kg/m", string_drag: "kg/m^2", light_linear_drag: "kg/s", heavy_linear_drag: "kg/s",
-  wind_speed: "m/s", side_force: "N", gravity: "m/s^2", kinetic_friction: "", static_friction: "",
+  wind_speed: "m/s", push_across: "m/s", push_along: "m/s", side_force: "N", gravity: "m/s^2", kinetic_friction: "", static_friction: "",
 };
 /** What a scenario without a string does not have. */
 const OF_THE_STRING = ["kinetic_friction", "static_friction", "string_drag"];
 /** Settings that are left out of a scenario while they are 0. */
-const LEFT_OUT_AT_ZERO = ["light_radius", "light_linear_drag", "heavy_linear_drag", "wind_speed", "side_force"];
+const LEFT_OUT_AT_ZERO = [
+  "light_radius", "light_linear_drag", "heavy_linear_drag", "wind_speed", "push_across", "push_along", "side_force",
+];
 
 /**
  * Return the settings as a scenario file, which `looping-pendulum compare` runs.

@@ -1,0 +1,79 @@
+"""The command that writes the live page, and the script that it puts into it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from looping_pendulum.cli.main import app
+from looping_pendulum.live import bundle as bundles
+from looping_pendulum.live.bundle import bundle
+from looping_pendulum.scenarios import shipped
+from looping_pendulum.teaching import demo
+
+MAX_SIZE = 400_000
+"""Largest page [bytes]."""
+
+
+def test_it_writes_one_small_file_with_every_scenario_and_opens_it(tmp_path, monkeypatch):
+    opened = []
+    monkeypatch.setattr(demo, "show", lambda path: opened.append(path) or True)
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["live", "two_to_one"])
+    assert (result.exit_code, result.output) == (0, "wrote live.html\n")
+    assert opened == [Path("live.html")]
+    page = Path("live.html").read_bytes()
+    assert len(page) < MAX_SIZE
+    text = page.decode()
+    assert '"start":"two_to_one"' in text
+    assert all(f'"name":"{name}"' in text for name in shipped())
+    assert not re.search(r"""(src|href)=["'](?!data:|#)""", text)
+
+
+def test_without_a_browser_it_says_where_the_page_is(tmp_path, monkeypatch):
+    monkeypatch.setattr(demo, "show", lambda path: False)
+    file = tmp_path / "page.html"
+    result = CliRunner().invoke(app, ["live", "--out", str(file)])
+    assert result.output.splitlines()[-1] == f"no browser was found; open {file.as_uri()} in one"
+    assert "no browser" not in CliRunner().invoke(app, ["live", "--no-open", "--out", str(file)]).output
+
+
+def modules(tmp_path, monkeypatch, **sources):
+    for name, source in sources.items():
+        (tmp_path / f"{name}.js").write_text(source, encoding="utf-8")
+    monkeypatch.setattr(bundles, "files", lambda package: tmp_path)
+
+
+def test_a_module_stands_once_and_before_those_that_import_it(tmp_path, monkeypatch):
+    low = "export const a = 1;\n"
+    modules(
+        tmp_path,
+        monkeypatch,
+        main='import { a } from "./low.js";\nimport { b } from "./middle.js";\nglobalThis.sum = a + b;\n',
+        middle='import { a } from "./low.js";\nexport const b = a + 1;\n',
+        low=low,
+    )
+    script = bundle("main.js")
+    assert [script.count(f"const module_{name} =") for name in ("low", "middle", "main")] == [1, 1, 1]
+    assert script.index("module_low =") < script.index("module_middle =") < script.index("module_main =")
+    assert "import" not in script
+
+
+@pytest.mark.parametrize(
+    ("sources", "message"),
+    [
+        ({"main": 'import * as all from "./low.js";\n', "low": ""}, "main.js: found 'import * as all"),
+        ({"main": "export default 1;\n"}, "main.js: found 'export default 1;', needed imports and exports by names"),
+        (
+            {"main": 'import { a } from "./low.js";\n', "low": 'import { b } from "./main.js";\n'},
+            "main.js: found a circle of imports: main.js -> low.js -> main.js",
+        ),
+    ],
+)
+def test_what_cannot_be_joined_is_refused(tmp_path, monkeypatch, sources, message):
+    modules(tmp_path, monkeypatch, **sources)
+    with pytest.raises(ValueError, match=re.escape(message)):
+        bundle("main.js")
