@@ -8,7 +8,7 @@ import { controlOf, settingsOf } from "./controls.js";
 
 const EDGE = { left: 44, right: 12, top: 12, bottom: 34 };
 /** Columns and rows, coarse at once and finer while the page is idle. @type {[number, number][]} */
-const GRIDS = [[10, 8], [20, 16], [40, 32], [80, 64]];
+const GRIDS = [[10, 8], [20, 16], [40, 32], [60, 48]];
 /** Time without a change of the settings after which the map is computed [ms]. */
 const PATIENCE = 150;
 /** Cividis, which colour-blind readers see as others do, from small to large. */

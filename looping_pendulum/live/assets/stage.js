@@ -22,6 +22,7 @@ const [LIGHT_SIZE, HEAVY_SIZE] = [9, 14];
 /** Length of the heavy mass's weight as an arrow [px]. */
 const WEIGHT_LENGTH = 70;
 const MAX_LENGTH = 150;
+const ROOM_FOR_NAME = 40;
 
 /** Draws scenes, and knows where on the canvas things are. */
 export class Stage {
@@ -104,7 +105,10 @@ export class Stage {
     c.globalAlpha = 1;
     if (pale) return;
     write(c, "M2", hx + HEAVY_SIZE + 4, hy, { colour: ink, size: 13, bold: true });
-    write(c, "M1", lx - LIGHT_SIZE - 4, ly - 12, { colour: ink, size: 13, bold: true, align: "right" });
+    // At the edge its name stands on the other side
+    const outside = lx < ROOM_FOR_NAME;
+    const beside = outside ? LIGHT_SIZE + 4 : -LIGHT_SIZE - 4;
+    write(c, "M1", lx + beside, ly - 12, { colour: ink, size: 13, bold: true, align: outside ? "left" : "right" });
   }
 
   /** From the heavy mass up to the rod, round it, and along the tangent to the light mass.

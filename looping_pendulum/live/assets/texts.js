@@ -35,7 +35,7 @@ export const MODES = {
 };
 
 export const TEXTS = {
-  halts: "The heavy mass halts after {time} s, {drop} cm below its start.",
+  halts: "The heavy mass halts after {time} s, {drop}\u00a0cm below its start.",
   neverHalts: "The heavy mass never halts: {ending} after {time} s.",
   goesOn: "The heavy mass does not halt within {time} s.",
   stays: "Nothing moves: the rod holds the string.",
