@@ -486,6 +486,17 @@ def test_files_of_the_page(opened, tmp_path):
     assert Path(download.value.path()).read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_film_of_the_motion(opened):
+    page = opened.page
+    page.click("[data-slow='1']")
+    with page.expect_download() as download:
+        page.click("#save-film")
+        until(page, "live.player.time > 0.2")
+        page.click("#play")
+    assert Path(download.value.path()).read_bytes().startswith(b"\x1aE\xdf\xa3")  # how every WebM begins
+    assert page.evaluate("live.endFilm") is None
+
+
 def test_on_a_phone_it_fits_and_a_finger_reaches_everything(visit):
     opened = visit(page_text(), viewport=PHONE, has_touch=True, is_mobile=True, color_scheme="dark")
     page = opened.page
@@ -499,6 +510,21 @@ def test_on_a_phone_it_fits_and_a_finger_reaches_everything(visit):
     page.locator("#play").tap()
     until(page, "live.player.time > 0")
     page.locator("#play").tap()
+    page.evaluate("window.scrollTo(0, 0)")
+    page.locator("#start").tap()
+    settled(page)
+    x, y = light_mass(page)
+    finger = page.context.new_cdp_session(page)
+    for kind, points in (
+        ("touchStart", [{"x": x, "y": y}]),
+        ("touchMove", [{"x": x + 10, "y": y - 20}]),
+        ("touchMove", [{"x": x + 20, "y": y - 40}]),
+        ("touchEnd", []),
+    ):
+        finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    settled(page)
+    assert value(page, "release_angle") < 110
+    assert page.evaluate("window.scrollY") == 0  # the finger moved the mass, not the page
     page.evaluate("document.getElementById('range-mass_ratio').scrollIntoView({ block: 'end' })")
     box = page.locator("#range-mass_ratio").bounding_box()
     page.touchscreen.tap(box["x"] + 0.25 * box["width"], box["y"] + box["height"] / 2)

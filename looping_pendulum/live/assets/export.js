@@ -5,6 +5,7 @@ import { tidy } from "./controls.js";
 import { durationOf } from "./shown_run.js";
 
 const TIME_BETWEEN_ROWS = 1e-3;
+const FRAMES_PER_SECOND = 30;
 /** Parameter -> its unit in a scenario file. @type {Record<string, string>} */
 const UNITS = {
   light_mass: "kg", heavy_mass: "kg", rod_radius: "m", free_length: "m", hanging_length: "m", light_radius: "m", release_angle: "rad",
@@ -57,6 +58,28 @@ export function runCsv(settings) {
     rows.push([...numbers.map((x) => Number(x.toPrecision(9))), s.mode].join(","));
   }
   return `${rows.join("\n")}\n`;
+}
+
+/** Kind of film that this browser can make; "" if none. */
+export function filmType() {
+  const types = ["video/webm;codecs=vp9", "video/webm", "video/mp4"];
+  return typeof MediaRecorder === "undefined" ? "" : (types.find((type) => MediaRecorder.isTypeSupported(type)) ?? "");
+}
+
+/**
+ * Begin to film a canvas; return what ends the film and saves it.
+ * @param {HTMLCanvasElement} canvas
+ * @returns {() => void}
+ */
+export function film(canvas) {
+  const mimeType = filmType();
+  const recorder = new MediaRecorder(canvas.captureStream(FRAMES_PER_SECOND), { mimeType });
+  /** @type {Blob[]} */
+  const parts = [];
+  recorder.ondataavailable = ({ data }) => parts.push(data);
+  recorder.onstop = () => save(`looping-pendulum.${mimeType.includes("mp4") ? "mp4" : "webm"}`, new Blob(parts, { type: mimeType }));
+  recorder.start();
+  return () => recorder.stop();
 }
 
 /** Have the browser save a file. @param {string} name @param {Blob} content */

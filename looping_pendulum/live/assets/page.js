@@ -2,7 +2,7 @@
 
 import { forgetColours, whenResized } from "./canvas.js";
 import { CONTROLS, admit, linkOf, readLink, settingsOf, stateOf, withValue } from "./controls.js";
-import { runCsv, save, scenarioYaml } from "./export.js";
+import { film, filmType, runCsv, save, scenarioYaml } from "./export.js";
 import { listenToStage, releasedAt } from "./dragging.js";
 import { FitPanel, studyYaml } from "./fit_panel.js";
 import { History } from "./history.js";
@@ -112,6 +112,8 @@ class Page {
     element("save-picture").addEventListener("click", () => {
       /** @type {HTMLCanvasElement} */ (element("stage")).toBlob((blob) => blob && save("looping-pendulum.png", blob));
     });
+    element("save-film").hidden = !filmType();
+    element("save-film").addEventListener("click", () => this.startFilm());
     element("save-numbers").addEventListener("click", () => {
       save("looping-pendulum.csv", new Blob([runCsv(settingsOf(this.state))], { type: "text/csv" }));
     });
@@ -236,6 +238,18 @@ class Page {
     }
   }
 
+  /** Play from the release and film the stage until it ends or is stopped. */
+  startFilm() {
+    if (this.endFilm) return;
+    this.player.stopAt(0);
+    this.endFilm = film(/** @type {HTMLCanvasElement} */ (element("stage")));
+    this.say("copied", text("films"));
+    this.player.play();
+  }
+
+  /** @type {(() => void) | null} */
+  endFilm = null;
+
   /** The settings as a scenario file. */
   scenario() {
     return scenarioYaml(settingsOf(this.state), this.data.keys, linkOf(this.state));
@@ -266,6 +280,11 @@ class Page {
     this.frames += 1;
     if (changed) this.costs.push(performance.now() - started);
     if (this.player.playing) this.wake();
+    else if (this.endFilm) {
+      this.endFilm();
+      this.endFilm = null;
+      this.say("copied", "");
+    }
   }
 
   /** Run the model, and show all that does not move with the time. */

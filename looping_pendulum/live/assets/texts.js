@@ -50,6 +50,7 @@ export const TEXTS = {
   badLink: "the link: {key}: found '{text}', needed {min} to {max}; the rest of the link is used",
   badRelease: "the link: release: found '{text}', needed one of {names}; the rest of the link is used",
   cannotRun: "This cannot be built: {fault}",
+  films: "Filming until the end, or until you press Pause …",
   copied: "The link is copied.",
   notCopied: "Copy the address from the address bar: it holds all settings.",
   trialUsed: "{file}: {used}. {typical}",
