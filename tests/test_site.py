@@ -14,7 +14,15 @@ from tests.docs_commands import PROJECT
 from tests.pages.conftest import until
 
 SITE = PROJECT / "site"
-SOURCES = ("docs/**/*.md", "docs/*.css", "docs/*.js", "mkdocs.yml", "scripts/docs_math.py", "looping_pendulum/**/*.py")
+SOURCES = (
+    "docs/**/*.md",
+    "docs/*.css",
+    "docs/*.js",
+    "mkdocs.yml",
+    "scripts/docs_math.py",
+    "looping_pendulum/**/*.py",
+    "looping_pendulum/live/**/*.js",
+)
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +42,11 @@ def test_it_asks_for_nothing_from_elsewhere(site):
     assert len(pages) > 30
     for page in pages:
         assert not loaded.search(page.read_text(encoding="utf-8")), page.name
+
+
+def test_the_live_page_is_in_it(site):
+    assert 'src="live.html"' in (site / "try.html").read_text(encoding="utf-8")
+    assert 'id="live-data"' in (site / "live.html").read_text(encoding="utf-8")
 
 
 def test_formulas_are_pictures_and_docstrings_are_there(site):

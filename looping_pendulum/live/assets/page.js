@@ -59,7 +59,8 @@ class Page {
       onRelease: (release) => this.set({ ...this.state, release }),
       onFault: (message) => this.say("fault", message),
     });
-    this.stale = { run: true, drawing: true };
+    /** Whether the settings have changed since the last frame. */
+    this.changed = true;
     this.pending = false;
     /** Times that a change and its drawing took [ms], the newest last; for the benchmark. @type {number[]} */
     this.costs = [];
@@ -257,12 +258,11 @@ class Page {
 
   /** The settings or what is shown of the run have changed. */
   change() {
-    this.stale.run = true;
+    this.changed = true;
     this.wake();
   }
 
   wake() {
-    this.stale.drawing = true;
     if (this.pending) return;
     this.pending = true;
     requestAnimationFrame((now) => this.frame(now));
@@ -273,10 +273,10 @@ class Page {
     this.pending = false;
     const started = performance.now();
     this.player.advance(now);
-    const changed = this.stale.run;
-    if (this.stale.run) this.compute();
+    const { changed } = this;
+    this.changed = false;
+    if (changed) this.compute();
     this.draw();
-    this.stale = { run: false, drawing: false };
     this.frames += 1;
     if (changed) this.costs.push(performance.now() - started);
     if (this.player.playing) this.wake();
