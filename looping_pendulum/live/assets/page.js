@@ -366,7 +366,7 @@ class Page {
     this.say("map-most", most);
     this.player.draw();
     const { mode } = this.run.at(time);
-    this.say("doing", time === 0 ? "Drag the light mass M1, or press Play." : MODES[/** @type {keyof typeof MODES} */ (mode)]);
+    this.say("doing", time === 0 ? text("start") : MODES[/** @type {keyof typeof MODES} */ (mode)]);
   }
 }
 

@@ -1,5 +1,7 @@
 /** The time that is shown: playing, slow motion, steps, and the slider of the time. */
 
+import { text } from "./texts.js";
+
 const STEP = 2e-3;
 const LARGE_STEP = 2e-2;
 /** Longest time between two frames that counts [ms]: after a pause of the browser the motion goes on where it was. */
@@ -97,7 +99,7 @@ export class Player {
     this.slider.value = String(this.time);
     this.slider.setAttribute("aria-valuetext", `${this.time.toFixed(3)} seconds`);
     this.clock.textContent = `${this.time.toFixed(3)} s`;
-    const words = this.playing ? "Pause" : "Play";
+    const words = text(this.playing ? "pause" : "play");
     if (this.button.textContent !== words) this.button.textContent = words;
   }
 }

@@ -35,6 +35,9 @@ export const MODES = {
 };
 
 export const TEXTS = {
+  start: "Drag the light mass M1, or press Play.",
+  play: "Play",
+  pause: "Pause",
   halts: "The heavy mass halts after {time} s, {drop}\u00a0cm below its start.",
   neverHalts: "The heavy mass never halts: {ending} after {time} s.",
   goesOn: "The heavy mass does not halt within {time} s.",
