@@ -19,7 +19,7 @@ from looping_pendulum.live.write import render
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load, shipped
 from looping_pendulum.teaching.example_folder import write_example
-from tests.pages.conftest import PHONE, sideways, until
+from tests.pages.conftest import DESKTOP, PHONE, sideways, until
 
 ACTIONS = Path(__file__).parent / "live_actions.js"
 SHOWN = 5e-5
@@ -596,3 +596,16 @@ def test_a_scenario_with_an_effect_that_the_page_lacks_is_refused(tmp_path):
     file.write_text(source + "effects: {string_thickness: 1 mm}\n", encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"^thick: effects: found string_thickness, which the live .*demo"):
         render(load(str(file)))
+
+
+@pytest.mark.parametrize("width", [60, 240])
+def test_without_room_it_complains_of_nothing(opened, width):
+    page = opened.page
+    page.set_viewport_size({"width": width, "height": 120})
+    settled(page)
+    page.evaluate("live.player.stopAt(0.1)")
+    settled(page)
+    page.set_viewport_size(DESKTOP)
+    settled(page)
+    assert opened.complaints == []
+    assert page.evaluate("live.stage.view.scale") > 0

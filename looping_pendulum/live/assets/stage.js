@@ -42,6 +42,7 @@ export class Stage {
     const { c, width, height } = fitted(this.canvas);
     const { run, ghost, time } = scene;
     const side = Math.min(170, Math.max(104, 0.22 * width));
+    if (!(width > side && height > 0)) return; // the page is being laid out, or has no room
     this.fit(scene, width - side, height);
     const { view } = this;
     this.scaleBar(c, height);
