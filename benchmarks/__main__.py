@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks import calibration, engine_overhead, identify, live, pages, rivals
+from benchmarks import calibration, engine_overhead, identify, live, live_page, pages, rivals
 from benchmarks.plain_scipy import plain_run
 from benchmarks.rival_methods import METHODS
 from looping_pendulum.engines.protocol import Profile
@@ -100,6 +100,7 @@ def main() -> None:
             "overhead",
             "pages",
             "live",
+            "live-page",
             "maps",
             "calibration",
             "rivals",
@@ -131,6 +132,8 @@ def main() -> None:
         pages.benchmark()
     if options.only in (None, "live"):
         live.benchmark()
+    if options.only in (None, "live-page"):
+        live_page.benchmark()
     if options.only == "calibration":
         calibration.benchmark(options)
     if options.only == "rivals":

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -48,17 +49,26 @@ def _demo(folder: str) -> float:
     return time.perf_counter() - started
 
 
-def in_browser(page: Path) -> dict[str, float]:
-    """Return the medians of first paint and frames per second; empty without a browser."""
+def visits(page: Path, visit: Callable[[Any, Path], tuple[Any, ...]], count: int) -> list[tuple[Any, ...]]:
+    """Return what ``visit`` returns of each of ``count`` visits of a page, given a browser; empty without a browser."""
     path = next((browser_path for name in BROWSERS if (browser_path := shutil.which(name))), None)
     if path is None:
-        return {}
+        return []
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
-        paints, rates = zip(*(_one_visit(browser, page) for _ in range(REPEATS)), strict=True)
+        results = [visit(browser, page) for _ in range(count)]
         browser.close()
+    return results
+
+
+def in_browser(page: Path) -> dict[str, float]:
+    """Return the medians of first paint and frames per second; empty without a browser."""
+    visited = visits(page, _one_visit, REPEATS)
+    if not visited:
+        return {}
+    paints, rates = zip(*visited, strict=True)
     return {"first paint [s]": statistics.median(paints), "frames per second": statistics.median(rates)}
 
 

@@ -47,6 +47,7 @@ def planted(name):
     return ORIGIN[name] if name in ORIGIN else TRUTH.values().__dict__[name]
 
 
+@pytest.mark.accurate  # daily, the same least squares as SciPy's, below
 def test_planted_values_come_back_within_their_standard_errors(node):
     results = node("fit_trials.mjs", [task(seed) for seed in range(4)])
     z = [(p["value"] - planted(p["name"])) / p["error"] for result in results for p in result["parameters"]]
