@@ -18,8 +18,9 @@ compare: $(VENV)/main ## run all engines on the 10:1 trial and write report/ten_
 demo: $(VENV)/main ## run all engines on the 10:1 trial, and open the demonstration: reference and engines in step
 	$(BIN)/looping-pendulum demo
 
+# Three at once on two cores: many tests wait for a browser or for another process.
 test: $(VENV)/test ## run the tests (some minutes); BACKEND=scipy, old-processor, ...: as on another machine (`python -m tests.backends`)
-	$(BIN)/python $(if $(BACKEND),-m tests.backends $(BACKEND)) -m pytest -n 2 --dist worksteal --durations=40
+	$(BIN)/python $(if $(BACKEND),-m tests.backends $(BACKEND)) -m pytest -n 3 --dist worksteal --durations=40
 
 accurate: $(VENV)/test ## run the long accuracy tests: accurate profiles, the blind matrix, the pendulum (about an hour)
 	$(BIN)/python -m pytest -m accurate -n 2

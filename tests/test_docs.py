@@ -24,6 +24,7 @@ UsageError = typer.BadParameter.__base__
 """Click's, or that of the copy of click that typer brings."""
 LINK = re.compile(r"(?<!`)!?\[[^\]\n]*\]\(([^)\s]+)\)")
 ELSEWHERE = {
+    r"^looping-pendulum new ": "tests/teaching/test_new_and_init.py, tests/teaching/test_new_study.py",
     r"--baseline": "tests/test_cli.py",
     r"conformance my_engine|spring": "tests/engines/test_write_an_engine.py",
     r"^looping-pendulum demo( |$)": "tests/teaching/test_demo.py",
@@ -36,7 +37,7 @@ ELSEWHERE = {
     r"^looping-pendulum engines --support --markdown": "tests/engines/test_support.py",
 }
 """Commands that other tests run, or whose names stand for a reader's own -> which tests."""
-SLOW = r"identify|report/|pymunk|compare ten_to_one$|demonstrations|^looping-pendulum map "
+SLOW = r"identify|mujoco:documented|report/|pymunk|compare ten_to_one$|demonstrations|^looping-pendulum map "
 SLOW_PAGES = "docs/demonstrations/"
 """Commands that take more than a few seconds, or need what those write, and many alike: with `-m accurate`."""
 

@@ -55,6 +55,7 @@ def test_there_are_three_without_outputs():
             assert cell.get("execution_count") is None
 
 
+@pytest.mark.accurate  # daily, its calls are those of tests/test_cli.py and tests/compare
 @needs_jupyter
 def test_first_run(tmp_path):
     outputs = executed(NOTEBOOKS[0], tmp_path)

@@ -23,6 +23,7 @@ LONG = {
     *((name, "pymunk:chain") for name in ("held", "frictionless", "two_to_one", "two_and_a_half_to_one")),
     *((name, "mujoco:beads") for name in ("ten_to_one", "held", "frictionless", "static_friction")),
     *((name, "mujoco:beads") for name in ("two_to_one", "two_and_a_half_to_one")),
+    ("static_friction", "pymunk:chain"),
     *(("fat_rod", f"pymunk:{variant}") for variant in ("beads", "segments", "defaults")),
     *(("ten_to_one", f"pybullet:{variant}") for variant in ("remade", "point_to_point", "defaults")),
     *(("ten_to_one", f"pymunk:{variant}") for variant in ("chain", "beads", "segments")),
@@ -32,8 +33,9 @@ LONG = {
 What they hold is held daily by the same variant in a shorter run, or by another chain in the same scenario: free fall, a swing
 from a hand, Atwood's machine, the sliding part of ten_to_one and the beads' way to its halt in tests/engines
 (`test_pybullet.py`, `test_mujoco_beads.py`, ...), a loop without friction in `test_conformance.py` there, static friction by
-`pymunk:chain` here, the fat rod by that one and `mujoco:beads`; 2:1 and 2.5:1 by the tendons alone. 10:1 is held to its limits
-by `pymunk:chain` until after the halt in `test_pymunk.py` there; to the rod it winds on the fat rod, here.
+`test_coefficients_reach_engines.py` there, the fat rod by `pymunk:chain` and `mujoco:beads` here; 2:1 and 2.5:1 by the tendons
+alone. 10:1 is held to its limits by `pymunk:chain` until after the halt in `test_pymunk.py` there; to the rod it winds on the
+fat rod, here.
 """
 
 

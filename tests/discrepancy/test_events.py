@@ -153,6 +153,7 @@ def side_force(tmp_path_factory, request):
         return identify(load(write_blind_study(tmp_path_factory.mktemp("side_force"), CASES["side_force"], 0)))
 
 
+@pytest.mark.accurate  # daily, the paper's trial is explained, and a wrong clock of a table found, below
 def test_a_hidden_side_force_is_named_from_events_alone(side_force):
     name, planted = EXPECTED["side_force"]
     explanations = [{e.name for e in tie} for tie in side_force.ties] or [set(side_force.names)]
@@ -162,6 +163,7 @@ def test_a_hidden_side_force_is_named_from_events_alone(side_force):
     assert max(e.standardised_rms_after for e in side_force.errors if e.held_out) < 1.4  # 11 values: 1 + 2 / sqrt(2 * 11)
 
 
+@pytest.mark.accurate  # daily, the paper's trial is explained, and a wrong clock of a table found, below
 def test_seconds_and_metres_are_told_apart(side_force, tmp_path):
     for error in side_force.errors:
         assert error.rms_before is None

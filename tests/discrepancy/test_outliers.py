@@ -150,6 +150,7 @@ def test_nothing_is_missing_where_only_points_are_wrong(tmp_path, seed, planted,
     assert sum(o["count"] for o in tree["outliers"]) == total
 
 
+@pytest.mark.accurate  # daily, outliers alone are found and nothing else
 @pytest.mark.parametrize(
     "case", ["linear_drag", *(pytest.param(c, marks=pytest.mark.accurate) for c in ("side_force", "scale"))]
 )

@@ -70,6 +70,7 @@ def wiffle(tmp_path_factory):
     return falling(tmp_path_factory.mktemp("wiffle"), "wiffle_ball_1")
 
 
+@pytest.mark.accurate  # daily, no drag is claimed of the bowling ball
 def test_the_wiffle_ball_is_braked_by_the_air(wiffle):
     assert wiffle.verdict is Verdict.IDENTIFIED
     assert wiffle.names == ("heavy_linear_drag",)  # not quadratic: its coefficient falls as the speed grows
@@ -78,6 +79,7 @@ def test_the_wiffle_ball_is_braked_by_the_air(wiffle):
     assert held_out_error(wiffle).rms_after <= 0.3 * held_out_error(wiffle).rms_before
 
 
+@pytest.mark.accurate  # daily, no drag is claimed of the bowling ball
 def test_the_errors_of_the_wiffle_balls_marks_are_reported(wiffle):
     (error,) = wiffle.correlated_noise
     assert error.body == "height"
@@ -88,7 +90,7 @@ def test_the_errors_of_the_wiffle_balls_marks_are_reported(wiffle):
     assert "## Errors that last longer than a frame" in markdown.render(wiffle)
 
 
-@pytest.mark.accurate  # daily, the wiffle ball's tests ask the same of the same fits
+@pytest.mark.accurate
 def test_the_tennis_ball_is_braked_by_the_air(tmp_path):
     result = falling(tmp_path, "tennis_ball")
     explanations = [{e.name for e in tie} for tie in result.ties] or [set(result.names)]
@@ -98,6 +100,7 @@ def test_the_tennis_ball_is_braked_by_the_air(tmp_path):
     assert 0.3 < drag_coefficient(result, "tennis_ball") < 0.7
 
 
+@pytest.mark.accurate  # daily, no drag is claimed of the bowling ball
 def test_the_wiffle_balls_drag_is_a_spheres(wiffle):
     assert 0.3 < drag_coefficient(wiffle, "wiffle_ball_1") < 0.7
 

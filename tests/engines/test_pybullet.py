@@ -234,6 +234,7 @@ def test_fall_with_quadratic_drag_follows_its_closed_form() -> None:
     assert exact[-1] < 0.95 * 0.5 * G * 0.3**2  # the drag is felt, or this would test nothing
 
 
+@pytest.mark.accurate  # daily, the static ratio is that of the circle
 @pytest.mark.parametrize("radius", [0.00625, pytest.param(0.03, marks=pytest.mark.accurate)])
 def test_vertical_release_is_an_atwood_machine_with_capstan_friction(radius: float) -> None:
     pytest.importorskip("pybullet")

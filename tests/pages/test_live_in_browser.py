@@ -556,6 +556,7 @@ def test_two_thousand_random_actions(visit):
     act_at_random(visit, 2000)
 
 
+@pytest.mark.accurate  # daily, the shipped scenarios
 def test_a_scenario_of_ones_own_comes_first(visit, tmp_path):
     file = tmp_path / "mine.scenario.yaml"
     source = (Path(__file__).parents[2] / "looping_pendulum" / "scenarios" / "two_to_one.yaml").read_text(encoding="utf-8")

@@ -224,7 +224,7 @@ def test_of_the_last_runs_a_process_takes_only_its_share(processes):
     np.testing.assert_array_equal(runs.taken_here(), np.arange(1000))
 
 
-@pytest.mark.parametrize("at_once", [24, 100_000])
+@pytest.mark.parametrize("at_once", [24, pytest.param(100_000, marks=pytest.mark.accurate)])
 def test_results_do_not_depend_on_what_runs_beside(monkeypatch, at_once):
     """Results are equal to the last bit whatever the order, the division of a batch and the number of concurrent runs."""
     columns = random_columns(400, seed=5, pushed=True)

@@ -166,6 +166,7 @@ def test_two_integrators_agree(name, base, duration):
     assert apart < (2e-7 if name in ("wind", "string_stretch") else 1e-8)
 
 
+@pytest.mark.accurate  # daily, test_solve.py asks it of the paper's model
 @EACH
 @pytest.mark.parametrize("tolerance", [1e-11, pytest.param(1e-9, marks=pytest.mark.accurate)])
 def test_sequence_of_modes_does_not_depend_on_the_tolerance(name, tolerance):

@@ -152,7 +152,7 @@ def test_static_friction_above_kinetic():
     agree(SIX, effects, Numerics(stiffness=2.5e5, loss_time=4e-4, step=5e-5))
 
 
-@pytest.mark.parametrize("added", [0.0, 0.02])
+@pytest.mark.parametrize("added", [0.02, pytest.param(0.0, marks=pytest.mark.accurate)])
 def test_string_on_string_on_a_slippery_rod(added):
     # The heavy mass turns at once here: the simulator's error is of order 1/sqrt(k), which two stiffnesses cancel (see
     # tests/blind/test_simulator.py); what is left grows along a sensitive path, with the effect and without.

@@ -129,8 +129,8 @@ def test_random_apparatus_through_slack_and_taut(seeds):
     }
 
 
-DAILY = ("light_linear_drag", "friction_per_wrap", "string_thickness", "out_of_plane", "turning_rod")
-"""A force, a friction law, a geometry, a state of its own and a rod that turns; each effect takes 4 s to compile.
+DAILY = ("friction_per_wrap", "string_thickness", "turning_rod")
+"""A friction law, a geometry and a rod that turns; each effect takes 4 s to compile.
 
 Every effect's derivatives are also what a fit screens its candidates by, daily, in tests/discrepancy.
 """
