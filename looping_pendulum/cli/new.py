@@ -101,18 +101,15 @@ def new(
 
 def _check_trials(study: Study, *, ask: bool) -> None:
     """Warn if `identify` would refuse the trials of a study; with ``ask``, the questions about them can be answered anew."""
-    from looping_pendulum.teaching.new_study import fault_of_data, keys_of_trial
+    from looping_pendulum.teaching.new_study import fault_of_data, keys_of_fault
     from looping_pendulum.teaching.questions import AnswerError
 
-    why = fault_of_data(study)
-    if (
-        why
-        and ask
-        and not typer.confirm(printable(f"`identify` would refuse this: {why}\nWrite it all the same?"), default=False)
-    ):
-        raise AnswerError("asking again what may be wrong; Enter keeps an answer", keys=keys_of_trial(study, why))
-    if why:
-        say(f"warning: `identify` will refuse this until it is corrected: {why}", err=True)
+    fault = fault_of_data(study)
+    if fault is None:
+        return
+    if ask and not typer.confirm(printable(f"`identify` would refuse this: {fault}\nWrite it all the same?"), default=False):
+        raise AnswerError("asking again what may be wrong; Enter keeps an answer", keys=keys_of_fault(study, fault))
+    say(f"warning: `identify` will refuse this until it is corrected: {fault}", err=True)
 
 
 def _command(what: NewFile, path: Path, like: str, files: list[str], answers: Mapping[str, str]) -> str:

@@ -47,6 +47,8 @@ APPARATUS = {"light.mass": "light_mass", "rod.radius": "rod_radius"}
 """Key of what is measured once for all trials -> parameter."""
 STUDY_KEYS = ("title", "count", "effects", *APPARATUS)
 """Keys of the questions about the whole study."""
+KEYS_OF_DATA = ("units", "frame_rate", "release")
+"""Keys of a trial's questions that decide how its data compare with the motion."""
 MAX_TRIALS = 20
 
 
@@ -108,20 +110,21 @@ def new_study(answer: Answers, *, name: str, folder: Path, files: Sequence[str],
     return text, study_io.load_text(text, f"{name}.yaml", folder)
 
 
-def fault_of_data(study: Study) -> str:
-    """Return why `identify` would refuse the trials of a study; '' if it would accept them, or if a file is not there yet."""
+def fault_of_data(study: Study) -> DataError | None:
+    """Return why `identify` would refuse the trials of a study; None if it would accept them, or if a file is not there yet."""
     # These import what fits, which takes a second
     from looping_pendulum.discrepancy.first_look.check import take_first_look
     from looping_pendulum.discrepancy.inputs import read_inputs
 
     if not all((study.folder / path).exists() for trial in study.trials for path, _ in trial.files):
-        return ""
+        return None
     try:
-        read_inputs(study)
+        # In the order of `identify`: a first look says more of lengths in pixels than that they are implausible
         take_first_look(study).refuse_mistakes()
+        read_inputs(study)
     except DataError as error:
-        return str(error)
-    return ""
+        return error
+    return None
 
 
 def not_measured(answer: Answers) -> list[str]:
@@ -129,10 +132,14 @@ def not_measured(answer: Answers) -> list[str]:
     return [key for key in answer.asked if key.endswith(tuple(USUAL_ERRORS))]
 
 
-def keys_of_trial(study: Study, fault: str) -> tuple[str, ...]:
-    """Return the keys of the questions about the trial that a fault of the data names; all questions if it names none."""
-    index = next((i for i, trial in enumerate(study.trials, 1) if fault.startswith(f"trial {trial.name!r}:")), None)
-    return () if index is None else tuple(f"trials.{index}.{key}" for key in ("units", "frame_rate", "release"))
+def keys_of_fault(study: Study, fault: DataError) -> tuple[str, ...]:
+    """Return the keys of the questions about the trial that a fault of the data names; empty, which means all: none."""
+    from looping_pendulum.discrepancy.first_look.result import DeclarationError
+
+    if isinstance(fault, DeclarationError) and not all(m.keys.startswith(KEYS_OF_DATA) for m in fault.check.mistakes):
+        return ()  # a mass, a radius, a track
+    index = next((i for i, trial in enumerate(study.trials, 1) if str(fault).startswith(f"trial {trial.name!r}:")), None)
+    return () if index is None else tuple(f"trials.{index}.{key}" for key in KEYS_OF_DATA)
 
 
 def _refuse_unknown_keys(answer: Answers) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,9 +14,11 @@ from looping_pendulum.cli.main import app
 from looping_pendulum.discrepancy.data import study_io
 from looping_pendulum.discrepancy.data.study import read_trial
 from looping_pendulum.discrepancy.data.survey import survey
+from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, DeclarationError, NamedMistake
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
+from looping_pendulum.teaching.new_study import keys_of_fault
 from looping_pendulum.teaching.questions import AnswerError
 from scripts.make_example_trials import trials
 
@@ -213,3 +216,17 @@ def test_a_file_that_is_no_table_is_said_in_one_line(here):
     done = run("mine.yaml", "-y", "--trial", "clip.trk")
     assert isinstance(done.exception, AnswerError)
     assert "found XML (a Tracker project?)" in str(done.exception)
+
+
+@pytest.mark.parametrize(
+    ("keys", "asked_again"),
+    [
+        ("frame_rate: 240 Hz", ("trials.2.units", "trials.2.frame_rate", "trials.2.release")),
+        ("rod: {radius: 3 mm}", ()),
+    ],
+)
+def test_a_mistake_leads_back_to_the_questions_that_mend_it(keys, asked_again):
+    """A diameter for the radius led back to unit, rate and release, none of which mends it."""
+    study = SimpleNamespace(trials=[SimpleNamespace(name=name) for name in ("first", "slow")])
+    mistake = NamedMistake(trials=("slow",), names=("any",), keys=keys, text=f"trial 'slow': found one; needed '{keys}'")
+    assert keys_of_fault(study, DeclarationError(DeclarationCheck(trials=(), mistakes=(mistake,)))) == asked_again
