@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
 from typing import Any
 
-from benchmarks.pages import BROWSERS
-from looping_pendulum.live import page_script
+from benchmarks.pages import with_browser
+from looping_pendulum.live.bundle import page_script
 from looping_pendulum.live.settings import live_settings
 from looping_pendulum.scenarios import load, shipped
 
@@ -73,28 +72,25 @@ globalThis.dragged = (settings, seconds) =>
 def benchmark() -> None:
     """Time the shipped scenarios."""
     print("\n## The live model in a browser\n")
-    path = next((browser_path for name in BROWSERS if (browser_path := shutil.which(name))), None)
-    if path is None:
+    rows = with_browser(lambda browser: _rows(browser.new_page()))
+    if rows is None:
         print("No browser here.")
         return
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
-        _table(browser.new_page())
-        browser.close()
-
-
-def _table(page: Any) -> None:
-    # The last value is an object: Playwright would call a function
-    page.evaluate(f"{DRAWING} {page_script()} globalThis.loopingPendulum = loopingPendulum;")
     print(
         "| scenario | a run [ms] | a run with its drawing [ms] | frames per second while dragged | |\n|---|---:|---:|---:|---|"
     )
+    print("\n".join(rows))
+    print(f"\nMedians of {REPEATS}; limits: {MAX_RUN_TIME:g} ms with drawing, {MIN_FRAMES_PER_SECOND:g} frames per second.")
+
+
+def _rows(page: Any) -> list[str]:
+    # The last value is an object: Playwright would call a function
+    page.evaluate(f"{DRAWING} {page_script()} globalThis.loopingPendulum = loopingPendulum;")
+    rows = []
     for name in shipped():
         settings = live_settings(load(name).parameters)
         run, drawn = page.evaluate("([settings, repeats]) => timed(settings, repeats)", [settings, REPEATS])
         frames = page.evaluate("([settings, seconds]) => dragged(settings, seconds)", [settings, DRAGGED])
         met = drawn <= MAX_RUN_TIME and frames >= MIN_FRAMES_PER_SECOND
-        print(f"| {name} | {run:.2f} | {drawn:.2f} | {frames:.0f} | {'met' if met else 'not met'} |")
-    print(f"\nMedians of {REPEATS}; limits: {MAX_RUN_TIME:g} ms with drawing, {MIN_FRAMES_PER_SECOND:g} frames per second.")
+        rows.append(f"| {name} | {run:.2f} | {drawn:.2f} | {frames:.0f} | {'met' if met else 'not met'} |")
+    return rows

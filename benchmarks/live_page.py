@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from benchmarks.pages import visits
+from benchmarks.pages import with_browser
 from looping_pendulum.live.write import write
 
 LIMITS = {"size [kB]": 400.0, "first paint [s]": 0.5, "run and drawing [ms]": 8.0}
@@ -40,8 +40,8 @@ def benchmark() -> None:
 
 def in_browser(page: Path) -> dict[str, float]:
     """Return the medians of first paint, and of a run with its drawing; empty without a browser."""
-    visited = visits(page, _one_visit, VISITS)
-    if not visited:
+    visited = with_browser(lambda browser: [_one_visit(browser, page) for _ in range(VISITS)])
+    if visited is None:
         return {}
     paints, costs = zip(*visited, strict=True)
     return {"first paint [s]": statistics.median(paints), "run and drawing [ms]": statistics.median(sum(costs, []))}

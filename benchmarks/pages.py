@@ -10,7 +10,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 LIMITS = {"cold start [s]": 100.0, "with results [s]": 3.0, "size [MB]": 6.0, "first paint [s]": 1.0, "frames per second": 30.0}
@@ -18,6 +18,7 @@ LIMITS = {"cold start [s]": 100.0, "with results [s]": 3.0, "size [MB]": 6.0, "f
 PLAYED = 3.0
 """Time over which frames are counted [s]."""
 REPEATS = 3
+Result = TypeVar("Result")
 
 
 def benchmark() -> None:
@@ -49,24 +50,24 @@ def _demo(folder: str) -> float:
     return time.perf_counter() - started
 
 
-def visits(page: Path, visit: Callable[[Any, Path], tuple[Any, ...]], count: int) -> list[tuple[Any, ...]]:
-    """Return what ``visit`` returns of each of ``count`` visits of a page, given a browser; empty without a browser."""
+def with_browser(task: Callable[[Any], Result]) -> Result | None:
+    """Return what ``task`` returns, given a browser; None without one."""
     path = next((browser_path for name in BROWSERS if (browser_path := shutil.which(name))), None)
     if path is None:
-        return []
+        return None
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
-        results = [visit(browser, page) for _ in range(count)]
+        result = task(browser)
         browser.close()
-    return results
+    return result
 
 
 def in_browser(page: Path) -> dict[str, float]:
     """Return the medians of first paint and frames per second; empty without a browser."""
-    visited = visits(page, _one_visit, REPEATS)
-    if not visited:
+    visited = with_browser(lambda browser: [_one_visit(browser, page) for _ in range(REPEATS)])
+    if visited is None:
         return {}
     paints, rates = zip(*visited, strict=True)
     return {"first paint [s]": statistics.median(paints), "frames per second": statistics.median(rates)}

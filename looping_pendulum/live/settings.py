@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from looping_pendulum.errors import ParameterError
-from looping_pendulum.live.symbols import NUMBERS, live_coefficients, live_effects
-from looping_pendulum.reference_ode.parameters import Parameters
+from looping_pendulum.live.symbols import live_coefficients, live_effects
+from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters
 
 
 def live_settings(parameters: Parameters) -> dict[str, float | str]:

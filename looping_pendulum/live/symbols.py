@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import reduce
 from operator import and_
 from types import SimpleNamespace
@@ -19,7 +19,7 @@ from looping_pendulum.reference_ode.effects.forces import (
     SIDE_FORCE,
     WIND,
 )
-from looping_pendulum.reference_ode.parameters import Parameters, Release, is_possible
+from looping_pendulum.reference_ode.parameters import NUMBERS, Parameters, Release, is_possible
 from looping_pendulum.reference_ode.state import Effects, Signs, State
 from looping_pendulum.reference_ode.transitions import Mode
 
@@ -31,8 +31,6 @@ STATE = State._fields[: State._fields.index("slack") + 1]
 """Entries of the state that these effects move."""
 SIGNS = Signs._fields[: Signs._fields.index("phase") + 1]
 """Signs and phases that these effects change."""
-NUMBERS = tuple(f.name for f in fields(Parameters) if f.name not in ("release", "coefficients", "own_effects"))
-"""Numbers of the apparatus, beside the coefficients of its effects."""
 
 
 def live_effects(release: Release) -> Effects:

@@ -10,8 +10,9 @@ from looping_pendulum.errors import ParameterError, ScenarioError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.live.bundle import PACKAGE, bundle
 from looping_pendulum.live.settings import live_settings
-from looping_pendulum.live.symbols import NUMBERS, live_coefficients
+from looping_pendulum.live.symbols import live_coefficients
 from looping_pendulum.pages.shell import page
+from looping_pendulum.reference_ode.parameters import NUMBERS
 from looping_pendulum.scenarios import loader
 from looping_pendulum.scenarios.scenario import Scenario, file_key
 

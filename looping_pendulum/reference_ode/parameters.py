@@ -281,7 +281,7 @@ class Parameters:
     def replace(self, **changes: object) -> Parameters:
         """Return a copy with fields or coefficients changed (``replace(light_mass=0.02, kinetic_friction=0.3)``)."""
         # A subclass, as of dual numbers, may derive more from its fields, so it is built by its constructor
-        if type(self) is Parameters and all(n in _NUMBERS or n in self.coefficients for n in changes):
+        if type(self) is Parameters and all(n in NUMBERS or n in self.coefficients for n in changes):
             return self._replace_numbers(changes)
         coefficients = self._copied_coefficients()
         changes = self.with_static_friction(changes)
@@ -329,8 +329,8 @@ class Parameters:
 
 
 _FIELDS = tuple(f.name for f in dataclasses.fields(Parameters) if f.name not in ("coefficients", "own_effects"))
-_NUMBERS = frozenset({*_FIELDS} - {"release"})
-"""Names of the numbers that `Parameters.replace` may change, beside the coefficients."""
+NUMBERS = tuple(name for name in _FIELDS if name != "release")
+"""Names of the numbers of `Parameters`, beside the coefficients of the effects."""
 effect_tables(())  # now, so that every run without own effects finds them in the cache
 
 

@@ -10,7 +10,7 @@ import { DataError, readTrial, tracksOf } from "./trial/reader.js";
 /** @typedef {{name: string, colour: "blue" | "orange" | "green" | "pink", t: number[], value: number[]}} Residual [cm] or [deg] */
 
 const EDGE = { left: 44, right: 10, top: 26, bottom: 22 };
-/** Points at the start by which the side is told on which the light mass is let go. */
+/** Points at the start that show on which side the light mass is let go. */
 const FIRST_POINTS = 5;
 /** @type {Record<string, Residual["colour"]>} */
 const COLOURS = { light_x: "orange", light_y: "pink", heavy_x: "green", heavy_y: "blue", angle: "orange", height: "blue" };

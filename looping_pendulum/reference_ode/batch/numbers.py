@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import (
+    NUMBERS,
     POINT_MASS_END,
     Parameters,
     Release,
@@ -21,14 +21,11 @@ from looping_pendulum.reference_ode.parameters import (
 
 Columns = Mapping[str, Array]
 """Name, one of `column_names` -> one value per run, shape (n,), SI."""
-_FIELDS = tuple(
-    field.name for field in dataclasses.fields(Parameters) if field.name not in ("release", "coefficients", "own_effects")
-)
 
 
 def column_names(base: Parameters) -> tuple[str, ...]:
     """Return the names that a column may have."""
-    return (*_FIELDS, *base.coefficients)
+    return (*NUMBERS, *base.coefficients)
 
 
 def parameters_of_run(base: Parameters, columns: Columns, i: int) -> Parameters:
@@ -41,7 +38,7 @@ def equation_parameters(base: Parameters, columns: Columns) -> dict[str, Any]:
 
     Derived ones (`end_length`, `string_length`) and the defaults are those of `Parameters`.
     """
-    values: dict[str, Any] = {name: getattr(base, name) for name in _FIELDS} | dict(base.coefficients)
+    values: dict[str, Any] = {name: getattr(base, name) for name in NUMBERS} | dict(base.coefficients)
     values |= base.with_static_friction({name: np.asarray(column, dtype=float) for name, column in columns.items()})
     # As in `Parameters.replace`, a vertical release keeps its angle
     if base.release is Release.VERTICAL:
