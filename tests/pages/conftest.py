@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from tests.pages import live_page
+
 DESKTOP = {"width": 1280, "height": 900}
 PHONE = {"width": 390, "height": 844}
 
@@ -66,3 +68,22 @@ def until(page: Any, expression: str, seconds: float = 20.0) -> None:
 def sideways(page: Any) -> int:
     """How far the page can be scrolled to the side [px]."""
     return int(page.evaluate("document.documentElement.scrollWidth - window.innerWidth"))
+
+
+@pytest.fixture(scope="module")
+def one_page(visit):
+    return visit(live_page.page_text())
+
+
+@pytest.fixture
+def opened(one_page):
+    """The live page as it is when just loaded."""
+    page = one_page.page
+    page.evaluate(
+        "() => { live.trial.remove(); live.player.setSlow(4); window.scrollTo(0, 0); document.activeElement.blur(); }"
+    )
+    for box, on in (("forces", False), ("ghost", True)):
+        page.set_checked(f"#{box}", on)
+    live_page.preset(page, "ten_to_one")
+    one_page.complaints.clear()
+    return one_page
