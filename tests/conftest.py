@@ -29,7 +29,7 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(items):
-    """Put the longest first, so that two workers end together."""
+    """Put the longest first, so that the workers end together."""
     items.sort(key=lambda item: LONGEST not in item.nodeid)
     for item in items:
         for marker in item.iter_markers("fails_on"):

@@ -1,6 +1,6 @@
 """Look into a file of tracked points before anything is known of it: which tracks, rows per second and units it has.
 
-`readers.read` needs to know which track is which mass, and in which unit; here it is told, or proposed from the motion.
+`readers.read` needs to know which track is which mass, and in which unit; here the file says it, or the motion proposes it.
 """
 
 from __future__ import annotations
