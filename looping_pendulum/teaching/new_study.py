@@ -133,7 +133,10 @@ def not_measured(answer: Answers) -> list[str]:
 
 
 def keys_of_fault(study: Study, fault: DataError) -> tuple[str, ...]:
-    """Return the keys of the questions about the trial that a fault of the data names; empty, which means all: none."""
+    """Return the keys of the questions to ask again; empty: all of them.
+
+    Those about one trial's data are enough if the fault names that trial, and no value of the apparatus.
+    """
     from looping_pendulum.discrepancy.first_look.result import DeclarationError
 
     if isinstance(fault, DeclarationError) and not all(m.keys.startswith(KEYS_OF_DATA) for m in fault.check.mistakes):
