@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -33,9 +34,26 @@ class Opened:
         assert self.dialogs == []
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def visit(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Opened]]:
-    """Open HTML from a file: ``visit(html, viewport=..., color_scheme=..., reduced_motion=...)``."""
+    """Open HTML from a file: ``visit(html, viewport=..., color_scheme=..., reduced_motion=...)``; closed after the test.
+
+    A page that nobody looks at any more still moves and calculates, at the cost of the tests after it.
+    """
+    with visitor(chromium, tmp_path_factory) as open_page:
+        yield open_page
+
+
+@pytest.fixture(scope="module")
+def visit_once(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Opened]]:
+    """Open HTML as `visit` does, for all tests of the file."""
+    with visitor(chromium, tmp_path_factory) as open_page:
+        yield open_page
+
+
+@contextmanager
+def visitor(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Opened]]:
+    """Give a function that opens pages, and close them in the end."""
     contexts = []
 
     def open_page(html: str, *, viewport: dict[str, int] = DESKTOP, reduced_motion: str = "reduce", **options: Any) -> Opened:
@@ -52,9 +70,11 @@ def visit(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[C
         opened.page.wait_for_load_state("load")
         return opened
 
-    yield open_page
-    for context in contexts:
-        context.close()
+    try:
+        yield open_page
+    finally:
+        for context in contexts:
+            context.close()
 
 
 def until(page: Any, expression: str, seconds: float = 20.0) -> None:
@@ -71,8 +91,8 @@ def sideways(page: Any) -> int:
 
 
 @pytest.fixture(scope="module")
-def one_page(visit):
-    return visit(live_page.page_text())
+def one_page(visit_once):
+    return visit_once(live_page.page_text())
 
 
 @pytest.fixture

@@ -43,8 +43,8 @@ RINGS = """() => {
 
 
 @pytest.fixture(scope="module")
-def one_page(visit):
-    return visit(demo.render(small_result()))
+def one_page(visit_once):
+    return visit_once(demo.render(small_result()))
 
 
 @pytest.fixture

@@ -18,13 +18,13 @@ DRAWN = "[...document.querySelectorAll('.figure')].every((box) => box.querySelec
 
 
 @pytest.fixture(scope="module")
-def comparison(visit):
-    return visit(comparison_page.render(hostile_result()))
+def comparison(visit_once):
+    return visit_once(comparison_page.render(hostile_result()))
 
 
 @pytest.fixture(scope="module")
-def identified(visit):
-    return visit(identification_page.render(identification(HOSTILE)), viewport=PHONE, color_scheme="dark")
+def identified(visit_once):
+    return visit_once(identification_page.render(identification(HOSTILE)), viewport=PHONE, color_scheme="dark")
 
 
 def test_comparison_draws_its_figures_and_fetches_nothing(comparison):
