@@ -56,7 +56,9 @@ def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
         "single": _single(of_kind["single"]),
         "coverage": _coverage(judged),
         "two": _shares(of_kind["two"]),
+        "two_by_visibility": _by_visibility(of_kind["two"]),
         "unlisted": _shares(of_kind["unlisted"]),
+        "unlisted_by_size": _power(of_kind["unlisted"], lambda pair: f"{pair[0].size:g}"),
         "unlisted_law": proportion(
             sum(bool(o["law"] and o["law"]["as_planted"]) for _, o in of_kind["unlisted"]), len(of_kind["unlisted"])
         ),
@@ -81,11 +83,10 @@ def _clean(pairs: Sequence[Pair]) -> dict[str, Any]:
 
 
 def _single(pairs: Sequence[Pair]) -> dict[str, Any]:
-    by_visibility = _power(pairs, _visibility_class)
     return {
         "all": _shares(pairs),
         "by_size": _power(pairs, lambda pair: f"{pair[0].size:g}"),
-        "by_visibility": {name: by_visibility[name] for name in (*VISIBILITY, NOT_STATED) if name in by_visibility},
+        "by_visibility": _by_visibility(pairs),
         "by_noise": _power(pairs, lambda pair: f"{pair[0].noise:g}"),
         "by_trials": _power(pairs, lambda pair: str(pair[0].trials)),
         "by_effect": {
@@ -99,12 +100,19 @@ def _single(pairs: Sequence[Pair]) -> dict[str, Any]:
     }
 
 
+def _by_visibility(pairs: Sequence[Pair]) -> dict[str, Any]:
+    """Return the power by class of visibility, of two effects that of the one that hides better, in order of the classes."""
+    power = _power(pairs, _visibility_class)
+    return {name: power[name] for name in (*VISIBILITY, NOT_STATED) if name in power}
+
+
 def _power(pairs: Sequence[Pair], key: Callable[[Pair], str]) -> dict[str, Any]:
-    """Return the share of studies whose effect is named or tied, and wrong names, for each value of ``key``."""
+    """Return the share of studies of which all, part, or something else that was not hidden is named, for each ``key``."""
     return {
         value: {
             "named_or_tied": proportion(sum(_count(group, j) for j in NAMED), len(group)),
             "named": proportion(_count(group, "right"), len(group)),
+            "part": proportion(_count(group, "part"), len(group)),
             "wrong": proportion(_count(group, "wrong"), len(group)),
         }
         for value, group in _grouped(pairs, key).items()

@@ -59,6 +59,14 @@ def block(rates: dict[str, Any]) -> str:
         f"| {size} | {share(row['named'])} | {share(row['named_or_tied'])} | {share(row['wrong'])} |"
         for size, row in s["single"]["by_visibility"].items()
     ]
+    two_visible = [
+        f"| {size} | {share(row['named_or_tied'])} | {share(row['part'])} | {share(row['wrong'])} |"
+        for size, row in s["two_by_visibility"].items()
+    ]
+    unlisted = [
+        f"| {1e3 * float(size):g} mm | {share(row['named'])} | {share(row['wrong'])} |"
+        for size, row in sorted(s["unlisted_by_size"].items(), key=lambda item: float(item[0]))
+    ]
     return f"""So far {s["studies"]} studies{few}
 (`{rates["command"]}`, {rates["measured_on"]}). An identification took {median} s of CPU time in the median,
 {largest} s at most. Intervals are of 95 %, by Clopper and Pearson.
@@ -81,6 +89,18 @@ states the smallest size that the data could show. Against that size the power i
 | hidden size over the smallest visible one | named | named or tied | another is named |
 |---|---|---|---|
 {chr(10).join(visible)}
+
+Of two hidden effects, against the visibility of the one that hides better:
+
+| smaller ratio of hidden to visible size | both named or tied | only one of them | another is named |
+|---|---|---|---|
+{chr(10).join(two_visible)}
+
+Of a force that is not listed, against its size:
+
+| the light mass moves by (RMS) | the verdict is `unlisted` | a listed effect is named instead |
+|---|---|---|
+{chr(10).join(unlisted)}
 """
 
 

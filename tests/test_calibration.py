@@ -71,10 +71,31 @@ def test_summary_of_made_up_outcomes():
     assert visible["1 to 2"]["named"]["count"] == 0
     assert (result["coverage"]["count"], result["coverage"]["of"]) == (1, 2)
     assert result["single"]["each"][1] == {"effect": "wind", "size": 8e-3, "visibility": 1.0, "judgement": "tied"}
+    assert result["two_by_visibility"] == result["unlisted_by_size"] == {}
     assert result["cpu_seconds"]["0.5"] == 3.5
     assert result["cpu_seconds"]["largest"] == 6.0
     assert result["statistics"]["lag1_z"]["extreme"] == 2.0
     assert result["statistics"]["ljung_box_p"]["extreme"] == 0.1, "of p values the smallest speaks against noise"
+
+
+def test_pairs_are_counted_by_visibility_and_unlisted_forces_by_size():
+    two = [dataclasses.replace(s, hidden=("wind", "push"), size=8e-3) for s in draw("rates", "two", 3, 0)]
+    unlisted = [dataclasses.replace(s, hidden=("magnet",), size=16e-3) for s in draw("rates", "unlisted", 2, 0)]
+    law = {"as_planted": True}
+    outcomes = [
+        outcome("right", visibility=4.0),
+        outcome("part", visibility=3.0),
+        outcome("part", visibility=0.2),
+        outcome("right", law=law),
+        outcome("wrong", law=None),
+    ]
+    result = summary(list(zip([*two, *unlisted], outcomes, strict=True)))
+    visible = result["two_by_visibility"]
+    assert list(visible) == ["below 0.5", "above 2"]
+    assert (visible["above 2"]["named_or_tied"]["count"], visible["above 2"]["part"]["count"]) == (1, 1)
+    assert (visible["below 0.5"]["part"]["count"], visible["below 0.5"]["part"]["of"]) == (1, 1)
+    sizes = result["unlisted_by_size"]["0.016"]
+    assert (sizes["named"]["count"], sizes["wrong"]["count"], sizes["named"]["of"]) == (1, 1, 2)
 
 
 def test_a_law_is_as_planted_if_body_and_coordinate_are():

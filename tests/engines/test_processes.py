@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -175,6 +176,10 @@ def until(condition, seconds=60):
     return True
 
 
+HANGS_UP = "import signal\n\nsignal.signal(signal.SIGHUP, signal.SIG_DFL)\n"
+"""Where the tests run under nohup, this signal is ignored, and so it is by every process that they start."""
+
+
 @linux
 @pytest.mark.parametrize(
     ("what", "sent", "processes"),
@@ -188,7 +193,7 @@ def until(condition, seconds=60):
 )
 def test_nothing_outlives_a_killed_command(tmp_path, what, sent, processes):
     """A hung engine went on beyond its time limit, its children for ever, and the folders of all stayed."""
-    (tmp_path / "script.py").write_text(KILLED[what])
+    (tmp_path / "script.py").write_text(HANGS_UP + KILLED[what])
     marker = f"TMPDIR={tmp_path}".encode()
     started = subprocess.Popen(
         [sys.executable, str(tmp_path / "script.py")], cwd=ROOT, env=os.environ | {"TMPDIR": str(tmp_path)}
@@ -201,7 +206,8 @@ def test_nothing_outlives_a_killed_command(tmp_path, what, sent, processes):
         assert until(lambda: not list(tmp_path.glob("looping-pendulum-*")), 10)
     finally:
         for pid in of_session(marker):
-            os.kill(pid, signal.SIGKILL)
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
 
 
 @linux
