@@ -142,7 +142,25 @@ class Search:
         if not self.forces and best_single is not None:
             self.forces = self.find_unlisted_forces(best_single)
             self.beside_forces = best_single.added if self.forces else ()
+        elif self.forces:
+            self.find_listed_rivals()
         return bool(self.forces)
+
+    def find_listed_rivals(self) -> None:
+        """Find listed effects that explain the data as well as an unlisted force.
+
+        In one trial the fitted parameters can make up for most of a large effect, so that its delta BIC is below
+        `MIN_DELTA_BIC`. Held-out data decide: it is tied with the force if nothing speaks against it and the force does not
+        predict them better by `LIKELIHOOD_MARGIN`.
+        """
+        assert self.declared_model is not None
+        weak = [r for r in self.first_refits if 0 < r.delta_bic < MIN_DELTA_BIC and r.within_bounds]
+        judged = self.judge_refits(self.declared_model, weak, 0.95).values()
+        self.accepted_models = tuple(
+            m
+            for m in judged
+            if not m.failed_tests and not predicts_better(m.held_out, self.forces[0].held_out, LIKELIHOOD_MARGIN)
+        )
 
     def noise_explains_all(self) -> bool:
         """Return whether errors of the tracked points that last longer than a frame are all that the declared model lacks.

@@ -66,6 +66,39 @@ def test_a_force_that_explains_far_less_is_not_fitted():
     assert search_with(None, residual=2.0).asked == [(300 - 12) / 2]
 
 
+@pytest.mark.parametrize(
+    ("delta_bic", "within_bounds", "fails", "difference", "tied"),
+    [
+        (6.0, True, (), 1 - LIKELIHOOD_MARGIN, True),
+        (6.0, True, (), -LIKELIHOOD_MARGIN - 1, False),
+        (6.0, True, ("a pattern",), 0.0, False),
+        (6.0, False, (), 0.0, False),
+        (-1.0, True, (), 0.0, False),
+    ],
+    ids=["as well", "the force predicts better", "it fails a test", "out of bounds", "no evidence"],
+)
+def test_a_listed_effect_of_little_evidence_is_tied_with_a_force_if_it_predicts_as_well(
+    delta_bic, within_bounds, fails, difference, tied
+):
+    listed = SimpleNamespace(held_out=predicts(difference), failed_tests=fails)
+    search = SimpleNamespace(
+        declared_model=object(), forces=(SimpleNamespace(held_out=LISTED),), accepted_models=(),
+        first_refits=[SimpleNamespace(delta_bic=delta_bic, within_bounds=within_bounds)],
+        judge_refits=lambda base, refits, share: {"it": listed} if refits else {},
+    )  # fmt: skip
+    Search.find_listed_rivals(search)
+    assert (search.accepted_models == (listed,)) is tied
+
+
+@pytest.mark.accurate  # half a minute
+@pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
+def test_a_listed_effect_that_the_fitted_parameters_hide_is_tied_with_an_unlisted_force(tmp_path):
+    """Oracle: a rod that yields, in one training trial of the separate simulator; only an unlisted force was named."""
+    result = identify(load(write_files(draw("rates", "single", 35, 3)[34], tmp_path)))
+    assert result.verdict is Verdict.AMBIGUOUS
+    assert result.names == ("rod_mobility",)
+
+
 @pytest.mark.accurate  # half a minute each
 @pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
 @pytest.mark.parametrize(("index", "verdict"), [(0, Verdict.AMBIGUOUS), (1, Verdict.UNLISTED)], ids=["magnet", "thrust"])
