@@ -180,7 +180,7 @@ RELEASES.looping = (p) => {
   const a30 = a29 - (a20 + a22);
   const a31 = Math.exp(p.static_friction * p.release_angle);
   const a32 = -a24;
-  const a33 = 1e-14 * a32;
+  const a33 = 1e-12 * a32;
   const a34 = a32 * a31;
   const a35 = a34 - a30 + a33 < 0;
   const a36 = a30 * a31 - a32 + a33 < 0;
@@ -410,7 +410,7 @@ export const MODES = {
       const a5 = p.light_mass * across_speed * (across_speed / free_length) - (p.light_mass * p.gravity * a0 + a4 + (p.side_force === 0 ? 0 : p.side_force * a1));
       const a6 = Math.exp(p.static_friction * wrap_angle);
       const a7 = -(-p.heavy_mass * p.gravity);
-      const a8 = 1e-14 * a7;
+      const a8 = 1e-12 * a7;
       out[0] = free_length - p.end_length;
       out[1] = s.across * across_speed;
       out[2] = wrap_angle;
@@ -713,7 +713,7 @@ export const MODES = {
         const a5 = p.light_mass * across_speed * (across_speed / free_length) - (p.light_mass * p.gravity * a0 + a4 + (p.side_force === 0 ? 0 : p.side_force * a1));
         const a6 = Math.exp(p.static_friction * wrap_angle);
         const a7 = -(-p.heavy_mass * p.gravity);
-        const a8 = 1e-14 * a7;
+        const a8 = 1e-12 * a7;
         const a9 = a7 * a6 - a5 + a8 < 0;
         const a10 = a5 * a6 - a7 + a8 < 0;
         const a11 = a10 ? false : a9;
@@ -914,7 +914,7 @@ export const MODES = {
         const a5 = p.light_mass * across_speed * (across_speed / free_length) - (p.light_mass * p.gravity * a0 + a4 + (p.side_force === 0 ? 0 : p.side_force * a1));
         const a6 = Math.exp(p.static_friction * wrap_angle);
         const a7 = -(-p.heavy_mass * p.gravity);
-        const a8 = 1e-14 * a7;
+        const a8 = 1e-12 * a7;
         const a9 = a7 * a6 - a5 + a8 < 0;
         const a10 = a5 * a6 - a7 + a8 < 0;
         const a11 = a10 ? false : a9;
@@ -1115,7 +1115,7 @@ export const MODES = {
         const a19 = a9 - a18;
         const a20 = Math.exp(p.static_friction * wrap_angle);
         const a21 = -a8;
-        const a22 = 1e-14 * a21;
+        const a22 = 1e-12 * a21;
         const a23 = a21 * a20 - a19 + a22 < 0;
         const a24 = a19 * a20 - a21 + a22 < 0;
         const a25 = a15 < 0;

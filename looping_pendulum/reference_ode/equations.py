@@ -36,11 +36,12 @@ EVENT_FUNCTION_OFFSET = 1e-18
 PASSING_SPEED_OFFSET = 1e-12
 """Added to the passing speed of a string that stretches, for the same reason; larger, as it is a difference of numbers about
 1 m/s, which rounding changes by more [m/s]."""
-FRICTION_CONE_TOLERANCE = 1e-14
+FRICTION_CONE_TOLERANCE = 1e-12
 """Fraction of the heavy side's tension by which the rod holds more than the friction cone says.
 
-Exactly on the edge of the cone, as with equal masses and no friction, rounding would decide; and |v| cannot be differentiated
-where a string begins to slide while everything is at rest.
+That is the tolerance of a step. Exactly on the edge of the cone, as with equal masses and no friction, errors of this size
+would decide, thousands of times within some milliseconds; and |v| cannot be differentiated where a string begins to slide while
+everything is at rest.
 """
 
 
