@@ -22,7 +22,7 @@ async ([seed, count]) => {
   }
 
   function chosen() {
-    const select = pick(all("#preset, #release"));
+    const select = pick(all("#preset, #release, #language"));
     select.value = pick([...select.options]).value;
     send(select, "change");
   }

@@ -1,11 +1,13 @@
 /** The page: settings lead to a run, the run and the time to all that is drawn. */
 
+import { RELEASES } from "../model.js";
 import { forgetColours, whenResized } from "./canvas.js";
 import { CONTROLS, admit, linkOf, readLink, settingsOf, stateOf, withValue } from "./controls.js";
 import { film, filmType, runCsv, save, scenarioYaml } from "./export.js";
 import { listenToStage, releasedAt } from "./dragging.js";
 import { FitPanel, studyYaml } from "./fit_panel.js";
 import { History } from "./history.js";
+import { Speech } from "./language.js";
 import { HaltMap } from "./map.js";
 import { changeOf, fillTable, resultOf, showEvents } from "./outcome.js";
 import { Player } from "./player.js";
@@ -13,7 +15,7 @@ import { KINDS, Plot } from "./plots.js";
 import { ShownRun } from "./shown_run.js";
 import { Sliders } from "./sliders.js";
 import { Stage } from "./stage.js";
-import { MODES, RELEASES, text } from "./texts.js";
+import { LANGUAGES, fixed, shown, text, textsOf } from "./texts.js";
 import { TrialPanel } from "./trial_panel.js";
 
 /** @typedef {import("./controls.js").State} State */
@@ -36,6 +38,7 @@ class Page {
   /** @param {PageData} data @param {string} source this script, which the worker runs, too */
   constructor(data, source) {
     this.data = data;
+    this.speech = new Speech(element, () => this.relabel());
     admit(data.presets);
     const first = data.presets.find(({ name }) => name === data.start) ?? data.presets[0];
     /** Link of each scenario's settings -> the scenario. */
@@ -66,6 +69,7 @@ class Page {
     this.costs = [];
     this.frames = 0;
     this.listen();
+    this.relabel();
     this.readAddress();
     this.change();
   }
@@ -84,9 +88,21 @@ class Page {
     return /** @type {HTMLInputElement} */ (element(id)).checked;
   }
 
-  /** @param {string} id @param {string} words */
+  /** @param {string} id @param {string | (() => string)} words a function if they shall stay in another language, too */
   say(id, words) {
-    if (element(id).textContent !== words) element(id).textContent = words;
+    this.speech.say(id, words);
+  }
+
+  /** Write all words of the page in its language. */
+  relabel() {
+    this.speech.fill();
+    this.sliders.relabel();
+    for (const { kind, box } of this.plots) box.setAttribute("aria-label", text("plotLabel", { title: text(kind.title) }));
+    const options = new Map([...this.select("preset").options].map((option) => [option.value, option]));
+    for (const preset of this.data.presets) /** @type {HTMLOptionElement} */ (options.get(preset.name)).text = textsOf(preset).title;
+    this.trial.relabel();
+    this.fit.relabel();
+    this.change();
   }
 
   /** @param {import("./plots.js").Kind} kind */
@@ -95,13 +111,16 @@ class Page {
     box.className = "plot";
     box.dataset.plot = kind.id;
     box.setAttribute("role", "img");
-    box.setAttribute("aria-label", `${kind.title} over time; the numbers are in the table of the run`);
     element("plots").append(box);
     return new Plot(box, kind, (time) => this.player.stopAt(time));
   }
 
   listen() {
-    for (const { name, title } of this.data.presets) this.select("preset").append(new Option(title, name));
+    for (const { name } of this.data.presets) this.select("preset").append(new Option("", name));
+    this.select("language").addEventListener("change", () => {
+      this.speech.speak(this.select("language").value);
+      this.writeAddress();
+    });
     this.select("preset").addEventListener("change", () => {
       const preset = this.data.presets.find(({ name }) => name === this.select("preset").value);
       if (preset) this.set(stateOf(preset));
@@ -128,6 +147,7 @@ class Page {
     whenResized(() => this.change());
     Theme.onChange(() => {
       forgetColours();
+      this.speech.nameTheme();
       this.change();
     });
     listenToStage(this.stage, {
@@ -212,30 +232,38 @@ class Page {
 
   readAddress() {
     const link = location.hash.slice(1);
-    if (!link || link === linkOf(this.state)) return;
+    this.speech.speak(new URLSearchParams(link).get("lang") ?? "");
+    if (!link || `#${link}` === this.address) return;
     const { state, faults } = readLink(link, this.state);
     this.history.settle();
     this.history.present = state;
     this.history.settle();
     const [fault] = faults;
     const { key = "", text: found = "", min = "", max = "" } = fault ?? {};
-    const words = min === "" ? text("badRelease", { text: found, names: Object.keys(RELEASES).join(", ") }) : text("badLink", { key, text: found, min, max });
-    this.say("fault", fault ? words : "");
+    const words = () =>
+      min === "" ? text("badRelease", { text: found, names: Object.keys(RELEASES).join(", ") }) : text("badLink", { key, text: found, min, max });
     this.linkFault = fault ? words : "";
+    this.say("fault", this.linkFault);
     this.change();
   }
 
+  /** What the address says of the settings, and of the language if one was chosen. */
+  get address() {
+    const { chosen } = this.speech;
+    return `#${linkOf(this.state)}${chosen && `&lang=${chosen}`}`;
+  }
+
   writeAddress() {
-    window.history.replaceState(null, "", `#${linkOf(this.state)}`);
+    window.history.replaceState(null, "", this.address);
   }
 
   async copyLink() {
     this.writeAddress();
     try {
       await navigator.clipboard.writeText(location.href);
-      this.say("copied", text("copied"));
+      this.say("copied", () => text("copied"));
     } catch {
-      this.say("copied", text("notCopied")); // a page from a folder may not be allowed to
+      this.say("copied", () => text("notCopied")); // a page from a folder may not be allowed to
     }
   }
 
@@ -244,7 +272,7 @@ class Page {
     if (this.endFilm) return;
     this.player.stopAt(0);
     this.endFilm = film(/** @type {HTMLCanvasElement} */ (element("stage")));
-    this.say("copied", text("films"));
+    this.say("copied", () => text("films"));
     this.player.play();
   }
 
@@ -298,7 +326,8 @@ class Page {
         this.say("fault", this.linkFault);
         this.linkFault = "";
       } catch (error) {
-        this.say("fault", text("cannotRun", { fault: error instanceof Error ? error.message : String(error) }));
+        const isTooShort = error instanceof RangeError && error.message.startsWith("free_length");
+        this.say("fault", () => text(isTooShort ? "tooShort" : "cannotRun"));
       }
       this.computed = JSON.stringify(settings);
     }
@@ -307,10 +336,10 @@ class Page {
     for (const plot of this.plots) plot.show(this.run, this.ghost);
     const preset = this.presetOfLink.get(linkOf(state));
     this.select("preset").value = preset?.name ?? "";
-    this.say("story", preset?.description ?? "");
+    this.say("story", preset ? textsOf(preset).description : "");
     this.button("undo").disabled = !this.history.past.length;
     this.button("redo").disabled = !this.history.undone.length;
-    this.say("heavy-mass", `M2 = ${Number((state.values.light_mass * state.values.mass_ratio).toPrecision(4))} g`);
+    this.say("heavy-mass", `M2 = ${shown(Number((state.values.light_mass * state.values.mass_ratio).toPrecision(4)))} g`);
     this.say("result", resultOf(this.run));
     this.say("compared", changeOf(this.run, this.ghost));
     this.say("map-state", state.release === "looping" ? "" : text("mapNoLoop"));
@@ -320,6 +349,7 @@ class Page {
     this.table();
   }
 
+  /** @type {string | (() => string)} */
   linkFault = "";
   computed = "";
 
@@ -361,12 +391,12 @@ class Page {
     });
     for (const plot of this.plots) plot.draw(time);
     this.map.draw(this.state);
-    const [least, most] = this.map.range.map((drop) => (Number.isFinite(drop) ? `${Math.round(CENTIMETRES * drop)} cm` : ""));
+    const [least, most] = this.map.range.map((drop) => (Number.isFinite(drop) ? `${fixed(CENTIMETRES * drop, 0)} cm` : ""));
     this.say("map-least", least);
     this.say("map-most", most);
     this.player.draw();
     const { mode } = this.run.at(time);
-    this.say("doing", time === 0 ? text("start") : MODES[/** @type {keyof typeof MODES} */ (mode)]);
+    this.say("doing", time === 0 ? text("start") : text(`mode.${mode}`));
   }
 }
 
@@ -381,5 +411,5 @@ function nearest(points, time) {
 export function startPage(source) {
   const data = /** @type {PageData} */ (JSON.parse(element("live-data").textContent ?? ""));
   // For tests and benchmarks, which look at what the page draws
-  Object.assign(window, { live: new Page(data, source), liveControls: CONTROLS });
+  Object.assign(window, { live: new Page(data, source), liveControls: CONTROLS, liveLanguages: LANGUAGES });
 }
