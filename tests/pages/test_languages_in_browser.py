@@ -136,6 +136,28 @@ def test_nothing_on_the_page_stays_english(german, tables):
     page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = false; })")
 
 
+def test_the_lesson_is_told_in_german(german, tables):
+    page = german.page
+    page.evaluate("document.getElementById('lesson').open = true")
+    for place in range(page.locator("#lesson-steps button").count()):
+        page.locator("#lesson-steps button").nth(place).click()
+        page.click("#lesson-change")  # without a prediction
+        assert_german(page, tables)
+        if page.locator("#lesson-number").count():
+            page.fill("#lesson-number", "5,5")
+        else:
+            page.locator("#lesson-options input").last.check()
+        page.click("#lesson-change")
+        until(page, "live.lesson.watched === null")
+        settled(page)
+        assert_german(page, tables)
+        if page.is_visible("#lesson-check"):
+            page.click("#lesson-check")
+            page.wait_for_timeout(50)
+            assert_german(page, tables)
+    page.evaluate("document.getElementById('lesson').open = false")
+
+
 def test_a_trial_and_its_fit_are_told_in_german(german, tables):
     page = german.page
     rows = "".join(f"{0.01 * i:.2f};{-0.05 * i:.3f};{-0.3 - 0.01 * i:.3f};\n".replace(".", ",") for i in range(20))

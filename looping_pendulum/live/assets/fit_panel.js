@@ -33,6 +33,8 @@ export class FitPanel {
     this.worker = null;
     /** What is said: a text, or what a fit gave. @type {(() => void) | null} */
     this.message = null;
+    /** What the last fit left, and of which file. @type {{file: unknown, isNoise: boolean, alike: number, after: number} | null} */
+    this.fitted = null;
     this.button = /** @type {HTMLButtonElement} */ (element("trial-fit"));
     this.button.addEventListener("click", () => this.start());
   }
@@ -81,13 +83,15 @@ export class FitPanel {
   /** @param {FitResult} result */
   take({ parameters, before, after, alike, converged }) {
     this.button.disabled = false;
+    this.fitted = { file: this.trial.file, isNoise: alike <= MAX_CORRELATION, alike, after };
+    const { isNoise } = this.fitted;
     const rows = parameters.map(({ name, value, error }) => {
       const { unit, factor } = AXIS.test(name) ? { unit: "cm", factor: 1e-2 } : controlOf(name);
       return { name, unit, ...rounded(value / factor, error / factor) };
     });
     this.say(() => {
       const [more, less] = [before, after].map((x) => shown((CENTIMETRES * x).toPrecision(2)));
-      const noise = alike > MAX_CORRELATION ? text("fitNotNoise", { alike: fixed(alike, 2) }) : text("fitNoise");
+      const noise = isNoise ? text("fitNoise") : text("fitNotNoise", { alike: fixed(alike, 2) });
       return [text("fitDone", { before: more, after: less }), noise, converged ? "" : text("fitNotConverged")].join(" ").trim();
     }, rows);
     const values = Object.fromEntries(rows.map(({ name, value }) => [name, value]));

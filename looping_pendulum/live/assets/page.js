@@ -8,6 +8,7 @@ import { listenToStage, releasedAt } from "./dragging.js";
 import { FitPanel, studyYaml } from "./fit_panel.js";
 import { History } from "./history.js";
 import { Speech } from "./language.js";
+import { LessonPanel } from "./lesson/panel.js";
 import { HaltMap } from "./map.js";
 import { changeOf, fillTable, resultOf, showEvents } from "./outcome.js";
 import { Player } from "./player.js";
@@ -55,6 +56,7 @@ class Page {
     this.map = new HaltMap(map, startWorker, (values) => this.pick(values), () => this.wake());
     this.trial = new TrialPanel(element, () => this.change());
     this.fit = new FitPanel(element, this.trial, startWorker, () => this.state, (values) => this.takeFit(values));
+    this.lesson = new LessonPanel(element, this);
     this.sliders = new Sliders(element("settings"), element("more-settings"), this.select("release"), {
       current: () => this.state.values,
       onMove: (name, value) => this.move(withValue(this.state, name, value)),
@@ -102,6 +104,7 @@ class Page {
     for (const preset of this.data.presets) /** @type {HTMLOptionElement} */ (options.get(preset.name)).text = textsOf(preset).title;
     this.trial.relabel();
     this.fit.relabel();
+    this.lesson.relabel();
     this.change();
   }
 
@@ -156,9 +159,21 @@ class Page {
       onMove: (place) => this.move(releasedAt(this.state, place)),
       onLetGo: () => {
         this.settle();
-        if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches) this.player.play();
+        this.play();
       },
     });
+  }
+
+  /** Play, unless the reader wants nothing to move; return whether it plays. */
+  play() {
+    const moves = !window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+    if (moves) this.player.play();
+    return moves;
+  }
+
+  /** @param {number} time */
+  stopAt(time) {
+    this.player.stopAt(time);
   }
 
   /** @param {KeyboardEvent} event */
@@ -331,7 +346,7 @@ class Page {
       }
       this.computed = JSON.stringify(settings);
     }
-    this.ghost = this.ghostOf(this.history.before);
+    this.ghost = this.ghostOf(this.lesson.beside(state) ?? this.history.before);
     this.player.time = Math.min(this.player.time, this.run.end);
     for (const plot of this.plots) plot.show(this.run, this.ghost);
     const preset = this.presetOfLink.get(linkOf(state));
@@ -380,7 +395,8 @@ class Page {
   /** Draw all that moves with the time. */
   draw() {
     const { time } = this.player;
-    const points = { light: this.trial.points("light"), heavy: this.trial.points("heavy") };
+    const film = this.lesson.points;
+    const points = film ? { light: film, heavy: [] } : { light: this.trial.points("light"), heavy: this.trial.points("heavy") };
     this.stage.draw({
       run: this.run,
       ghost: this.ghost,
@@ -395,6 +411,7 @@ class Page {
     this.say("map-least", least);
     this.say("map-most", most);
     this.player.draw();
+    this.lesson.watch(this.run, time);
     const { mode } = this.run.at(time);
     this.say("doing", time === 0 ? text("start") : text(`mode.${mode}`));
   }
