@@ -23,7 +23,15 @@ CONTRIBUTING = (PROJECT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 WORKFLOW = ".github/workflows/ci.yml"
 SETTINGS = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))
 NAMED = re.compile(r"([\w./]+):(\w+)")
-THINGS = ["an engine", "an effect", "an error of the camera", "a metric", "a map column", "a reader of measured data"]
+THINGS = [
+    "an engine",
+    "an effect",
+    "an error of the camera",
+    "a metric",
+    "a language of the live page",
+    "a map column",
+    "a reader of measured data",
+]
 YAML_FILES = sorted(
     path.relative_to(PROJECT).as_posix()
     for pattern in (".github/**/*.yml", ".binder/*.yml", ".pre-commit-config.yaml", "recipe/*.yaml", "CITATION.cff")

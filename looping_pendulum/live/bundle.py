@@ -11,7 +11,7 @@ from posixpath import dirname, join, normpath
 PACKAGE = "looping_pendulum.live"
 _IMPORT = re.compile(r"^import \{([^}]*)\} from \"(\.[^\"]+)\";\n", re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:const|let|class|function)\b)", re.MULTILINE)
-_NAME = re.compile(r"^export (?:async )?(?:const|let|class|function) (\w+)", re.MULTILINE)
+_NAME = re.compile(r"^export (?:async )?(?:const|let|class|function\*?) (\w+)", re.MULTILINE)
 _NAMES_OF_OTHERS = re.compile(r"^export \{([^}]*)\};\n", re.MULTILINE)
 _OTHER_FORM = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
 

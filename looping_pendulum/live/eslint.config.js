@@ -8,7 +8,7 @@ export default [
     files: ["assets/**"],
     languageOptions: {
       globals: Object.fromEntries(
-        ["window", "document", "location", "navigator", "self", "Worker", "Blob", "URL", "URLSearchParams", "TextDecoder", "Option", "Theme",
+        ["window", "document", "location", "navigator", "self", "Worker", "Blob", "File", "URL", "URLSearchParams", "TextDecoder", "Option", "Theme",
           "IntersectionObserver", "ResizeObserver", "MediaRecorder", "performance", "requestAnimationFrame", "getComputedStyle", "setTimeout", "clearTimeout",
         ].map((name) => [name, "readonly"]),
       ),

@@ -41,7 +41,7 @@ def render(scenario: Scenario | None = None) -> str:
         blob_workers=True,
         data={
             "live-data": {
-                "presets": [_preset(s) for s in (*own, *shipped)],
+                "presets": [_preset(s, shipped=s in shipped) for s in (*own, *shipped)],
                 "start": FIRST if scenario is None else scenario.name,
                 "keys": {name: file_key(name) for name in ("release", *NUMBERS, *live_coefficients())},
             }
@@ -55,8 +55,8 @@ def write(path: Path, scenario: Scenario | None = None) -> None:
     write_atomically(path, render(scenario))
 
 
-def _preset(scenario: Scenario) -> dict[str, Any]:
-    """Return a scenario as the page reads it: SI units and radians."""
+def _preset(scenario: Scenario, *, shipped: bool) -> dict[str, Any]:
+    """Return a scenario as the page reads it: SI units and radians; the page's languages have the texts of shipped ones."""
     try:
         settings = live_settings(scenario.parameters)
     except ParameterError as error:
@@ -65,6 +65,7 @@ def _preset(scenario: Scenario) -> dict[str, Any]:
         "name": scenario.name,
         "title": scenario.title,
         "description": " ".join(scenario.description.split()),
+        "shipped": shipped,
         "release": settings.pop("release"),
         "settings": settings,
     }

@@ -6,7 +6,8 @@ for await (const part of process.stdin) text += part;
 const results = JSON.parse(text).map(({ file, bytes, options }) => {
   try {
     const { channels, unused, assumptions } = readTrial(file, Buffer.from(bytes, "base64"), options);
-    return { channels, unused: Object.fromEntries(unused), assumptions };
+    const counts = unused.map(({ channel, reason, count }) => [channel ? `${channel}: ${reason}` : reason, count]);
+    return { channels, unused: Object.fromEntries(counts), assumptions };
   } catch (error) {
     if (!(error instanceof DataError)) throw error;
     return { message: error.message };

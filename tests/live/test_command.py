@@ -48,7 +48,7 @@ def modules(tmp_path, monkeypatch, **sources):
 
 
 def test_a_module_stands_once_and_before_those_that_import_it(tmp_path, monkeypatch):
-    low = "export const a = 1;\n"
+    low = "export const a = 1;\nexport function* numbers() {}\n"
     modules(
         tmp_path,
         monkeypatch,
@@ -60,6 +60,7 @@ def test_a_module_stands_once_and_before_those_that_import_it(tmp_path, monkeypa
     assert [script.count(f"const module_{name} =") for name in ("low", "middle", "main")] == [1, 1, 1]
     assert script.index("module_low =") < script.index("module_middle =") < script.index("module_main =")
     assert "import" not in script
+    assert "return { a, numbers };" in script
 
 
 @pytest.mark.parametrize(

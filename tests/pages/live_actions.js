@@ -22,7 +22,7 @@ async ([seed, count]) => {
   }
 
   function chosen() {
-    const select = pick(all("#preset, #release"));
+    const select = pick(all("#preset, #release, #language"));
     select.value = pick([...select.options]).value;
     send(select, "change");
   }
@@ -41,9 +41,15 @@ async ([seed, count]) => {
     document.body.dispatchEvent(new KeyboardEvent("keydown", options));
   }
 
+  function predicted() {
+    const input = pick(all("#lesson-options input"));
+    if (input.type === "radio") input.click();
+    else { input.value = pick(["3", "4,9", "x"]); send(input, "input"); }
+  }
+
   const links = ["", "mass_ratio=3", "release=held&release_angle_deg=30", "nonsense", "rod_radius_mm=1e5", "%E0%A4"];
   const actions = [
-    slider, typed, chosen, dragged, key,
+    slider, typed, chosen, dragged, key, predicted,
     () => pick(all("button:not([id^=save])").filter((b) => !b.disabled)).click(),
     () => pick(all("input[type=checkbox]")).click(),
     () => { location.hash = pick(links); },

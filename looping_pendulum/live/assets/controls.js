@@ -1,37 +1,38 @@
 /** The settings that can be changed: their ranges and units, and the state of them all. */
 
-import { RELEASES } from "./texts.js";
+import { RELEASES } from "../model.js";
 
 /**
- * @typedef {{name: string, label: string, key: string, unit: string, factor: number, min: number, max: number, step: number,
+ * @typedef {{name: string, key: string, unit: string, factor: number, min: number, max: number, step: number,
  *   more: boolean}} Control `key`: its name in a link; `factor`: SI units in one shown unit; `more`: seldom needed
  * @typedef {{release: string, values: Record<string, number>}} State values in the units that are shown
- * @typedef {{name: string, title: string, description: string, release: string, settings: Record<string, number>}} Preset
+ * @typedef {{name: string, title: string, description: string, shipped: boolean, release: string,
+ *   settings: Record<string, number>}} Preset
  */
 
 const DEGREE = Math.PI / 180;
 
 /** @type {Control[]} */
 export const CONTROLS = [
-  control("release_angle", "Angle of the string", "deg", "°", DEGREE, 5, 175, 1),
-  control("free_length", "Length of the free string", "cm", "cm", 1e-2, 10, 150, 1),
-  control("light_mass", "Light mass M1", "g", "g", 1e-3, 1, 100, 1),
-  control("mass_ratio", "Mass ratio M2/M1", "", "", 1, 1, 20, 0.1),
-  control("rod_radius", "Radius of the rod", "mm", "mm", 1e-3, 1, 40, 0.25),
-  control("kinetic_friction", "Friction, string sliding", "", "", 1, 0, 1, 0.01),
-  control("static_friction", "Friction, string at rest", "", "", 1, 0, 1, 0.01),
-  control("light_drag", "Air drag of M1", "g_per_m", "g/m", 1e-3, 0, 5, 0.05),
-  control("heavy_drag", "Air drag of M2", "g_per_m", "g/m", 1e-3, 0, 5, 0.05, true),
-  control("string_drag", "Air drag of the string", "g_per_m2", "g/m²", 1e-3, 0, 10, 0.05, true),
-  control("light_linear_drag", "Drag of M1, proportional to speed", "g_per_s", "g/s", 1e-3, 0, 10, 0.1, true),
-  control("heavy_linear_drag", "Drag of M2, proportional to speed", "g_per_s", "g/s", 1e-3, 0, 10, 0.1, true),
-  control("wind_speed", "Wind to the right", "m_per_s", "m/s", 1, -3, 3, 0.1, true),
-  control("side_force", "Force to the right on M1", "mN", "mN", 1e-3, -20, 20, 0.5, true),
-  control("push_across", "Push of M1 across the string", "m_per_s", "m/s", 1, -3, 3, 0.05, true),
-  control("push_along", "Push of M1 along the string", "m_per_s", "m/s", 1, -3, 3, 0.05, true),
-  control("gravity", "Gravity", "m_per_s2", "m/s²", 1, 1, 25, 0.01, true),
-  control("hanging_length", "Hanging string at the start", "cm", "cm", 1e-2, 1, 30, 0.5, true),
-  control("light_radius", "Size (radius) of M1", "mm", "mm", 1e-3, 0, 20, 0.5, true),
+  control("release_angle", "deg", "°", DEGREE, 5, 175, 1),
+  control("free_length", "cm", "cm", 1e-2, 10, 150, 1),
+  control("light_mass", "g", "g", 1e-3, 1, 100, 1),
+  control("mass_ratio", "", "", 1, 1, 20, 0.1),
+  control("rod_radius", "mm", "mm", 1e-3, 1, 40, 0.25),
+  control("kinetic_friction", "", "", 1, 0, 1, 0.01),
+  control("static_friction", "", "", 1, 0, 1, 0.01),
+  control("light_drag", "g_per_m", "g/m", 1e-3, 0, 5, 0.05),
+  control("heavy_drag", "g_per_m", "g/m", 1e-3, 0, 5, 0.05, true),
+  control("string_drag", "g_per_m2", "g/m²", 1e-3, 0, 10, 0.05, true),
+  control("light_linear_drag", "g_per_s", "g/s", 1e-3, 0, 10, 0.1, true),
+  control("heavy_linear_drag", "g_per_s", "g/s", 1e-3, 0, 10, 0.1, true),
+  control("wind_speed", "m_per_s", "m/s", 1, -3, 3, 0.1, true),
+  control("side_force", "mN", "mN", 1e-3, -20, 20, 0.5, true),
+  control("push_across", "m_per_s", "m/s", 1, -3, 3, 0.05, true),
+  control("push_along", "m_per_s", "m/s", 1, -3, 3, 0.05, true),
+  control("gravity", "m_per_s2", "m/s²", 1, 1, 25, 0.01, true),
+  control("hanging_length", "cm", "cm", 1e-2, 1, 30, 0.5, true),
+  control("light_radius", "mm", "mm", 1e-3, 0, 20, 0.5, true),
 ];
 const BY_NAME = new Map(CONTROLS.map((one) => [one.name, one]));
 
@@ -44,10 +45,10 @@ export function controlOf(name) {
 
 /** @returns {Control} */
 function control(
-  /** @type {string} */ name, /** @type {string} */ label, /** @type {string} */ unitInKey, /** @type {string} */ unit,
+  /** @type {string} */ name, /** @type {string} */ unitInKey, /** @type {string} */ unit,
   /** @type {number} */ factor, /** @type {number} */ min, /** @type {number} */ max, /** @type {number} */ step, more = false,
 ) {
-  return { name, label, key: unitInKey ? `${name}_${unitInKey}` : name, unit, factor, min, max, step, more };
+  return { name, key: unitInKey ? `${name}_${unitInKey}` : name, unit, factor, min, max, step, more };
 }
 
 /** Number without the noise of its last digits. @param {number} x */

@@ -1,16 +1,18 @@
 /** The fit of a trial: its button, its result in words, and the study file for `identify`. */
 
-import { CONTROLS, settingsOf, tidy } from "./controls.js";
+import { controlOf, settingsOf, tidy } from "./controls.js";
 import { durationOf } from "./shown_run.js";
-import { text } from "./texts.js";
+import { fixed, shown, text } from "./texts.js";
 
 /** @typedef {import("./controls.js").State} State */
 /** @typedef {import("./trial/fit.js").FitResult} FitResult */
 /** @typedef {import("./trial_panel.js").TrialPanel} TrialPanel */
+/** @typedef {{name: string, unit: string, value: number, words: () => string}} FittedNumber in the unit that is shown */
 
 /** Correlation of neighbouring residuals above which they are no noise: of a hundred points' noise, one in a thousand has more. */
 const MAX_CORRELATION = 0.3;
 const CENTIMETRES = 100;
+const AXIS = /^origin_([xy])$/;
 
 /** Has a worker fit the trial, and shows what it found. */
 export class FitPanel {
@@ -29,6 +31,10 @@ export class FitPanel {
     this.onFitted = onFitted;
     /** @type {Worker | null} */
     this.worker = null;
+    /** What is said: a text, or what a fit gave. @type {(() => void) | null} */
+    this.message = null;
+    /** What the last fit left, and of which file. @type {{file: unknown, isNoise: boolean, alike: number, after: number} | null} */
+    this.fitted = null;
     this.button = /** @type {HTMLButtonElement} */ (element("trial-fit"));
     this.button.addEventListener("click", () => this.start());
   }
@@ -39,16 +45,16 @@ export class FitPanel {
     const [light, heavy] = [this.trial.points("light", false), this.trial.points("heavy", false)].map((points) =>
       points.filter(([t]) => t >= 0 && t <= duration),
     );
-    if (settings.release !== "looping") this.say(text("fitNeedsLoop"));
-    else if (light.length < 10) this.say(text("fitNeedsPoints", { count: light.length }));
+    if (settings.release !== "looping") this.say(() => text("fitNeedsLoop"));
+    else if (light.length < 10) this.say(() => text("fitNeedsPoints", { count: light.length }));
     else {
       this.button.disabled = true;
-      this.say(text("fitWorks"));
+      this.say(() => text("fitWorks"));
       this.worker ??= this.startWorker();
       this.worker.onmessage = ({ data }) => this.take(/** @type {FitResult} */ (data));
       this.worker.onerror = () => {
         this.button.disabled = false;
-        this.say(text("fitFails"));
+        this.say(() => text("fitFails"));
       };
       /** @type {import("./trial/fit.js").FitTask} */
       const task = { settings, light, heavy, duration };
@@ -56,32 +62,41 @@ export class FitPanel {
     }
   }
 
-  /** @param {string} words */
-  say(words) {
-    this.element("fit-message").textContent = words;
-    this.element("fit-table").replaceChildren();
+  /** @param {() => string} words @param {FittedNumber[]} rows */
+  say(words, rows = []) {
+    this.message = () => {
+      this.element("fit-message").textContent = words();
+      this.element("fit-table").replaceChildren(...rows.map(({ name, unit, words }) => {
+        const axis = AXIS.exec(name)?.[1];
+        const label = axis ? text("axisInFile", { axis }) : text(`setting.${name}`);
+        return Object.assign(document.createElement("li"), { textContent: `${label}: ${words()}${unit ? ` ${unit}` : ""}` });
+      }));
+    };
+    this.message();
+  }
+
+  /** Say what was said last in the language of the page, if it still stands there. */
+  relabel() {
+    if (this.element("fit-message").textContent) this.message?.();
   }
 
   /** @param {FitResult} result */
   take({ parameters, before, after, alike, converged }) {
     this.button.disabled = false;
-    const [more, less] = [before, after].map((x) => (CENTIMETRES * x).toPrecision(2));
-    const noise = alike > MAX_CORRELATION ? text("fitNotNoise", { alike: alike.toFixed(2) }) : text("fitNoise");
-    this.say([text("fitDone", { before: more, after: less }), noise, converged ? "" : text("fitNotConverged")].join(" ").trim());
-    /** @type {Record<string, number>} */
-    const values = {};
-    for (const { name, value, error } of parameters) {
-      const { label, unit, factor } = CONTROLS.find((one) => one.name === name) ?? {
-        label: text(name === "origin_x" ? "originX" : "originY"), unit: "cm", factor: 1e-2,
-      };
-      const shown = rounded(value / factor, error / factor);
-      values[name] = shown.value;
-      const item = document.createElement("li");
-      item.textContent = `${label}: ${shown.words}${unit ? ` ${unit}` : ""}`;
-      this.element("fit-table").append(item);
-    }
+    this.fitted = { file: this.trial.file, isNoise: alike <= MAX_CORRELATION, alike, after };
+    const { isNoise } = this.fitted;
+    const rows = parameters.map(({ name, value, error }) => {
+      const { unit, factor } = AXIS.test(name) ? { unit: "cm", factor: 1e-2 } : controlOf(name);
+      return { name, unit, ...rounded(value / factor, error / factor) };
+    });
+    this.say(() => {
+      const [more, less] = [before, after].map((x) => shown((CENTIMETRES * x).toPrecision(2)));
+      const noise = isNoise ? text("fitNoise") : text("fitNotNoise", { alike: fixed(alike, 2) });
+      return [text("fitDone", { before: more, after: less }), noise, converged ? "" : text("fitNotConverged")].join(" ").trim();
+    }, rows);
+    const values = Object.fromEntries(rows.map(({ name, value }) => [name, value]));
     for (const axis of ["x", "y"]) {
-      /** @type {HTMLInputElement} */ (this.element(`trial-origin-${axis}`)).value = String(values[`origin_${axis}`]);
+      /** @type {HTMLInputElement} */ (this.element(`trial-origin-${axis}`)).value = shown(values[`origin_${axis}`]);
     }
     this.onFitted(values);
   }
@@ -89,9 +104,11 @@ export class FitPanel {
 
 /** A value and its standard error, with two digits of the error. @param {number} value @param {number} error */
 function rounded(value, error) {
-  if (!(error > 0 && error < Infinity)) return { value: Number(value.toPrecision(6)), words: `${Number(value.toPrecision(4))} (not determined)` };
+  if (!(error > 0 && error < Infinity)) {
+    return { value: Number(value.toPrecision(6)), words: () => text("notDetermined", { value: Number(value.toPrecision(4)) }) };
+  }
   const digits = Math.min(8, Math.max(0, 1 - Math.floor(Math.log10(error))));
-  return { value: Number(value.toFixed(digits)), words: `${value.toFixed(digits)} ± ${error.toFixed(digits)}` };
+  return { value: Number(value.toFixed(digits)), words: () => `${fixed(value, digits)} ± ${fixed(error, digits)}` };
 }
 
 /**

@@ -2,6 +2,7 @@
 
 import { colours, fitted, polyline, ticks, write } from "./canvas.js";
 import { controlOf, settingsOf } from "./controls.js";
+import { shown, text } from "./texts.js";
 
 /** @typedef {import("./controls.js").State} State */
 /** @typedef {import("./map_worker.js").MapRow} MapRow */
@@ -123,13 +124,13 @@ export class HaltMap {
     const [angle, ratio] = [controlOf("release_angle"), controlOf("mass_ratio")];
     const px = (/** @type {number} */ v) => EDGE.left + ((v - angle.min) / (angle.max - angle.min)) * wide;
     const py = (/** @type {number} */ v) => EDGE.top + tall * (1 - (v - ratio.min) / (ratio.max - ratio.min));
-    for (const v of ticks(angle.min, angle.max)) write(c, `${v}°`, px(v), height - 24, { colour: soft, size: 11, align: "center" });
-    for (const v of ticks(ratio.min, ratio.max)) write(c, String(v), EDGE.left - 6, py(v), { colour: soft, size: 11, align: "right" });
-    write(c, "angle of the string", EDGE.left + wide / 2, height - 8, { colour: soft, size: 11, align: "center" });
+    for (const v of ticks(angle.min, angle.max)) write(c, `${shown(v)}°`, px(v), height - 24, { colour: soft, size: 11, align: "center" });
+    for (const v of ticks(ratio.min, ratio.max)) write(c, shown(v), EDGE.left - 6, py(v), { colour: soft, size: 11, align: "right" });
+    write(c, text("mapAngle"), EDGE.left + wide / 2, height - 8, { colour: soft, size: 11, align: "center" });
     c.save();
     c.translate(11, EDGE.top + tall / 2);
     c.rotate(-Math.PI / 2);
-    write(c, "mass ratio M2/M1", 0, 0, { colour: soft, size: 11, align: "center" });
+    write(c, text("mapRatio"), 0, 0, { colour: soft, size: 11, align: "center" });
     c.restore();
     const [x, y] = [px(state.values.release_angle), py(state.values.mass_ratio)];
     for (const [colour, thick] of /** @type {[string, number][]} */ ([[panel, 5], [ink, 2]])) {

@@ -1,6 +1,6 @@
 /** What came of a run, in words, as buttons and as a table. */
 
-import { EVENTS, MODES, text } from "./texts.js";
+import { fixed, language, text } from "./texts.js";
 
 /** @typedef {import("./shown_run.js").ShownRun} ShownRun */
 
@@ -10,19 +10,19 @@ const TABLE_ROWS = 20;
 /** Whether and when the heavy mass halts. @param {ShownRun} run */
 export function resultOf({ halt, dropAtHalt, end, ending, release, events, modeAtStart }) {
   if (halt !== null && dropAtHalt !== null) {
-    return text("halts", { time: halt.toFixed(4), drop: (CENTIMETRES * dropAtHalt).toFixed(1) });
+    return text("halts", { time: fixed(halt, 4), drop: fixed(CENTIMETRES * dropAtHalt, 1) });
   }
   if (release === "held" || release === "drop") return text(release);
   if (ending === "time_up" && events.length === 1 && modeAtStart === "sticking") return text("stays");
-  if (ending === "time_up") return text("goesOn", { time: end.toFixed(1) });
-  return text(release === "vertical" ? "pulledUp" : "neverHalts", { ending: EVENTS[ending], time: end.toFixed(3) });
+  if (ending === "time_up") return text("goesOn", { time: fixed(end, 1) });
+  return text(release === "vertical" ? "pulledUp" : "neverHalts", { ending: text(`event.${ending}`), time: fixed(end, 3) });
 }
 
 /** The change against the ghost as numbers. @param {ShownRun} run @param {ShownRun | null} ghost */
 export function changeOf(run, ghost) {
   if (!ghost || (run.halt === null && ghost.halt === null)) return "";
   if (ghost.halt === null || ghost.dropAtHalt === null) return text("beforeNever");
-  const [time, drop] = [ghost.halt.toFixed(4), (CENTIMETRES * ghost.dropAtHalt).toFixed(1)];
+  const [time, drop] = [fixed(ghost.halt, 4), fixed(CENTIMETRES * ghost.dropAtHalt, 1)];
   if (run.halt === null || run.dropAtHalt === null) return text("before", { time, drop });
   const moreDrop = signed(CENTIMETRES * (run.dropAtHalt - ghost.dropAtHalt), 1);
   return text("change", { time, drop, moreTime: signed(run.halt - ghost.halt, 4), moreDrop });
@@ -30,20 +30,20 @@ export function changeOf(run, ghost) {
 
 /** @param {number} change @param {number} digits */
 function signed(change, digits) {
-  return `${change < 0 ? "−" : "+"}${Math.abs(change).toFixed(digits)}`;
+  return `${change < 0 ? "−" : "+"}${fixed(Math.abs(change), digits)}`;
 }
 
 /** Fill a list with buttons that go to the events of a run. @param {HTMLElement} list @param {ShownRun} run
  * @param {(time: number) => void} onTime */
 export function showEvents(list, run, onTime) {
   const wanted = run.events.slice(0, TABLE_ROWS);
-  const shown = JSON.stringify(wanted);
+  const shown = language() + JSON.stringify(wanted);
   if (list.dataset.shown === shown) return;
   list.dataset.shown = shown;
   list.replaceChildren(...wanted.map(({ kind, time }) => {
     const button = document.createElement("button");
     button.type = "button";
-    button.textContent = `${time.toFixed(3)} s: ${EVENTS[kind]}`;
+    button.textContent = `${fixed(time, 3)} s: ${text(`event.${kind}`)}`;
     button.addEventListener("click", () => onTime(time));
     const item = document.createElement("li");
     item.append(button);
@@ -56,9 +56,9 @@ export function fillTable(table, run) {
   table.tBodies[0].replaceChildren(...Array.from({ length: TABLE_ROWS + 1 }, (_, i) => {
     const s = run.at((i / TABLE_ROWS) * run.end);
     const row = document.createElement("tr");
-    const lengths = [...s.light, s.drop].map((x) => (CENTIMETRES * x).toFixed(1));
-    const numbers = [s.t.toFixed(3), ...lengths, s.turns.toFixed(2), s.lightTension.toFixed(3), s.heavyTension.toFixed(3)];
-    for (const words of [...numbers, MODES[/** @type {keyof typeof MODES} */ (s.mode)]]) row.insertCell().textContent = words;
+    const lengths = [...s.light, s.drop].map((x) => fixed(CENTIMETRES * x, 1));
+    const numbers = [fixed(s.t, 3), ...lengths, fixed(s.turns, 2), fixed(s.lightTension, 3), fixed(s.heavyTension, 3)];
+    for (const words of [...numbers, text(`mode.${s.mode}`)]) row.insertCell().textContent = words;
     return row;
   }));
 }

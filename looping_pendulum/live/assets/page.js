@@ -1,11 +1,14 @@
 /** The page: settings lead to a run, the run and the time to all that is drawn. */
 
+import { RELEASES } from "../model.js";
 import { forgetColours, whenResized } from "./canvas.js";
 import { CONTROLS, admit, linkOf, readLink, settingsOf, stateOf, withValue } from "./controls.js";
 import { film, filmType, runCsv, save, scenarioYaml } from "./export.js";
 import { listenToStage, releasedAt } from "./dragging.js";
 import { FitPanel, studyYaml } from "./fit_panel.js";
 import { History } from "./history.js";
+import { Speech } from "./language.js";
+import { LessonPanel } from "./lesson/panel.js";
 import { HaltMap } from "./map.js";
 import { changeOf, fillTable, resultOf, showEvents } from "./outcome.js";
 import { Player } from "./player.js";
@@ -13,7 +16,7 @@ import { KINDS, Plot } from "./plots.js";
 import { ShownRun } from "./shown_run.js";
 import { Sliders } from "./sliders.js";
 import { Stage } from "./stage.js";
-import { MODES, RELEASES, text } from "./texts.js";
+import { LANGUAGES, fixed, shown, text, textsOf } from "./texts.js";
 import { TrialPanel } from "./trial_panel.js";
 
 /** @typedef {import("./controls.js").State} State */
@@ -36,6 +39,7 @@ class Page {
   /** @param {PageData} data @param {string} source this script, which the worker runs, too */
   constructor(data, source) {
     this.data = data;
+    this.speech = new Speech(element, () => this.relabel());
     admit(data.presets);
     const first = data.presets.find(({ name }) => name === data.start) ?? data.presets[0];
     /** Link of each scenario's settings -> the scenario. */
@@ -52,6 +56,7 @@ class Page {
     this.map = new HaltMap(map, startWorker, (values) => this.pick(values), () => this.wake());
     this.trial = new TrialPanel(element, () => this.change());
     this.fit = new FitPanel(element, this.trial, startWorker, () => this.state, (values) => this.takeFit(values));
+    this.lesson = new LessonPanel(element, this);
     this.sliders = new Sliders(element("settings"), element("more-settings"), this.select("release"), {
       current: () => this.state.values,
       onMove: (name, value) => this.move(withValue(this.state, name, value)),
@@ -66,6 +71,7 @@ class Page {
     this.costs = [];
     this.frames = 0;
     this.listen();
+    this.relabel();
     this.readAddress();
     this.change();
   }
@@ -84,9 +90,22 @@ class Page {
     return /** @type {HTMLInputElement} */ (element(id)).checked;
   }
 
-  /** @param {string} id @param {string} words */
+  /** @param {string} id @param {string | (() => string)} words a function if they shall stay in another language, too */
   say(id, words) {
-    if (element(id).textContent !== words) element(id).textContent = words;
+    this.speech.say(id, words);
+  }
+
+  /** Write all words of the page in its language. */
+  relabel() {
+    this.speech.fill();
+    this.sliders.relabel();
+    for (const { kind, box } of this.plots) box.setAttribute("aria-label", text("plotLabel", { title: text(kind.title) }));
+    const options = new Map([...this.select("preset").options].map((option) => [option.value, option]));
+    for (const preset of this.data.presets) /** @type {HTMLOptionElement} */ (options.get(preset.name)).text = textsOf(preset).title;
+    this.trial.relabel();
+    this.fit.relabel();
+    this.lesson.relabel();
+    this.change();
   }
 
   /** @param {import("./plots.js").Kind} kind */
@@ -95,13 +114,16 @@ class Page {
     box.className = "plot";
     box.dataset.plot = kind.id;
     box.setAttribute("role", "img");
-    box.setAttribute("aria-label", `${kind.title} over time; the numbers are in the table of the run`);
     element("plots").append(box);
     return new Plot(box, kind, (time) => this.player.stopAt(time));
   }
 
   listen() {
-    for (const { name, title } of this.data.presets) this.select("preset").append(new Option(title, name));
+    for (const { name } of this.data.presets) this.select("preset").append(new Option("", name));
+    this.select("language").addEventListener("change", () => {
+      this.speech.speak(this.select("language").value);
+      this.writeAddress();
+    });
     this.select("preset").addEventListener("change", () => {
       const preset = this.data.presets.find(({ name }) => name === this.select("preset").value);
       if (preset) this.set(stateOf(preset));
@@ -128,6 +150,7 @@ class Page {
     whenResized(() => this.change());
     Theme.onChange(() => {
       forgetColours();
+      this.speech.nameTheme();
       this.change();
     });
     listenToStage(this.stage, {
@@ -136,9 +159,21 @@ class Page {
       onMove: (place) => this.move(releasedAt(this.state, place)),
       onLetGo: () => {
         this.settle();
-        if (!window.matchMedia("(prefers-reduced-motion: reduce)").matches) this.player.play();
+        this.play();
       },
     });
+  }
+
+  /** Play, unless the reader wants nothing to move; return whether it plays. */
+  play() {
+    const moves = !window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+    if (moves) this.player.play();
+    return moves;
+  }
+
+  /** @param {number} time */
+  stopAt(time) {
+    this.player.stopAt(time);
   }
 
   /** @param {KeyboardEvent} event */
@@ -212,30 +247,38 @@ class Page {
 
   readAddress() {
     const link = location.hash.slice(1);
-    if (!link || link === linkOf(this.state)) return;
+    this.speech.speak(new URLSearchParams(link).get("lang") ?? "");
+    if (!link || `#${link}` === this.address) return;
     const { state, faults } = readLink(link, this.state);
     this.history.settle();
     this.history.present = state;
     this.history.settle();
     const [fault] = faults;
     const { key = "", text: found = "", min = "", max = "" } = fault ?? {};
-    const words = min === "" ? text("badRelease", { text: found, names: Object.keys(RELEASES).join(", ") }) : text("badLink", { key, text: found, min, max });
-    this.say("fault", fault ? words : "");
+    const words = () =>
+      min === "" ? text("badRelease", { text: found, names: Object.keys(RELEASES).join(", ") }) : text("badLink", { key, text: found, min, max });
     this.linkFault = fault ? words : "";
+    this.say("fault", this.linkFault);
     this.change();
   }
 
+  /** What the address says of the settings, and of the language if one was chosen. */
+  get address() {
+    const { chosen } = this.speech;
+    return `#${linkOf(this.state)}${chosen && `&lang=${chosen}`}`;
+  }
+
   writeAddress() {
-    window.history.replaceState(null, "", `#${linkOf(this.state)}`);
+    window.history.replaceState(null, "", this.address);
   }
 
   async copyLink() {
     this.writeAddress();
     try {
       await navigator.clipboard.writeText(location.href);
-      this.say("copied", text("copied"));
+      this.say("copied", () => text("copied"));
     } catch {
-      this.say("copied", text("notCopied")); // a page from a folder may not be allowed to
+      this.say("copied", () => text("notCopied")); // a page from a folder may not be allowed to
     }
   }
 
@@ -244,7 +287,7 @@ class Page {
     if (this.endFilm) return;
     this.player.stopAt(0);
     this.endFilm = film(/** @type {HTMLCanvasElement} */ (element("stage")));
-    this.say("copied", text("films"));
+    this.say("copied", () => text("films"));
     this.player.play();
   }
 
@@ -298,19 +341,20 @@ class Page {
         this.say("fault", this.linkFault);
         this.linkFault = "";
       } catch (error) {
-        this.say("fault", text("cannotRun", { fault: error instanceof Error ? error.message : String(error) }));
+        const isTooShort = error instanceof RangeError && error.message.startsWith("free_length");
+        this.say("fault", () => text(isTooShort ? "tooShort" : "cannotRun"));
       }
       this.computed = JSON.stringify(settings);
     }
-    this.ghost = this.ghostOf(this.history.before);
+    this.ghost = this.ghostOf(this.lesson.beside(state) ?? this.history.before);
     this.player.time = Math.min(this.player.time, this.run.end);
     for (const plot of this.plots) plot.show(this.run, this.ghost);
     const preset = this.presetOfLink.get(linkOf(state));
     this.select("preset").value = preset?.name ?? "";
-    this.say("story", preset?.description ?? "");
+    this.say("story", preset ? textsOf(preset).description : "");
     this.button("undo").disabled = !this.history.past.length;
     this.button("redo").disabled = !this.history.undone.length;
-    this.say("heavy-mass", `M2 = ${Number((state.values.light_mass * state.values.mass_ratio).toPrecision(4))} g`);
+    this.say("heavy-mass", `M2 = ${shown(Number((state.values.light_mass * state.values.mass_ratio).toPrecision(4)))} g`);
     this.say("result", resultOf(this.run));
     this.say("compared", changeOf(this.run, this.ghost));
     this.say("map-state", state.release === "looping" ? "" : text("mapNoLoop"));
@@ -320,6 +364,7 @@ class Page {
     this.table();
   }
 
+  /** @type {string | (() => string)} */
   linkFault = "";
   computed = "";
 
@@ -350,7 +395,8 @@ class Page {
   /** Draw all that moves with the time. */
   draw() {
     const { time } = this.player;
-    const points = { light: this.trial.points("light"), heavy: this.trial.points("heavy") };
+    const film = this.lesson.points;
+    const points = film ? { light: film, heavy: [] } : { light: this.trial.points("light"), heavy: this.trial.points("heavy") };
     this.stage.draw({
       run: this.run,
       ghost: this.ghost,
@@ -361,12 +407,13 @@ class Page {
     });
     for (const plot of this.plots) plot.draw(time);
     this.map.draw(this.state);
-    const [least, most] = this.map.range.map((drop) => (Number.isFinite(drop) ? `${Math.round(CENTIMETRES * drop)} cm` : ""));
+    const [least, most] = this.map.range.map((drop) => (Number.isFinite(drop) ? `${fixed(CENTIMETRES * drop, 0)} cm` : ""));
     this.say("map-least", least);
     this.say("map-most", most);
     this.player.draw();
+    this.lesson.watch(this.run, time);
     const { mode } = this.run.at(time);
-    this.say("doing", time === 0 ? text("start") : MODES[/** @type {keyof typeof MODES} */ (mode)]);
+    this.say("doing", time === 0 ? text("start") : text(`mode.${mode}`));
   }
 }
 
@@ -381,5 +428,5 @@ function nearest(points, time) {
 export function startPage(source) {
   const data = /** @type {PageData} */ (JSON.parse(element("live-data").textContent ?? ""));
   // For tests and benchmarks, which look at what the page draws
-  Object.assign(window, { live: new Page(data, source), liveControls: CONTROLS });
+  Object.assign(window, { live: new Page(data, source), liveControls: CONTROLS, liveLanguages: LANGUAGES });
 }

@@ -1,6 +1,6 @@
 /** The time that is shown: playing, slow motion, steps, and the slider of the time. */
 
-import { text } from "./texts.js";
+import { fixed, text } from "./texts.js";
 
 const STEP = 2e-3;
 const LARGE_STEP = 2e-2;
@@ -97,8 +97,8 @@ export class Player {
   draw() {
     this.slider.max = String(this.end());
     this.slider.value = String(this.time);
-    this.slider.setAttribute("aria-valuetext", `${this.time.toFixed(3)} seconds`);
-    this.clock.textContent = `${this.time.toFixed(3)} s`;
+    this.slider.setAttribute("aria-valuetext", text("spokenTime", { time: fixed(this.time, 3) }));
+    this.clock.textContent = `${fixed(this.time, 3)} s`;
     const words = text(this.playing ? "pause" : "play");
     if (this.button.textContent !== words) this.button.textContent = words;
   }

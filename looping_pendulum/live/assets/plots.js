@@ -1,12 +1,14 @@
 /** Quantities over time, with one cursor for all. */
 
 import { colours, fitted, polyline, ticks, write } from "./canvas.js";
+import { shown, text } from "./texts.js";
 
 /** @typedef {import("./shown_run.js").ShownRun} ShownRun */
 /** @typedef {import("./shown_run.js").Sample} Sample */
+/** @typedef {import("./texts.js").TextKey} TextKey */
 /**
- * @typedef {{id: string, title: string, down?: boolean, stacked?: boolean, digits: number,
- *   lines: {name: string, colour: string, value: (s: Sample, run: ShownRun) => number}[]}} Kind
+ * @typedef {{id: string, title: TextKey, down?: boolean, stacked?: boolean, digits: number,
+ *   lines: {name: TextKey, colour: string, value: (s: Sample, run: ShownRun) => number}[]}} Kind keys of a title and of lines' names
  */
 
 const EDGE = { left: 44, right: 10, top: 26, bottom: 22 };
@@ -14,26 +16,26 @@ const EDGE = { left: 44, right: 10, top: 26, bottom: 22 };
 /** @type {Kind[]} */
 export const KINDS = [
   {
-    id: "drop", title: "Drop of M2 [cm]", down: true, digits: 1,
-    lines: [{ name: "drop", colour: "blue", value: (s) => 100 * s.drop }],
+    id: "drop", title: "plot.drop", down: true, digits: 1,
+    lines: [{ name: "plot.drop", colour: "blue", value: (s) => 100 * s.drop }],
   },
   {
-    id: "turns", title: "String on the rod [turns]", digits: 2,
-    lines: [{ name: "turns", colour: "orange", value: (s) => s.turns }],
+    id: "turns", title: "plot.turns", digits: 2,
+    lines: [{ name: "plot.turns", colour: "orange", value: (s) => s.turns }],
   },
   {
-    id: "pull", title: "Pull of the string [N]", digits: 2,
+    id: "pull", title: "plot.pull", digits: 2,
     lines: [
-      { name: "at M2", colour: "blue", value: (s) => s.heavyTension },
-      { name: "at M1", colour: "orange", value: (s) => s.lightTension },
+      { name: "line.pull2", colour: "blue", value: (s) => s.heavyTension },
+      { name: "line.pull1", colour: "orange", value: (s) => s.lightTension },
     ],
   },
   {
-    id: "energy", title: "Energy [mJ]", stacked: true, digits: 0,
+    id: "energy", title: "plot.energy", stacked: true, digits: 0,
     lines: [
-      { name: "height", colour: "sky", value: (s, run) => 1e3 * (s.energies.potential - lowest(run)) },
-      { name: "motion", colour: "yellow", value: (s) => 1e3 * s.energies.kinetic },
-      { name: "lost", colour: "pink", value: (s) => 1e3 * s.energies.lost },
+      { name: "line.height", colour: "sky", value: (s, run) => 1e3 * (s.energies.potential - lowest(run)) },
+      { name: "line.motion", colour: "yellow", value: (s) => 1e3 * s.energies.kinetic },
+      { name: "line.lost", colour: "pink", value: (s) => 1e3 * s.energies.lost },
     ],
   },
 ];
@@ -60,6 +62,7 @@ export class Plot {
    */
   constructor(box, kind, onTime) {
     this.kind = kind;
+    this.box = box;
     const [still, canvas] = [document.createElement("canvas"), document.createElement("canvas")];
     box.append(still, canvas);
     this.still = still;
@@ -95,10 +98,10 @@ export class Plot {
     this.y = (/** @type {number} */ v) => EDGE.top + tall * (kind.down ? (v - low) / (high - low) : (high - v) / (high - low));
     for (const v of ticks(low, high)) {
       polyline(c, [[EDGE.left, this.y(v)], [width - EDGE.right, this.y(v)]], { colour: grid, width: 1 });
-      write(c, String(v), EDGE.left - 6, this.y(v), { colour: soft, size: 11, align: "right" });
+      write(c, shown(v), EDGE.left - 6, this.y(v), { colour: soft, size: 11, align: "right" });
     }
-    for (const t of ticks(0, this.end)) write(c, `${t} s`, this.x(t), height - 9, { colour: soft, size: 11, align: "center" });
-    write(c, kind.title, 6, 13, { colour: ink, size: 13, bold: true });
+    for (const t of ticks(0, this.end)) write(c, `${shown(t)} s`, this.x(t), height - 9, { colour: soft, size: 11, align: "center" });
+    write(c, text(kind.title), 6, 13, { colour: ink, size: 13, bold: true });
     c.save();
     c.beginPath();
     c.rect(EDGE.left, EDGE.top - 3, width - EDGE.left - EDGE.right + 3, tall + 6);
@@ -150,8 +153,9 @@ export class Plot {
     if (lines.length < 2) return;
     let x = width - EDGE.right;
     for (const { name, colour } of [...lines].reverse()) {
-      write(c, name, x, 13, { colour: colours().soft, size: 11, align: "right" });
-      x -= c.measureText(name).width + 13;
+      const words = text(name);
+      write(c, words, x, 13, { colour: colours().soft, size: 11, align: "right" });
+      x -= c.measureText(words).width + 13;
       c.fillStyle = colourOf(colour);
       c.fillRect(x, 8, 9, 9);
       x -= 8;

@@ -12,7 +12,7 @@ const DURATIONS = { looping: 5, vertical: 5, held: 5, drop: 0.6 };
 /** Share of the samples that are not a short spike. */
 const SHARE_WITHOUT_SPIKES = 0.99;
 
-/** @typedef {{kind: keyof typeof import("./texts.js").EVENTS, time: number}} ShownEvent */
+/** @typedef {{kind: string, time: number}} ShownEvent `kind`: of the texts `event.` which */
 /** @typedef {ReturnType<ShownRun["at"]>} Sample */
 
 /** @param {string} release */
@@ -60,7 +60,7 @@ export class ShownRun {
       } else if (event === "taut" && modeAfter === "sticking") {
         shown.push({ kind: time === this.halt ? "halts" : "sticks", time });
       } else if (event === "slack" || event === "taut" || END_EVENTS.has(event)) {
-        shown.push({ kind: /** @type {ShownEvent["kind"]} */ (event), time });
+        shown.push({ kind: event, time });
       }
     }
     return shown;

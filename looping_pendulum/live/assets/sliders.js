@@ -1,13 +1,14 @@
 /** The sliders: each with its range, a field for a typed number, and steps by keyboard. */
 
+import { RELEASES } from "../model.js";
 import { CONTROLS, controlOf, parsed } from "./controls.js";
-import { RELEASES, text } from "./texts.js";
+import { shown, text } from "./texts.js";
 
 /** @typedef {import("./controls.js").State} State */
 /** @typedef {import("./controls.js").Control} Control */
 /**
  * @typedef {{current: () => Record<string, number>, onMove: (name: string, value: number) => void,
- *   onSettle: (later: boolean) => void, onRelease: (release: string) => void, onFault: (message: string) => void}} Callbacks
+ *   onSettle: (later: boolean) => void, onRelease: (release: string) => void, onFault: (message: () => string) => void}} Callbacks
  *   `onMove`: on its way; `onSettle`: as it shall stay, at once or when no further key follows
  */
 
@@ -25,29 +26,28 @@ export class Sliders {
   constructor(main, more, release, callbacks) {
     this.callbacks = callbacks;
     this.release = release;
-    /** @type {Map<string, {row: HTMLElement, range: HTMLInputElement, field: HTMLInputElement}>} */
+    /** @type {Map<string, {row: HTMLElement, range: HTMLInputElement, field: HTMLInputElement, words: HTMLElement, limits: HTMLElement}>} */
     this.rows = new Map();
     /** Fields in which a number is being typed. @type {Set<HTMLInputElement>} */
     this.typing = new Set();
     for (const control of CONTROLS) (control.more ? more : main).append(this.row(control));
-    for (const [name, words] of Object.entries(RELEASES)) release.append(new Option(words, name));
+    for (const name of Object.keys(RELEASES)) release.append(new Option("", name));
+    this.relabel();
     release.addEventListener("change", () => callbacks.onRelease(release.value));
   }
 
   /** @param {Control} control */
   row(control) {
-    const { name, label, unit, min, max, step } = control;
+    const { name, unit, min, max, step } = control;
     const row = document.createElement("div");
     row.className = "setting";
     row.dataset.name = name;
     const words = document.createElement("label");
-    words.textContent = label;
     words.htmlFor = `range-${name}`;
     const range = document.createElement("input");
     Object.assign(range, { type: "range", id: `range-${name}`, min: String(min), max: String(max), step: "any" });
     const field = document.createElement("input");
     Object.assign(field, { type: "text", id: `field-${name}`, inputMode: "decimal", autocomplete: "off" });
-    field.setAttribute("aria-label", `${label}${unit ? ` in ${unit}` : ""}, typed`);
     const typed = document.createElement("span");
     typed.className = "typed";
     const unitWords = document.createElement("span");
@@ -57,15 +57,27 @@ export class Sliders {
     const limits = document.createElement("span");
     limits.className = "limits";
     limits.setAttribute("aria-hidden", "true");
-    limits.append(...[min, max].map((limit) => Object.assign(document.createElement("span"), { textContent: String(limit) })));
+    limits.append(document.createElement("span"), document.createElement("span"));
     row.append(words, range, typed, limits);
     range.addEventListener("input", () => this.callbacks.onMove(name, snapped(Number(range.value), step)));
     range.addEventListener("change", () => this.callbacks.onSettle(false));
     range.addEventListener("keydown", (event) => this.onKey(event, control));
     field.addEventListener("input", () => this.typing.add(field));
     field.addEventListener("change", () => this.onTyped(control, field));
-    this.rows.set(name, { row, range, field });
+    this.rows.set(name, { row, range, field, words, limits });
     return row;
+  }
+
+  /** Write all names and limits in the language of the page. */
+  relabel() {
+    for (const [name, { words, field, limits }] of this.rows) {
+      const { unit, min, max } = controlOf(name);
+      const setting = text(`setting.${name}`);
+      words.textContent = setting;
+      field.setAttribute("aria-label", unit ? text("typedIn", { setting, unit }) : text("typed", { setting }));
+      [min, max].forEach((limit, i) => (limits.children[i].textContent = shown(limit)));
+    }
+    for (const option of this.release.options) option.text = text(`release.${option.value}`);
   }
 
   /** Step by a round number; the browser's own step of a range without steps is none. @param {KeyboardEvent} event
@@ -91,18 +103,21 @@ export class Sliders {
   onTyped(control, field) {
     this.typing.delete(field);
     const value = parsed(field.value);
-    const { name, label, unit, min, max } = control;
+    const { name, unit, min, max } = control;
     if (value >= min && value <= max) {
       this.callbacks.onMove(name, value);
       this.callbacks.onSettle(false);
       return;
     }
     const example = this.callbacks.current()[name];
-    const fault = Number.isNaN(value)
-      ? text("notANumber", { label, text: field.value, example })
-      : text("outOfRange", { label, value: field.value.trim(), unit, min, max }).replaceAll("  ", " ").trim();
-    field.value = String(example);
-    this.callbacks.onFault(fault);
+    const typed = field.value.trim();
+    field.value = shown(example);
+    this.callbacks.onFault(() => {
+      const label = text(`setting.${name}`);
+      return Number.isNaN(value)
+        ? text("notANumber", { label, text: typed, example })
+        : text("outOfRange", { label, value: typed, unit, min, max }).replaceAll("  ", " ").trim();
+    });
   }
 
   /** @param {State} state */
@@ -113,8 +128,8 @@ export class Sliders {
       const value = state.values[name];
       range.value = String(value);
       const { unit } = controlOf(name);
-      range.setAttribute("aria-valuetext", `${value} ${unit}`.trim());
-      if (!this.typing.has(field)) field.value = String(value);
+      range.setAttribute("aria-valuetext", `${shown(value)} ${unit}`.trim());
+      if (!this.typing.has(field)) field.value = shown(value);
       row.hidden = without.includes(name);
     }
   }

@@ -1,6 +1,7 @@
 /** The apparatus: both masses, string, rod, trails, forces and tracked points, beside the rod enlarged. */
 
 import { arrow, colours, fitted, polyline, write } from "./canvas.js";
+import { fixed, shown, text } from "./texts.js";
 
 /** @typedef {import("./shown_run.js").ShownRun} ShownRun */
 /** @typedef {import("./shown_run.js").Sample} Sample */
@@ -239,9 +240,9 @@ function rod(c, { wrapAngle, freeLength, turns }, run, { left, width, height }) 
   points.push([cx + outer * cos, cy - outer * sin], [cx + outer * cos - length * sin, cy - outer * sin - length * cos]);
   polyline(c, points, { colour: ink, width: 1.6 });
   c.restore();
-  write(c, turns.toFixed(2), cx, cy - 7, { colour: ink, size: 13, align: "center", bold: true });
-  write(c, "turns", cx, cy + 8, { colour: ink, size: 11, align: "center" });
-  write(c, "the rod, enlarged", cx, 12, { colour: soft, size: 11, align: "center" });
+  write(c, fixed(turns, 2), cx, cy - 7, { colour: ink, size: 13, align: "center", bold: true });
+  write(c, text("turns"), cx, cy + 8, { colour: ink, size: 11, align: "center" });
+  write(c, text("rodEnlarged"), cx, 12, { colour: soft, size: 11, align: "center" });
 }
 
 /**
@@ -257,17 +258,17 @@ function holding(c, { holding: pair, mode }, { left, width, top, height }) {
   if (tall < 30 || !pair) return;
   const most = Math.max(3, pair.bound, pair.needed);
   const sticks = mode === "sticking";
-  write(c, sticks ? "friction holds" : "friction slides", left + width / 2, top + 16, { colour: ink, size: 12, align: "center", bold: true });
-  for (const [share, value, colour, name] of [[0.28, pair.needed, pink, "must hold"], [0.72, pair.bound, green, "can hold"]]) {
+  write(c, text(sticks ? "frictionHolds" : "frictionSlides"), left + width / 2, top + 16, { colour: ink, size: 12, align: "center", bold: true });
+  for (const [share, value, colour, name] of [[0.28, pair.needed, pink, text("mustHold")], [0.72, pair.bound, green, text("canHold")]]) {
     const x = left + Number(share) * width;
     arrow(c, [x, base], [0, (-tall * Number(value)) / most], String(colour));
     write(c, String(name), x, base + 12, { colour: soft, size: 11, align: "center" });
     write(c, ratio(Math.exp(Number(value))), x, base + 27, { colour: ink, size: 12, align: "center" });
   }
-  write(c, "pull ratio T2/T1", left + width / 2, base + 40, { colour: soft, size: 10, align: "center" });
+  write(c, text("pullRatio"), left + width / 2, base + 40, { colour: soft, size: 10, align: "center" });
 }
 
 /** @param {number} value */
 function ratio(value) {
-  return value < 100 ? value.toFixed(2) : value < 1e4 ? value.toFixed(0) : value.toExponential(0);
+  return shown(value < 100 ? value.toFixed(2) : value < 1e4 ? value.toFixed(0) : value.toExponential(0));
 }

@@ -1,83 +1,50 @@
-/** Words that the scripts of the page write; a further language is a further table of these. */
+/** Words of the page in the language that is chosen; a further language is a file in texts/ and its name in `LANGUAGES`. */
 
-/** Release -> its name. */
-export const RELEASES = {
-  looping: "let the light mass go",
-  vertical: "both hang straight down",
-  held: "heavy mass clamped",
-  drop: "no string",
-};
+import { de } from "./texts/de.js";
+import { en } from "./texts/en.js";
 
-/** Event of a run -> what happens. */
-export const EVENTS = {
-  stops: "the heavy mass stops and turns round",
-  sticks: "the string grips the rod",
-  halts: "the heavy mass halts for good",
-  slips: "the string slides again",
-  slack: "the string goes slack",
-  taut: "the string is taut again",
-  light_reaches_rod: "the light mass reaches the rod",
-  heavy_reaches_rod: "the heavy mass is pulled up to the rod",
-  unwrapped: "the string comes off the rod",
-  time_up: "here the page stops",
-};
+/** @typedef {keyof typeof en | `${"setting" | "event" | "mode" | "release" | "lesson"}.${string}`} TextKey a family has a text for each member */
 
-/** Mode of a run -> what the string does. */
-export const MODES = {
-  sticking: "the rod holds the string",
-  sliding_down: "the string slides; the heavy mass falls",
-  sliding_up: "the string slides; the heavy mass rises",
-  slack: "the string is slack",
-  clamped: "the light mass swings",
-  clamped_slack: "the string is slack",
-  falling: "both masses fall freely",
-  ended: "the end",
-};
+/** Language -> its table, the first for readers of any other. @type {Record<string, Record<string, string>>} */
+export const LANGUAGES = { en, de };
+const state = { language: "en" };
 
-export const TEXTS = {
-  start: "Drag the light mass M1, or press Play.",
-  play: "Play",
-  pause: "Pause",
-  halts: "The heavy mass halts after {time} s, {drop}\u00a0cm below its start.",
-  neverHalts: "The heavy mass never halts: {ending} after {time} s.",
-  goesOn: "The heavy mass does not halt within {time} s.",
-  stays: "Nothing moves: the rod holds the string.",
-  pulledUp: "The heavy mass falls without a halt: {ending} after {time} s.",
-  held: "The heavy mass is clamped; the light one swings, and its string winds on and off the rod.",
-  drop: "Without a string both fall, slowed only by the air.",
-  change: "Before: {time} s, {drop} cm. Change: {moreTime} s, {moreDrop} cm.",
-  before: "Before: {time} s, {drop} cm.",
-  beforeNever: "Before, it never halted.",
-  notANumber: "{label}: found '{text}', needed a number such as {example}",
-  outOfRange: "{label}: found {value} {unit}, needed {min} to {max} {unit}",
-  badLink: "the link: {key}: found '{text}', needed {min} to {max}; the rest of the link is used",
-  badRelease: "the link: release: found '{text}', needed one of {names}; the rest of the link is used",
-  cannotRun: "This cannot be built: {fault}",
-  films: "Filming until the end, or until you press Pause …",
-  copied: "The link is copied.",
-  notCopied: "Copy the address from the address bar: it holds all settings.",
-  trialUsed: "{file}: {used}. {typical}",
-  trialDistance: "Typical distance from the run: {distance} cm.",
-  trialNone: "No point falls into the time of the run.",
-  notUsed: "not used: {count} ({reason})",
-  fitWorks: "Fitting …",
-  fitFails: "The fit broke down; set the sliders nearer to your trial and fit again.",
-  fitNeedsLoop: "Set the release to: let the light mass go.",
-  fitNeedsPoints: "found {count} points of M1 after the release, needed at least 10",
-  fitDone: "Typical distance in x or y: {before} cm before the fit, {after} cm after it.",
-  fitNoise: "What is left looks like noise.",
-  fitNotNoise: "What is left is not noise: neighbouring points err alike (correlation {alike}), so something is missing. Save the study file; looping-pendulum identify looks for it.",
-  fitNotConverged: "It has not come to rest; fit again.",
-  originX: "Rod's axis in your file, x",
-  originY: "Rod's axis in your file, y",
-  mapNoLoop: "It stands for a light mass that is let go, not for this release.",
-};
+/** Language that is shown. */
+export const language = () => state.language;
+
+/** @param {string} name */
+export function setLanguage(name) {
+  if (Object.hasOwn(LANGUAGES, name)) state.language = name;
+}
+
+/** The first language that the page has of those that a reader prefers. @param {readonly string[]} preferred "de-AT" */
+export function languageFor(preferred) {
+  return preferred.map((tag) => tag.slice(0, 2).toLowerCase()).find((tag) => Object.hasOwn(LANGUAGES, tag)) ?? "en";
+}
 
 /**
- * Return a text of `TEXTS` with its values filled in.
- * @param {keyof typeof TEXTS} name
- * @param {Record<string, string | number>} values
+ * Return a text with its values filled in; numbers get the decimal sign of the language.
+ * @param {TextKey} key
+ * @param {Record<string, string | number | undefined>} values
  */
-export function text(name, values = {}) {
-  return TEXTS[name].replace(/\{(\w+)\}/g, (_, key) => String(values[key]));
+export function text(key, values = {}) {
+  return LANGUAGES[state.language][key].replace(/\{(\w+)\}/g, (_, name) => {
+    const value = values[name];
+    return typeof value === "number" ? shown(value) : String(value);
+  });
 }
+
+/** Title and story of an example, which the English table leaves to the scenario files.
+ * @param {{name: string, title: string, description: string, shipped: boolean}} preset */
+export function textsOf({ name, title, description, shipped }) {
+  const table = shipped ? LANGUAGES[state.language] : {};
+  return { title: table[`scenario.${name}.title`] ?? title, description: table[`scenario.${name}.description`] ?? description };
+}
+
+/** A number, or one in digits, with the decimal sign of the language. @param {number | string} number */
+export function shown(number) {
+  return String(number).replace(".", LANGUAGES[state.language].decimalSign);
+}
+
+/** A number with some digits behind the decimal sign. @param {number} number @param {number} digits */
+export const fixed = (number, digits) => shown(number.toFixed(digits));

@@ -2,7 +2,7 @@
 
 import { colours, fitted, polyline, ticks, write } from "./canvas.js";
 import { parsed } from "./controls.js";
-import { text } from "./texts.js";
+import { fixed, shown, text } from "./texts.js";
 import { DataError, readTrial, tracksOf } from "./trial/reader.js";
 
 /** @typedef {import("./shown_run.js").ShownRun} ShownRun */
@@ -28,6 +28,8 @@ export class TrialPanel {
     this.onChange = onChange;
     /** @type {{name: string, bytes: Uint8Array} | null} */
     this.file = null;
+    /** Name of a file that the browser could not read. */
+    this.unreadable = "";
     /** @type {Trial | null} */
     this.trial = null;
     const file = /** @type {HTMLInputElement} */ (element("trial-file"));
@@ -54,11 +56,15 @@ export class TrialPanel {
   async open(file) {
     try {
       this.file = { name: file.name, bytes: new Uint8Array(await file.arrayBuffer()) };
+      this.unreadable = "";
     } catch {
-      this.fail(`${file.name}: cannot be read; choose it again`);
+      this.remove();
+      this.unreadable = file.name;
+      this.fail(text("cannotBeRead", { file: file.name }));
       return;
     }
     this.reset();
+    for (const id of ["trial-light", "trial-heavy"]) this.element(id).replaceChildren();
     this.offerTracks(this.file);
     this.read();
     if (this.trial) /** @type {HTMLInputElement} */ (this.element("trial-mirror")).checked = startsOnTheRight(this.trial);
@@ -86,11 +92,23 @@ export class TrialPanel {
     }
     for (const id of ["trial-light", "trial-heavy"]) {
       const select = /** @type {HTMLSelectElement} */ (this.element(id));
-      select.replaceChildren(new Option("by its name", "-"), ...tracks.map((track) => new Option(track || "the only track", `=${track}`)));
+      const { value } = select;
+      const options = tracks.map((track) => new Option(track || text("onlyTrack"), `=${track}`));
+      select.replaceChildren(new Option(text("trackByName"), "-"), ...options);
+      if (options.some((option) => option.value === value)) select.value = value;
     }
   }
 
+  /** Say all that is said about the file in the language of the page. */
+  relabel() {
+    if (this.unreadable) this.fail(text("cannotBeRead", { file: this.unreadable }));
+    if (!this.file) return;
+    this.offerTracks(this.file);
+    this.read();
+  }
+
   remove() {
+    this.unreadable = "";
     this.file = this.trial = null;
     this.element("trial-message").textContent = "";
     this.element("trial-error").textContent = "";
@@ -202,16 +220,13 @@ export class TrialPanel {
     /** @type {Map<string, number>} */
     const counts = new Map();
     // An empty cell is the same thing in each column
-    for (const [reason, count] of trial.unused) {
-      const kind = reason.startsWith("column") ? reason : (reason.split(": ").at(-1) ?? reason);
-      counts.set(kind, (counts.get(kind) ?? 0) + count);
-    }
+    for (const { reason, count } of trial.unused) counts.set(reason, (counts.get(reason) ?? 0) + count);
     const unused = [...counts].map(([reason, count]) => text("notUsed", { count, reason }));
     const light = residuals.filter(({ name }) => name.startsWith("light"));
     const any = residuals.some(({ t }) => t.length > 0);
     const distance = Math.sqrt(light.reduce((sum, { value }) => sum + value.reduce((all, v) => all + v * v, 0) / value.length, 0));
-    const typical = !any ? text("trialNone") : light.length === 2 ? text("trialDistance", { distance: distance.toFixed(1) }) : "";
-    const parts = [`used ${used}`, ...unused, ...trial.assumptions].join("; ");
+    const typical = !any ? text("trialNone") : light.length === 2 ? text("trialDistance", { distance: fixed(distance, 1) }) : "";
+    const parts = [used, ...unused, ...trial.assumptions].join("; ");
     this.element("trial-message").textContent = text("trialUsed", { file: file.name, used: parts, typical });
     this.draw(residuals, run.end);
   }
@@ -229,11 +244,11 @@ export class TrialPanel {
     const y = (/** @type {number} */ v) => EDGE.top + (tall * (most - v)) / (2 * most);
     for (const v of ticks(-most, most)) {
       polyline(c, [[EDGE.left, y(v)], [width - EDGE.right, y(v)]], { colour: v === 0 ? soft : grid, width: 1 });
-      write(c, String(v), EDGE.left - 6, y(v), { colour: soft, size: 11, align: "right" });
+      write(c, shown(v), EDGE.left - 6, y(v), { colour: soft, size: 11, align: "right" });
     }
-    for (const t of ticks(0, end)) write(c, `${t} s`, x(t), height - 9, { colour: soft, size: 11, align: "center" });
+    for (const t of ticks(0, end)) write(c, `${shown(t)} s`, x(t), height - 9, { colour: soft, size: 11, align: "center" });
     const unit = residuals.every(({ name }) => name === "angle") ? "°" : "cm";
-    write(c, `Your points less the run [${unit}]`, 6, 13, { colour: ink, size: 13, bold: true });
+    write(c, text("residuals", { unit }), 6, 13, { colour: ink, size: 13, bold: true });
     let right = width - EDGE.right;
     for (const { name, colour, t, value } of [...residuals].reverse()) {
       c.fillStyle = colours()[colour];

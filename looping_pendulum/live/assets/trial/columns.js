@@ -1,5 +1,6 @@
 /** Tells which quantity each column holds, as `identify` does (`discrepancy/data/columns.py`). */
 
+import { text } from "../texts.js";
 import { quote } from "./table.js";
 
 /** @typedef {import("./table.js").Table} Table */
@@ -45,7 +46,7 @@ export function readColumns(table, tracks, assumptions) {
   });
   if (!columns.some(({ role }) => role === "t" || role === "frame")) {
     const names = quote(header.cells.filter(Boolean).join(", "));
-    throw table.error(header.line, "", `found no column of times among ${names}, needed 't'`);
+    throw table.error(header.line, "", text("file.noTimes", { names }));
   }
   refuseHeaderWithoutCoordinates(table, header, columns);
   return columns;
@@ -55,9 +56,9 @@ export function readColumns(table, tracks, assumptions) {
 function refuseHeaderWithoutCoordinates(table, header, columns) {
   if (columns.some(({ role }) => ["x", "y", "height", "angle"].includes(role))) return;
   const found = columns.map((column) => ({ column, match: closest(column.label.toLowerCase()) })).find(({ match }) => match);
-  const hint = found ? `; did you mean '${found.match}' by '${found.column.label}'?` : "; rename the columns so";
-  const labels = quote(columns.map(({ label }) => label).join(", "));
-  throw table.error(header.line, "", `found columns ${labels}, needed positions (x, y), an angle or a height beside the time${hint}`);
+  const names = quote(columns.map(({ label }) => label).join(", "));
+  const message = found ? text("file.didYouMean", { names, known: found.match, name: found.column.label }) : text("file.noCoordinates", { names });
+  throw table.error(header.line, "", message);
 }
 
 /** The known name that is most like a word; "" if none is. @param {string} word */
@@ -88,27 +89,27 @@ function common(a, b) {
 
 /** "light_x [cm]" -> role "x", mass "light", unit "cm". @param {string} cell */
 function parseName(cell) {
-  let { text, unit } = splitUnit(cell.trim());
-  text = text.toLowerCase();
-  const suffix = SUFFIX.exec(text);
-  if (suffix && !unit && !TIDY_NAME.test(text)) [text, unit] = [suffix[1], suffix[2].replace("_per_", "/")];
-  const tidy = TIDY_NAME.exec(text);
+  let { words, unit } = splitUnit(cell.trim());
+  words = words.toLowerCase();
+  const suffix = SUFFIX.exec(words);
+  if (suffix && !unit && !TIDY_NAME.test(words)) [words, unit] = [suffix[1], suffix[2].replace("_per_", "/")];
+  const tidy = TIDY_NAME.exec(words);
   if (tidy) {
     const [mass, axis] = tidy[1] ? [tidy[1], tidy[2]] : [tidy[4], tidy[3]];
     return { role: axis, mass: MASS_OF_NAME[mass] ?? mass, unit };
   }
-  return { role: Object.hasOwn(ROLES, text) ? ROLES[text] : "", mass: "", unit };
+  return { role: Object.hasOwn(ROLES, words) ? ROLES[words] : "", mass: "", unit };
 }
 
-/** @param {string} text */
-function splitUnit(text) {
-  if (!text.endsWith("]") && !text.endsWith(")")) return { text, unit: "" };
-  const inside = text.slice(0, -1);
+/** @param {string} words */
+function splitUnit(words) {
+  if (!words.endsWith("]") && !words.endsWith(")")) return { words, unit: "" };
+  const inside = words.slice(0, -1);
   const last = Math.max(inside.lastIndexOf("]"), inside.lastIndexOf(")")) + 1; // an earlier pair of brackets is part of the name
   const openings = ["[", "("].map((sign) => inside.indexOf(sign, last)).filter((i) => i >= 0);
-  if (!openings.length) return { text, unit: "" };
+  if (!openings.length) return { words, unit: "" };
   const opening = Math.min(...openings);
-  return { text: inside.slice(0, opening).trimEnd(), unit: inside.slice(opening + 1).trim() };
+  return { words: inside.slice(0, opening).trimEnd(), unit: inside.slice(opening + 1).trim() };
 }
 
 /**
@@ -126,19 +127,18 @@ function byPosition(table, tracks, titleLines, assumptions) {
   let roles;
   if (!given.length && !titles.length && table.delimiter === " " && (width === 2 || width === 3)) {
     roles = /** @type {[string, string][]} */ ([["t", ""], ["angle", ""], ["angle_rate", ""]]).slice(0, width);
-    assumptions.push(`columns without names: taken as t [s], angle [rad]${width > 2 ? ", rate [rad/s]" : ""}`);
+    assumptions.push(text(width > 2 ? "assumed.anglesAndRates" : "assumed.angles"));
   } else if (width === 3 || (width === 5 && (given.length === 2 || titles.length === 2))) {
     const fitting = (/** @type {string[]} */ names) => names.length === Math.floor(width / 2);
     const names = fitting(titles) ? titles : fitting(given) ? given : [stem(table.file)];
     roles = [["t", ""], ...names.flatMap((track) => /** @type {[string, string][]} */ ([["x", track], ["y", track]]))];
-    assumptions.push(`columns without names: taken as t, x, y${width === 5 ? ", x, y" : ""}`);
+    assumptions.push(text(width === 5 ? "assumed.placesOfBoth" : "assumed.places"));
   } else {
-    const message = `found ${width} columns without names, needed a line of names above such as 't,light_x,light_y'; add it`;
-    throw table.error(table.rows[0].line, "", message);
+    throw table.error(table.rows[0].line, "", text("file.needsNames", { width }));
   }
   return roles.map(([role, track], index) => ({
     index,
-    label: `${index + 1} (${role}${track ? ` of ${track}` : ""})`,
+    label: track ? text("file.columnOf", { number: index + 1, role, track }) : `${index + 1} (${role})`,
     role,
     track,
     unit: "",

@@ -1,5 +1,6 @@
-/** Reads a trial's tracked points as `identify` does (`discrepancy/data/readers.py`), with the same messages. */
+/** Reads a trial's tracked points as `identify` does (`discrepancy/data/readers.py`), with the same messages (in English). */
 
+import { shown, text } from "../texts.js";
 import { readColumns, stem } from "./columns.js";
 import { DataError, dataError, general, inQuotes, quote, readTable } from "./table.js";
 
@@ -12,7 +13,8 @@ import { DataError, dataError, general, inQuotes, quote, readTable } from "./tab
  * @typedef {{tracks?: Record<string, string>, units?: Record<string, string>, frame_rate?: number | null,
  *   clip_rate?: number | null, drop?: number | null}} Options
  */
-/** @typedef {{channels: Channel[], unused: Map<string, number>, assumptions: string[]}} Trial */
+/** @typedef {{channel: string, reason: string, count: number}} Unused values of a channel, or of a column that is none */
+/** @typedef {{channels: Channel[], unused: Unused[], assumptions: string[]}} Trial */
 
 export { DataError };
 
@@ -50,26 +52,23 @@ export function readTrial(file, bytes, options = {}) {
   for (const key of /** @type {const} */ (["frame_rate", "clip_rate"])) {
     const value = options[key] ?? null;
     if (value !== null && !(value > 0 && value < Infinity)) {
-      throw dataError(file, null, "", `${key}: found ${general(value)} Hz, needed a number above 0`);
+      throw dataError(file, null, "", text("file.rate", { key, value: inSentence(value) }));
     }
   }
   const table = readTable(file, bytes);
   if (table.head.length && table.head[table.head.length - 1].cells[0].toLowerCase() === "quantity") {
-    const way = "needed tracked points; looping-pendulum identify reads such tables";
-    throw table.error(null, "", `found a table of events, ${way}`);
+    throw table.error(null, "", text("file.eventTable"));
   }
   /** @type {string[]} */
   const assumptions = [];
   const columns = readColumns(table, tracks, assumptions);
   refuseIncompleteRows(table, columns);
   const rows = rowsOfOneDrop(table, columns, drop);
-  /** @type {Map<string, number>} */
-  const unused = new Map();
+  /** @type {Unused[]} */
+  const unused = [];
   const units = { ...DEFAULT_UNITS, ...options.units };
   const read = readChannels(table, rows, columns, tracks, units, { unused, assumptions });
-  if (!read.length) {
-    throw table.error(null, "", "found no positions, angles or heights, needed one column of them; check 'tracks' and 'kind'");
-  }
+  if (!read.length) throw table.error(null, "", text("file.nothing"));
   refuseImplausible(table, read, columns.some(({ role }) => role === "t") && rate === null);
   const channels = withTrueRate(table, columns, read, rate, options.clip_rate ?? null, assumptions);
   return { channels, unused, assumptions: [...new Set(assumptions)] };
@@ -81,27 +80,32 @@ export function tracksOf(file, bytes) {
   return [...new Set(columns.filter(({ role }) => role === "x" || role === "y").map(({ track }) => track))];
 }
 
-/** @param {Map<string, number>} counts @param {string} reason @param {number} more */
-function count(counts, reason, more = 1) {
-  if (more) counts.set(reason, (counts.get(reason) ?? 0) + more);
+/** @param {Unused[]} unused @param {string} channel @param {string} reason @param {number} more */
+function count(unused, channel, reason, more = 1) {
+  const known = unused.find((one) => one.channel === channel && one.reason === reason);
+  if (known) known.count += more;
+  else if (more) unused.push({ channel, reason, count: more });
 }
+
+/** A number in a sentence. @param {number} x @param {number} [digits] */
+const inSentence = (x, digits) => shown(general(x, digits));
 
 /** @param {Table} table @param {Column[]} columns @param {number | null} drop */
 function rowsOfOneDrop(table, columns, drop) {
   const column = columns.find(({ role }) => role === "drop");
   if (!column) {
-    if (drop !== null) throw table.error(null, "", `found no column 'drop', so drop ${drop} cannot be chosen; leave 'drop' out`);
+    if (drop !== null) throw table.error(null, "", text("file.noDrop", { drop }));
     return table.rows;
   }
   const numbers = table.rows.map((row) => table.number(row, column.index, column.label));
   const have = [...new Set(numbers.flatMap((n) => (n === null ? [] : [n])))].sort((a, b) => a - b);
-  const shown = have.map((n) => general(n)).join(", ");
+  const found = have.map((n) => general(n)).join(", ");
   if (drop === null && have.length > 1) {
-    throw table.error(null, column.label, `found drops ${shown}, needed one trial; choose by 'drop: ${general(have[0])}'`);
+    throw table.error(null, column.label, text("file.severalDrops", { have: found, first: general(have[0]) }));
   }
   const wanted = drop ?? have[0];
   if (!have.includes(wanted)) {
-    throw table.error(null, column.label, `found drops ${shown}, needed drop ${general(wanted)}; choose one that is there`);
+    throw table.error(null, column.label, text("file.otherDrops", { have: found, wanted: general(wanted) }));
   }
   return table.rows.filter((_, i) => numbers[i] === wanted);
 }
@@ -115,8 +119,7 @@ function refuseIncompleteRows(table, columns) {
     const short = row.cells.length < width && table.delimiter !== "\t";
     if (filled > width || short) {
       const tooMany = table.delimiter === "," && filled > width;
-      const hint = tooMany ? "if these are decimal commas, export with semicolons" : "complete or delete the row";
-      throw table.error(row.line, "", `found ${row.cells.length} cells, needed ${width}; ${hint}`);
+      throw table.error(row.line, "", text(tooMany ? "file.cellsWithCommas" : "file.cells", { count: row.cells.length, width }));
     }
   }
 }
@@ -127,7 +130,7 @@ function refuseIncompleteRows(table, columns) {
  * @param {Column[]} columns
  * @param {Record<string, string>} tracks
  * @param {Record<string, string>} units
- * @param {{unused: Map<string, number>, assumptions: string[]}} notes
+ * @param {{unused: Unused[], assumptions: string[]}} notes
  * @returns {ReadChannel[]}
  */
 function readChannels(table, rows, columns, tracks, units, notes) {
@@ -141,12 +144,12 @@ function readChannels(table, rows, columns, tracks, units, notes) {
     if (["t", "frame", "drop"].includes(role)) continue;
     const name = role === "x" || role === "y" ? `${masses[column.track] ?? ""}_${role}` : role;
     if (!Object.hasOwn(UNITS, name)) {
-      const reason = `column ${inQuotes(label)}: ${role ? "track not asked for" : "not a time or a position"}`;
-      count(notes.unused, reason, rows.filter(({ cells }) => cells[index]).length);
+      const reason = text(role ? "unused.notAskedFor" : "unused.otherKind", { column: inQuotes(label) });
+      count(notes.unused, "", reason, rows.filter(({ cells }) => cells[index]).length);
       continue;
     }
     if (channels.has(name)) {
-      throw table.error(null, label, `found ${name} a second time, needed one column for it; say by 'tracks' which is meant`);
+      throw table.error(null, label, text("file.second", { name }));
     }
     const clock = clocks.findLast((one) => one.index < index) ?? clocks[0];
     channels.set(name, readChannel(table, rows, { clock, column, name, units, ...notes }));
@@ -157,19 +160,19 @@ function readChannels(table, rows, columns, tracks, units, notes) {
 /** @param {Table} table @param {Column[]} columns @param {Record<string, string>} tracks @returns {Record<string, string>} */
 function massOfTrack(table, columns, tracks) {
   const have = [...new Set(columns.filter(({ role }) => role === "x" || role === "y").map(({ track }) => track))];
-  const shown = have.map((track) => (track ? `'${track}'` : "one without a name")).join(", ");
+  const found = have.map((track) => (track ? `'${track}'` : text("file.withoutName"))).join(", ");
   const asked = Object.entries(tracks);
   if (asked.length) {
     const unknown = asked.find(([mass]) => !MASSES.includes(mass));
-    if (unknown) throw table.error(null, "", `tracks: found ${quote(unknown[0])}, needed 'light' or 'heavy'`);
+    if (unknown) throw table.error(null, "", text("file.unknownMass", { name: quote(unknown[0]) }));
     const names = asked.map(([, track]) => track);
     if (new Set(names).size < names.length) {
-      throw table.error(null, "", `tracks: found ${quote(names[0])} for both masses, needed one for each`);
+      throw table.error(null, "", text("file.bothMasses", { name: quote(names[0]) }));
     }
     if (have.length === 1 && asked.length === 1 && (have[0] === "" || names[0] === "")) return { [have[0]]: asked[0][0] };
     const missing = names.find((track) => !have.includes(track));
     if (missing !== undefined) {
-      throw table.error(null, "", `found the tracks ${shown}, needed ${quote(missing)}; correct 'tracks'`);
+      throw table.error(null, "", text("file.missingTrack", { have: found, name: quote(missing) }));
     }
     return Object.fromEntries(asked.map(([mass, track]) => [track, mass]));
   }
@@ -182,8 +185,7 @@ function massOfTrack(table, columns, tracks) {
     }
   }
   if (have.length && !Object.keys(known).length) {
-    const way = `'tracks: {light: ${have[0] || stem(table.file)}}'`;
-    throw table.error(null, "", `found the tracks ${shown}, needed to know which mass each is; say so by ${way}`);
+    throw table.error(null, "", text("file.whichTrack", { have: found, track: have[0] || stem(table.file) }));
   }
   return known;
 }
@@ -191,7 +193,7 @@ function massOfTrack(table, columns, tracks) {
 /**
  * @param {Table} table
  * @param {TableLine[]} rows
- * @param {{clock: Column, column: Column, name: string, units: Record<string, string>, unused: Map<string, number>,
+ * @param {{clock: Column, column: Column, name: string, units: Record<string, string>, unused: Unused[],
  *   assumptions: string[]}} how
  * @returns {ReadChannel}
  */
@@ -208,24 +210,24 @@ function readChannel(table, rows, { clock, column, name, units, unused, assumpti
     const value = table.number(row, column.index, column.label);
     const time = table.number(row, clock.index, clock.label);
     if (value === null || time === null) {
-      count(unused, value === null ? `${name}: empty cell` : `${name}: a value without a time`);
+      count(unused, name, text(value === null ? "unused.empty" : "unused.withoutTime"));
       continue;
     }
     const last = times.length - 1;
     if (last >= 0 && time <= times[last]) {
       if (time === times[last] && value === values[last]) {
-        count(unused, `${name}: the row before repeated`);
+        count(unused, name, text("unused.repeated"));
         continue;
       }
-      const found = `found ${general(time)} after ${general(times[last])} (line ${kept[last].line})`;
-      throw table.error(row.line, clock.label, `${found}, needed times that grow; sort or delete rows`);
+      const found = { time: inSentence(time), before: inSentence(times[last]), line: kept[last].line };
+      throw table.error(row.line, clock.label, text("file.timesGrow", found));
     }
     times.push(time);
     values.push(value);
     kept.push(row);
   }
-  if (!times.length) throw table.error(null, column.label, `found no values at all, needed ${name}; export that track again`);
-  if (!column.unit && KIND_OF_UNIT[column.role] === "length") assumptions.push(`lengths without a unit taken in ${units.length}`);
+  if (!times.length) throw table.error(null, column.label, text("file.noValues", { name }));
+  if (!column.unit && KIND_OF_UNIT[column.role] === "length") assumptions.push(text("assumed.lengths", { unit: units.length }));
   const channel = { name, column: column.label, t: times.map((t) => t * timeFactor), value: values.map((v) => v * valueFactor) };
   return { channel, rows: kept, column };
 }
@@ -235,8 +237,7 @@ function factorOf(table, column, si, units) {
   const unit = column.unit || units[KIND_OF_UNIT[column.role] ?? ""] || si;
   if (Object.hasOwn(FACTORS[si], unit)) return FACTORS[si][unit];
   const line = table.head.length && column.unit ? table.head[table.head.length - 1].line : null;
-  const needed = `needed one that converts to ${si}; write for example '[${si}]'`;
-  throw table.error(line, column.label, `found the unit ${quote(unit)}, ${needed}`);
+  throw table.error(line, column.label, text("file.unit", { unit: quote(unit), si }));
 }
 
 /** @param {number[]} values */
@@ -260,14 +261,12 @@ function refuseImplausible(table, read, checkTimes) {
     });
     if (Math.abs(channel.value[worst]) > limit) {
       const [kind, other] = unit.startsWith("rad") ? ["angle", "deg"] : ["length", "cm"];
-      const values = `found ${general(channel.value[worst])} ${unit}, needed at most ${general(limit, 4)}`;
-      const way = `if the file is in another unit, say so: 'units: {${kind}: ${other}}'`;
-      throw table.error(rows[worst].line, channel.column, `${values}; ${way}`);
+      const values = { value: inSentence(channel.value[worst]), unit, limit: inSentence(limit, 4), kind, other };
+      throw table.error(rows[worst].line, channel.column, text("file.tooLarge", values));
     }
     const step = channel.t.length > 1 ? median(steps(channel.t)) : 0;
     if (checkTimes && step > MAX_TIME_STEP) {
-      const found = `found a row every ${general(step)} s, needed many a second`;
-      throw table.error(rows[0].line, "t", `${found}; if times are in ms, say so: 'units: {time: ms}'`);
+      throw table.error(rows[0].line, "t", text("file.slow", { step: inSentence(step) }));
     }
   }
 }
@@ -287,14 +286,14 @@ function withTrueRate(table, columns, read, rate, clipRate, assumptions) {
   const channels = read.map(({ channel }) => channel);
   if (rate === null) {
     if (columns.some(({ role }) => role === "t")) return channels;
-    throw table.error(null, "", "found frame numbers but no times, needed the camera's frame rate; give 'frame_rate'");
+    throw table.error(null, "", text("file.needsRate"));
   }
   if (frames.length) return withTimesFromFrames(table, frames, read, rate);
   const all = [...new Set(channels.flatMap(({ t }) => t))].sort((a, b) => a - b);
   const fileRate = clipRate ?? (all.length > 1 ? 1 / median(steps(all)) : rate);
   if (Math.abs(fileRate / rate - 1) < RATE_TOLERANCE) return channels;
-  const assumed = clipRate ? "" : ", taking one row as one frame";
-  assumptions.push(`times made for ${general(fileRate, 4)} frames a second were put to ${general(rate, 4)}${assumed}`);
+  const rates = { from: inSentence(fileRate, 4), to: inSentence(rate, 4) };
+  assumptions.push(text(clipRate ? "assumed.rate" : "assumed.rateByRows", rates));
   return channels.map((one) => ({ ...one, t: one.t.map((t) => (t * fileRate) / rate) }));
 }
 
@@ -308,8 +307,8 @@ function withTimesFromFrames(table, frames, read, rate) {
       const frame = table.number(row, clock.index, clock.label);
       const last = counts[counts.length - 1];
       if (frame === null || (counts.length && frame <= last)) {
-        const found = frame === null ? "nothing" : `${general(frame)} after ${general(last)}`;
-        throw table.error(row.line, clock.label, `found ${found}, needed frame numbers that grow; export them again`);
+        const message = frame === null ? text("file.noFrame") : text("file.framesGrow", { frame: general(frame), before: general(last) });
+        throw table.error(row.line, clock.label, message);
       }
       counts.push(frame);
     }

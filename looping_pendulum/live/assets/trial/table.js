@@ -1,5 +1,7 @@
 /** Reads a text table as `identify` does (`discrepancy/data/delimited.py`): encoding, delimiter, decimal comma, header. */
 
+import { text } from "../texts.js";
+
 /** A file that cannot be used; the message is one line. */
 export class DataError extends Error {}
 
@@ -10,12 +12,12 @@ const MAX_LINE_LENGTH = 100_000;
 const MISSING = new Set(["", "-", "--", "nan", "na", "n/a", "null", "none"]);
 const DECIMAL_POINT = /^[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?$/;
 const DECIMAL_COMMA = /^[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]{1,4})?$/;
-/** First bytes -> what the file is. @type {[number[], string][]} */
+/** First bytes -> what the file is. @type {[number[], import("../texts.js").TextKey][]} */
 const OTHER_FORMATS = [
-  [[0x50, 0x4b, 3, 4], "a zip archive (a spreadsheet or a Tracker project)"],
-  [[0xd0, 0xcf, 0x11, 0xe0], "an old spreadsheet"],
-  [[0x3c, 0x3f, 0x78, 0x6d, 0x6c], "XML (a Tracker project?)"],
-  [[0x25, 0x50, 0x44, 0x46], "a PDF"],
+  [[0x50, 0x4b, 3, 4], "file.zip"],
+  [[0xd0, 0xcf, 0x11, 0xe0], "file.spreadsheet"],
+  [[0x3c, 0x3f, 0x78, 0x6d, 0x6c], "file.xml"],
+  [[0x25, 0x50, 0x44, 0x46], "file.pdf"],
 ];
 const MAX_QUOTED = 60;
 
@@ -59,8 +61,8 @@ export function general(x, digits = 6) {
  * @param {string} message
  */
 export function dataError(file, line, column, message) {
-  const words = `${line ? `${file}:${line}` : file}: ${column ? `column ${column}: ` : ""}${message}`;
-  return new DataError(words.replace(UNPRINTABLE, escaped));
+  const whole = `${line ? `${file}:${line}` : file}: ${column ? text("file.inColumn", { column, message }) : message}`;
+  return new DataError(whole.replace(UNPRINTABLE, escaped));
 }
 
 /** A text table: lines of a header, then rows of numbers. */
@@ -88,16 +90,12 @@ export class Table {
    * @param {string} column
    */
   number(row, index, column) {
-    const text = row.cells[index] ?? "";
-    if (MISSING.has(text.toLowerCase())) return null;
-    const withPoint = this.decimalComma && DECIMAL_COMMA.test(text) ? text.replace(",", ".") : text;
-    if (!DECIMAL_POINT.test(withPoint)) {
-      throw this.error(row.line, column, `found ${quote(text)}, needed a number or an empty cell; correct the cell, or empty it`);
-    }
+    const cell = row.cells[index] ?? "";
+    if (MISSING.has(cell.toLowerCase())) return null;
+    const withPoint = this.decimalComma && DECIMAL_COMMA.test(cell) ? cell.replace(",", ".") : cell;
+    if (!DECIMAL_POINT.test(withPoint)) throw this.error(row.line, column, text("file.number", { cell: quote(cell) }));
     const value = Number(withPoint);
-    if (!Number.isFinite(value)) {
-      throw this.error(row.line, column, `found ${quote(text)}, needed a finite number; correct the cell, or empty it`);
-    }
+    if (!Number.isFinite(value)) throw this.error(row.line, column, text("file.finite", { cell: quote(cell) }));
     return value;
   }
 }
@@ -111,11 +109,10 @@ export class Table {
 export function readTable(file, bytes) {
   const numbered = decoded(file, bytes).split(/\r\n|\r|\n/).map((line, i) => ({ line, number: i + 1 }));
   const lines = numbered.filter(({ line }) => line.trim() && !line.trimStart().startsWith("#"));
-  if (!lines.length) throw dataError(file, null, "", "found no rows, needed a table of numbers; export the data again");
+  if (!lines.length) throw dataError(file, null, "", text("file.noRows"));
   for (const { line, number } of lines) {
     if (line.length > MAX_LINE_LENGTH) {
-      const message = `found a line of ${line.length} characters, needed rows of at most ${MAX_LINE_LENGTH}`;
-      throw dataError(file, number, "", `${message}; export the data again`);
+      throw dataError(file, number, "", text("file.longLine", { length: line.length, limit: MAX_LINE_LENGTH }));
     }
   }
   const { delimiter, decimalComma } = dialect(lines.map(({ line }) => line));
@@ -123,9 +120,8 @@ export function readTable(file, bytes) {
   const named = rows.findIndex(({ cells }) => cells[0].toLowerCase() === "quantity");
   const first = named >= 0 ? named + 1 : rows.findIndex(({ cells }) => isData(cells, decimalComma));
   if (first < 0 || first === rows.length) {
-    const last = quote(lines[lines.length - 1].line.trim());
-    const way = "needed rows such as '0.0042,0.51,-0.22'; export the data again, as numbers without units";
-    throw dataError(file, rows[rows.length - 1].line, "", `found no row of numbers (last row ${last}), ${way}`);
+    const row = quote(lines[lines.length - 1].line.trim());
+    throw dataError(file, rows[rows.length - 1].line, "", text("file.noNumbers", { row }));
   }
   const table = new Table({ file, delimiter, decimalComma, head: rows.slice(0, first), rows: rows.slice(first) });
   if (decimalComma) refuseMixedDecimals(table);
@@ -134,18 +130,15 @@ export function readTable(file, bytes) {
 
 /** @param {string} file @param {Uint8Array} bytes */
 function decoded(file, bytes) {
-  if (bytes.length > LARGEST_FILE) {
-    throw dataError(file, null, "", "found more than 20 MiB, needed one trial; cut the file to the trial's frames");
-  }
-  const way = "export it as text (in Tracker: File > Export > Data)";
+  if (bytes.length > LARGEST_FILE) throw dataError(file, null, "", text("file.large"));
   const begins = (/** @type {number[]} */ start, from = 0) => start.every((byte, i) => bytes[from + i] === byte);
   const afterMark = begins([0xef, 0xbb, 0xbf]) ? 3 : 0;
   for (const [start, what] of OTHER_FORMATS) {
-    if (begins(start, afterMark)) throw dataError(file, null, "", `found ${what}, needed a text table; ${way}`);
+    if (begins(start, afterMark)) throw dataError(file, null, "", text("file.notText", { what: text(what) }));
   }
-  const text = textOf(bytes, begins);
-  if (text.includes("\0")) throw dataError(file, null, "", `found binary data, needed a text table; ${way}`);
-  return text;
+  const whole = textOf(bytes, begins);
+  if (whole.includes("\0")) throw dataError(file, null, "", text("file.notText", { what: text("file.binary") }));
+  return whole;
 }
 
 /** @param {Uint8Array} bytes @param {(start: number[]) => boolean} begins */
@@ -215,8 +208,7 @@ function refuseMixedDecimals(table) {
   for (const row of table.rows) {
     row.cells.forEach((cell, i) => {
       if (cell.includes(".") && (DECIMAL_POINT.test(cell) || cell.includes(","))) {
-        const message = `found ${quote(cell)} among numbers with a decimal comma, needed one kind; replace one by the other`;
-        throw table.error(row.line, String(i + 1), message);
+        throw table.error(row.line, String(i + 1), text("file.mixedDecimals", { cell: quote(cell) }));
       }
     });
   }

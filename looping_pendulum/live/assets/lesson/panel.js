@@ -1,0 +1,301 @@
+/** The lesson on the page: asks for a prediction, sets what a step says, and tells what the run says. */
+
+import { parsed, same, settingsOf } from "../controls.js";
+import { ShownRun } from "../shown_run.js";
+import { fixed, shown, text } from "../texts.js";
+import { TYPICAL_SCATTER, filmedPoints, madeUpTrial } from "./made_up.js";
+import { STEPS, distanceOf, filmedState, isOfRatioStep, judgeRatio, judgeTrial, lowestRatio, placeOfRatio, trialState } from "./steps.js";
+
+/** @typedef {import("../controls.js").State} State */
+/** @typedef {import("./steps.js").Judgement} Judgement */
+/** @typedef {import("./steps.js").Step} Step */
+/**
+ * @typedef {{state: State, run: ShownRun, set: (state: State) => void, change: () => void, play: () => boolean,
+ *   stopAt: (time: number) => void, trial: import("../trial_panel.js").TrialPanel,
+ *   fit: import("../fit_panel.js").FitPanel}} LessonPage what the lesson needs of the page; `play`: false if nothing is to move
+ * @typedef {{words: () => string, verdict: "" | "right" | "wrong"}} Answer
+ */
+
+const MILLIMETRES = 1000;
+/** Task -> control to which the student goes. */
+const CONTROL_OF_TASK = { ratio: "range-mass_ratio", drag: "range-light_drag", trial: "trial-file" };
+const MADE_UP_FILE = "made-up.csv";
+
+/** The steps, one of which is open, and what was predicted and told in each. */
+export class LessonPanel {
+  /** @param {(id: string) => HTMLElement} element @param {LessonPage} page */
+  constructor(element, page) {
+    this.element = element;
+    this.page = page;
+    this.place = 0;
+    /** What is chosen or typed in each step. */
+    this.predictions = STEPS.map(() => "");
+    /** What was predicted when the step's run began. */
+    this.kept = STEPS.map(() => "");
+    /** @type {Answer[]} */
+    this.answers = STEPS.map(() => ({ words: () => "", verdict: "" }));
+    /** What a step set, and beside which state its run is shown. @type {{state: State, beside: State | null} | null} */
+    this.given = null;
+    /** Step whose run is being watched. @type {Step | null} */
+    this.watched = null;
+    /** Whether the run is to be shown as it is when it was seen, since nothing is to move. */
+    this.jumps = false;
+    /** Film of the step of a wrong drag. @type {{hidden: number, run: ShownRun, points: [number, number, number][]} | null} */
+    this.film = null;
+    /** Seeds of the next film and of the next trial that is made up. */
+    this.seeds = { film: 1, trial: 1 };
+    /** Wind in the trial that was made up last [m/s]. */
+    this.wind = 0;
+    element("lesson-steps").append(...STEPS.map((_, place) => {
+      const button = Object.assign(document.createElement("button"), { type: "button", textContent: String(place + 1) });
+      button.addEventListener("click", () => this.open(place));
+      const item = document.createElement("li");
+      item.append(button);
+      return item;
+    }));
+    element("lesson-change").addEventListener("click", () => this.change());
+    element("lesson-check").addEventListener("click", () => this.check());
+    element("lesson-next").addEventListener("click", () => this.open((this.place + 1) % STEPS.length));
+    element("lesson-go").addEventListener("click", () => this.go());
+  }
+
+  get step() {
+    return STEPS[this.place];
+  }
+
+  /** @param {number} place */
+  open(place) {
+    this.place = place;
+    this.relabel();
+    this.page.change();
+    this.element("lesson-name").focus();
+  }
+
+  go() {
+    const { task } = this.step;
+    if (task) this.element(task === "trial" && this.page.trial.trial ? "trial-fit" : CONTROL_OF_TASK[task]).focus();
+  }
+
+  /** Write the open step in the language of the page. */
+  relabel() {
+    const { step } = this;
+    const say = (/** @type {string} */ id, /** @type {string} */ words) => (this.element(id).textContent = words);
+    say("lesson-name", text("lessonStep", { number: this.place + 1, name: text(`lesson.${step.name}.title`) }));
+    for (const part of ["text", "question"]) say(`lesson-${part}`, text(`lesson.${step.name}.${part}`));
+    say("lesson-change", text(step.task === "trial" ? "lessonMakeTrial" : "lessonChange"));
+    for (const id of ["lesson-check", "lesson-go"]) this.element(id).hidden = !step.task;
+    this.element("lesson-options").replaceChildren(...(step.options.length ? this.choices(step) : [this.numberField(step)]));
+    this.showAnswer();
+  }
+
+  /** @param {Step} step */
+  choices({ name, options }) {
+    return options.map((option) => {
+      const radio = Object.assign(document.createElement("input"), { type: "radio", name: "lesson-option", value: option });
+      radio.checked = this.predictions[this.place] === option;
+      radio.addEventListener("change", () => this.predict(option));
+      const label = document.createElement("label");
+      label.append(radio, text(`lesson.${name}.${option}`));
+      return label;
+    });
+  }
+
+  /** @param {Step} step */
+  numberField({ unit }) {
+    const field = Object.assign(document.createElement("input"), { type: "text", id: "lesson-number", inputMode: "decimal", autocomplete: "off" });
+    field.value = shown(this.predictions[this.place]);
+    field.addEventListener("input", () => this.predict(field.value));
+    const label = document.createElement("label");
+    label.append(unit ? text("lessonNumber", { unit }) : text("lessonPlainNumber"), field);
+    return label;
+  }
+
+  /** @param {string} said an option, or a number as it was typed */
+  predict(said) {
+    this.predictions[this.place] = said;
+  }
+
+  /** The prediction of the open step; where there is none, that is said, and it is "". */
+  get said() {
+    const said = this.predictions[this.place];
+    if (this.step.options.length) {
+      if (!said) this.tell(() => text("lessonNoPrediction"));
+      return said;
+    }
+    const number = parsed(said);
+    if (number > 0) return String(number);
+    this.tell(() => text("lessonNoNumber"));
+    return "";
+  }
+
+  /** @param {() => string} words @param {Answer["verdict"]} verdict @param {number} place of the step that it is about */
+  tell(words, verdict = "", place = this.place) {
+    // A hint that comes later does not take back what a step has shown
+    this.answers[place] = { words, verdict: verdict || this.answers[place].verdict };
+    this.showAnswer();
+  }
+
+  showAnswer() {
+    const { words, verdict } = this.answers[this.place];
+    const now = words();
+    this.element("lesson-answer").className = verdict;
+    if (this.element("lesson-answer").textContent !== now) this.element("lesson-answer").textContent = now;
+    [...this.element("lesson-steps").querySelectorAll("button")].forEach((button, place) => {
+      const key = { "": "lessonStep", right: "lessonStepRight", wrong: "lessonStepWrong" }[this.answers[place].verdict];
+      const name = text(`lesson.${STEPS[place].name}.title`);
+      button.setAttribute("aria-label", text(/** @type {import("../texts.js").TextKey} */ (key), { number: place + 1, name }));
+      button.textContent = `${place + 1}${{ "": "", right: "\u00a0✓", wrong: "\u00a0·" }[this.answers[place].verdict]}`;
+      if (place === this.place) button.setAttribute("aria-current", "step");
+      else button.removeAttribute("aria-current");
+    });
+  }
+
+  /** Set what the step says, and have its run played. */
+  change() {
+    const { step, said } = this;
+    if (!said) return;
+    const state = step.state();
+    if (!state) {
+      this.makeTrial();
+      return;
+    }
+    if (step.task === "drag") this.makeFilm();
+    this.kept[this.place] = said;
+    this.given = { state, beside: step.beside?.() ?? null };
+    this.watched = step;
+    this.page.set(state);
+    if (step.forces) /** @type {HTMLInputElement} */ (this.element("forces")).checked = true;
+    this.tell(() => text("lessonWatch"));
+    this.jumps = !this.page.play();
+  }
+
+  /** State whose run is the ghost beside that of a state; null if the step does not say so. @param {State} state */
+  beside(state) {
+    return this.given && same(state, this.given.state) ? this.given.beside : null;
+  }
+
+  /** Points of the film while its step is open. */
+  get points() {
+    const { open } = /** @type {HTMLDetailsElement} */ (this.element("lesson"));
+    return open && this.step.task === "drag" && this.film ? this.film.points : null;
+  }
+
+  /** Look at the run that is shown: once it has been seen for long enough, tell what it says.
+   * @param {ShownRun} run @param {number} time */
+  watch(run, time) {
+    const step = this.watched;
+    if (!step || !this.given) return;
+    const place = STEPS.indexOf(step);
+    if (!same(this.page.state, this.given.state)) {
+      this.watched = null;
+      this.tell(() => text("lessonLeft"), "", place);
+      return;
+    }
+    if (this.jumps) {
+      this.jumps = false;
+      this.page.stopAt(step.seenAt(run));
+      return;
+    }
+    if (time < step.seenAt(run)) return;
+    this.watched = null;
+    const { beside } = this.given;
+    const other = step.task === "drag" ? (this.film?.run ?? null) : beside && new ShownRun(settingsOf(beside));
+    const task = () => (step.task ? text(`lesson.${step.name}.task`) : "");
+    if (step.judge) this.answer(step, step.judge(this.kept[place], run, other), task);
+    else this.tell(task, "", place);
+  }
+
+  /** Tell what was said, what was found, and why. @param {Step} step @param {Judgement} judgement @param {() => string} more */
+  answer(step, { found, right, values }, more = () => "") {
+    const place = STEPS.indexOf(step);
+    const said = this.kept[place];
+    const worded = (/** @type {string | number} */ answer) =>
+      step.options.length ? text(`lesson.${step.name}.${answer}`) : `${shown(answer)}${step.unit && ` ${step.unit}`}`;
+    this.tell(() => [
+      text(step.task === "trial" ? "lessonSaidOfFit" : "lessonSaid", { said: worded(said), found: worded(found) }),
+      text(right ? "lessonRight" : "lessonWrong"),
+      text(`lesson.${step.name}.why`, values),
+      more(),
+    ].join(" ").trim(), right ? "right" : "wrong", place);
+  }
+
+  check() {
+    const { step, said } = this;
+    if (!said) return;
+    this.kept[this.place] ||= said;
+    if (step.task === "ratio") this.checkRatio(step);
+    else if (step.task === "drag") this.checkDrag();
+    else this.checkTrial(step);
+  }
+
+  /** @param {Step} step */
+  checkRatio(step) {
+    const { state, run } = this.page;
+    const place = STEPS.indexOf(step);
+    if (!isOfRatioStep(state)) {
+      this.tell(() => text("lessonLeft"));
+      return;
+    }
+    this.tell(() => text("lessonSearching"));
+    const ratio = state.values.mass_ratio;
+    const search = lowestRatio(state);
+    const next = () => {
+      const { done, value } = search.next();
+      if (!done) {
+        // Between two runs the page goes on
+        setTimeout(next, 0);
+        return;
+      }
+      const found = placeOfRatio(ratio, run.halt !== null, value);
+      const hints = { never: "lessonNever", gap: "lessonGap", high: "lessonHigh", lowest: "lessonRatioFound" };
+      const hint = () => text(/** @type {import("../texts.js").TextKey} */ (hints[found]), { ratio });
+      if (found === "lowest") this.answer(step, judgeRatio(this.kept[place], ratio, value), hint);
+      else this.tell(hint, "", place);
+    };
+    next();
+  }
+
+  checkDrag() {
+    const { film, page } = this;
+    if (!film) {
+      this.tell(() => text("lessonLeft"));
+      return;
+    }
+    const { distance, fits } = distanceOf(film.points, page.run);
+    const drag = page.state.values.light_drag;
+    this.tell(() => text(fits ? "lessonNear" : "lessonFar", {
+      distance: fixed(MILLIMETRES * distance, 1), scatter: fixed(MILLIMETRES * TYPICAL_SCATTER, 1), drag, hidden: film.hidden,
+    }));
+  }
+
+  /** @param {Step} step */
+  checkTrial(step) {
+    const { trial, fit } = this.page;
+    const { fitted } = fit;
+    if (!trial.trial) this.tell(() => text("lessonNeedsTrial"));
+    else if (!fitted || fitted.file !== trial.file) this.tell(() => text("lessonNeedsFit"));
+    else {
+      const { wind } = this;
+      const how = trial.file?.name === MADE_UP_FILE ? () => (wind ? text("lessonWind", { wind }) : text("lessonNoWind")) : () => "";
+      this.answer(step, judgeTrial(this.kept[this.place], fitted.isNoise, fitted), how);
+    }
+  }
+
+  makeFilm() {
+    const state = filmedState(this.seeds.film);
+    const run = new ShownRun(settingsOf(state));
+    this.film = { hidden: state.values.light_drag, run, points: filmedPoints(run, this.seeds.film) };
+    this.seeds.film += 1;
+  }
+
+  makeTrial() {
+    this.kept[this.place] = this.predictions[this.place];
+    const state = trialState();
+    const { csv, wind } = madeUpTrial(state, this.seeds.trial);
+    this.seeds.trial += 1;
+    this.wind = wind;
+    this.page.set(state);
+    this.page.trial.open(new File([csv], MADE_UP_FILE));
+    this.tell(() => text("lessonTrialMade"));
+  }
+}

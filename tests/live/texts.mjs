@@ -1,0 +1,20 @@
+// Prints the page's tables of texts, and the members of the families of keys that its scripts put together.
+import { CONTROLS } from "../../looping_pendulum/live/assets/controls.js";
+import { STEPS } from "../../looping_pendulum/live/assets/lesson/steps.js";
+import { LANGUAGES, languageFor } from "../../looping_pendulum/live/assets/texts.js";
+import { END_EVENTS, MODE_NAMES, RELEASES } from "../../looping_pendulum/live/model.js";
+
+let input = "";
+for await (const part of process.stdin) input += part;
+process.stdout.write(JSON.stringify({
+  languages: LANGUAGES,
+  families: {
+    setting: CONTROLS.map(({ name }) => name),
+    mode: Object.values(MODE_NAMES),
+    release: Object.keys(RELEASES),
+    lesson: STEPS.flatMap(({ name, options, task }) =>
+      ["title", "text", "question", "why", ...options, ...(task ? ["task"] : [])].map((part) => `${name}.${part}`)),
+    event: [...END_EVENTS, "stops", "sticks", "halts", "slips", "slack", "taut"],
+  },
+  preferred: JSON.parse(input).map(languageFor),
+}));

@@ -1,0 +1,261 @@
+"""The live page in another language: nothing on it stays English, nothing that was set is lost."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from tests.pages.conftest import PHONE, sideways, until
+from tests.pages.live_page import page_text, preset, settled, value
+from tests.pages.test_live_files_in_browser import drop_file
+
+STRINGS = """() => {
+  const found = new Set([document.title]);
+  const walker = document.createTreeWalker(document.documentElement, NodeFilter.SHOW_TEXT | NodeFilter.SHOW_ELEMENT);
+  for (let node = walker.nextNode(); node; node = walker.nextNode()) {
+    if (node.nodeType === Node.TEXT_NODE) {
+      const isOther = node.parentElement.closest("script, style, noscript, code, #language, title, option[value^='=']");
+      if (!isOther) found.add(node.textContent);
+    } else {
+      for (const name of ["aria-label", "title", "placeholder", "alt", "aria-valuetext", "aria-description"]) {
+        if (node.hasAttribute(name)) found.add(node.getAttribute(name));
+      }
+    }
+  }
+  return [...found, ...window.drawn].map((words) => words.replace(/\\s+/g, " ").trim());
+}"""
+"""All that can be read on the page, hidden parts and names for screen readers included.
+
+The languages' own names and a file's tracks are none of the page's words.
+"""
+KEEP_WHAT_IS_DRAWN = """() => {
+  const isKept = Boolean(window.drawn);
+  window.drawn = new Set();
+  if (isKept) return;
+  const { fillText } = CanvasRenderingContext2D.prototype;
+  CanvasRenderingContext2D.prototype.fillText = function (words, ...place) {
+    window.drawn.add(words);
+    return fillText.call(this, words, ...place);
+  };
+}"""
+WORD = re.compile(r"[^\W\d_]{3,}")
+"""Units and the names of masses and axes are shorter."""
+FILE = re.compile(r"^\w+\.csv(:\d+)?: ")
+
+
+@pytest.fixture(scope="module")
+def tables(one_page):
+    return one_page.page.evaluate("liveLanguages")
+
+
+@pytest.fixture
+def german(opened):
+    """The page in German; in English again after the test."""
+    page = opened.page
+    page.select_option("#language", "de")
+    settled(page)
+    page.evaluate(KEEP_WHAT_IS_DRAWN)
+    page.evaluate("live.change()")
+    settled(page)
+    yield opened
+    page.select_option("#language", "en")
+    settled(page)
+
+
+def pattern(words):
+    """Return what matches a text with any values."""
+    parts = re.split(r"\{\w+\}", re.sub(r"\s+", " ", words))
+    return re.compile(".+?".join(map(re.escape, parts)))
+
+
+def plain(words):
+    return re.sub(r"\s+", " ", words.replace("`", ""))
+
+
+def assert_german(page, tables):
+    """Hold that each string is one of the German table, and that none of the English table is left in one."""
+    german, english = tables["de"], tables["en"]
+    # Around code a text stands in several pieces
+    pieces = [piece.strip() for words in german.values() for piece in words.split("`")[::2]]
+    known = [pattern(words) for words in pieces if WORD.search(re.sub(r"\{\w+\}", "", words))]
+    left = [plain(words) for key, words in english.items() if WORD.search(words) and "{" not in words and words != german[key]]
+    everything = " ".join(plain(words) for words in german.values())
+    left = [words for words in left if words not in everything]
+    strings = page.evaluate(STRINGS)
+    assert len(strings) > 100
+
+    def is_known(words):
+        if not WORD.search(words) or any(one.fullmatch(words) for one in known):
+            return True
+        if FILE.match(words):
+            return is_known(FILE.sub("", words))
+        first, colon, rest = words.partition(": ")
+        if colon and is_known(first) and is_known(rest):
+            return True
+        begun = (re.match(f"{one.pattern} ", words) for one in known)
+        return any(begin and is_known(words[begin.end() :]) for begin in begun)
+
+    for words in strings:
+        assert is_known(words), words
+        english_in_it = [one for one in left if re.search(rf"(?<!\w){re.escape(one)}(?!\w)", words)]
+        assert english_in_it == [], words
+
+
+def test_nothing_on_the_page_stays_english(german, tables):
+    page = german.page
+    assert page.get_attribute("html", "lang") == "de"
+    page.check("#forces")
+    page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+    page.locator("#map").scroll_into_view_if_needed()
+    for name in page.eval_on_selector_all("#preset option", "(all) => all.map(({ value }) => value).filter(Boolean)"):
+        preset(page, name)
+        for share in (0.0, 0.5, 1.0):
+            page.evaluate("(share) => live.player.stopAt(share * live.run.end)", share)
+            settled(page)
+            assert_german(page, tables)
+    page.select_option("#release", "looping")
+    for setting, words in (
+        ("mass_ratio", "12"),
+        ("kinetic_friction", "0,2"),
+        ("release_angle", "abc"),
+        ("release_angle", "400"),
+    ):
+        page.fill(f"#field-{setting}", words)
+        page.keyboard.press("Tab")
+        settled(page)
+        assert_german(page, tables)
+    assert page.inner_text("#fault") == "Winkel des Fadens: 400 ° gefunden, möglich sind 5 bis 180 °"
+    page.evaluate("location.hash = 'release=thrown'")
+    until(page, "document.getElementById('fault').textContent.startsWith('der Link')")
+    assert_german(page, tables)
+    page.evaluate("Object.defineProperty(navigator, 'clipboard', { value: { writeText: async () => {} }, configurable: true })")
+    page.click("#copy")
+    until(page, "document.getElementById('copied').textContent !== ''")
+    assert_german(page, tables)
+    page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = false; })")
+
+
+def test_the_lesson_is_told_in_german(german, tables):
+    page = german.page
+    page.evaluate("document.getElementById('lesson').open = true")
+    for place in range(page.locator("#lesson-steps button").count()):
+        page.locator("#lesson-steps button").nth(place).click()
+        page.click("#lesson-change")  # without a prediction
+        assert_german(page, tables)
+        if page.locator("#lesson-number").count():
+            page.fill("#lesson-number", "5,5")
+        else:
+            page.locator("#lesson-options input").last.check()
+        page.click("#lesson-change")
+        until(page, "live.lesson.watched === null")
+        settled(page)
+        assert_german(page, tables)
+        if page.is_visible("#lesson-check"):
+            page.click("#lesson-check")
+            page.wait_for_timeout(50)
+            assert_german(page, tables)
+    page.evaluate("document.getElementById('lesson').open = false")
+
+
+def test_a_trial_and_its_fit_are_told_in_german(german, tables):
+    page = german.page
+    rows = "".join(f"{0.01 * i:.2f};{-0.05 * i:.3f};{-0.3 - 0.01 * i:.3f};\n".replace(".", ",") for i in range(20))
+    drop_file(page, "versuch.csv", f"t;light_x;light_y;Kraft\n{rows}0,2;;;1\n")
+    until(page, "live.trial.trial !== null")
+    settled(page)
+    assert_german(page, tables)
+    message = page.inner_text("#trial-message")
+    assert "nicht benutzt: 2 (leere Zelle)" in message
+    assert "Längen ohne Einheit in m genommen" in message
+    page.click("#trial-fit")
+    until(page, "document.getElementById('fit-table').children.length > 0")
+    settled(page)
+    assert_german(page, tables)
+    table = page.inner_text("#fit-table")
+    assert re.search(r"Gleitreibungszahl: \d", table)
+    # In the other language at once, and back
+    page.select_option("#language", "en")
+    settled(page)
+    assert "not used: 2 (empty cell)" in page.inner_text("#trial-message")
+    assert re.search(r"Friction, string sliding: \d", page.inner_text("#fit-table"))
+    page.select_option("#language", "de")
+    settled(page)
+    assert page.inner_text("#fit-table") == table
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "bad.csv: keine Zeilen gefunden, nötig ist eine Tabelle mit Zahlen; die Daten noch einmal exportieren"),
+        (
+            "t,light_x,light_y\n0,1,2\n.01,x,3\n",
+            "bad.csv:3: Spalte light_x: 'x' gefunden, nötig ist eine Zahl oder eine leere Zelle; die Zelle berichtigen oder "
+            "leeren",
+        ),
+        (
+            "t,light_x,light_y\n0,1,2\n.01,150.5,3\n",
+            "bad.csv:3: Spalte light_x: 150,5 m gefunden, höchstens 20 sind möglich; wenn die Datei eine andere Einheit hat, "
+            "sie nennen: 'units: {length: cm}'",
+        ),
+    ],
+)
+def test_a_bad_file_is_refused_in_german_and_then_in_english(german, tables, content, message):
+    page = german.page
+    drop_file(page, "bad.csv", content)
+    until(page, "document.getElementById('trial-error').textContent !== ''")
+    assert page.inner_text("#trial-error") == message
+    assert_german(page, tables)
+    page.select_option("#language", "en")
+    settled(page)
+    assert "found" in page.inner_text("#trial-error")
+
+
+def test_numbers_have_a_comma_and_are_taken_with_one(german):
+    page = german.page
+    assert page.input_value("#field-release_angle") == "113,08"
+    assert "0,3814 s" in page.inner_text("#result")
+    page.fill("#field-release_angle", "112,5")
+    page.keyboard.press("Tab")
+    settled(page)
+    assert value(page, "release_angle") == 112.5
+    assert page.get_attribute("#range-release_angle", "aria-valuetext") == "112,5 °"
+    assert "Vorher: 0,3814 s" in page.inner_text("#compared")
+    # Links and files are for programs, in any language
+    assert "release_angle_deg=112.5&" in page.evaluate("location.hash")
+    assert "112,5" not in page.evaluate("live.scenario()")
+
+
+def test_another_language_keeps_all_that_was_set(opened):
+    page = opened.page
+    page.fill("#field-mass_ratio", "7")
+    page.keyboard.press("Tab")
+    page.evaluate("live.player.stopAt(0.2)")
+    state, past = page.evaluate("live.state"), page.evaluate("live.history.past.length")
+    page.select_option("#language", "de")
+    settled(page)
+    assert page.evaluate("live.state") == state
+    assert page.evaluate("live.history.past.length") == past
+    assert page.evaluate("live.player.time") == 0.2
+    assert page.evaluate("location.hash").endswith("&lang=de")
+    page.evaluate("location.hash = location.hash.replace('lang=de', 'lang=en')")
+    until(page, "document.documentElement.lang === 'en'")
+    assert page.input_value("#language") == "en"
+    assert page.evaluate("live.state") == state
+
+
+def test_the_language_is_the_readers_and_a_link_may_name_another(visit):
+    opened = visit(page_text(), locale="de-CH")
+    page = opened.page
+    assert page.inner_text("h1") == "Das schlingende Pendel"
+    assert "lang=" not in page.evaluate("location.hash")
+    page.goto(f"{page.url.partition('#')[0]}?again#mass_ratio=5&lang=en")
+    assert page.inner_text("h1") == "The looping pendulum"
+    assert value(page, "mass_ratio") == 5
+    assert opened.complaints == []
+
+
+def test_german_fits_a_narrow_screen(visit):
+    opened = visit(page_text(), locale="de-DE", viewport=PHONE | {"width": 320}, has_touch=True, is_mobile=True)
+    assert opened.page.get_attribute("html", "lang") == "de"
+    assert sideways(opened.page) <= 0
