@@ -1,15 +1,13 @@
-/** The fit of a trial: its button, its result in words, and the study file for `identify`. */
+/** The fit of a trial: its button, and its result in words. */
 
-import { CONTROLS, settingsOf, tidy } from "./controls.js";
-import { durationOf } from "./shown_run.js";
+import { CONTROLS, settingsOf } from "./controls.js";
 import { text } from "./texts.js";
 
 /** @typedef {import("./controls.js").State} State */
 /** @typedef {import("./trial/fit.js").FitResult} FitResult */
 /** @typedef {import("./trial_panel.js").TrialPanel} TrialPanel */
 
-/** Correlation of neighbouring residuals above which they are no noise: of a hundred points' noise, one in a thousand has more. */
-const MAX_CORRELATION = 0.3;
+const MIN_POINTS = 10;
 const CENTIMETRES = 100;
 
 /** Has a worker fit the trial, and shows what it found. */
@@ -35,12 +33,9 @@ export class FitPanel {
 
   start() {
     const settings = settingsOf(this.current());
-    const duration = durationOf(settings.release);
-    const [light, heavy] = [this.trial.points("light", false), this.trial.points("heavy", false)].map((points) =>
-      points.filter(([t]) => t >= 0 && t <= duration),
-    );
+    const count = this.trial.points("light").filter(([t]) => t >= 0).length;
     if (settings.release !== "looping") this.say(text("fitNeedsLoop"));
-    else if (light.length < 10) this.say(text("fitNeedsPoints", { count: light.length }));
+    else if (count < MIN_POINTS) this.say(text("fitNeedsPoints", { count }));
     else {
       this.button.disabled = true;
       this.say(text("fitWorks"));
@@ -51,7 +46,7 @@ export class FitPanel {
         this.say(text("fitFails"));
       };
       /** @type {import("./trial/fit.js").FitTask} */
-      const task = { settings, light, heavy, duration };
+      const task = { settings, channels: this.trial.channels, camera: this.trial.camera };
       this.worker.postMessage({ fit: task });
     }
   }
@@ -63,28 +58,43 @@ export class FitPanel {
   }
 
   /** @param {FitResult} result */
-  take({ parameters, before, after, alike, converged }) {
+  take({ parameters, before, after, tests, outliers, converged }) {
     this.button.disabled = false;
     const [more, less] = [before, after].map((x) => (CENTIMETRES * x).toPrecision(2));
-    const noise = alike > MAX_CORRELATION ? text("fitNotNoise", { alike: alike.toFixed(2) }) : text("fitNoise");
-    this.say([text("fitDone", { before: more, after: less }), noise, converged ? "" : text("fitNotConverged")].join(" ").trim());
+    const parts = [text("fitDone", { before: more, after: less }), remainderInWords(tests)];
+    if (outliers) parts.push(text("fitOutliers", { count: outliers }));
+    if (!converged) parts.push(text("fitNotConverged"));
+    this.say(parts.join(" "));
     /** @type {Record<string, number>} */
     const values = {};
     for (const { name, value, error } of parameters) {
-      const { label, unit, factor } = CONTROLS.find((one) => one.name === name) ?? {
-        label: text(name === "origin_x" ? "originX" : "originY"), unit: "cm", factor: 1e-2,
-      };
-      const shown = rounded(value / factor, error / factor);
+      const { label, unit, factor } = SHOWN_OF_CAMERA[name] ?? CONTROLS.find((one) => one.name === name);
+      const shown = rounded(value / factor, error / Math.abs(factor));
       values[name] = shown.value;
       const item = document.createElement("li");
       item.textContent = `${label}: ${shown.words}${unit ? ` ${unit}` : ""}`;
       this.element("fit-table").append(item);
     }
-    for (const axis of ["x", "y"]) {
-      /** @type {HTMLInputElement} */ (this.element(`trial-origin-${axis}`)).value = String(values[`origin_${axis}`]);
+    for (const [name, { id }] of Object.entries(SHOWN_OF_CAMERA)) {
+      /** @type {HTMLInputElement} */ (this.element(id)).value = String(values[name]);
     }
     this.onFitted(values);
   }
+}
+
+/** What is fitted of the camera, and the fields that have it; the file's clock runs ahead by the time of the release.
+ * @type {Record<string, {id: string, label: string, unit: string, factor: number}>} */
+const SHOWN_OF_CAMERA = {
+  origin_x: { id: "trial-origin-x", label: text("originX"), unit: "cm", factor: 1e-2 },
+  origin_y: { id: "trial-origin-y", label: text("originY"), unit: "cm", factor: 1e-2 },
+  clock_offset: { id: "trial-release", label: text("releaseTime"), unit: "s", factor: -1 },
+};
+
+/** Whether what is left is noise, and if not, what to do. @param {FitResult["tests"]} tests */
+function remainderInWords({ ratio, larger, pattern }) {
+  const excess = text("fitLarger", { percent: (100 * (ratio - 1)).toFixed(0) });
+  const why = [...(pattern ? [text("fitPattern")] : []), ...(larger ? [excess] : [])].join(", ");
+  return why ? text("fitNotNoise", { why }) : text("fitNoise");
 }
 
 /** A value and its standard error, with two digits of the error. @param {number} value @param {number} error */
@@ -92,40 +102,4 @@ function rounded(value, error) {
   if (!(error > 0 && error < Infinity)) return { value: Number(value.toPrecision(6)), words: `${Number(value.toPrecision(4))} (not determined)` };
   const digits = Math.min(8, Math.max(0, 1 - Math.floor(Math.log10(error))));
   return { value: Number(value.toFixed(digits)), words: `${value.toFixed(digits)} ± ${error.toFixed(digits)}` };
-}
-
-/**
- * Return a study of the trial for `identify`, with what the page knows.
- * @param {Record<string, any>} settings
- * @param {{file: string, tracks: Record<string, string>, length: string, time: string, rate: number | null, release: number,
- *   mirrored: boolean}} trial
- */
-export function studyYaml(settings, { file, tracks, length, time, rate, release, mirrored }) {
-  const quoted = (/** @type {string} */ words) => JSON.stringify(words);
-  const named = Object.entries(tracks).map(([mass, track]) => `${mass}: ${quoted(track)}`);
-  const options = [
-    ...(named.length ? [`    tracks: {${named.join(", ")}}`] : []),
-    ...(length !== "m" || time !== "s" ? [`    units: {length: ${length}, time: ${time}}`] : []),
-    ...(rate ? [`    frame_rate: ${rate} Hz`] : []),
-    ...(mirrored ? ["    mirrored: true"] : []),
-    ...(release ? [`    camera: {clock_offset: free from ${release} s}`] : []),
-  ];
-  const si = (/** @type {string} */ name) => tidy(settings[name]);
-  return `# Written by the page live.html. Write +/- and its standard error behind each number that you have measured.
-title: ${quoted(file)}
-apparatus:
-  light: {mass: ${si("light_mass")} kg}
-  rod: {radius: ${si("rod_radius")} m}
-effects:
-  gravity: ${si("gravity")} m/s^2
-  capstan: free
-  light_drag: free
-  heavy_drag: ${si("heavy_drag")} kg/m
-  string_drag: ${si("string_drag")} kg/m^2
-trials:
-  - name: mine
-    file: ${quoted(file)}
-${options.map((line) => `${line}\n`).join("")}    heavy: {mass: ${si("heavy_mass")} kg}
-    release: {angle: free from ${si("release_angle")} rad, free_length: free from ${si("free_length")} m, hanging_length: free from ${si("hanging_length")} m}
-`;
 }

@@ -4,7 +4,7 @@ import { forgetColours, whenResized } from "./canvas.js";
 import { CONTROLS, admit, linkOf, readLink, settingsOf, stateOf, withValue } from "./controls.js";
 import { film, filmType, runCsv, save, scenarioYaml } from "./export.js";
 import { listenToStage, releasedAt } from "./dragging.js";
-import { FitPanel, studyYaml } from "./fit_panel.js";
+import { FitPanel } from "./fit_panel.js";
 import { History } from "./history.js";
 import { HaltMap } from "./map.js";
 import { changeOf, fillTable, resultOf, showEvents } from "./outcome.js";
@@ -14,6 +14,7 @@ import { ShownRun } from "./shown_run.js";
 import { Sliders } from "./sliders.js";
 import { Stage } from "./stage.js";
 import { MODES, RELEASES, text } from "./texts.js";
+import { studyYaml } from "./trial/study.js";
 import { TrialPanel } from "./trial_panel.js";
 
 /** @typedef {import("./controls.js").State} State */
@@ -195,7 +196,7 @@ class Page {
   /** The trial as a study for `identify`. */
   study() {
     const file = this.trial.file?.name ?? "";
-    return studyYaml(settingsOf(this.state), { file, release: this.trial.releaseTime, ...this.trial.options });
+    return studyYaml(settingsOf(this.state), { file, camera: this.trial.camera, ...this.trial.options });
   }
 
   /** @param {{release_angle: number, mass_ratio: number}} values */

@@ -66,10 +66,14 @@ export const TEXTS = {
   fitNeedsPoints: "found {count} points of M1 after the release, needed at least 10",
   fitDone: "Typical distance in x or y: {before} cm before the fit, {after} cm after it.",
   fitNoise: "What is left looks like noise.",
-  fitNotNoise: "What is left is not noise: neighbouring points err alike (correlation {alike}), so something is missing. Save the study file; looping-pendulum identify looks for it.",
+  fitNotNoise: "What is left is not noise: {why}. Something is missing, and the errors hold only without it. Save the study file beside your trial; looping-pendulum identify study.yaml asks what it is.",
+  fitPattern: "neighbouring points err alike",
+  fitLarger: "it is {percent} % larger than the noise",
+  fitOutliers: "Left out, as they do not show the mass: {count} values.",
   fitNotConverged: "It has not come to rest; fit again.",
   originX: "Rod's axis in your file, x",
   originY: "Rod's axis in your file, y",
+  releaseTime: "Released at, by your file's clock",
   mapNoLoop: "It stands for a light mass that is let go, not for this release.",
 };
 

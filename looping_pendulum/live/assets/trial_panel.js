@@ -153,20 +153,31 @@ export class TrialPanel {
     return axis ? 1e-2 * (parsed(this.chosen(`trial-origin-${axis}`)) || 0) : 0;
   }
 
+  /** What was tracked by the file's clock and from its origin, with the light mass let go on the left.
+   * @returns {import("./trial/prediction.js").Channel[]} */
+  get channels() {
+    const mirrored = (/** @type {string} */ name) => this.options.mirrored && ["light_x", "heavy_x", "angle"].includes(name);
+    return (this.trial?.channels ?? []).map(({ name, t, value }) => ({ name, t, value: mirrored(name) ? value.map((x) => -x) : value }));
+  }
+
+  /** What is known of the camera. @returns {import("./trial/prediction.js").Camera} */
+  get camera() {
+    return { origin_x: this.originOf("light_x"), origin_y: this.originOf("light_y"), clock_offset: 0 - this.releaseTime };
+  }
+
   /** A channel as the run shows it: from the release on, with the light mass let go on the left.
-   * @param {string} name @param {boolean} fromAxis whether lengths are taken from the rod's axis, not from the file's origin */
-  channel(name, fromAxis = true) {
-    const found = this.trial?.channels.find((one) => one.name === name);
+   * @param {string} name */
+  channel(name) {
+    const found = this.channels.find((one) => one.name === name);
     if (!found) return null;
-    const sign = this.options.mirrored && ["light_x", "heavy_x", "angle"].includes(name) ? -1 : 1;
-    const origin = fromAxis ? this.originOf(name) : 0;
-    return { t: found.t.map((t) => t - this.releaseTime), value: found.value.map((value) => sign * value - origin) };
+    const [release, origin] = [this.releaseTime, this.originOf(name)];
+    return { t: found.t.map((t) => t - release), value: found.value.map((value) => value - origin) };
   }
 
   /** Tracked points of a mass: time [s] and place [m].
-   * @param {"light" | "heavy"} mass @param {boolean} fromAxis @returns {[number, number, number][]} */
-  points(mass, fromAxis = true) {
-    const [x, y] = [this.channel(`${mass}_x`, fromAxis), this.channel(`${mass}_y`, fromAxis)];
+   * @param {"light" | "heavy"} mass @returns {[number, number, number][]} */
+  points(mass) {
+    const [x, y] = [this.channel(`${mass}_x`), this.channel(`${mass}_y`)];
     if (!x || !y) return [];
     const heights = new Map(y.t.map((t, i) => [t, y.value[i]]));
     return x.t.flatMap((t, i) => {

@@ -1,0 +1,52 @@
+/** Writes the study of a trial for `identify`, with what the page knows. */
+
+import { tidy } from "../controls.js";
+
+/** Coefficient of an effect beside those of the paper's model -> the effect, and its unit. @type {Record<string, [string, string]>} */
+const FURTHER_EFFECTS = {
+  light_linear_drag: ["light_linear_drag", "kg/s"], heavy_linear_drag: ["heavy_linear_drag", "kg/s"], wind_speed: ["wind", "m/s"],
+  side_force: ["side_force", "N"], push_across: ["push_across", "m/s"], push_along: ["push_along", "m/s"],
+};
+
+/**
+ * Return a study whose calibration is the page's fit: it believes the same numbers, and what the page fits is free in it.
+ * @param {Record<string, any>} settings
+ * @param {{file: string, tracks: Record<string, string>, length: string, time: string, rate: number | null, mirrored: boolean,
+ *   camera: import("./prediction.js").Camera}} trial
+ */
+export function studyYaml(settings, { file, tracks, length, time, rate, mirrored, camera }) {
+  const quoted = (/** @type {string} */ words) => JSON.stringify(words);
+  const si = (/** @type {string} */ name) => tidy(settings[name]);
+  const named = Object.entries(tracks).map(([mass, track]) => `${mass}: ${quoted(track)}`);
+  const looping = settings.release === "looping";
+  const free = Object.entries(camera)
+    // A record of a swing may begin in its midst, which identify sees if it may believe the clock
+    .filter(([name, value]) => looping || (name === "clock_offset" && value))
+    .map(([name, value]) => `${name}: free from ${tidy(value)} ${name === "clock_offset" ? "s" : "m"}`);
+  const options = [
+    ...(named.length ? [`tracks: {${named.join(", ")}}`] : []),
+    ...(length !== "m" || time !== "s" ? [`units: {length: ${length}, time: ${time}}`] : []),
+    ...(rate ? [`frame_rate: ${rate} Hz`] : []),
+    ...(mirrored ? ["mirrored: true"] : []),
+    ...(free.length ? [`camera: {${free.join(", ")}}`] : []),
+  ];
+  const equal = settings.static_friction <= settings.kinetic_friction;
+  const further = Object.entries(FURTHER_EFFECTS).filter(([name]) => settings[name]);
+  return `# Written by the page live.html. Write +/- and its standard error behind each number that you have measured.
+title: ${quoted(file)}
+apparatus:
+  light: {mass: ${si("light_mass")} kg${settings.light_radius ? `, radius: ${si("light_radius")} m` : ""}}
+  rod: {radius: ${si("rod_radius")} m}
+effects:
+  gravity: ${si("gravity")} m/s^2
+  capstan: ${equal ? "free" : `{kinetic_friction: free, static_friction: ${si("static_friction")}}`}
+  light_drag: free
+  heavy_drag: ${si("heavy_drag")} kg/m
+  string_drag: ${si("string_drag")} kg/m^2
+${further.map(([name, [effect, unit]]) => `  ${effect}: ${si(name)} ${unit}\n`).join("")}trials:
+  - name: mine
+    file: ${quoted(file)}
+${options.map((line) => `    ${line}\n`).join("")}    heavy: {mass: ${si("heavy_mass")} kg}
+    release: {${looping ? "" : `kind: ${settings.release}, `}angle: free from ${si("release_angle")} rad, free_length: free from ${si("free_length")} m, hanging_length: free from ${si("hanging_length")} m}
+`;
+}
