@@ -13,7 +13,8 @@ import { dot, inverse, normalMatrix, range, sumOfSquares } from "./statistics.js
  * @typedef {import("./prediction.js").Camera} Camera
  * @typedef {import("./prediction.js").Times} Times
  * @typedef {import("./prediction.js").Sample} Sample
- * @typedef {{settings: Record<string, any>, channels: Channel[], camera: Camera}} FitTask settings and camera from which it starts
+ * @typedef {{settings: Record<string, any>, channels: Channel[], camera: Camera, known: Record<string, number>}} FitTask settings and
+ *   camera from which it starts; parameters that were measured -> standard error of what the settings say [SI]
  * @typedef {{name: string, value: number, error: number}} FittedParameter SI
  * @typedef {{parameters: FittedParameter[], before: number, after: number, count: number, outliers: number, converged: boolean,
  *   tests: import("./residual_tests.js").ResidualTests}} FitResult root mean square of the residuals before and after [m]; number of
@@ -24,7 +25,7 @@ import { dot, inverse, normalMatrix, range, sumOfSquares } from "./statistics.js
  * @typedef {{values: number[], converged: boolean, cost: number}} Minimum
  */
 
-/** Parameter -> the change by which its slope is computed, and the least and greatest value, which are those of `identify` [SI]. */
+/** Parameter that a fit may change -> the change by which its slope is computed, and the least and greatest value, which are those of `identify` [SI]. */
 export const PARAMETERS = /** @type {Record<string, [number, number, number]>} */ ({
   kinetic_friction: [1e-5, 0, 5],
   light_drag: [1e-7, 0, 1],
@@ -34,7 +35,12 @@ export const PARAMETERS = /** @type {Record<string, [number, number, number]>} *
   origin_x: [1e-6, -2e3, 2e3],
   origin_y: [1e-6, -2e3, 2e3],
   clock_offset: [1e-6, -60, 60],
+  light_mass: [1e-7, 0, Infinity],
+  heavy_mass: [1e-6, 0, Infinity],
+  rod_radius: [1e-7, 0, Infinity],
 });
+/** Those that are measured before a trial; without a standard error of what was measured they are not fitted. */
+const MEASURED = ["light_mass", "heavy_mass", "rod_radius"];
 /** Shares of the time up to which points are fitted, one after the other: late points alone lead astray. */
 const WINDOWS = [0.3, 0.5, 0.8];
 /** Relative decrease of the cost at which a fit has converged, in the windows before the last and in the last. */
@@ -50,10 +56,12 @@ const MAX_DAMPING = 1e9;
 export function fit(given) {
   const task = { ...given, channels: given.channels.filter(({ name }) => FITTED_CHANNELS.includes(name)) };
   const shown = new Set(task.channels.map(({ name }) => name));
-  const names = Object.keys(PARAMETERS).filter((name) => name !== "hanging_length" || shown.has("heavy_y"));
+  const names = Object.keys(PARAMETERS).filter((name) =>
+    name === "hanging_length" ? shown.has("heavy_y") : !MEASURED.includes(name) || task.known[name] > 0,
+  );
   /** @type {Record<string, number>} */
-  const known = { ...task.settings, ...task.camera };
-  const start = names.map((name) => within(name, known[name]));
+  const first = { ...task.settings, ...task.camera };
+  const start = names.map((name) => within(name, first[name]));
   const equal = new Float64Array(task.channels.reduce((sum, { t }) => sum + t.length, 0)).fill(1);
   /** @type {Problem} */
   let problem = { task, times: timesOf(task.channels), names, sigma: equal };
@@ -68,7 +76,7 @@ export function fit(given) {
     }
   }
   const { predicted, samples } = predict(problem, best.values);
-  const slopes = slopesOf(problem, best.values, { predicted, samples });
+  const slopes = slopesOf(problem, best.values, { predicted, samples }, true);
   const covariance = inverse(normalMatrix(slopes));
   const used = range(0, equal.length).filter((i) => Number.isFinite(problem.sigma[i]));
   const measuredValues = task.channels.flatMap(({ value }) => value);
@@ -80,7 +88,7 @@ export function fit(given) {
     count: used.length,
     outliers: equal.length - used.length,
     converged: best.converged,
-    tests: testResiduals(standardised(problem, { predicted, samples }), names.length),
+    tests: testResiduals(standardised(problem, { predicted, samples }, best.values), names.length),
   };
 }
 
@@ -113,7 +121,7 @@ function until({ task, names, sigma }, time) {
 function descend(problem, start, tolerance) {
   let values = start;
   let prediction = predict(problem, values);
-  let residuals = residualsOf(problem, prediction);
+  let residuals = residualsOf(problem, prediction, values);
   let cost = sumOfSquares(residuals);
   let damping = 1e-3;
   for (let iteration = 0; iteration < MAX_ITERATIONS; iteration++) {
@@ -128,7 +136,7 @@ function descend(problem, start, tolerance) {
       const step = inverse(damped).map((row, i) => (free[i] && row[i] < Infinity ? dot(row, gradient) : 0));
       const tried = values.map((value, i) => within(problem.names[i], value + step[i]));
       const next = predictOrNull(problem, tried);
-      const nextResiduals = next && residualsOf(problem, next);
+      const nextResiduals = next && residualsOf(problem, next, tried);
       if (next && nextResiduals && sumOfSquares(nextResiduals) < cost) {
         [values, prediction, residuals, cost] = [tried, next, nextResiduals, sumOfSquares(nextResiduals)];
         damping /= 10;
@@ -177,9 +185,13 @@ function predictOrNull(problem, values) {
   }
 }
 
-/** Measured less predicted values in units of their noise. @param {Problem} problem @param {Prediction} prediction */
-function residualsOf({ task, sigma }, { predicted }) {
-  const residuals = new Float64Array(sigma.length);
+/**
+ * Measured less predicted values in units of their noise, then what was measured before the trial less what is fitted.
+ * @param {Problem} problem @param {Prediction} prediction @param {number[]} values
+ */
+function residualsOf({ task, sigma, names }, { predicted }, values) {
+  const before = names.flatMap((name, i) => (task.known[name] > 0 ? [(task.settings[name] - values[i]) / task.known[name]] : []));
+  const residuals = new Float64Array(sigma.length + before.length);
   let i = 0;
   for (const { value } of task.channels) {
     for (const one of value) {
@@ -187,15 +199,18 @@ function residualsOf({ task, sigma }, { predicted }) {
       i += 1;
     }
   }
+  residuals.set(before, sigma.length);
   return residuals;
 }
 
 /**
- * Slopes of the predicted values in units of their noise, by each parameter, from central differences; one-sided at a bound.
+ * Slopes of the predicted values in units of their noise, by each parameter, from differences; then those of what is known.
  * @param {Problem} problem @param {number[]} values @param {Prediction} here
+ * @param {boolean} [central] whether of both sides, where there is no bound; on the way one side is near enough
  */
-function slopesOf(problem, values, here) {
+function slopesOf(problem, values, here, central = false) {
   const { names, sigma, task, times } = problem;
+  const known = names.filter((name) => task.known[name] > 0);
   return names.map((name, i) => {
     const change = PARAMETERS[name][0];
     const at = (/** @type {number} */ value) => {
@@ -205,10 +220,13 @@ function slopesOf(problem, values, here) {
       if (name.startsWith("origin")) return measured(task.channels, times, here.samples, split(problem, moved).camera);
       return predictOrNull(problem, moved)?.predicted;
     };
-    const [low, high] = [within(name, values[i] - change), within(name, values[i] + change)];
+    const high = within(name, values[i] + change);
+    const low = central || high === values[i] ? within(name, values[i] - change) : values[i];
     const [below, above] = [at(low), at(high)];
-    if (!below || !above) return new Float64Array(sigma.length);
-    return above.map((value, k) => (value - below[k]) / (high - low) / sigma[k]);
+    const slopes = new Float64Array(sigma.length + known.length);
+    if (below && above) for (let k = 0; k < sigma.length; k++) slopes[k] = (above[k] - below[k]) / (high - low) / sigma[k];
+    if (known.includes(name)) slopes[sigma.length + known.indexOf(name)] = 1 / task.known[name];
+    return slopes;
   });
 }
 
@@ -239,9 +257,10 @@ function speedOf(name, { lightVelocity, heavyVelocity, wrapAngle, freeLength }) 
   return Math.abs(lightVelocity[0] * Math.cos(wrapAngle) + lightVelocity[1] * Math.sin(wrapAngle)) / freeLength;
 }
 
-/** What is fitted of each channel, in units of its noise. @param {Problem} problem @param {Prediction} prediction */
-function standardised(problem, prediction) {
-  const residuals = residualsOf(problem, prediction);
+/** What is fitted of each channel, in units of its noise.
+ * @param {Problem} problem @param {Prediction} prediction @param {number[]} values */
+function standardised(problem, prediction, values) {
+  const residuals = residualsOf(problem, prediction, values);
   let i = 0;
   return problem.task.channels.map(({ name, t }, k) => {
     const first = i;

@@ -3,7 +3,7 @@
  * residuals whether neighbours err alike. The limits are those; noise alone is above one of them in some 3 % of the trials.
  */
 
-import { dot, range, sumOfSquares } from "./statistics.js";
+import { range, sumOfSquares } from "./statistics.js";
 
 /**
  * @typedef {{name: string, t: number[], z: number[], mode: string[], wrapAngle: number[]}} StandardisedChannel of each point that
@@ -16,8 +16,13 @@ import { dot, range, sumOfSquares } from "./statistics.js";
 const [MAX_CHI2_PER_DOF, CHI2_SCATTER_SIGMAS] = [1.07, 3.5];
 /** Largest z of the correlation of neighbours; smallest z of the number of runs of one sign. */
 const [MAX_LAG1_Z, MIN_RUNS_Z] = [3.2, -3.4];
-/** Lags of the Ljung-Box statistic, and its largest value: white noise of many values is above it in 0.05 %. */
-const [LAGS, MAX_LJUNG_BOX] = [10, 31.42];
+/** Lags of the Ljung-Box statistic, and the smallest share of noise that has a larger one. */
+const [LAGS, MIN_LJUNG_BOX_P] = [10, 5e-4];
+/** Statistic that many values of noise exceed in that share, by the chi-square distribution. */
+const MAX_LJUNG_BOX = 31.42;
+/** Statistics between which (1 % and 1e-12 by that distribution) shuffled residuals tell of at most so many values, which exceed it
+ * more often. */
+const [SHUFFLED_FROM, SHUFFLED_TO, SHUFFLES, MAX_SHUFFLED] = [23.21, 77.8, 10000, 500];
 const MIN_GROUP_SIZE = 20;
 const SLIDING = ["sliding_up", "sliding_down"];
 
@@ -53,11 +58,52 @@ function groupsOf(channels) {
 
 /** @param {number[]} z */
 function hasPattern(z) {
+  const lag1 = correlation(z, 1, sumOfSquares(z));
+  return lag1 * Math.sqrt(z.length) > MAX_LAG1_Z || runsZ(z) < MIN_RUNS_Z || hasSlowPattern(z);
+}
+
+/** @param {number[]} z @param {number} lag @param {number} square */
+function correlation(z, lag, square) {
+  let sum = 0;
+  for (let i = lag; i < z.length; i++) sum += z[i] * z[i - lag];
+  return sum / square;
+}
+
+/** @param {number[]} z @param {number} square */
+function ljungBox(z, square) {
   const n = z.length;
+  let sum = 0;
+  for (let lag = 1; lag <= LAGS; lag++) sum += (n * (n + 2) * correlation(z, lag, square) ** 2) / (n - lag);
+  return sum;
+}
+
+/** Whether residuals over some frames err alike. @param {number[]} z */
+function hasSlowPattern(z) {
   const square = sumOfSquares(z);
-  const correlations = range(1, LAGS + 1).map((lag) => dot(z.slice(lag), z) / square);
-  const ljungBox = correlations.reduce((sum, r, i) => sum + (n * (n + 2) * r * r) / (n - i - 1), 0);
-  return correlations[0] * Math.sqrt(n) > MAX_LAG1_Z || runsZ(z) < MIN_RUNS_Z || ljungBox > MAX_LJUNG_BOX;
+  const statistic = ljungBox(z, square);
+  if (z.length > MAX_SHUFFLED || statistic < SHUFFLED_FROM || statistic > SHUFFLED_TO) return statistic > MAX_LJUNG_BOX;
+  const random = randomNumbers();
+  const shuffled = [...z];
+  let larger = 1;
+  for (let shuffle = 0; shuffle < SHUFFLES && larger < MIN_LJUNG_BOX_P * (SHUFFLES + 1); shuffle++) {
+    for (let i = shuffled.length - 1; i > 0; i--) {
+      const j = Math.floor(random() * (i + 1));
+      [shuffled[i], shuffled[j]] = [shuffled[j], shuffled[i]];
+    }
+    if (ljungBox(shuffled, square) >= statistic) larger += 1;
+  }
+  return larger < MIN_LJUNG_BOX_P * (SHUFFLES + 1);
+}
+
+/** Random numbers from 0 to 1, the same each time: the same residuals have the same result (Steele et al., SplitMix). */
+function randomNumbers() {
+  let state = 0;
+  return () => {
+    state = (state + 0x9e3779b9) | 0;
+    let mixed = Math.imul(state ^ (state >>> 16), 0x21f0aaad);
+    mixed = Math.imul(mixed ^ (mixed >>> 15), 0x735a2d97);
+    return ((mixed ^ (mixed >>> 15)) >>> 0) / 2 ** 32;
+  };
 }
 
 /** Standard score of the number of runs of one sign (Wald and Wolfowitz). @param {number[]} z */

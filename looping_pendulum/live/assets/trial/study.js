@@ -12,11 +12,13 @@ const FURTHER_EFFECTS = {
  * Return a study whose calibration is the page's fit: it believes the same numbers, and what the page fits is free in it.
  * @param {Record<string, any>} settings
  * @param {{file: string, tracks: Record<string, string>, length: string, time: string, rate: number | null, mirrored: boolean,
- *   camera: import("./prediction.js").Camera}} trial
+ *   camera: import("./prediction.js").Camera, known: Record<string, number>}} trial `known`: as of a `FitTask`
  */
-export function studyYaml(settings, { file, tracks, length, time, rate, mirrored, camera }) {
+export function studyYaml(settings, { file, tracks, length, time, rate, mirrored, camera, known }) {
   const quoted = (/** @type {string} */ words) => JSON.stringify(words);
   const si = (/** @type {string} */ name) => tidy(settings[name]);
+  const measured = (/** @type {string} */ name, /** @type {string} */ unit) =>
+    `${si(name)} ${unit}${known[name] > 0 ? ` +/- ${tidy(known[name])} ${unit}` : ""}`;
   const named = Object.entries(tracks).map(([mass, track]) => `${mass}: ${quoted(track)}`);
   const looping = settings.release === "looping";
   const free = Object.entries(camera)
@@ -32,11 +34,11 @@ export function studyYaml(settings, { file, tracks, length, time, rate, mirrored
   ];
   const equal = settings.static_friction <= settings.kinetic_friction;
   const further = Object.entries(FURTHER_EFFECTS).filter(([name]) => settings[name]);
-  return `# Written by the page live.html. Write +/- and its standard error behind each number that you have measured.
+  return `# Written by the page live.html. Where you have measured what is free here, write the value, +/- and its standard error.
 title: ${quoted(file)}
 apparatus:
-  light: {mass: ${si("light_mass")} kg${settings.light_radius ? `, radius: ${si("light_radius")} m` : ""}}
-  rod: {radius: ${si("rod_radius")} m}
+  light: {mass: ${measured("light_mass", "kg")}${settings.light_radius ? `, radius: ${si("light_radius")} m` : ""}}
+  rod: {radius: ${measured("rod_radius", "m")}}
 effects:
   gravity: ${si("gravity")} m/s^2
   capstan: ${equal ? "free" : `{kinetic_friction: free, static_friction: ${si("static_friction")}}`}
@@ -46,7 +48,7 @@ effects:
 ${further.map(([name, [effect, unit]]) => `  ${effect}: ${si(name)} ${unit}\n`).join("")}trials:
   - name: mine
     file: ${quoted(file)}
-${options.map((line) => `    ${line}\n`).join("")}    heavy: {mass: ${si("heavy_mass")} kg}
+${options.map((line) => `    ${line}\n`).join("")}    heavy: {mass: ${measured("heavy_mass", "kg")}}
     release: {${looping ? "" : `kind: ${settings.release}, `}angle: free from ${si("release_angle")} rad, free_length: free from ${si("free_length")} m, hanging_length: free from ${si("hanging_length")} m}
 `;
 }
