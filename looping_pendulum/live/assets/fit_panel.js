@@ -2,6 +2,8 @@
 
 import { CONTROLS, settingsOf } from "./controls.js";
 import { text } from "./texts.js";
+import { studyYaml } from "./trial/study.js";
+import { MEASURED } from "./trial_panel.js";
 
 /** @typedef {import("./controls.js").State} State */
 /** @typedef {import("./trial/fit.js").FitResult} FitResult */
@@ -27,12 +29,28 @@ export class FitPanel {
     this.onFitted = onFitted;
     /** @type {Worker | null} */
     this.worker = null;
+    /** What a fit changed of what was measured before the trial: the fitted and the measured value. @type {Record<string, [number, number]>} */
+    this.corrected = {};
     this.button = /** @type {HTMLButtonElement} */ (element("trial-fit"));
     this.button.addEventListener("click", () => this.start());
   }
 
-  start() {
+  /** The settings; of what was measured and a fit has changed, what was measured. */
+  get settings() {
     const settings = settingsOf(this.current());
+    for (const [name, [fitted, measured]] of Object.entries(this.corrected)) if (settings[name] === fitted) settings[name] = measured;
+    return settings;
+  }
+
+  /** The trial as a study for `identify`. */
+  study() {
+    const { settings, trial } = this;
+    const { file, options, camera } = trial;
+    return studyYaml(settings, { file: file?.name ?? "", ...options, camera, known: trial.errorsOf(settings) });
+  }
+
+  start() {
+    const { settings } = this;
     const count = this.trial.points("light").filter(([t]) => t >= 0).length;
     if (settings.release !== "looping") this.say(text("fitNeedsLoop"));
     else if (count < MIN_POINTS) this.say(text("fitNeedsPoints", { count }));
@@ -46,7 +64,7 @@ export class FitPanel {
         this.say(text("fitFails"));
       };
       /** @type {import("./trial/fit.js").FitTask} */
-      const task = { settings, channels: this.trial.channels, camera: this.trial.camera };
+      const task = { settings, channels: this.trial.channels, camera: this.trial.camera, known: this.trial.errorsOf(settings) };
       this.worker.postMessage({ fit: task });
     }
   }
@@ -68,7 +86,7 @@ export class FitPanel {
     /** @type {Record<string, number>} */
     const values = {};
     for (const { name, value, error } of parameters) {
-      const { label, unit, factor } = SHOWN_OF_CAMERA[name] ?? CONTROLS.find((one) => one.name === name);
+      const { label, unit, factor } = SHOWN_OF_CAMERA[name] ?? CONTROLS.find((one) => one.name === name) ?? HEAVY_MASS;
       const shown = rounded(value / factor, error / Math.abs(factor));
       values[name] = shown.value;
       const item = document.createElement("li");
@@ -78,9 +96,16 @@ export class FitPanel {
     for (const [name, { id }] of Object.entries(SHOWN_OF_CAMERA)) {
       /** @type {HTMLInputElement} */ (this.element(id)).value = String(values[name]);
     }
+    const { settings: measured } = this;
+    const value = (/** @type {string} */ wanted) => parameters.find(({ name }) => name === wanted)?.value ?? measured[wanted];
+    values.mass_ratio = Number((value("heavy_mass") / value("light_mass")).toPrecision(6));
     this.onFitted(values);
+    const fitted = settingsOf(this.current());
+    this.corrected = Object.fromEntries(Object.keys(MEASURED).map((name) => [name, [fitted[name], measured[name]]]));
   }
 }
+
+const HEAVY_MASS = { label: text("heavyMass"), unit: "g", factor: 1e-3 };
 
 /** What is fitted of the camera, and the fields that have it; the file's clock runs ahead by the time of the release.
  * @type {Record<string, {id: string, label: string, unit: string, factor: number}>} */

@@ -14,7 +14,6 @@ import { ShownRun } from "./shown_run.js";
 import { Sliders } from "./sliders.js";
 import { Stage } from "./stage.js";
 import { MODES, RELEASES, text } from "./texts.js";
-import { studyYaml } from "./trial/study.js";
 import { TrialPanel } from "./trial_panel.js";
 
 /** @typedef {import("./controls.js").State} State */
@@ -122,7 +121,7 @@ class Page {
     element("save-scenario").addEventListener("click", () => {
       save("live.scenario.yaml", new Blob([this.scenario()], { type: "application/yaml" }));
     });
-    element("trial-study").addEventListener("click", () => save("study.yaml", new Blob([this.study()], { type: "application/yaml" })));
+    element("trial-study").addEventListener("click", () => save("study.yaml", new Blob([this.fit.study()], { type: "application/yaml" })));
     element("table-of-run").addEventListener("toggle", () => this.table());
     document.addEventListener("keydown", (event) => this.onKey(event));
     window.addEventListener("hashchange", () => this.readAddress());
@@ -191,12 +190,6 @@ class Page {
     let { state } = this;
     for (const { name } of CONTROLS) if (name in values) state = withValue(state, name, values[name]);
     this.set(state);
-  }
-
-  /** The trial as a study for `identify`. */
-  study() {
-    const file = this.trial.file?.name ?? "";
-    return studyYaml(settingsOf(this.state), { file, camera: this.trial.camera, ...this.trial.options });
   }
 
   /** @param {{release_angle: number, mass_ratio: number}} values */

@@ -73,6 +73,7 @@ export const TEXTS = {
   fitNotConverged: "It has not come to rest; fit again.",
   originX: "Rod's axis in your file, x",
   originY: "Rod's axis in your file, y",
+  heavyMass: "Heavy mass M2",
   releaseTime: "Released at, by your file's clock",
   mapNoLoop: "It stands for a light mass that is let go, not for this release.",
 };

@@ -18,7 +18,10 @@ const COLOURS = { light_x: "orange", light_y: "pink", heavy_x: "green", heavy_y:
 /** What is taken of a file of which nothing is said yet: id of a field -> its value. */
 const DEFAULTS = {
   "trial-length": "m", "trial-clock": "s", "trial-rate": "", "trial-release": "0", "trial-origin-x": "0", "trial-origin-y": "0",
+  "trial-mass-error": "0.5", "trial-radius-error": "1",
 };
+/** What is measured before the trial -> the field that has its relative standard error. */
+export const MEASURED = { light_mass: "trial-mass-error", heavy_mass: "trial-mass-error", rod_radius: "trial-radius-error" };
 
 /** Reads the file again whenever what is said about it changes. */
 export class TrialPanel {
@@ -163,6 +166,12 @@ export class TrialPanel {
   /** What is known of the camera. @returns {import("./trial/prediction.js").Camera} */
   get camera() {
     return { origin_x: this.originOf("light_x"), origin_y: this.originOf("light_y"), clock_offset: 0 - this.releaseTime };
+  }
+
+  /** Standard errors of what was measured before the trial [SI]; 0: exact. @param {Record<string, any>} settings */
+  errorsOf(settings) {
+    const relative = (/** @type {string} */ field) => 0.01 * Math.max(parsed(this.chosen(field)) || 0, 0);
+    return Object.fromEntries(Object.entries(MEASURED).map(([name, field]) => [name, relative(field) * settings[name]]));
   }
 
   /** A channel as the run shows it: from the release on, with the light mass let go on the left.
