@@ -32,7 +32,9 @@ export function studyYaml(settings, { file, tracks, length, time, rate, mirrored
     ...(mirrored ? ["mirrored: true"] : []),
     ...(free.length ? [`camera: {${free.join(", ")}}`] : []),
   ];
-  const equal = settings.static_friction <= settings.kinetic_friction;
+  const { kinetic_friction: kinetic, static_friction: resting } = settings;
+  // Not from 0, which would tell identify nothing of the size of friction
+  const friction = resting > kinetic ? `{kinetic_friction: free from ${tidy(kinetic || resting / 2)}, static_friction: ${tidy(resting)}}` : "free";
   const further = Object.entries(FURTHER_EFFECTS).filter(([name]) => settings[name]);
   return `# Written by the page live.html. Where you have measured what is free here, write the value, +/- and its standard error.
 title: ${quoted(file)}
@@ -41,7 +43,7 @@ apparatus:
   rod: {radius: ${measured("rod_radius", "m")}}
 effects:
   gravity: ${si("gravity")} m/s^2
-  capstan: ${equal ? "free" : `{kinetic_friction: free, static_friction: ${si("static_friction")}}`}
+  capstan: ${friction}
   light_drag: free
   heavy_drag: ${si("heavy_drag")} kg/m
   string_drag: ${si("string_drag")} kg/m^2
