@@ -163,7 +163,8 @@ def test_everything_that_is_set_stands_in_the_study(node):
         "camera": {"origin_x": 0.01, "origin_y": -0.02, "clock_offset": -0.5}, "known": {"light_mass": 5e-5},
     }  # fmt: skip
     [written, held] = node(
-        "write_studies.mjs", [{"settings": settings, "trial": trial}, {"settings": settings | {"release": "held"}, "trial": trial}]
+        "write_studies.mjs",
+        [{"settings": settings, "trial": trial}, {"settings": settings | {"release": "held"}, "trial": trial}],
     )
     study = load_text(written, "page")
     [mine] = study.trials
@@ -173,7 +174,8 @@ def test_everything_that_is_set_stands_in_the_study(node):
             assert live_settings(parameters)[name] == pytest.approx(value), name
     assert {name: known.value for name, known in mine.camera.items()} == trial["camera"]
     assert all(known.free for known in mine.camera.values())
-    assert mine.mirrored and mine.frame_rate == 240
+    assert mine.mirrored
+    assert mine.frame_rate == 240
     assert mine.units == {"length": "cm", "time": "ms"}
     assert study.apparatus["light_mass"].sigma == pytest.approx(5e-5)
     assert study.apparatus["rod_radius"].sigma is None
