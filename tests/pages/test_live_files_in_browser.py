@@ -19,6 +19,8 @@ from looping_pendulum.live.write import render
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load, shipped
 from looping_pendulum.teaching.example_folder import write_example
+from tests.discrepancy.test_readers import BAD
+from tests.live.test_trial_reader import FILE, NOT_ON_THE_PAGE, by_identify
 from tests.pages.conftest import until
 from tests.pages.live_page import preset, settled, value
 
@@ -74,6 +76,7 @@ def test_a_trial_with_german_commas_named_tracks_and_centimetres(opened):
     until(page, "document.getElementById('trial-error').textContent !== ''")
     assert page.inner_text("#trial-error") == (
         "versuch.csv: found the tracks 'Kugel', needed to know which mass each is; say so by 'tracks: {light: Kugel}'"
+        " (here: Track of M1)"
     )
     page.select_option("#trial-light", label="Kugel")
     assert "found 55 m, needed at most 20" in page.inner_text("#trial-error")
@@ -88,23 +91,32 @@ def test_a_trial_with_german_commas_named_tracks_and_centimetres(opened):
     assert page.evaluate("live.trial.points('light')[0][0]") == pytest.approx(-0.05)
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("", "bad.csv: found no rows, needed a table of numbers; export the data again"),
-        (
-            "t,light_x,light_y\n0,1,2\n.01,<img src=x onerror=alert(1)>,3\n",
-            "bad.csv:3: column light_x: found '<img src=x onerror=alert(1)>'",
-        ),
-        ("PK\x03\x04", "bad.csv: found a zip archive (a spreadsheet or a Tracker project), needed a text table"),
-    ],
-)
-def test_a_bad_file_is_refused_in_one_line(opened, content, message):
+def test_a_bad_file_cannot_write_into_the_page(opened):
     page = opened.page
-    drop_file(page, "bad.csv", content)
+    drop_file(page, "bad.csv", "t,light_x,light_y\n0,1,2\n.01,<img src=x onerror=alert(1)>,3\n")
     until(page, "document.getElementById('trial-error').textContent !== ''")
-    assert page.inner_text("#trial-error").startswith(message)
+    assert page.inner_text("#trial-error").startswith("bad.csv:3: column light_x: found '<img src=x onerror=alert(1)>'")
     assert page.locator("#trial-error img").count() == 0
+
+
+def test_a_bad_file_is_refused_in_one_line_as_by_identify(opened, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page = opened.page
+    cases = [case for name, case in BAD.items() if not case[1] and not NOT_ON_THE_PAGE.search(name)]
+    assert len(cases) > 20
+    for content, _, _ in cases:
+        raw = content if isinstance(content, bytes) else content.encode()
+        page.set_input_files("#trial-file", {"name": FILE, "mimeType": "text/csv", "buffer": raw})
+        until(page, "document.getElementById('trial-error').textContent !== ''")
+        shown = page.text_content("#trial-error")
+        expected = by_identify(raw, {})["message"]
+        assert shown == expected or re.fullmatch(re.escape(expected) + r" \(here: [\w' ]+\)", shown)
+        # A key of a study file is of no use here, where there is none
+        assert ("(here: " in shown) == bool(re.search(r"'(tracks|units: \{length|units: \{time|frame_rate)", expected))
+        assert "\n" not in shown
+        assert page.evaluate("live.trial.trial") is None
+        page.click("#trial-remove")
+    assert opened.complaints == []
 
 
 def test_files_of_the_page(opened, tmp_path):

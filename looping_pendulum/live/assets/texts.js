@@ -60,6 +60,7 @@ export const TEXTS = {
   trialDistance: "Typical distance from the run: {distance} cm.",
   trialNone: "No point falls into the time of the run.",
   notUsed: "not used: {count} ({reason})",
+  hereByField: "{message} (here: {label})",
   fitWorks: "Fitting …",
   fitFails: "The fit broke down; set the sliders nearer to your trial and fit again.",
   fitNeedsLoop: "Set the release to: let the light mass go.",

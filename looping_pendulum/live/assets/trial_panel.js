@@ -23,6 +23,12 @@ const DEFAULTS = {
 /** What is measured before the trial -> the field that has its relative standard error. */
 export const MEASURED = { light_mass: "trial-mass-error", heavy_mass: "trial-mass-error", rod_radius: "trial-radius-error" };
 
+/** Key of a study that a message tells one to write -> the field that stands for it here. @type {[RegExp, string][]} */
+const FIELD_OF_KEY = [
+  [/'tracks: \{light/, "trial-light"], [/'tracks: \{heavy/, "trial-heavy"], [/'tracks'/, "trial-light"],
+  [/'units: \{length/, "trial-length"], [/'units: \{time/, "trial-clock"], [/'frame_rate'/, "trial-rate"],
+];
+
 /** Reads the file again whenever what is said about it changes. */
 export class TrialPanel {
   /** @param {(id: string) => HTMLElement} element @param {() => void} onChange */
@@ -133,7 +139,9 @@ export class TrialPanel {
       this.element("trial-error").textContent = "";
     } catch (error) {
       if (!(error instanceof DataError)) throw error;
-      this.fail(error.message);
+      const field = FIELD_OF_KEY.find(([key]) => key.test(error.message))?.[1];
+      const label = field && this.element(field).parentElement?.firstChild?.textContent?.trim();
+      this.fail(label ? text("hereByField", { message: error.message, label }) : error.message);
     }
     this.onChange();
   }
