@@ -29,7 +29,10 @@ export class FitPanel {
     this.onFitted = onFitted;
     /** @type {Worker | null} */
     this.worker = null;
-    /** What a fit changed of what was measured before the trial: the fitted and the measured value. @type {Record<string, [number, number]>} */
+    /**
+     * What a fit changed of what was measured before the trial: the fitted and the measured value.
+     * @type {Record<string, [number, number]>}
+     */
     this.corrected = {};
     this.button = /** @type {HTMLButtonElement} */ (element("trial-fit"));
     this.button.addEventListener("click", () => this.start());
@@ -38,7 +41,9 @@ export class FitPanel {
   /** The settings; of what was measured and a fit has changed, what was measured. */
   get settings() {
     const settings = settingsOf(this.current());
-    for (const [name, [fitted, measured]] of Object.entries(this.corrected)) if (settings[name] === fitted) settings[name] = measured;
+    for (const [name, [fitted, measured]] of Object.entries(this.corrected)) {
+      if (settings[name] === fitted) settings[name] = measured;
+    }
     return settings;
   }
 

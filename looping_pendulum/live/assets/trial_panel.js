@@ -167,8 +167,11 @@ export class TrialPanel {
   /** What was tracked by the file's clock and from its origin, with the light mass let go on the left.
    * @returns {import("./trial/prediction.js").Channel[]} */
   get channels() {
-    const mirrored = (/** @type {string} */ name) => this.options.mirrored && ["light_x", "heavy_x", "angle"].includes(name);
-    return (this.trial?.channels ?? []).map(({ name, t, value }) => ({ name, t, value: mirrored(name) ? value.map((x) => -x) : value }));
+    const { mirrored } = this.options;
+    return (this.trial?.channels ?? []).map(({ name, t, value }) => {
+      const flipped = mirrored && ["light_x", "heavy_x", "angle"].includes(name);
+      return { name, t, value: flipped ? value.map((x) => -x) : value };
+    });
   }
 
   /** What is known of the camera. @returns {import("./trial/prediction.js").Camera} */

@@ -1,6 +1,7 @@
 /**
- * Fits settings of the model to tracked points, as `identify` calibrates a study of one trial: the same model, the same noise of
- * the points, and the same ones left out. Levenberg and Marquardt's method in windows of time that grow to the whole trial.
+ * Fits settings of the model to tracked points, as `identify` calibrates a study of one trial: the same model, the same noise
+ * of the points, and the same ones left out. Levenberg and Marquardt's method in windows of time that grow to the whole
+ * trial.
  */
 
 import { noiseOf } from "./noise.js";
@@ -13,19 +14,22 @@ import { dot, inverse, normalMatrix, range, sumOfSquares } from "./statistics.js
  * @typedef {import("./prediction.js").Camera} Camera
  * @typedef {import("./prediction.js").Times} Times
  * @typedef {import("./prediction.js").Sample} Sample
- * @typedef {{settings: Record<string, any>, channels: Channel[], camera: Camera, known: Record<string, number>}} FitTask settings and
- *   camera from which it starts; parameters that were measured -> standard error of what the settings say [SI]
+ * @typedef {{settings: Record<string, any>, channels: Channel[], camera: Camera, known: Record<string, number>}} FitTask
+ *   settings and camera from which it starts; parameters that were measured -> standard error of what the settings say [SI]
  * @typedef {{name: string, value: number, error: number}} FittedParameter SI
- * @typedef {{parameters: FittedParameter[], before: number, after: number, count: number, outliers: number, converged: boolean,
- *   tests: import("./residual_tests.js").ResidualTests}} FitResult root mean square of the residuals before and after [m]; number of
- *   values that are fitted, and of those left out as they do not show the mass
- * @typedef {{task: FitTask, times: Times, names: string[], sigma: Float64Array}} Problem sigma: standard deviation of each value,
- *   infinite for one that is left out
+ * @typedef {{parameters: FittedParameter[], before: number, after: number, count: number, outliers: number, converged:
+ *   boolean, tests: import("./residual_tests.js").ResidualTests}} FitResult root mean square of the residuals before and
+ *   after [m]; number of values that are fitted, and of those left out as they do not show the mass
+ * @typedef {{task: FitTask, times: Times, names: string[], sigma: Float64Array}} Problem sigma: standard deviation of each
+ *   value, infinite for one that is left out
  * @typedef {{samples: Sample[], predicted: Float64Array}} Prediction
  * @typedef {{values: number[], converged: boolean, cost: number}} Minimum
  */
 
-/** Parameter that a fit may change -> the change by which its slope is computed, and the least and greatest value, which are those of `identify` [SI]. */
+/**
+ * Parameter that a fit may change -> the change by which its slope is computed, and the least and greatest value, which are
+ * those of `identify` [SI].
+ */
 export const PARAMETERS = /** @type {Record<string, [number, number, number]>} */ ({
   kinetic_friction: [1e-5, 0, 5],
   light_drag: [1e-7, 0, 1],
@@ -44,9 +48,9 @@ const MEASURED = ["light_mass", "heavy_mass", "rod_radius"];
 /** Shares of the time up to which points are fitted, one after the other: late points alone lead astray. */
 const WINDOWS = [0.3, 0.5, 0.8];
 /**
- * Accuracy of the fits of windows, and of the last one: the relative decrease of the cost that one which has converged could still
- * make; whether slopes are those of both sides. Those of one side are wrong by so little that it matters only where the model misses
- * much: masses and friction, which one trial hardly tells apart, were then off by 0.18 standard errors.
+ * Accuracy of the fits of windows, and of the last one: the relative decrease of the cost that one which has converged could
+ * still make; whether slopes are those of both sides. Those of one side are wrong by so little that it matters only where the
+ * model misses much: masses and friction, which one trial hardly tells apart, were then off by 0.18 standard errors.
  */
 const [OF_A_WINDOW, OF_THE_WHOLE] = [{ tolerance: 3e-4, central: false }, { tolerance: 1e-7, central: true }];
 const MAX_ITERATIONS = 30;
@@ -76,7 +80,8 @@ export function fit(given) {
     best = descend(problem, best.values, OF_THE_WHOLE);
     if (round === 1 && problem.sigma.includes(Infinity)) {
       // The outliers may have led the fit astray, so that it begins anew without them
-      best = [best, inWindows(problem, start)].reduce((a, b) => (b.cost < a.cost ? b : a));
+      const anew = descend(problem, inWindows(problem, start).values, OF_THE_WHOLE);
+      if (anew.cost < best.cost) best = anew;
     }
   }
   const { predicted, samples } = predict(problem, best.values);
@@ -84,7 +89,8 @@ export function fit(given) {
   const covariance = inverse(normalMatrix(slopes));
   const used = range(0, equal.length).filter((i) => Number.isFinite(problem.sigma[i]));
   const measuredValues = task.channels.flatMap(({ value }) => value);
-  const distance = (/** @type {Float64Array} */ from) => Math.sqrt(sumOfSquares(used.map((i) => measuredValues[i] - from[i])) / used.length);
+  const distance = (/** @type {Float64Array} */ from) =>
+    Math.sqrt(sumOfSquares(used.map((i) => measuredValues[i] - from[i])) / used.length);
   return {
     parameters: names.map((name, i) => ({ name, value: best.values[i], error: Math.sqrt(covariance[i][i]) })),
     before: distance(before.predicted),
@@ -96,7 +102,7 @@ export function fit(given) {
   };
 }
 
-/** Fit in growing windows of time up to the whole. @param {Problem} problem @param {number[]} start */
+/** Fit roughly, in growing windows of time up to the whole. @param {Problem} problem @param {number[]} start */
 function inWindows(problem, start) {
   const [first, last] = [problem.times.times[0], problem.times.times[problem.times.times.length - 1]];
   let values = start;
@@ -104,7 +110,7 @@ function inWindows(problem, start) {
     const part = until(problem, first + share * (last - first));
     if (part.sigma.length > 2 * problem.names.length) ({ values } = descend(part, values, OF_A_WINDOW));
   }
-  return descend(problem, values, OF_THE_WHOLE);
+  return descend(problem, values, OF_A_WINDOW);
 }
 
 /** The problem with the points up to a time of the file's clock [s]. @param {Problem} problem @param {number} time */
@@ -133,7 +139,7 @@ function descend(problem, start, { tolerance, central }) {
     const matrix = normalMatrix(slopes);
     const gradient = slopes.map((slope) => dot(slope, residuals));
     // What presses against a bound stays there; it would bend the step of all others
-    const free = values.map((value, i) => within(problem.names[i], value + Math.sign(gradient[i]) * PARAMETERS[problem.names[i]][0]) !== value);
+    const free = problem.names.map((name, i) => within(name, values[i] + Math.sign(gradient[i]) * PARAMETERS[name][0]) !== values[i]);
     const stepFor = (/** @type {number} */ damped) =>
       inverse(matrix.map((row, i) => row.map((x, j) => (i === j ? x * (1 + damped) : free[i] && free[j] ? x : 0)))).map((row, i) =>
         free[i] && row[i] < Infinity ? dot(row, gradient) : 0,
@@ -169,8 +175,8 @@ function split({ task, names }, values) {
   const all = { ...task.settings, ...task.camera, ...changed };
   const { origin_x, origin_y, clock_offset, ...settings } = all;
   // One friction, unless that of the string at rest was set to a value of its own
-  const equal = task.settings.static_friction <= task.settings.kinetic_friction;
-  settings.static_friction = equal ? settings.kinetic_friction : Math.max(task.settings.static_friction, settings.kinetic_friction);
+  const { static_friction: resting, kinetic_friction: sliding } = task.settings;
+  settings.static_friction = Math.max(resting > sliding ? resting : 0, settings.kinetic_friction);
   return { settings, camera: { origin_x, origin_y, clock_offset } };
 }
 
@@ -238,7 +244,11 @@ function slopesOf(problem, values, here, central) {
   });
 }
 
-/** The problem with the noise that the residuals show, and without outliers. @param {Problem} problem @param {number[]} values */
+/**
+ * The problem with the noise that the residuals show, and without outliers.
+ * @param {Problem} problem
+ * @param {number[]} values
+ */
 function withNoiseOfResiduals(problem, values) {
   const { task, times, sigma } = problem;
   const { samples, predicted } = predict(problem, values);

@@ -7,9 +7,9 @@ import { findOutliers } from "./outliers.js";
 import { dot, median, range, robustDeviation } from "./statistics.js";
 
 /**
- * @typedef {{name: string, t: number[], value: number[], residual: number[], speed: number[], mode: string[], leftOut: boolean[]}}
- *   FittedChannel of each point its residual, the speed of the body and the mode of the run by the model, and whether the fit
- *   leaves it out
+ * @typedef {{name: string, t: number[], value: number[], residual: number[], speed: number[], mode: string[], leftOut:
+ *   boolean[]}} FittedChannel of each point its residual, the speed of the body and the mode of the run by the model, and
+ *   whether the fit leaves it out
  */
 
 /** Channels that show one body and share one law. */

@@ -1,6 +1,7 @@
 /**
- * Finds tracked points that do not show the mass, as `identify` does (`discrepancy/fit/outliers.py`, which says why): single ones,
- * and blocks in which the tracker followed something else. Distances are from where the neighbours lead one to expect a residual.
+ * Finds tracked points that do not show the mass, as `identify` does (`discrepancy/fit/outliers.py`, which says why): single
+ * ones, and blocks in which the tracker followed something else. Distances are from where the neighbours lead one to expect a
+ * residual.
  */
 
 import { GAUSSIAN_MAD, inverse, median, normalMatrix, range } from "./statistics.js";
@@ -49,7 +50,8 @@ function singleOnes(residual, sigma, area, leftOut) {
     const { square, improbable } = judged(distances, rest.map((i) => sigma[i]), area, true);
     // An outlier leads its neighbours astray, so that of those that are near each other only the worst goes at a time
     const size = square.map((s, i) => (improbable[i] ? s : 0));
-    const worst = rest.filter((_, i) => improbable[i] && size.slice(Math.max(i - HALF_WINDOW, 0), i + HALF_WINDOW + 1).every((s) => s <= size[i]));
+    const near = (/** @type {number} */ i) => size.slice(Math.max(i - HALF_WINDOW, 0), i + HALF_WINDOW + 1);
+    const worst = rest.filter((_, i) => improbable[i] && near(i).every((s) => s <= size[i]));
     if (!worst.length) break;
     for (const i of worst) gone[i] = true;
   }
@@ -66,7 +68,8 @@ function judged(distances, sigma, area, rough) {
   const standardised = distances.map((place, i) => place.map((d) => d / (SPREAD * sigma[i])));
   const typical = rough ? typicalSizes(standardised) : sigma.map(() => 1);
   const square = standardised.map((place, i) => place.reduce((sum, d) => sum + (d / typical[i]) ** 2, 0));
-  const logNoise = square.map((s, i) => -0.5 * s - distances[i].length * Math.log(Math.sqrt(2 * Math.PI) * SPREAD * typical[i] * sigma[i]));
+  const logScale = sigma.map((s, i) => Math.log(Math.sqrt(2 * Math.PI) * SPREAD * typical[i] * s));
+  const logNoise = square.map((s, i) => -0.5 * s - distances[i].length * logScale[i]);
   let share = MIN_SHARE;
   /** @type {number[]} */
   let probability = [];

@@ -4,10 +4,10 @@ import { simulate } from "../../run.js";
 
 /**
  * @typedef {{name: string, t: number[], value: number[]}} Channel a coordinate of a mass by the file's clock [s, m or rad]
- * @typedef {{times: number[], places: number[][]}} Times all times of the channels, ascending; of each channel, the place of its
- *   values' times among them
- * @typedef {{origin_x: number, origin_y: number, clock_offset: number}} Camera place of the rod's axis in the file [m]; time since
- *   the release at which the file's clock is 0 [s]
+ * @typedef {{times: number[], places: number[][]}} Times all times of the channels, ascending; of each channel, the place of
+ *   its values' times among them
+ * @typedef {{origin_x: number, origin_y: number, clock_offset: number}} Camera place of the rod's axis in the file [m]; time
+ *   since the release at which the file's clock is 0 [s]
  * @typedef {ReturnType<import("../../run.js").Run["sample"]>} Sample
  */
 

@@ -1,15 +1,16 @@
 /**
- * Whether what a fit leaves is noise, by the tests of `identify` (`discrepancy/fit/residual.py`): its size, and in each group of
- * residuals whether neighbours err alike. The limits are those; noise alone is above one of them in some 3 % of the trials.
+ * Whether what a fit leaves is noise, by the tests of `identify` (`discrepancy/fit/residual.py`): its size, and in each group
+ * of residuals whether neighbours err alike. The limits are those: of 24
+ * blind trials without a missing effect none is above one of them.
  */
 
 import { range, sumOfSquares } from "./statistics.js";
 
 /**
- * @typedef {{name: string, t: number[], z: number[], mode: string[], wrapAngle: number[]}} StandardisedChannel of each point that
- *   is fitted its residual in units of its noise, and the mode and wrap angle of the run by the model
- * @typedef {{ratio: number, larger: boolean, pattern: boolean}} ResidualTests root mean square in units of the noise; whether that is
- *   more than noise has; whether neighbours err alike
+ * @typedef {{name: string, t: number[], z: number[], mode: string[], wrapAngle: number[]}} StandardisedChannel of each point
+ *   that is fitted its residual in units of its noise, and the mode and wrap angle of the run by the model
+ * @typedef {{ratio: number, larger: boolean, pattern: boolean}} ResidualTests root mean square in units of the noise; whether
+ *   that is more than noise has; whether neighbours err alike
  */
 
 /** Largest mean square that passes, with many values; excess of fewer ones, in units of 1/sqrt(n). */
@@ -20,8 +21,10 @@ const [MAX_LAG1_Z, MIN_RUNS_Z] = [3.2, -3.4];
 const [LAGS, MIN_LJUNG_BOX_P] = [10, 5e-4];
 /** Statistic that many values of noise exceed in that share, by the chi-square distribution. */
 const MAX_LJUNG_BOX = 31.42;
-/** Statistics between which (1 % and 1e-12 by that distribution) shuffled residuals tell of at most so many values, which exceed it
- * more often. */
+/**
+ * Statistics between which (1 % and 1e-12 by that distribution) shuffled residuals tell of at most so many values, which
+ * exceed it more often.
+ */
 const [SHUFFLED_FROM, SHUFFLED_TO, SHUFFLES, MAX_SHUFFLED] = [23.21, 77.8, 10000, 500];
 const MIN_GROUP_SIZE = 20;
 const SLIDING = ["sliding_up", "sliding_down"];
@@ -38,7 +41,10 @@ export function testResiduals(channels, parameters) {
   return { ratio: Math.sqrt(square), larger: square > limit, pattern: groups.some(hasPattern) };
 }
 
-/** Residuals by mode and direction: those of the light mass along and across its string. @param {StandardisedChannel[]} channels */
+/**
+ * Residuals by mode and direction: those of the light mass along and across its string.
+ * @param {StandardisedChannel[]} channels
+ */
 function groupsOf(channels) {
   const [x, y] = ["light_x", "light_y"].map((wanted) => channels.find(({ name }) => name === wanted));
   const directions = channels.filter((one) => !(x && y && (one === x || one === y)));
@@ -53,7 +59,9 @@ function groupsOf(channels) {
     directions.push(turned((zx, zy, angle) => zx * Math.sin(angle) - zy * Math.cos(angle)));
     directions.push(turned((zx, zy, angle) => -zx * Math.cos(angle) - zy * Math.sin(angle)));
   }
-  return directions.flatMap(({ z, mode }) => [true, false].map((sliding) => z.filter((_, i) => SLIDING.includes(mode[i]) === sliding)));
+  return directions.flatMap(({ z, mode }) =>
+    [true, false].map((sliding) => z.filter((_, i) => SLIDING.includes(mode[i]) === sliding)),
+  );
 }
 
 /** @param {number[]} z */

@@ -2,7 +2,10 @@
 
 import { tidy } from "../controls.js";
 
-/** Coefficient of an effect beside those of the paper's model -> the effect, and its unit. @type {Record<string, [string, string]>} */
+/**
+ * Coefficient of an effect beside those of the paper's model -> the effect, and its unit.
+ * @type {Record<string, [string, string]>}
+ */
 const FURTHER_EFFECTS = {
   light_linear_drag: ["light_linear_drag", "kg/s"], heavy_linear_drag: ["heavy_linear_drag", "kg/s"], wind_speed: ["wind", "m/s"],
   side_force: ["side_force", "N"], push_across: ["push_across", "m/s"], push_along: ["push_along", "m/s"],
@@ -20,6 +23,7 @@ export function studyYaml(settings, { file, tracks, length, time, rate, mirrored
   const measured = (/** @type {string} */ name, /** @type {string} */ unit) =>
     `${si(name)} ${unit}${known[name] > 0 ? ` +/- ${tidy(known[name])} ${unit}` : ""}`;
   const named = Object.entries(tracks).map(([mass, track]) => `${mass}: ${quoted(track)}`);
+  const lengths = ["free_length", "hanging_length"].map((name) => `${name}: free from ${si(name)} m`).join(", ");
   const looping = settings.release === "looping";
   const free = Object.entries(camera)
     // A record of a swing may begin in its midst, which identify sees if it may believe the clock
@@ -34,7 +38,8 @@ export function studyYaml(settings, { file, tracks, length, time, rate, mirrored
   ];
   const { kinetic_friction: kinetic, static_friction: resting } = settings;
   // Not from 0, which would tell identify nothing of the size of friction
-  const friction = resting > kinetic ? `{kinetic_friction: free from ${tidy(kinetic || resting / 2)}, static_friction: ${tidy(resting)}}` : "free";
+  const start = tidy(kinetic || resting / 2);
+  const friction = resting > kinetic ? `{kinetic_friction: free from ${start}, static_friction: ${tidy(resting)}}` : "free";
   const further = Object.entries(FURTHER_EFFECTS).filter(([name]) => settings[name]);
   return `# Written by the page live.html. Where you have measured what is free here, write the value, +/- and its standard error.
 title: ${quoted(file)}
@@ -51,6 +56,6 @@ ${further.map(([name, [effect, unit]]) => `  ${effect}: ${si(name)} ${unit}\n`).
   - name: mine
     file: ${quoted(file)}
 ${options.map((line) => `    ${line}\n`).join("")}    heavy: {mass: ${measured("heavy_mass", "kg")}}
-    release: {${looping ? "" : `kind: ${settings.release}, `}angle: free from ${si("release_angle")} rad, free_length: free from ${si("free_length")} m, hanging_length: free from ${si("hanging_length")} m}
+    release: {${looping ? "" : `kind: ${settings.release}, `}angle: free from ${si("release_angle")} rad, ${lengths}}
 `;
 }
