@@ -54,12 +54,12 @@ const answers = {
   trial({ seed }) {
     const { csv, wind, state } = madeUpTrial(trialState(), seed);
     const { channels } = readTrial("made-up.csv", new TextEncoder().encode(csv));
-    const value = (name) => channels.find((channel) => channel.name === name);
-    const points = (mass) => value(`${mass}_x`).t.map((t, i) => [t, value(`${mass}_x`).value[i], value(`${mass}_y`).value[i]]);
-    const task = { settings: settingsOf(trialState()), light: points("light"), heavy: points("heavy"), duration: 5 };
+    const settings = settingsOf(trialState());
+    const known = Object.fromEntries(["light_mass", "heavy_mass", "rod_radius"].map((name) => [name, 0.01 * settings[name]]));
+    const task = { settings, channels, camera: { origin_x: 0, origin_y: 0, clock_offset: 0 }, known };
     return { wind, hidden: settingsOf(state), csv, ...fit(task) };
   },
-  trialJudged: ({ said, isNoise }) => judgeTrial(said, isNoise, { alike: 0.1, after: 0.002 }),
+  trialJudged: ({ said, isNoise }) => judgeTrial(said, isNoise, 0.002),
 };
 
 let text = "";

@@ -1,16 +1,16 @@
-/** The fit of a trial: its button, its result in words, and the study file for `identify`. */
+/** The fit of a trial: its button, and its result in words. */
 
-import { controlOf, settingsOf, tidy } from "./controls.js";
-import { durationOf } from "./shown_run.js";
+import { controlOf, settingsOf } from "./controls.js";
 import { fixed, shown, text } from "./texts.js";
+import { studyYaml } from "./trial/study.js";
+import { MEASURED } from "./trial_panel.js";
 
 /** @typedef {import("./controls.js").State} State */
 /** @typedef {import("./trial/fit.js").FitResult} FitResult */
 /** @typedef {import("./trial_panel.js").TrialPanel} TrialPanel */
 /** @typedef {{name: string, unit: string, value: number, words: () => string}} FittedNumber in the unit that is shown */
 
-/** Correlation of neighbouring residuals above which they are no noise: of a hundred points' noise, one in a thousand has more. */
-const MAX_CORRELATION = 0.3;
+const MIN_POINTS = 10;
 const CENTIMETRES = 100;
 const AXIS = /^origin_([xy])$/;
 
@@ -33,20 +33,38 @@ export class FitPanel {
     this.worker = null;
     /** What is said: a text, or what a fit gave. @type {(() => void) | null} */
     this.message = null;
-    /** What the last fit left, and of which file. @type {{file: unknown, isNoise: boolean, alike: number, after: number} | null} */
+    /** What the last fit left, and of which file. @type {{file: unknown, isNoise: boolean, remainder: () => string, after: number} | null} */
     this.fitted = null;
+    /**
+     * What a fit changed of what was measured before the trial: the fitted and the measured value.
+     * @type {Record<string, [number, number]>}
+     */
+    this.corrected = {};
     this.button = /** @type {HTMLButtonElement} */ (element("trial-fit"));
     this.button.addEventListener("click", () => this.start());
   }
 
-  start() {
+  /** The settings; of what was measured and a fit has changed, what was measured. */
+  get settings() {
     const settings = settingsOf(this.current());
-    const duration = durationOf(settings.release);
-    const [light, heavy] = [this.trial.points("light", false), this.trial.points("heavy", false)].map((points) =>
-      points.filter(([t]) => t >= 0 && t <= duration),
-    );
+    for (const [name, [fitted, measured]] of Object.entries(this.corrected)) {
+      if (settings[name] === fitted) settings[name] = measured;
+    }
+    return settings;
+  }
+
+  /** The trial as a study for `identify`. */
+  study() {
+    const { settings, trial } = this;
+    const { file, options, camera } = trial;
+    return studyYaml(settings, { file: file?.name ?? "", ...options, camera, known: trial.errorsOf(settings) });
+  }
+
+  start() {
+    const { settings } = this;
+    const count = this.trial.points("light").filter(([t]) => t >= 0).length;
     if (settings.release !== "looping") this.say(() => text("fitNeedsLoop"));
-    else if (light.length < 10) this.say(() => text("fitNeedsPoints", { count: light.length }));
+    else if (count < MIN_POINTS) this.say(() => text("fitNeedsPoints", { count }));
     else {
       this.button.disabled = true;
       this.say(() => text("fitWorks"));
@@ -57,7 +75,7 @@ export class FitPanel {
         this.say(() => text("fitFails"));
       };
       /** @type {import("./trial/fit.js").FitTask} */
-      const task = { settings, light, heavy, duration };
+      const task = { settings, channels: this.trial.channels, camera: this.trial.camera, known: this.trial.errorsOf(settings) };
       this.worker.postMessage({ fit: task });
     }
   }
@@ -68,7 +86,7 @@ export class FitPanel {
       this.element("fit-message").textContent = words();
       this.element("fit-table").replaceChildren(...rows.map(({ name, unit, words }) => {
         const axis = AXIS.exec(name)?.[1];
-        const label = axis ? text("axisInFile", { axis }) : text(`setting.${name}`);
+        const label = axis ? text("axisInFile", { axis }) : name === "clock_offset" ? text("releaseInFile") : text(`setting.${name}`);
         return Object.assign(document.createElement("li"), { textContent: `${label}: ${words()}${unit ? ` ${unit}` : ""}` });
       }));
     };
@@ -81,25 +99,49 @@ export class FitPanel {
   }
 
   /** @param {FitResult} result */
-  take({ parameters, before, after, alike, converged }) {
+  take({ parameters, before, after, tests, outliers, converged }) {
     this.button.disabled = false;
-    this.fitted = { file: this.trial.file, isNoise: alike <= MAX_CORRELATION, alike, after };
-    const { isNoise } = this.fitted;
+    const remainder = () => remainderInWords(tests);
+    this.fitted = { file: this.trial.file, isNoise: !tests.pattern && !tests.larger, remainder, after };
     const rows = parameters.map(({ name, value, error }) => {
-      const { unit, factor } = AXIS.test(name) ? { unit: "cm", factor: 1e-2 } : controlOf(name);
-      return { name, unit, ...rounded(value / factor, error / factor) };
+      const { unit, factor } = OF_CAMERA[name] ?? (name === "heavy_mass" ? HEAVY_MASS : controlOf(name));
+      return { name, unit, ...rounded(value / factor, error / Math.abs(factor)) };
     });
     this.say(() => {
       const [more, less] = [before, after].map((x) => shown((CENTIMETRES * x).toPrecision(2)));
-      const noise = isNoise ? text("fitNoise") : text("fitNotNoise", { alike: fixed(alike, 2) });
-      return [text("fitDone", { before: more, after: less }), noise, converged ? "" : text("fitNotConverged")].join(" ").trim();
+      const parts = [text("fitDone", { before: more, after: less }), remainder()];
+      if (outliers) parts.push(text("fitOutliers", { count: outliers }));
+      if (!converged) parts.push(text("fitNotConverged"));
+      return parts.join(" ");
     }, rows);
     const values = Object.fromEntries(rows.map(({ name, value }) => [name, value]));
-    for (const axis of ["x", "y"]) {
-      /** @type {HTMLInputElement} */ (this.element(`trial-origin-${axis}`)).value = shown(values[`origin_${axis}`]);
+    for (const [name, { id }] of Object.entries(OF_CAMERA)) {
+      /** @type {HTMLInputElement} */ (this.element(id)).value = shown(values[name]);
     }
+    const { settings: measured } = this;
+    const value = (/** @type {string} */ wanted) => parameters.find(({ name }) => name === wanted)?.value ?? measured[wanted];
+    values.mass_ratio = Number((value("heavy_mass") / value("light_mass")).toPrecision(6));
     this.onFitted(values);
+    const fitted = settingsOf(this.current());
+    this.corrected = Object.fromEntries(Object.keys(MEASURED).map((name) => [name, [fitted[name], measured[name]]]));
   }
+}
+
+const HEAVY_MASS = { unit: "g", factor: 1e-3 };
+
+/** What is fitted of the camera, and the fields that have it; the file's clock runs ahead by the time of the release.
+ * @type {Record<string, {id: string, unit: string, factor: number}>} */
+const OF_CAMERA = {
+  origin_x: { id: "trial-origin-x", unit: "cm", factor: 1e-2 },
+  origin_y: { id: "trial-origin-y", unit: "cm", factor: 1e-2 },
+  clock_offset: { id: "trial-release", unit: "s", factor: -1 },
+};
+
+/** Whether what is left is noise, and if not, what to do. @param {FitResult["tests"]} tests */
+function remainderInWords({ ratio, larger, pattern }) {
+  const excess = text("fitLarger", { percent: fixed(100 * (ratio - 1), 0) });
+  const why = [...(pattern ? [text("fitPattern")] : []), ...(larger ? [excess] : [])].join(", ");
+  return why ? text("fitNotNoise", { why }) : text("fitNoise");
 }
 
 /** A value and its standard error, with two digits of the error. @param {number} value @param {number} error */
@@ -109,40 +151,4 @@ function rounded(value, error) {
   }
   const digits = Math.min(8, Math.max(0, 1 - Math.floor(Math.log10(error))));
   return { value: Number(value.toFixed(digits)), words: () => `${fixed(value, digits)} ± ${fixed(error, digits)}` };
-}
-
-/**
- * Return a study of the trial for `identify`, with what the page knows.
- * @param {Record<string, any>} settings
- * @param {{file: string, tracks: Record<string, string>, length: string, time: string, rate: number | null, release: number,
- *   mirrored: boolean}} trial
- */
-export function studyYaml(settings, { file, tracks, length, time, rate, release, mirrored }) {
-  const quoted = (/** @type {string} */ words) => JSON.stringify(words);
-  const named = Object.entries(tracks).map(([mass, track]) => `${mass}: ${quoted(track)}`);
-  const options = [
-    ...(named.length ? [`    tracks: {${named.join(", ")}}`] : []),
-    ...(length !== "m" || time !== "s" ? [`    units: {length: ${length}, time: ${time}}`] : []),
-    ...(rate ? [`    frame_rate: ${rate} Hz`] : []),
-    ...(mirrored ? ["    mirrored: true"] : []),
-    ...(release ? [`    camera: {clock_offset: free from ${release} s}`] : []),
-  ];
-  const si = (/** @type {string} */ name) => tidy(settings[name]);
-  return `# Written by the page live.html. Write +/- and its standard error behind each number that you have measured.
-title: ${quoted(file)}
-apparatus:
-  light: {mass: ${si("light_mass")} kg}
-  rod: {radius: ${si("rod_radius")} m}
-effects:
-  gravity: ${si("gravity")} m/s^2
-  capstan: free
-  light_drag: free
-  heavy_drag: ${si("heavy_drag")} kg/m
-  string_drag: ${si("string_drag")} kg/m^2
-trials:
-  - name: mine
-    file: ${quoted(file)}
-${options.map((line) => `${line}\n`).join("")}    heavy: {mass: ${si("heavy_mass")} kg}
-    release: {angle: free from ${si("release_angle")} rad, free_length: free from ${si("free_length")} m, hanging_length: free from ${si("hanging_length")} m}
-`;
 }

@@ -5,7 +5,7 @@ import { forgetColours, whenResized } from "./canvas.js";
 import { CONTROLS, admit, linkOf, readLink, settingsOf, stateOf, withValue } from "./controls.js";
 import { film, filmType, runCsv, save, scenarioYaml } from "./export.js";
 import { listenToStage, releasedAt } from "./dragging.js";
-import { FitPanel, studyYaml } from "./fit_panel.js";
+import { FitPanel } from "./fit_panel.js";
 import { History } from "./history.js";
 import { Speech } from "./language.js";
 import { LessonPanel } from "./lesson/panel.js";
@@ -143,7 +143,7 @@ class Page {
     element("save-scenario").addEventListener("click", () => {
       save("live.scenario.yaml", new Blob([this.scenario()], { type: "application/yaml" }));
     });
-    element("trial-study").addEventListener("click", () => save("study.yaml", new Blob([this.study()], { type: "application/yaml" })));
+    element("trial-study").addEventListener("click", () => save("study.yaml", new Blob([this.fit.study()], { type: "application/yaml" })));
     element("table-of-run").addEventListener("toggle", () => this.table());
     document.addEventListener("keydown", (event) => this.onKey(event));
     window.addEventListener("hashchange", () => this.readAddress());
@@ -225,12 +225,6 @@ class Page {
     let { state } = this;
     for (const { name } of CONTROLS) if (name in values) state = withValue(state, name, values[name]);
     this.set(state);
-  }
-
-  /** The trial as a study for `identify`. */
-  study() {
-    const file = this.trial.file?.name ?? "";
-    return studyYaml(settingsOf(this.state), { file, release: this.trial.releaseTime, ...this.trial.options });
   }
 
   /** @param {{release_angle: number, mass_ratio: number}} values */

@@ -18,7 +18,16 @@ const COLOURS = { light_x: "orange", light_y: "pink", heavy_x: "green", heavy_y:
 /** What is taken of a file of which nothing is said yet: id of a field -> its value. */
 const DEFAULTS = {
   "trial-length": "m", "trial-clock": "s", "trial-rate": "", "trial-release": "0", "trial-origin-x": "0", "trial-origin-y": "0",
+  "trial-mass-error": "0.5", "trial-radius-error": "1",
 };
+/** What is measured before the trial -> the field that has its relative standard error. */
+export const MEASURED = { light_mass: "trial-mass-error", heavy_mass: "trial-mass-error", rod_radius: "trial-radius-error" };
+
+/** Key of a study that a message tells one to write -> the field that stands for it here. @type {[RegExp, string][]} */
+const FIELD_OF_KEY = [
+  [/'tracks: \{light/, "trial-light"], [/'tracks: \{heavy/, "trial-heavy"], [/'tracks'/, "trial-light"],
+  [/'units: \{length/, "trial-length"], [/'units: \{time/, "trial-clock"], [/'frame_rate'/, "trial-rate"],
+];
 
 /** Reads the file again whenever what is said about it changes. */
 export class TrialPanel {
@@ -148,7 +157,9 @@ export class TrialPanel {
       this.element("trial-error").textContent = "";
     } catch (error) {
       if (!(error instanceof DataError)) throw error;
-      this.fail(error.message);
+      const field = FIELD_OF_KEY.find(([key]) => key.test(error.message))?.[1];
+      const label = field && this.element(field).parentElement?.firstChild?.textContent?.trim();
+      this.fail(label ? text("hereByField", { message: error.message, label }) : error.message);
     }
     this.onChange();
   }
@@ -171,20 +182,40 @@ export class TrialPanel {
     return axis ? 1e-2 * (parsed(this.chosen(`trial-origin-${axis}`)) || 0) : 0;
   }
 
+  /** What was tracked by the file's clock and from its origin, with the light mass let go on the left.
+   * @returns {import("./trial/prediction.js").Channel[]} */
+  get channels() {
+    const { mirrored } = this.options;
+    return (this.trial?.channels ?? []).map(({ name, t, value }) => {
+      const flipped = mirrored && ["light_x", "heavy_x", "angle"].includes(name);
+      return { name, t, value: flipped ? value.map((x) => -x) : value };
+    });
+  }
+
+  /** What is known of the camera. @returns {import("./trial/prediction.js").Camera} */
+  get camera() {
+    return { origin_x: this.originOf("light_x"), origin_y: this.originOf("light_y"), clock_offset: 0 - this.releaseTime };
+  }
+
+  /** Standard errors of what was measured before the trial [SI]; 0: exact. @param {Record<string, any>} settings */
+  errorsOf(settings) {
+    const relative = (/** @type {string} */ field) => 0.01 * Math.max(parsed(this.chosen(field)) || 0, 0);
+    return Object.fromEntries(Object.entries(MEASURED).map(([name, field]) => [name, relative(field) * settings[name]]));
+  }
+
   /** A channel as the run shows it: from the release on, with the light mass let go on the left.
-   * @param {string} name @param {boolean} fromAxis whether lengths are taken from the rod's axis, not from the file's origin */
-  channel(name, fromAxis = true) {
-    const found = this.trial?.channels.find((one) => one.name === name);
+   * @param {string} name */
+  channel(name) {
+    const found = this.channels.find((one) => one.name === name);
     if (!found) return null;
-    const sign = this.options.mirrored && ["light_x", "heavy_x", "angle"].includes(name) ? -1 : 1;
-    const origin = fromAxis ? this.originOf(name) : 0;
-    return { t: found.t.map((t) => t - this.releaseTime), value: found.value.map((value) => sign * value - origin) };
+    const [release, origin] = [this.releaseTime, this.originOf(name)];
+    return { t: found.t.map((t) => t - release), value: found.value.map((value) => value - origin) };
   }
 
   /** Tracked points of a mass: time [s] and place [m].
-   * @param {"light" | "heavy"} mass @param {boolean} fromAxis @returns {[number, number, number][]} */
-  points(mass, fromAxis = true) {
-    const [x, y] = [this.channel(`${mass}_x`, fromAxis), this.channel(`${mass}_y`, fromAxis)];
+   * @param {"light" | "heavy"} mass @returns {[number, number, number][]} */
+  points(mass) {
+    const [x, y] = [this.channel(`${mass}_x`), this.channel(`${mass}_y`)];
     if (!x || !y) return [];
     const heights = new Map(y.t.map((t, i) => [t, y.value[i]]));
     return x.t.flatMap((t, i) => {

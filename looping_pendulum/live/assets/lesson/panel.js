@@ -276,8 +276,9 @@ export class LessonPanel {
     else if (!fitted || fitted.file !== trial.file) this.tell(() => text("lessonNeedsFit"));
     else {
       const { wind } = this;
-      const how = trial.file?.name === MADE_UP_FILE ? () => (wind ? text("lessonWind", { wind }) : text("lessonNoWind")) : () => "";
-      this.answer(step, judgeTrial(this.kept[this.place], fitted.isNoise, fitted), how);
+      const origin = () => (wind ? text("lessonWind", { wind }) : text("lessonNoWind"));
+      const how = trial.file?.name === MADE_UP_FILE ? () => `${fitted.remainder()} ${origin()}` : fitted.remainder;
+      this.answer(step, judgeTrial(this.kept[this.place], fitted.isNoise, fitted.after), how);
     }
   }
 

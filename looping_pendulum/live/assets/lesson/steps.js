@@ -236,7 +236,7 @@ export function distanceOf(points, run) {
 export const trialState = () => lessonState({ ...friction(0.3), release_angle: 100, free_length: 60, light_drag: 0.6 });
 
 /** Judge what was predicted to be left after a fit. @param {string} said @param {boolean} isNoise
- * @param {{alike: number, after: number}} fit correlation of neighbouring residuals; typical residual [m] @returns {Judgement} */
-export function judgeTrial(said, isNoise, { alike, after }) {
-  return choice(said, isNoise ? "noise" : "more", { alike: rounded(alike, 2), after: rounded(100 * after, 2) });
+ * @param {number} after typical residual [m] @returns {Judgement} */
+export function judgeTrial(said, isNoise, after) {
+  return choice(said, isNoise ? "noise" : "more", { after: rounded(100 * after, 2) });
 }

@@ -92,6 +92,7 @@ export const de = {
   "setting.release_angle": "Winkel des Fadens",
   "setting.free_length": "Länge des freien Fadens",
   "setting.light_mass": "Leichte Masse M1",
+  "setting.heavy_mass": "Schwere Masse M2",
   "setting.mass_ratio": "Massenverhältnis M2/M1",
   "setting.rod_radius": "Radius der Stange",
   "setting.kinetic_friction": "Gleitreibungszahl",
@@ -167,15 +168,18 @@ export const de = {
   rateOfFile: "wie in der Datei",
   releasedAt: "Losgelassen bei, nach der Uhr der Datei [s]",
   axisAt: "Achse der Stange bei {axis} [cm]",
+  massError: "Massen bekannt auf [%]",
+  radiusError: "Radius der Stange bekannt auf [%]",
+  hereByField: "{message} (hier: {label})",
   mirror: "spiegeln (M1 beginnt rechts)",
   fit: "Reibung, Luftwiderstand, Winkel und Längen anpassen",
   studyFile: "Studiendatei (YAML)",
   removeTrial: "Versuch entfernen",
   residualsLabel: "Was zwischen den Messpunkten und der Rechnung übrig bleibt, über der Zeit",
   residuals: "Messpunkte minus Rechnung [{unit}]",
-  residualsHint: "Punkte nahe null sind durch die Einstellungen erklärt. Die Anpassung glaubt den eingestellten Massen und dem Radius der "
-    + "Stange. Um die fehlende Physik zu finden, die Studiendatei neben dem Versuch speichern und "
-    + "`looping-pendulum identify study.yaml` ausführen.",
+  residualsHint: "Punkte nahe null sind durch die Einstellungen erklärt. Die Anpassung beginnt bei diesen und nimmt die Massen und den "
+    + "Radius der Stange als gemessen, mit den Fehlern oben. Um die fehlende Physik zu finden, die Studiendatei neben dem Versuch speichern "
+    + "und `looping-pendulum identify study.yaml` ausführen.",
   trialUsed: "{file}: benutzt {used}. {typical}",
   trialDistance: "Typischer Abstand von der Rechnung: {distance} cm.",
   trialNone: "Kein Punkt fällt in die berechnete Zeit.",
@@ -187,10 +191,14 @@ export const de = {
   fitNeedsPoints: "{count} Punkte von M1 nach dem Loslassen gefunden, nötig sind mindestens 10",
   fitDone: "Typischer Abstand in x oder y: {before} cm vor der Anpassung, {after} cm danach.",
   fitNoise: "Was übrig bleibt, sieht wie Rauschen aus.",
-  fitNotNoise: "Was übrig bleibt, ist kein Rauschen: Benachbarte Punkte irren gleich (Korrelation {alike}), also fehlt etwas. Die "
-    + "Studiendatei speichern; looping-pendulum identify sucht danach.",
+  fitNotNoise: "Was übrig bleibt, ist kein Rauschen: {why}. Es fehlt etwas, und die Fehler gelten nur ohne dieses. Die Studiendatei neben "
+    + "dem Versuch speichern; looping-pendulum identify study.yaml fragt, was es ist.",
+  fitPattern: "benachbarte Punkte weichen gleich ab",
+  fitLarger: "es ist {percent} % größer als das Rauschen",
+  fitOutliers: "Weggelassen, weil sie die Masse nicht zeigen: {count} Werte.",
   fitNotConverged: "Sie ist noch nicht am Ziel; noch einmal anpassen.",
   notDetermined: "{value} (nicht bestimmt)",
+  releaseInFile: "Losgelassen bei, nach der Uhr der Datei",
   axisInFile: "Achse der Stange in der Datei, {axis}",
 
   // Meldungen über eine Datei
@@ -339,8 +347,7 @@ export const de = {
   "lesson.trial.noise": "nur Rauschen",
   "lesson.trial.more": "mehr als Rauschen: Im Modell fehlt etwas",
   "lesson.trial.task": "Den Versuch unten anpassen, dann hier prüfen.",
-  "lesson.trial.why": "Der typische Abstand ist {after} cm; was an einem Punkt und am nächsten übrig bleibt, hat die Korrelation {alike}. Bei Rauschen ist sie "
-    + "nahe 0.",
+  "lesson.trial.why": "Der typische Abstand ist {after} cm.",
 
   // Behalten und teilen
   keepTitle: "Behalten und teilen",

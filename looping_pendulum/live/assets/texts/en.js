@@ -91,6 +91,7 @@ export const en = {
   "setting.release_angle": "Angle of the string",
   "setting.free_length": "Length of the free string",
   "setting.light_mass": "Light mass M1",
+  "setting.heavy_mass": "Heavy mass M2",
   "setting.mass_ratio": "Mass ratio M2/M1",
   "setting.rod_radius": "Radius of the rod",
   "setting.kinetic_friction": "Friction, string sliding",
@@ -164,14 +165,18 @@ export const en = {
   rateOfFile: "as in the file",
   releasedAt: "Released at, by the file's clock [s]",
   axisAt: "Rod's axis at {axis} [cm]",
+  massError: "Masses right to [%]",
+  radiusError: "Rod's radius right to [%]",
+  hereByField: "{message} (here: {label})",
   mirror: "mirror (M1 starts on the right)",
   fit: "Fit friction, drag, angle and lengths",
   studyFile: "Study file (YAML)",
   removeTrial: "Remove the trial",
   residualsLabel: "What is left between your points and the run, over time",
   residuals: "Your points less the run [{unit}]",
-  residualsHint: "Points that stay near zero are explained by the settings. The fit believes your masses and the rod's radius. "
-    + "To find the physics that is missing, save the study file beside your trial and run `looping-pendulum identify study.yaml`.",
+  residualsHint: "Points that stay near zero are explained by the settings. The fit starts from these, and takes the masses and the rod's "
+    + "radius as measured, with the errors above. To find the physics that is missing, save the study file beside your trial and run "
+    + "`looping-pendulum identify study.yaml`.",
   trialUsed: "{file}: used {used}. {typical}",
   trialDistance: "Typical distance from the run: {distance} cm.",
   trialNone: "No point falls into the time of the run.",
@@ -183,10 +188,14 @@ export const en = {
   fitNeedsPoints: "found {count} points of M1 after the release, needed at least 10",
   fitDone: "Typical distance in x or y: {before} cm before the fit, {after} cm after it.",
   fitNoise: "What is left looks like noise.",
-  fitNotNoise: "What is left is not noise: neighbouring points err alike (correlation {alike}), so something is missing. "
-    + "Save the study file; looping-pendulum identify looks for it.",
+  fitNotNoise: "What is left is not noise: {why}. Something is missing, and the errors hold only without it. Save the study file beside "
+    + "your trial; looping-pendulum identify study.yaml asks what it is.",
+  fitPattern: "neighbouring points err alike",
+  fitLarger: "it is {percent} % larger than the noise",
+  fitOutliers: "Left out, as they do not show the mass: {count} values.",
   fitNotConverged: "It has not come to rest; fit again.",
   notDetermined: "{value} (not determined)",
+  releaseInFile: "Released at, by your file's clock",
   axisInFile: "Rod's axis in your file, {axis}",
 
   // Messages about a file; in English, those of `looping-pendulum identify`
@@ -330,7 +339,7 @@ export const en = {
   "lesson.trial.noise": "only noise",
   "lesson.trial.more": "more than noise: something is missing in the model",
   "lesson.trial.task": "Fit the trial below, then check here.",
-  "lesson.trial.why": "The typical distance is {after} cm; what is left at a point and at the next has the correlation {alike}. That of noise is near 0.",
+  "lesson.trial.why": "The typical distance is {after} cm.",
 
   // Keep and share
   keepTitle: "Keep and share",

@@ -1,0 +1,61 @@
+/** Writes the study of a trial for `identify`, with what the page knows. */
+
+import { tidy } from "../controls.js";
+
+/**
+ * Coefficient of an effect beside those of the paper's model -> the effect, and its unit.
+ * @type {Record<string, [string, string]>}
+ */
+const FURTHER_EFFECTS = {
+  light_linear_drag: ["light_linear_drag", "kg/s"], heavy_linear_drag: ["heavy_linear_drag", "kg/s"], wind_speed: ["wind", "m/s"],
+  side_force: ["side_force", "N"], push_across: ["push_across", "m/s"], push_along: ["push_along", "m/s"],
+};
+
+/**
+ * Return a study whose calibration is the page's fit: it believes the same numbers, and what the page fits is free in it.
+ * @param {Record<string, any>} settings
+ * @param {{file: string, tracks: Record<string, string>, length: string, time: string, rate: number | null, mirrored: boolean,
+ *   camera: import("./prediction.js").Camera, known: Record<string, number>}} trial `known`: as of a `FitTask`
+ */
+export function studyYaml(settings, { file, tracks, length, time, rate, mirrored, camera, known }) {
+  const quoted = (/** @type {string} */ words) => JSON.stringify(words);
+  const si = (/** @type {string} */ name) => tidy(settings[name]);
+  const measured = (/** @type {string} */ name, /** @type {string} */ unit) =>
+    `${si(name)} ${unit}${known[name] > 0 ? ` +/- ${tidy(known[name])} ${unit}` : ""}`;
+  const named = Object.entries(tracks).map(([mass, track]) => `${mass}: ${quoted(track)}`);
+  const lengths = ["free_length", "hanging_length"].map((name) => `${name}: free from ${si(name)} m`).join(", ");
+  const looping = settings.release === "looping";
+  const free = Object.entries(camera)
+    // A record of a swing may begin in its midst, which identify sees if it may believe the clock
+    .filter(([name, value]) => looping || (name === "clock_offset" && value))
+    .map(([name, value]) => `${name}: free from ${tidy(value)} ${name === "clock_offset" ? "s" : "m"}`);
+  const options = [
+    ...(named.length ? [`tracks: {${named.join(", ")}}`] : []),
+    ...(length !== "m" || time !== "s" ? [`units: {length: ${length}, time: ${time}}`] : []),
+    ...(rate ? [`frame_rate: ${rate} Hz`] : []),
+    ...(mirrored ? ["mirrored: true"] : []),
+    ...(free.length ? [`camera: {${free.join(", ")}}`] : []),
+  ];
+  const { kinetic_friction: kinetic, static_friction: resting } = settings;
+  // Not from 0, which would tell identify nothing of the size of friction
+  const start = tidy(kinetic || resting / 2);
+  const friction = resting > kinetic ? `{kinetic_friction: free from ${start}, static_friction: ${tidy(resting)}}` : "free";
+  const further = Object.entries(FURTHER_EFFECTS).filter(([name]) => settings[name]);
+  return `# Written by the page live.html. Where you have measured what is free here, write the value, +/- and its standard error.
+title: ${quoted(file)}
+apparatus:
+  light: {mass: ${measured("light_mass", "kg")}${settings.light_radius ? `, radius: ${si("light_radius")} m` : ""}}
+  rod: {radius: ${measured("rod_radius", "m")}}
+effects:
+  gravity: ${si("gravity")} m/s^2
+  capstan: ${friction}
+  light_drag: free
+  heavy_drag: ${si("heavy_drag")} kg/m
+  string_drag: ${si("string_drag")} kg/m^2
+${further.map(([name, [effect, unit]]) => `  ${effect}: ${si(name)} ${unit}\n`).join("")}trials:
+  - name: mine
+    file: ${quoted(file)}
+${options.map((line) => `    ${line}\n`).join("")}    heavy: {mass: ${measured("heavy_mass", "kg")}}
+    release: {${looping ? "" : `kind: ${settings.release}, `}angle: free from ${si("release_angle")} rad, ${lengths}}
+`;
+}
