@@ -16,7 +16,7 @@ const FRAMES_PER_SECOND = 120;
 /** Drags of films, as far from the set one as to be seen, at steps of the slider [g/m]. */
 const DRAGS = [1, 3];
 /** Speed of the wind in every other made-up trial, which a fit does not know [m/s]. */
-export const WIND = 2;
+export const WIND = 3;
 /** Setting -> how far a made-up trial may be from what the page sets, in the units that are shown. */
 const SPREADS = { release_angle: 2, free_length: 1, kinetic_friction: 0.03, light_drag: 0.1 };
 
