@@ -33,6 +33,11 @@ function signed(change, digits) {
   return `${change < 0 ? "−" : "+"}${Math.abs(change).toFixed(digits)}`;
 }
 
+/** @param {import("./shown_run.js").ShownEvent} event */
+export function wordsOf({ kind, time }) {
+  return `${time.toFixed(3)} s: ${EVENTS[kind]}`;
+}
+
 /** Fill a list with buttons that go to the events of a run. @param {HTMLElement} list @param {ShownRun} run
  * @param {(time: number) => void} onTime */
 export function showEvents(list, run, onTime) {
@@ -40,25 +45,34 @@ export function showEvents(list, run, onTime) {
   const shown = JSON.stringify(wanted);
   if (list.dataset.shown === shown) return;
   list.dataset.shown = shown;
-  list.replaceChildren(...wanted.map(({ kind, time }) => {
+  list.replaceChildren(...wanted.map((event) => {
     const button = document.createElement("button");
     button.type = "button";
-    button.textContent = `${time.toFixed(3)} s: ${EVENTS[kind]}`;
-    button.addEventListener("click", () => onTime(time));
+    button.textContent = wordsOf(event);
+    button.addEventListener("click", () => onTime(event.time));
     const item = document.createElement("li");
     item.append(button);
     return item;
   }));
 }
 
-/** Fill a table with a run. @param {HTMLTableElement} table @param {ShownRun} run */
+/** Fill a table with a run: rows at even times, and one at each event. @param {HTMLTableElement} table @param {ShownRun} run */
 export function fillTable(table, run) {
-  table.tBodies[0].replaceChildren(...Array.from({ length: TABLE_ROWS + 1 }, (_, i) => {
-    const s = run.at((i / TABLE_ROWS) * run.end);
+  const events = run.events.slice(0, TABLE_ROWS);
+  const even = Array.from({ length: TABLE_ROWS + 1 }, (_, i) => (i / TABLE_ROWS) * run.end);
+  const times = [...new Set([...even, ...events.map(({ time }) => time)])].sort((a, b) => a - b);
+  table.createCaption().textContent = text("tableOfRun", { count: events.length });
+  table.tBodies[0].replaceChildren(...times.map((time) => {
+    const s = run.at(time);
+    const happens = events.filter((event) => event.time === time).map(({ kind }) => EVENTS[kind]);
     const row = document.createElement("tr");
+    row.classList.toggle("event", happens.length > 0);
     const lengths = [...s.light, s.drop].map((x) => (CENTIMETRES * x).toFixed(1));
-    const numbers = [s.t.toFixed(3), ...lengths, s.turns.toFixed(2), s.lightTension.toFixed(3), s.heavyTension.toFixed(3)];
-    for (const words of [...numbers, MODES[/** @type {keyof typeof MODES} */ (s.mode)]]) row.insertCell().textContent = words;
+    const first = Object.assign(document.createElement("th"), { scope: "row", textContent: s.t.toFixed(3) });
+    row.append(first);
+    const numbers = [...lengths, s.turns.toFixed(2), s.lightTension.toFixed(3), s.heavyTension.toFixed(3)];
+    const mode = MODES[/** @type {keyof typeof MODES} */ (s.mode)];
+    for (const words of [...numbers, mode, happens.join("; ")]) row.insertCell().textContent = words;
     return row;
   }));
 }

@@ -33,7 +33,7 @@ export const KINDS = [
     lines: [
       { name: "height", colour: "sky", value: (s, run) => 1e3 * (s.energies.potential - lowest(run)) },
       { name: "motion", colour: "yellow", value: (s) => 1e3 * s.energies.kinetic },
-      { name: "lost", colour: "pink", value: (s) => 1e3 * s.energies.lost },
+      { name: "lost", colour: "blue", value: (s) => 1e3 * s.energies.lost },
     ],
   },
 ];
@@ -163,9 +163,11 @@ export class Plot {
     const { c, height } = fitted(this.canvas);
     const { run } = this;
     if (!run) return;
-    const { accent, ground } = colours();
+    const { ink, ground } = colours();
     const x = this.x(Math.min(time, this.end));
-    polyline(c, [[x, EDGE.top], [x, height - EDGE.bottom]], { colour: accent, width: 1.5 });
+    for (const [colour, width] of /** @type {[string, number][]} */ ([[ground, 3.5], [ink, 1.5]])) {
+      polyline(c, [[x, EDGE.top], [x, height - EDGE.bottom]], { colour, width });
+    }
     if (this.kind.stacked || time > run.end) return;
     for (const { value, colour } of this.kind.lines) {
       c.beginPath();

@@ -70,6 +70,9 @@ export const TEXTS = {
   fitNotConverged: "It has not come to rest; fit again.",
   originX: "Rod's axis in your file, x",
   originY: "Rod's axis in your file, y",
+  mapHalts: "{angle} degrees, {ratio} to 1: halts after falling {drop} cm.",
+  mapNever: "{angle} degrees, {ratio} to 1: never halts.",
+  tableOfRun: "The run from the release to its end; {count} rows are events, which the last column names",
   mapNoLoop: "It stands for a light mass that is let go, not for this release.",
 };
 
