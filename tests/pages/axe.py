@@ -10,8 +10,8 @@ RULES = ("wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"
 
 RUN = """async (rules) => {
   const { violations, passes } = await axe.run(document, { runOnly: rules, resultTypes: ["violations"] });
-  const broken = violations.flatMap(({ id, nodes }) => nodes.map(({ target, failureSummary }) => `${id}: ${target}: ${failureSummary}`));
-  return { broken, passed: passes.length };
+  const words = (id) => ({ target, failureSummary }) => `${id}: ${target}: ${failureSummary}`;
+  return { broken: violations.flatMap(({ id, nodes }) => nodes.map(words(id))), passed: passes.length };
 }"""
 
 

@@ -6,15 +6,11 @@ import numpy as np
 
 VISIONS = {
     "full": np.eye(3),
-    "protanopia": np.array(
-        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
-    ),
+    "protanopia": np.array([[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]),
     "deuteranopia": np.array(
         [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
     ),
-    "tritanopia": np.array(
-        [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]
-    ),
+    "tritanopia": np.array([[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]),
 }
 """Linear sRGB -> what is seen of it (Machado, Oliveira and Fernandes 2009, severity 1)."""
 TO_CONES = np.array(
@@ -48,3 +44,9 @@ def oklab(colour: str, vision: str = "full") -> np.ndarray:
 def smallest_distance(one: str, other: str) -> float:
     """Distance in Oklab of two colours for whom they differ least."""
     return min(float(np.linalg.norm(oklab(one, vision) - oklab(other, vision))) for vision in VISIONS)
+
+
+def contrast(one: str, other: str) -> float:
+    """Ratio of relative luminances by WCAG 2.2."""
+    low, high = sorted(float(np.dot((0.2126, 0.7152, 0.0722), linear(colour))) for colour in (one, other))
+    return (high + 0.05) / (low + 0.05)

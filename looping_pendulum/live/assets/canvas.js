@@ -133,12 +133,19 @@ export function arrow(c, [x, y], [dx, dy], { colour, dash = [] }) {
   const head = Math.min(9, length);
   const [ux, uy] = [dx / length, dy / length];
   const [ex, ey] = [x + dx, y + dy];
-  polyline(c, [[x, y], [ex - 0.6 * head * ux, ey - 0.6 * head * uy]], { colour, width: 3.5, dash });
+  const { ink } = colours();
+  const shaft = [[x, y], [ex - 0.6 * head * ux, ey - 0.6 * head * uy]];
+  // Outlined, as not every colour has enough contrast with the ground
+  polyline(c, shaft, { colour: ink, width: 5, dash });
+  polyline(c, shaft, { colour, width: 3.5, dash });
   c.beginPath();
   c.moveTo(ex, ey);
   c.lineTo(ex - head * ux - 0.6 * head * uy, ey - head * uy + 0.6 * head * ux);
   c.lineTo(ex - head * ux + 0.6 * head * uy, ey - head * uy - 0.6 * head * ux);
   c.closePath();
+  c.strokeStyle = ink;
+  c.lineWidth = 1.5;
+  c.stroke();
   c.fillStyle = colour;
   c.fill();
 }

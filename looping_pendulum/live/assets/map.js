@@ -62,10 +62,10 @@ export class HaltMap {
   /** Take new settings. @param {State} state */
   show(state) {
     this.state = state;
-    const settings = settingsOf(state);
+    const settings = { ...settingsOf(state), release: "looping" };
     // The map depends on all but the two that it spans
     const wanted = JSON.stringify({ ...settings, release_angle: 0, heavy_mass: 0 });
-    if (!this.visible || wanted === this.wanted || state.release !== "looping") return;
+    if (!this.visible || wanted === this.wanted) return;
     this.wanted = wanted;
     this.complete = false;
     clearTimeout(this.timer);

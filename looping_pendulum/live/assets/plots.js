@@ -140,6 +140,7 @@ export class Plot {
       c.closePath();
       c.fillStyle = colourOf(colour);
       c.fill();
+      polyline(c, run.samples.map((s, i) => [this.x(s.t), this.y(above[i])]), { colour: colours().ink, width: 1 });
       below = above;
     }
   }

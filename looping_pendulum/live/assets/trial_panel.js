@@ -12,7 +12,7 @@ import { DataError, readTrial, tracksOf } from "./trial/reader.js";
 const EDGE = { left: 44, right: 10, top: 26, bottom: 22 };
 /** Points at the start that show on which side the light mass is let go. */
 const FIRST_POINTS = 5;
-/** Colours of each mass that all see differ; the masses differ by their marks. @type {Record<string, Residual["colour"]>} */
+/** Colours of each mass that all see differ; the masses differ by their shapes. @type {Record<string, Residual["colour"]>} */
 export const COLOURS = { light_x: "orange", light_y: "pink", heavy_x: "sky", heavy_y: "blue", angle: "orange", height: "blue" };
 
 /** What is taken of a file of which nothing is said yet: id of a field -> its value. */
@@ -248,12 +248,16 @@ export class TrialPanel {
   }
 }
 
-/** Mark a place: a disc for the light mass, a square for the heavy one.
- * @param {import("./canvas.js").Context} c @param {string} name of a channel @param {number} x @param {number} y
- * @param {number} size half of it [px] */
+/** Shape of the points of a channel. @param {string} name */
+export function shapeOf(name) {
+  return name.startsWith("heavy") || name === "height" ? "square" : "disc";
+}
+
+/** @param {import("./canvas.js").Context} c @param {string} name of a channel @param {number} x @param {number} y
+ * @param {number} size half of the point's [px] */
 function mark(c, name, x, y, size) {
   c.beginPath();
-  if (name.startsWith("heavy") || name === "height") c.rect(x - size, y - size, 2 * size, 2 * size);
+  if (shapeOf(name) === "square") c.rect(x - size, y - size, 2 * size, 2 * size);
   else c.arc(x, y, size, 0, 2 * Math.PI);
   c.fill();
 }
