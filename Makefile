@@ -4,6 +4,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do $$p -c '
 VENV ?= .venv
 DOCS_VENV ?= .venv-docs
 BIN = $(VENV)/bin
+NPM := $(shell command -v npm)
 DATA ?= ../shared/data
 # Our matrices are small: a second thread of BLAS only waits for a core.
 export OPENBLAS_NUM_THREADS ?= 1
@@ -46,8 +47,9 @@ mutation: $(VENV)/mutation ## seed faults into the code and count those that a t
 fuzz: $(VENV)/test ## try 20 000 damaged files, quantities and command lines (some minutes)
 	$(BIN)/python -m tests.fuzz
 
-lint: $(VENV)/dev ## style, types, and the one-way direction of the imports
+lint: $(VENV)/dev $(if $(NPM),node_modules) ## style, types, and the one-way direction of the imports; the live page's JavaScript, where npm is
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports
+	$(if $(NPM),npm run --silent check,@echo "npm was not found (Debian: apt install npm): the live page's JavaScript was not checked")
 
 docs: $(DOCS_VENV)/docs ## build the documentation's site into site/
 	NO_MKDOCS_2_WARNING=1 $(DOCS_VENV)/bin/mkdocs build --strict --quiet
@@ -59,7 +61,7 @@ infer: $(VENV)/main ## infer what the paper does not print (needs the data folde
 	$(BIN)/python scripts/infer_paper_trials.py --data $(DATA)
 
 clean:
-	rm -rf $(VENV) $(DOCS_VENV) build report site *.egg-info .coverage
+	rm -rf $(VENV) $(DOCS_VENV) node_modules build report site *.egg-info .coverage
 
 # uv installs in a tenth of pip's time, but knows no settings of pip's, such as a house's own index: where it fails, pip tries.
 install = $(BIN)/uv pip install --quiet --python $(1)/bin/python $(2) || \
@@ -93,4 +95,9 @@ $(VENV)/dev: $(VENV)/uv pyproject.toml
 $(DOCS_VENV)/docs: $(VENV)/uv pyproject.toml
 	$(PYTHON) -m venv $(DOCS_VENV)
 	$(call install,$(DOCS_VENV),--group docs)
+	touch $@
+
+# TypeScript and ESLint, as the lock file has them. It names no addresses of packages, so that npm takes them from where it is set up to.
+node_modules: package-lock.json
+	npm ci --loglevel=error --no-audit --no-fund
 	touch $@

@@ -15,7 +15,7 @@ def html(text: str) -> Markup:
     """Return ``text`` as HTML: headings, paragraphs, lists, tables, code, emphasis. HTML, links and images remain text."""
     rendered: str = _parser().render(text)
     # Each table scrolls in a box of its own, reachable by keyboard, so that a wide one does not make the whole page scroll.
-    rendered = rendered.replace("<table>", '<div class="table" tabindex="0" role="region" aria-label="table"><table>')
+    rendered = rendered.replace("<table>", '<div class="table" tabindex="0" role="group" aria-label="table"><table>')
     return Markup(rendered.replace("</table>", "</table></div>"))
 
 

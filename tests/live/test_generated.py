@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
-import subprocess
 from importlib.resources import files
 from types import SimpleNamespace
 
@@ -118,13 +116,3 @@ def test_an_expression_refuses_to_be_decided_by_if():
     x = ExpressionGraph().symbol("x")
     with pytest.raises(TypeError, match="by `where`, not by `if`"):
         bool(x < 1)
-
-
-@pytest.mark.parametrize("tool", ["tsc", "eslint"])
-def test_types_and_style_of_the_javascript(tool):
-    path = shutil.which(tool, path=str(FOLDER / "node_modules" / ".bin"))
-    if path is None:
-        pytest.skip(f"{tool} is not installed: `npm install` in {FOLDER}")
-    command = [path, "."] if tool == "eslint" else [path]
-    done = subprocess.run(command, cwd=str(FOLDER), capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr

@@ -36,9 +36,22 @@ async ([seed, count]) => {
   }
 
   function key() {
-    const name = pick(["ArrowLeft", "ArrowRight", "Home", "End", " ", "z"]);
+    const name = pick(["ArrowLeft", "ArrowRight", "ArrowUp", "PageDown", "Home", "End", "Enter", "Escape", " ", "z"]);
     const options = { key: name, ctrlKey: random() < 0.2, shiftKey: random() < 0.3, bubbles: true };
-    document.body.dispatchEvent(new KeyboardEvent("keydown", options));
+    pick(all("body, button, #time, #map, .table, [id^=range]")).dispatchEvent(new KeyboardEvent("keydown", options));
+  }
+
+  function trial() {
+    const field = pick(all("#trial-options select, #trial-options input[type=text]"));
+    field.value = field.options ? pick([...field.options]).value : pick(["0,1", "x", "", "30", "-2"]);
+    send(field, "change");
+  }
+
+  function dropped() {
+    const rows = Array.from({ length: 30 }, (_, i) => `${i / 50},${-0.5 + i / 100},${-0.1 * random()}`);
+    const data = new DataTransfer();
+    data.items.add(new File([pick(["", "t,light_x\n1,x\n", ["t,light_x,light_y", ...rows].join("\n")])], "some.csv"));
+    document.body.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
   }
 
   function predicted() {
@@ -49,7 +62,7 @@ async ([seed, count]) => {
 
   const links = ["", "mass_ratio=3", "release=held&release_angle_deg=30", "nonsense", "rod_radius_mm=1e5", "%E0%A4"];
   const actions = [
-    slider, typed, chosen, dragged, key, predicted,
+    slider, typed, chosen, dragged, key, predicted, trial, dropped,
     () => pick(all("button:not([id^=save])").filter((b) => !b.disabled)).click(),
     () => pick(all("input[type=checkbox]")).click(),
     () => { location.hash = pick(links); },

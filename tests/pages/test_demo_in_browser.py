@@ -7,6 +7,7 @@ import pytest
 
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.teaching import demo
+from tests.pages.axe import violations
 from tests.pages.conftest import PHONE, sideways, until
 from tests.pages.small import HOSTILE, LABELS, hostile_result, small_result, with_points
 
@@ -304,6 +305,10 @@ def test_everything_that_acts_has_a_name(opened):
           !(e.getAttribute("aria-label") || e.textContent.trim() || e.labels?.length)).map((e) => e.outerHTML.slice(0, 80))"""
     )
     assert unnamed == []
+
+
+def test_axe_finds_nothing(opened):
+    assert violations(opened.page) == []
 
 
 def test_hostile_names_show_as_text(visit):

@@ -8,6 +8,7 @@ import pytest
 
 from looping_pendulum.teaching.demonstrations.demonstration import run_demonstration
 from looping_pendulum.teaching.demonstrations.page import DEMONSTRATIONS, html
+from tests.pages.axe import violations
 from tests.pages.conftest import PHONE
 
 
@@ -29,8 +30,9 @@ def test_a_page_asks_for_nothing_and_fits_a_phone(visit, result):
     assert opened.page.locator("figure [role=img]").get_attribute("aria-label") == result.demonstration.picture.caption
 
 
-def test_dark_on_request(visit, result):
+def test_dark_on_request_and_axe_finds_nothing_in_either(visit, result):
     opened = visit(html(result), color_scheme="light")
+    assert violations(opened.page) == []
     ground = "getComputedStyle(document.body).backgroundColor"
     light = opened.page.evaluate(ground)
     ink = """[...document.querySelectorAll("figure svg path")].filter((p) => p.style.stroke === "var(--reference)").map(
@@ -38,6 +40,7 @@ def test_dark_on_request(visit, result):
     assert set(opened.page.evaluate(ink)) == {"rgb(0, 0, 0)"}
     opened.page.locator("#theme").click()
     assert opened.page.evaluate(ground) != light
+    assert violations(opened.page) == []
     assert set(opened.page.evaluate(ink)) == {"rgb(255, 255, 255)"}, "the figure follows"
 
 

@@ -19,22 +19,11 @@ from looping_pendulum.pages.figures import Figure, escaped, plain
 from looping_pendulum.pages.palette import COLOURS, DARK_COLOURS, KNOWN_LABELS, styles
 from looping_pendulum.pages.shell import embedded
 from looping_pendulum.teaching import demo
+from tests.pages.colour_vision import contrast
 from tests.pages.made_up import identification
 from tests.pages.small import HOSTILE, hostile_result, small_result, with_points
 
 MOST_BYTES = 6e6  # the issue's limit
-
-
-def luminance(colour: str) -> float:
-    """Relative luminance by WCAG 2.2."""
-    channels = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-
-def contrast(a: str, b: str) -> float:
-    high, low = sorted((luminance(a), luminance(b)), reverse=True)
-    return (high + 0.05) / (low + 0.05)
 
 
 @pytest.mark.parametrize("data", [HOSTILE, [HOSTILE], {HOSTILE: 1.5}, "\u2028\u2029", None])

@@ -238,6 +238,37 @@ def test_a_link_leads_to_its_setting_and_back(opened):
     assert page.input_value("#preset") == "two_to_one"
 
 
+def test_any_setting_comes_back_by_its_link(opened):
+    outcomes = opened.page.evaluate("""async () => {
+      let seed = 20261124;
+      const random = () => (seed = (seed * 48271) % 2147483647) / 2147483647;
+      const releases = [...document.getElementById("release").options].map(({ value }) => value);
+      const outcomes = [];
+      for (let i = 0; i < 40; i++) {
+        const select = document.getElementById("release");
+        select.value = releases[i % releases.length];
+        select.dispatchEvent(new Event("change"));
+        for (const { name, min, max } of liveControls) {
+          const field = document.getElementById(`field-${name}`);
+          field.value = String(Number((min + random() * (max - min)).toPrecision(5)));
+          field.dispatchEvent(new Event("change"));
+        }
+        const [link, state] = [location.hash, live.state];
+        location.hash = "release=looping&mass_ratio=7";
+        await new Promise((done) => window.addEventListener("hashchange", done, { once: true }));
+        const between = live.state;
+        location.hash = link;
+        await new Promise((done) => window.addEventListener("hashchange", done, { once: true }));
+        outcomes.push({ state, between, back: live.state, same: location.hash === link });
+      }
+      return outcomes;
+    }""")
+    for outcome in outcomes:
+        assert outcome["between"] != outcome["state"] == outcome["back"]
+        assert outcome["same"]
+    assert {outcome["state"]["release"] for outcome in outcomes} == {"looping", "vertical", "held", "drop"}
+
+
 @pytest.mark.parametrize(
     ("link", "message"),
     [

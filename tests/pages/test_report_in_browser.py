@@ -10,6 +10,7 @@ import pytest
 
 from looping_pendulum.compare import page as comparison_page
 from looping_pendulum.discrepancy.report import page as identification_page
+from tests.pages.axe import violations
 from tests.pages.conftest import DESKTOP, PHONE, sideways, until
 from tests.pages.made_up import identification
 from tests.pages.small import HOSTILE, hostile_result
@@ -40,6 +41,13 @@ def test_comparison_draws_its_figures_and_fetches_nothing(comparison):
     until(page, "document.querySelector('#path .main-svg').style.background !== 'rgb(255, 255, 255)'")
     page.click("#theme")
     comparison.assert_no_requests_or_complaints(page.url)
+
+
+@pytest.mark.parametrize("report", ["comparison", "identified"])
+def test_axe_finds_nothing(request, report):
+    page = request.getfixturevalue(report).page
+    until(page, DRAWN)
+    assert violations(page) == []
 
 
 def test_tables_sort(comparison):

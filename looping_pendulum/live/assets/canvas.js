@@ -3,6 +3,8 @@
 /** @typedef {CanvasRenderingContext2D} Context */
 
 const MAX_PIXEL_RATIO = 2;
+/** Distance of stripes [px]. */
+const STRIPE = 6;
 const FONT = "system-ui, sans-serif";
 
 /** Sizes of the canvases' boxes: to ask for them anew in each frame would have the browser lay out the page anew. */
@@ -104,24 +106,46 @@ export function polyline(c, points, { colour, width = 2, dash = [], alpha = 1 })
 }
 
 /**
+ * Stripes to fill a shape with, which can be told from any colour.
+ * @param {Context} c
+ */
+export function stripes(c) {
+  const { line, soft } = colours();
+  const tile = Object.assign(document.createElement("canvas"), { width: STRIPE, height: STRIPE });
+  const t = /** @type {Context} */ (tile.getContext("2d"));
+  t.fillStyle = line;
+  t.fillRect(0, 0, STRIPE, STRIPE);
+  // Beyond the corners, too, so that tiles join
+  for (const shift of [-STRIPE, 0, STRIPE]) polyline(t, [[shift - 1, STRIPE + 1], [shift + STRIPE + 1, -1]], { colour: soft, width: 1 });
+  return /** @type {CanvasPattern} */ (c.createPattern(tile, "repeat"));
+}
+
+/**
  * Draw an arrow; none if it is too short to be seen.
  * @param {Context} c
  * @param {number[]} from
  * @param {number[]} along its length and direction [px]
- * @param {string} colour
+ * @param {{colour: string, dash?: number[]}} style
  */
-export function arrow(c, [x, y], [dx, dy], colour) {
+export function arrow(c, [x, y], [dx, dy], { colour, dash = [] }) {
   const length = Math.hypot(dx, dy);
   if (length < 3) return;
   const head = Math.min(9, length);
   const [ux, uy] = [dx / length, dy / length];
   const [ex, ey] = [x + dx, y + dy];
-  polyline(c, [[x, y], [ex - 0.6 * head * ux, ey - 0.6 * head * uy]], { colour, width: 3.5 });
+  const { ink } = colours();
+  const shaft = [[x, y], [ex - 0.6 * head * ux, ey - 0.6 * head * uy]];
+  // Outlined, as not every colour has enough contrast with the ground
+  polyline(c, shaft, { colour: ink, width: 5, dash });
+  polyline(c, shaft, { colour, width: 3.5, dash });
   c.beginPath();
   c.moveTo(ex, ey);
   c.lineTo(ex - head * ux - 0.6 * head * uy, ey - head * uy + 0.6 * head * ux);
   c.lineTo(ex - head * ux + 0.6 * head * uy, ey - head * uy - 0.6 * head * ux);
   c.closePath();
+  c.strokeStyle = ink;
+  c.lineWidth = 1.5;
+  c.stroke();
   c.fillStyle = colour;
   c.fill();
 }

@@ -54,6 +54,11 @@ function control(
 /** Number without the noise of its last digits. @param {number} x */
 export const tidy = (x) => Number(x.toPrecision(10));
 
+/** Whole number of steps that is nearest to a value. @param {number} value @param {number} step */
+export function snapped(value, step) {
+  return tidy(Math.round(value / step) * step);
+}
+
 /** State of a scenario. @param {Preset} preset @returns {State} */
 export function stateOf({ release, settings }) {
   /** @type {Record<string, number>} */

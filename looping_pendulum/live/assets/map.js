@@ -1,13 +1,14 @@
 /** The map over angle and mass ratio, coloured by where the heavy mass halts. */
 
-import { colours, fitted, polyline, ticks, write } from "./canvas.js";
-import { controlOf, settingsOf } from "./controls.js";
+import { colours, fitted, polyline, stripes, ticks, write } from "./canvas.js";
+import { controlOf, settingsOf, snapped } from "./controls.js";
 import { shown, text } from "./texts.js";
 
 /** @typedef {import("./controls.js").State} State */
 /** @typedef {import("./map_worker.js").MapRow} MapRow */
 
 const EDGE = { left: 44, right: 12, top: 12, bottom: 34 };
+const CURSOR_RADIUS = 9;
 /** Columns and rows, coarse at once and finer while the page is idle. @type {[number, number][]} */
 const GRIDS = [[10, 8], [20, 16], [40, 32], [60, 48]];
 /** Time without a change of the settings after which the map is computed [ms]. */
@@ -19,12 +20,14 @@ const CIVIDIS = [[0, 34, 78], [53, 69, 108], [102, 105, 112], [148, 142, 119], [
 export class HaltMap {
   /**
    * @param {HTMLCanvasElement} canvas
+   * @param {import("./map_cursor.js").MapCursor} cursor
    * @param {() => Worker} startWorker
-   * @param {(values: {release_angle: number, mass_ratio: number}) => void} onPick
+   * @param {(place: import("./map_cursor.js").Place) => void} onPick
    * @param {() => void} onChange to be called when there is more to be drawn
    */
-  constructor(canvas, startWorker, onPick, onChange) {
+  constructor(canvas, cursor, startWorker, onPick, onChange) {
     this.canvas = canvas;
+    this.cursor = cursor;
     this.startWorker = startWorker;
     this.onChange = onChange;
     /** @type {Worker | null} */
@@ -47,8 +50,8 @@ export class HaltMap {
       if (shareX < 0 || shareX > 1 || shareY < 0 || shareY > 1) return;
       const [angle, ratio] = [controlOf("release_angle"), controlOf("mass_ratio")];
       onPick({
-        release_angle: snap(angle, angle.min + shareX * (angle.max - angle.min)),
-        mass_ratio: snap(ratio, ratio.min + shareY * (ratio.max - ratio.min)),
+        release_angle: snapped(angle.min + shareX * (angle.max - angle.min), angle.step),
+        mass_ratio: snapped(ratio.min + shareY * (ratio.max - ratio.min), ratio.step),
       });
     });
     new IntersectionObserver((entries) => {
@@ -60,10 +63,10 @@ export class HaltMap {
   /** Take new settings. @param {State} state */
   show(state) {
     this.state = state;
-    const settings = settingsOf(state);
+    const settings = { ...settingsOf(state), release: "looping" };
     // The map depends on all but the two that it spans
     const wanted = JSON.stringify({ ...settings, release_angle: 0, heavy_mass: 0 });
-    if (!this.visible || wanted === this.wanted || state.release !== "looping") return;
+    if (!this.visible || wanted === this.wanted) return;
     this.wanted = wanted;
     this.complete = false;
     clearTimeout(this.timer);
@@ -114,9 +117,10 @@ export class HaltMap {
     c.fillStyle = line;
     c.fillRect(EDGE.left, EDGE.top, wide, tall);
     const [least, most] = this.range;
+    const never = stripes(c);
     for (const { columns, rows, drops } of this.grids) {
       drops.forEach((row, j) => row?.forEach((drop, i) => {
-        c.fillStyle = drop === drop ? tint((drop - least) / (most - least || 1)) : line;
+        c.fillStyle = drop === drop ? tint((drop - least) / (most - least || 1)) : never;
         const [x, y] = [EDGE.left + (i / columns) * wide, EDGE.top + (1 - (j + 1) / rows) * tall];
         c.fillRect(x, y, wide / columns + 0.6, tall / rows + 0.6);
       }));
@@ -133,16 +137,19 @@ export class HaltMap {
     write(c, text("mapRatio"), 0, 0, { colour: soft, size: 11, align: "center" });
     c.restore();
     const [x, y] = [px(state.values.release_angle), py(state.values.mass_ratio)];
-    for (const [colour, thick] of /** @type {[string, number][]} */ ([[panel, 5], [ink, 2]])) {
-      polyline(c, [[x - 9, y], [x + 9, y]], { colour, width: thick });
-      polyline(c, [[x, y - 9], [x, y + 9]], { colour, width: thick });
+    const { place } = this.cursor;
+    for (const [colour, width] of /** @type {[string, number][]} */ ([[panel, 5], [ink, 2]])) {
+      polyline(c, [[x - 9, y], [x + 9, y]], { colour, width });
+      polyline(c, [[x, y - 9], [x, y + 9]], { colour, width });
+      if (place) polyline(c, circle(px(place.release_angle), py(place.mass_ratio)), { colour, width });
     }
   }
 }
 
-/** @param {import("./controls.js").Control} control @param {number} value */
-function snap({ step }, value) {
-  return Number((Math.round(value / step) * step).toPrecision(10));
+/** Points round a place [px]. @param {number} x @param {number} y */
+function circle(x, y) {
+  const angles = Array.from({ length: 25 }, (_, i) => (i * Math.PI) / 12);
+  return angles.map((a) => [x + CURSOR_RADIUS * Math.cos(a), y + CURSOR_RADIUS * Math.sin(a)]);
 }
 
 /** Colour of a share from 0 to 1. @param {number} share */

@@ -33,6 +33,11 @@ function signed(change, digits) {
   return `${change < 0 ? "−" : "+"}${fixed(Math.abs(change), digits)}`;
 }
 
+/** @param {import("./shown_run.js").ShownEvent} event */
+export function wordsOf({ kind, time }) {
+  return `${fixed(time, 3)} s: ${text(`event.${kind}`)}`;
+}
+
 /** Fill a list with buttons that go to the events of a run. @param {HTMLElement} list @param {ShownRun} run
  * @param {(time: number) => void} onTime */
 export function showEvents(list, run, onTime) {
@@ -40,25 +45,33 @@ export function showEvents(list, run, onTime) {
   const shown = language() + JSON.stringify(wanted);
   if (list.dataset.shown === shown) return;
   list.dataset.shown = shown;
-  list.replaceChildren(...wanted.map(({ kind, time }) => {
+  list.replaceChildren(...wanted.map((event) => {
     const button = document.createElement("button");
     button.type = "button";
-    button.textContent = `${fixed(time, 3)} s: ${text(`event.${kind}`)}`;
-    button.addEventListener("click", () => onTime(time));
+    button.textContent = wordsOf(event);
+    button.addEventListener("click", () => onTime(event.time));
     const item = document.createElement("li");
     item.append(button);
     return item;
   }));
 }
 
-/** Fill a table with a run. @param {HTMLTableElement} table @param {ShownRun} run */
+/** Fill a table with a run: rows at even times, and one at each event. @param {HTMLTableElement} table @param {ShownRun} run */
 export function fillTable(table, run) {
-  table.tBodies[0].replaceChildren(...Array.from({ length: TABLE_ROWS + 1 }, (_, i) => {
-    const s = run.at((i / TABLE_ROWS) * run.end);
+  const events = run.events.slice(0, TABLE_ROWS);
+  const even = Array.from({ length: TABLE_ROWS + 1 }, (_, i) => (i / TABLE_ROWS) * run.end);
+  const times = [...new Set([...even, ...events.map(({ time }) => time)])].sort((a, b) => a - b);
+  table.createCaption().textContent = text("tableOfRun", { count: events.length });
+  table.tBodies[0].replaceChildren(...times.map((time) => {
+    const s = run.at(time);
+    const happens = events.filter((event) => event.time === time).map(({ kind }) => text(`event.${kind}`));
     const row = document.createElement("tr");
+    row.classList.toggle("event", happens.length > 0);
     const lengths = [...s.light, s.drop].map((x) => fixed(CENTIMETRES * x, 1));
-    const numbers = [fixed(s.t, 3), ...lengths, fixed(s.turns, 2), fixed(s.lightTension, 3), fixed(s.heavyTension, 3)];
-    for (const words of [...numbers, text(`mode.${s.mode}`)]) row.insertCell().textContent = words;
+    const first = Object.assign(document.createElement("th"), { scope: "row", textContent: fixed(s.t, 3) });
+    row.append(first);
+    const numbers = [...lengths, fixed(s.turns, 2), fixed(s.lightTension, 3), fixed(s.heavyTension, 3)];
+    for (const words of [...numbers, text(`mode.${s.mode}`), happens.join("; ")]) row.insertCell().textContent = words;
     return row;
   }));
 }

@@ -5,11 +5,13 @@ import { forgetColours, whenResized } from "./canvas.js";
 import { CONTROLS, admit, linkOf, readLink, settingsOf, stateOf, withValue } from "./controls.js";
 import { film, filmType, runCsv, save, scenarioYaml } from "./export.js";
 import { listenToStage, releasedAt } from "./dragging.js";
+import { EventLog } from "./event_log.js";
 import { FitPanel } from "./fit_panel.js";
 import { History } from "./history.js";
 import { Speech } from "./language.js";
 import { LessonPanel } from "./lesson/panel.js";
 import { HaltMap } from "./map.js";
+import { MapCursor } from "./map_cursor.js";
 import { changeOf, fillTable, resultOf, showEvents } from "./outcome.js";
 import { Player } from "./player.js";
 import { KINDS, Plot } from "./plots.js";
@@ -53,7 +55,11 @@ class Page {
     this.plots = KINDS.map((kind) => this.plot(kind));
     const startWorker = () => new Worker(URL.createObjectURL(new Blob([source], { type: "text/javascript" })));
     const map = /** @type {HTMLCanvasElement} */ (element("map"));
-    this.map = new HaltMap(map, startWorker, (values) => this.pick(values), () => this.wake());
+    /** @type {(place: import("./map_cursor.js").Place) => void} */
+    const pick = (place) => this.pick(place);
+    const cursor = new MapCursor(map, element("map-reading"), () => this.state, pick, () => this.wake());
+    this.map = new HaltMap(map, cursor, startWorker, pick, () => this.wake());
+    this.log = new EventLog(element("event-log"));
     this.trial = new TrialPanel(element, () => this.change());
     this.fit = new FitPanel(element, this.trial, startWorker, () => this.state, (values) => this.takeFit(values));
     this.lesson = new LessonPanel(element, this);
@@ -185,7 +191,7 @@ class Page {
       return;
     }
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    if (target.matches("input:not(#time), select, textarea, summary, a")) return;
+    if (target.matches("input:not(#time), select, textarea, summary, a, .table")) return;
     if (event.key === " " && target.matches("button")) return;
     if (this.player.onKey(event)) event.preventDefault();
   }
@@ -227,7 +233,7 @@ class Page {
     this.set(state);
   }
 
-  /** @param {{release_angle: number, mass_ratio: number}} values */
+  /** @param {import("./map_cursor.js").Place} place */
   pick({ release_angle, mass_ratio }) {
     this.set(withValue(withValue(this.state, "release_angle", release_angle), "mass_ratio", mass_ratio));
   }
@@ -309,10 +315,12 @@ class Page {
   frame(now) {
     this.pending = false;
     const started = performance.now();
+    const { time, playing } = this.player;
     this.player.advance(now);
     const { changed } = this;
     this.changed = false;
     if (changed) this.compute();
+    if (playing) this.log.played(this.run, time, this.player.time);
     this.draw();
     this.frames += 1;
     if (changed) this.costs.push(performance.now() - started);
@@ -404,10 +412,10 @@ class Page {
     const [least, most] = this.map.range.map((drop) => (Number.isFinite(drop) ? `${fixed(CENTIMETRES * drop, 0)} cm` : ""));
     this.say("map-least", least);
     this.say("map-most", most);
-    this.player.draw();
+    const mode = text(`mode.${this.run.at(time).mode}`);
+    this.player.draw(mode);
     this.lesson.watch(this.run, time);
-    const { mode } = this.run.at(time);
-    this.say("doing", time === 0 ? text("start") : text(`mode.${mode}`));
+    this.say("doing", time === 0 ? text("start") : mode);
   }
 }
 

@@ -94,12 +94,13 @@ export class Player {
     return true;
   }
 
-  draw() {
+  /** @param {string} words what is to be seen at the time */
+  draw(words) {
     this.slider.max = String(this.end());
     this.slider.value = String(this.time);
-    this.slider.setAttribute("aria-valuetext", text("spokenTime", { time: fixed(this.time, 3) }));
+    this.slider.setAttribute("aria-valuetext", `${text("spokenTime", { time: fixed(this.time, 3) })}, ${words}`);
     this.clock.textContent = `${fixed(this.time, 3)} s`;
-    const words = text(this.playing ? "pause" : "play");
-    if (this.button.textContent !== words) this.button.textContent = words;
+    const action = text(this.playing ? "pause" : "play");
+    if (this.button.textContent !== action) this.button.textContent = action;
   }
 }

@@ -35,7 +35,7 @@ export const KINDS = [
     lines: [
       { name: "line.height", colour: "sky", value: (s, run) => 1e3 * (s.energies.potential - lowest(run)) },
       { name: "line.motion", colour: "yellow", value: (s) => 1e3 * s.energies.kinetic },
-      { name: "line.lost", colour: "pink", value: (s) => 1e3 * s.energies.lost },
+      { name: "line.lost", colour: "blue", value: (s) => 1e3 * s.energies.lost },
     ],
   },
 ];
@@ -143,6 +143,7 @@ export class Plot {
       c.closePath();
       c.fillStyle = colourOf(colour);
       c.fill();
+      polyline(c, run.samples.map((s, i) => [this.x(s.t), this.y(above[i])]), { colour: colours().ink, width: 1 });
       below = above;
     }
   }
@@ -167,9 +168,11 @@ export class Plot {
     const { c, height } = fitted(this.canvas);
     const { run } = this;
     if (!run) return;
-    const { accent, ground } = colours();
+    const { ink, ground } = colours();
     const x = this.x(Math.min(time, this.end));
-    polyline(c, [[x, EDGE.top], [x, height - EDGE.bottom]], { colour: accent, width: 1.5 });
+    for (const [colour, width] of /** @type {[string, number][]} */ ([[ground, 3.5], [ink, 1.5]])) {
+      polyline(c, [[x, EDGE.top], [x, height - EDGE.bottom]], { colour, width });
+    }
     if (this.kind.stacked || time > run.end) return;
     for (const { value, colour } of this.kind.lines) {
       c.beginPath();

@@ -1,7 +1,7 @@
 /** The sliders: each with its range, a field for a typed number, and steps by keyboard. */
 
 import { RELEASES } from "../model.js";
-import { CONTROLS, controlOf, parsed } from "./controls.js";
+import { CONTROLS, controlOf, parsed, snapped } from "./controls.js";
 import { shown, text } from "./texts.js";
 
 /** @typedef {import("./controls.js").State} State */
@@ -133,9 +133,4 @@ export class Sliders {
       row.hidden = without.includes(name);
     }
   }
-}
-
-/** @param {number} value @param {number} step */
-function snapped(value, step) {
-  return Number((Math.round(value / step) * step).toPrecision(10));
 }

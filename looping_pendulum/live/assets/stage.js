@@ -22,6 +22,13 @@ const LEAST_TURNS_SHOWN = 5;
 const [LIGHT_SIZE, HEAVY_SIZE] = [9, 14];
 /** Length of the heavy mass's weight as an arrow [px]. */
 const WEIGHT_LENGTH = 70;
+/** Colour and dashes of forces, since not all see the colours differ; live.css has them again for the key.
+ * @type {Record<"weight" | "pull" | "air", {colour: keyof ReturnType<typeof colours>, dash: number[]}>} */
+export const FORCES = {
+  weight: { colour: "blue", dash: [] },
+  pull: { colour: "pink", dash: [5, 7] },
+  air: { colour: "green", dash: [0.1, 5.5] },
+};
 const MAX_LENGTH = 150;
 const ROOM_FOR_NAME = 40;
 
@@ -135,21 +142,21 @@ export class Stage {
   /** @param {Context} c @param {ShownRun} run @param {Sample} sample */
   forces(c, run, sample) {
     const { view } = this;
-    const { blue, green, pink } = colours();
     const { light_mass: m1, heavy_mass: m2, gravity, rod_radius: r } = run.settings;
     const scale = WEIGHT_LENGTH / (m2 * gravity);
     const light = [view.x(sample.light[0]), view.y(sample.light[1])];
     const heavy = [view.x(sample.heavy[0]), view.y(sample.heavy[1])];
-    arrow(c, light, [0, m1 * gravity * scale], blue);
-    arrow(c, heavy, [0, m2 * gravity * scale], blue);
+    const [weight, pull, air] = [FORCES.weight, FORCES.pull, FORCES.air].map(({ colour, dash }) => ({ colour: colours()[colour], dash }));
+    arrow(c, light, [0, m1 * gravity * scale], weight);
+    arrow(c, heavy, [0, m2 * gravity * scale], weight);
     const [fx, fy] = sample.dragForce;
-    arrow(c, light, [fx * scale, -fy * scale], green);
+    arrow(c, light, [fx * scale, -fy * scale], air);
     if (run.release === "drop") return;
     // The string pulls the light mass towards the point where it leaves the rod
     const [dx, dy] = [r * Math.cos(sample.wrapAngle) - sample.light[0], r * Math.sin(sample.wrapAngle) - sample.light[1]];
     const share = Math.min(sample.lightTension * scale, MAX_LENGTH) / Math.hypot(dx, dy);
-    arrow(c, light, [dx * share, -dy * share], pink);
-    arrow(c, heavy, [0, -Math.min(sample.heavyTension * scale, MAX_LENGTH)], pink);
+    arrow(c, light, [dx * share, -dy * share], pull);
+    arrow(c, heavy, [0, -Math.min(sample.heavyTension * scale, MAX_LENGTH)], pull);
   }
 
   /** @param {Context} c @param {Scene} scene */
@@ -259,9 +266,9 @@ function holding(c, { holding: pair, mode }, { left, width, top, height }) {
   const most = Math.max(3, pair.bound, pair.needed);
   const sticks = mode === "sticking";
   write(c, text(sticks ? "frictionHolds" : "frictionSlides"), left + width / 2, top + 16, { colour: ink, size: 12, align: "center", bold: true });
-  for (const [share, value, colour, name] of [[0.28, pair.needed, pink, text("mustHold")], [0.72, pair.bound, green, text("canHold")]]) {
+  for (const [share, value, colour, name] of [[0.24, pair.needed, pink, text("mustHold")], [0.76, pair.bound, green, text("canHold")]]) {
     const x = left + Number(share) * width;
-    arrow(c, [x, base], [0, (-tall * Number(value)) / most], String(colour));
+    arrow(c, [x, base], [0, (-tall * Number(value)) / most], { colour: String(colour) });
     write(c, String(name), x, base + 12, { colour: soft, size: 11, align: "center" });
     write(c, ratio(Math.exp(Number(value))), x, base + 27, { colour: ink, size: 12, align: "center" });
   }

@@ -7,13 +7,13 @@ import { DataError, readTrial, tracksOf } from "./trial/reader.js";
 
 /** @typedef {import("./shown_run.js").ShownRun} ShownRun */
 /** @typedef {import("./trial/reader.js").Trial} Trial */
-/** @typedef {{name: string, colour: "blue" | "orange" | "green" | "pink", t: number[], value: number[]}} Residual [cm] or [deg] */
+/** @typedef {{name: string, colour: "blue" | "orange" | "sky" | "pink", t: number[], value: number[]}} Residual [cm] or [deg] */
 
 const EDGE = { left: 44, right: 10, top: 26, bottom: 22 };
 /** Points at the start that show on which side the light mass is let go. */
 const FIRST_POINTS = 5;
-/** @type {Record<string, Residual["colour"]>} */
-const COLOURS = { light_x: "orange", light_y: "pink", heavy_x: "green", heavy_y: "blue", angle: "orange", height: "blue" };
+/** Colours of each mass that all see differ; the masses differ by their shapes. @type {Record<string, Residual["colour"]>} */
+export const COLOURS = { light_x: "orange", light_y: "pink", heavy_x: "sky", heavy_y: "blue", angle: "orange", height: "blue" };
 
 /** What is taken of a file of which nothing is said yet: id of a field -> its value. */
 const DEFAULTS = {
@@ -283,19 +283,29 @@ export class TrialPanel {
     let right = width - EDGE.right;
     for (const { name, colour, t, value } of [...residuals].reverse()) {
       c.fillStyle = colours()[colour];
-      t.forEach((time, i) => {
-        c.beginPath();
-        c.arc(x(time), y(value[i]), 2, 0, 2 * Math.PI);
-        c.fill();
-      });
+      t.forEach((time, i) => mark(c, name, x(time), y(value[i]), 2));
       const words = name.replace("light", "M1").replace("heavy", "M2").replace("_", " ");
       write(c, words, right, 13, { colour: soft, size: 11, align: "right" });
       right -= c.measureText(words).width + 12;
       c.fillStyle = colours()[colour];
-      c.fillRect(right, 9, 8, 8);
+      mark(c, name, right + 4, 13, 4);
       right -= 7;
     }
   }
+}
+
+/** Shape of the points of a channel. @param {string} name */
+export function shapeOf(name) {
+  return name.startsWith("heavy") || name === "height" ? "square" : "disc";
+}
+
+/** @param {import("./canvas.js").Context} c @param {string} name of a channel @param {number} x @param {number} y
+ * @param {number} size half of the point's [px] */
+function mark(c, name, x, y, size) {
+  c.beginPath();
+  if (shapeOf(name) === "square") c.rect(x - size, y - size, 2 * size, 2 * size);
+  else c.arc(x, y, size, 0, 2 * Math.PI);
+  c.fill();
 }
 
 /** What a run has where a file has a channel. @param {ShownRun} run @param {string} name @param {number} t */

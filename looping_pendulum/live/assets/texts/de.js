@@ -142,14 +142,19 @@ export const de = {
   "column.pull1": "Fadenkraft an M1 [N]",
   "column.pull2": "Fadenkraft an M2 [N]",
   "column.string": "Faden",
+  "column.event": "Ereignis",
+  eventLog: "Ereignisse der laufenden Bewegung",
+  tableOfRun: "Der Ablauf vom Loslassen bis zum Ende; {count} Zeilen sind Ereignisse, die die letzte Spalte nennt",
 
   // Karte
   mapTitle: "Wie tief fällt sie?",
-  mapLabel: "Karte über dem Winkel des Fadens und dem Massenverhältnis; die Farbe zeigt, wie tief die schwere Masse bis zum Stillstand "
-    + "fällt. Ein Klick stellt beides ein; die Regler tun dasselbe.",
+  mapLabel: "Karte über den Winkel des Fadens und das Massenverhältnis, gefärbt nach der Fallstrecke der schweren Masse bis zum Halt. "
+    + "Die Pfeiltasten bewegen einen Zeiger, der die Strecke nennt, mit Umschalt in Zehnern; Enter stellt beides ein.",
   mapNever: "nie still",
-  mapHint: "Fallstrecke von M2 bis zum Stillstand, für jeden Winkel und jedes Massenverhältnis. Das Kreuz ist die eigene Einstellung; ein "
-    + "Klick versetzt es.",
+  mapHint: "Fallstrecke von M2 bis zum Halt, für jeden Winkel und jedes Massenverhältnis. Das Kreuz ist die Einstellung; ein Klick versetzt es, "
+    + "oder die Pfeiltasten und Enter.",
+  mapReadHalts: "{angle} Grad, {ratio} zu 1: Halt nach {drop} cm Fall.",
+  mapReadNever: "{angle} Grad, {ratio} zu 1: kein Halt.",
   mapNoLoop: "Sie gilt, wenn die leichte Masse losgelassen wird, nicht für diesen Beginn.",
   mapAngle: "Winkel des Fadens",
   mapRatio: "Massenverhältnis M2/M1",

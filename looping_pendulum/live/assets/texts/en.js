@@ -140,13 +140,18 @@ export const en = {
   "column.pull1": "pull at M1 [N]",
   "column.pull2": "pull at M2 [N]",
   "column.string": "string",
+  "column.event": "event",
+  eventLog: "Events of the motion that plays",
+  tableOfRun: "The run from the release to its end; {count} rows are events, which the last column names",
 
   // The map
   mapTitle: "How far does it fall?",
   mapLabel: "Map over the angle of the string and the mass ratio, coloured by how far the heavy mass falls before it halts. "
-    + "A click sets both; so do their sliders.",
+    + "The arrows move a cursor that tells how far, with Shift in tens; Enter sets both.",
   mapNever: "never halts",
-  mapHint: "Drop of M2 until it halts, for every angle and mass ratio. The cross is your setting; click to move it.",
+  mapHint: "Drop of M2 until it halts, for every angle and mass ratio. The cross is your setting; click to move it, or use the arrows and Enter.",
+  mapReadHalts: "{angle} degrees, {ratio} to 1: halts after falling {drop} cm.",
+  mapReadNever: "{angle} degrees, {ratio} to 1: never halts.",
   mapNoLoop: "It stands for a light mass that is let go, not for this release.",
   mapAngle: "angle of the string",
   mapRatio: "mass ratio M2/M1",

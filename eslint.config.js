@@ -5,7 +5,7 @@ export default [
   // Functions of one table take the same arguments, whether they read them or not
   { rules: { "no-unused-vars": ["error", { args: "none" }], eqeqeq: "error", "prefer-const": "error", "no-var": "error" } },
   {
-    files: ["assets/**"],
+    files: ["looping_pendulum/live/assets/**"],
     languageOptions: {
       globals: Object.fromEntries(
         ["window", "document", "location", "navigator", "self", "Worker", "Blob", "File", "URL", "URLSearchParams", "TextDecoder", "Option", "Theme",

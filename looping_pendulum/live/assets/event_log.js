@@ -1,0 +1,37 @@
+/** Tells those who do not see the motion what happens in it. */
+
+import { wordsOf } from "./outcome.js";
+
+/** @typedef {import("./shown_run.js").ShownRun} ShownRun */
+/** @typedef {import("./shown_run.js").ShownEvent} ShownEvent */
+
+/** A log that screen readers read as it grows. Each event enters it once, when the motion that plays passes it. */
+export class EventLog {
+  /** @param {HTMLElement} log */
+  constructor(log) {
+    this.log = log;
+    /** @type {ShownRun | null} */
+    this.run = null;
+    /** @type {Set<ShownEvent>} */
+    this.told = new Set();
+  }
+
+  /** The motion has played from a time to a later one. @param {ShownRun} run @param {number} from @param {number} to [s] */
+  played(run, from, to) {
+    if (!(to > from)) return;
+    if (run !== this.run || from === 0) this.clear(run);
+    for (const event of run.events) {
+      const passed = event.time <= to && (event.time > from || from === 0);
+      if (!passed || this.told.has(event)) continue;
+      this.told.add(event);
+      this.log.append(Object.assign(document.createElement("p"), { textContent: wordsOf(event) }));
+    }
+  }
+
+  /** @param {ShownRun} run */
+  clear(run) {
+    this.run = run;
+    this.told.clear();
+    this.log.replaceChildren();
+  }
+}
