@@ -89,11 +89,16 @@ def test_a_prediction_is_checked_against_the_run(lesson, name, right):
     page, table = lesson
     before = page.evaluate("live.state")
     said = PREDICTIONS[name][0 if right else 1]
+    page.uncheck("#ghost")
+    page.uncheck("#forces")
     open_step(page, name)
     predict(page, name, said)
     page.click("#lesson-change")
     seen(page)
     assert_told(page, table, name, said, right)
+    # What the step speaks of is shown
+    assert page.is_checked("#ghost") == (name in ("friction", "static"))
+    assert page.is_checked("#forces") == (name == "friction")
     shown = page.evaluate("live.player.time")
     assert 0 < shown <= page.evaluate("live.run.end")
     page.click("#undo")

@@ -164,9 +164,15 @@ export class LessonPanel {
     this.given = { state, beside: step.beside?.() ?? null };
     this.watched = step;
     this.page.set(state);
-    if (step.forces) /** @type {HTMLInputElement} */ (this.element("forces")).checked = true;
+    if (step.forces) this.tick("forces");
+    if (step.beside) this.tick("ghost");
     this.tell(() => text("lessonWatch"));
     this.jumps = !this.page.play();
+  }
+
+  /** Have shown what a step speaks of. @param {string} id of a checkbox */
+  tick(id) {
+    /** @type {HTMLInputElement} */ (this.element(id)).checked = true;
   }
 
   /** State whose run is the ghost beside that of a state; null if the step does not say so. @param {State} state */

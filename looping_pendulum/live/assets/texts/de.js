@@ -221,7 +221,7 @@ export const de = {
   "file.unknownMass": "tracks: {name} gefunden, möglich sind 'light' und 'heavy'",
   "file.bothMasses": "tracks: {name} für beide Massen gefunden, nötig ist eine Spur für jede",
   "file.missingTrack": "die Spuren {have} gefunden, nötig ist {name}; 'tracks' berichtigen",
-  "file.whichTrack": "die Spuren {have} gefunden, nötig ist, welche Masse jede zeigt; oben wählen oder durch 'tracks: {light: {track}}' sagen",
+  "file.whichTrack": "die Spuren {have} gefunden, nötig ist, welche Masse jede zeigt; unten wählen oder durch 'tracks: {light: {track}}' sagen",
   "file.withoutName": "eine ohne Namen",
   "file.timesGrow": "{time} nach {before} (Zeile {line}) gefunden, nötig sind wachsende Zeiten; Zeilen sortieren oder löschen",
   "file.noValues": "gar keine Werte gefunden, nötig ist {name}; diese Spur noch einmal exportieren",
@@ -266,8 +266,8 @@ export const de = {
   "unused.repeated": "die Zeile davor wiederholt",
 
   // Die Lektion
-  lessonTitle: "Lektion in sieben Schritten: vorhersagen, ändern, sehen",
-  lessonHint: "Eine Vorhersage zählt vor der Rechnung. Die Reihenfolge ist frei; Zurück stellt die eigenen Einstellungen wieder her.",
+  lessonTitle: "Lektion in sieben Schritten",
+  lessonHint: "Vorhersagen, ändern, sehen: Eine Vorhersage zählt vor der Rechnung. Die Reihenfolge ist frei; Zurück stellt die eigenen Einstellungen wieder her.",
   lessonSteps: "Schritte der Lektion",
   lessonStep: "Schritt {number}: {name}",
   lessonStepRight: "Schritt {number}: {name}, richtig vorhergesagt",
@@ -276,7 +276,7 @@ export const de = {
   lessonPlainNumber: "Vorhergesagte Zahl",
   lessonChange: "Einstellen und zusehen",
   lessonMakeTrial: "Versuch erfinden",
-  lessonGo: "Zum Regler",
+  lessonGo: "Zum Bedienfeld",
   lessonCheck: "Prüfen",
   lessonNext: "Nächster Schritt",
   lessonNoPrediction: "Zuerst vorhersagen: eine Antwort wählen.",

@@ -261,8 +261,8 @@ export const en = {
   "unused.repeated": "the row before repeated",
 
   // The lesson
-  lessonTitle: "Lesson in seven steps: predict, change, see",
-  lessonHint: "A prediction counts before the run. The steps can be taken in any order; Undo brings your settings back.",
+  lessonTitle: "Lesson in seven steps",
+  lessonHint: "Predict, change, see: a prediction counts before the run. The steps can be taken in any order; Undo brings your settings back.",
   lessonSteps: "Steps of the lesson",
   lessonStep: "Step {number}: {name}",
   lessonStepRight: "Step {number}: {name}, predicted rightly",
