@@ -162,8 +162,10 @@ def test_what_the_workflow_the_container_and_the_hooks_call_is_there():
             assert (PROJECT / path).is_file(), line
     lint = next(part for part in (PROJECT / "Makefile").read_text(encoding="utf-8").split("\n\n") if part.startswith("lint:"))
     hooks = [hook for repo in loaded(".pre-commit-config.yaml")["repos"] if repo["repo"] == "local" for hook in repo["hooks"]]
+    checks = re.findall(r"(?:\$\(BIN\)/|(?=npm run ))([^&,\n]+?)(?= &&|,|\n|$)", lint)
+    assert checks[-1] == "npm run --silent check"
     assert [hook["entry"].removesuffix(" --fix").removeprefix(".venv/bin/") for hook in hooks] == [
-        command.replace(" --check", "").removesuffix(" .") for command in re.findall(r"\$\(BIN\)/([^&\n]+?)(?= &&|\n|$)", lint)
+        command.replace(" --check", "").removesuffix(" .") for command in checks
     ]
 
 
