@@ -85,8 +85,7 @@ export class FitPanel {
     this.message = () => {
       this.element("fit-message").textContent = words();
       this.element("fit-table").replaceChildren(...rows.map(({ name, unit, words }) => {
-        const axis = AXIS.exec(name)?.[1];
-        const label = axis ? text("axisInFile", { axis }) : name === "clock_offset" ? text("releaseInFile") : text(`setting.${name}`);
+        const label = labelOf(name);
         return Object.assign(document.createElement("li"), { textContent: `${label}: ${words()}${unit ? ` ${unit}` : ""}` });
       }));
     };
@@ -136,6 +135,14 @@ const OF_CAMERA = {
   origin_y: { id: "trial-origin-y", unit: "cm", factor: 1e-2 },
   clock_offset: { id: "trial-release", unit: "s", factor: -1 },
 };
+
+/** What a fitted number is. @param {string} name */
+function labelOf(name) {
+  const axis = AXIS.exec(name)?.[1];
+  if (axis) return text("axisInFile", { axis });
+  if (name === "clock_offset") return text("releaseInFile");
+  return name === "heavy_mass" ? text("heavyMass") : text(`setting.${name}`);
+}
 
 /** Whether what is left is noise, and if not, what to do. @param {FitResult["tests"]} tests */
 function remainderInWords({ ratio, larger, pattern }) {

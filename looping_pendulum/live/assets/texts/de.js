@@ -92,7 +92,6 @@ export const de = {
   "setting.release_angle": "Winkel des Fadens",
   "setting.free_length": "Länge des freien Fadens",
   "setting.light_mass": "Leichte Masse M1",
-  "setting.heavy_mass": "Schwere Masse M2",
   "setting.mass_ratio": "Massenverhältnis M2/M1",
   "setting.rod_radius": "Radius der Stange",
   "setting.kinetic_friction": "Gleitreibungszahl",
@@ -203,6 +202,7 @@ export const de = {
   fitOutliers: "Weggelassen, weil sie die Masse nicht zeigen: {count} Werte.",
   fitNotConverged: "Sie ist noch nicht am Ziel; noch einmal anpassen.",
   notDetermined: "{value} (nicht bestimmt)",
+  heavyMass: "Schwere Masse M2",
   releaseInFile: "Losgelassen bei, nach der Uhr der Datei",
   axisInFile: "Achse der Stange in der Datei, {axis}",
 

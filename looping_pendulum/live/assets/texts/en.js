@@ -91,7 +91,6 @@ export const en = {
   "setting.release_angle": "Angle of the string",
   "setting.free_length": "Length of the free string",
   "setting.light_mass": "Light mass M1",
-  "setting.heavy_mass": "Heavy mass M2",
   "setting.mass_ratio": "Mass ratio M2/M1",
   "setting.rod_radius": "Radius of the rod",
   "setting.kinetic_friction": "Friction, string sliding",
@@ -200,6 +199,7 @@ export const en = {
   fitOutliers: "Left out, as they do not show the mass: {count} values.",
   fitNotConverged: "It has not come to rest; fit again.",
   notDetermined: "{value} (not determined)",
+  heavyMass: "Heavy mass M2",
   releaseInFile: "Released at, by your file's clock",
   axisInFile: "Rod's axis in your file, {axis}",
 
