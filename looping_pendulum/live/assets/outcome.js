@@ -2,23 +2,23 @@
 
 import { EVENTS, MODES, text } from "./texts.js";
 
-/** @typedef {import("./shown_run.js").ShownRun} ShownRun */
+/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 
 const CENTIMETRES = 100;
 const TABLE_ROWS = 20;
 
-/** Whether and when the heavy mass halts. @param {ShownRun} run */
-export function resultOf({ halt, dropAtHalt, end, ending, release, events, modeAtStart }) {
+/** Whether and when the heavy mass halts. @param {DrawnRun} run */
+export function resultOf({ halt, dropAtHalt, endOfRun, ending, release, events, modeAtStart }) {
   if (halt !== null && dropAtHalt !== null) {
     return text("halts", { time: halt.toFixed(4), drop: (CENTIMETRES * dropAtHalt).toFixed(1) });
   }
   if (release === "held" || release === "drop") return text(release);
   if (ending === "time_up" && events.length === 1 && modeAtStart === "sticking") return text("stays");
-  if (ending === "time_up") return text("goesOn", { time: end.toFixed(1) });
-  return text(release === "vertical" ? "pulledUp" : "neverHalts", { ending: EVENTS[ending], time: end.toFixed(3) });
+  if (ending === "time_up") return text("goesOn", { time: endOfRun.toFixed(1) });
+  return text(release === "vertical" ? "pulledUp" : "neverHalts", { ending: EVENTS[ending], time: endOfRun.toFixed(3) });
 }
 
-/** The change against the ghost as numbers. @param {ShownRun} run @param {ShownRun | null} ghost */
+/** The change against the ghost as numbers. @param {DrawnRun} run @param {DrawnRun | null} ghost */
 export function changeOf(run, ghost) {
   if (!ghost || (run.halt === null && ghost.halt === null)) return "";
   if (ghost.halt === null || ghost.dropAtHalt === null) return text("beforeNever");
@@ -33,7 +33,7 @@ function signed(change, digits) {
   return `${change < 0 ? "−" : "+"}${Math.abs(change).toFixed(digits)}`;
 }
 
-/** Fill a list with buttons that go to the events of a run. @param {HTMLElement} list @param {ShownRun} run
+/** Fill a list with buttons that go to the events of a run. @param {HTMLElement} list @param {DrawnRun} run
  * @param {(time: number) => void} onTime */
 export function showEvents(list, run, onTime) {
   const wanted = run.events.slice(0, TABLE_ROWS);
@@ -51,13 +51,14 @@ export function showEvents(list, run, onTime) {
   }));
 }
 
-/** Fill a table with a run. @param {HTMLTableElement} table @param {ShownRun} run */
+/** Fill a table with a run. @param {HTMLTableElement} table @param {DrawnRun} run */
 export function fillTable(table, run) {
   table.tBodies[0].replaceChildren(...Array.from({ length: TABLE_ROWS + 1 }, (_, i) => {
     const s = run.at((i / TABLE_ROWS) * run.end);
     const row = document.createElement("tr");
     const lengths = [...s.light, s.drop].map((x) => (CENTIMETRES * x).toFixed(1));
-    const numbers = [s.t.toFixed(3), ...lengths, s.turns.toFixed(2), s.lightTension.toFixed(3), s.heavyTension.toFixed(3)];
+    const pulls = [s.lightTension, s.heavyTension].map((pull) => (Number.isNaN(pull) ? "–" : pull.toFixed(3)));
+    const numbers = [s.t.toFixed(3), ...lengths, s.turns.toFixed(2), ...pulls];
     for (const words of [...numbers, MODES[/** @type {keyof typeof MODES} */ (s.mode)]]) row.insertCell().textContent = words;
     return row;
   }));

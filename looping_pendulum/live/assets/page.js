@@ -4,12 +4,13 @@ import { forgetColours, whenResized } from "./canvas.js";
 import { CONTROLS, admit, linkOf, readLink, settingsOf, stateOf, withValue } from "./controls.js";
 import { film, filmType, runCsv, save, scenarioYaml } from "./export.js";
 import { listenToStage, releasedAt } from "./dragging.js";
+import { EngineRuns } from "./engine_runs/engine_runs.js";
 import { FitPanel, studyYaml } from "./fit_panel.js";
 import { History } from "./history.js";
 import { HaltMap } from "./map.js";
 import { changeOf, fillTable, resultOf, showEvents } from "./outcome.js";
 import { Player } from "./player.js";
-import { KINDS, Plot } from "./plots.js";
+import { Plot, kindsOf } from "./plots.js";
 import { ShownRun } from "./shown_run.js";
 import { Sliders } from "./sliders.js";
 import { Stage } from "./stage.js";
@@ -18,11 +19,14 @@ import { TrialPanel } from "./trial_panel.js";
 
 /** @typedef {import("./controls.js").State} State */
 /** @typedef {import("./controls.js").Preset} Preset */
+/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {{presets: Preset[], start: string, keys: Record<string, string>}} PageData */
 
 const CENTIMETRES = 100;
 /** Time without a further key after which a setting is one of its own [ms]. */
 const PATIENCE = 1000;
+/** What acts on the space bar while it has the focus. */
+const KEEPS_SPACE = "button, summary, label:has(input[type=checkbox]), input[type=checkbox]";
 
 /** @param {string} id */
 function element(id) {
@@ -33,20 +37,26 @@ function element(id) {
 
 /** Everything on the page. */
 class Page {
-  /** @param {PageData} data @param {string} source this script, which the worker runs, too */
-  constructor(data, source) {
+  /** @param {PageData} data @param {import("./engine_runs/motion.js").RunsData | null} runs stored runs of the first scenario
+   * @param {string} source this script, which the worker runs, too */
+  constructor(data, runs, source) {
     this.data = data;
     admit(data.presets);
     const first = data.presets.find(({ name }) => name === data.start) ?? data.presets[0];
     /** Link of each scenario's settings -> the scenario. */
     this.presetOfLink = new Map(data.presets.map((preset) => [linkOf(stateOf(preset)), preset]));
     this.history = new History(stateOf(first));
-    this.run = new ShownRun(settingsOf(this.state));
-    /** @type {ShownRun | null} */
+    this.engines = runs && new EngineRuns(runs, first, element, {
+      onTime: (time) => this.player.stopAt(time),
+      onSwitch: () => this.change(),
+      onBack: () => this.set(stateOf(first)),
+    });
+    this.run = this.runOf(this.state);
+    /** @type {DrawnRun | null} */
     this.ghost = null;
-    this.player = new Player(element, () => this.run.end, () => this.wake());
+    this.player = new Player(element, () => this.activeRuns?.duration ?? this.run.end, () => this.wake());
     this.stage = new Stage(/** @type {HTMLCanvasElement} */ (element("stage")));
-    this.plots = KINDS.map((kind) => this.plot(kind));
+    this.plots = kindsOf(runs !== null).map((kind) => this.plot(kind));
     const startWorker = () => new Worker(URL.createObjectURL(new Blob([source], { type: "text/javascript" })));
     const map = /** @type {HTMLCanvasElement} */ (element("map"));
     this.map = new HaltMap(map, startWorker, (values) => this.pick(values), () => this.wake());
@@ -56,7 +66,7 @@ class Page {
       current: () => this.state.values,
       onMove: (name, value) => this.move(withValue(this.state, name, value)),
       onSettle: (later) => (later ? this.settleSoon() : this.settle()),
-      onRelease: (release) => this.set({ ...this.state, release }),
+      onRelease: (release) => this.set({ release, values: this.state.values }),
       onFault: (message) => this.say("fault", message),
     });
     /** Whether the settings have changed since the last frame. */
@@ -68,6 +78,12 @@ class Page {
     this.listen();
     this.readAddress();
     this.change();
+    if (this.engines?.belongTo(this.state) && !window.matchMedia("(prefers-reduced-motion: reduce)").matches) this.player.play();
+  }
+
+  /** The stored runs while they belong to the settings. */
+  get activeRuns() {
+    return this.engines?.active ? this.engines : null;
   }
 
   get state() {
@@ -124,6 +140,11 @@ class Page {
     element("trial-study").addEventListener("click", () => save("study.yaml", new Blob([this.study()], { type: "application/yaml" })));
     element("table-of-run").addEventListener("toggle", () => this.table());
     document.addEventListener("keydown", (event) => this.onKey(event));
+    // A button or box that was clicked would keep the space bar to itself; one that Tab leads to acts on it, as it should
+    document.addEventListener("click", (event) => {
+      const clicked = event.detail > 0 && event.target instanceof Element && event.target.closest(KEEPS_SPACE);
+      if (clicked) requestAnimationFrame(() => /** @type {HTMLElement | null} */ (document.activeElement)?.blur());
+    });
     window.addEventListener("hashchange", () => this.readAddress());
     whenResized(() => this.change());
     Theme.onChange(() => {
@@ -152,7 +173,10 @@ class Page {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (target.matches("input:not(#time), select, textarea, summary, a")) return;
     if (event.key === " " && target.matches("button")) return;
-    if (this.player.onKey(event)) event.preventDefault();
+    const toMoment = { n: 1, p: -1 }[event.key.toLowerCase()];
+    if (this.activeRuns && toMoment) this.player.stopAt(this.activeRuns.moment(toMoment, this.player.time));
+    else if (!this.player.onKey(event)) return;
+    event.preventDefault();
   }
 
   /** Show a state that is on its way. @param {State} state */
@@ -214,8 +238,10 @@ class Page {
     const link = location.hash.slice(1);
     if (!link || link === linkOf(this.state)) return;
     const { state, faults } = readLink(link, this.state);
+    const { release, values } = state;
     this.history.settle();
-    this.history.present = state;
+    // A stored run is shown with its own settings only
+    this.history.present = this.engines?.belongTo(state) ? state : { release, values };
     this.history.settle();
     const [fault] = faults;
     const { key = "", text: found = "", min = "", max = "" } = fault ?? {};
@@ -291,21 +317,33 @@ class Page {
   compute() {
     const { state } = this;
     this.sliders.show(state);
-    const settings = settingsOf(state);
-    if (!this.computed || JSON.stringify(settings) !== this.computed) {
+    this.engines?.show(state);
+    const runs = this.activeRuns;
+    const link = linkOf(state);
+    if (link !== this.computed) {
       try {
-        this.run = new ShownRun(settings);
+        this.run = this.runOf(state);
         this.say("fault", this.linkFault);
         this.linkFault = "";
       } catch (error) {
         this.say("fault", text("cannotRun", { fault: error instanceof Error ? error.message : String(error) }));
       }
-      this.computed = JSON.stringify(settings);
+      this.computed = link;
     }
     this.ghost = this.ghostOf(this.history.before);
-    this.player.time = Math.min(this.player.time, this.run.end);
-    for (const plot of this.plots) plot.show(this.run, this.ghost);
-    const preset = this.presetOfLink.get(linkOf(state));
+    this.player.time = Math.min(this.player.time, this.player.end());
+    const standsIn = state.stored !== undefined;
+    for (const plot of this.plots) {
+      // Nobody knows the energies of a stored run, nor distances from the reference with other settings
+      plot.box.hidden = (plot.kind.id === "energy" && standsIn) || (plot.kind.id === "distance" && !runs);
+      if (!plot.box.hidden) plot.show(this.run, this.ghost, runs);
+    }
+    for (const id of ["save-numbers", "save-scenario"]) {
+      this.button(id).disabled = standsIn;
+      this.button(id).title = standsIn ? text("notSaved") : "";
+    }
+    /** @type {HTMLInputElement} */ (element("forces")).disabled = standsIn;
+    const preset = this.presetOfLink.get(link);
     this.select("preset").value = preset?.name ?? "";
     this.say("story", preset?.description ?? "");
     this.button("undo").disabled = !this.history.past.length;
@@ -313,7 +351,8 @@ class Page {
     this.say("heavy-mass", `M2 = ${Number((state.values.light_mass * state.values.mass_ratio).toPrecision(4))} g`);
     this.say("result", resultOf(this.run));
     this.say("compared", changeOf(this.run, this.ghost));
-    this.say("map-state", state.release === "looping" ? "" : text("mapNoLoop"));
+    const without = standsIn ? text("mapWithout", { effects: preset?.lacks.join(", ") ?? "" }) : "";
+    this.say("map-state", state.release === "looping" ? without : text("mapNoLoop"));
     this.trial.show(this.run);
     this.map.show(state);
     showEvents(element("events"), this.run, (time) => this.player.stopAt(time));
@@ -328,13 +367,22 @@ class Page {
     return /** @type {HTMLButtonElement} */ (element(id));
   }
 
-  /** @param {State | null} before @returns {ShownRun | null} */
+  /** @param {State} state @returns {DrawnRun} @throws {RangeError} if the apparatus is impossible */
+  runOf(state) {
+    const shown = this.engines?.belongTo(state) ? this.engines.duration : undefined;
+    return this.engines?.standIn(state) ?? new ShownRun(settingsOf(state), shown);
+  }
+
+  ghostLink = "";
+
+  /** @param {State | null} before @returns {DrawnRun | null} */
   ghostOf(before) {
     if (!before || !this.checked("ghost")) return null;
-    const settings = settingsOf(before);
-    if (this.ghost && JSON.stringify(settings) === JSON.stringify(this.ghost.settings)) return this.ghost;
+    const link = linkOf(before);
+    if (this.ghost && link === this.ghostLink) return this.ghost;
+    this.ghostLink = link;
     try {
-      return new ShownRun(settings);
+      return this.runOf(before);
     } catch {
       return null; // what cannot be built leaves no ghost
     }
@@ -350,23 +398,27 @@ class Page {
   /** Draw all that moves with the time. */
   draw() {
     const { time } = this.player;
+    const runs = this.activeRuns;
+    runs?.draw(time);
     const points = { light: this.trial.points("light"), heavy: this.trial.points("heavy") };
     this.stage.draw({
       run: this.run,
       ghost: this.ghost,
       time,
-      forces: this.checked("forces"),
+      forces: this.checked("forces") && this.state.stored === undefined,
+      runs,
       points: { light: points.light.map(([, x, y]) => [x, y]), heavy: points.heavy.map(([, x, y]) => [x, y]) },
       now: { light: nearest(points.light, time), heavy: nearest(points.heavy, time) },
     });
-    for (const plot of this.plots) plot.draw(time);
+    for (const plot of this.plots) if (!plot.box.hidden) plot.draw(time);
     this.map.draw(this.state);
     const [least, most] = this.map.range.map((drop) => (Number.isFinite(drop) ? `${Math.round(CENTIMETRES * drop)} cm` : ""));
     this.say("map-least", least);
     this.say("map-most", most);
     this.player.draw();
     const { mode } = this.run.at(time);
-    this.say("doing", time === 0 ? text("start") : MODES[/** @type {keyof typeof MODES} */ (mode)]);
+    const doing = MODES[/** @type {keyof typeof MODES} */ (mode)];
+    this.say("doing", time === 0 ? text("start") : `${doing}${runs?.lastMoment(time) ?? ""}`);
   }
 }
 
@@ -379,7 +431,7 @@ function nearest(points, time) {
 
 /** Start the page. @param {string} source text of the script that runs */
 export function startPage(source) {
-  const data = /** @type {PageData} */ (JSON.parse(element("live-data").textContent ?? ""));
+  const read = (/** @type {string} */ id) => JSON.parse(element(id).textContent ?? "");
   // For tests and benchmarks, which look at what the page draws
-  Object.assign(window, { live: new Page(data, source), liveControls: CONTROLS });
+  Object.assign(window, { live: new Page(read("live-data"), read("engine-runs-data"), source), liveControls: CONTROLS });
 }

@@ -1,12 +1,15 @@
 /** Quantities over time, with one cursor for all. */
 
 import { colours, fitted, polyline, ticks, write } from "./canvas.js";
+import { text } from "./texts.js";
 
-/** @typedef {import("./shown_run.js").ShownRun} ShownRun */
+/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {import("./shown_run.js").Sample} Sample */
 /**
- * @typedef {{id: string, title: string, down?: boolean, stacked?: boolean, digits: number,
- *   lines: {name: string, colour: string, value: (s: Sample, run: ShownRun) => number}[]}} Kind
+ * @typedef {import("./engine_runs/engine_runs.js").EngineRuns} EngineRuns
+ * @typedef {{id: string, title: string, down?: boolean, stacked?: boolean, log?: boolean, runs?: boolean, digits: number,
+ *   lines: {name: string, colour: string, value: (s: Sample, run: DrawnRun) => number}[]}} Kind
+ *   `runs`: whether it is only on pages with, or only on pages without, stored runs
  */
 
 const EDGE = { left: 44, right: 10, top: 26, bottom: 22 };
@@ -22,12 +25,21 @@ export const KINDS = [
     lines: [{ name: "turns", colour: "orange", value: (s) => s.turns }],
   },
   {
-    id: "pull", title: "Pull of the string [N]", digits: 2,
+    id: "pull", title: "Pull of the string [N]", digits: 2, runs: false,
     lines: [
       { name: "at M2", colour: "blue", value: (s) => s.heavyTension },
       { name: "at M1", colour: "orange", value: (s) => s.lightTension },
     ],
   },
+  {
+    id: "pull-light", title: text("plotPullM1"), digits: 2, runs: true,
+    lines: [{ name: "at M1", colour: "orange", value: (s) => s.lightTension }],
+  },
+  {
+    id: "pull-heavy", title: text("plotPullM2"), digits: 2, runs: true,
+    lines: [{ name: "at M2", colour: "blue", value: (s) => s.heavyTension }],
+  },
+  { id: "distance", title: text("plotDistance"), digits: 3, log: true, runs: true, lines: [] },
   {
     id: "energy", title: "Energy [mJ]", stacked: true, digits: 0,
     lines: [
@@ -38,10 +50,15 @@ export const KINDS = [
   },
 ];
 
-/** @type {WeakMap<ShownRun, number>} */
+/** Plots of a page with or without stored runs. @param {boolean} withRuns */
+export function kindsOf(withRuns) {
+  return KINDS.filter(({ runs }) => runs === undefined || runs === withRuns);
+}
+
+/** @type {WeakMap<DrawnRun, number>} */
 const lowestOf = new WeakMap();
 
-/** Lowest potential energy of a run [J], from which it is counted. @param {ShownRun} run */
+/** Lowest potential energy of a run [J], from which it is counted. @param {DrawnRun} run */
 function lowest(run) {
   let value = lowestOf.get(run);
   if (value === undefined) {
@@ -59,12 +76,16 @@ export class Plot {
    * @param {(time: number) => void} onTime
    */
   constructor(box, kind, onTime) {
+    this.box = box;
     this.kind = kind;
+    /** Stored runs, the reference's among them, which are drawn in place of the page's own. @type {EngineRuns | null} */
+    this.runs = null;
+    this.size = { width: 0, height: 0 };
     const [still, canvas] = [document.createElement("canvas"), document.createElement("canvas")];
     box.append(still, canvas);
     this.still = still;
     this.canvas = canvas;
-    /** @type {ShownRun | null} */
+    /** @type {DrawnRun | null} */
     this.run = null;
     this.end = 1;
     this.x = (/** @type {number} */ t) => t;
@@ -82,18 +103,21 @@ export class Plot {
     });
   }
 
-  /** Draw all that does not move with the time. @param {ShownRun} run @param {ShownRun | null} ghost */
-  show(run, ghost) {
+  /** Draw all that does not move with the time. @param {DrawnRun} run @param {DrawnRun | null} ghost @param {EngineRuns | null} runs */
+  show(run, ghost, runs) {
     this.run = run;
     const { c, width, height } = fitted(this.still);
+    this.size = { width, height };
     const { grid, soft, ink } = colours();
     const { kind } = this;
-    this.end = Math.max(run.end, ghost ? ghost.end : 0);
+    this.runs = kind.stacked ? null : runs;
+    this.end = runs ? runs.duration : Math.max(run.end, ghost ? ghost.end : 0);
     const [low, high] = this.limits(ghost ? [run, ghost] : [run]);
+    const share = (/** @type {number} */ v) => kind.log ? Math.log(Math.max(v, low) / low) / Math.log(high / low) : (v - low) / (high - low);
     const tall = height - EDGE.top - EDGE.bottom;
     this.x = (/** @type {number} */ t) => EDGE.left + (t / this.end) * (width - EDGE.left - EDGE.right);
-    this.y = (/** @type {number} */ v) => EDGE.top + tall * (kind.down ? (v - low) / (high - low) : (high - v) / (high - low));
-    for (const v of ticks(low, high)) {
+    this.y = (/** @type {number} */ v) => EDGE.top + tall * (kind.down ? share(v) : 1 - share(v));
+    for (const v of kind.log ? decades(low, high) : ticks(low, high)) {
       polyline(c, [[EDGE.left, this.y(v)], [width - EDGE.right, this.y(v)]], { colour: grid, width: 1 });
       write(c, String(v), EDGE.left - 6, this.y(v), { colour: soft, size: 11, align: "right" });
     }
@@ -105,23 +129,26 @@ export class Plot {
     c.clip();
     if (kind.stacked) this.areas(c, run);
     if (ghost && !kind.stacked) this.curves(c, ghost, true);
-    if (!kind.stacked) this.curves(c, run, false);
+    if (this.runs) this.runs.drawCurves(c, this);
+    else if (!kind.stacked) this.curves(c, run, false);
     c.restore();
     this.legend(c, width);
   }
 
-  /** @param {ShownRun[]} runs @returns {[number, number]} */
+  /** @param {DrawnRun[]} runs @returns {[number, number]} */
   limits(runs) {
-    const { lines, stacked } = this.kind;
+    const { lines, stacked, log } = this.kind;
+    if (log) return this.runs ? this.runs.range(this.kind.id) : [1e-3, 1];
     const ranges = runs.flatMap((run) =>
       stacked ? [run.range((s) => lines.reduce((sum, { value }) => sum + value(s, run), 0))] : lines.map(({ value }) => run.range((s) => value(s, run))),
     );
+    if (this.runs) ranges.push(this.runs.range(this.kind.id));
     const [low, high] = [Math.min(0, ...ranges.map(([first]) => first)), Math.max(...ranges.map(([, last]) => last))];
     const span = Math.max(high - low, 1e-6);
     return [low < 0 ? low - 0.04 * span : low, high + 0.05 * span];
   }
 
-  /** @param {import("./canvas.js").Context} c @param {ShownRun} run @param {boolean} pale */
+  /** @param {import("./canvas.js").Context} c @param {DrawnRun} run @param {boolean} pale */
   curves(c, run, pale) {
     for (const { value, colour } of this.kind.lines) {
       const style = pale ? { colour: colours().soft, width: 1.5, dash: [5, 4] } : { colour: colourOf(colour), width: 2.2 };
@@ -129,7 +156,7 @@ export class Plot {
     }
   }
 
-  /** @param {import("./canvas.js").Context} c @param {ShownRun} run */
+  /** @param {import("./canvas.js").Context} c @param {DrawnRun} run */
   areas(c, run) {
     let below = run.samples.map(() => 0);
     for (const { value, colour } of this.kind.lines) {
@@ -166,7 +193,8 @@ export class Plot {
     const { accent, ground } = colours();
     const x = this.x(Math.min(time, this.end));
     polyline(c, [[x, EDGE.top], [x, height - EDGE.bottom]], { colour: accent, width: 1.5 });
-    if (this.kind.stacked || time > run.end) return;
+    if (this.runs) this.runs.drawDots(c, this, time);
+    if (this.runs || this.kind.stacked || time > run.end) return;
     for (const { value, colour } of this.kind.lines) {
       c.beginPath();
       c.arc(x, Math.max(this.y(value(run.at(time), run)), EDGE.top), 4, 0, 2 * Math.PI);
@@ -177,6 +205,13 @@ export class Plot {
       c.stroke();
     }
   }
+}
+
+/** Powers of ten in a range, each second one of many. @param {number} low @param {number} high */
+function decades(low, high) {
+  const count = Math.round(Math.log10(high / low));
+  const all = Array.from({ length: count + 1 }, (_, i) => Number((low * 10 ** i).toPrecision(3)));
+  return all.filter((_, i) => count < 6 || i % 2 === count % 2);
 }
 
 /** @param {string} name */

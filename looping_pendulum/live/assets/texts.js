@@ -32,6 +32,20 @@ export const MODES = {
   clamped_slack: "the string is slack",
   falling: "both masses fall freely",
   ended: "the end",
+  rolling: "the string sticks to the rod, which turns",
+  unknown: "",
+};
+
+/** Kind of a moment of a stored run -> its short name. */
+export const MOMENTS = {
+  stop: "stop", stick: "stick", slip: "slip", slack: "slack", taut: "taut", halt: "halt", rod: "at the rod", broke: "broke off",
+  other: "event",
+};
+
+/** Mode of the reference -> what stands in its band under the time. */
+export const BAND = {
+  sliding_down: "slides, M2 falls", sliding_up: "slides, M2 rises", sticking: "sticks", rolling: "sticks", slack: "slack",
+  clamped: "sticks", clamped_slack: "slack", falling: "no string",
 };
 
 export const TEXTS = {
@@ -70,6 +84,40 @@ export const TEXTS = {
   fitNotConverged: "It has not come to rest; fit again.",
   originX: "Rod's axis in your file, x",
   originY: "Rod's axis in your file, y",
+  engines: "Engines beside it",
+  otherSettings: "These runs belong to {title}; with other settings they are not drawn.",
+  back: "Back to {title}",
+  standIn: "This page's model does not have {effects}. What moves is the stored run of the reference; a slider sets the page's model going, without {effects}.",
+  without: "This motion is without {effects}.",
+  notSaved: "What is shown is a stored run, which is in the results of compare.",
+  measured: "measured: {name}",
+  measuredCaption: "Tracked points up to the chosen time, each at its own time; the large rings are the latest.",
+  notRun: "not run",
+  notRunWhy: "Not run:",
+  moments: "Moments of every run",
+  allMoments: "All moments",
+  noMoments: "none before {time} s",
+  lastMoment: "; last moment: {moment} at {time} s",
+  stringOfReference: "the reference's string",
+  departs: "where, when and why it departs",
+  sources: "Where the runs come from",
+  aboutRuns: "Positions are those that each engine computed, thinned to {rate} a second; moments and all numbers come from the full runs. The reference is the model of this page. Its pulls are exact; an engine's are what Newton's law asks of its motion, over {window} ms. A run that ends early fades where it ends. Keys: N and P go to the next and the previous moment of the runs that are shown.",
+  words: "Words",
+  turns: "turns",
+  rodOfRuns: "the rod, enlarged",
+  unknownToRuns: "no run here knows it",
+  plotPullM1: "Pull of the string at M1 [N]",
+  plotPullM2: "Pull of the string at M2 [N]",
+  plotDistance: "Distance of M1 from the reference's [mm]",
+  now: "Now",
+  ended: "ended",
+  colRun: "run",
+  colDrop: "drop of M2 [mm]",
+  colTurns: "wrap angle [turns]",
+  colPullM1: "string at M1 pulls [N]",
+  colPullM2: "string at M2 pulls [N]",
+  colDistance: "M1 from the reference [mm]",
+  mapWithout: "It is computed without {effects}.",
   mapNoLoop: "It stands for a light mass that is let go, not for this release.",
 };
 
