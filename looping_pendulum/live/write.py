@@ -46,7 +46,9 @@ def render(scenario: Scenario | None = None, *, engine_runs: Mapping[str, Any] |
     return page(
         PACKAGE,
         "live.html",
-        title="The looping pendulum, live" if engine_runs is None or scenario is None else f"The looping pendulum: {scenario.title}",
+        title="The looping pendulum, live"
+        if engine_runs is None or scenario is None
+        else f"The looping pendulum: {scenario.title}",
         styles=[(PACKAGE, "live.css")],
         scripts=[bundle("assets/main.js")],
         blob_workers=True,

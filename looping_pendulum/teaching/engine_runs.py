@@ -272,5 +272,6 @@ def _versions(result: ComparisonResult) -> list[str]:
     made = [(f"{reference.engine}:{reference.variant}", reference.provenance)]
     made += [(name(engine), engine.provenance) for engine in result.engines]
     return [
-        ", ".join([who, *(f"{package} {version}" for package, version in provenance.versions.items())]) for who, provenance in made
+        ", ".join([who, *(f"{package} {version}" for package, version in provenance.versions.items())])
+        for who, provenance in made
     ]

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 from looping_pendulum.live.write import render
+
+ACTIONS = Path(__file__).parent / "live_actions.js"
 
 page_text = cache(render)
 
@@ -36,3 +39,14 @@ def light_mass(page):
       const box = document.getElementById("stage").getBoundingClientRect(), [x, y] = live.run.at(live.player.time).light;
       return [box.left + live.stage.view.x(x), box.top + live.stage.view.y(y)];
     }""")
+
+
+def act_at_random(visit, html, count):
+    """Do ``count`` random actions on the page."""
+    opened = visit(html)
+    opened.page.set_default_timeout(600_000)
+    assert opened.page.evaluate(ACTIONS.read_text(encoding="utf-8"), [20261123, count]) > count / 20
+    settled(opened.page)
+    assert opened.complaints == []
+    # Whatever was done, a run is shown and every number is one
+    assert opened.page.evaluate("live.run.samples.every(({ light, heavy }) => [...light, ...heavy].every(Number.isFinite))")

@@ -172,7 +172,7 @@ def test_a_fit_sets_the_sliders_says_what_is_left_and_writes_the_study(opened, e
     assert value(page, "release_angle") == 113.08
 
 
-def test_a_scenario_with_an_effect_that_the_page_lacks_is_refused(tmp_path):
+def test_a_scenario_with_an_effect_that_the_page_lacks_is_refused_without_runs_of_it(tmp_path):
     file = tmp_path / "thick.yaml"
     source = (Path(__file__).parents[2] / "looping_pendulum" / "scenarios" / "two_to_one.yaml").read_text(encoding="utf-8")
     file.write_text(source + "effects: {string_thickness: 1 mm}\n", encoding="utf-8")

@@ -43,8 +43,8 @@ class Page {
     this.data = data;
     admit(data.presets);
     const first = data.presets.find(({ name }) => name === data.start) ?? data.presets[0];
-    /** Link of each scenario's settings -> the scenario. */
-    this.presetOfLink = new Map(data.presets.map((preset) => [linkOf(stateOf(preset)), preset]));
+    /** Link of each scenario's settings -> the scenario, the first of several that have the same ones. */
+    this.presetOfLink = new Map(data.presets.toReversed().map((preset) => [linkOf(stateOf(preset)), preset]));
     this.history = new History(stateOf(first));
     this.engines = runs && new EngineRuns(runs, first, element, {
       onTime: (time) => this.player.stopAt(time),
