@@ -9,12 +9,29 @@ from looping_pendulum.live.write import render
 
 ACTIONS = Path(__file__).parent / "live_actions.js"
 
+STAGE = "#stage"
+COUNT = """([selector, colour]) => {
+  const canvas = document.querySelector(selector), context = canvas.getContext("2d");
+  const [r, g, b] = [1, 3, 5].map((i) => parseInt(colour.slice(i, i + 2), 16));
+  const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
+  let count = 0;
+  for (let i = 0; i < data.length; i += 4) if (data[i] === r && data[i + 1] === g && data[i + 2] === b) count += 1;
+  return count;
+}"""
+"""Pixels of a canvas that have a colour."""
+
 page_text = cache(render)
 
 
 def settled(page):
     """Wait until the next frame is drawn."""
     page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def at(page, time):
+    """Set the time and wait until it is drawn."""
+    page.evaluate("(t) => live.player.stopAt(t)", time)
+    settled(page)
 
 
 def preset(page, name):

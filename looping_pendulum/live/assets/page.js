@@ -171,8 +171,8 @@ class Page {
       return;
     }
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    if (target.matches("input:not(#time), select, textarea, summary, a")) return;
-    if (event.key === " " && target.matches("button")) return;
+    if (target.matches("input:not(#time, [type=checkbox]), select, textarea, summary, a")) return;
+    if (event.key === " " && target.matches("button, input[type=checkbox]")) return;
     const toMoment = { n: 1, p: -1 }[event.key.toLowerCase()];
     if (this.activeRuns && toMoment) this.player.stopAt(this.activeRuns.moment(toMoment, this.player.time));
     else if (!this.player.onKey(event)) return;
@@ -332,17 +332,10 @@ class Page {
     }
     this.ghost = this.ghostOf(this.history.before);
     this.player.time = Math.min(this.player.time, this.player.end());
-    const standsIn = state.stored !== undefined;
     for (const plot of this.plots) {
-      // Nobody knows the energies of a stored run, nor distances from the reference with other settings
-      plot.box.hidden = (plot.kind.id === "energy" && standsIn) || (plot.kind.id === "distance" && !runs);
+      plot.box.hidden = this.engines?.hides(plot.kind.id) ?? false;
       if (!plot.box.hidden) plot.show(this.run, this.ghost, runs);
     }
-    for (const id of ["save-numbers", "save-scenario"]) {
-      this.button(id).disabled = standsIn;
-      this.button(id).title = standsIn ? text("notSaved") : "";
-    }
-    /** @type {HTMLInputElement} */ (element("forces")).disabled = standsIn;
     const preset = this.presetOfLink.get(link);
     this.select("preset").value = preset?.name ?? "";
     this.say("story", preset?.description ?? "");
@@ -351,8 +344,7 @@ class Page {
     this.say("heavy-mass", `M2 = ${Number((state.values.light_mass * state.values.mass_ratio).toPrecision(4))} g`);
     this.say("result", resultOf(this.run));
     this.say("compared", changeOf(this.run, this.ghost));
-    const without = standsIn ? text("mapWithout", { effects: preset?.lacks.join(", ") ?? "" }) : "";
-    this.say("map-state", state.release === "looping" ? without : text("mapNoLoop"));
+    this.say("map-state", state.release === "looping" ? (this.engines?.noteOnMap ?? "") : text("mapNoLoop"));
     this.trial.show(this.run);
     this.map.show(state);
     showEvents(element("events"), this.run, (time) => this.player.stopAt(time));

@@ -89,7 +89,7 @@ export const TEXTS = {
   back: "Back to {title}",
   standIn: "This page's model does not have {effects}. What moves is the stored run of the reference; a slider sets the page's model going, without {effects}.",
   without: "This motion is without {effects}.",
-  notSaved: "What is shown is a stored run, which is in the results of compare.",
+  notKnown: "What moves is a stored run; what is known of it is in the results of compare.",
   measured: "measured: {name}",
   measuredCaption: "Tracked points up to the chosen time, each at its own time; the large rings are the latest.",
   notRun: "not run",

@@ -81,12 +81,33 @@ export class EngineRuns {
     for (const id of ["timeline", "moment-key", "engine-details"]) this.element(id).hidden = !this.active;
     this.list.disabled = !this.active;
     this.back.hidden = this.active;
+    for (const id of ["save-numbers", "save-scenario", "forces"]) {
+      const control = /** @type {HTMLButtonElement | HTMLInputElement} */ (this.element(id));
+      control.disabled = this.standsIn;
+      control.title = this.standsIn ? text("notKnown") : "";
+    }
     const { title, lacks } = this.preset;
     const effects = lacks.join(", ");
     const without = lacks.length ? text(this.active ? "standIn" : "without", { effects }) : "";
     const words = [this.active ? "" : text("otherSettings", { title }), without].join(" ").trim();
     if (this.notice.textContent !== words) this.notice.textContent = words;
     if (this.active) this.timeline.layout();
+  }
+
+  /** Whether the stored reference is shown in place of a live run. */
+  get standsIn() {
+    return this.active && this.preset.lacks.length > 0;
+  }
+
+  /** Whether nobody knows what a plot shows: energies of a stored run, distances from the reference with other settings.
+   * @param {string} plot */
+  hides(plot) {
+    return plot === "energy" ? this.standsIn : plot === "distance" && !this.active;
+  }
+
+  /** What is to be said of the map, which the page's model computes. */
+  get noteOnMap() {
+    return this.standsIn ? text("mapWithout", { effects: this.preset.lacks.join(", ") }) : "";
   }
 
   /** What does not show on the canvases, at a time. @param {number} time */
