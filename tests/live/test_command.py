@@ -97,6 +97,15 @@ def test_a_module_stands_once_and_before_those_that_import_it(tmp_path, monkeypa
     assert "import" not in script
 
 
+def test_comments_stay_in_the_source(tmp_path, monkeypatch):
+    kept = 'const a = 1; // of a line\n/** @type {number} */ (a);\nconst url = "https://example.org /** no */";\n'
+    modules(tmp_path, monkeypatch, main=f"/** What\n * it is. */\n  // Why\n{kept}/** What */\n")
+    script = bundle("main.js")
+    assert kept in script
+    assert "What" not in script
+    assert "Why" not in script
+
+
 @pytest.mark.parametrize(
     ("sources", "message"),
     [

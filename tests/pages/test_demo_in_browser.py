@@ -283,7 +283,9 @@ def test_without_stored_runs_it_waits_to_be_played(visit):
     page = visit(page_text(), reduced_motion="no-preference").page
     until(page, "live.frames > 0")
     assert not page.evaluate("live.player.playing")
-    assert not any(page.locator(box).is_visible() for box in ("#engine-runs", "#timeline", "#engine-details"))
+    assert not any(
+        page.locator(box).is_visible() for box in ("#engine-runs", "#engine-notices", "#timeline", "#engine-details")
+    )
 
 
 def test_dark_and_light(visit):

@@ -28,10 +28,14 @@ def test_with_other_settings_the_runs_are_not_drawn_and_a_button_leads_back(visi
     page.focus("#range-mass_ratio")
     page.keyboard.press("ArrowRight")
     settled(page)
-    assert page.inner_text("#engine-notice") == "These runs belong to Two to one; with other settings they are not drawn."
+    assert (
+        page.inner_text("#engine-notice") == "The engines' runs belong to Two to one; with other settings they are not drawn."
+    )
     assert page.evaluate(COUNT, [STAGE, colour]) == 0
     assert not any(page.locator(box).is_visible() for box in ("#timeline", "#engine-details", "[data-plot=distance]"))
     assert page.locator("#engine-runs input").first.is_disabled()
+    page.locator("#range-light_drag").scroll_into_view_if_needed()
+    assert page.locator("#engine-back").bounding_box()["y"] < 900, "it is in sight while sliders are moved"
     # The page's own model moves, for as long as it needs
     assert page.evaluate("live.player.end()") == page.evaluate("live.run.end")
     page.click("#engine-back")
@@ -99,7 +103,8 @@ def test_a_slider_moves_the_model_without_the_effect_and_says_so(thick):
         # The same numbers, but for the string's thickness
         assert page.evaluate("live.run.halt") == pytest.approx(solve(load("two_to_one").parameters).halting_time, abs=1e-7)
         assert page.inner_text("#engine-notice") == (
-            "These runs belong to Thick; with other settings they are not drawn. This motion is without string thickness."
+            "The engines' runs belong to Thick; with other settings they are not drawn. "
+            "This motion is without string thickness."
         )
         assert page.is_visible("[data-plot=energy]")
         assert page.is_enabled("#save-scenario")

@@ -85,7 +85,7 @@ export const TEXTS = {
   originX: "Rod's axis in your file, x",
   originY: "Rod's axis in your file, y",
   engines: "Engines beside it",
-  otherSettings: "These runs belong to {title}; with other settings they are not drawn.",
+  otherSettings: "The engines' runs belong to {title}; with other settings they are not drawn.",
   back: "Back to {title}",
   standIn: "This page's model does not have {effects}. What moves is the stored run of the reference; a slider sets the page's model going, without {effects}.",
   without: "This motion is without {effects}.",

@@ -48,11 +48,12 @@ export class EngineRuns {
     const { title } = preset;
     this.back = Object.assign(document.createElement("button"), { type: "button", id: "engine-back", textContent: text("back", { title }) });
     this.back.addEventListener("click", onBack);
-    element("engine-runs").append(this.notice, this.back, this.list);
-    element("engine-runs").hidden = false;
+    // Beside the stage, since the sliders that change the settings may be far from the list
+    element("engine-notices").append(this.notice, this.back);
+    element("engine-runs").append(this.list);
+    for (const id of ["engine-notices", "engine-runs"]) element(id).hidden = false;
     element("engine-details").append(this.numbers.element, ...momentsAndSources(data, onTime));
     fillKey(data, element("moment-key"));
-    document.body.classList.add("with-runs");
     /** @type {StoredRun | null} */
     this.stored = null;
   }
@@ -79,6 +80,7 @@ export class EngineRuns {
     this.active = this.belongTo(state);
     this.colourOf = new Map(this.data.runs.map(({ id, colour }) => [id, Theme.colour(colour)]));
     for (const id of ["timeline", "moment-key", "engine-details"]) this.element(id).hidden = !this.active;
+    document.body.classList.toggle("with-runs", this.active);
     this.list.disabled = !this.active;
     this.back.hidden = this.active;
     for (const id of ["save-numbers", "save-scenario", "forces"]) {
