@@ -73,16 +73,18 @@ def with_points(result: ComparisonResult, name: str = "mine", offset: float = 0.
     return with_trial(result, MeasuredTrial(name=name, source=f"{name}.csv", tracks=tracks, notes=(name,)))
 
 
-@cache
-def thick_result() -> ComparisonResult:
-    """A scenario with an effect that the live page's model lacks; its engine is the reference in other clothes."""
-    plain = load("two_to_one")
-    scenario = dataclasses.replace(
-        plain, name="thick", title="Thick", parameters=plain.parameters.replace(string_thickness=THICKNESS)
-    )
+def twin_result(scenario: Scenario) -> ComparisonResult:
+    """A comparison whose engine is the reference in other clothes."""
     reference = Reference(scenario)
     run = reference(np.arange(round(scenario.duration * 1000) + 1) / 1000)
     return compare(scenario, reference, [dataclasses.replace(run, engine="twin", profile="quick")])
+
+
+@cache
+def thick_result() -> ComparisonResult:
+    """A scenario with an effect that the live page's model lacks."""
+    parameters = load("two_to_one").parameters.replace(string_thickness=THICKNESS)
+    return twin_result(dataclasses.replace(load("two_to_one"), name="thick", title="Thick", parameters=parameters))
 
 
 @cache

@@ -10,7 +10,7 @@ from looping_pendulum.scenarios import load
 from looping_pendulum.teaching import demo
 from tests.pages.conftest import until
 from tests.pages.live_page import COUNT, STAGE, act_at_random, at, preset, settled, value
-from tests.pages.small import small_result, thick_result
+from tests.pages.small import small_result, thick_result, twin_result
 
 ROUNDING = 1e-5
 """The page's numbers have 1e-5 rad and 1e-6 m, which at 0.58 m of string is 6 micrometres [m]."""
@@ -55,6 +55,24 @@ def test_the_last_setting_stays_as_a_ghost_beside_the_runs(visit):
     page.click("#engine-back")
     settled(page)
     assert page.evaluate("live.ghost.settings.heavy_mass / live.ghost.settings.light_mass") == pytest.approx(3)
+
+
+@pytest.mark.parametrize("name", ["drop", "held", "atwood"])
+def test_every_release_moves_beside_its_runs(visit, name):
+    opened = visit(demo.render(twin_result(load(name))))
+    page = opened.page
+    twin = page.evaluate("live.engines.data.runs[1].id")
+    for share in (0.3, 1.0):
+        time = share * load(name).duration
+        at(page, time)
+        place, sample = page.evaluate("([id, t]) => [live.engines.place(id, t), live.run.at(t)]", [twin, time])
+        assert np.hypot(place["x"] - sample["light"][0], place["y"] - sample["light"][1]) < ROUNDING
+        assert page.evaluate("document.getElementById('clock').textContent") == f"{time:.3f} s"
+    # Within the canvas, whatever the motion
+    box = page.evaluate("([x, y]) => [live.stage.view.x(x), live.stage.view.y(y)]", sample["heavy"])
+    size = page.evaluate("[live.stage.canvas.clientWidth, live.stage.canvas.clientHeight]")
+    assert all(0 <= pixel <= most for pixel, most in zip(box, size, strict=True))
+    assert opened.complaints == []
 
 
 @pytest.fixture(scope="module")

@@ -12,16 +12,15 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli import main as cli
 from looping_pendulum.cli import teaching as cli_teaching
-from looping_pendulum.compare import ComparisonResult, compare, write
+from looping_pendulum.compare import ComparisonResult, write
 from looping_pendulum.compare.stored import stored_result
-from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching import demo
 from looping_pendulum.teaching.engine_runs import COARSE_RATE, FINE_RATE, page_data
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
-from tests.pages.small import LABELS, engines, small_result
+from tests.pages.small import LABELS, engines, small_result, twin_result
 
 TWO_TO_ONE = load("two_to_one")
 
@@ -97,9 +96,8 @@ def test_captions_say_who_supplies_friction_and_what_is_lacking():
 @pytest.mark.parametrize("name", ["drop", "held", "atwood"])
 def test_every_release_can_be_shown(name):
     scenario = load(name)
-    reference = Reference(scenario)
-    run = reference(np.arange(round(scenario.duration * 1000) + 1) / 1000)
-    result = compare(scenario, reference, [dataclasses.replace(run, engine="twin", profile="quick")])
+    result = twin_result(scenario)
+    run = result.samples.aligned[0].run
     data = page_data(result)
     twin = run_of(data, f"twin:{run.variant}")
     assert data["string"] is (name != "drop")
