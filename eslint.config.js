@@ -9,7 +9,8 @@ export default [
     languageOptions: {
       globals: Object.fromEntries(
         ["window", "document", "location", "navigator", "self", "Worker", "Blob", "File", "URL", "URLSearchParams", "TextDecoder", "Option", "Theme",
-          "IntersectionObserver", "ResizeObserver", "MediaRecorder", "performance", "requestAnimationFrame", "getComputedStyle", "setTimeout", "clearTimeout",
+          "IntersectionObserver", "ResizeObserver", "MediaRecorder", "Element", "Path2D", "performance", "requestAnimationFrame", "getComputedStyle",
+          "setTimeout", "clearTimeout",
         ].map((name) => [name, "readonly"]),
       ),
     },

@@ -82,8 +82,8 @@ def _one_visit(browser: Any, page: Path) -> tuple[float, float]:
     tab.click("[data-slow='10']")  # long enough to count, and all that moves moves
     tab.click("#start")
     tab.click("#play")
-    before = tab.evaluate("[demo.frames, performance.now()]")
+    before = tab.evaluate("[live.frames, performance.now()]")
     tab.wait_for_timeout(1000 * PLAYED)
-    after = tab.evaluate("[demo.frames, performance.now()]")
+    after = tab.evaluate("[live.frames, performance.now()]")
     tab.close()
     return paint, 1000 * (after[0] - before[0]) / (after[1] - before[1])

@@ -35,7 +35,7 @@ def take_picture_of_demo(page_file: Path, picture: Path) -> None:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         page = browser.new_page(viewport=WINDOW, reduced_motion="reduce")
         page.goto(page_file.as_uri())
-        page.evaluate("(t) => demo.setTime(t)", DEMO_TIME)
+        page.evaluate("(t) => live.player.stopAt(t)", DEMO_TIME)
         page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
         page.screenshot(path=picture)
         browser.close()

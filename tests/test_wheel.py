@@ -22,9 +22,15 @@ BUILD = "import sys; from hatchling.build import build_wheel; build_wheel(sys.ar
 REQUIRED = frozenset(
     {
         *("scenarios/ten_to_one.yaml", "sweep/maps/quick.yaml", "engines/validated.json", "engines/additions.json"),
-        *("pages/assets/base.html", "pages/assets/tables.js", "teaching/assets/demo.html", "teaching/assets/motion.js"),
+        *("pages/assets/base.html", "pages/assets/tables.js", "teaching/assets/demonstration.html"),
         *("teaching/example/study.yaml", "teaching/example/trials/first.csv", "teaching/example/README.md", "py.typed"),
-        *("live/model.js", "live/run.js", "live/assets/live.html", "live/assets/trial/reader.js"),
+        *(
+            "live/model.js",
+            "live/run.js",
+            "live/assets/live.html",
+            "live/assets/trial/reader.js",
+            "live/assets/engine_runs/motion.js",
+        ),
     }
 )
 """Files that are no modules, one of each sort: what the test of all files compares with must itself not be empty."""

@@ -55,7 +55,7 @@ def demo(
     memory_limit: MemoryLimit = "2 GiB",
     jobs: Jobs = None,
 ) -> None:
-    """Animate the reference and all engines together, on one web page that works offline.
+    """Animate the reference and all engines together, on the page of `live`, which works offline.
 
     Play it in slow motion, switch engines off, and see when each stops, sticks, slips and halts. Writes demo.html beside the
     files of `compare`; if DIR has `compare`'s results of the same input and versions, no engine runs again. With --marks the
@@ -94,7 +94,8 @@ def demo(
         if trial is not None:
             result = with_trial(result, trial)
             write(result, folder)
-    path = pages.write(result, folder)
+    path = folder / pages.FILE
+    pages.write(result, path)
     say(f"wrote {path}")
     if film is not None:
         with ProgressBars() as bars:

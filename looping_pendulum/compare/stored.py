@@ -34,24 +34,30 @@ RETRIED_STATUSES = (RunStatus.INTERRUPTED, RunStatus.TIME_LIMIT, RunStatus.MEMOR
 """Statuses of runs that are made again, because another try may succeed."""
 
 
-def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine]) -> ComparisonResult | None:
+def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine] | None) -> ComparisonResult | None:
     """Return the comparison in ``folder``, with trajectories, if it is of these ``engines`` on this ``scenario``.
 
-    None if there is none, if it is of another input or version, if a run was cut short, or if a file cannot be read.
+    None if there is none, if it is of another input or version, if a run was cut short, or if a file cannot be read. With
+    ``engines`` None it may be of any engines and versions, and of runs that were cut short.
     """
     try:
         result = ComparisonResult.from_json((folder / "result.json").read_text(encoding="utf-8"))
         wanted = scenario.name, scenario.title, scenario.description, plain(scenario.parameters.as_dict()), scenario.duration
         if (result.scenario, result.title, result.description, result.parameters, result.duration) != wanted:
             return None
-        if result.run_keys != tuple(run_key(engine, scenario) for engine in engines):
-            return None
-        if any(RunStatus[engine.status] in RETRIED_STATUSES for engine in result.engines):
+        if engines is not None and not _is_of_engines(result, scenario, engines):
             return None
         return replace(result, samples=_samples(result, folder / "trajectories"))
     # Whatever is wrong with the files, making the runs again repairs it
     except (OSError, ValueError, KeyError, IndexError, ResultError):
         return None
+
+
+def _is_of_engines(result: ComparisonResult, scenario: Scenario, engines: Sequence[Engine]) -> bool:
+    """Return whether the runs are those that these engines would make."""
+    if result.run_keys != tuple(run_key(engine, scenario) for engine in engines):
+        return False
+    return not any(RunStatus[engine.status] in RETRIED_STATUSES for engine in result.engines)
 
 
 def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:

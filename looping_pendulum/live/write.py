@@ -1,15 +1,19 @@
-"""Writes the live page: one file with the model, its scripts and the shipped scenarios, which needs no network."""
+"""Writes the live page: one file with the model, its scripts and the shipped scenarios, which needs no network.
+
+The runs of engines come as plain data: who reads results of `compare` stands above this package (`teaching.demo`).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from looping_pendulum import __version__
-from looping_pendulum.errors import ParameterError, ScenarioError
+from looping_pendulum.errors import ScenarioError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.live.bundle import PACKAGE, bundle
-from looping_pendulum.live.settings import live_settings
+from looping_pendulum.live.settings import absent_effects, settings_without_absent_effects
 from looping_pendulum.live.symbols import live_coefficients
 from looping_pendulum.pages.shell import page
 from looping_pendulum.reference_ode.parameters import NUMBERS
@@ -21,30 +25,41 @@ FIRST = "ten_to_one"
 """Shipped scenario with which the page starts."""
 
 
-def render(scenario: Scenario | None = None) -> str:
+def render(scenario: Scenario | None = None, *, engine_runs: Mapping[str, Any] | None = None) -> str:
     """Return the page, which starts with ``scenario``; None: with the first of the shipped ones.
+
+    Parameters
+    ----------
+    engine_runs
+        What `teaching.engine_runs.page_data` returns of a comparison on ``scenario``: its runs are drawn beside the page's own.
 
     Raises
     ------
     ScenarioError
-        If the scenario has an effect that the live model has not.
+        If the scenario has an effect that the live model has not, and there are no runs to be shown in its place.
     """
     shipped = [loader.load(name) for name in loader.shipped()]
     shipped.sort(key=lambda s: s.name != FIRST)
-    own = [scenario] if scenario is not None and scenario not in shipped else []
+    presets = shipped
+    if scenario is not None and not any(_is_same(scenario, one) for one in shipped):
+        # A scenario of the reader's own may have the name of a shipped one
+        presets = [scenario, *(one for one in shipped if one.name != scenario.name)]
     return page(
         PACKAGE,
         "live.html",
-        title="The looping pendulum, live",
+        title="The looping pendulum, live"
+        if engine_runs is None or scenario is None
+        else f"The looping pendulum: {scenario.title}",
         styles=[(PACKAGE, "live.css")],
         scripts=[bundle("assets/main.js")],
         blob_workers=True,
         data={
             "live-data": {
-                "presets": [_preset(s, shipped=s in shipped) for s in (*own, *shipped)],
+                "presets": [_preset(s, shipped=s in shipped, has_runs=engine_runs is not None) for s in presets],
                 "start": FIRST if scenario is None else scenario.name,
                 "keys": {name: file_key(name) for name in ("release", *NUMBERS, *live_coefficients())},
-            }
+            },
+            "engine-runs-data": engine_runs,
         },
         version=__version__,
     )
@@ -55,12 +70,28 @@ def write(path: Path, scenario: Scenario | None = None) -> None:
     write_atomically(path, render(scenario))
 
 
-def _preset(scenario: Scenario, *, shipped: bool) -> dict[str, Any]:
-    """Return a scenario as the page reads it: SI units and radians; the page's languages have the texts of shipped ones."""
-    try:
-        settings = live_settings(scenario.parameters)
-    except ParameterError as error:
-        raise ScenarioError(f"{scenario.name}: {error}; show this scenario by `looping-pendulum demo`") from None
+def _is_same(one: Scenario, other: Scenario) -> bool:
+    """Return whether two scenarios are the same for this page, which shows neither tolerances nor sources."""
+    return (one.name, one.title, one.description, one.parameters) == (
+        other.name,
+        other.title,
+        other.description,
+        other.parameters,
+    )
+
+
+def _preset(scenario: Scenario, *, shipped: bool, has_runs: bool) -> dict[str, Any]:
+    """Return a scenario as the page reads it: SI units and radians, and which of its effects the page's model lacks.
+
+    The page's languages have the texts of shipped ones.
+    """
+    absent = absent_effects(scenario.parameters)
+    if absent and not has_runs:
+        raise ScenarioError(
+            f"{scenario.name}: effects: found {absent[0]}, which the live model does not have; "
+            "`looping-pendulum demo` shows runs of this scenario"
+        )
+    settings = settings_without_absent_effects(scenario.parameters)
     return {
         "name": scenario.name,
         "title": scenario.title,
@@ -68,4 +99,5 @@ def _preset(scenario: Scenario, *, shipped: bool) -> dict[str, Any]:
         "shipped": shipped,
         "release": settings.pop("release"),
         "settings": settings,
+        "lacks": list(absent),
     }

@@ -1,4 +1,4 @@
-"""The demonstration page: an animation of every engine and the reference together, in one file that works offline."""
+"""The live page with the runs of a comparison in it, each beside the page's own, in one file that works offline."""
 
 from __future__ import annotations
 
@@ -7,15 +7,13 @@ import sys
 import webbrowser
 from pathlib import Path
 
-from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.result import ComparisonResult
-from looping_pendulum.engines.tension import AVERAGING_TIME
-from looping_pendulum.pages.glossary import glossary
-from looping_pendulum.pages.shell import asset, page
-from looping_pendulum.teaching.demo_data import EVENT_KINDS, page_data
+from looping_pendulum.files import write_atomically
+from looping_pendulum.live.write import render as render_live
+from looping_pendulum.reference_ode.parameters import parameters_from
+from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.teaching.engine_runs import page_data
 
-HERE = "looping_pendulum.teaching"
-SCRIPTS = ("motion.js", "stage.js", "panels.js", "timeline.js", "demo.js")
 FILE = "demo.html"
 
 
@@ -27,30 +25,19 @@ def render(result: ComparisonResult) -> str:
     ValueError
         If ``result`` was read from a file without them.
     """
-    data = page_data(result)
-    return page(
-        HERE,
-        "demo.html",
-        title=f"Looping pendulum: {result.title}",
-        styles=[(HERE, "demo.css")],
-        scripts=["\n".join(['"use strict";', *(asset(HERE, name) for name in SCRIPTS)])],
-        data={"demo-data": data},
-        result=result,
-        runs=data["runs"],
-        trial=data["trial"],
-        rate=data["rate"],
-        tension_window=round(1e3 * AVERAGING_TIME),
-        string=data["string"],
-        kinds=EVENT_KINDS,
-        glossary=glossary("comparison"),
+    scenario = Scenario(
+        name=result.scenario,
+        title=result.title,
+        description=result.description,
+        parameters=parameters_from(result.parameters),
+        duration=result.duration,
     )
+    return render_live(scenario, engine_runs=page_data(result))
 
 
-def write(result: ComparisonResult, folder: Path) -> Path:
-    """Write the page into ``folder``; return its path."""
-    path = folder / FILE
+def write(result: ComparisonResult, path: Path) -> None:
+    """Write the page to ``path``."""
     write_atomically(path, render(result))
-    return path
 
 
 def show(path: Path) -> bool:

@@ -9,10 +9,15 @@ import pytest
 from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
+from looping_pendulum.compare import write
+from looping_pendulum.compare.stored import stored_result
+from looping_pendulum.errors import HarnessError
 from looping_pendulum.live import bundle as bundles
 from looping_pendulum.live.bundle import bundle
-from looping_pendulum.scenarios import shipped
+from looping_pendulum.scenarios import load, shipped
 from looping_pendulum.teaching import demo
+from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
+from tests.pages.small import LABELS, small_result
 
 MAX_SIZE = 400_000
 """Largest page [bytes]."""
@@ -23,14 +28,44 @@ def test_it_writes_one_small_file_with_every_scenario_and_opens_it(tmp_path, mon
     monkeypatch.setattr(demo, "show", lambda path: opened.append(path) or True)
     monkeypatch.chdir(tmp_path)
     result = CliRunner().invoke(app, ["live", "two_to_one"])
-    assert (result.exit_code, result.output) == (0, "wrote live.html\n")
+    assert (result.exit_code, result.stdout) == (0, "wrote live.html\n")
+    assert result.stderr == (
+        f"no engines beside it: {Path('report/two_to_one')} has no result of this scenario; "
+        "`looping-pendulum compare two_to_one` makes one\n"
+    )
     assert opened == [Path("live.html")]
     page = Path("live.html").read_bytes()
     assert len(page) < MAX_SIZE
     text = page.decode()
     assert '"start":"two_to_one"' in text
+    assert '<script type="application/json" id="engine-runs-data">null</script>' in text
     assert all(f'"name":"{name}"' in text for name in shipped())
     assert not re.search(r"""(src|href)=["'](?!data:|#)""", text)
+
+
+@pytest.mark.usefixtures("quick_figures")
+def test_runs_of_a_stored_comparison_are_taken_and_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write(small_result(), Path("report/two_to_one"))
+    result = CliRunner().invoke(app, ["live", "two_to_one", "--no-open"])
+    assert (result.exit_code, result.output) == (
+        0,
+        f"wrote live.html, with the runs of {', '.join(LABELS)} from {Path('report/two_to_one')}\n",
+    )
+    stored = stored_result(Path("report/two_to_one"), load("two_to_one"), None)
+    assert Path("live.html").read_text(encoding="utf-8") == demo.render(stored)
+    Path("report").rename("elsewhere")
+    result = CliRunner().invoke(app, ["live", "two_to_one", "--no-open", "--results", "elsewhere/two_to_one"])
+    assert "with the runs of" in result.output
+    for arguments in (
+        ["live", "ten_to_one", "--results", "elsewhere/two_to_one"],
+        ["live", "two_to_one", "--results", "nowhere"],
+    ):
+        result = CliRunner().invoke(app, [*arguments, "--no-open"])
+        assert isinstance(result.exception, HarnessError)
+        assert str(result.exception).startswith(
+            f"--results: found no result of this scenario in {Path(arguments[-1])}, needed "
+        )
 
 
 def test_without_a_browser_it_says_where_the_page_is(tmp_path, monkeypatch):
@@ -61,6 +96,15 @@ def test_a_module_stands_once_and_before_those_that_import_it(tmp_path, monkeypa
     assert script.index("module_low =") < script.index("module_middle =") < script.index("module_main =")
     assert "import" not in script
     assert "return { a, numbers };" in script
+
+
+def test_comments_stay_in_the_source(tmp_path, monkeypatch):
+    kept = 'const a = 1; // of a line\n/** @type {number} */ (a);\nconst url = "https://example.org /** no */";\n'
+    modules(tmp_path, monkeypatch, main=f"/** What\n * it is. */\n  // Why\n{kept}/** What */\n")
+    script = bundle("main.js")
+    assert kept in script
+    assert "What" not in script
+    assert "Why" not in script
 
 
 @pytest.mark.parametrize(

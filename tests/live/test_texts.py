@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 
 import looping_pendulum.live
+from looping_pendulum.live.symbols import live_effects
+from looping_pendulum.reference_ode.effects import LIBRARY
+from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import shipped
 
 ASSETS = Path(looping_pendulum.live.__file__).parent / "assets"
@@ -51,7 +54,8 @@ def test_every_language_has_the_same_keys_with_the_same_values(texts):
 def test_no_text_is_unused_and_none_is_missing(texts, sources):
     keys = set(texts["languages"]["en"])
     columns = re.findall(r'"(\w+)"', re.search(r"for column in \(([^)]*)\)", sources)[1])
-    families = texts["families"] | {"column": columns}
+    absent = {effect.name for effect in LIBRARY} - {effect.name for release in Release for effect in live_effects(release)}
+    families = texts["families"] | {"column": columns, "effect": sorted(absent)}
     members = {f"{family}.{member}" for family, names in families.items() for member in names}
     assert all(f"{family}.${{" in sources for family in texts["families"])
     assert members <= keys

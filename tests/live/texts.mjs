@@ -1,16 +1,21 @@
 // Prints the page's tables of texts, and the members of the families of keys that its scripts put together.
+import { MOMENT_SHAPES } from "../../looping_pendulum/live/assets/engine_runs/shapes.js";
 import { CONTROLS } from "../../looping_pendulum/live/assets/controls.js";
 import { STEPS } from "../../looping_pendulum/live/assets/lesson/steps.js";
 import { LANGUAGES, languageFor } from "../../looping_pendulum/live/assets/texts.js";
 import { END_EVENTS, MODE_NAMES, RELEASES } from "../../looping_pendulum/live/model.js";
 
+/** Modes of stored runs that the page's own model does not have. */
+const modes = [...Object.values(MODE_NAMES), "rolling", "unknown"];
 let input = "";
 for await (const part of process.stdin) input += part;
 process.stdout.write(JSON.stringify({
   languages: LANGUAGES,
   families: {
     setting: CONTROLS.map(({ name }) => name),
-    mode: Object.values(MODE_NAMES),
+    mode: modes,
+    band: modes,
+    moment: Object.keys(MOMENT_SHAPES),
     release: Object.keys(RELEASES),
     lesson: STEPS.flatMap(({ name, options, task }) =>
       ["title", "text", "question", "why", ...options, ...(task ? ["task"] : [])].map((part) => `${name}.${part}`)),

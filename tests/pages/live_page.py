@@ -3,8 +3,22 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 from looping_pendulum.live.write import render
+
+ACTIONS = Path(__file__).parent / "live_actions.js"
+
+STAGE = "#stage"
+COUNT = """([selector, colour]) => {
+  const canvas = document.querySelector(selector), context = canvas.getContext("2d");
+  const [r, g, b] = [1, 3, 5].map((i) => parseInt(colour.slice(i, i + 2), 16));
+  const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
+  let count = 0;
+  for (let i = 0; i < data.length; i += 4) if (data[i] === r && data[i + 1] === g && data[i + 2] === b) count += 1;
+  return count;
+}"""
+"""Pixels of a canvas that have a colour."""
 
 page_text = cache(render)
 
@@ -12,6 +26,12 @@ page_text = cache(render)
 def settled(page):
     """Wait until the next frame is drawn."""
     page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def at(page, time):
+    """Set the time and wait until it is drawn."""
+    page.evaluate("(t) => live.player.stopAt(t)", time)
+    settled(page)
 
 
 def preset(page, name):
@@ -36,3 +56,14 @@ def light_mass(page):
       const box = document.getElementById("stage").getBoundingClientRect(), [x, y] = live.run.at(live.player.time).light;
       return [box.left + live.stage.view.x(x), box.top + live.stage.view.y(y)];
     }""")
+
+
+def act_at_random(visit, html, count):
+    """Do ``count`` random actions on the page."""
+    opened = visit(html)
+    opened.page.set_default_timeout(600_000)
+    assert opened.page.evaluate(ACTIONS.read_text(encoding="utf-8"), [20261123, count]) > count / 20
+    settled(opened.page)
+    assert opened.complaints == []
+    # Whatever was done, a run is shown and every number is one
+    assert opened.page.evaluate("live.run.samples.every(({ light, heavy }) => [...light, ...heavy].every(Number.isFinite))")

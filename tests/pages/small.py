@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 from functools import cache
 
+import numpy as np
+
 from looping_pendulum.compare import ComparisonResult, compare
 from looping_pendulum.compare.comparison import with_trial
 from looping_pendulum.compare.run_cache import run_key
@@ -20,6 +22,9 @@ from tests.engines.faulty import FaultyEngine
 
 HOSTILE = "\"'><img src=x onerror=alert(1)></script><script>alert(1)</script><!-- & `"
 """What a page must show as it is."""
+
+THICKNESS = 2e-3
+"""Of a string, in a scenario that the live page's model cannot follow [m]."""
 
 LABELS = ("mujoco:documented", "mujoco:capstan", "faulty:stretches", "faulty:absent")
 
@@ -66,6 +71,20 @@ def with_points(result: ComparisonResult, name: str = "mine", offset: float = 0.
         for mass, places, shift in (("light", run.light_position, offset), ("heavy", run.heavy_position, 0.0))
     )
     return with_trial(result, MeasuredTrial(name=name, source=f"{name}.csv", tracks=tracks, notes=(name,)))
+
+
+def twin_result(scenario: Scenario) -> ComparisonResult:
+    """A comparison whose engine is the reference in other clothes."""
+    reference = Reference(scenario)
+    run = reference(np.arange(round(scenario.duration * 1000) + 1) / 1000)
+    return compare(scenario, reference, [dataclasses.replace(run, engine="twin", profile="quick")])
+
+
+@cache
+def thick_result() -> ComparisonResult:
+    """A scenario with an effect that the live page's model lacks."""
+    parameters = load("two_to_one").parameters.replace(string_thickness=THICKNESS)
+    return twin_result(dataclasses.replace(load("two_to_one"), name="thick", title="Thick", parameters=parameters))
 
 
 @cache

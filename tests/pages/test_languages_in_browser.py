@@ -223,7 +223,7 @@ def test_numbers_have_a_comma_and_are_taken_with_one(german):
     assert "Vorher: 0,3814 s" in page.inner_text("#compared")
     # Links and files are for programs, in any language
     assert "release_angle_deg=112.5&" in page.evaluate("location.hash")
-    assert "112,5" not in page.evaluate("live.scenario()")
+    assert "112,5" not in page.evaluate("live.keeping.scenario()")
 
 
 def test_another_language_keeps_all_that_was_set(opened):

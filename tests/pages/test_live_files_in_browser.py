@@ -123,11 +123,11 @@ def test_files_of_the_page(opened, tmp_path):
     page = opened.page
     with page.expect_download() as download:
         page.click("#save-scenario")
-    assert Path(download.value.path()).read_text(encoding="utf-8") == page.evaluate("live.scenario()")
+    assert Path(download.value.path()).read_text(encoding="utf-8") == page.evaluate("live.keeping.scenario()")
     for name in shipped():
         preset(page, name)
         file = tmp_path / "live.scenario.yaml"
-        file.write_text(page.evaluate("live.scenario()"), encoding="utf-8")
+        file.write_text(page.evaluate("live.keeping.scenario()"), encoding="utf-8")
         expected, written = load(name).parameters, load(str(file)).parameters
         assert written.release is expected.release
         for key, number in vars(expected.values()).items():
@@ -154,7 +154,7 @@ def test_a_film_of_the_motion(opened):
         until(page, "live.player.time > 0.2")
         page.click("#play")
     assert Path(download.value.path()).read_bytes().startswith(b"\x1aE\xdf\xa3")  # how every WebM begins
-    assert page.evaluate("live.endFilm") is None
+    assert page.evaluate("live.keeping.stopFilm") is None
 
 
 @pytest.mark.accurate  # daily, the shipped scenarios
@@ -212,7 +212,7 @@ def test_a_fit_sets_the_sliders_says_what_is_left_and_writes_the_study(opened, e
     assert again["Light mass M1"] == pytest.approx(shown["Light mass M1"][0], abs=0.2 * shown["Light mass M1"][1])
 
 
-def test_a_scenario_with_an_effect_that_the_page_lacks_is_refused(tmp_path):
+def test_a_scenario_with_an_effect_that_the_page_lacks_is_refused_without_runs_of_it(tmp_path):
     file = tmp_path / "thick.yaml"
     source = (Path(__file__).parents[2] / "looping_pendulum" / "scenarios" / "two_to_one.yaml").read_text(encoding="utf-8")
     file.write_text(source + "effects: {string_thickness: 1 mm}\n", encoding="utf-8")

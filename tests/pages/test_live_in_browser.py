@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import re
-from pathlib import Path
 
 import pytest
 
@@ -15,9 +14,8 @@ from looping_pendulum.live.settings import live_settings
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load, shipped
 from tests.pages.conftest import DESKTOP, PHONE, sideways, until
-from tests.pages.live_page import light_mass, page_text, preset, settled, value
+from tests.pages.live_page import act_at_random, light_mass, page_text, preset, settled, value
 
-ACTIONS = Path(__file__).parent / "live_actions.js"
 SHOWN = 5e-5
 """Half of the last digit of a time on the page [s]."""
 PIXEL_IN_DRAG = 0.1
@@ -331,23 +329,13 @@ def test_on_a_phone_it_fits_and_a_finger_reaches_everything(visit):
     assert opened.complaints == []
 
 
-def act_at_random(visit, count):
-    opened = visit(page_text())
-    opened.page.set_default_timeout(600_000)
-    assert opened.page.evaluate(ACTIONS.read_text(encoding="utf-8"), [20261123, count]) > count / 20
-    settled(opened.page)
-    assert opened.complaints == []
-    # Whatever was done, a run is shown and every number is one
-    assert opened.page.evaluate("live.run.samples.every(({ light, heavy }) => [...light, ...heavy].every(Number.isFinite))")
-
-
 def test_thirty_random_actions(visit):
-    act_at_random(visit, 30)
+    act_at_random(visit, page_text(), 30)
 
 
 @pytest.mark.accurate
 def test_two_thousand_random_actions(visit):
-    act_at_random(visit, 2000)
+    act_at_random(visit, page_text(), 2000)
 
 
 def test_every_number_of_the_live_model_has_a_control_or_follows_from_one(opened):

@@ -12,15 +12,15 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli import main as cli
 from looping_pendulum.cli import teaching as cli_teaching
-from looping_pendulum.compare import ComparisonResult, compare, write
+from looping_pendulum.compare import ComparisonResult, write
 from looping_pendulum.compare.stored import stored_result
-from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.trajectory import RunStatus
+from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching import demo
-from looping_pendulum.teaching.demo_data import COARSE_RATE, FINE_RATE, page_data
+from looping_pendulum.teaching.engine_runs import COARSE_RATE, FINE_RATE, page_data
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
-from tests.pages.small import LABELS, engines, small_result
+from tests.pages.small import LABELS, engines, small_result, twin_result
 
 TWO_TO_ONE = load("two_to_one")
 
@@ -66,6 +66,21 @@ def test_tracks_are_the_runs_own_samples():
     json.dumps(data, allow_nan=False)
 
 
+def test_a_caption_has_the_distance_of_the_path():
+    result, data = small_result(), page_data(small_result())
+    engine = result.engines[1]
+    assert (
+        f"RMS distance of its path until the halt: {quantity(engine.metrics['rms_halt'], 'm')}."
+        in run_of(data, LABELS[1])["caption"]
+    )
+    early = dataclasses.replace(engine, metrics=engine.metrics | {"rms_halt": None, "rms_1.0s": None})
+    caption = page_data(dataclasses.replace(result, engines=(result.engines[0], early, *result.engines[2:])))["runs"][2][
+        "caption"
+    ]
+    assert f"RMS distance of its path until 0.7 s: {quantity(engine.metrics['rms_0.7s'], 'm')}." in caption
+    assert "RMS distance of its path" not in run_of(data, LABELS[3])["caption"], "it has no path"
+
+
 def test_captions_say_who_supplies_friction_and_what_is_lacking():
     data = page_data(small_result())
     captions = {run["name"]: run["caption"] for run in data["runs"]}
@@ -81,9 +96,8 @@ def test_captions_say_who_supplies_friction_and_what_is_lacking():
 @pytest.mark.parametrize("name", ["drop", "held", "atwood"])
 def test_every_release_can_be_shown(name):
     scenario = load(name)
-    reference = Reference(scenario)
-    run = reference(np.arange(round(scenario.duration * 1000) + 1) / 1000)
-    result = compare(scenario, reference, [dataclasses.replace(run, engine="twin", profile="quick")])
+    result = twin_result(scenario)
+    run = result.samples.aligned[0].run
     data = page_data(result)
     twin = run_of(data, f"twin:{run.variant}")
     assert data["string"] is (name != "drop")
@@ -119,6 +133,12 @@ def test_results_on_disk_come_back_with_their_trajectories(folder):
     assert reference.events == result.samples.reference.events
     fresh, kept = page_data(result), page_data(again)
     assert kept["runs"][1]["drop"] == pytest.approx(fresh["runs"][1]["drop"], abs=2e-6)
+
+
+def test_results_of_any_engines_are_taken_where_none_are_asked_for(folder):
+    assert stored_result(folder, TWO_TO_ONE, engines()[:2]) is None
+    assert stored_result(folder, TWO_TO_ONE, None) == small_result()
+    assert stored_result(folder, load("ten_to_one"), None) is None
 
 
 def test_results_of_another_input_are_not_used(folder):
@@ -189,7 +209,7 @@ def test_the_command_uses_what_compare_left(tmp_path, monkeypatch):
     for extra in (["--marks", str(marks)], []):  # without it, the trial that the results are of stays
         done = CliRunner().invoke(cli.app, ["demo", *arguments, "--no-open", *extra])
         assert done.exit_code == 0, done.output
-        assert "measured: mine" in (tmp_path / "demo.html").read_text()
+        assert '"trial":{"name":"mine"' in (tmp_path / "demo.html").read_text()
         trial = ComparisonResult.from_json((tmp_path / "result.json").read_text()).trial
         assert trial.tracks[0].reference.rms < 1e-6, "the reference's own places, to the digits of the files"
     for arguments_of_another in (

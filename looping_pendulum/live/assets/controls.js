@@ -5,9 +5,10 @@ import { RELEASES } from "../model.js";
 /**
  * @typedef {{name: string, key: string, unit: string, factor: number, min: number, max: number, step: number,
  *   more: boolean}} Control `key`: its name in a link; `factor`: SI units in one shown unit; `more`: seldom needed
- * @typedef {{release: string, values: Record<string, number>}} State values in the units that are shown
- * @typedef {{name: string, title: string, description: string, shipped: boolean, release: string,
- *   settings: Record<string, number>}} Preset
+ * @typedef {{release: string, values: Record<string, number>, stored?: string}} State values in the units that are shown;
+ *   `stored`: name of the scenario whose stored run is shown, since the model lacks effects of it
+ * @typedef {{name: string, title: string, description: string, shipped: boolean, release: string, settings: Record<string, number>,
+ *   lacks: string[]}} Preset `lacks`: effects of the scenario that the model does not have
  */
 
 const DEGREE = Math.PI / 180;
@@ -60,14 +61,14 @@ export function snapped(value, step) {
 }
 
 /** State of a scenario. @param {Preset} preset @returns {State} */
-export function stateOf({ release, settings }) {
+export function stateOf({ name: scenario, release, settings, lacks }) {
   /** @type {Record<string, number>} */
   const values = {};
   for (const { name, factor } of CONTROLS) {
     const si = name === "mass_ratio" ? settings.heavy_mass / settings.light_mass : settings[name];
     values[name] = tidy(si / factor);
   }
-  return { release, values };
+  return lacks.length ? { release, values, stored: scenario } : { release, values };
 }
 
 /** Widen the ranges so that every scenario is within them. @param {Preset[]} presets */
@@ -106,12 +107,12 @@ export function withValue(state, name, value) {
     values.static_friction = equal ? values.kinetic_friction : Math.max(values.static_friction, values.kinetic_friction);
   }
   if (name === "static_friction") values.kinetic_friction = Math.min(values.static_friction, values.kinetic_friction);
-  return { ...state, values };
+  return { release: state.release, values };
 }
 
 /** @param {State} one @param {State} other */
 export function same(one, other) {
-  return one.release === other.release && CONTROLS.every(({ name }) => one.values[name] === other.values[name]);
+  return one.release === other.release && one.stored === other.stored && CONTROLS.every(({ name }) => one.values[name] === other.values[name]);
 }
 
 /**
@@ -124,9 +125,10 @@ export function parsed(typed) {
 }
 
 /** The state as the part of an address after "#". @param {State} state */
-export function linkOf({ release, values }) {
+export function linkOf({ release, values, stored }) {
   const parts = CONTROLS.map(({ name, key }) => `${key}=${values[name]}`);
-  return [`release=${release}`, ...parts].join("&");
+  const run = stored === undefined ? [] : [`stored=${encodeURIComponent(stored)}`];
+  return [`release=${release}`, ...parts, ...run].join("&");
 }
 
 /**
@@ -138,13 +140,15 @@ export function linkOf({ release, values }) {
 export function readLink(link, state) {
   const faults = [];
   const known = new Map(CONTROLS.map((one) => [one.key, one]));
-  let read = state;
+  /** @type {State} */
+  let read = { release: state.release, values: state.values };
   for (const [key, value] of new URLSearchParams(link)) {
     if (key === "release") {
       if (Object.hasOwn(RELEASES, value)) read = { ...read, release: value };
       else faults.push({ key, text: value });
       continue;
     }
+    if (key === "stored") read = { ...read, stored: value };
     const one = known.get(key);
     if (!one) continue; // of a later version of this page, or of somebody's own
     const number = parsed(value);

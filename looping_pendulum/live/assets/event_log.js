@@ -2,7 +2,7 @@
 
 import { wordsOf } from "./outcome.js";
 
-/** @typedef {import("./shown_run.js").ShownRun} ShownRun */
+/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {import("./shown_run.js").ShownEvent} ShownEvent */
 
 /** A log that screen readers read as it grows. Each event enters it once, when the motion that plays passes it. */
@@ -10,13 +10,13 @@ export class EventLog {
   /** @param {HTMLElement} log */
   constructor(log) {
     this.log = log;
-    /** @type {ShownRun | null} */
+    /** @type {DrawnRun | null} */
     this.run = null;
     /** @type {Set<ShownEvent>} */
     this.told = new Set();
   }
 
-  /** The motion has played from a time to a later one. @param {ShownRun} run @param {number} from @param {number} to [s] */
+  /** The motion has played from a time to a later one. @param {DrawnRun} run @param {number} from @param {number} to [s] */
   played(run, from, to) {
     if (!(to > from)) return;
     if (run !== this.run || from === 0) this.clear(run);
@@ -28,7 +28,7 @@ export class EventLog {
     }
   }
 
-  /** @param {ShownRun} run */
+  /** @param {DrawnRun} run */
   clear(run) {
     this.run = run;
     this.told.clear();

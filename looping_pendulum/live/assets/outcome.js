@@ -2,23 +2,23 @@
 
 import { fixed, language, text } from "./texts.js";
 
-/** @typedef {import("./shown_run.js").ShownRun} ShownRun */
+/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 
 const CENTIMETRES = 100;
 const TABLE_ROWS = 20;
 
-/** Whether and when the heavy mass halts. @param {ShownRun} run */
-export function resultOf({ halt, dropAtHalt, end, ending, release, events, modeAtStart }) {
+/** Whether and when the heavy mass halts. @param {DrawnRun} run */
+export function resultOf({ halt, dropAtHalt, endOfRun, ending, release, events, modeAtStart }) {
   if (halt !== null && dropAtHalt !== null) {
     return text("halts", { time: fixed(halt, 4), drop: fixed(CENTIMETRES * dropAtHalt, 1) });
   }
   if (release === "held" || release === "drop") return text(release);
   if (ending === "time_up" && events.length === 1 && modeAtStart === "sticking") return text("stays");
-  if (ending === "time_up") return text("goesOn", { time: fixed(end, 1) });
-  return text(release === "vertical" ? "pulledUp" : "neverHalts", { ending: text(`event.${ending}`), time: fixed(end, 3) });
+  if (ending === "time_up") return text("goesOn", { time: fixed(endOfRun, 1) });
+  return text(release === "vertical" ? "pulledUp" : "neverHalts", { ending: text(`event.${ending}`), time: fixed(endOfRun, 3) });
 }
 
-/** The change against the ghost as numbers. @param {ShownRun} run @param {ShownRun | null} ghost */
+/** The change against the ghost as numbers. @param {DrawnRun} run @param {DrawnRun | null} ghost */
 export function changeOf(run, ghost) {
   if (!ghost || (run.halt === null && ghost.halt === null)) return "";
   if (ghost.halt === null || ghost.dropAtHalt === null) return text("beforeNever");
@@ -38,7 +38,7 @@ export function wordsOf({ kind, time }) {
   return `${fixed(time, 3)} s: ${text(`event.${kind}`)}`;
 }
 
-/** Fill a list with buttons that go to the events of a run. @param {HTMLElement} list @param {ShownRun} run
+/** Fill a list with buttons that go to the events of a run. @param {HTMLElement} list @param {DrawnRun} run
  * @param {(time: number) => void} onTime */
 export function showEvents(list, run, onTime) {
   const wanted = run.events.slice(0, TABLE_ROWS);
@@ -56,7 +56,7 @@ export function showEvents(list, run, onTime) {
   }));
 }
 
-/** Fill a table with a run: rows at even times, and one at each event. @param {HTMLTableElement} table @param {ShownRun} run */
+/** Fill a table with a run: rows at even times, and one at each event. @param {HTMLTableElement} table @param {DrawnRun} run */
 export function fillTable(table, run) {
   const events = run.events.slice(0, TABLE_ROWS);
   const even = Array.from({ length: TABLE_ROWS + 1 }, (_, i) => (i / TABLE_ROWS) * run.end);
@@ -68,9 +68,10 @@ export function fillTable(table, run) {
     const row = document.createElement("tr");
     row.classList.toggle("event", happens.length > 0);
     const lengths = [...s.light, s.drop].map((x) => fixed(CENTIMETRES * x, 1));
+    const pulls = [s.lightTension, s.heavyTension].map((pull) => (Number.isNaN(pull) ? "–" : fixed(pull, 3)));
     const first = Object.assign(document.createElement("th"), { scope: "row", textContent: fixed(s.t, 3) });
     row.append(first);
-    const numbers = [...lengths, fixed(s.turns, 2), fixed(s.lightTension, 3), fixed(s.heavyTension, 3)];
+    const numbers = [...lengths, fixed(s.turns, 2), ...pulls];
     for (const words of [...numbers, text(`mode.${s.mode}`), happens.join("; ")]) row.insertCell().textContent = words;
     return row;
   }));

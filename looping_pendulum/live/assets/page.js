@@ -3,18 +3,19 @@
 import { RELEASES } from "../model.js";
 import { forgetColours, whenResized } from "./canvas.js";
 import { CONTROLS, admit, linkOf, readLink, settingsOf, stateOf, withValue } from "./controls.js";
-import { film, filmType, runCsv, save, scenarioYaml } from "./export.js";
 import { listenToStage, releasedAt } from "./dragging.js";
+import { EngineRuns } from "./engine_runs/engine_runs.js";
 import { EventLog } from "./event_log.js";
 import { FitPanel } from "./fit_panel.js";
 import { History } from "./history.js";
 import { Speech } from "./language.js";
+import { Keeping } from "./keeping.js";
 import { LessonPanel } from "./lesson/panel.js";
 import { HaltMap } from "./map.js";
 import { MapCursor } from "./map_cursor.js";
 import { changeOf, fillTable, resultOf, showEvents } from "./outcome.js";
 import { Player } from "./player.js";
-import { KINDS, Plot } from "./plots.js";
+import { Plot, kindsOf } from "./plots.js";
 import { ShownRun } from "./shown_run.js";
 import { Sliders } from "./sliders.js";
 import { Stage } from "./stage.js";
@@ -23,11 +24,14 @@ import { TrialPanel } from "./trial_panel.js";
 
 /** @typedef {import("./controls.js").State} State */
 /** @typedef {import("./controls.js").Preset} Preset */
+/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {{presets: Preset[], start: string, keys: Record<string, string>}} PageData */
 
 const CENTIMETRES = 100;
 /** Time without a further key after which a setting is one of its own [ms]. */
 const PATIENCE = 1000;
+/** What acts on the space bar while it has the focus. */
+const KEEPS_SPACE = "button, summary, label:has(input[type=checkbox]), input[type=checkbox]";
 
 /** @param {string} id */
 function element(id) {
@@ -38,21 +42,27 @@ function element(id) {
 
 /** Everything on the page. */
 class Page {
-  /** @param {PageData} data @param {string} source this script, which the worker runs, too */
-  constructor(data, source) {
+  /** @param {PageData} data @param {import("./engine_runs/motion.js").RunsData | null} runs stored runs of the first scenario
+   * @param {string} source this script, which the worker runs, too */
+  constructor(data, runs, source) {
     this.data = data;
     this.speech = new Speech(element, () => this.relabel());
     admit(data.presets);
     const first = data.presets.find(({ name }) => name === data.start) ?? data.presets[0];
-    /** Link of each scenario's settings -> the scenario. */
-    this.presetOfLink = new Map(data.presets.map((preset) => [linkOf(stateOf(preset)), preset]));
+    /** Link of each scenario's settings -> the scenario, the first of several that have the same ones. */
+    this.presetOfLink = new Map(data.presets.toReversed().map((preset) => [linkOf(stateOf(preset)), preset]));
     this.history = new History(stateOf(first));
-    this.run = new ShownRun(settingsOf(this.state));
-    /** @type {ShownRun | null} */
+    this.engines = runs && new EngineRuns(runs, first, element, {
+      onTime: (time) => this.player.stopAt(time),
+      onSwitch: () => this.change(),
+      onBack: () => this.set(stateOf(first)),
+    });
+    this.run = this.runOf(this.state);
+    /** @type {DrawnRun | null} */
     this.ghost = null;
-    this.player = new Player(element, () => this.run.end, () => this.wake());
+    this.player = new Player(element, () => this.activeRuns?.duration ?? this.run.end, () => this.wake());
     this.stage = new Stage(/** @type {HTMLCanvasElement} */ (element("stage")));
-    this.plots = KINDS.map((kind) => this.plot(kind));
+    this.plots = kindsOf(runs !== null).map((kind) => this.plot(kind));
     const startWorker = () => new Worker(URL.createObjectURL(new Blob([source], { type: "text/javascript" })));
     const map = /** @type {HTMLCanvasElement} */ (element("map"));
     /** @type {(place: import("./map_cursor.js").Place) => void} */
@@ -62,12 +72,13 @@ class Page {
     this.log = new EventLog(element("event-log"));
     this.trial = new TrialPanel(element, () => this.change());
     this.fit = new FitPanel(element, this.trial, startWorker, () => this.state, (values) => this.takeFit(values));
+    this.keeping = new Keeping(element, this);
     this.lesson = new LessonPanel(element, this);
     this.sliders = new Sliders(element("settings"), element("more-settings"), this.select("release"), {
       current: () => this.state.values,
       onMove: (name, value) => this.move(withValue(this.state, name, value)),
       onSettle: (later) => (later ? this.settleSoon() : this.settle()),
-      onRelease: (release) => this.set({ ...this.state, release }),
+      onRelease: (release) => this.set({ release, values: this.state.values }),
       onFault: (message) => this.say("fault", message),
     });
     /** Whether the settings have changed since the last frame. */
@@ -80,6 +91,12 @@ class Page {
     this.relabel();
     this.readAddress();
     this.change();
+    if (this.engines?.belongTo(this.state)) this.play();
+  }
+
+  /** The stored runs while they belong to the settings. */
+  get activeRuns() {
+    return this.engines?.active ? this.engines : null;
   }
 
   get state() {
@@ -105,6 +122,8 @@ class Page {
   relabel() {
     this.speech.fill();
     this.sliders.relabel();
+    this.engines?.relabel();
+    if (this.engines) document.title = text("pageTitleOf", { title: this.engines.title });
     for (const { kind, box } of this.plots) box.setAttribute("aria-label", text("plotLabel", { title: text(kind.title) }));
     const options = new Map([...this.select("preset").options].map((option) => [option.value, option]));
     for (const preset of this.data.presets) /** @type {HTMLOptionElement} */ (options.get(preset.name)).text = textsOf(preset).title;
@@ -137,21 +156,13 @@ class Page {
     element("undo").addEventListener("click", () => this.go(() => this.history.undo()));
     element("redo").addEventListener("click", () => this.go(() => this.history.redo()));
     for (const id of ["ghost", "forces"]) element(id).addEventListener("change", () => this.change());
-    element("copy").addEventListener("click", () => this.copyLink());
-    element("save-picture").addEventListener("click", () => {
-      /** @type {HTMLCanvasElement} */ (element("stage")).toBlob((blob) => blob && save("looping-pendulum.png", blob));
-    });
-    element("save-film").hidden = !filmType();
-    element("save-film").addEventListener("click", () => this.startFilm());
-    element("save-numbers").addEventListener("click", () => {
-      save("looping-pendulum.csv", new Blob([runCsv(settingsOf(this.state))], { type: "text/csv" }));
-    });
-    element("save-scenario").addEventListener("click", () => {
-      save("live.scenario.yaml", new Blob([this.scenario()], { type: "application/yaml" }));
-    });
-    element("trial-study").addEventListener("click", () => save("study.yaml", new Blob([this.fit.study()], { type: "application/yaml" })));
     element("table-of-run").addEventListener("toggle", () => this.table());
     document.addEventListener("keydown", (event) => this.onKey(event));
+    // A button or box that was clicked would keep the space bar to itself; one that Tab leads to acts on it, as it should
+    document.addEventListener("click", (event) => {
+      const clicked = event.detail > 0 && event.target instanceof Element && event.target.closest(KEEPS_SPACE);
+      if (clicked) requestAnimationFrame(() => /** @type {HTMLElement | null} */ (document.activeElement)?.blur());
+    });
     window.addEventListener("hashchange", () => this.readAddress());
     whenResized(() => this.change());
     Theme.onChange(() => {
@@ -191,9 +202,12 @@ class Page {
       return;
     }
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    if (target.matches("input:not(#time), select, textarea, summary, a, .table")) return;
-    if (event.key === " " && target.matches("button")) return;
-    if (this.player.onKey(event)) event.preventDefault();
+    if (target.matches("input:not(#time, [type=checkbox]), select, textarea, summary, a, .table")) return;
+    if (event.key === " " && target.matches("button, input[type=checkbox]")) return;
+    const toMoment = { n: 1, p: -1 }[event.key.toLowerCase()];
+    if (this.activeRuns && toMoment) this.player.stopAt(this.activeRuns.moment(toMoment, this.player.time));
+    else if (!this.player.onKey(event)) return;
+    event.preventDefault();
   }
 
   /** Show a state that is on its way. @param {State} state */
@@ -250,8 +264,10 @@ class Page {
     this.speech.speak(new URLSearchParams(link).get("lang") ?? "");
     if (!link || `#${link}` === this.address) return;
     const { state, faults } = readLink(link, this.state);
+    const { release, values } = state;
     this.history.settle();
-    this.history.present = state;
+    // A stored run is shown with its own settings only
+    this.history.present = this.engines?.belongTo(state) ? state : { release, values };
     this.history.settle();
     const [fault] = faults;
     const { key = "", text: found = "", min = "", max = "" } = fault ?? {};
@@ -270,33 +286,6 @@ class Page {
 
   writeAddress() {
     window.history.replaceState(null, "", this.address);
-  }
-
-  async copyLink() {
-    this.writeAddress();
-    try {
-      await navigator.clipboard.writeText(location.href);
-      this.say("copied", () => text("copied"));
-    } catch {
-      this.say("copied", () => text("notCopied")); // a page from a folder may not be allowed to
-    }
-  }
-
-  /** Play from the release and film the stage until it ends or is stopped. */
-  startFilm() {
-    if (this.endFilm) return;
-    this.player.stopAt(0);
-    this.endFilm = film(/** @type {HTMLCanvasElement} */ (element("stage")));
-    this.say("copied", () => text("films"));
-    this.player.play();
-  }
-
-  /** @type {(() => void) | null} */
-  endFilm = null;
-
-  /** The settings as a scenario file. */
-  scenario() {
-    return scenarioYaml(settingsOf(this.state), this.data.keys, linkOf(this.state));
   }
 
   /** The settings or what is shown of the run have changed. */
@@ -325,33 +314,34 @@ class Page {
     this.frames += 1;
     if (changed) this.costs.push(performance.now() - started);
     if (this.player.playing) this.wake();
-    else if (this.endFilm) {
-      this.endFilm();
-      this.endFilm = null;
-      this.say("copied", "");
-    }
+    else this.keeping.endFilm();
   }
 
   /** Run the model, and show all that does not move with the time. */
   compute() {
     const { state } = this;
     this.sliders.show(state);
-    const settings = settingsOf(state);
-    if (!this.computed || JSON.stringify(settings) !== this.computed) {
+    this.engines?.show(state);
+    const runs = this.activeRuns;
+    const link = linkOf(state);
+    if (link !== this.computed) {
       try {
-        this.run = new ShownRun(settings);
+        this.run = this.runOf(state);
         this.say("fault", this.linkFault);
         this.linkFault = "";
       } catch (error) {
         const isTooShort = error instanceof RangeError && error.message.startsWith("free_length");
         this.say("fault", () => text(isTooShort ? "tooShort" : "cannotRun"));
       }
-      this.computed = JSON.stringify(settings);
+      this.computed = link;
     }
     this.ghost = this.ghostOf(this.lesson.beside(state) ?? this.history.before);
-    this.player.time = Math.min(this.player.time, this.run.end);
-    for (const plot of this.plots) plot.show(this.run, this.ghost);
-    const preset = this.presetOfLink.get(linkOf(state));
+    this.player.time = Math.min(this.player.time, this.player.end());
+    for (const plot of this.plots) {
+      plot.box.hidden = this.engines?.hides(plot.kind.id) ?? false;
+      if (!plot.box.hidden) plot.show(this.run, this.ghost, runs);
+    }
+    const preset = this.presetOfLink.get(link);
     this.select("preset").value = preset?.name ?? "";
     this.say("story", preset ? textsOf(preset).description : "");
     this.button("undo").disabled = !this.history.past.length;
@@ -359,7 +349,7 @@ class Page {
     this.say("heavy-mass", `M2 = ${shown(Number((state.values.light_mass * state.values.mass_ratio).toPrecision(4)))} g`);
     this.say("result", resultOf(this.run));
     this.say("compared", changeOf(this.run, this.ghost));
-    this.say("map-state", state.release === "looping" ? "" : text("mapNoLoop"));
+    this.say("map-state", state.release === "looping" ? (this.engines?.noteOnMap ?? "") : text("mapNoLoop"));
     this.trial.show(this.run);
     this.map.show(state);
     showEvents(element("events"), this.run, (time) => this.player.stopAt(time));
@@ -375,13 +365,22 @@ class Page {
     return /** @type {HTMLButtonElement} */ (element(id));
   }
 
-  /** @param {State | null} before @returns {ShownRun | null} */
+  /** @param {State} state @returns {DrawnRun} @throws {RangeError} if the apparatus is impossible */
+  runOf(state) {
+    const shown = this.engines?.belongTo(state) ? this.engines.duration : undefined;
+    return this.engines?.standIn(state) ?? new ShownRun(settingsOf(state), shown);
+  }
+
+  ghostLink = "";
+
+  /** @param {State | null} before @returns {DrawnRun | null} */
   ghostOf(before) {
     if (!before || !this.checked("ghost")) return null;
-    const settings = settingsOf(before);
-    if (this.ghost && JSON.stringify(settings) === JSON.stringify(this.ghost.settings)) return this.ghost;
+    const link = linkOf(before);
+    if (this.ghost && link === this.ghostLink) return this.ghost;
+    this.ghostLink = link;
     try {
-      return new ShownRun(settings);
+      return this.runOf(before);
     } catch {
       return null; // what cannot be built leaves no ghost
     }
@@ -397,17 +396,20 @@ class Page {
   /** Draw all that moves with the time. */
   draw() {
     const { time } = this.player;
+    const runs = this.activeRuns;
+    runs?.draw(time);
     const film = this.lesson.points;
     const points = film ? { light: film, heavy: [] } : { light: this.trial.points("light"), heavy: this.trial.points("heavy") };
     this.stage.draw({
       run: this.run,
       ghost: this.ghost,
       time,
-      forces: this.checked("forces"),
+      forces: this.checked("forces") && this.state.stored === undefined,
+      runs,
       points: { light: points.light.map(([, x, y]) => [x, y]), heavy: points.heavy.map(([, x, y]) => [x, y]) },
       now: { light: nearest(points.light, time), heavy: nearest(points.heavy, time) },
     });
-    for (const plot of this.plots) plot.draw(time);
+    for (const plot of this.plots) if (!plot.box.hidden) plot.draw(time);
     this.map.draw(this.state);
     const [least, most] = this.map.range.map((drop) => (Number.isFinite(drop) ? `${fixed(CENTIMETRES * drop, 0)} cm` : ""));
     this.say("map-least", least);
@@ -415,7 +417,7 @@ class Page {
     const mode = text(`mode.${this.run.at(time).mode}`);
     this.player.draw(mode);
     this.lesson.watch(this.run, time);
-    this.say("doing", time === 0 ? text("start") : mode);
+    this.say("doing", time === 0 ? text("start") : `${mode}${runs?.lastMoment(time) ?? ""}`);
   }
 }
 
@@ -428,7 +430,7 @@ function nearest(points, time) {
 
 /** Start the page. @param {string} source text of the script that runs */
 export function startPage(source) {
-  const data = /** @type {PageData} */ (JSON.parse(element("live-data").textContent ?? ""));
+  const read = (/** @type {string} */ id) => JSON.parse(element(id).textContent ?? "");
   // For tests and benchmarks, which look at what the page draws
-  Object.assign(window, { live: new Page(data, source), liveControls: CONTROLS, liveLanguages: LANGUAGES });
+  Object.assign(window, { live: new Page(read("live-data"), read("engine-runs-data"), source), liveControls: CONTROLS, liveLanguages: LANGUAGES });
 }

@@ -27,6 +27,7 @@ export class Player {
     this.clock = element("clock");
     this.button.addEventListener("click", () => this.toggle());
     element("start").addEventListener("click", () => this.stopAt(0));
+    element("end").addEventListener("click", () => this.stopAt(this.end()));
     element("back").addEventListener("click", () => this.stopAt(this.time - STEP));
     element("forward").addEventListener("click", () => this.stopAt(this.time + STEP));
     this.slider.addEventListener("input", () => this.stopAt(Number(this.slider.value)));

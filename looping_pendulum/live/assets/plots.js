@@ -3,12 +3,14 @@
 import { colours, fitted, polyline, ticks, write } from "./canvas.js";
 import { shown, text } from "./texts.js";
 
-/** @typedef {import("./shown_run.js").ShownRun} ShownRun */
+/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {import("./shown_run.js").Sample} Sample */
 /** @typedef {import("./texts.js").TextKey} TextKey */
 /**
- * @typedef {{id: string, title: TextKey, down?: boolean, stacked?: boolean, digits: number,
- *   lines: {name: TextKey, colour: string, value: (s: Sample, run: ShownRun) => number}[]}} Kind keys of a title and of lines' names
+ * @typedef {import("./engine_runs/engine_runs.js").EngineRuns} EngineRuns
+ * @typedef {{id: string, title: TextKey, down?: boolean, stacked?: boolean, log?: boolean, runs?: boolean, digits: number,
+ *   lines: {name: TextKey, colour: string, value: (s: Sample, run: DrawnRun) => number}[]}} Kind keys of a title and of lines' names;
+ *   `runs`: whether it is only on pages with, or only on pages without, stored runs
  */
 
 const EDGE = { left: 44, right: 10, top: 26, bottom: 22 };
@@ -24,12 +26,21 @@ export const KINDS = [
     lines: [{ name: "plot.turns", colour: "orange", value: (s) => s.turns }],
   },
   {
-    id: "pull", title: "plot.pull", digits: 2,
+    id: "pull", title: "plot.pull", digits: 2, runs: false,
     lines: [
       { name: "line.pull2", colour: "blue", value: (s) => s.heavyTension },
       { name: "line.pull1", colour: "orange", value: (s) => s.lightTension },
     ],
   },
+  {
+    id: "pull-light", title: "plot.pull1", digits: 2, runs: true,
+    lines: [{ name: "line.pull1", colour: "orange", value: (s) => s.lightTension }],
+  },
+  {
+    id: "pull-heavy", title: "plot.pull2", digits: 2, runs: true,
+    lines: [{ name: "line.pull2", colour: "blue", value: (s) => s.heavyTension }],
+  },
+  { id: "distance", title: "plot.distance", digits: 3, log: true, runs: true, lines: [] },
   {
     id: "energy", title: "plot.energy", stacked: true, digits: 0,
     lines: [
@@ -40,10 +51,15 @@ export const KINDS = [
   },
 ];
 
-/** @type {WeakMap<ShownRun, number>} */
+/** Plots of a page with or without stored runs. @param {boolean} withRuns */
+export function kindsOf(withRuns) {
+  return KINDS.filter(({ runs }) => runs === undefined || runs === withRuns);
+}
+
+/** @type {WeakMap<DrawnRun, number>} */
 const lowestOf = new WeakMap();
 
-/** Lowest potential energy of a run [J], from which it is counted. @param {ShownRun} run */
+/** Lowest potential energy of a run [J], from which it is counted. @param {DrawnRun} run */
 function lowest(run) {
   let value = lowestOf.get(run);
   if (value === undefined) {
@@ -61,13 +77,16 @@ export class Plot {
    * @param {(time: number) => void} onTime
    */
   constructor(box, kind, onTime) {
-    this.kind = kind;
     this.box = box;
+    this.kind = kind;
+    /** Stored runs, the reference's among them, which are drawn in place of the page's own. @type {EngineRuns | null} */
+    this.runs = null;
+    this.size = { width: 0, height: 0 };
     const [still, canvas] = [document.createElement("canvas"), document.createElement("canvas")];
     box.append(still, canvas);
     this.still = still;
     this.canvas = canvas;
-    /** @type {ShownRun | null} */
+    /** @type {DrawnRun | null} */
     this.run = null;
     this.end = 1;
     this.x = (/** @type {number} */ t) => t;
@@ -85,18 +104,21 @@ export class Plot {
     });
   }
 
-  /** Draw all that does not move with the time. @param {ShownRun} run @param {ShownRun | null} ghost */
-  show(run, ghost) {
+  /** Draw all that does not move with the time. @param {DrawnRun} run @param {DrawnRun | null} ghost @param {EngineRuns | null} runs */
+  show(run, ghost, runs) {
     this.run = run;
     const { c, width, height } = fitted(this.still);
+    this.size = { width, height };
     const { grid, soft, ink } = colours();
     const { kind } = this;
-    this.end = Math.max(run.end, ghost ? ghost.end : 0);
+    this.runs = kind.stacked ? null : runs;
+    this.end = runs ? runs.duration : Math.max(run.end, ghost ? ghost.end : 0);
     const [low, high] = this.limits(ghost ? [run, ghost] : [run]);
+    const share = (/** @type {number} */ v) => kind.log ? Math.log(Math.max(v, low) / low) / Math.log(high / low) : (v - low) / (high - low);
     const tall = height - EDGE.top - EDGE.bottom;
     this.x = (/** @type {number} */ t) => EDGE.left + (t / this.end) * (width - EDGE.left - EDGE.right);
-    this.y = (/** @type {number} */ v) => EDGE.top + tall * (kind.down ? (v - low) / (high - low) : (high - v) / (high - low));
-    for (const v of ticks(low, high)) {
+    this.y = (/** @type {number} */ v) => EDGE.top + tall * (kind.down ? share(v) : 1 - share(v));
+    for (const v of kind.log ? decades(low, high) : ticks(low, high)) {
       polyline(c, [[EDGE.left, this.y(v)], [width - EDGE.right, this.y(v)]], { colour: grid, width: 1 });
       write(c, shown(v), EDGE.left - 6, this.y(v), { colour: soft, size: 11, align: "right" });
     }
@@ -108,23 +130,26 @@ export class Plot {
     c.clip();
     if (kind.stacked) this.areas(c, run);
     if (ghost && !kind.stacked) this.curves(c, ghost, true);
-    if (!kind.stacked) this.curves(c, run, false);
+    if (this.runs) this.runs.drawCurves(c, this);
+    else if (!kind.stacked) this.curves(c, run, false);
     c.restore();
     this.legend(c, width);
   }
 
-  /** @param {ShownRun[]} runs @returns {[number, number]} */
+  /** @param {DrawnRun[]} runs @returns {[number, number]} */
   limits(runs) {
-    const { lines, stacked } = this.kind;
+    const { lines, stacked, log } = this.kind;
+    if (log) return this.runs ? this.runs.range(this.kind.id) : [1e-3, 1];
     const ranges = runs.flatMap((run) =>
       stacked ? [run.range((s) => lines.reduce((sum, { value }) => sum + value(s, run), 0))] : lines.map(({ value }) => run.range((s) => value(s, run))),
     );
+    if (this.runs) ranges.push(this.runs.range(this.kind.id));
     const [low, high] = [Math.min(0, ...ranges.map(([first]) => first)), Math.max(...ranges.map(([, last]) => last))];
     const span = Math.max(high - low, 1e-6);
     return [low < 0 ? low - 0.04 * span : low, high + 0.05 * span];
   }
 
-  /** @param {import("./canvas.js").Context} c @param {ShownRun} run @param {boolean} pale */
+  /** @param {import("./canvas.js").Context} c @param {DrawnRun} run @param {boolean} pale */
   curves(c, run, pale) {
     for (const { value, colour } of this.kind.lines) {
       const style = pale ? { colour: colours().soft, width: 1.5, dash: [5, 4] } : { colour: colourOf(colour), width: 2.2 };
@@ -132,7 +157,7 @@ export class Plot {
     }
   }
 
-  /** @param {import("./canvas.js").Context} c @param {ShownRun} run */
+  /** @param {import("./canvas.js").Context} c @param {DrawnRun} run */
   areas(c, run) {
     let below = run.samples.map(() => 0);
     for (const { value, colour } of this.kind.lines) {
@@ -173,7 +198,8 @@ export class Plot {
     for (const [colour, width] of /** @type {[string, number][]} */ ([[ground, 3.5], [ink, 1.5]])) {
       polyline(c, [[x, EDGE.top], [x, height - EDGE.bottom]], { colour, width });
     }
-    if (this.kind.stacked || time > run.end) return;
+    if (this.runs) this.runs.drawDots(c, this, time);
+    if (this.runs || this.kind.stacked || time > run.end) return;
     for (const { value, colour } of this.kind.lines) {
       c.beginPath();
       c.arc(x, Math.max(this.y(value(run.at(time), run)), EDGE.top), 4, 0, 2 * Math.PI);
@@ -184,6 +210,13 @@ export class Plot {
       c.stroke();
     }
   }
+}
+
+/** Powers of ten in a range, each second one of many. @param {number} low @param {number} high */
+function decades(low, high) {
+  const count = Math.round(Math.log10(high / low));
+  const all = Array.from({ length: count + 1 }, (_, i) => Number((low * 10 ** i).toPrecision(3)));
+  return all.filter((_, i) => count < 6 || i % 2 === count % 2);
 }
 
 /** @param {string} name */

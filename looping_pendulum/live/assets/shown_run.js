@@ -14,6 +14,11 @@ const SHARE_WITHOUT_SPIKES = 0.99;
 
 /** @typedef {{kind: string, time: number}} ShownEvent `kind`: of the texts `event.` which */
 /** @typedef {ReturnType<ShownRun["at"]>} Sample */
+/**
+ * What is drawn and told of a run, whether it is computed here or stored.
+ * @typedef {Pick<ShownRun, "settings" | "release" | "end" | "endOfRun" | "halt" | "modeAtStart" | "samples" | "events" | "ending" |
+ *   "dropAtHalt" | "at" | "range">} DrawnRun
+ */
 
 /** @param {string} release */
 export function durationOf(release) {
@@ -22,18 +27,25 @@ export function durationOf(release) {
 
 /** The exact run of settings, sampled for drawing. */
 export class ShownRun {
-  /** @param {Record<string, any>} settings @throws {RangeError} if the apparatus is impossible */
-  constructor(settings) {
+  /** @param {Record<string, any>} settings @param {number} shown limit on the time that is shown [s]
+   * @throws {RangeError} if the apparatus is impossible */
+  constructor(settings, shown = durationOf(settings.release)) {
     this.settings = settings;
     this.release = settings.release;
-    this.run = simulate(settings, { duration: durationOf(settings.release), tolerance: DRAWN_TOLERANCE });
-    this.end = this.run.endTime;
+    // Whether it halts shows only at its end, which may come after what is shown
+    const duration = Math.max(durationOf(settings.release), shown);
+    this.run = simulate(settings, { duration, tolerance: DRAWN_TOLERANCE });
+    this.endOfRun = this.run.endTime;
+    this.end = Math.min(this.endOfRun, shown);
     this.halt = this.run.haltingTime;
     this.modeAtStart = this.run.sample(0).mode;
     this.startHeight = this.run.sample(0).heavy[1];
     const count = Math.round(Math.min(MAX_SAMPLES, Math.max(MIN_SAMPLES, this.end / TIME_BETWEEN_SAMPLES)));
     this.samples = Array.from({ length: count + 1 }, (_, i) => this.at((i / count) * this.end));
-    this.events = this.eventsInWords();
+    const events = this.eventsInWords();
+    /** Last event of the run. */
+    this.ending = events[events.length - 1].kind;
+    this.events = events.filter(({ time }) => time <= this.end);
     this.dropAtHalt = this.halt === null ? null : this.at(this.halt).drop;
   }
 
@@ -41,11 +53,6 @@ export class ShownRun {
   at(t) {
     const sample = this.run.sample(Math.min(Math.max(t, 0), this.end));
     return { t: Math.min(t, this.end), drop: this.startHeight - sample.heavy[1], turns: sample.wrapAngle / (2 * Math.PI), ...sample };
-  }
-
-  /** Last event of the run. */
-  get ending() {
-    return this.events[this.events.length - 1].kind;
   }
 
   /** @returns {ShownEvent[]} */

@@ -3,14 +3,15 @@
 import { arrow, colours, fitted, polyline, write } from "./canvas.js";
 import { fixed, shown, text } from "./texts.js";
 
-/** @typedef {import("./shown_run.js").ShownRun} ShownRun */
+/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {import("./shown_run.js").Sample} Sample */
 /** @typedef {import("./canvas.js").Context} Context */
 /** @typedef {{left: number, right: number, low: number, high: number}} Box */
 /** @typedef {{x: (x: number) => number, y: (y: number) => number, scale: number}} View from metres to pixels */
 /**
- * @typedef {{run: ShownRun, ghost: ShownRun | null, time: number, forces: boolean, points: {light: number[][], heavy: number[][]},
- *   now: {light: number[] | null, heavy: number[] | null}}} Scene
+ * @typedef {{run: DrawnRun, ghost: DrawnRun | null, time: number, forces: boolean, points: {light: number[][], heavy: number[][]},
+ *   now: {light: number[] | null, heavy: number[] | null}, runs: import("./engine_runs/engine_runs.js").EngineRuns | null}} Scene
+ *   `runs`: stored runs, the reference's among them, which are drawn in place of the page's own; null without any
  */
 
 /** The box stays as it is while the motion fills more than this share of it. */
@@ -31,6 +32,8 @@ export const FORCES = {
 };
 const MAX_LENGTH = 150;
 const ROOM_FOR_NAME = 40;
+/** Width of the enlarged rod with one string, and with those of several runs [px]. */
+const [SIDE, LARGE_SIDE] = [170, 260];
 
 /** Draws scenes, and knows where on the canvas things are. */
 export class Stage {
@@ -48,15 +51,16 @@ export class Stage {
   /** @param {Scene} scene */
   draw(scene) {
     const { c, width, height } = fitted(this.canvas);
-    const { run, ghost, time } = scene;
-    const side = Math.min(170, Math.max(104, 0.22 * width));
+    const { run, ghost, time, runs } = scene;
+    const side = Math.min(runs ? LARGE_SIDE : SIDE, Math.max(104, (runs ? 0.32 : 0.22) * width));
     if (!(width > side && height > 0)) return; // the page is being laid out, or has no room
     this.fit(scene, width - side, height);
     const { view } = this;
     this.scaleBar(c, height);
     if (ghost) this.apparatus(c, ghost, time, true);
     this.trackedPoints(c, scene);
-    this.apparatus(c, run, time, false);
+    if (runs) runs.drawStage(c, view, time);
+    else this.apparatus(c, run, time, false);
     const sample = run.at(time);
     if (scene.forces) this.forces(c, run, sample);
     c.beginPath();
@@ -64,13 +68,15 @@ export class Stage {
     c.fillStyle = colours().soft;
     c.fill();
     if (run.release === "drop") return;
-    rod(c, sample, run, { left: width - side, width: side, height: Math.min(side, 0.5 * height) });
+    const place = { left: width - side, width: side, height: Math.min(side, 0.5 * height) };
+    if (runs) runs.drawRod(c, place, time);
+    else rod(c, sample, run, place);
     if (scene.forces) holding(c, sample, { left: width - side, width: side, top: Math.min(side, 0.5 * height), height });
   }
 
   /** Choose which part of the plane is seen. @param {Scene} scene @param {number} width @param {number} height */
-  fit({ run, ghost, points }, width, height) {
-    const box = boxOf(ghost ? [run, ghost] : [run], [...points.light, ...points.heavy]);
+  fit({ run, ghost, points, runs }, width, height) {
+    const box = boxOf(ghost ? [run, ghost] : [run], [...points.light, ...points.heavy, ...(runs?.corners ?? [])]);
     if (!this.box || (!this.frozen && !fills(box, this.box))) this.box = box;
     const { left, right, low, high } = this.box;
     const scale = Math.min(width / (right - left), height / (high - low)) * (1 - MARGIN);
@@ -87,7 +93,7 @@ export class Stage {
     return [(px - x(0)) / scale, (y(0) - py) / scale];
   }
 
-  /** @param {Context} c @param {ShownRun} run @param {number} time @param {boolean} pale */
+  /** @param {Context} c @param {DrawnRun} run @param {number} time @param {boolean} pale */
   apparatus(c, run, time, pale) {
     const { view } = this;
     const { ink, soft, blue, orange } = colours();
@@ -121,7 +127,7 @@ export class Stage {
   }
 
   /** From the heavy mass up to the rod, round it, and along the tangent to the light mass.
-   * @param {Context} c @param {ShownRun} run @param {Sample} sample @param {string} colour @param {boolean} pale */
+   * @param {Context} c @param {DrawnRun} run @param {Sample} sample @param {string} colour @param {boolean} pale */
   string(c, run, sample, colour, pale) {
     const { view } = this;
     const r = run.settings.rod_radius;
@@ -139,7 +145,7 @@ export class Stage {
     c.globalAlpha = 1;
   }
 
-  /** @param {Context} c @param {ShownRun} run @param {Sample} sample */
+  /** @param {Context} c @param {DrawnRun} run @param {Sample} sample */
   forces(c, run, sample) {
     const { view } = this;
     const { light_mass: m1, heavy_mass: m2, gravity, rod_radius: r } = run.settings;
@@ -194,7 +200,7 @@ export class Stage {
 
 /**
  * Smallest box that holds all places of runs, and points [m].
- * @param {ShownRun[]} runs
+ * @param {DrawnRun[]} runs
  * @param {number[][]} points
  * @returns {Box}
  */
@@ -223,7 +229,7 @@ function fills(inner, outer) {
  * The rod enlarged, with the wound string: each turn lies outside the one before.
  * @param {Context} c
  * @param {Sample} sample
- * @param {ShownRun} run
+ * @param {DrawnRun} run
  * @param {{left: number, width: number, height: number}} place
  */
 function rod(c, { wrapAngle, freeLength, turns }, run, { left, width, height }) {

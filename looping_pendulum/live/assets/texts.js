@@ -3,7 +3,8 @@
 import { de } from "./texts/de.js";
 import { en } from "./texts/en.js";
 
-/** @typedef {keyof typeof en | `${"setting" | "event" | "mode" | "release" | "lesson"}.${string}`} TextKey a family has a text for each member */
+/** @typedef {keyof typeof en | `${"setting" | "event" | "mode" | "release" | "lesson" | "moment" | "band" | "effect"}.${string}`} TextKey
+ * a family has a text for each member */
 
 /** Language -> its table, the first for readers of any other. @type {Record<string, Record<string, string>>} */
 export const LANGUAGES = { en, de };
@@ -39,6 +40,12 @@ export function text(key, values = {}) {
 export function textsOf({ name, title, description, shipped }) {
   const table = shipped ? LANGUAGES[state.language] : {};
   return { title: table[`scenario.${name}.title`] ?? title, description: table[`scenario.${name}.description`] ?? description };
+}
+
+/** Names of effects; those that a reader's own package brings have no text here. @param {string[]} effects */
+export function namesOf(effects) {
+  const table = LANGUAGES[state.language];
+  return effects.map((name) => table[`effect.${name}`] ?? name.replaceAll("_", " ")).join(", ");
 }
 
 /** A number, or one in digits, with the decimal sign of the language. @param {number | string} number */

@@ -5,7 +5,7 @@ import { parsed } from "./controls.js";
 import { fixed, shown, text } from "./texts.js";
 import { DataError, readTrial, tracksOf } from "./trial/reader.js";
 
-/** @typedef {import("./shown_run.js").ShownRun} ShownRun */
+/** @typedef {import("./shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {import("./trial/reader.js").Trial} Trial */
 /** @typedef {{name: string, colour: "blue" | "orange" | "sky" | "pink", t: number[], value: number[]}} Residual [cm] or [deg] */
 
@@ -224,7 +224,7 @@ export class TrialPanel {
     });
   }
 
-  /** What is left between the trial and a run, at the times of the run. @param {ShownRun} run @returns {Residual[]} */
+  /** What is left between the trial and a run, at the times of the run. @param {DrawnRun} run @returns {Residual[]} */
   residuals(run) {
     return Object.entries(COLOURS).flatMap(([name, colour]) => {
       const channel = this.channel(name);
@@ -239,7 +239,7 @@ export class TrialPanel {
     });
   }
 
-  /** Say what was read and how far it is from a run, and draw what is left. @param {ShownRun} run */
+  /** Say what was read and how far it is from a run, and draw what is left. @param {DrawnRun} run */
   show(run) {
     const { trial, file } = this;
     if (!trial || !file) {
@@ -308,7 +308,7 @@ function mark(c, name, x, y, size) {
   c.fill();
 }
 
-/** What a run has where a file has a channel. @param {ShownRun} run @param {string} name @param {number} t */
+/** What a run has where a file has a channel. @param {DrawnRun} run @param {string} name @param {number} t */
 function predicted(run, name, t) {
   const { light, heavy, wrapAngle } = run.at(t);
   /** @type {Record<string, number>} */

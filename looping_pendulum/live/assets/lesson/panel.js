@@ -7,10 +7,11 @@ import { TYPICAL_SCATTER, filmedPoints, madeUpTrial } from "./made_up.js";
 import { STEPS, distanceOf, filmedState, isOfRatioStep, judgeRatio, judgeTrial, lowestRatio, placeOfRatio, trialState } from "./steps.js";
 
 /** @typedef {import("../controls.js").State} State */
+/** @typedef {import("../shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {import("./steps.js").Judgement} Judgement */
 /** @typedef {import("./steps.js").Step} Step */
 /**
- * @typedef {{state: State, run: ShownRun, set: (state: State) => void, change: () => void, play: () => boolean,
+ * @typedef {{state: State, run: DrawnRun, set: (state: State) => void, change: () => void, play: () => boolean,
  *   stopAt: (time: number) => void, trial: import("../trial_panel.js").TrialPanel,
  *   fit: import("../fit_panel.js").FitPanel}} LessonPage what the lesson needs of the page; `play`: false if nothing is to move
  * @typedef {{words: () => string, verdict: "" | "right" | "wrong"}} Answer
@@ -40,7 +41,7 @@ export class LessonPanel {
     this.watched = null;
     /** Whether the run is to be shown as it is when it was seen, since nothing is to move. */
     this.jumps = false;
-    /** Film of the step of a wrong drag. @type {{hidden: number, run: ShownRun, points: [number, number, number][]} | null} */
+    /** Film of the step of a wrong drag. @type {{hidden: number, run: DrawnRun, points: [number, number, number][]} | null} */
     this.film = null;
     /** Seeds of the next film and of the next trial that is made up. */
     this.seeds = { film: 1, trial: 1 };
@@ -187,7 +188,7 @@ export class LessonPanel {
   }
 
   /** Look at the run that is shown: once it has been seen for long enough, tell what it says.
-   * @param {ShownRun} run @param {number} time */
+   * @param {DrawnRun} run @param {number} time */
   watch(run, time) {
     const step = this.watched;
     if (!step || !this.given) return;

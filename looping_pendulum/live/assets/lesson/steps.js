@@ -6,12 +6,12 @@ import { durationOf } from "../shown_run.js";
 import { LARGEST_TYPICAL, filmOf } from "./made_up.js";
 
 /** @typedef {import("../controls.js").State} State */
-/** @typedef {import("../shown_run.js").ShownRun} ShownRun */
+/** @typedef {import("../shown_run.js").DrawnRun} DrawnRun */
 /** @typedef {{found: string | number, right: boolean, values: Record<string, number>}} Judgement
  *   `found`: the option, or the number, that the run says; `values`: those of the explanation */
 /**
- * @typedef {{name: string, options: string[], unit: string, seenAt: (run: ShownRun) => number, forces?: boolean,
- *   state: () => State | null, beside?: () => State | null, judge?: (said: string, run: ShownRun, other: ShownRun | null) => Judgement,
+ * @typedef {{name: string, options: string[], unit: string, seenAt: (run: DrawnRun) => number, forces?: boolean,
+ *   state: () => State | null, beside?: () => State | null, judge?: (said: string, run: DrawnRun, other: DrawnRun | null) => Judgement,
  *   task?: "ratio" | "drag" | "trial"}} Step
  *   `options`: of a question with a choice; none: a number is asked for. `seenAt`: time at which the run has shown its answer [s].
  *   `beside`: whose run is the ghost, and the other one of `judge`. `task`: what is left to be done after the run was seen.
@@ -44,7 +44,7 @@ export function lessonState(values, release = "looping") {
 /** @param {number} x @param {number} digits */
 const rounded = (x, digits) => Number(x.toFixed(digits));
 
-/** @param {ShownRun} run */
+/** @param {DrawnRun} run */
 const afterHalt = (run) => Math.min(run.end, (run.halt ?? run.end) + WATCHED_AFTER_HALT);
 
 const friction = (/** @type {number} */ sliding, resting = sliding) => ({ kinetic_friction: sliding, static_friction: resting });
@@ -148,7 +148,7 @@ function number(said, found, digits, values) {
   return { found: rounded(found, digits), right: Math.abs(Number(said) / found - 1) < CLOSE, values };
 }
 
-/** Ratio of pulls that the rod can hold when so much string lies on it. @param {ShownRun} run @param {number} turns */
+/** Ratio of pulls that the rod can hold when so much string lies on it. @param {DrawnRun} run @param {number} turns */
 function ratioHeldAt({ samples }, turns) {
   const after = samples.findIndex((sample) => sample.turns >= turns);
   const [below, above] = [samples[Math.max(after - 1, 0)], samples[Math.max(after, 0)]];
@@ -221,7 +221,7 @@ export const filmedState = (seed) => filmOf(lessonState(OF_DRAG), seed);
 /**
  * Typical distance of a film's points from a run [m], and whether it is no more than their scatter.
  * @param {[number, number, number][]} points
- * @param {ShownRun} run
+ * @param {DrawnRun} run
  */
 export function distanceOf(points, run) {
   const squares = points.map(([t, x, y]) => {

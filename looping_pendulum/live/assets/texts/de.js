@@ -9,6 +9,7 @@ export const de = {
 
   // Über der Bühne, und die Bühne
   pageTitle: "Das schlingende Pendel, live",
+  pageTitleOf: "Das schlingende Pendel: {title}",
   skip: "Zum Inhalt springen",
   title: "Das schlingende Pendel",
   lead: "Zwei Massen, ein Faden, eine Stange. Die leichte Masse loslassen: Rettet sie die schwere?",
@@ -28,6 +29,8 @@ export const de = {
   stepBackTip: "Einen Schritt zurück (Pfeil links)",
   stepOn: "Einen Schritt weiter",
   stepOnTip: "Einen Schritt weiter (Pfeil rechts)",
+  toEnd: "Ende",
+  toEndTip: "Zum Ende (Ende-Taste)",
   speed: "Tempo",
   shareOfRealTime: "{share} der wirklichen Geschwindigkeit",
   time: "Zeit seit dem Loslassen in Sekunden",
@@ -74,6 +77,8 @@ export const de = {
   "mode.clamped_slack": "der Faden ist schlaff",
   "mode.falling": "beide Massen fallen frei",
   "mode.ended": "das Ende",
+  "mode.rolling": "der Faden haftet an der Stange, die sich dreht",
+  "mode.unknown": "was der Faden tut, ist nicht bekannt",
 
   // Einstellungen
   settings: "Einstellungen",
@@ -125,6 +130,9 @@ export const de = {
   "plot.drop": "Fallstrecke von M2 [cm]",
   "plot.turns": "Faden auf der Stange [Windungen]",
   "plot.pull": "Fadenkraft [N]",
+  "plot.pull1": "Fadenkraft an M1 [N]",
+  "plot.pull2": "Fadenkraft an M2 [N]",
+  "plot.distance": "Abstand der M1 von der Referenz [mm]",
   "plot.energy": "Energie [mJ]",
   "line.pull2": "an M2",
   "line.pull1": "an M1",
@@ -145,6 +153,75 @@ export const de = {
   eventLog: "Ereignisse der laufenden Bewegung",
   tableOfRun: "Der Ablauf vom Loslassen bis zum Ende; {count} Zeilen sind Ereignisse, die die letzte Spalte nennt",
 
+  // Gespeicherte Bewegungen der Physik-Engines
+  engines: "Physik-Engines daneben",
+  reference: "Referenz",
+  otherSettings: "Die Bewegungen der Physik-Engines gehören zu „{title}“; bei anderen Einstellungen sind sie nicht zu sehen.",
+  backTo: "Zurück zu „{title}“",
+  standIn: "Dem Modell dieser Seite fehlt: {effects}. Zu sehen ist die gespeicherte Bewegung der Referenz; ein Regler setzt das Modell der Seite "
+    + "in Gang, dem dies fehlt: {effects}.",
+  without: "In dieser Bewegung fehlt: {effects}.",
+  notKnown: "Zu sehen ist eine gespeicherte Bewegung; was von ihr bekannt ist, steht in den Ergebnissen von compare.",
+  measured: "gemessen: {name}",
+  measuredCaption: "Messpunkte bis zur gewählten Zeit, jeder zu seiner eigenen Zeit; die großen Ringe sind die letzten.",
+  notRun: "nicht gerechnet",
+  notRunWhy: "Nicht gerechnet:",
+  moments: "Ereignisse aller Bewegungen",
+  allMoments: "Alle Ereignisse",
+  noMoments: "keine vor {time} s",
+  lastMoment: "; letztes Ereignis: {moment} bei {time} s",
+  stringOfReference: "Faden der Referenz",
+  departs: "wo, wann und warum sie abweicht",
+  sources: "Woher die Bewegungen kommen",
+  aboutRuns: "Die Orte sind die, die jede Physik-Engine berechnet hat, ausgedünnt auf {rate} je Sekunde; Ereignisse und alle Zahlen stammen aus "
+    + "den vollständigen Bewegungen. Die Referenz ist das Modell dieser Seite. Ihre Fadenkräfte sind exakt; die einer Physik-Engine sind, was "
+    + "das Newtonsche Grundgesetz für ihre Bewegung verlangt, über {window} ms. Eine Bewegung, die früh endet, verblasst dort. Tasten: N und P "
+    + "gehen zum nächsten und zum vorigen Ereignis der Bewegungen, die zu sehen sind.",
+  words: "Begriffe",
+  unknownToRuns: "keiner Bewegung hier bekannt",
+  now: "Jetzt",
+  ended: "zu Ende",
+  "now.run": "Bewegung",
+  "now.drop": "Fallstrecke von M2 [mm]",
+  "now.turns": "Umschlingung [Windungen]",
+  "now.pull1": "Fadenkraft an M1 [N]",
+  "now.pull2": "Fadenkraft an M2 [N]",
+  "now.distance": "M1 von der Referenz entfernt [mm]",
+  "moment.stop": "Umkehr",
+  "moment.stick": "Haften",
+  "moment.slip": "Gleiten",
+  "moment.slack": "schlaff",
+  "moment.taut": "gespannt",
+  "moment.halt": "Stillstand",
+  "moment.rod": "an der Stange",
+  "moment.broke": "abgebrochen",
+  "moment.other": "anderes Ereignis",
+  "band.sliding_down": "gleitet, M2 fällt",
+  "band.sliding_up": "gleitet, M2 steigt",
+  "band.sticking": "haftet",
+  "band.rolling": "haftet",
+  "band.slack": "schlaff",
+  "band.clamped": "haftet",
+  "band.clamped_slack": "schlaff",
+  "band.falling": "kein Faden",
+  "band.ended": "das Ende",
+  "band.unknown": "nicht bekannt",
+  "effect.attitude_drag": "Luftwiderstand je nach Lage von M1",
+  "effect.side_stiffness": "seitliche Nachgiebigkeit",
+  "effect.friction_per_speed": "Reibung je nach Geschwindigkeit",
+  "effect.friction_per_wrap": "Reibung je nach Umschlingung",
+  "effect.string_on_string": "Faden auf Faden",
+  "effect.pivot_friction": "Reibung im Lager der Stange",
+  "effect.pivot_damping": "Dämpfung im Lager der Stange",
+  "effect.string_mass": "Masse des Fadens",
+  "effect.string_thickness": "Dicke des Fadens",
+  "effect.heavy_swing": "Pendeln von M2",
+  "effect.out_of_plane": "Bewegung aus der Ebene",
+  "effect.turning_rod": "drehbare Stange",
+  "effect.string_stretch": "Dehnung des Fadens",
+  "effect.light_inertia": "Trägheitsmoment von M1",
+  "effect.closure": "gelernte Zusatzkraft",
+
   // Karte
   mapTitle: "Wie tief fällt sie?",
   mapLabel: "Karte über den Winkel des Fadens und das Massenverhältnis, gefärbt nach der Fallstrecke der schweren Masse bis zum Halt. "
@@ -155,6 +232,7 @@ export const de = {
   mapReadHalts: "{angle} Grad, {ratio} zu 1: Halt nach {drop} cm Fall.",
   mapReadNever: "{angle} Grad, {ratio} zu 1: kein Halt.",
   mapNoLoop: "Sie gilt, wenn die leichte Masse losgelassen wird, nicht für diesen Beginn.",
+  mapWithout: "Sie ist ohne {effects} gerechnet.",
   mapAngle: "Winkel des Fadens",
   mapRatio: "Massenverhältnis M2/M1",
 
@@ -372,7 +450,7 @@ export const de = {
     + "sind die der Referenz von looping-pendulum {version}, in Schritten achter Ordnung.",
   aboutUnits: "Der Luftwiderstand ist die Zahl mal dem Quadrat der Geschwindigkeit (2 g/m bei 3 m/s: 0,018 N), der des Fadens je Länge. Die "
     + "Reibungszahlen gelten zwischen Faden und Stange: die eine, während der Faden gleitet, die andere, solange er haftet.",
-  aboutKeys: "Tasten: Die Leertaste startet, die Pfeile gehen schrittweise, Pos1 geht zum Anfang, Strg+Z macht rückgängig. Auf einem Regler "
+  aboutKeys: "Tasten: Die Leertaste startet, die Pfeile gehen schrittweise, Pos1 geht zum Anfang und Ende zum Ende, Strg+Z macht rückgängig. Auf einem Regler "
     + "ändern Pfeile und Bild auf/ab den Wert.",
 
   // Beispiele

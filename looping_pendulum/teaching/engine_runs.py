@@ -1,4 +1,4 @@
-"""Data of the demonstration page, from a comparison's result and its trajectories; nothing is simulated here."""
+"""The runs of a comparison as the live page draws them beside its own; nothing is simulated here."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from looping_pendulum.compare.report import name
 from looping_pendulum.compare.result import ComparisonResult, EngineResult, ResultSamples, SupplyEntry
 from looping_pendulum.compare.trial import distance
 from looping_pendulum.compare.trial_table import RESIDUAL_UNITS
-from looping_pendulum.compare.words import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, events_to_show, mode_description
+from looping_pendulum.compare.words import EVENT_DESCRIPTIONS, PHYSICS_DESCRIPTIONS, events_to_show
 from looping_pendulum.engines.landmarks import RELEASES_WITHOUT_STOPS, Landmarks
 from looping_pendulum.engines.protocol import physics_of
-from looping_pendulum.engines.tension import tension_from_motion
+from looping_pendulum.engines.tension import AVERAGING_TIME, tension_from_motion
 from looping_pendulum.engines.trajectory import UNKNOWN_MODE, Supplier, Trajectory
+from looping_pendulum.pages.glossary import glossary
 from looping_pendulum.pages.numbers import number, quantity
 from looping_pendulum.pages.palette import styles
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release, parameters_from
 from looping_pendulum.reference_ode.transitions import Mode
+from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 
 FINE_RATE, COARSE_RATE = 500, 250
 """Drawn positions per second of a run: the first, or the second if the run is long."""
@@ -29,24 +31,12 @@ LONG_RUN = 4.0
 POSITION_TOLERANCE = 1e-4
 """Largest error [m] of positions that are computed from free length and wrap angle: a tenth of a millimetre is no pixel."""
 
-EVENT_KINDS = {
-    "stop": ("stop", "the heavy mass's speed is zero for an instant"),
-    "stick": ("stick", "the rod begins to hold the string; the heavy mass rests"),
-    "slip": ("slip", "the string breaks away; a resting heavy mass moves again"),
-    "slack": ("slack", "the string loses its tension; the masses fly freely"),
-    "taut": ("taut", "the string pulls again"),
-    "halt": ("halt", "the heavy mass is at rest for good"),
-    "rod": ("at the rod", "the light mass has reached the rod"),
-    "broke": ("broke off", "the run ended before its time"),
-    "other": ("event", "something else that the reference reports"),
-}
-"""Kind of event on the timeline -> (short name, meaning)."""
 KIND_OF_EVENT = {"slip_onset": "slip", "light_reaches_rod": "rod"} | {n: n for n in ("stop", "stick", "slack", "taut", "halt")}
-"""Name of a reference's event -> its kind on the timeline."""
+"""Name of a reference's event -> its kind on the timeline; any other is "other". Of an engine's run there is "broke", too."""
 
 
 def page_data(result: ComparisonResult) -> dict[str, Any]:
-    """Return all data of the page's scripts, as plain types: SI units and radians, one list per quantity and run.
+    """Return all that the page's scripts read of the runs, as plain types: SI units and radians, one list per quantity and run.
 
     Raises
     ------
@@ -65,13 +55,16 @@ def page_data(result: ComparisonResult) -> dict[str, Any]:
         runs.append(_engine_run(result, engine, aligned, p, rate) | drawing_style | {"id": f"run{i}"})
     return {
         "scenario": result.scenario,
+        "release": p.release.value,
         "duration": result.duration,
         "radius": p.rod_radius,
         "string": p.release is not Release.DROP,
         "rate": rate,
         "runs": runs,
         "modes": _mode_intervals(result.samples.reference),
-        "kinds": {kind: words[0] for kind, words in EVENT_KINDS.items()},
+        "versions": _versions(result),
+        "tension_window": AVERAGING_TIME,
+        "words": glossary("comparison"),
         "trial": _trial(result, result.samples),
     }
 
@@ -115,7 +108,7 @@ def _residual_words(result: ComparisonResult, index: int | None) -> str:
 def _reference_run(result: ComparisonResult, samples: ResultSamples, p: Parameters, rate: int) -> dict[str, Any]:
     end = result.reference.end_time
     events = [
-        {"kind": KIND_OF_EVENT.get(event, "other"), "t": time, "words": EVENT_DESCRIPTIONS[event]}
+        {"kind": KIND_OF_EVENT.get(event, "other"), "t": time, "words": EVENT_DESCRIPTIONS[event], "name": event}
         for event, time in events_to_show(result.reference.events)
         if time <= result.duration
     ]
@@ -169,9 +162,9 @@ def _timeline_events(engine: EngineResult, gap: str) -> list[dict[str, Any]]:
 
 
 def caption(result: ComparisonResult, engine: EngineResult, p: Parameters) -> str:
-    """Return one line about a run: who supplies the friction, when it halts, what it lacks."""
+    """Return one line about a run: who supplies the friction, when it halts, how far its path is, what it lacks."""
     supplies = engine.provenance.supplies
-    parts = [_friction(supplies, p), _halting(engine, result.reference.sampled), _lacks(engine)]
+    parts = [_friction(supplies, p), _halting(engine, result.reference.sampled), _path(engine), _lacks(engine)]
     if not engine.ok:
         parts.insert(0, f"Not shown to the end: {engine.status_sentence}." if engine.samples else "Nothing to show.")
     return " ".join(part for part in parts if part)
@@ -205,6 +198,15 @@ def _halting(engine: EngineResult, reference: Landmarks) -> str:
     if engine.end_time < reference.halting_time:
         return f"Its run ends at {engine.end_time:.3f} s, before the reference halts."
     return f"Does not halt by {engine.end_time:.2f} s."
+
+
+def _path(engine: EngineResult) -> str:
+    """Return the mean distance of its path from the reference's until the halt, or else until the latest time that is known."""
+    metric = next((metric for metric in ("rms_halt", *reversed(RMS_END_TIMES)) if engine.metrics.get(metric) is not None), None)
+    if metric is None:
+        return ""
+    until = "the halt" if metric == "rms_halt" else f"{RMS_END_TIMES[metric]:g} s"
+    return f"RMS distance of its path until {until}: {quantity(engine.metrics[metric], 'm')}."
 
 
 def _lacks(engine: EngineResult) -> str:
@@ -254,26 +256,22 @@ def _rounded(values: Array, decimals: int) -> list[float | None]:
 
 
 def _mode_intervals(reference: Trajectory) -> list[dict[str, Any]]:
-    """Return the time intervals of the reference's modes: each one's start [s], description and kind."""
+    """Return the time intervals of the reference's modes: each one's start [s] and the mode's name."""
     changes = np.flatnonzero(np.diff(reference.mode)) + 1
     starts = [0, *changes.tolist()]
+    return [{"from": float(reference.t[i]), "mode": _mode_name(int(reference.mode[i]))} for i in starts]
+
+
+def _mode_name(mode: int) -> str:
+    return "unknown" if mode == UNKNOWN_MODE else Mode(mode).name.lower()
+
+
+def _versions(result: ComparisonResult) -> list[str]:
+    """Return for the reference and for each engine who made the run, with which versions."""
+    reference = result.reference
+    made = [(f"{reference.engine}:{reference.variant}", reference.provenance)]
+    made += [(name(engine), engine.provenance) for engine in result.engines]
     return [
-        {
-            "from": float(reference.t[i]),
-            "words": mode_description(int(reference.mode[i])),
-            "moves": _interval_kind(int(reference.mode[i])),
-        }
-        for i in starts
+        ", ".join([who, *(f"{package} {version}" for package, version in provenance.versions.items())])
+        for who, provenance in made
     ]
-
-
-def _interval_kind(mode: int) -> str:
-    """Return the kind of an interval, which has a pattern of its own on the timeline."""
-    if mode == UNKNOWN_MODE:
-        return "unknown"
-    known = Mode(mode)
-    if known.sliding:
-        return "down" if known is Mode.SLIDING_DOWN else "up"
-    if known is Mode.FALLING:
-        return "free"
-    return "slack" if known.slack else "stick"

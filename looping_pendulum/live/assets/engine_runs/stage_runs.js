@@ -1,0 +1,165 @@
+/** Stored runs on the stage: masses, strings and paths of all that are shown, tracked points, the wound strings side by side. */
+
+import { colours, polyline, write } from "../canvas.js";
+import { fixed, text } from "../texts.js";
+import { countUpTo, placeOf } from "./motion.js";
+import { REFERENCE, dashOf, drawMarker } from "./shapes.js";
+
+/** @typedef {import("../canvas.js").Context} Context */
+/** @typedef {import("../stage.js").View} View */
+/** @typedef {import("./motion.js").RunsData} RunsData */
+/** @typedef {import("./motion.js").EngineRun} EngineRun */
+/** @typedef {import("./motion.js").Place} Place */
+/** @typedef {{run: EngineRun, colour: string, place: Place}} Drawn a run at the chosen time */
+
+/** Distance between wound strings on the enlarged rod, in rod radii. */
+const LANE = 0.055;
+/** Half height of the enlarged view, in rod radii. */
+const LEAST_VIEW = 2.2;
+const PALE = 0.35;
+/** Radii of a tracked point, and of the latest one [px]. */
+const [POINT, LATEST_POINT] = [2.4, 6.5];
+/** Time for which the first tracked point is the latest one, where no second tells the time between frames [s]. */
+const FRAME = 0.02;
+
+/** Draws runs, whose paths it computes once. */
+export class StageRuns {
+  /** @param {RunsData} data */
+  constructor(data) {
+    this.data = data;
+    /** Every drawn place of a run [m]. @type {Map<string, number[][]>} */
+    this.paths = new Map(data.runs.map((run) => [run.id, pathOf(data, run)]));
+    const places = [...this.paths.values()].flat().filter(([x]) => !Number.isNaN(x));
+    const heavy = data.runs.flatMap((run) => run.heavy?.length ? [[run.heavy[0], run.heavy[1] - Math.max(...run.drop.map(Number))], run.heavy] : []);
+    const points = Object.values(data.trial?.stage ?? {}).flatMap(({ x, y }) => y.map((value, i) => [x?.[i] ?? 0, value ?? 0]));
+    const all = [...places, ...heavy, ...points];
+    const least = (/** @type {number} */ axis) => all.reduce((low, place) => Math.min(low, place[axis]), 0);
+    const most = (/** @type {number} */ axis) => all.reduce((high, place) => Math.max(high, place[axis]), 0);
+    /** Two places between which all others are [m]. */
+    this.corners = [[least(0), least(1)], [most(0), most(1)]];
+    /** Each turn of an enlarged string lies outside the one before it. */
+    this.pitch = LANE * (data.runs.length + 1);
+    const mostAngle = data.runs.flatMap((run) => run.angle ?? []).reduce((/** @type {number} */ high, angle) => Math.max(high, angle ?? 0), 0);
+    this.halfHeight = Math.max(LEAST_VIEW, 1.15 * this.woundRadius(mostAngle, data.runs.length));
+  }
+
+  /** Runs at a time, those that have places. @param {EngineRun[]} shown @param {Map<string, string>} colourOf @param {number} time */
+  at(shown, colourOf, time) {
+    return shown.flatMap((run) => {
+      const place = placeOf(this.data, run, time);
+      return place && place.x !== null ? [{ run, place, colour: colourOf.get(run.id) ?? "" }] : [];
+    });
+  }
+
+  /** @param {Context} c @param {View} view @param {Drawn[]} drawn @param {number} time @param {boolean} slack of the reference */
+  draw(c, view, drawn, time, slack) {
+    const { ink, ground } = colours();
+    for (const one of drawn) this.path(c, view, one, time);
+    for (const one of drawn) {
+      c.globalAlpha = one.place.ended ? PALE : 1;
+      if (this.data.string) this.string(c, view, one, slack && one.run.id === REFERENCE);
+    }
+    for (const { run, place, colour } of drawn) {
+      c.globalAlpha = place.ended ? PALE : 1;
+      const [heavy, light] = run.id === REFERENCE ? [14, 9] : [10, 6];
+      drawMarker(c, run, view.x(place.heavyX), view.y(place.heavyY), heavy, colour, ground);
+      drawMarker(c, run, view.x(Number(place.x)), view.y(Number(place.y)), light, colour, ground);
+    }
+    c.globalAlpha = 1;
+    if (!drawn.length) return;
+    const [{ place }] = drawn;
+    write(c, "M2", view.x(place.heavyX) + 20, view.y(place.heavyY), { colour: ink, size: 13, bold: true });
+    write(c, "M1", view.x(Number(place.x)) + 14, view.y(Number(place.y)) - 12, { colour: ink, size: 13, bold: true });
+  }
+
+  /** @param {Context} c @param {View} view @param {Drawn} drawn @param {number} time */
+  path(c, view, { run, colour }, time) {
+    const path = this.paths.get(run.id) ?? [];
+    const done = path.slice(0, Math.floor(time * this.data.rate) + 1).filter(([x]) => !Number.isNaN(x));
+    const width = run.id === REFERENCE ? 3 : 1.8;
+    polyline(c, done.map(([x, y]) => [view.x(x), view.y(y)]), { colour, width, dash: dashOf(run), alpha: 0.55 });
+  }
+
+  /** From the heavy mass up to the rod, round it, and along the tangent to the light mass.
+   * @param {Context} c @param {View} view @param {Drawn} drawn @param {boolean} slack */
+  string(c, view, { run, place, colour }, slack) {
+    const r = this.data.radius;
+    c.beginPath();
+    c.moveTo(view.x(place.heavyX), view.y(place.heavyY));
+    c.lineTo(view.x(r), view.y(0));
+    c.arc(view.x(0), view.y(0), r * view.scale, 0, -Math.max(place.angle ?? 0, 0), true);
+    c.lineTo(view.x(Number(place.x)), view.y(Number(place.y)));
+    c.strokeStyle = colour;
+    c.lineWidth = run.id === REFERENCE ? 2 : 1.2;
+    c.setLineDash(slack ? [3, 5] : []); // only the ends of a slack string are known
+    c.stroke();
+    c.setLineDash([]);
+  }
+
+  /** Tracked points of both masses up to the time, the latest large while it is younger than two frames.
+   * @param {Context} c @param {View} view @param {number} time */
+  points(c, view, time) {
+    const { ink, ground } = colours();
+    const heavyX = this.data.runs[0].heavy[0];
+    c.strokeStyle = ink;
+    c.fillStyle = ground; // hollow, so that they show on a line of the same colour
+    for (const { t, x, y } of Object.values(this.data.trial?.stage ?? {})) {
+      const count = countUpTo(t, time);
+      for (let i = 0; i < count; i++) {
+        const latest = i === count - 1 && time - t[i] < 2 * (i ? t[i] - t[i - 1] : FRAME);
+        c.beginPath();
+        c.arc(view.x(x?.[i] ?? heavyX), view.y(Number(y[i])), latest ? LATEST_POINT : POINT, 0, 2 * Math.PI);
+        c.lineWidth = latest ? 2 : 1;
+        if (!latest) c.fill();
+        c.stroke();
+      }
+    }
+  }
+
+  /** Radius of an enlarged string at an angle, in rod radii. @param {number} angle @param {number} lane */
+  woundRadius(angle, lane) {
+    return 1 + LANE * (lane + 0.7) + (this.pitch * Math.max(angle, 0)) / (2 * Math.PI);
+  }
+
+  /** The rod enlarged, the wound strings beside each other.
+   * @param {Context} c @param {Drawn[]} drawn @param {{left: number, width: number, height: number}} place */
+  rod(c, drawn, { left, width, height }) {
+    const { line, ink, soft } = colours();
+    const r = this.data.radius;
+    const scale = Math.min(width, height) / (2 * this.halfHeight * r);
+    const [x, y] = [(/** @type {number} */ a) => left + width / 2 + a * scale, (/** @type {number} */ b) => height / 2 + 8 - b * scale];
+    c.save();
+    c.beginPath();
+    c.rect(left, 0, width, height + 8);
+    c.clip();
+    c.beginPath();
+    c.arc(x(0), y(0), r * scale, 0, 2 * Math.PI);
+    c.fillStyle = line;
+    c.fill();
+    drawn.forEach(({ run, place, colour }, lane) => {
+      const at = (/** @type {number} */ angle) => r * this.woundRadius(angle, lane);
+      const angle = place.angle ?? 0;
+      const points = [[x(at(0)), height + 20], [x(at(0)), y(0)]];
+      for (let a = 0; a < angle; a += 0.05) points.push([x(at(a) * Math.cos(a)), y(at(a) * Math.sin(a))]);
+      const [cos, sin, outer, length] = [Math.cos(angle), Math.sin(angle), at(angle), place.length ?? 0];
+      points.push([x(outer * cos), y(outer * sin)], [x(outer * cos - length * sin), y(outer * sin + length * cos)]);
+      const lineWidth = run.id === REFERENCE ? 3 : 2;
+      polyline(c, points, { colour, width: lineWidth, dash: dashOf(run), alpha: place.ended ? PALE : 1 });
+    });
+    c.restore();
+    const turns = drawn[0]?.place.turns ?? null;
+    if (turns !== null) {
+      write(c, fixed(turns, 2), x(0), y(0) - 7, { colour: ink, size: 13, align: "center", bold: true });
+      write(c, text("turns"), x(0), y(0) + 8, { colour: ink, size: 11, align: "center" });
+    }
+    write(c, text("rodEnlarged"), left + width / 2, 12, { colour: soft, size: 11, align: "center" });
+  }
+}
+
+/** Places of the light mass, at the data's rate [m]; NaN where they are unknown. @param {RunsData} data @param {EngineRun} run */
+function pathOf(data, run) {
+  return Array.from({ length: run.count }, (_, i) => {
+    const place = placeOf(data, run, i / data.rate);
+    return [place?.x ?? NaN, place?.y ?? NaN];
+  });
+}

@@ -1,0 +1,66 @@
+/** Keep and share: the link, a film and a picture of the stage, the run's numbers, and files that the package reads. */
+
+import { linkOf, settingsOf } from "./controls.js";
+import { film, filmType, runCsv, save, scenarioYaml } from "./export.js";
+import { text } from "./texts.js";
+
+/**
+ * @typedef {{state: import("./controls.js").State, data: {keys: Record<string, string>}, player: import("./player.js").Player,
+ *   fit: import("./fit_panel.js").FitPanel, writeAddress: () => void, say: (id: string, words: string | (() => string)) => void}} KeptPage
+ */
+
+/** What the buttons of "Keep and share", and the one for the study, do. */
+export class Keeping {
+  /** @param {(id: string) => HTMLElement} element @param {KeptPage} page */
+  constructor(element, page) {
+    this.page = page;
+    this.canvas = /** @type {HTMLCanvasElement} */ (element("stage"));
+    /** Ends the film that is being made. @type {(() => void) | null} */
+    this.stopFilm = null;
+    const yaml = (/** @type {string} */ content) => new Blob([content], { type: "application/yaml" });
+    element("save-film").hidden = !filmType();
+    /** @type {Record<string, () => void>} */
+    const actions = {
+      copy: () => this.copyLink(),
+      "save-picture": () => this.canvas.toBlob((blob) => blob && save("looping-pendulum.png", blob)),
+      "save-film": () => this.startFilm(),
+      "save-numbers": () => save("looping-pendulum.csv", new Blob([runCsv(settingsOf(page.state))], { type: "text/csv" })),
+      "save-scenario": () => save("live.scenario.yaml", yaml(this.scenario())),
+      "trial-study": () => save("study.yaml", yaml(page.fit.study())),
+    };
+    for (const [id, action] of Object.entries(actions)) element(id).addEventListener("click", action);
+  }
+
+  async copyLink() {
+    this.page.writeAddress();
+    try {
+      await navigator.clipboard.writeText(location.href);
+      this.page.say("copied", () => text("copied"));
+    } catch {
+      this.page.say("copied", () => text("notCopied")); // a page from a folder may not be allowed to
+    }
+  }
+
+  /** Play from the release and film the stage until it ends or is stopped. */
+  startFilm() {
+    if (this.stopFilm) return;
+    this.page.player.stopAt(0);
+    this.stopFilm = film(this.canvas);
+    this.page.say("copied", () => text("films"));
+    this.page.player.play();
+  }
+
+  /** Save the film, if one is being made, since nothing moves any more. */
+  endFilm() {
+    if (!this.stopFilm) return;
+    this.stopFilm();
+    this.stopFilm = null;
+    this.page.say("copied", "");
+  }
+
+  /** The settings as a scenario file. */
+  scenario() {
+    const { state, data } = this.page;
+    return scenarioYaml(settingsOf(state), data.keys, linkOf(state));
+  }
+}
