@@ -196,7 +196,7 @@ def test_a_trial_and_its_fit_are_told_in_german(german, tables):
         (
             "t,light_x,light_y\n0,1,2\n.01,150.5,3\n",
             "bad.csv:3: Spalte light_x: 150,5 m gefunden, höchstens 20 sind möglich; wenn die Datei eine andere Einheit hat, "
-            "sie nennen: 'units: {length: cm}'",
+            "sie nennen: 'units: {length: cm}' (hier: Längen in)",
         ),
     ],
 )

@@ -221,11 +221,11 @@ def test_the_slider_of_the_time_says_what_happens_then(opened):
     page.focus("#time")
     page.keyboard.press("End")
     settled(page)
-    assert re.fullmatch(r"1\.\d{3} seconds, the rod holds the string", page.get_attribute("#time", "aria-valuetext"))
+    assert re.fullmatch(r"1\.\d{3} seconds: the rod holds the string", page.get_attribute("#time", "aria-valuetext"))
     page.keyboard.press("Home")
     page.keyboard.press("Shift+ArrowRight")
     settled(page)
-    assert page.get_attribute("#time", "aria-valuetext") == "0.020 seconds, the string slides; the heavy mass falls"
+    assert page.get_attribute("#time", "aria-valuetext") == "0.020 seconds: the string slides; the heavy mass falls"
 
 
 def test_the_table_of_the_run_names_its_events(opened):

@@ -99,7 +99,7 @@ export class Player {
   draw(words) {
     this.slider.max = String(this.end());
     this.slider.value = String(this.time);
-    this.slider.setAttribute("aria-valuetext", `${text("spokenTime", { time: fixed(this.time, 3) })}, ${words}`);
+    this.slider.setAttribute("aria-valuetext", text("spokenTime", { time: fixed(this.time, 3), words }));
     this.clock.textContent = `${fixed(this.time, 3)} s`;
     const action = text(this.playing ? "pause" : "play");
     if (this.button.textContent !== action) this.button.textContent = action;

@@ -34,7 +34,7 @@ export const de = {
   speed: "Tempo",
   shareOfRealTime: "{share} der wirklichen Geschwindigkeit",
   time: "Zeit seit dem Loslassen in Sekunden",
-  spokenTime: "{time} Sekunden",
+  spokenTime: "{time} Sekunden: {words}",
   forces: "Kräfte",
   lastAsGhost: "letzte Einstellung als Schatten",
   weight: "Gewichtskraft",

@@ -33,7 +33,7 @@ export const en = {
   speed: "Speed",
   shareOfRealTime: "{share} of real time",
   time: "Time since the release in seconds",
-  spokenTime: "{time} seconds",
+  spokenTime: "{time} seconds: {words}",
   forces: "forces",
   lastAsGhost: "last setting as a ghost",
   weight: "weight",
