@@ -42,7 +42,7 @@ async ([seed, count]) => {
   }
 
   function trial() {
-    const field = pick(all("#trial-options select, #trial-options input[type=text]"));
+    const field = pick(all("#trial-options select, #trial-options input[type=text]").filter(({ options }) => !options || options.length));
     field.value = field.options ? pick([...field.options]).value : pick(["0,1", "x", "", "30", "-2"]);
     send(field, "change");
   }

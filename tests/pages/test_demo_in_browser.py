@@ -20,9 +20,9 @@ DRAWN = 1 / 500
 CURSORS = """() => live.plots.filter(({ box }) => !box.hidden).map(({ canvas }) => {
   const context = canvas.getContext("2d"), ratio = canvas.width / canvas.clientWidth, row = canvas.height - 30 * ratio;
   const { data } = context.getImageData(0, row, canvas.width, 1);
-  let best = 0;
-  for (let i = 0; i < canvas.width; i++) if (data[4 * i + 3] > data[4 * best + 3]) best = i;
-  return best / ratio;
+  const columns = Array.from({ length: canvas.width }, (_, i) => i);
+  const most = Math.max(...columns.map((i) => data[4 * i + 3])), drawn = columns.filter((i) => data[4 * i + 3] === most);
+  return (drawn[0] + drawn[drawn.length - 1]) / 2 / ratio;
 })"""
 """Where the cursor stands in each plot [px], read in a row in which only it is drawn."""
 

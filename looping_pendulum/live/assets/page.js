@@ -10,6 +10,7 @@ import { FitPanel } from "./fit_panel.js";
 import { History } from "./history.js";
 import { Speech } from "./language.js";
 import { Keeping } from "./keeping.js";
+import { listenToKeys } from "./keys.js";
 import { LessonPanel } from "./lesson/panel.js";
 import { HaltMap } from "./map.js";
 import { MapCursor } from "./map_cursor.js";
@@ -20,7 +21,7 @@ import { ShownRun } from "./shown_run.js";
 import { Sliders } from "./sliders.js";
 import { Stage } from "./stage.js";
 import { LANGUAGES, fixed, shown, text, textsOf } from "./texts.js";
-import { TrialPanel } from "./trial_panel.js";
+import { TrialPanel, nearest } from "./trial_panel.js";
 
 /** @typedef {import("./controls.js").State} State */
 /** @typedef {import("./controls.js").Preset} Preset */
@@ -30,8 +31,6 @@ import { TrialPanel } from "./trial_panel.js";
 const CENTIMETRES = 100;
 /** Time without a further key after which a setting is one of its own [ms]. */
 const PATIENCE = 1000;
-/** What acts on the space bar while it has the focus. */
-const KEEPS_SPACE = "button, summary, label:has(input[type=checkbox]), input[type=checkbox]";
 
 /** @param {string} id */
 function element(id) {
@@ -153,16 +152,11 @@ class Page {
       const preset = this.data.presets.find(({ name }) => name === this.select("preset").value);
       if (preset) this.set(stateOf(preset));
     });
-    element("undo").addEventListener("click", () => this.go(() => this.history.undo()));
-    element("redo").addEventListener("click", () => this.go(() => this.history.redo()));
+    element("undo").addEventListener("click", () => this.undo());
+    element("redo").addEventListener("click", () => this.redo());
     for (const id of ["ghost", "forces"]) element(id).addEventListener("change", () => this.change());
     element("table-of-run").addEventListener("toggle", () => this.table());
-    document.addEventListener("keydown", (event) => this.onKey(event));
-    // A button or box that was clicked would keep the space bar to itself; one that Tab leads to acts on it, as it should
-    document.addEventListener("click", (event) => {
-      const clicked = event.detail > 0 && event.target instanceof Element && event.target.closest(KEEPS_SPACE);
-      if (clicked) requestAnimationFrame(() => /** @type {HTMLElement | null} */ (document.activeElement)?.blur());
-    });
+    listenToKeys(this);
     window.addEventListener("hashchange", () => this.readAddress());
     whenResized(() => this.change());
     Theme.onChange(() => {
@@ -193,21 +187,11 @@ class Page {
     this.player.stopAt(time);
   }
 
-  /** @param {KeyboardEvent} event */
-  onKey(event) {
-    const target = /** @type {HTMLElement} */ (event.target);
-    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && !target.matches("input[type=text]")) {
-      event.preventDefault();
-      this.go(() => (event.shiftKey ? this.history.redo() : this.history.undo()));
-      return;
-    }
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    if (target.matches("input:not(#time, [type=checkbox]), select, textarea, summary, a, .table")) return;
-    if (event.key === " " && target.matches("button, input[type=checkbox]")) return;
-    const toMoment = { n: 1, p: -1 }[event.key.toLowerCase()];
-    if (this.activeRuns && toMoment) this.player.stopAt(this.activeRuns.moment(toMoment, this.player.time));
-    else if (!this.player.onKey(event)) return;
-    event.preventDefault();
+  /** Go to the next moment of the stored runs, or with -1 to the one before; return whether there are any. @param {number} direction */
+  goToMoment(direction) {
+    const runs = this.activeRuns;
+    if (runs) this.player.stopAt(runs.moment(direction, this.player.time));
+    return runs !== null;
   }
 
   /** Show a state that is on its way. @param {State} state */
@@ -252,9 +236,17 @@ class Page {
     this.set(withValue(withValue(this.state, "release_angle", release_angle), "mass_ratio", mass_ratio));
   }
 
-  /** @param {() => void} travel */
-  go(travel) {
-    travel();
+  undo() {
+    this.history.undo();
+    this.restored();
+  }
+
+  redo() {
+    this.history.redo();
+    this.restored();
+  }
+
+  restored() {
     this.writeAddress();
     this.change();
   }
@@ -419,13 +411,6 @@ class Page {
     this.lesson.watch(this.run, time);
     this.say("doing", time === 0 ? text("start") : `${mode}${runs?.lastMoment(time) ?? ""}`);
   }
-}
-
-/** Tracked point that is nearest in time, if it is near. @param {[number, number, number][]} points @param {number} time */
-function nearest(points, time) {
-  let best = null;
-  for (const point of points) if (best === null || Math.abs(point[0] - time) < Math.abs(best[0] - time)) best = point;
-  return best !== null && Math.abs(best[0] - time) < 0.02 ? [best[1], best[2]] : null;
 }
 
 /** Start the page. @param {string} source text of the script that runs */

@@ -308,6 +308,13 @@ function mark(c, name, x, y, size) {
   c.fill();
 }
 
+/** Tracked point that is nearest in time, if it is near. @param {[number, number, number][]} points @param {number} time */
+export function nearest(points, time) {
+  let best = null;
+  for (const point of points) if (best === null || Math.abs(point[0] - time) < Math.abs(best[0] - time)) best = point;
+  return best !== null && Math.abs(best[0] - time) < 0.02 ? [best[1], best[2]] : null;
+}
+
 /** What a run has where a file has a channel. @param {DrawnRun} run @param {string} name @param {number} t */
 function predicted(run, name, t) {
   const { light, heavy, wrapAngle } = run.at(t);
