@@ -6,8 +6,10 @@ import re
 
 import pytest
 
+from looping_pendulum.teaching import demo
 from tests.pages.conftest import PHONE, sideways, until
-from tests.pages.live_page import page_text, preset, settled, value
+from tests.pages.live_page import at, page_text, preset, settled, value
+from tests.pages.small import small_result, thick_result, with_points
 from tests.pages.test_live_files_in_browser import drop_file
 
 STRINGS = """() => {
@@ -15,7 +17,8 @@ STRINGS = """() => {
   const walker = document.createTreeWalker(document.documentElement, NodeFilter.SHOW_TEXT | NodeFilter.SHOW_ELEMENT);
   for (let node = walker.nextNode(); node; node = walker.nextNode()) {
     if (node.nodeType === Node.TEXT_NODE) {
-      const isOther = node.parentElement.closest("script, style, noscript, code, #language, title, option[value^='=']");
+      const isOther = node.parentElement.closest(
+        "script, style, noscript, code, #language, title, option[value^='='], [lang='']:not(html), [lang=en]:not(html)");
       if (!isOther) found.add(node.textContent);
     } else {
       for (const name of ["aria-label", "title", "placeholder", "alt", "aria-valuetext", "aria-description"]) {
@@ -27,7 +30,8 @@ STRINGS = """() => {
 }"""
 """All that can be read on the page, hidden parts and names for screen readers included.
 
-The languages' own names and a file's tracks are none of the page's words.
+The languages' own names, a file's tracks, a reader's own scenario and what the package writes about runs are none of the
+page's words.
 """
 KEEP_WHAT_IS_DRAWN = """() => {
   const isKept = Boolean(window.drawn);
@@ -182,6 +186,64 @@ def test_a_trial_and_its_fit_are_told_in_german(german, tables):
     page.select_option("#language", "de")
     settled(page)
     assert page.inner_text("#fit-table") == table
+
+
+@pytest.fixture(params=[lambda: with_points(small_result()), thick_result], ids=["small", "thick"])
+def with_runs(request, visit):
+    """A page with stored runs, in German."""
+    page = visit(demo.render(request.param()), locale="de-DE", viewport={"width": 1280, "height": 900}).page
+    page.evaluate("live.player.stopAt(0)")
+    page.evaluate(KEEP_WHAT_IS_DRAWN)
+    page.evaluate("live.change()")
+    page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+    settled(page)
+    return page
+
+
+def test_stored_runs_are_told_in_german(with_runs, tables):
+    page = with_runs
+    for time in (0, 0.5, page.evaluate("live.player.end()")):
+        at(page, time)
+        assert_german(page, tables)
+    page.focus("#range-mass_ratio")
+    page.keyboard.press("ArrowRight")
+    settled(page)
+    assert page.inner_text("#engine-notice").startswith("Die Bewegungen der Physik-Engines gehören zu ")
+    assert_german(page, tables)
+    page.click("#engine-back")
+    settled(page)
+    assert_german(page, tables)
+
+
+def test_stored_runs_are_told_in_another_language_at_once_and_stay_as_they_are(with_runs):
+    page = with_runs
+    words = "(ids) => ids.map((id) => document.getElementById(id).innerText)"
+    boxes = ["engine-runs", "engine-details", "moment-key", "engine-notice", "doing"]
+    at(page, 0.5)
+    page.evaluate("document.querySelectorAll('#engine-details details')[1].open = false")
+    page.locator("#engine-runs input:enabled").last.uncheck()
+    settled(page)
+    shown = "[...live.engines.shown].join()"
+    state = (
+        "[...document.querySelectorAll('#engine-runs input, #engine-details details')].map((one) => one.checked ?? one.open)"
+    )
+    german, runs, switches = page.evaluate(words, boxes), page.evaluate(shown), page.evaluate(state)
+    assert False in switches
+    assert "Fadenkraft an M1 [N]" in german[1]
+    assert re.search(r"\d,\d{4} s", german[1])
+    page.select_option("#language", "en")
+    settled(page)
+    english = page.evaluate(words, boxes)
+    assert "string at M1 pulls [N]" in english[1]
+    assert not re.search(r"\d,\d{4} s", english[1])
+    assert page.text_content("#timeline text").startswith("the reference")
+    assert page.title().startswith("The looping pendulum: ")
+    assert (page.evaluate(shown), page.evaluate(state)) == (runs, switches)
+    page.select_option("#language", "de")
+    settled(page)
+    assert page.evaluate(words, boxes) == german
+    assert (page.evaluate(shown), page.evaluate(state)) == (runs, switches)
+    assert page.title().startswith("Das schlingende Pendel: ")
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,8 @@ import { text } from "./texts.js";
 
 /**
  * @typedef {{state: import("./controls.js").State, data: {keys: Record<string, string>}, player: import("./player.js").Player,
- *   fit: import("./fit_panel.js").FitPanel, writeAddress: () => void, say: (id: string, words: string | (() => string)) => void}} KeptPage
+ *   fit: import("./fit_panel.js").FitPanel, address: import("./address.js").Address,
+ *   say: (id: string, words: string | (() => string)) => void}} KeptPage
  */
 
 /** What the buttons of "Keep and share", and the one for the study, do. */
@@ -32,7 +33,7 @@ export class Keeping {
   }
 
   async copyLink() {
-    this.page.writeAddress();
+    this.page.address.write();
     try {
       await navigator.clipboard.writeText(location.href);
       this.page.say("copied", () => text("copied"));

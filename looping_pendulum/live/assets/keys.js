@@ -4,7 +4,8 @@
 const KEEPS_SPACE = "button, summary, label:has(input[type=checkbox]), input[type=checkbox]";
 
 /**
- * @typedef {{player: import("./player.js").Player, undo: () => void, redo: () => void, goToMoment: (direction: number) => boolean}} KeyPage
+ * @typedef {{player: import("./player.js").Player,
+ *   go: (where: "undo" | "redo") => void, goToMoment: (direction: number) => boolean}} KeyPage
  */
 
 /** @param {KeyPage} page */
@@ -28,8 +29,7 @@ export function listenToKeys(page) {
 function isForPage(page, event) {
   const target = /** @type {HTMLElement} */ (event.target);
   if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && !target.matches("input[type=text]")) {
-    if (event.shiftKey) page.redo();
-    else page.undo();
+    page.go(event.shiftKey ? "redo" : "undo");
     return true;
   }
   if (event.ctrlKey || event.metaKey || event.altKey) return false;

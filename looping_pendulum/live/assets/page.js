@@ -1,8 +1,8 @@
 /** The page: settings lead to a run, the run and the time to all that is drawn. */
 
-import { RELEASES } from "../model.js";
+import { Address } from "./address.js";
 import { forgetColours, whenResized } from "./canvas.js";
-import { CONTROLS, admit, linkOf, readLink, settingsOf, stateOf, withValue } from "./controls.js";
+import { CONTROLS, admit, linkOf, settingsOf, stateOf, withValue } from "./controls.js";
 import { listenToStage, releasedAt } from "./dragging.js";
 import { EngineRuns } from "./engine_runs/engine_runs.js";
 import { EventLog } from "./event_log.js";
@@ -68,6 +68,7 @@ class Page {
     const pick = (place) => this.pick(place);
     const cursor = new MapCursor(map, element("map-reading"), () => this.state, pick, () => this.wake());
     this.map = new HaltMap(map, cursor, startWorker, pick, () => this.wake());
+    this.address = new Address(this);
     this.log = new EventLog(element("event-log"));
     this.trial = new TrialPanel(element, () => this.change());
     this.fit = new FitPanel(element, this.trial, startWorker, () => this.state, (values) => this.takeFit(values));
@@ -88,7 +89,7 @@ class Page {
     this.frames = 0;
     this.listen();
     this.relabel();
-    this.readAddress();
+    this.address.read();
     this.change();
     if (this.engines?.belongTo(this.state)) this.play();
   }
@@ -125,7 +126,9 @@ class Page {
     if (this.engines) document.title = text("pageTitleOf", { title: this.engines.title });
     for (const { kind, box } of this.plots) box.setAttribute("aria-label", text("plotLabel", { title: text(kind.title) }));
     const options = new Map([...this.select("preset").options].map((option) => [option.value, option]));
-    for (const preset of this.data.presets) /** @type {HTMLOptionElement} */ (options.get(preset.name)).text = textsOf(preset).title;
+    for (const preset of this.data.presets) {
+      /** @type {HTMLOptionElement} */ (options.get(preset.name)).text = textsOf(preset).title;
+    }
     this.trial.relabel();
     this.fit.relabel();
     this.lesson.relabel();
@@ -143,21 +146,24 @@ class Page {
   }
 
   listen() {
-    for (const { name } of this.data.presets) this.select("preset").append(new Option("", name));
+    for (const { name, shipped } of this.data.presets) {
+      const option = new Option("", name);
+      option.toggleAttribute("lang", !shipped); // the language of a reader's own title is not known
+      this.select("preset").append(option);
+    }
     this.select("language").addEventListener("change", () => {
       this.speech.speak(this.select("language").value);
-      this.writeAddress();
+      this.address.write();
     });
     this.select("preset").addEventListener("change", () => {
       const preset = this.data.presets.find(({ name }) => name === this.select("preset").value);
       if (preset) this.set(stateOf(preset));
     });
-    element("undo").addEventListener("click", () => this.undo());
-    element("redo").addEventListener("click", () => this.redo());
+    element("undo").addEventListener("click", () => this.go("undo"));
+    element("redo").addEventListener("click", () => this.go("redo"));
     for (const id of ["ghost", "forces"]) element(id).addEventListener("change", () => this.change());
     element("table-of-run").addEventListener("toggle", () => this.table());
     listenToKeys(this);
-    window.addEventListener("hashchange", () => this.readAddress());
     whenResized(() => this.change());
     Theme.onChange(() => {
       forgetColours();
@@ -187,7 +193,8 @@ class Page {
     this.player.stopAt(time);
   }
 
-  /** Go to the next moment of the stored runs, or with -1 to the one before; return whether there are any. @param {number} direction */
+  /** Go to the next moment of the stored runs, or with -1 to the one before; return whether there are any.
+   * @param {number} direction */
   goToMoment(direction) {
     const runs = this.activeRuns;
     if (runs) this.player.stopAt(runs.moment(direction, this.player.time));
@@ -212,7 +219,7 @@ class Page {
   settle() {
     clearTimeout(this.settling);
     this.history.settle();
-    this.writeAddress();
+    this.address.write();
     this.change();
   }
 
@@ -236,48 +243,11 @@ class Page {
     this.set(withValue(withValue(this.state, "release_angle", release_angle), "mass_ratio", mass_ratio));
   }
 
-  undo() {
-    this.history.undo();
-    this.restored();
-  }
-
-  redo() {
-    this.history.redo();
-    this.restored();
-  }
-
-  restored() {
-    this.writeAddress();
+  /** @param {"undo" | "redo"} where in the history */
+  go(where) {
+    this.history[where]();
+    this.address.write();
     this.change();
-  }
-
-  readAddress() {
-    const link = location.hash.slice(1);
-    this.speech.speak(new URLSearchParams(link).get("lang") ?? "");
-    if (!link || `#${link}` === this.address) return;
-    const { state, faults } = readLink(link, this.state);
-    const { release, values } = state;
-    this.history.settle();
-    // A stored run is shown with its own settings only
-    this.history.present = this.engines?.belongTo(state) ? state : { release, values };
-    this.history.settle();
-    const [fault] = faults;
-    const { key = "", text: found = "", min = "", max = "" } = fault ?? {};
-    const words = () =>
-      min === "" ? text("badRelease", { text: found, names: Object.keys(RELEASES).join(", ") }) : text("badLink", { key, text: found, min, max });
-    this.linkFault = fault ? words : "";
-    this.say("fault", this.linkFault);
-    this.change();
-  }
-
-  /** What the address says of the settings, and of the language if one was chosen. */
-  get address() {
-    const { chosen } = this.speech;
-    return `#${linkOf(this.state)}${chosen && `&lang=${chosen}`}`;
-  }
-
-  writeAddress() {
-    window.history.replaceState(null, "", this.address);
   }
 
   /** The settings or what is shown of the run have changed. */
@@ -319,8 +289,7 @@ class Page {
     if (link !== this.computed) {
       try {
         this.run = this.runOf(state);
-        this.say("fault", this.linkFault);
-        this.linkFault = "";
+        this.say("fault", this.address.takeFault());
       } catch (error) {
         const isTooShort = error instanceof RangeError && error.message.startsWith("free_length");
         this.say("fault", () => text(isTooShort ? "tooShort" : "cannotRun"));
@@ -335,6 +304,7 @@ class Page {
     }
     const preset = this.presetOfLink.get(link);
     this.select("preset").value = preset?.name ?? "";
+    element("story").toggleAttribute("lang", preset?.shipped === false);
     this.say("story", preset ? textsOf(preset).description : "");
     this.button("undo").disabled = !this.history.past.length;
     this.button("redo").disabled = !this.history.undone.length;
@@ -348,8 +318,6 @@ class Page {
     this.table();
   }
 
-  /** @type {string | (() => string)} */
-  linkFault = "";
   computed = "";
 
   /** @param {string} id */
@@ -417,5 +385,6 @@ class Page {
 export function startPage(source) {
   const read = (/** @type {string} */ id) => JSON.parse(element(id).textContent ?? "");
   // For tests and benchmarks, which look at what the page draws
-  Object.assign(window, { live: new Page(read("live-data"), read("engine-runs-data"), source), liveControls: CONTROLS, liveLanguages: LANGUAGES });
+  const live = new Page(read("live-data"), read("engine-runs-data"), source);
+  Object.assign(window, { live, liveControls: CONTROLS, liveLanguages: LANGUAGES });
 }

@@ -25,6 +25,11 @@ function html(tag, properties = {}, ...children) {
   return made;
 }
 
+/** An element with the name of a run. @param {"span" | "strong" | "th"} tag @param {EngineRun} run */
+function named(tag, run) {
+  return html(tag, run.id === REFERENCE ? {} : { lang }, nameOf(run));
+}
+
 /** One switch per run, and one for the tracked points.
  * @param {RunsData} data @param {Set<string>} shown @param {(id: string, on: boolean) => void} onSwitch */
 export function listOfRuns(data, shown, onSwitch) {
@@ -32,13 +37,13 @@ export function listOfRuns(data, shown, onSwitch) {
     const caption = html("p", { className: "caption" });
     if (run.gap) caption.append(html("strong", {}, text("notRunWhy")), html("span", { lang }, ` ${run.gap}. `));
     caption.append(html("span", { lang }, run.caption));
-    return row(run.id, nameOf(run), Boolean(run.gap), swatch(run), caption);
+    return row(run.id, named("span", run), Boolean(run.gap), swatch(run), caption);
   });
   if (data.trial) {
     const ring = make("svg", { width: 44, height: 14, "aria-hidden": "true" });
     make("circle", { cx: 22, cy: 7, r: 4, fill: "none", stroke: "currentColor", "stroke-width": 1.5 }, ring);
     const caption = html("p", { className: "caption" }, text("measuredCaption"));
-    rows.push(row(MEASURED, text("measured", { name: data.trial.name }), false, ring, caption));
+    rows.push(row(MEASURED, html("span", {}, text("measured", { name: data.trial.name })), false, ring, caption));
   }
   const list = html("fieldset", { className: "runs" }, html("legend", {}, text("engines")), ...rows);
   for (const box of list.querySelectorAll("input")) {
@@ -49,11 +54,12 @@ export function listOfRuns(data, shown, onSwitch) {
   return list;
 }
 
-/** @param {string} id @param {string} name @param {boolean} gap @param {Element} picture @param {HTMLElement} caption */
+/** @param {string} id @param {HTMLElement} name @param {boolean} gap @param {Element} picture @param {HTMLElement} caption */
 function row(id, name, gap, picture, caption) {
+  name.className = "name";
   const box = html("input", { type: "checkbox", disabled: gap });
   box.dataset.run = id;
-  const made = html("div", { className: gap ? "run gap" : "run" }, html("label", {}, box, picture, html("span", { className: "name" }, name)), caption);
+  const made = html("div", { className: gap ? "run gap" : "run" }, html("label", {}, box, picture, name), caption);
   made.dataset.run = id;
   return made;
 }
@@ -68,7 +74,8 @@ export class NumbersNow {
     /** @type {Map<EngineRun, HTMLTableRowElement>} */
     this.rows = new Map(data.runs.filter(({ count }) => count).map((run) => {
       const cells = COLUMNS.slice(1).map(() => html("td"));
-      const made = html("tr", {}, html("th", { scope: "row" }, nameOf(run)), ...cells);
+      const made = html("tr", {}, named("th", run), ...cells);
+      made.cells[0].scope = "row";
       body.append(made);
       return [run, made];
     }));
@@ -103,8 +110,8 @@ function digits(value, factor, count) {
  * @param {RunsData} data @param {(time: number) => void} onTime */
 export function momentsAndSources(data, onTime) {
   const items = data.runs.map((run) => {
-    const item = html("li", {}, html("strong", {}, nameOf(run)), ": ");
-    if (run.gap) item.append(`${text("notRun")}: `, html("span", { lang }, run.gap));
+    const item = html("li", {}, named("strong", run), ": ");
+    if (run.gap) item.append(html("span", {}, text("notRun")), ": ", html("span", { lang }, run.gap));
     else if (!run.events.length) item.append(text("noMoments", { time: fixed(run.end ?? 0, 3) }));
     for (const { kind, t } of run.gap ? [] : run.events) {
       const button = html("button", { type: "button", className: "moment" }, `${text(`moment.${kind}`)} ${fixed(t, 4)} s`);

@@ -1,7 +1,7 @@
 /** Under the slider of the time: what the reference's string does, and the moments of every run. */
 
 import { language, text } from "../texts.js";
-import { MOMENT_SHAPES, dashOf, make, momentShape, nameOf, swatch } from "./shapes.js";
+import { MOMENT_SHAPES, REFERENCE, dashOf, make, momentShape, nameOf, swatch } from "./shapes.js";
 
 /** @typedef {import("./motion.js").RunsData} RunsData */
 /** @typedef {import("./motion.js").EngineRun} EngineRun */
@@ -67,7 +67,7 @@ export class Timeline {
     if (left > ROOM_FOR_NAMES) {
       const name = nameOf(run);
       const shortened = name.length > LONGEST_NAME ? `${name.slice(0, LONGEST_NAME - 1)}…` : name;
-      make("title", {}, make("text", { x: 0, y: y + 4 }, group, shortened), name);
+      make("title", {}, make("text", { x: 0, y: y + 4, ...(run.id === REFERENCE ? {} : { lang: "en" }) }, group, shortened), name);
     } else {
       const small = swatch(run);
       for (const [name, value] of Object.entries({ y: y - 7, width: 30, viewBox: "7 0 30 14" })) small.setAttribute(name, String(value));

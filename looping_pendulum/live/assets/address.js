@@ -1,0 +1,59 @@
+/** The address of the page, which holds all settings, and the language if one was chosen. */
+
+import { RELEASES } from "../model.js";
+import { linkOf, readLink } from "./controls.js";
+import { text } from "./texts.js";
+
+/**
+ * @typedef {{state: import("./controls.js").State, history: import("./history.js").History, speech: import("./language.js").Speech,
+ *   engines: import("./engine_runs/engine_runs.js").EngineRuns | null, change: () => void,
+ *   say: (id: string, words: string | (() => string)) => void}} AddressedPage
+ */
+
+/** What stands behind "#": read when it changes, written when the settings do. */
+export class Address {
+  /** @param {AddressedPage} page */
+  constructor(page) {
+    this.page = page;
+    /** What is wrong with the link that was read last. @type {string | (() => string)} */
+    this.fault = "";
+    window.addEventListener("hashchange", () => this.read());
+  }
+
+  /** What the address says of the settings, and of the language if one was chosen. */
+  get hash() {
+    const { state, speech } = this.page;
+    return `#${linkOf(state)}${speech.chosen && `&lang=${speech.chosen}`}`;
+  }
+
+  read() {
+    const { page } = this;
+    const link = location.hash.slice(1);
+    page.speech.speak(new URLSearchParams(link).get("lang") ?? "");
+    if (!link || `#${link}` === this.hash) return;
+    const { state, faults } = readLink(link, page.state);
+    const { release, values } = state;
+    page.history.settle();
+    // A stored run is shown with its own settings only
+    page.history.present = page.engines?.belongTo(state) ? state : { release, values };
+    page.history.settle();
+    const [fault] = faults;
+    const { key = "", text: found = "", min = "", max = "" } = fault ?? {};
+    const words = () =>
+      min === "" ? text("badRelease", { text: found, names: Object.keys(RELEASES).join(", ") }) : text("badLink", { key, text: found, min, max });
+    this.fault = fault ? words : "";
+    page.say("fault", this.fault);
+    page.change();
+  }
+
+  write() {
+    window.history.replaceState(null, "", this.hash);
+  }
+
+  /** What is wrong with the link, once: with the next settings it is past. */
+  takeFault() {
+    const { fault } = this;
+    this.fault = "";
+    return fault;
+  }
+}
