@@ -377,7 +377,7 @@ class Page {
     const mode = text(`mode.${this.run.at(time).mode}`);
     this.player.draw(mode);
     this.lesson.watch(this.run, time);
-    this.say("doing", time === 0 ? text("start") : `${mode}${runs?.lastMoment(time) ?? ""}`);
+    this.say("doing", time === 0 ? text("start") : (runs?.withLastMoment(mode, time) ?? mode));
   }
 }
 

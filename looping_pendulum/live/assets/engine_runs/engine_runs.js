@@ -165,10 +165,10 @@ export class EngineRuns {
     return ahead.length ? direction * Math.min(...ahead) : time;
   }
 
-  /** The last moment of the reference in words; "" before the first. @param {number} time */
-  lastMoment(time) {
+  /** What is to be seen, and the last moment of the reference. @param {string} doing @param {number} time */
+  withLastMoment(doing, time) {
     const last = this.data.runs[0].events.findLast(({ t }) => t <= time + SAME_TIME);
-    return last ? text("lastMoment", { moment: text(`moment.${last.kind}`), time: fixed(last.t, 4) }) : "";
+    return last ? text("lastMoment", { doing, moment: text(`moment.${last.kind}`), time: fixed(last.t, 4) }) : doing;
   }
 
   /** Where a run is, for tests. @param {string} id @param {number} time */

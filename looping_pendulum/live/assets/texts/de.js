@@ -169,7 +169,7 @@ export const de = {
   moments: "Ereignisse aller Bewegungen",
   allMoments: "Alle Ereignisse",
   noMoments: "keine vor {time} s",
-  lastMoment: "; letztes Ereignis: {moment} bei {time} s",
+  lastMoment: "{doing}; letztes Ereignis: {moment} bei {time} s",
   stringOfReference: "Faden der Referenz",
   departs: "wo, wann und warum sie abweicht",
   sources: "Woher die Bewegungen kommen",

@@ -167,7 +167,7 @@ export const en = {
   moments: "Moments of every run",
   allMoments: "All moments",
   noMoments: "none before {time} s",
-  lastMoment: "; last moment: {moment} at {time} s",
+  lastMoment: "{doing}; last moment: {moment} at {time} s",
   stringOfReference: "the reference's string",
   departs: "where, when and why it departs",
   sources: "Where the runs come from",
