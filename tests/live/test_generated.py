@@ -12,10 +12,12 @@ import pytest
 from looping_pendulum.live.expressions import ExpressionGraph, ExpressionMath, written
 from looping_pendulum.live.generate import model_source
 from looping_pendulum.live.symbols import MODES, SIGNS, STATE
+from looping_pendulum.live.write import render
 from looping_pendulum.reference_ode.equations import Equations
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.state import Signs, full_state, variables
 from looping_pendulum.reference_ode.transitions import Mode
+from scripts.live_page import PAGE
 from tests.apparatus import TEN_TO_ONE
 from tests.live.cases import OF_FURTHER_EFFECTS
 
@@ -24,6 +26,10 @@ FOLDER = files("looping_pendulum.live")
 
 def test_the_file_is_what_the_generator_writes():
     assert (FOLDER / "model.js").read_text(encoding="utf-8") == model_source(), "run `python -m looping_pendulum.live.generate`"
+
+
+def test_the_page_that_is_shipped_is_what_the_package_writes():
+    assert PAGE.read_text(encoding="utf-8") == render(), "run `python -m scripts.live_page`"
 
 
 @pytest.mark.parametrize("effect", ["", *OF_FURTHER_EFFECTS])
