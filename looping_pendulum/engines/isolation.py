@@ -136,12 +136,15 @@ def run_all(
     memory_limit: int = MEMORY_LIMIT,
     progress: Progress | None = None,
     finished: Callable[[Trajectory], None] | None = None,
+    meanwhile: Callable[[list[Trajectory]], None] | None = None,
 ) -> list[Trajectory]:
     """Run several engines in parallel, at most ``jobs`` at once (default: one per core), and return them in that order.
 
-    Each run may take ``time_limit`` [s] and ``memory_limit`` [bytes]. ``finished`` is called with each trajectory, from the
-    thread that waited for it. An interrupt (Ctrl-C) stops all runs that still go on; their trajectories have the status
-    INTERRUPTED and the samples computed so far.
+    The longest start first, so that none of them is left to run alone at the end. Each run may take ``time_limit`` [s] and
+    ``memory_limit`` [bytes]. ``finished`` is called with each trajectory, from the thread that waited for it; ``meanwhile``
+    with all those so far, in the engines' order and from the caller's thread, whenever more have ended while others go on. An
+    interrupt (Ctrl-C) stops all runs that still go on; their trajectories have the status INTERRUPTED and the samples computed
+    so far.
     """
     cancelled = threading.Event()
 
@@ -155,9 +158,16 @@ def run_all(
 
     # Threads suffice, as each only waits for its process
     with ThreadPoolExecutor(max_workers=jobs or os.cpu_count() or 1) as pool:
-        futures = [pool.submit(run_one, engine) for engine in engines]
+        longest_first = sorted(range(len(engines)), key=lambda i: -engines[i].abilities.quick_cost)
+        started = {i: pool.submit(run_one, engines[i]) for i in longest_first}
+        futures = [started[i] for i in range(len(engines))]
+        shown = 0
         while not all(future.done() for future in futures):
             try:
+                ended = [future.result() for future in futures if future.done()]
+                if meanwhile is not None and shown < len(ended) < len(futures):
+                    shown = len(ended)
+                    meanwhile(ended)
                 # Not future.result(): Ctrl-C is to be noticed here, where every run is told to stop and its samples are kept
                 time.sleep(POLL_INTERVAL)
             except KeyboardInterrupt:
