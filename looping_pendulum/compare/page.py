@@ -55,7 +55,7 @@ def render(result: ComparisonResult, changes: ResultChanges | None = None, runni
     """Return the page; ``changes`` since a baseline, if there is one, and the labels of engines that are still ``running``."""
     head, *sections = report.before_figures(result, changes)
     if running:
-        head += f"\n**Still running:** {', '.join(running)}. Reload this page to see them; without this line it is complete.\n"
+        head += f"\n**Still running:** {', '.join(running)}. This page is about the others; reload it for these.\n"
     return pages.render(
         f"{result.title}: engines against the reference",
         [head, *sections],

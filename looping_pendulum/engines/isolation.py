@@ -140,11 +140,10 @@ def run_all(
 ) -> list[Trajectory]:
     """Run several engines in parallel, at most ``jobs`` at once (default: one per core), and return them in that order.
 
-    The longest start first, so that none of them is left to run alone at the end. Each run may take ``time_limit`` [s] and
-    ``memory_limit`` [bytes]. ``finished`` is called with each trajectory, from the thread that waited for it; ``meanwhile``
-    with all those so far, in the engines' order and from the caller's thread, whenever more have ended while others go on. An
-    interrupt (Ctrl-C) stops all runs that still go on; their trajectories have the status INTERRUPTED and the samples computed
-    so far.
+    They start in `start_order`. Each run may take ``time_limit`` [s] and ``memory_limit`` [bytes]. ``finished`` is called with
+    each trajectory, from the thread that waited for it; ``meanwhile`` with all those so far, in the engines' order and from the
+    caller's thread, whenever more have ended while others go on. An interrupt (Ctrl-C) stops all runs that still go on; their
+    trajectories have the status INTERRUPTED and the samples computed so far.
     """
     cancelled = threading.Event()
 
@@ -156,10 +155,10 @@ def run_all(
             finished(trajectory)
         return trajectory
 
+    workers = jobs or os.cpu_count() or 1
     # Threads suffice, as each only waits for its process
-    with ThreadPoolExecutor(max_workers=jobs or os.cpu_count() or 1) as pool:
-        longest_first = sorted(range(len(engines)), key=lambda i: -engines[i].abilities.quick_cost)
-        started = {i: pool.submit(run_one, engines[i]) for i in longest_first}
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        started = {i: pool.submit(run_one, engines[i]) for i in start_order(engines, workers)}
         futures = [started[i] for i in range(len(engines))]
         shown = 0
         while not all(future.done() for future in futures):
@@ -173,6 +172,16 @@ def run_all(
             except KeyboardInterrupt:
                 cancelled.set()
         return [future.result() for future in futures]
+
+
+def start_order(engines: Sequence[Engine], workers: int) -> list[int]:
+    """Return in which order the runs of ``engines`` start: the longest on all workers but one, and on that the shortest first.
+
+    So the longest are not left to run alone at the end, and there are results to show early.
+    """
+    shortest_first = sorted(range(len(engines)), key=lambda i: engines[i].abilities.quick_cost)
+    cut = max(0, len(engines) - (workers - 1))
+    return shortest_first[cut:][::-1] + shortest_first[:cut]
 
 
 def _wait_for_worker(

@@ -114,7 +114,7 @@ class Abilities:
     validated: tuple[ValidatedRange, ...] = ()
     """Ranges of scenarios over which its accuracy was measured, per profile, with the errors."""
     quick_cost: float = 1.0
-    """Rough CPU time of a simulated second with the quick profile [s]; of several runs the longest start first."""
+    """Rough CPU time of a simulated second with the quick profile [s], by which runs are started (`isolation.start_order`)."""
     main: bool = True
     """Whether a comparison that names no engine runs it; the other variants are for studies, and some fail badly on purpose."""
 
