@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ import typer
 from looping_pendulum.cli.main import app
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines import registry
+from looping_pendulum.files import write_atomically
 from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.scenarios import loader
 from tests.command_line import can_be_interrupted, here
@@ -247,6 +249,26 @@ def test_interrupt_keeps_what_was_computed(tmp_path):
     assert process.returncode == 130, stderr
     assert "Traceback" not in stderr
     assert "interrupted by the user" in (tmp_path / "report.md").read_text()
+
+
+@pytest.mark.usefixtures("quick_figures")
+def test_the_page_appears_with_the_first_engine_and_a_complete_one_is_kept(tmp_path, offered):
+    """One after the other, so that one ends while the other has yet to start; both pages are read as they are written."""
+    offered("FaultyEngine('none')")
+    arguments = ["compare", "ten_to_one", "-e", "faulty", "-e", REFERENCE, "--jobs", "1", "--out", str(tmp_path / "out")]
+    page, pages = tmp_path / "out" / "report.html", []
+
+    def keep(path, content):
+        write_atomically(path, content)
+        if path == page:
+            pages.append(path.read_text())
+
+    with mock.patch("looping_pendulum.compare.write_atomically", keep):
+        first, again = here(*arguments), here(*arguments)
+    assert len(pages) == 3
+    assert [("Still running" in one, f"{REFERENCE}." in one) for one in pages] == [(True, True), (False, False), (False, False)]
+    assert "report.html has the engines that have ended" in first.stderr
+    assert "have ended" not in again.stderr  # a complete report is there, and would be lost with an interrupt
 
 
 @pytest.mark.usefixtures("quick_figures")

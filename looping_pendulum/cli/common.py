@@ -13,7 +13,7 @@ import typer
 
 from looping_pendulum.cli.completion import engine_names, scenario_names
 from looping_pendulum.cli.progress import ProgressBars
-from looping_pendulum.cli.terminal import choose_json, choose_quiet, say
+from looping_pendulum.cli.terminal import choose_json, choose_quiet, note, say
 
 if TYPE_CHECKING:
     from looping_pendulum.compare.result import ComparisonResult
@@ -159,8 +159,12 @@ def run_and_compare(
     time_limit: float,
     memory_limit: str,
     jobs: int | None,
+    meanwhile: Callable[[ComparisonResult, tuple[str, ...]], None] | None = None,
 ) -> ComparisonResult:
-    """Run engines on ``scenario``, showing their progress, and compare them with the reference."""
+    """Run engines on ``scenario``, showing their progress, and compare them with the reference.
+
+    ``meanwhile`` gets the comparison of those that have ended, with the labels of those that go on.
+    """
     from looping_pendulum.compare.harness import compare_engines
     from looping_pendulum.engines.memory import parse_memory
 
@@ -177,7 +181,29 @@ def run_and_compare(
             memory_limit=memory_bytes,
             progress=bars.update_engine,
             finished=bars.show_finished_run,
+            meanwhile=meanwhile,
         )
+
+
+def page_meanwhile(folder: Path) -> Callable[[ComparisonResult, tuple[str, ...]], None] | None:
+    """Return a function that writes report.html while engines still run; None where ``folder`` has a report already.
+
+    An earlier report is kept until this one is complete, as this one may be interrupted.
+    """
+    from looping_pendulum.compare import write_page_meanwhile
+
+    if (folder / "result.json").exists():
+        return None
+    announced = False
+
+    def write(result: ComparisonResult, running: tuple[str, ...]) -> None:
+        nonlocal announced
+        write_page_meanwhile(result, running, folder)
+        if not announced:
+            note(f"{folder / 'report.html'} has the engines that have ended; reload it for the others")
+            announced = True
+
+    return write
 
 
 def show_residuals(result: ComparisonResult) -> None:
@@ -194,8 +220,8 @@ def show_residuals(result: ComparisonResult) -> None:
         for row in rows:
             table.add_row(*row)
         show_table(table)
-    for note in result.trial.notes:
-        say(f"- {note}")
+    for remark in result.trial.notes:
+        say(f"- {remark}")
 
 
 COMPARE_FILES, COMPARE_FOLDERS = ("result.json", "report.md", "report.html", "residuals.csv"), ("figures", "trajectories")

@@ -34,6 +34,7 @@ from looping_pendulum.cli.common import (
     comparison_folder,
     exit_with_status,
     load_scenario,
+    page_meanwhile,
     read_marks,
     run_and_compare,
     schema_option,
@@ -219,7 +220,8 @@ def compare(
 ) -> None:
     """Run all engines on one scenario and report how each departs from the exact reference.
 
-    Writes report.md with figures, report.html, result.json and the trajectories as CSV. With --baseline it also prints what
+    Writes report.md with figures, report.html, result.json and the trajectories as CSV. In a folder without an earlier report,
+    report.html appears with the first engine that ends, and grows with the others. With --baseline it also prints what
     changed since that result, and writes it to changes.json; the exit status depends on the tolerances only.
 
     With --marks your own filmed trial stands beside the runs: its points in the figures, and each run's residual and its RMS.
@@ -239,7 +241,7 @@ def compare(
         folder, files=(*COMPARE_FILES, "changes.json"), folders=COMPARE_FOLDERS
     )  # refuse an unusable folder before the work, not after it
     limits: dict[str, Any] = {"time_limit": time_limit, "memory_limit": memory_limit, "jobs": jobs}
-    result = run_and_compare(chosen, engine, profile, data=data, trial=trial, **limits)
+    result = run_and_compare(chosen, engine, profile, data=data, trial=trial, meanwhile=page_meanwhile(folder), **limits)
     changes = None if earlier is None else changes_since(earlier, result, source=str(baseline), relative=baseline_threshold)
     folder = comparison_folder(folder, result)
     written = write(result, folder, changes)

@@ -14,7 +14,7 @@ from looping_pendulum.compare.export import residual_csv, trajectory_csv, trajec
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.files import optional_output, write_atomically
 
-__all__ = ["ComparisonResult", "compare", "write"]
+__all__ = ["ComparisonResult", "compare", "write", "write_page_meanwhile"]
 
 
 def write(result: ComparisonResult, folder: Path | str, changes: ResultChanges | None = None) -> Path:
@@ -50,3 +50,11 @@ def write(result: ComparisonResult, folder: Path | str, changes: ResultChanges |
     with optional_output("report.html"):
         write_atomically(folder / "report.html", page.render(result, changes))
     return report
+
+
+def write_page_meanwhile(result: ComparisonResult, running: tuple[str, ...], folder: Path) -> None:
+    """Write report.html with the engines that have ended, and the labels of those that are still ``running``."""
+    from looping_pendulum.compare import page
+
+    with optional_output("report.html"):
+        write_atomically(folder / "report.html", page.render(result, running=running))

@@ -15,7 +15,7 @@ from looping_pendulum.engines.limits import expand_tolerances
 from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
-from looping_pendulum.engines.registry import main_engines, select
+from looping_pendulum.engines.registry import label, main_engines, select
 from looping_pendulum.engines.trajectory import Trajectory
 from looping_pendulum.scenarios.measured import MeasuredEventTable, find_data, read_event_table
 from looping_pendulum.scenarios.scenario import Scenario
@@ -39,6 +39,7 @@ def compare_engines(
     memory_limit: int = MEMORY_LIMIT,
     progress: Progress | None = None,
     finished: Callable[[Trajectory], None] | None = None,
+    meanwhile: Callable[[ComparisonResult, tuple[str, ...]], None] | None = None,
 ) -> ComparisonResult:
     """Run engines on ``scenario``, each in its own process, and compare them with the exact reference.
 
@@ -61,6 +62,8 @@ def compare_engines(
         Limits of each run [s], [bytes].
     progress, finished
         Callbacks for the progress of runs and for each run that ends; they are called from other threads.
+    meanwhile
+        Callback for the comparison of the engines that have ended while others go on, with the labels of the latter.
 
     Returns
     -------
@@ -81,6 +84,16 @@ def compare_engines(
     reference = Reference(scenario)
     # Read before the runs, so that a faulty table does not waste them
     measured = measured_table(scenario, data_folder) if trial is None else None
+
+    def compared(runs: list[Trajectory]) -> ComparisonResult:
+        result = compare(scenario, reference, runs, measured)
+        return result if trial is None else with_trial(result, trial)
+
+    def compare_meanwhile(ended: list[Trajectory]) -> None:
+        if meanwhile is not None:
+            labels = {run.label for run in ended}
+            meanwhile(compared(ended), tuple(label(engine) for engine in chosen if label(engine) not in labels))
+
     runs = run_all(
         chosen,
         scenario,
@@ -89,12 +102,10 @@ def compare_engines(
         memory_limit=memory_limit,
         progress=progress,
         finished=finished,
+        meanwhile=None if meanwhile is None else compare_meanwhile,
     )
-    result = compare(scenario, reference, runs, measured)
-    if trial is not None:
-        result = with_trial(result, trial)
     # `compare` knows trajectories only, and a key takes the engine with its settings
-    return dataclasses.replace(result, run_keys=tuple(run_key(engine, scenario) for engine in chosen))
+    return dataclasses.replace(compared(runs), run_keys=tuple(run_key(engine, scenario) for engine in chosen))
 
 
 def measured_table(scenario: Scenario, data_folder: Path | None = None) -> MeasuredEventTable | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -51,11 +51,14 @@ MAX_SHOWN_DIFFERENCE = 50.0
 """Differences of event times that the figure shows at first [ms]; one that is further off would squeeze the others."""
 
 
-def render(result: ComparisonResult, changes: ResultChanges | None = None) -> str:
-    """Return the page; ``changes`` since a baseline, if there is one."""
+def render(result: ComparisonResult, changes: ResultChanges | None = None, running: Sequence[str] = ()) -> str:
+    """Return the page; ``changes`` since a baseline, if there is one, and the labels of engines that are still ``running``."""
+    head, *sections = report.before_figures(result, changes)
+    if running:
+        head += f"\n**Still running:** {', '.join(running)}. This page is about the others; reload it for these.\n"
     return pages.render(
         f"{result.title}: engines against the reference",
-        report.before_figures(result, changes),
+        [head, *sections],
         figures(result),
         report.after_figures(result),
         glossary("comparison"),

@@ -136,12 +136,14 @@ def run_all(
     memory_limit: int = MEMORY_LIMIT,
     progress: Progress | None = None,
     finished: Callable[[Trajectory], None] | None = None,
+    meanwhile: Callable[[list[Trajectory]], None] | None = None,
 ) -> list[Trajectory]:
     """Run several engines in parallel, at most ``jobs`` at once (default: one per core), and return them in that order.
 
-    Each run may take ``time_limit`` [s] and ``memory_limit`` [bytes]. ``finished`` is called with each trajectory, from the
-    thread that waited for it. An interrupt (Ctrl-C) stops all runs that still go on; their trajectories have the status
-    INTERRUPTED and the samples computed so far.
+    They start in `start_order`. Each run may take ``time_limit`` [s] and ``memory_limit`` [bytes]. ``finished`` is called with
+    each trajectory, from the thread that waited for it; ``meanwhile`` with all those so far, in the engines' order and from the
+    caller's thread, whenever more have ended while others go on. An interrupt (Ctrl-C) stops all runs that still go on; their
+    trajectories have the status INTERRUPTED and the samples computed so far.
     """
     cancelled = threading.Event()
 
@@ -153,16 +155,33 @@ def run_all(
             finished(trajectory)
         return trajectory
 
+    workers = jobs or os.cpu_count() or 1
     # Threads suffice, as each only waits for its process
-    with ThreadPoolExecutor(max_workers=jobs or os.cpu_count() or 1) as pool:
-        futures = [pool.submit(run_one, engine) for engine in engines]
+    with ThreadPoolExecutor(max_workers=workers) as pool:
+        started = {i: pool.submit(run_one, engines[i]) for i in start_order(engines, workers)}
+        futures = [started[i] for i in range(len(engines))]
+        shown = 0
         while not all(future.done() for future in futures):
             try:
+                ended = [future.result() for future in futures if future.done()]
+                if meanwhile is not None and shown < len(ended) < len(futures):
+                    shown = len(ended)
+                    meanwhile(ended)
                 # Not future.result(): Ctrl-C is to be noticed here, where every run is told to stop and its samples are kept
                 time.sleep(POLL_INTERVAL)
             except KeyboardInterrupt:
                 cancelled.set()
         return [future.result() for future in futures]
+
+
+def start_order(engines: Sequence[Engine], workers: int) -> list[int]:
+    """Return in which order the runs of ``engines`` start: the longest on all workers but one, and on that the shortest first.
+
+    So the longest are not left to run alone at the end, and there are results to show early.
+    """
+    shortest_first = sorted(range(len(engines)), key=lambda i: engines[i].abilities.quick_cost)
+    cut = max(0, len(engines) - (workers - 1))
+    return shortest_first[cut:][::-1] + shortest_first[:cut]
 
 
 def _wait_for_worker(

@@ -113,6 +113,8 @@ class Abilities:
     """What the adapter adds beyond the engine, each with its measured effect on the error."""
     validated: tuple[ValidatedRange, ...] = ()
     """Ranges of scenarios over which its accuracy was measured, per profile, with the errors."""
+    quick_cost: float = 1.0
+    """Rough CPU time of a simulated second with the quick profile [s], by which runs are started (`isolation.start_order`)."""
     main: bool = True
     """Whether a comparison that names no engine runs it; the other variants are for studies, and some fail badly on purpose."""
 

@@ -9,13 +9,14 @@ import shutil
 import subprocess
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from looping_pendulum.compare import compare, write
 from looping_pendulum.engines import isolation, memory
-from looping_pendulum.engines.isolation import run_all, run_isolated
+from looping_pendulum.engines.isolation import run_all, run_isolated, start_order
 from looping_pendulum.engines.memory import memory_in_use, parse_memory
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.reference import Reference, ReferenceEngine
@@ -269,3 +270,36 @@ def test_progress_runs_to_one():
     run_isolated(FaultyEngine("none"), SCENARIO, progress=lambda engine, share: shares.append(share))
     assert shares[-1] == 1.0
     assert all(0 <= share <= 1 for share in shares)
+
+
+@pytest.mark.parametrize(("workers", "order"), [(1, [1, 2, 0]), (2, [0, 1, 2]), (3, [0, 2, 1]), (8, [0, 2, 1])])
+def test_the_longest_runs_start_first_and_the_shortest_beside_them(workers, order):
+    assert start_order(of_cost(3.0, 1.0, 2.0), workers) == order
+
+
+def of_cost(*costs):
+    engines = [FaultyEngine(fault) for fault in ("none", "prints", "stretches")]
+    for engine, cost in zip(engines, costs, strict=True):
+        engine.abilities = replace(engine.abilities, quick_cost=cost)
+    return engines
+
+
+def test_runs_come_back_in_the_order_given():
+    engines = of_cost(3.0, 1.0, 2.0)
+    ended = []
+    runs = run_all(engines, SCENARIO, jobs=1, finished=lambda run: ended.append(run.variant))
+    assert ended == ["prints", "stretches", "none"]
+    assert [run.variant for run in runs] == ["none", "prints", "stretches"]
+
+
+def test_runs_that_have_ended_are_handed_over_while_others_go_on():
+    handed = []
+
+    def stop_the_others(ended):
+        handed.append([run.variant for run in ended])
+        raise KeyboardInterrupt  # also in the middle of what is done with them, it keeps every sample
+
+    runs = run_all([FaultyEngine("hang"), FaultyEngine("none")], SCENARIO, jobs=2, meanwhile=stop_the_others, time_limit=60)
+    assert handed == [["none"]]
+    assert [run.status for run in runs] == [RunStatus.INTERRUPTED, RunStatus.FINISHED]
+    assert len(runs[0].t) == KEPT

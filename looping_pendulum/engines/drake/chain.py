@@ -32,6 +32,7 @@ class DrakeChain(TunedEngine):
     distribution = "drake"
     variant = "chain"
     abilities = Abilities(
+        quick_cost=25.0,
         releases=frozenset(Release),
         effect_kinds=FORCES_AND_RELEASE,
         supplies=bead_supplies("static sphere", "friction is regularised below the stiction tolerance"),

@@ -37,6 +37,7 @@ class MujocoBeads(TunedEngine):
     distribution = "mujoco"
     variant = "beads"
     abilities = Abilities(
+        quick_cost=4.0,
         releases=frozenset(Release),
         effect_kinds=FORCES_AND_RELEASE,
         supplies=bead_supplies("cylinder", "the solver keeps friction within its elliptic cone"),

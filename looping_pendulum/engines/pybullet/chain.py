@@ -55,6 +55,7 @@ RIPPLE_LIMIT = "links of several millimetres are long for a thin rod: the string
 NO_STRETCH_LIMIT = "reduced coordinates cannot stretch: the string stretch is 0 by construction, not a measurement"
 
 _ABILITIES = Abilities(
+    quick_cost=35.0,
     releases=frozenset(Release),
     effect_kinds=FORCES_AND_RELEASE,
     supplies=Supplies(

@@ -266,6 +266,7 @@ class PymunkChain(TunedEngine):
     distribution = "pymunk"
     variant = "chain"
     abilities = Abilities(
+        quick_cost=7.0,
         releases=frozenset(Release),
         effect_kinds=FORCES_AND_RELEASE,
         supplies=bead_supplies("static circle", "the solver clamps friction to its cone"),
