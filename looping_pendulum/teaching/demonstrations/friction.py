@@ -326,8 +326,8 @@ CREEP = Demonstration(
     ),
     claims=(
         Claim(
-            words="With the settings as they come it does not stand still, and so it never halts: the light mass, still whipping "
-            "round, pulls it up by {creep[soft]:.1f} mm while it is held; the reference's string moves by "
+            words="With the settings as they come it does not stand still, and so it never halts: the light mass, still "
+            "whipping round, pulls it up by {creep[soft]:.1f} mm while it is held; the reference's string moves by "
             "{creep[reference]:.5f} mm.",
             holds=lambda n: n["halt"]["soft"] is None and n["creep"]["soft"] > 0.5 and abs(n["creep"]["reference"]) < 1e-6,
         ),
