@@ -49,8 +49,9 @@ FILE = re.compile(r"^\w+\.csv(:\d+)?: ")
 
 
 @pytest.fixture(scope="module")
-def tables(one_page):
-    return one_page.page.evaluate("liveLanguages")
+def german_words(one_page):
+    tables = one_page.page.evaluate("liveLanguages")
+    return GermanWords(tables["de"], tables["en"])
 
 
 @pytest.fixture
@@ -77,36 +78,54 @@ def plain(words):
     return re.sub(r"\s+", " ", words.replace("`", ""))
 
 
-def assert_german(page, tables):
-    """Hold that each string is one of the German table, and that none of the English table is left in one."""
-    german, english = tables["de"], tables["en"]
-    # Around code a text stands in several pieces
-    pieces = [piece.strip() for words in german.values() for piece in words.split("`")[::2]]
-    known = [pattern(words) for words in pieces if WORD.search(re.sub(r"\{\w+\}", "", words))]
-    left = [plain(words) for key, words in english.items() if WORD.search(words) and "{" not in words and words != german[key]]
-    everything = " ".join(plain(words) for words in german.values())
-    left = [words for words in left if words not in everything]
-    strings = page.evaluate(STRINGS)
-    assert len(strings) > 100
+class GermanWords:
+    """Whether a string is one of the German table, with nothing of the English one left in it."""
 
-    def is_known(words):
-        if not WORD.search(words) or any(one.fullmatch(words) for one in known):
+    def __init__(self, german, english):
+        # Around code a text stands in several pieces
+        pieces = [piece.strip() for words in german.values() for piece in words.split("`")[::2]]
+        self.known = [pattern(words) for words in pieces if WORD.search(re.sub(r"\{\w+\}", "", words))]
+        self.begun = [re.compile(f"{one.pattern} ") for one in self.known]
+        left = [
+            plain(words) for key, words in english.items() if WORD.search(words) and "{" not in words and words != german[key]
+        ]
+        everything = " ".join(plain(words) for words in german.values())
+        self.left = [words for words in left if words not in everything]
+        self.fine = set()
+
+    def is_known(self, words):
+        if not WORD.search(words) or any(one.fullmatch(words) for one in self.known):
             return True
         if FILE.match(words):
-            return is_known(FILE.sub("", words))
+            return self.is_known(FILE.sub("", words))
         first, colon, rest = words.partition(": ")
-        if colon and is_known(first) and is_known(rest):
+        if colon and self.is_known(first) and self.is_known(rest):
             return True
-        begun = (re.match(f"{one.pattern} ", words) for one in known)
-        return any(begin and is_known(words[begin.end() :]) for begin in begun)
+        begun = (one.match(words) for one in self.begun)
+        return any(begin and self.is_known(words[begin.end() :]) for begin in begun)
 
+    def english_in(self, words):
+        inside = (one for one in self.left if one in words)
+        return [one for one in inside if re.search(rf"(?<!\w){re.escape(one)}(?!\w)", words)]
+
+    def check(self, words):
+        """Hold it of a string, which is seldom seen for the first time."""
+        if words in self.fine:
+            return
+        assert self.is_known(words), words
+        assert self.english_in(words) == [], words
+        self.fine.add(words)
+
+
+def assert_german(page, german_words):
+    """Hold that each string of the page is one of the German table, and that none of the English table is left in one."""
+    strings = page.evaluate(STRINGS)
+    assert len(strings) > 100
     for words in strings:
-        assert is_known(words), words
-        english_in_it = [one for one in left if re.search(rf"(?<!\w){re.escape(one)}(?!\w)", words)]
-        assert english_in_it == [], words
+        german_words.check(words)
 
 
-def test_nothing_on_the_page_stays_english(german, tables):
+def test_nothing_on_the_page_stays_english(german, german_words):
     page = german.page
     assert page.get_attribute("html", "lang") == "de"
     page.check("#forces")
@@ -117,7 +136,7 @@ def test_nothing_on_the_page_stays_english(german, tables):
         for share in (0.0, 0.5, 1.0):
             page.evaluate("(share) => live.player.stopAt(share * live.run.end)", share)
             settled(page)
-            assert_german(page, tables)
+            assert_german(page, german_words)
     page.select_option("#release", "looping")
     for setting, words in (
         ("mass_ratio", "12"),
@@ -128,25 +147,25 @@ def test_nothing_on_the_page_stays_english(german, tables):
         page.fill(f"#field-{setting}", words)
         page.keyboard.press("Tab")
         settled(page)
-        assert_german(page, tables)
+        assert_german(page, german_words)
     assert page.inner_text("#fault") == "Winkel des Fadens: 400 ° gefunden, möglich sind 5 bis 180 °"
     page.evaluate("location.hash = 'release=thrown'")
     until(page, "document.getElementById('fault').textContent.startsWith('der Link')")
-    assert_german(page, tables)
+    assert_german(page, german_words)
     page.evaluate("Object.defineProperty(navigator, 'clipboard', { value: { writeText: async () => {} }, configurable: true })")
     page.click("#copy")
     until(page, "document.getElementById('copied').textContent !== ''")
-    assert_german(page, tables)
+    assert_german(page, german_words)
     page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = false; })")
 
 
-def test_the_lesson_is_told_in_german(german, tables):
+def test_the_lesson_is_told_in_german(german, german_words):
     page = german.page
     page.evaluate("document.getElementById('lesson').open = true")
     for place in range(page.locator("#lesson-steps button").count()):
         page.locator("#lesson-steps button").nth(place).click()
         page.click("#lesson-change")  # without a prediction
-        assert_german(page, tables)
+        assert_german(page, german_words)
         if page.locator("#lesson-number").count():
             page.fill("#lesson-number", "5,5")
         else:
@@ -154,28 +173,28 @@ def test_the_lesson_is_told_in_german(german, tables):
         page.click("#lesson-change")
         until(page, "live.lesson.watched === null")
         settled(page)
-        assert_german(page, tables)
+        assert_german(page, german_words)
         if page.is_visible("#lesson-check"):
             page.click("#lesson-check")
             page.wait_for_timeout(50)
-            assert_german(page, tables)
+            assert_german(page, german_words)
     page.evaluate("document.getElementById('lesson').open = false")
 
 
-def test_a_trial_and_its_fit_are_told_in_german(german, tables):
+def test_a_trial_and_its_fit_are_told_in_german(german, german_words):
     page = german.page
     rows = "".join(f"{0.01 * i:.2f};{-0.05 * i:.3f};{-0.3 - 0.01 * i:.3f};\n".replace(".", ",") for i in range(20))
     drop_file(page, "versuch.csv", f"t;light_x;light_y;Kraft\n{rows}0,2;;;1\n")
     until(page, "live.trial.trial !== null")
     settled(page)
-    assert_german(page, tables)
+    assert_german(page, german_words)
     message = page.inner_text("#trial-message")
     assert "nicht benutzt: 2 (leere Zelle)" in message
     assert "Längen ohne Einheit in m genommen" in message
     page.click("#trial-fit")
     until(page, "document.getElementById('fit-table').children.length > 0")
     settled(page)
-    assert_german(page, tables)
+    assert_german(page, german_words)
     table = page.inner_text("#fit-table")
     assert re.search(r"Gleitreibungszahl: \d", table)
     # In the other language at once, and back
@@ -200,19 +219,19 @@ def with_runs(request, visit):
     return page
 
 
-def test_stored_runs_are_told_in_german(with_runs, tables):
+def test_stored_runs_are_told_in_german(with_runs, german_words):
     page = with_runs
     for time in (0, 0.5, page.evaluate("live.player.end()")):
         at(page, time)
-        assert_german(page, tables)
+        assert_german(page, german_words)
     page.focus("#range-mass_ratio")
     page.keyboard.press("ArrowRight")
     settled(page)
     assert page.inner_text("#engine-notice").startswith("Die Bewegungen der Physik-Engines gehören zu ")
-    assert_german(page, tables)
+    assert_german(page, german_words)
     page.click("#engine-back")
     settled(page)
-    assert_german(page, tables)
+    assert_german(page, german_words)
 
 
 def test_stored_runs_are_told_in_another_language_at_once_and_stay_as_they_are(with_runs):
@@ -262,12 +281,12 @@ def test_stored_runs_are_told_in_another_language_at_once_and_stay_as_they_are(w
         ),
     ],
 )
-def test_a_bad_file_is_refused_in_german_and_then_in_english(german, tables, content, message):
+def test_a_bad_file_is_refused_in_german_and_then_in_english(german, german_words, content, message):
     page = german.page
     drop_file(page, "bad.csv", content)
     until(page, "document.getElementById('trial-error').textContent !== ''")
     assert page.inner_text("#trial-error") == message
-    assert_german(page, tables)
+    assert_german(page, german_words)
     page.select_option("#language", "en")
     settled(page)
     assert "found" in page.inner_text("#trial-error")
