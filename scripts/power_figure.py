@@ -45,7 +45,7 @@ def figure(studies: list[dict[str, Any]]) -> Figure:
     axes.set_yticks(range(len(effects)), [name.replace("_", " ") for name in effects])
     axes.set(xscale="log", xlabel="size of the hidden effect over the smallest that the data could show")
     axes.set_title(f"One hidden effect in {len(known)} blind studies: what the search says of it")
-    legend_below(picture, columns=4)
+    legend_below(picture, columns=2)
     return picture
 
 
