@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,23 +51,11 @@ def block(rates: dict[str, Any]) -> str:
         f"| unlisted force: what it acts on and depends on is as planted | {share(s['unlisted_law'])} |",
         f"| unlisted force: a listed effect is named instead | {share(s['unlisted']['wrong'])} |",
     ]
-    sizes = sorted(s["single"]["by_size"].items(), key=lambda item: float(item[0]))
-    power = [
-        f"| {1e3 * float(size):g} mm | {share(row['named'])} | {share(row['named_or_tied'])} | {share(row['wrong'])} |"
-        for size, row in sizes
-    ]
-    visible = [
-        f"| {size} | {share(row['named'])} | {share(row['named_or_tied'])} | {share(row['wrong'])} |"
-        for size, row in s["single"]["by_visibility"].items()
-    ]
-    two_visible = [
-        f"| {size} | {share(row['named_or_tied'])} | {share(row['part'])} | {share(row['wrong'])} |"
-        for size, row in s["two_by_visibility"].items()
-    ]
-    unlisted = [
-        f"| {1e3 * float(size):g} mm | {share(row['named'])} | {share(row['wrong'])} |"
-        for size, row in sorted(s["unlisted_by_size"].items(), key=lambda item: float(item[0]))
-    ]
+    columns = ("named", "named_or_tied", "wrong")
+    power = _power_rows(_in_millimetres(s["single"]["by_size"]), columns)
+    visible = _power_rows(s["single"]["by_visibility"], columns)
+    two_visible = _power_rows(s["two_by_visibility"], ("named_or_tied", "part", "wrong"))
+    unlisted = _power_rows(_in_millimetres(s["unlisted_by_size"]), ("named", "wrong"))
     return f"""So far {s["studies"]} studies{few}
 (`{rates["command"]}`, {rates["measured_on"]}). An identification took {median} s of CPU time in the median,
 {largest} s at most. Intervals are of 95 %, by Clopper and Pearson.
@@ -79,7 +68,7 @@ The power of the search against the size of one hidden effect, of all kinds and 
 
 | the light mass moves by (RMS) | named | named or tied | another is named |
 |---|---|---|---|
-{chr(10).join(power)}
+{power}
 
 Much of what an effect does, the fitted parameters can do as well: the wrong mass of a single trial is a friction. So the report
 states the smallest size that the data could show. Against that size the power is:
@@ -88,20 +77,30 @@ states the smallest size that the data could show. Against that size the power i
 
 | hidden size over the smallest visible one | named | named or tied | another is named |
 |---|---|---|---|
-{chr(10).join(visible)}
+{visible}
 
 Of two hidden effects, against the visibility of the one that hides better:
 
 | smaller ratio of hidden to visible size | both named or tied | only one of them | another is named |
 |---|---|---|---|
-{chr(10).join(two_visible)}
+{two_visible}
 
 Of a force that is not listed, against its size:
 
 | the light mass moves by (RMS) | the verdict is `unlisted` | a listed effect is named instead |
 |---|---|---|
-{chr(10).join(unlisted)}
+{unlisted}
 """
+
+
+def _power_rows(power: dict[str, Any], columns: Sequence[str]) -> str:
+    """Return a row per class of studies, with the class and its shares."""
+    return "\n".join(f"| {name} | {' | '.join(share(row[c]) for c in columns)} |" for name, row in power.items())
+
+
+def _in_millimetres(by_size: dict[str, Any]) -> dict[str, Any]:
+    """Return what is stored by size [m] by the size in words, the smallest first."""
+    return {f"{1e3 * float(size):g} mm": by_size[size] for size in sorted(by_size, key=float)}
 
 
 def _clean_row(kind: str, row: dict[str, Any]) -> str:

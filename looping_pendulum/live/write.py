@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from looping_pendulum import __version__
-from looping_pendulum.errors import ScenarioError
+from looping_pendulum.errors import ParameterError, ScenarioError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.live.bundle import PACKAGE, bundle
-from looping_pendulum.live.settings import absent_effects, settings_without_absent_effects
+from looping_pendulum.live.settings import absent_effects, live_settings, settings_without_absent_effects
 from looping_pendulum.live.symbols import live_coefficients
 from looping_pendulum.pages.shell import page
 from looping_pendulum.reference_ode.parameters import NUMBERS
@@ -85,13 +85,11 @@ def _preset(scenario: Scenario, *, shipped: bool, has_runs: bool) -> dict[str, A
 
     The page's languages have the texts of shipped ones.
     """
-    absent = absent_effects(scenario.parameters)
-    if absent and not has_runs:
-        raise ScenarioError(
-            f"{scenario.name}: effects: found {absent[0]}, which the live model does not have; "
-            "`looping-pendulum demo` shows runs of this scenario"
-        )
-    settings = settings_without_absent_effects(scenario.parameters)
+    settings_of = settings_without_absent_effects if has_runs else live_settings
+    try:
+        settings = settings_of(scenario.parameters)
+    except ParameterError as error:
+        raise ScenarioError(f"{scenario.name}: {error}; `looping-pendulum demo` shows runs of this scenario") from None
     return {
         "name": scenario.name,
         "title": scenario.title,
@@ -99,5 +97,5 @@ def _preset(scenario: Scenario, *, shipped: bool, has_runs: bool) -> dict[str, A
         "shipped": shipped,
         "release": settings.pop("release"),
         "settings": settings,
-        "lacks": list(absent),
+        "lacks": list(absent_effects(scenario.parameters)),
     }

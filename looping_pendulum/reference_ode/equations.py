@@ -40,7 +40,7 @@ FRICTION_CONE_TOLERANCE = 1e-12
 """Fraction of the heavy side's tension by which the rod holds more than the friction cone says.
 
 That is the tolerance of a step. Exactly on the edge of the cone, as with equal masses and no friction, errors of this size
-would decide, thousands of times within some milliseconds; and |v| cannot be differentiated where a string begins to slide while
+would decide, a hundred times in a millisecond; and |v| cannot be differentiated where a string begins to slide while
 everything is at rest.
 """
 

@@ -42,9 +42,9 @@ def test_every_language_has_the_same_keys_with_the_same_values(texts):
     assert len(texts["languages"]) >= 2
     # The English words about a scenario are those of its file
     assert not of_scenarios(english)
-    told = {f"scenario.{name}.{part}" for name in shipped() for part in ("title", "description")}
+    of_shipped = {f"scenario.{name}.{part}" for name in shipped() for part in ("title", "description")}
     for language, table in texts["languages"].items():
-        expected = english.keys() | (told if language != "en" else set())
+        expected = english.keys() | (of_shipped if language != "en" else set())
         assert table.keys() == expected, language
         for key, words in english.items():
             assert placeholders(table[key]) == placeholders(words), (language, key)

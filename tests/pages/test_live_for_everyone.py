@@ -172,7 +172,7 @@ def test_the_map_is_read_and_set_by_keys(opened):
     assert page.get_attribute("#map-reading", "role") == "status"
 
 
-def test_events_are_told_once_as_the_motion_passes_them(opened):
+def test_events_are_announced_once_as_the_motion_passes_them(opened):
     page = opened.page
     preset(page, "two_to_one")
     page.evaluate("""() => {
@@ -184,7 +184,7 @@ def test_events_are_told_once_as_the_motion_passes_them(opened):
     events = page.locator("#events button").all_inner_texts()
     assert len(events) > 3
     assert page.get_attribute("#event-log", "role") == "log"
-    told = page.locator("#event-log p")
+    announced = page.locator("#event-log p")
 
     def play_from(time):
         page.evaluate("(time) => { live.player.stopAt(time); live.player.play(); }", time)
@@ -195,9 +195,9 @@ def test_events_are_told_once_as_the_motion_passes_them(opened):
     play_from(0.5 * end)
     late = [words for words in events if float(words.split()[0]) > 0.5 * end]
     assert 0 < len(late) < len(events)
-    assert told.all_inner_texts() == late
+    assert announced.all_inner_texts() == late
     play_from(0)
-    assert told.all_inner_texts() == events
+    assert announced.all_inner_texts() == events
     added = page.evaluate("added")
     assert added == len(late) + len(events)
     for share in (0.9, 0.1, 0.7, 0.2, 1.0, 0.0, 0.5):
@@ -213,8 +213,8 @@ def test_events_are_told_once_as_the_motion_passes_them(opened):
     play_from(0.3 * end)
     assert page.evaluate("added") == added, "neither scrubbing nor a part that plays again repeats them"
     play_from(0)
-    assert page.evaluate("added") == added + len(events), "from the release it is told anew"
-    assert told.all_inner_texts() == events
+    assert page.evaluate("added") == added + len(events), "from the release it is announced anew"
+    assert announced.all_inner_texts() == events
 
 
 def test_the_slider_of_the_time_says_what_happens_then(opened):

@@ -13,7 +13,7 @@ export class EventLog {
     /** @type {DrawnRun | null} */
     this.run = null;
     /** @type {Set<ShownEvent>} */
-    this.told = new Set();
+    this.announced = new Set();
   }
 
   /** The motion has played from a time to a later one. @param {DrawnRun} run @param {number} from @param {number} to [s] */
@@ -22,8 +22,8 @@ export class EventLog {
     if (run !== this.run || from === 0) this.clear(run);
     for (const event of run.events) {
       const passed = event.time <= to && (event.time > from || from === 0);
-      if (!passed || this.told.has(event)) continue;
-      this.told.add(event);
+      if (!passed || this.announced.has(event)) continue;
+      this.announced.add(event);
       this.log.append(Object.assign(document.createElement("p"), { textContent: wordsOf(event) }));
     }
   }
@@ -31,7 +31,7 @@ export class EventLog {
   /** @param {DrawnRun} run */
   clear(run) {
     this.run = run;
-    this.told.clear();
+    this.announced.clear();
     this.log.replaceChildren();
   }
 }

@@ -15,7 +15,7 @@ const SHARE_WITHOUT_SPIKES = 0.99;
 /** @typedef {{kind: string, time: number}} ShownEvent `kind`: of the texts `event.` which */
 /** @typedef {ReturnType<ShownRun["at"]>} Sample */
 /**
- * What is drawn and told of a run, whether it is computed here or stored.
+ * What is drawn and said of a run, whether it is computed here or stored.
  * @typedef {Pick<ShownRun, "settings" | "release" | "end" | "endOfRun" | "halt" | "modeAtStart" | "samples" | "events" | "ending" |
  *   "dropAtHalt" | "at" | "range">} DrawnRun
  */

@@ -43,7 +43,6 @@ export class EngineRuns {
     this.back.addEventListener("click", onBack);
     for (const id of ["engine-notices", "engine-runs"]) element(id).hidden = false;
     this.numbers = new NumbersNow(data);
-    this.relabel();
     /** @type {StoredRun | null} */
     this.stored = null;
   }

@@ -1,6 +1,7 @@
 /** Motions that the page makes up as if they had been filmed: runs with hidden settings, and scatter from a seed. */
 
 import { CONTROLS, settingsOf, tidy, withValue } from "../controls.js";
+import { seeded } from "../random.js";
 import { ShownRun } from "../shown_run.js";
 
 /** @typedef {import("../controls.js").State} State */
@@ -19,17 +20,6 @@ const DRAGS = [1, 3];
 export const WIND = 3;
 /** Setting -> how far a made-up trial may be from what the page sets, in the units that are shown. */
 const SPREADS = { release_angle: 2, free_length: 1, kinetic_friction: 0.03, light_drag: 0.1 };
-
-/** Numbers between 0 and 1, always the same ones from a seed (mulberry32). @param {number} seed @returns {() => number} */
-export function seeded(seed) {
-  let state = seed;
-  return () => {
-    state = (state + 0x6d2b79f5) | 0;
-    let mixed = Math.imul(state ^ (state >>> 15), 1 | state);
-    mixed = (mixed + Math.imul(mixed ^ (mixed >>> 7), 61 | mixed)) ^ mixed;
-    return ((mixed ^ (mixed >>> 14)) >>> 0) / 2 ** 32;
-  };
-}
 
 /** Normally distributed number of standard deviation 1 (Box and Muller). @param {() => number} random */
 function normal(random) {

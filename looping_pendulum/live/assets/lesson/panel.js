@@ -22,7 +22,7 @@ const MILLIMETRES = 1000;
 const CONTROL_OF_TASK = { ratio: "range-mass_ratio", drag: "range-light_drag", trial: "trial-file" };
 const MADE_UP_FILE = "made-up.csv";
 
-/** The steps, one of which is open, and what was predicted and told in each. */
+/** The steps, one of which is open, and what was predicted and answered in each. */
 export class LessonPanel {
   /** @param {(id: string) => HTMLElement} element @param {LessonPage} page */
   constructor(element, page) {

@@ -353,7 +353,7 @@ export const en = {
   lessonNext: "Next step",
   lessonNoPrediction: "First predict: choose an answer.",
   lessonNoNumber: "First predict: type a number above 0, such as 3.5.",
-  lessonWatch: "Watch the run; then it is told what it says.",
+  lessonWatch: "Watch the run; then what it says stands here.",
   lessonLeft: "The settings are no longer those of this step; set it again to see its run.",
   lessonSaid: "You said: {said}. The run says: {found}.",
   lessonSaidOfFit: "You said: {said}. The fit says: {found}.",

@@ -1,9 +1,10 @@
 /**
  * Whether what a fit leaves is noise, by the tests of `identify` (`discrepancy/fit/residual.py`): its size, and in each group
- * of residuals whether neighbours err alike. The limits are those: of 24
- * blind trials without a missing effect none is above one of them.
+ * of residuals whether neighbours err alike. The limits are those: of 24 blind trials without a missing effect none is above
+ * one of them.
  */
 
+import { seeded } from "../random.js";
 import { range, sumOfSquares } from "./statistics.js";
 
 /**
@@ -90,7 +91,7 @@ function hasSlowPattern(z) {
   const square = sumOfSquares(z);
   const statistic = ljungBox(z, square);
   if (z.length > MAX_SHUFFLED || statistic < SHUFFLED_FROM || statistic > SHUFFLED_TO) return statistic > MAX_LJUNG_BOX;
-  const random = randomNumbers();
+  const random = seeded(0); // the same residuals have the same result
   const shuffled = [...z];
   let larger = 1;
   for (let shuffle = 0; shuffle < SHUFFLES && larger < MIN_LJUNG_BOX_P * (SHUFFLES + 1); shuffle++) {
@@ -101,17 +102,6 @@ function hasSlowPattern(z) {
     if (ljungBox(shuffled, square) >= statistic) larger += 1;
   }
   return larger < MIN_LJUNG_BOX_P * (SHUFFLES + 1);
-}
-
-/** Random numbers from 0 to 1, the same each time: the same residuals have the same result (Steele et al., SplitMix). */
-function randomNumbers() {
-  let state = 0;
-  return () => {
-    state = (state + 0x9e3779b9) | 0;
-    let mixed = Math.imul(state ^ (state >>> 16), 0x21f0aaad);
-    mixed = Math.imul(mixed ^ (mixed >>> 15), 0x735a2d97);
-    return ((mixed ^ (mixed >>> 15)) >>> 0) / 2 ** 32;
-  };
 }
 
 /** Standard score of the number of runs of one sign (Wald and Wolfowitz). @param {number[]} z */
