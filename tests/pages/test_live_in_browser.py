@@ -150,6 +150,23 @@ def test_a_bad_number_is_refused_in_one_line(opened, typed, message):
     assert value(page, "release_angle") == 113.08
 
 
+def test_a_refusal_outlives_the_frame_of_a_change_just_before_it(opened):
+    page = opened.page
+    page.evaluate("""() => {
+      for (const [name, typed] of [["mass_ratio", "12"], ["release_angle", "400"]]) {
+        const field = document.getElementById(`field-${name}`);
+        field.value = typed;
+        field.dispatchEvent(new Event("change"));
+      }
+    }""")
+    settled(page)
+    assert value(page, "mass_ratio") == 12
+    assert page.inner_text("#fault").startswith("Angle of the string: found 400 °")
+    page.fill("#field-release_angle", "100")
+    page.keyboard.press("Tab")
+    assert page.inner_text("#fault") == ""
+
+
 def test_friction_at_rest_is_never_below_that_of_sliding(opened):
     page = opened.page
     page.fill("#field-kinetic_friction", "0.5")

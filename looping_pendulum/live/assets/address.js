@@ -15,8 +15,6 @@ export class Address {
   /** @param {AddressedPage} page */
   constructor(page) {
     this.page = page;
-    /** What is wrong with the link that was read last. @type {string | (() => string)} */
-    this.fault = "";
     window.addEventListener("hashchange", () => this.read());
   }
 
@@ -41,19 +39,11 @@ export class Address {
     const { key = "", text: found = "", min = "", max = "" } = fault ?? {};
     const words = () =>
       min === "" ? text("badRelease", { text: found, names: Object.keys(RELEASES).join(", ") }) : text("badLink", { key, text: found, min, max });
-    this.fault = fault ? words : "";
-    page.say("fault", this.fault);
+    page.say("fault", fault ? words : "");
     page.change();
   }
 
   write() {
     window.history.replaceState(null, "", this.hash);
-  }
-
-  /** What is wrong with the link, once: with the next settings it is past. */
-  takeFault() {
-    const { fault } = this;
-    this.fault = "";
-    return fault;
   }
 }

@@ -204,6 +204,7 @@ class Page {
   /** Show a state that is on its way. @param {State} state */
   move(state) {
     this.history.present = state;
+    this.say("fault", "");
     this.change();
   }
 
@@ -246,6 +247,7 @@ class Page {
   /** @param {"undo" | "redo"} where in the history */
   go(where) {
     this.history[where]();
+    this.say("fault", "");
     this.address.write();
     this.change();
   }
@@ -289,7 +291,6 @@ class Page {
     if (link !== this.computed) {
       try {
         this.run = this.runOf(state);
-        this.say("fault", this.address.takeFault());
       } catch (error) {
         const isTooShort = error instanceof RangeError && error.message.startsWith("free_length");
         this.say("fault", () => text(isTooShort ? "tooShort" : "cannotRun"));
