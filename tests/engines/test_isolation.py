@@ -67,14 +67,19 @@ class LeapingClock:
         self._thread.ahead = getattr(self._thread, "ahead", 0.0) + 3600.0
 
 
+def hangs(engine, share):
+    """Whether the engine that hangs has sampled all that it will; ``share`` of the scenario is done."""
+    return engine.variant == "hang" and share * (round(SCENARIO.duration * 1000) + 1) > KEPT - 0.5
+
+
 @pytest.fixture(scope="module")
 def at_once():
     """Run all faulty engines in parallel, between two without a fault, and return variant -> run."""
     engines = [GOOD[0], *(FaultyEngine(fault) for fault in FAULTS), GOOD[1]]
-    clock, samples = LeapingClock(), round(SCENARIO.duration * 1000) + 1
+    clock = LeapingClock()
 
     def leap_where_it_hangs(engine, share):
-        if engine.variant == "hang" and share * samples > KEPT - 0.5:  # it has sampled all that it will
+        if hangs(engine, share):
             clock.leap()
 
     with pytest.MonkeyPatch.context() as patch:
@@ -293,13 +298,19 @@ def test_runs_come_back_in_the_order_given():
 
 
 def test_runs_that_have_ended_are_handed_over_while_others_go_on():
-    handed = []
+    handed, other_hangs = [], threading.Event()
+
+    def notice(engine, share):
+        if hangs(engine, share):
+            other_hangs.set()
 
     def stop_the_others(ended):
         handed.append([run.variant for run in ended])
+        assert other_hangs.wait(60)
         raise KeyboardInterrupt  # also in the middle of what is done with them, it keeps every sample
 
-    runs = run_all([FaultyEngine("hang"), FaultyEngine("none")], SCENARIO, jobs=2, meanwhile=stop_the_others, time_limit=60)
+    engines = [FaultyEngine("hang"), FaultyEngine("none")]
+    runs = run_all(engines, SCENARIO, jobs=2, progress=notice, meanwhile=stop_the_others, time_limit=60)
     assert handed == [["none"]]
     assert [run.status for run in runs] == [RunStatus.INTERRUPTED, RunStatus.FINISHED]
     assert len(runs[0].t) == KEPT
