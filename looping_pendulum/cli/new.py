@@ -100,16 +100,22 @@ def new(
 
 
 def _check_trials(study: Study, *, ask: bool) -> None:
-    """Warn if `identify` would refuse the trials of a study; with ``ask``, the questions about them can be answered anew."""
-    from looping_pendulum.teaching.new_study import fault_of_data, keys_of_fault
+    """Warn of what looks wrong in the trials of a study; with ``ask``, what `identify` would refuse can be answered anew."""
+    from looping_pendulum.discrepancy.data.observations import DataError
+    from looping_pendulum.teaching.new_study import keys_of_fault, look_at_trials
     from looping_pendulum.teaching.questions import AnswerError
 
-    fault = fault_of_data(study)
-    if fault is None:
-        return
-    if ask and not typer.confirm(printable(f"`identify` would refuse this: {fault}\nWrite it all the same?"), default=False):
-        raise AnswerError("asking again what may be wrong; Enter keeps an answer", keys=keys_of_fault(study, fault))
-    say(f"warning: `identify` will refuse this until it is corrected: {fault}", err=True)
+    try:
+        for warning in look_at_trials(study):
+            say(f"warning: {warning}", err=True)
+    except DataError as fault:
+        if ask and not typer.confirm(
+            printable(f"`identify` would refuse this: {fault}\nWrite it all the same?"), default=False
+        ):
+            raise AnswerError(
+                "asking again what may be wrong; Enter keeps an answer", keys=keys_of_fault(study, fault)
+            ) from None
+        say(f"warning: `identify` will refuse this until it is corrected: {fault}", err=True)
 
 
 def _command(what: NewFile, path: Path, like: str, files: list[str], answers: Mapping[str, str]) -> str:

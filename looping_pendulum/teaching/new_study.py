@@ -110,21 +110,25 @@ def new_study(answer: Answers, *, name: str, folder: Path, files: Sequence[str],
     return text, study_io.load_text(text, f"{name}.yaml", folder)
 
 
-def fault_of_data(study: Study) -> DataError | None:
-    """Return why `identify` would refuse the trials of a study; None if it would accept them, or if a file is not there yet."""
+def look_at_trials(study: Study) -> tuple[str, ...]:
+    """Read the trials of a study as `identify` will, and return its warnings; none if a file is not there yet.
+
+    Raises
+    ------
+    DataError
+        If `identify` would refuse them.
+    """
     # These import what fits, which takes a second
     from looping_pendulum.discrepancy.first_look.check import take_first_look
     from looping_pendulum.discrepancy.inputs import read_inputs
 
     if not all((study.folder / path).exists() for trial in study.trials for path, _ in trial.files):
-        return None
-    try:
-        # In the order of `identify`: a first look says more of lengths in pixels than that they are implausible
-        take_first_look(study).refuse_mistakes()
-        read_inputs(study)
-    except DataError as error:
-        return error
-    return None
+        return ()
+    # In the order of `identify`: a first look says more of lengths in pixels than that they are implausible
+    check = take_first_look(study)
+    check.refuse_mistakes()
+    read_inputs(study)
+    return check.warnings
 
 
 def not_measured(answer: Answers) -> list[str]:

@@ -84,6 +84,10 @@ def _thousandfold(text: str) -> str:
     return f"{1e3 * to_si(text.partition('+/-')[0], 'kg')} kg +/- 0.5 %"
 
 
+def _another_length(metres: float) -> Callable[[Tree], None]:
+    return _every_value("release", "free_length", lambda _: f"{metres} m +/- 1 mm")
+
+
 def _diameter(text: str) -> str:
     return f"{2e3 * to_si(text.partition('+/-')[0], 'm')} mm +/- 1 %"
 
@@ -112,6 +116,11 @@ FURTHER = {
     ),
     "light mass in kilograms": Mistake(keys=frozenset({"light"}), study=_every_value("light", "mass", _thousandfold)),
     "angle from the horizontal": Mistake(keys=frozenset({"release"}), study=_angle(lambda degrees: degrees - 90)),
+    "length and angle of another trial": Mistake(
+        keys=frozenset({"release"}),
+        study=lambda tree: (_another_length(0.9)(tree), _angle(lambda degrees: degrees - 25)(tree)),
+    ),
+    "a tenth of the length": Mistake(keys=frozenset({"release"}), study=_another_length(0.05)),
     "angle on the other side": Mistake(keys=frozenset({"release"}), study=_angle(lambda degrees: 360 - degrees)),
 }  # fmt: skip
 

@@ -95,6 +95,24 @@ def test_a_mistake_of_one_trial_is_named_for_that_one(example, tmp_path):
     assert found.keys == "release: {angle: 104 deg}"
 
 
+def test_the_place_of_release_is_read_off_the_first_point(example, tmp_path):
+    path = mistaken(example, tmp_path, FURTHER["a tenth of the length"])
+    found = the_only(look(path))
+    assert found.trials == ("first", "second")
+    assert found.keys == "release: {free_length: 580 mm}"
+    assert found.text.startswith("trials 'first', 'second': found a release 580 mm from the rod instead of the declared 50 mm;")
+
+
+def test_a_trial_far_from_what_was_declared_is_told_even_if_no_mistake_explains_it(example, tmp_path):
+    path = mistaken(example, tmp_path, NO_MISTAKE)
+    path.write_text(path.read_text().replace("60 g +/- 0.3 g", "600 g +/- 3 g"))
+    check = look(path)
+    assert not check.mistakes
+    (warning,) = check.warnings
+    assert warning.startswith("trial 'second': the points are ")
+    assert warning.endswith("check this trial's masses, free length, angle and file")
+
+
 @pytest.mark.parametrize("file_factor", [1 / 8, 2])
 def test_the_frame_rate_is_the_true_one(example, tmp_path, file_factor):
     mistake = Mistake(keys=frozenset(), row=lambda row: [file_factor * row[0], *row[1:]])

@@ -42,6 +42,11 @@ SHORT_UNIT = "0.001 mm"
 """Unit in which lengths are read that are too large in the study's own: shorter than any that a tracker writes."""
 STEPS = (1, 2)
 """Numbers of mistakes at once that are tried, one after the other: two are no explanation where one suffices."""
+FAR = 4.0
+"""Misfit with the study's uncertain values fitted above which a trial is far from any that was declared right.
+
+In 37 blind studies an effect that moves the light mass by 50 mm leaves 2.5 and less.
+"""
 MIN_ORIGIN_SHIFT = 0.1
 """Smallest distance of the origin from where it was declared, in free lengths, that is no error of measurement."""
 MIN_ORIGIN_SIGMAS = 10.0
@@ -104,10 +109,13 @@ def check_declaration(study: Study, observed: Iterable[tuple[Trial, Observations
             checks.append(
                 TrialCheck(trial=trial.name, distance=None, reason="too few points lie in the first part of the motion")
             )
+    mistakes = _named(searches)
+    named = {trial for mistake in mistakes for trial in mistake.trials}
+    far = (_far_text(s) for s in searches if s.name not in named and not s.is_near and s.as_declared.largest > FAR)
     return DeclarationCheck(
         trials=tuple(checks),
-        mistakes=_named(searches),
-        warnings=tuple(implausible_values([s.declared for s in searches])),
+        mistakes=mistakes,
+        warnings=(*implausible_values([s.declared for s in searches]), *far),
     )
 
 
@@ -175,15 +183,25 @@ def _mistake(names: tuple[str, ...], members: Sequence[tuple[TrialSearch, list[E
     before = search.distance.rms
     # In the units of the declared apparatus, as the distance before
     after = explanations[0].distance.rms
-    if math.isfinite(before):
-        size = f"the points are {quantity(before, 'm')} from the declared motion and {quantity(after, 'm')} with the change"
-    else:
+    if not math.isfinite(before):
         size = f"hardly any point lies in the declared motion, and with the change they are {quantity(after, 'm')} from it"
+    elif after < before:
+        size = f"the points are {quantity(before, 'm')} from the declared motion and {quantity(after, 'm')} with the change"
+    else:  # a shorter string moves less
+        size = f"with the change, the points are {quantity(after, 'm')} from the declared motion"
     # Only the first trial's values are shown, where others need other ones
     others = {"' or '".join(dict.fromkeys(e.mistake.keys(e.undone) for e in each)) for _, each in members}
     of_first = f" in '{trials[0]}'" if len(others) > 1 else ""
     text = f"{_where(trials)}: found {found}; needed '{keys}'{of_first} ({size})"
     return NamedMistake(trials=trials, names=names, keys=keys, text=text, corrected={s.name: e[0].distance for s, e in members})
+
+
+def _far_text(search: TrialSearch) -> str:
+    """Return that a trial is far from what was declared, though no one mistake mends it."""
+    return (
+        f"trial '{search.name}': the points are {quantity(search.distance.rms, 'm')} from the declared motion, more than an "
+        "effect moves them, and no single usual mistake explains it; check this trial's masses, free length, angle and file"
+    )
 
 
 def _where(trials: Sequence[str]) -> str:

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from looping_pendulum.discrepancy.data import observations as measured
+from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.observations import Channel, Observations
 from looping_pendulum.discrepancy.data.study import Estimate, Study, Trial
+from looping_pendulum.reference_ode.geometry import next_string_coordinates
 
 OTHER_MASS = {"light": "heavy", "heavy": "light"}
+MIN_UNIT_FACTOR = 1.4
+"""Smallest factor on lengths or times, or inverse of one, that is no error of measurement; a scale's may be smaller."""
+MIN_ANGLE_DIFFERENCE = math.radians(5)
+"""Smallest difference of two release angles that is no error of measurement [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,3 +109,26 @@ def with_masses_exchanged(declared: DeclaredTrial) -> DeclaredTrial | None:
     if light is None or heavy is None:
         return None
     return declared.with_values({"light_mass": heavy.value, "heavy_mass": light.value})
+
+
+def released_where_first_seen(declared: DeclaredTrial) -> DeclaredTrial | None:
+    """Return the trial released from where the light mass's first point is, as seen from the declared origin.
+
+    None: the trial may have begun elsewhere, it was declared about there, or the place was not tracked.
+    """
+    trial = declared.trial
+    channels = {c.name: c for c in declared.observations.channels}
+    length, angle = (declared.estimate(name) for name in ("free_length", "release_angle"))
+    if trial.in_mid_swing or not {"light_x", "light_y"} <= channels.keys() or length is None or angle is None:
+        return None
+    camera = Camera(**{name: estimate.value for name, estimate in trial.camera.items()})
+    first = np.array([[channels["light_x"].value[0], channels["light_y"].value[0]]])
+    ((x, y),) = camera.true_position(first).tolist()
+    rod_radius = declared.study.parameters({}, trial).rod_radius
+    seen_length, seen_angle = next_string_coordinates(x, y, rod_radius, angle.value)
+    values = {}
+    if not 1 / MIN_UNIT_FACTOR < seen_length / length.value < MIN_UNIT_FACTOR:
+        values["free_length"] = seen_length
+    if abs(seen_angle - angle.value) > MIN_ANGLE_DIFFERENCE:
+        values["release_angle"] = seen_angle % (2 * math.pi)
+    return declared.with_values(values) if values else None

@@ -11,9 +11,11 @@ import numpy as np
 
 from looping_pendulum.discrepancy.data.study import Trial
 from looping_pendulum.discrepancy.first_look.declared_trial import (
+    MIN_UNIT_FACTOR,
     OTHER_MASS,
     DeclaredTrial,
     mirrored,
+    released_where_first_seen,
     upside_down,
     with_masses_exchanged,
     with_times,
@@ -26,8 +28,6 @@ from looping_pendulum.scenarios.units import UnitError, to_si
 Undo = Callable[[DeclaredTrial], DeclaredTrial | None]
 """Function that returns a trial without a mistake; None: the trial cannot have that mistake."""
 
-MIN_UNIT_FACTOR = 1.4
-"""Smallest factor on lengths or times, or inverse of one, that means another unit or frame rate and no error of measurement."""
 TIME_FACTORS = tuple(f for f in (2.0 ** (np.arange(-28, 29) / 4)).tolist() if not 1 / MIN_UNIT_FACTOR < f < MIN_UNIT_FACTOR)
 """Factors on the file's times that are tried: steps of 1/4 octave; a fit refines the best."""
 MAX_DECLARED_ERROR = 0.1
@@ -144,6 +144,22 @@ def _tracks(undone: Undone) -> str:
     return "tracks: {light: ..., heavy: ...}"
 
 
+def _changes_of_place(undone: Undone, *, key: bool) -> list[str]:
+    """Return what is changed of the place of release, as keys or in words with the declared values."""
+    parts = []
+    for parameter, as_key, in_words in (
+        ("free_length", "free_length: {}", "{} from the rod instead of the declared {}"),
+        ("release_angle", "angle: {}", "near {} (0: straight up, 180: straight down) instead of the declared {}"),
+    ):
+        values = [undone.value(parameter, corrected=corrected) for corrected in (True, False)]
+        if values[0] != values[1]:
+            shown = (
+                quantity(v, "m", digits=3) if parameter == "free_length" else f"{number(math.degrees(v))} deg" for v in values
+            )
+            parts.append((as_key if key else in_words).format(*shown))
+    return parts
+
+
 def _mass_keys(undone: Undone) -> str:
     light, heavy = (quantity(undone.value(f"{mass}_mass"), "kg", digits=3) for mass in ("light", "heavy"))
     return f"light: {{mass: {light}}}' and 'heavy: {{mass: {heavy}}}"
@@ -239,15 +255,12 @@ def _times(factor: float) -> Mistake:
     )
 
 
-def _angle(change: Callable[[float], float]) -> Mistake:
+def _place(undo: Undo) -> Mistake:
     return Mistake(
-        name="release angle",
-        undo=_with_angle(change),
-        found=lambda undone: (
-            f"a release near {number(math.degrees(undone.value('release_angle')))} deg (0: straight up, 180: straight down) "
-            f"instead of the declared {number(math.degrees(undone.value('release_angle', corrected=False)))} deg"
-        ),
-        keys=lambda undone: f"release: {{angle: {number(math.degrees(undone.value('release_angle')))} deg}}",
+        name="release place",
+        undo=undo,
+        found=lambda undone: f"a release {' and '.join(_changes_of_place(undone, key=False))}",
+        keys=lambda undone: f"release: {{{', '.join(_changes_of_place(undone, key=True))}}}",
     )
 
 
@@ -292,7 +305,9 @@ MISTAKES = (
     *(mistake for factor in TIME_FACTORS for mistake in (_times(factor), _joined(MIRRORED, _times(factor)),
                                                          _joined(TRACKS_EXCHANGED, _times(factor)))),
     _joined(MIRRORED, TRACKS_EXCHANGED),
-    *(_angle(change) for change in (
+    _place(released_where_first_seen),
+    # These need no origin at the rod
+    *(_place(_with_angle(change)) for change in (
         math.degrees,
         math.radians,
         lambda angle: math.pi - angle,
@@ -304,7 +319,6 @@ MISTAKES = (
     # A radius that is twice what was declared is no common mistake, and more friction looks alike
     *(_value(f"rod radius times {number(factor)}", "", {"rod_radius": "m"}, factor)
       for factor in (1 / 2, 1 / 10, 10.0)),
-    *(_value("free length", "release", {"free_length": "m"}, factor) for factor in (1 / 100, 1 / 10, 10.0, 100.0)),
     *(_value(f"{' and '.join(m)} mass", "", {f"{mass}_mass": "kg" for mass in m}, factor)
       for m in (("light",), ("heavy",), ("light", "heavy")) for factor in (1e-3, 1e3)),
 )  # fmt: skip

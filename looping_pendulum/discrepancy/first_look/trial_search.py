@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial, with_lengths
+from looping_pendulum.discrepancy.first_look.declared_trial import MIN_UNIT_FACTOR, DeclaredTrial, with_lengths
 from looping_pendulum.discrepancy.first_look.misfit import Distance, FittedMisfit, fitted_misfit, measured_distance
-from looping_pendulum.discrepancy.first_look.mistakes import MIN_UNIT_FACTOR, Mistake, Undone, possible_mistakes
+from looping_pendulum.discrepancy.first_look.mistakes import Mistake, Undone, possible_mistakes
 from looping_pendulum.reference_ode.parameters import Release
 
 MAX_GOOD_MISFIT = 1.1
