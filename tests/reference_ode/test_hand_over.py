@@ -93,19 +93,25 @@ def test_an_engines_run_and_the_reference_say_what_solved_them(short_of_steps):
 
 
 @pytest.mark.accurate
-def test_neighbours_of_that_run_end_by_either_integrator():
-    """343 of 400 neighbours failed. The oracle is heyoka itself at a tolerance at which it arrives."""
+@pytest.mark.filterwarnings("ignore::looping_pendulum.errors.IntegratorFallbackWarning")
+def test_neighbours_of_that_run_end_alone_and_in_a_batch():
+    """343 of 400 neighbours failed. The oracle is heyoka itself at a tolerance at which it arrives.
+
+    At which of them heyoka gives up hangs on rounding: 7 of 40 alone and none in a batch, where it was 20 and more.
+    """
     rng = np.random.default_rng(7)
     columns = {
         name: (ENDLESS.coefficients.get(name) or getattr(ENDLESS, name)) * rng.uniform(1 - width, 1 + width, 40)
         for name, width in RANGES.items()
     }
-    with pytest.warns(IntegratorFallbackWarning, match="heyoka gave up at"):
-        fine = solve_batch(ENDLESS, columns)
     coarse = solve_batch(ENDLESS, columns, tolerance=1e-8)
-    assert np.isfinite(fine.end_time).all()
-    assert 20 < np.count_nonzero(fine.handed_over) <= 40
     assert not coarse.handed_over.any()
+    fine = solve_batch(ENDLESS, columns)
     assert np.array_equal(fine.end, coarse.end)
-    assert np.allclose(fine.end_time, coarse.end_time, rtol=0, atol=1e-6)
-    assert np.allclose(fine.halting_time, coarse.halting_time, rtol=0, atol=1e-7, equal_nan=True)
+    alone = [solve(ENDLESS.replace(**{name: float(values[i]) for name, values in columns.items()})) for i in range(40)]
+    for end_time, halting_time in (
+        (fine.end_time, fine.halting_time),
+        ([run.end_time for run in alone], [run.halting_time for run in alone]),
+    ):
+        assert np.allclose(end_time, coarse.end_time, rtol=0, atol=1e-6)
+        assert np.allclose(np.array(halting_time, dtype=float), coarse.halting_time, rtol=0, atol=1e-7, equal_nan=True)
