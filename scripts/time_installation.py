@@ -25,10 +25,16 @@ from typing import Any
 PROJECT = Path(__file__).parents[1]
 PAGE = PROJECT / "docs" / "install.md"
 STORED = PROJECT / "docs" / "data" / "installation.json"
-WAYS = {"make": "With make", "python": "With Python alone", "uv": "With uv", "pipx": "With pipx"}
+WAYS = {
+    "make": "With make",
+    "python": "With Python alone",
+    "uv": "With uv",
+    "pipx": "With pipx",
+    "container": "In a container",
+}
 """Name of a way -> heading of its section."""
-PROGRAMS = ("make", "uv", "pipx")
-"""Ways that are programs of their own."""
+PROGRAMS = {"make": "make", "uv": "uv", "pipx": "pipx", "container": "docker"}
+"""Way -> program that it needs."""
 DEMO_PAGE = "report/ten_to_one/demo.html"
 NETWORK_SETTINGS = ("SSL_CERT_FILE", "SSL_CERT_DIR", "PIP_CERT", "HTTP_PROXY", "HTTPS_PROXY", "NO_PROXY")
 """Environment variables that the commands inherit, since without them a machine may not reach the package index."""
@@ -48,8 +54,8 @@ def time_way(way: str, folder: Path) -> dict[str, Any]:
     clone, home = folder / "clone", folder / "home"
     home.mkdir()
     subprocess.run(["git", "clone", "--quiet", PROJECT, clone], check=True)
-    tools = [Path(found).parent for tool in PROGRAMS if (found := shutil.which(tool))]
-    path = [home / ".local" / "bin", Path(sys.base_prefix) / "bin", "/usr/local/bin", "/usr/bin", "/bin", *tools]
+    tools = [Path(found).parent for tool in PROGRAMS.values() if (found := shutil.which(tool))]
+    path = [home / ".local" / "bin", Path(sys.base_prefix) / "bin", *tools, "/usr/local/bin", "/usr/bin", "/bin"]
     environment = {name: os.environ[name] for name in NETWORK_SETTINGS if name in os.environ}
     environment |= {"HOME": str(home), "PATH": ":".join(map(str, path)), "LANG": "C.UTF-8", "PIP_CONFIG_FILE": os.devnull}
     lines = []
@@ -87,7 +93,7 @@ def main(ways: list[str]) -> None:
     unknown = set(ways) - set(WAYS)
     if unknown:
         raise SystemExit(f"found {', '.join(sorted(unknown))}; needed some of {', '.join(WAYS)}")
-    missing = [way for way in ways or WAYS if way in PROGRAMS and not shutil.which(way)]
+    missing = [PROGRAMS[way] for way in ways or WAYS if way in PROGRAMS and not shutil.which(PROGRAMS[way])]
     if missing:
         raise SystemExit(f"found no {' and no '.join(missing)} on the path; install it, or name the ways to time")
     stored = json.loads(STORED.read_text(encoding="utf-8")) if STORED.exists() else {"ways": {}}
