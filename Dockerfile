@@ -26,7 +26,7 @@ FROM base AS tests
 # Chromium is for the browser tests only, which are skipped without one.
 USER root
 RUN apt-get update \
-    && apt-get install --yes --no-install-recommends chromium \
+    && apt-get install --yes --no-install-recommends chromium-headless-shell \
     && rm -rf /var/lib/apt/lists/*
 USER student
 RUN make .venv/test PYTHON=python3
