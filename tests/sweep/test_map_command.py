@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from looping_pendulum.cli.main import app
 from looping_pendulum.sweep import open_map, run_map, runner
 from looping_pendulum.sweep.fields import ENDINGS
+from tests.command_line import can_be_interrupted
 from tests.sweep import fake
 from tests.sweep.maps import GRID, LONG, chunk_files, contents, program
 
@@ -46,7 +47,9 @@ def test_the_exact_solver_gives_the_same_bytes_in_every_process(tmp_path):
 def test_ctrl_c_at_the_command_line(tmp_path):
     (tmp_path / "map.yaml").write_text(LONG.replace("1e-6", "1e-12").replace("count: 12", "count: 400"))
     arguments = ("map", tmp_path / "map.yaml", "--out", tmp_path / "out", "--jobs", 2)
-    process = subprocess.Popen(**program("looping_pendulum", *arguments), stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        **program("looping_pendulum", *arguments), stderr=subprocess.PIPE, text=True, preexec_fn=can_be_interrupted
+    )
     while process.poll() is None and len(chunk_files(tmp_path / "out")) < 2:
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)

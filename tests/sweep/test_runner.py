@@ -21,6 +21,7 @@ from looping_pendulum.reference_ode.batch import solve_batch
 from looping_pendulum.sweep import map_file, open_map, run_map
 from looping_pendulum.sweep.fields import FIELDS
 from looping_pendulum.sweep.plan import MapError
+from tests.command_line import can_be_interrupted
 from tests.sweep import fake
 from tests.sweep.maps import GRID, LONG, SAMPLE, chunk_files, contents, field_files, program, run
 
@@ -329,7 +330,7 @@ def test_processes_change_no_byte_even_if_one_dies(tmp_path, whole):
 def test_workers_end_with_their_parent(tmp_path, sent):
     (tmp_path / "map.yaml").write_text(LONG)
     started = program("tests.sweep.fake", tmp_path / "map.yaml", tmp_path / "out", "--jobs", 2, FAKE_SLEEP="0.2")
-    process = subprocess.Popen(**started, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(**started, stdout=subprocess.PIPE, text=True, preexec_fn=can_be_interrupted)
     while process.poll() is None and not chunk_files(tmp_path / "out"):
         time.sleep(0.02)
     listed = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True).stdout.split()
