@@ -17,7 +17,7 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import best_of, calibrate_from_random_start, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs
-from looping_pendulum.discrepancy.listed.attribution import Refit, bic_penalty, refits, with_own_noises
+from looping_pendulum.discrepancy.listed.attribution import Refit, delta_bic_of, refits, with_own_noises
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.held_out import check_held_out, improvement_test, predicts_better, square_ratio
@@ -87,8 +87,8 @@ class Search:
         """Formulas of these forces, refitted to the trajectories, the best first."""
         self.scales: dict[str, float] = {}
         """Candidate's name -> change of its value that changes the prediction as `screening.SCALE_SIZE` says."""
-        self.first_refits: list[Refit] = []
-        """Refits of the declared model with one candidate, with white noise."""
+        self.white_rounds: dict[int, tuple[CandidateModel, list[Refit], dict[str, CandidateModel]]] = {}
+        """Rounds with white noise, by their index: the model before, its refits, and those of them that were tested."""
         self.correlated_base: CandidateModel | None = None
         """The declared model with errors of the tracked points that last longer than a frame; None: the search takes none."""
         self.correlated_fit: Fit | None = None
@@ -147,20 +147,23 @@ class Search:
         return bool(self.forces)
 
     def find_listed_rivals(self) -> None:
-        """Find listed effects that explain the data as well as an unlisted force.
+        """Find one or two listed effects that explain the data as well as an unlisted force.
 
         In one trial the fitted parameters can make up for most of a large effect, so that its delta BIC is below
-        `MIN_DELTA_BIC`. Held-out data decide: it is tied with the force if nothing speaks against it and the force does not
-        predict them better by `LIKELIHOOD_MARGIN`.
+        `MIN_DELTA_BIC`; it may be the only one or the second of two. Held-out data decide: a model with it is tied with the
+        force if it passes every test and the force does not predict them better by `LIKELIHOOD_MARGIN`.
         """
-        assert self.declared_model is not None
-        weak = [r for r in self.first_refits if 0 < r.delta_bic < MIN_DELTA_BIC and r.within_bounds]
-        judged = self.judge_refits(self.declared_model, weak, 0.95).values()
-        self.accepted_models = tuple(
-            m
-            for m in judged
-            if not m.failed_tests and not predicts_better(m.held_out, self.forces[0].held_out, LIKELIHOOD_MARGIN)
-        )
+        for index, (current, refitted, judged) in self.white_rounds.items():
+            weak = [r for r in refitted if 0 < r.delta_bic < MIN_DELTA_BIC and r.within_bounds]
+            rivals = {
+                name: m
+                for name, m in self.judge_refits(current, weak, 0.95).items()
+                if not m.failed_tests and not predicts_better(m.held_out, self.forces[0].held_out, LIKELIHOOD_MARGIN)
+            }
+            if rivals:
+                self.accepted_models = tuple(rivals.values())
+                self.rounds[index] = record_round(current, refitted, judged | rivals, correlated_noise=False)
+                return
 
     def noise_explains_all(self) -> bool:
         """Return whether errors of the tracked points that last longer than a frame are all that the declared model lacks.
@@ -195,7 +198,7 @@ class Search:
     def refits_with_own_noise(self) -> list[Refit]:
         """Return the refits of the first round, each with the noise that its own residuals show."""
         assert self.correlated_fit is not None
-        return with_own_noises(self.correlated_fit, self.first_refits, self.workers)
+        return with_own_noises(self.correlated_fit, self.white_rounds[0][1], self.workers)
 
     def search_with_correlated_noise(self) -> None:
         """Search again with errors of the tracked points that last longer than a frame, as of a tracker that wanders.
@@ -246,7 +249,7 @@ class Search:
         for dropped in best.added[:-1]:
             current = self.without(best, dropped)
             # Delta BIC of the dropped effect beside the others, less the margin within which explanations are tied
-            min_delta_bic = _delta_bic(current.fit, best.fit, dropped) - MIN_DELTA_BIC_MARGIN
+            min_delta_bic = delta_bic_of(dropped, current.fit, best.fit) - MIN_DELTA_BIC_MARGIN
             refits = self.refit_candidates(current, 0.7)
             rivals = [r for r in refits if r.delta_bic >= max(min_delta_bic, MIN_DELTA_BIC) and r.within_bounds]
             judged = self.judge_refits(current, rivals, 0.8)
@@ -261,7 +264,7 @@ class Search:
         """
         for dropped in model.added[:-1]:
             current = self.without(model, dropped)
-            delta_bic = _delta_bic(current.fit, model.fit, dropped)
+            delta_bic = delta_bic_of(dropped, current.fit, model.fit)
             if delta_bic < MIN_DELTA_BIC:
                 return self.judge(with_noise_of_residuals(current.fit), current.added)
             refits = self.refit_candidates(current, 0.5)
@@ -335,6 +338,8 @@ class Search:
         near = [r for r in refits if r.delta_bic >= threshold]
         judged = self.judge_refits(current, near, share + (0.01 if self.correlated_base else 0.2))
         self.record(current, refits, judged)
+        if self.correlated_base is None:
+            self.white_rounds[len(self.rounds) - 1] = (current, refits, judged)
         within_bounds = {r.candidate.name for r in refits if r.within_bounds}
         passing = [m for name, m in judged.items() if name in within_bounds and not m.failed_tests]
         # A model within the margin that fails a test is no winner, but its delta BIC is too near to the best to rule it out.
@@ -367,8 +372,6 @@ class Search:
             alike = [s for s in eligible if s.candidate.acts_on == acts_on and s not in chosen][:MAX_REFITS]
             known.update((r.candidate.name, r) for r in results)
             results = refits(current.fit, [*chosen, *alike], known, self.workers, report)
-        if current is self.declared_model:
-            self.first_refits = results
         return results
 
     def judge_refits(self, current: CandidateModel, refits: Sequence[Refit], share: float) -> dict[str, CandidateModel]:
@@ -407,11 +410,6 @@ class Search:
             formulas = refit_formulas(base.fit, passing, self.inputs.held_out, lambda what: self.report_progress(what, 0.93))
             self.formulas = tuple(formulas)
         return tuple(by_preference(passing) + [f for f in forces if f not in passing]) if passing else ()
-
-
-def _delta_bic(without: Fit, fit: Fit, candidate: Candidate) -> float:
-    """Return the delta BIC of a candidate by fits with and without it to the same data."""
-    return without.cost - fit.cost - bic_penalty(candidate, fit)
 
 
 def _returning(screened: tuple[ScreenedCandidate, ...]) -> Callable[[], tuple[ScreenedCandidate, ...]]:

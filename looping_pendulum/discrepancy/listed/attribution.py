@@ -108,11 +108,16 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
         null = np.concatenate([base.x, np.zeros(1 + len(screened.companions))])
         with contextlib.suppress(FitError):
             best = min(best, minimise(problem, null, max_iterations=MAX_ITERATIONS), key=lambda f: f.cost)
-    penalty = bic_penalty(screened.candidate, base)
-    if screened.companions and base.cost - best.cost - penalty > max(delta_bic_to_beat - RESTART_MARGIN, 0.0):
+    found = delta_bic_of(screened.candidate, base, best)
+    if screened.companions and found > max(delta_bic_to_beat - RESTART_MARGIN, 0.0):
         best = min([best, *_restart(best, screened)], key=lambda f: f.cost)
-    result = Refit(screened=screened, fit=best, delta_bic=base.cost - best.cost - penalty)
+    result = Refit(screened=screened, fit=best, delta_bic=delta_bic_of(screened.candidate, base, best))
     return with_own_noise(base, result) if noises_of(base) else result
+
+
+def delta_bic_of(candidate: Candidate, without: Fit, fit: Fit) -> float:
+    """Return the delta BIC of a candidate by fits without and with it to the same data."""
+    return without.cost - fit.cost - bic_penalty(candidate, without)
 
 
 def bic_penalty(candidate: Candidate, fit: Fit) -> float:

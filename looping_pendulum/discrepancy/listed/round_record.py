@@ -26,6 +26,8 @@ def _reason(r: Refit, model: CandidateModel | None, best: Refit) -> str:
     """Return in words why a refit does not pass; empty if it does. ``model`` is None if the refit was not tested."""
     if not r.within_bounds and r.candidate.bounds_reason:
         return f"its value would be impossible: {r.candidate.bounds_reason}"
+    if r.delta_bic < MIN_DELTA_BIC and model is not None and not model.failed_tests:
+        return "it explains too little to be more than chance, but the model with it predicts as well as an unlisted force"
     if r.delta_bic < MIN_DELTA_BIC:
         return "it explains too little to be more than chance"
     if model is None and r is best:
