@@ -379,7 +379,7 @@ class Search:
         judged = {}
         for r in refits:
             self.report_progress(f"testing {r.candidate.name}", share)
-            fit = r.fit if self.correlated_base else with_noise_of_residuals(r.fit)
+            fit = r.fit if self.correlated_base else with_noise_of_residuals(r.fit, central=True)
             judged[r.candidate.name] = self.judge(fit, (*current.added, r.candidate))
         return judged
 

@@ -120,6 +120,7 @@ def minimise(
     cost_tolerance: float = COST_TOLERANCE,
     max_iterations: int = 30,
     confirm: bool = True,
+    central: bool = False,
     initial_jacobian: Array | None = None,
     known_columns: Array | None = None,
 ) -> Fit:
@@ -142,6 +143,9 @@ def minimise(
         Largest number of Jacobians that are computed.
     confirm
         Whether convergence must be confirmed with a newly computed Jacobian.
+    central
+        Whether that one has the best derivatives there are (`Problem.jacobian`). Where the model is far from linear, as in
+        friction, one-sided differences end some tenths of a standard error from the minimum.
     initial_jacobian
         Jacobian at ``x``, or as near to it as two iterations are when a fit ends; None: not known.
     known_columns
@@ -157,6 +161,7 @@ def minimise(
     if r is None:
         raise FitError("the model cannot run at the start of the fit; check the study's values")
     cost, damping, iterations = float(r @ r), 1e-3, 0
+    is_near = False  # the minimum that a fit without central differences finds
     # The age is the number of updates since the Jacobian was computed; at its largest value a new one is due
     if initial_jacobian is not None:
         jacobian, age = initial_jacobian, 0
@@ -168,7 +173,7 @@ def minimise(
         if age >= MAX_BROYDEN_UPDATES:
             if iterations == max_iterations:
                 break
-            jacobian, age = problem.jacobian(x), 0
+            jacobian, age = problem.jacobian(x, central=is_near), 0
             iterations += 1
         # The Jacobian is that of the prediction, minus that of the residuals, so the cost falls along +J^T r.
         gradient, normal = jacobian.T @ r, jacobian.T @ jacobian
@@ -188,9 +193,9 @@ def minimise(
                 damping *= 10
         if not decrease or decrease < cost_tolerance * cost:
             # A newly computed Jacobian leaves no better step. An updated one may be wrong, and is replaced before the fit ends
-            if not age or (decrease and not confirm):
+            if is_near >= central and (not age or (decrease and not confirm)):
                 break
-            age = MAX_BROYDEN_UPDATES
+            age, is_near, damping = MAX_BROYDEN_UPDATES, central, min(damping, 1e-3)
         elif decrease < MIN_DECREASE_RATIO * predicted_decrease:
             age = MAX_BROYDEN_UPDATES
         else:

@@ -26,7 +26,9 @@ MAX_DIFFERENCE_SIGMAS = 4.0
 """Standardised size at which differences are clipped."""
 
 
-def with_noise_of_residuals(fit: Fit, *, cost_tolerance: float = COST_TOLERANCE, max_iterations: int = 30) -> Fit:
+def with_noise_of_residuals(
+    fit: Fit, *, cost_tolerance: float = COST_TOLERANCE, max_iterations: int = 30, central: bool = False
+) -> Fit:
     """Estimate each trial's noise from differences of neighbouring residuals, leave out outliers, and refit.
 
     Such differences do not see slow misfits. With them, chi2 scatters by 1/sqrt(n); with second differences 1.5 times as much;
@@ -38,6 +40,7 @@ def with_noise_of_residuals(fit: Fit, *, cost_tolerance: float = COST_TOLERANCE,
         fit.x,
         cost_tolerance=cost_tolerance,
         max_iterations=max_iterations,
+        central=central,
         initial_jacobian=_rescaled_jacobian(fit, data),
     )
 
@@ -48,7 +51,7 @@ def refit_with_estimated_noise(fit: Fit) -> Fit:
     if any(d.is_outlier.any() for d in first.problem.data):
         # Outliers may have led the fit astray, so that it begins anew without them
         first = min((first, calibrate(first.problem)), key=lambda f: f.cost)
-    return with_noise_of_residuals(first)
+    return with_noise_of_residuals(first, central=True)
 
 
 def _rescaled_jacobian(fit: Fit, data: Sequence[TrialData]) -> Array | None:
