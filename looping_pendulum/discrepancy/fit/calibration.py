@@ -181,7 +181,8 @@ def minimise(
         decrease = 0.0
         # An updated Jacobian gets one try: if its step fails, it is not the damping that is wrong.
         for _ in range(1 if age else 8):
-            trial_x = np.clip(x + _step(normal, gradient, free, damping), problem.low, problem.high)
+            whole_step = _step(normal, gradient, free, damping, problem.low - x, problem.high - x)
+            trial_x = np.clip(x + whole_step, problem.low, problem.high)  # a bound is met exactly, whatever the rounding
             new = problem.residuals(trial_x)
             if new is not None and float(new @ new) < cost:
                 step, change = trial_x - x, new - r
@@ -206,13 +207,26 @@ def minimise(
     return Fit(problem=problem, x=x, residuals=r, iterations=iterations, final_jacobian=None if age else jacobian)
 
 
-def _step(normal: Array, gradient: Array, free: NDArray[np.bool_], damping: float) -> Array:
-    """Return the damped step, each component clipped; parameters that press against a bound stay."""
+def _step(normal: Array, gradient: Array, free: NDArray[np.bool_], damping: float, below: Array, above: Array) -> Array:
+    """Return the damped step, each component clipped; parameters that press against a bound stay.
+
+    One that would go beyond its bound, ``below`` or ``above`` it, goes to it, and the step of the others is computed anew: they
+    may not make up for what it does not do.
+    """
     step = np.zeros(len(gradient))
-    part = normal[np.ix_(free, free)]
-    # The tiny summand keeps the matrix regular where a parameter changes nothing
-    step[free] = np.linalg.solve(part + damping * np.diag(np.diag(part) + 1e-12), gradient[free])
-    return np.clip(step, -MAX_STEP, MAX_STEP)
+    moving = free.copy()
+    while moving.any():
+        part = normal[np.ix_(moving, moving)]
+        remaining = gradient[moving] - normal[np.ix_(moving, ~moving)] @ step[~moving]
+        # The tiny summand keeps the matrix regular where a parameter changes nothing
+        step[moving] = np.linalg.solve(part + damping * np.diag(np.diag(part) + 1e-12), remaining)
+        step = np.clip(step, -MAX_STEP, MAX_STEP)
+        beyond = moving & ((step < below) | (step > above))
+        if not beyond.any():
+            break
+        step[beyond] = np.clip(step, below, above)[beyond]
+        moving &= ~beyond
+    return step
 
 
 def _window_shares(problem: Problem) -> tuple[float, ...]:
