@@ -28,8 +28,8 @@ def page() -> str:
 The [glossary](glossary.md) explains the terms.
 
 What the [engine study](engine-study.md) finds in this package's apparatus, a script shows in a few lines without this package:
-{len(claims)} claims, each in a file of at most 60 lines that needs the engine and NumPy only. Send one to the engine's developers,
-or run it with your own version.
+{len(claims)} claims, each in a file of at most 60 lines that needs the engine and NumPy only. Send one to the engine's
+developers, or run it with your own version.
 
 ```sh
 looping-pendulum repro mujoco                                 # list what is claimed
@@ -38,8 +38,9 @@ looping-pendulum repro mujoco --claim tendon_without_friction --out tendon.py
 ```
 
 The script prints the closed form that it is judged by and the observed value. Its exit status is 1 while the claim holds, and
-0 as soon as the engine's value is as near to the closed form as the column *mended within* says. The tests run every script in a
-process that cannot import this package, compare what it prints with its head, and apply the remedy that it names.
+0 as soon as the engine's value is as near to the closed form as the column *mended within* says. The tests run every script
+in a process that cannot import this package and compare what it prints with its head; where a setting cures it, they set that and
+ask for status 0.
 
 {sections}
 ## What a script looks like
