@@ -39,8 +39,8 @@ looping-pendulum repro mujoco --claim tendon_without_friction --out tendon.py
 
 The script prints the closed form that it is judged by and the observed value. Its exit status is 1 while the claim holds, and
 0 as soon as the engine's value is as near to the closed form as the column *mended within* says. The tests run every script
-in a process that cannot import this package and compare what it prints with its head; where a setting cures it, they set that and
-ask for status 0.
+in a process that cannot import this package and compare what it prints with its head; where a setting cures it, they set that
+and ask for status 0.
 
 {sections}
 ## What a script looks like
