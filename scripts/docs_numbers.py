@@ -37,6 +37,7 @@ GENERATED_PAGES = (
     "docs/engine-study.md",
     "docs/keys.md",
     "docs/metrics.md",
+    "docs/repro.md",
     "docs/support.md",
     "docs/demonstrations/",
 )

@@ -25,6 +25,7 @@ SETTINGS = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"
 NAMED = re.compile(r"([\w./]+):(\w+)")
 THINGS = [
     "an engine",
+    "a claim about an engine",
     "an effect",
     "an error of the camera",
     "a metric",

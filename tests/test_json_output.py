@@ -97,5 +97,5 @@ def test_every_command_with_results_offers_json():
         if "as_json" in inspect.signature(command.callback).parameters
     }
     assert offering == {
-        "scenarios", "engines", "run", "compare", "check", "conformance", "converge", "map", "maps", "identify",
+        "scenarios", "engines", "run", "compare", "check", "conformance", "converge", "map", "maps", "identify", "repro",
     }  # fmt: skip

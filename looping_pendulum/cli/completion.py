@@ -37,13 +37,18 @@ def map_names() -> list[str]:
     return _names("sweep", "maps")
 
 
-def _names(*folders: str) -> list[str]:
+def _names(*folders: str, suffix: str = ".yaml") -> list[str]:
     # From the package above, whose import is cheap, as that of the folder's own package is not
     entries = files("looping_pendulum").joinpath(*folders).iterdir()
-    return sorted(entry.name.removesuffix(".yaml") for entry in entries if entry.name.endswith(".yaml"))
+    return sorted(entry.name.removesuffix(suffix) for entry in entries if entry.name.endswith(suffix))
 
 
 def engine_names() -> list[str]:
     """Return the names of engines and variants; of other packages' engines, only the engine's name is known."""
     others = sorted({point.name for point in entry_points(group="looping_pendulum.engines")})
     return [*dict.fromkeys(variant.partition(":")[0] for variant in VARIANTS), *VARIANTS, *others, "all"]
+
+
+def claim_engine_names() -> list[str]:
+    """Return the names of the engines about which `repro` has scripts."""
+    return list(dict.fromkeys(name.partition("_")[0] for name in _names("repro", "scripts", suffix=".py")))
