@@ -14,9 +14,9 @@ from looping_pendulum.scenarios.scenario import Scenario
 
 _LIMITS = (
     ONE_COEFFICIENT,
-    "Box2D computes in single precision: a mass half a metre from the rod moves by whole multiples of 30 to 60 nm per step",
-    "pyb2d3 does not give access to Box2D's stiffness of joints, 60 Hz; the adapter makes them stiff by computing in time units "
-    "of 0.1 ms",
+    "Box2D computes in single precision: each sub-step rounds velocities, so that more and shorter ones than those of the "
+    "accurate profile make the path worse (ten to one at 0.35 s: 0.13 mm with 1 us, 1.3 mm with 0.5 us)",
+    "pyb2d3 gives no access to Box2D's stiffness of joints, 60 Hz; the adapter makes them stiff by time units of 0.1 ms",
     STRAIGHT_STRING,
     NO_STOP,
 )
@@ -38,6 +38,9 @@ class Box2dChain(TunedEngine):
         limits=_LIMITS,
         additions=(BEADS_WEIGH.format(100 * SETTINGS[Profile.QUICK].bead_mass_ratio),),
         validated=shipped_range("box2d:chain"),
+        known_failures={
+            "samples_every_millisecond_from_rest": "places are in single precision: measured 12 nm off at release",
+        },
         main=False,
     )
     settings_by_profile = SETTINGS

@@ -29,7 +29,7 @@ class Box2dChainSettings:
     length_unit: float = 1e-2
     """Length of Box2D's metre [m]. Its contacts are found within 0.02 of it, and penetrate by about 0.005."""
     time_unit: float = 1e-4
-    """Length of Box2D's second [s]. Joints have a frequency of 60 per Box2D's second, or an eighth of the sub-steps' if that is less.
+    """Length of Box2D's second [s], in which joints have a frequency of 60, or an eighth of the sub-steps' if that is less.
 
     pyb2d3 cannot set it, so a short second makes the joints stiff.
     """
