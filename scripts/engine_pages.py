@@ -18,7 +18,14 @@ from looping_pendulum.scenarios.scenario import file_key
 from looping_pendulum.scenarios.units import pretty
 
 FOLDER = Path(__file__).parents[1] / "docs" / "engines"
-TITLES = {"reference": "The reference", "mujoco": "MuJoCo", "pymunk": "pymunk", "pybullet": "PyBullet", "drake": "Drake"}
+TITLES = {
+    "reference": "The reference",
+    "mujoco": "MuJoCo",
+    "pymunk": "pymunk",
+    "pybullet": "PyBullet",
+    "drake": "Drake",
+    "box2d": "Box2D",
+}
 KIND_SENTENCES = {
     "reference": "All other engines are compared with the reference.",
     "main": "It runs in every comparison.",

@@ -10,6 +10,7 @@ import numpy as np
 
 from looping_pendulum.engines.protocol import APPLIED_DRAG
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
+from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters
 
@@ -183,3 +184,16 @@ def point_on_string(parameters: Parameters, arc: float, node_radius: float) -> t
         # Without free length this is a point on the nodes' circle; the angle follows from R, by which the string is wound
         return light_position(math, 0.0, p.release_angle - wound_arc / p.rod_radius, node_radius)
     return (p.rod_radius, -hanging_arc)
+
+
+def beads_at_release(parameters: Parameters, bend: float, node_radius: float) -> tuple[Array, Array]:
+    """Return positions [m] and velocities [m/s] of the beads on the rod at release, light side first, each of shape (n, 2).
+
+    The outermost beads lie within half a link of their tangent points, on either side of them.
+    """
+    count = max(round(parameters.release_angle / bend) + 1, MIN_BEADS)
+    first = parameters.release_angle - 0.5 * (parameters.release_angle - (count - 1) * bend)
+    angles = first - bend * np.arange(count)
+    outwards = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    heavy_velocity = release_velocity(parameters)[2]
+    return node_radius * outwards, heavy_velocity * np.stack([-outwards[:, 1], outwards[:, 0]], axis=1)

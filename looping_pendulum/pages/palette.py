@@ -50,6 +50,7 @@ KNOWN_LABELS = (
     "pybullet:remade",
     "pybullet:point_to_point",
     "reference:scipy",
+    "box2d:chain",
 )
 """Variants of this package: the place of each gives its style, which is the same on every page and in every figure."""
 

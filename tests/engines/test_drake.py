@@ -50,7 +50,7 @@ def fitted_acceleration(trajectory):
 def test_drake_takes_the_third_partys_road():
     # Oracle: pyproject.toml. Drake is optional, and nothing but the entry point knows its adapter.
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["entry-points"][ENTRY_POINTS] == {"drake": "looping_pendulum.engines.drake"}
+    assert project["entry-points"][ENTRY_POINTS]["drake"] == "looping_pendulum.engines.drake"
     assert any(need.startswith("drake") for need in project["optional-dependencies"]["drake"])
     assert not any(need.startswith("drake") for need in project["dependencies"])
     assert "drake" not in ADAPTERS

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from looping_pendulum.engines.chain import MIN_BEADS, BeadCountRule, SlipGauge, point_on_string
+from looping_pendulum.engines.chain import BeadCountRule, SlipGauge, beads_at_release, point_on_string
 from looping_pendulum.engines.drake.chain_model import ChainModel, DrakeChainSettings
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
@@ -73,20 +73,15 @@ class DrakeChainRig:
 
     def _place_chain(self) -> None:
         """Place the chain along the taut string, with the release's velocities."""
-        p, bend = self._parameters, self._settings.bend
-        # The outermost beads lie within half a link of their tangent points, on either side of them.
-        count = max(round(p.release_angle / bend) + 1, MIN_BEADS) if self._has_string else 0
-        first = p.release_angle - 0.5 * (p.release_angle - (count - 1) * bend)
-        angles = first - bend * np.arange(count)
-        outwards = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        beads = self._node_radius * outwards
+        p, beads, sliding = self._parameters, np.empty((0, 2)), np.empty((0, 2))
+        if self._has_string:
+            beads, sliding = beads_at_release(p, self._settings.bend, self._node_radius)
         light, heavy = point_on_string(p, 0.0, p.rod_radius), (p.rod_radius, -p.hanging_length)
         row = np.array([light, *beads, heavy])
         self.lengths: list[float] = np.linalg.norm(np.diff(row, axis=0), axis=1).tolist()
         vx, vy, heavy_v = release_velocity(p)
-        sliding = heavy_v * np.stack([-outwards[:, 1], outwards[:, 0]], axis=1)
         positions = np.array([*light, *beads.ravel(), heavy[1]])
-        self._use_model(count, positions, np.array([vx, vy, *sliding.ravel(), heavy_v]))
+        self._use_model(len(beads), positions, np.array([vx, vy, *sliding.ravel(), heavy_v]))
 
     def _use_model(self, beads: int, positions: Array, velocities: Array) -> None:
         """Continue with the plant of ``beads`` beads, in the state of these coordinates [m] and velocities [m/s]."""
