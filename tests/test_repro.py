@@ -50,6 +50,10 @@ WITHOUT_SCRIPT = {
     ("drake", "discrete_contact_approximation"): "moves the path to 0.35 s by 2.7 mm, but breaks no closed form that we know",
     ("drake", "point_stiffness"): "a choice between sinking in and bouncing, in which no value is exact",
     ("drake", "hunt_crossley_dissipation"): "a choice between bouncing and braking, in which no value is exact",
+    **{
+        ("box2d", setting): "Box2D has no script yet"
+        for setting in ("timeStep", "jointHertz", "contactHertz", "lengthUnitsPerMeter", "enableSleep", "enableContinuous")
+    },
 }
 """Hidden default of the study, by engine, that no script shows -> why."""
 
