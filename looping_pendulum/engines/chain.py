@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.protocol import APPLIED_DRAG
+from looping_pendulum.engines.protocol import APPLIED_DRAG, groups_per_sample
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.reference_ode.cartesian import release_velocity
 from looping_pendulum.reference_ode.geometry import Array, light_position
@@ -51,6 +52,36 @@ MIN_STRAIGHT_LINKS = 1.5
 
 Point = Sequence[float] | Array
 """Coordinates x and y [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeadChainSettings:
+    """Numerical settings that bead chains of several engines share, in SI units."""
+
+    time_step: float
+    """Length of a step [s]; it must divide the sample interval."""
+    bend: float
+    """Angle between neighbouring links on the rod [rad]; a link is R times this long."""
+    bead_mass_ratio: float
+    """Mass of one bead over the light mass. Lighter: a softer chain; heavier: the string's own inertia shows."""
+    bead_radius: float = 1e-3
+    """Radius of a bead [m]; the rod is thinner by as much, so that the bead's centre moves where the string should."""
+    steps_per_group: int = 5
+    """Steps between two updates of the effects' forces and of the beads that are added and removed."""
+
+    def __post_init__(self) -> None:
+        """Raise EngineError where groups of steps do not divide the sample interval."""
+        groups_per_sample(self.time_step, self.steps_per_group)
+
+    @property
+    def groups_per_sample(self) -> int:
+        """Number of groups of steps in one sample interval."""
+        return groups_per_sample(self.time_step, self.steps_per_group)
+
+    @property
+    def group_time(self) -> float:
+        """Length of a group [s]."""
+        return self.steps_per_group * self.time_step
 
 
 def bead_supplies(rod: str, stick_slip: str) -> Supplies:

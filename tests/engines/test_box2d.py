@@ -2,20 +2,13 @@
 
 import importlib.util
 import math
-import subprocess
-import sys
-import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from looping_pendulum.engines.box2d import engines
 from looping_pendulum.engines.box2d.chain import Box2dChain
 from looping_pendulum.engines.box2d.settings import SETTINGS, Box2dChainSettings
-from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.registry import ADAPTERS, ENTRY_POINTS, how_to_get
 from looping_pendulum.engines.static_capstan import measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
@@ -47,41 +40,9 @@ def fitted_acceleration(trajectory):
     return square @ trajectory.heavy_drop / (square @ square)
 
 
-def test_box2d_takes_the_third_partys_road():
-    # Oracle: pyproject.toml. Box2D is optional, and nothing but the entry point knows its adapter.
-    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["entry-points"][ENTRY_POINTS]["box2d"] == "looping_pendulum.engines.box2d"
-    assert any(need.startswith("pyb2d3") for need in project["optional-dependencies"]["box2d"])
-    assert not any(need.startswith("pyb2d3") for need in project["dependencies"])
-    assert "box2d" not in ADAPTERS
-
-
-def test_making_the_adapter_imports_no_box2d():
-    code = (
-        "import sys; from looping_pendulum.engines.box2d import engines; "
-        "engines('quick')[0].studies(); sys.exit('pyb2d3' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=60).returncode == 0
-
-
-@pytest.mark.skipif(HERE, reason="pyb2d3 is installed")
-def test_without_box2d_a_run_is_a_gap_that_says_how_to_get_it():
-    trajectory = run_isolated(engines(Profile.QUICK)[0], scenario(TEN_TO_ONE, 0.01), time_limit=60)
-    assert trajectory.status is RunStatus.MISSING
-    assert trajectory.message == f"get it: {how_to_get('pyb2d3', anywhere=True)}"
-
-
 def test_a_group_that_does_not_divide_a_sample_is_refused():
     with pytest.raises(EngineError, match="time_step: found 1e-05 s in groups of 7, needed a whole number of groups"):
         Box2dChainSettings(time_step=1e-5, sub_steps=4, bend=0.28, bead_mass_ratio=2e-4, steps_per_group=7)
-
-
-def test_studies_vary_one_thing_at_a_time():
-    studies = Box2dChain().studies()
-    for ladder in studies.ladders:
-        assert [getattr(engine.settings, ladder.setting) for engine in ladder.engines] == list(ladder.values)
-        assert getattr(QUICK, ladder.setting) in ladder.values
-    assert all(each.engine.settings != QUICK for each in (*studies.defaults, *studies.choices))
 
 
 @pytest.fixture(scope="module")

@@ -4,22 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from looping_pendulum.engines.chain import polygon_friction, polygon_radius
-from looping_pendulum.engines.protocol import Profile, groups_per_sample
+from looping_pendulum.engines.chain import BeadChainSettings, polygon_friction, polygon_radius
+from looping_pendulum.engines.protocol import Profile
 
 
 @dataclass(frozen=True, kw_only=True)
-class Box2dChainSettings:
-    """Numerical settings of the bead chain, in SI units."""
+class Box2dChainSettings(BeadChainSettings):
+    """Numerical settings of the bead chain, in SI units. The directions of the contacts stay as they are for a step."""
 
-    time_step: float
-    """Length of a step [s]; it must divide the sample interval. The directions of the contacts stay as they are for a step."""
     sub_steps: int
     """Number of sub-steps of the solver in a step, in each of which every joint and contact is solved twice."""
-    bend: float
-    """Angle between neighbouring links on the rod [rad]; a link is R times this long."""
-    bead_mass_ratio: float
-    """Mass of one bead over the light mass. Lighter: a softer chain; heavier: the string's own inertia shows."""
     contact_hertz: float = 1e6
     """Frequency of the contacts [Hz]; Box2D takes a quarter of the sub-steps' frequency if that is lower."""
     contact_damping_ratio: float = 10.0
@@ -37,28 +31,10 @@ class Box2dChainSettings:
     """Whether bodies that move slowly for a while fall asleep, until something wakes them."""
     continuous: bool = False
     """Whether a bead that would pass into the rod within a step is stopped at its surface for that step."""
-    steps_per_group: int = 5
-    """Steps between two updates of the effects' forces and of the beads that are added and removed."""
-    bead_radius: float = 1e-3
-    """Radius of a bead [m]; the rod's circle is smaller by as much, so that the bead's centre moves where the string should."""
     polygon_friction: bool = True
     """Whether the contact's friction is corrected for the polygon that the beads' links are."""
     polygon_radius: bool = True
     """Whether the beads' circle is corrected for it."""
-
-    def __post_init__(self) -> None:
-        """Raise EngineError where groups of steps do not divide the sample interval."""
-        groups_per_sample(self.time_step, self.steps_per_group)
-
-    @property
-    def groups_per_sample(self) -> int:
-        """Number of groups of steps in one sample interval."""
-        return groups_per_sample(self.time_step, self.steps_per_group)
-
-    @property
-    def group_time(self) -> float:
-        """Length of a group [s]."""
-        return self.steps_per_group * self.time_step
 
     def node_radius(self, rod_radius: float) -> float:
         """Return the distance of a bead on the rod from the rod's centre [m]."""

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from looping_pendulum.engines.chain import polygon_friction, polygon_radius
-from looping_pendulum.engines.protocol import Profile, groups_per_sample
+from looping_pendulum.engines.chain import BeadChainSettings, polygon_friction, polygon_radius
+from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
@@ -19,15 +19,9 @@ BODY_ORIGIN = np.zeros(3)
 
 
 @dataclass(frozen=True, kw_only=True)
-class DrakeChainSettings:
+class DrakeChainSettings(BeadChainSettings):
     """Numerical settings of the bead chain, in SI units."""
 
-    time_step: float
-    """Length of a step [s]; it must divide the sample interval."""
-    bend: float
-    """Angle between neighbouring links on the rod [rad]; a link is R times this long."""
-    bead_mass_ratio: float
-    """Mass of one bead over the light mass."""
     contact_stiffness: float
     """Stiffness of the contact of a bead with the rod [N/m]. Stiffer: beads bounce as they land; softer: they sink in."""
     contact_approximation: str = "similar"
@@ -38,26 +32,8 @@ class DrakeChainSettings:
     """Speed below which friction is regularised, so that a sticking contact creeps [m/s]."""
     rod_shape: str = "sphere"
     """Collision shape, "sphere" or "cylinder"; both have the same section in the plane of motion."""
-    bead_radius: float = 1e-3
-    """Radius of a bead [m]; the rod is thinner by as much, so that the bead's centre moves where the string should."""
-    steps_per_group: int = 5
-    """Steps between two updates of the effects' forces and of the beads that are added and removed."""
     polygon: bool = True
     """Whether the rod's radius and coefficient are corrected for the polygon that the links are (`engines.chain`)."""
-
-    def __post_init__(self) -> None:
-        """Raise ValueError where groups of steps do not divide the sample interval."""
-        groups_per_sample(self.time_step, self.steps_per_group)
-
-    @property
-    def groups_per_sample(self) -> int:
-        """Number of groups of steps in one sample interval."""
-        return groups_per_sample(self.time_step, self.steps_per_group)
-
-    @property
-    def group_time(self) -> float:
-        """Length of a group [s]."""
-        return self.steps_per_group * self.time_step
 
     def node_radius(self, rod_radius: float) -> float:
         """Return the distance of a bead on the rod from the rod's centre [m]."""
