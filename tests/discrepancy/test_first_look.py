@@ -113,6 +113,15 @@ def test_a_trial_far_from_what_was_declared_is_told_even_if_no_mistake_explains_
     assert warning.endswith("check this trial's masses, free length, angle and file")
 
 
+def test_an_unknown_event_beside_tracked_points_is_refused_in_one_line(example, tmp_path):
+    """Found by `python -m tests.fuzz`: it ended in a KeyError."""
+    path = mistaken(example, tmp_path, NO_MISTAKE, trials=1)
+    (tmp_path / "events.csv").write_text("quantity,index,measured,paper_numerical,unit\nstops,1,0.35,,s\n")
+    path.write_text(path.read_text().replace("  file: trials/first.csv", "  file: trials/first.csv\n  events: events.csv"))
+    with pytest.raises(DataError, match="events.csv: 'stops' 1: found an unknown quantity, needed one of: "):
+        look(path)
+
+
 @pytest.mark.parametrize("file_factor", [1 / 8, 2])
 def test_the_frame_rate_is_the_true_one(example, tmp_path, file_factor):
     mistake = Mistake(keys=frozenset(), row=lambda row: [file_factor * row[0], *row[1:]])

@@ -26,6 +26,7 @@ from looping_pendulum.discrepancy.first_look.trial_search import (
     Explanation,
     TrialSearch,
 )
+from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
 from looping_pendulum.pages.numbers import quantity
 
 MAX_MISFIT_RATIO = 0.7
@@ -61,7 +62,7 @@ def take_first_look(study: Study) -> DeclarationCheck:
     Raises
     ------
     DataError
-        If a file cannot be read.
+        If a file cannot be read, or has an event that no model can predict.
     """
     observed, unreadable = [], dict[str, str]()
     for trial in study.trials:
@@ -75,6 +76,8 @@ def take_first_look(study: Study) -> DeclarationCheck:
             except DataError:
                 raise error from None
             unreadable[trial.name] = str(error)
+    for _, observations in observed:
+        check_event_rows(observations)
     check = check_declaration(study, observed)
     for name, message in unreadable.items():
         if not any(name in m.trials and any(LENGTHS.name in n for n in m.names) for m in check.mistakes):
