@@ -13,7 +13,6 @@ filter, 1989, section 3.4).
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,12 +30,13 @@ class CorrelatedNoise:
     correlation_time: float
     """Time tau after which the correlation has fallen to 1/e [s]."""
 
-    def white_sigma(self, sigma: Array, step: float) -> Array:
+    def white_sigma(self, sigma: Array, step: float | Array) -> Array:
         """Return the white part of noise whose differences of neighbours scatter as white noise of ``sigma`` would, shape (n,).
 
         Neighbours ``step`` [s] apart also differ by the correlated part: sigma^2 = white^2 + s^2 (1 - exp(-step / tau)).
+        ``step``: one for all points, or shape (n,).
         """
-        correlated = self.amplitude**2 * -math.expm1(-step / self.correlation_time)
+        correlated = self.amplitude**2 * -np.expm1(-step / self.correlation_time)
         # At least a part of it, since both are estimates
         return np.sqrt(np.maximum(sigma**2 - correlated, (MIN_WHITE_SHARE * sigma) ** 2))
 
@@ -51,7 +51,7 @@ class Whitening:
     Parameters
     ----------
     t
-        Times of the points [s], ascending, shape (n,).
+        Times of the points [s], ascending, shape (n,). Where they start over, another track begins, with errors of its own.
     sigma
         Standard deviation of the white part, shape (n,); infinite: the point is left out.
     noise
@@ -60,7 +60,8 @@ class Whitening:
 
     def __init__(self, t: Array, sigma: Array, noise: CorrelatedNoise) -> None:
         variance = noise.amplitude**2
-        memory = np.exp(-np.diff(t, append=t[-1:]) / noise.correlation_time)
+        step = np.diff(t, append=t[-1:])
+        memory = np.where(step < 0, 0.0, np.exp(-np.maximum(step, 0.0) / noise.correlation_time))
         gain, spread = np.empty(len(t)), np.empty(len(t))
         predicted = variance
         # Python floats: ten times as fast as NumPy's one by one

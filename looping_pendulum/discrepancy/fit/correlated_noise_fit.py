@@ -12,13 +12,14 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
 
 from looping_pendulum.discrepancy.data.observations import BODIES
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
-from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise
+from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import MIN_DIFFERENCES, data_with_noise_of_residuals
 from looping_pendulum.reference_ode.geometry import Array
@@ -114,6 +115,34 @@ def _noise(logs: Array) -> CorrelatedNoise:
     return CorrelatedNoise(amplitude=amplitude, correlation_time=correlation_time)
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Tracks:
+    """All tracks of a body's coordinates, one after the other: a likelihood is evaluated thousands of times."""
+
+    t: Array
+    """Times of the points since the first of their track [s], shape (n,)."""
+    sigma: Array
+    """Standard deviation of the noise as if it were white, shape (n,); infinite: the point is left out."""
+    steps: Array
+    """Time between the points of their track [s], shape (n,)."""
+    rows: Array
+    """Residuals and their derivatives, in the units of the data, shape (n, 1 + p)."""
+
+    def normal_matrix(self, noise: CorrelatedNoise | None) -> tuple[Array, float]:
+        """Return the tracks' part of the normal matrix, shape (1 + p, 1 + p), and of the log determinant."""
+        if noise is None:
+            standardised = self.rows / self.sigma[:, None]
+            log_determinant = 2 * float(np.sum(np.log(self.sigma[np.isfinite(self.sigma)])))
+        else:
+            whitening = Whitening(self.t, noise.white_sigma(self.sigma, self.steps), noise)
+            standardised, log_determinant = whitening(self.rows), whitening.log_determinant
+        return standardised.T @ standardised, log_determinant
+
+
+def _joined(tracks: list[_Tracks]) -> _Tracks:
+    return _Tracks(**{f.name: np.concatenate([getattr(part, f.name) for part in tracks]) for f in dataclasses.fields(_Tracks)})
+
+
 class _Likelihood:
     """Restricted likelihood of a fit's residuals as a function of the correlated noise of each body."""
 
@@ -125,38 +154,42 @@ class _Likelihood:
         self._rows = np.column_stack([residuals, jacobian])
         n = bare.measured_rows
         self._prior = self._rows[n:].T @ self._rows[n:]
-        # Each channel as data of its own, with the first of its rows
-        self._tracks: dict[str, list[tuple[TrialData, int]]] = {body: [] for body in BODIES}
-        # Of events, whose errors are independent
         self._rest = np.zeros_like(self._prior)
+        """Part of the normal matrix that independent errors make: those of events, and of a point that is alone."""
+        tracks: dict[str, list[_Tracks]] = {body: [] for body in BODIES}
         start = 0
         for d in white:
+            independent = np.zeros(len(d.sigma), dtype=bool)
+            independent[d.event_slice] = True
             for c in d.channels:
                 part = d.slices[c.name]
-                alone = TrialData(trial=d.trial, channels=(c,), sigma=d.sigma[part])
-                self._tracks[_body_of(c.name)].append((alone, start + part.start))
-            rows = self._rows[start + d.event_slice.start : start + d.event_slice.stop]
-            scaled = rows / d.sigma[d.event_slice][:, None]
+                if len(c) > 1:
+                    rows = self._rows[start + part.start : start + part.stop]
+                    steps = np.full(len(c), c.time_step)
+                    tracks[_body_of(c.name)].append(_Tracks(t=c.t - c.t[0], sigma=d.sigma[part], steps=steps, rows=rows))
+                else:
+                    independent[part] = True
+            scaled = self._rows[start : start + len(d.sigma)][independent] / d.sigma[independent][:, None]
             self._rest += scaled.T @ scaled
             start += len(d.sigma)
+        self._tracks = {body: _joined(parts) for body, parts in tracks.items() if parts}
 
     def estimate(self, start: Noises) -> dict[str, CorrelatedNoise]:
         """Return the noise of each body for which there is evidence; ``start``: what is known of it, empty: nothing."""
         noises = dict(start)
-        parts = {body: self._body(body, noises.get(body)) for body in BODIES}
+        parts = {body: tracks.normal_matrix(noises.get(body)) for body, tracks in self._tracks.items()}
         # What is taken for the noise of one body depends on that of the other, which the model ties to it
         for _ in range(1 if start else PASSES):
             for body, tracks in self._tracks.items():
-                sigma = np.concatenate([d.sigma for d, _ in tracks] or [np.zeros(0)])
-                sigma = sigma[np.isfinite(sigma)]
+                sigma = tracks.sigma[np.isfinite(tracks.sigma)]
                 if len(sigma) < 2 * MIN_DIFFERENCES:
                     continue
                 before = noises.pop(body, None)
-                parts[body] = self._body(body, None)
+                parts[body] = tracks.normal_matrix(None)
                 white_cost = self._cost(parts)
                 noise, cost = self._best(body, parts, float(np.median(sigma)), before)
                 if white_cost - cost > 2 * math.log(len(sigma)):
-                    noises[body], parts[body] = noise, self._body(body, noise)
+                    noises[body], parts[body] = noise, tracks.normal_matrix(noise)
         return self._with_shared(noises, parts)
 
     def _with_shared(
@@ -167,8 +200,8 @@ class _Likelihood:
         It adds no number that is fitted, so that no criterion has to be paid.
         """
         for body, other in (("light", "heavy"), ("heavy", "light")):
-            if other in noises and body not in noises and self._tracks[body]:
-                shared = {**parts, body: self._body(body, noises[other])}
+            if other in noises and body not in noises and body in self._tracks:
+                shared = {**parts, body: self._tracks[body].normal_matrix(noises[other])}
                 if self._cost(shared) < self._cost(parts):
                     return noises | {body: noises[other]}
         return noises
@@ -185,13 +218,13 @@ class _Likelihood:
         before
             Where the search begins; None: at the best of a grid.
         """
-        channels = [c for d, _ in self._tracks[body] for c in d.channels if len(c) > 1]
-        shortest = MIN_CORRELATION_STEPS * min(c.time_step for c in channels)
-        longest = max(2 * shortest, *(MAX_CORRELATION_SHARE * float(np.ptp(c.t)) for c in channels))
+        tracks = self._tracks[body]
+        shortest = MIN_CORRELATION_STEPS * float(tracks.steps.min())
+        longest = max(2 * shortest, MAX_CORRELATION_SHARE * float(tracks.t.max()))  # each track begins at zero
         low, high = np.log([1e-2 * sigma, shortest]), np.log([1e4 * sigma, longest])
 
         def cost(logs: Array) -> float:
-            return self._cost({**parts, body: self._body(body, _noise(logs))})
+            return self._cost({**parts, body: tracks.normal_matrix(_noise(logs))})
 
         if before is None:
             grid = itertools.product(np.log(START_AMPLITUDES) + math.log(sigma), np.linspace(low[1], high[1], START_TIMES))
@@ -207,16 +240,6 @@ class _Likelihood:
             },
         )  # fmt: skip
         return _noise(best.x), float(best.fun)
-
-    def _body(self, body: str, noise: CorrelatedNoise | None) -> tuple[Array, float]:
-        """Return a body's part of the normal matrix, and of the log determinant."""
-        total, log_determinant = np.zeros_like(self._prior), 0.0
-        for alone, first in self._tracks[body]:
-            data = with_noises(alone, {body: noise} if noise else {})
-            standardised = data.standardise(self._rows[first : first + len(alone.sigma)])
-            total += standardised.T @ standardised
-            log_determinant += data.log_determinant
-        return total, log_determinant
 
     def _cost(self, parts: Mapping[str, tuple[Array, float]]) -> float:
         """Return -2 ln of the restricted likelihood but for a constant."""
