@@ -161,6 +161,10 @@ VIEWS = (
     Case(name="pixel_aspect", camera_errors=(("pixel_aspect", 0.03),)),
     Case(name="from_the_side", camera_errors=(("sideways", math.radians(14)),)),
     Case(name="from_afar", camera_errors=(("sideways", math.radians(14)), ("distance", 27.0))),
+    Case(
+        name="from_a_corner",
+        camera_errors=(("sideways", math.radians(14)), ("above", math.radians(10)), ("distance", 297.0)),
+    ),
     Case(name="from_below", camera_errors=(("above", math.radians(-3)),)),
     Case(name="near_scale", camera_errors=(("rule_behind", 0.1),)),
     Case(name="wide_lens", camera_errors=(("lens", -0.3), ("distance", -1.5))),

@@ -15,7 +15,8 @@ from tests.blind import camera as blind
 
 POINTS = np.random.default_rng(1).uniform(-0.6, 0.6, (50, 2))
 WITH_ERRORS = Camera(
-    origin_x=0.01, origin_y=-0.02, scale=1.03, tilt=0.05, foreshortening=0.96, perspective_x=0.08, perspective_y=-0.03,
+    origin_x=0.01, origin_y=-0.02, scale=1.03, tilt=0.05, foreshortening=0.96, shear=0.03,
+    perspective_x=0.08, perspective_y=-0.03,
     distortion=-0.1, centre_x=0.1, centre_y=-0.2,
 )  # fmt: skip
 
@@ -32,7 +33,7 @@ def test_null_values_change_no_bit_and_every_bound_holds_them():
 
 
 def test_the_model_without_its_short_cut_is_the_same():
-    for name in ("foreshortening", "perspective_x", "perspective_y", "distortion"):
+    for name in ("foreshortening", "shear", "perspective_x", "perspective_y", "distortion"):
         nearly = Camera(**{name: CAMERA[name].null + 1e-15})
         assert nearly.project(POINTS) == pytest.approx(POINTS, abs=1e-14)
 
@@ -61,20 +62,20 @@ def test_the_displacement_is_the_derivative_of_the_projection(camera):
 
 
 def expected_camera(true: blind.Camera) -> Camera:
-    """Model of a camera in space, by the formulas of the page on the derivation; it stands to the side, or above, not both."""
-    angle = true.sideways or true.above
-    depth = true.distance + true.aside[0] * math.sin(angle)  # of the rod, along the optical axis
-    shortened = math.cos(angle) * true.distance / depth
+    """Model of a camera in space, by the formulas of the page on the derivation; one above the rod aims at it."""
+    depth = true.distance + true.aside[0] * math.sin(true.sideways)  # of the rod, along the optical axis
+    shortened = math.cos(true.sideways) * true.distance / depth / math.cos(true.above)
     distortion = true.lens / depth**2
     # An operator's rule of half a metre, upright at the rod, is itself seen with the lens's distortion
     scale = (depth + true.rule_behind) / depth / (1 + distortion * 0.25**2)
     if true.above:
-        half = -0.25 * math.sin(angle) / depth  # the rule is seen shortened, and its ends at two distances
-        scale, shortened = (1 - half**2), 1 / shortened
+        half = -0.25 * math.sin(true.above) / depth  # the rule is seen shortened, and its ends at two distances
+        scale = 1 - half**2
     return Camera(
         scale=scale,
         foreshortening=shortened * (1 + true.pixel_aspect),
-        perspective_x=-math.sin(true.sideways) / depth,
+        shear=-math.sin(true.sideways) * math.tan(true.above),
+        perspective_x=-math.sin(true.sideways) * math.cos(true.above) / depth,
         perspective_y=-math.sin(true.above) / depth,
         distortion=distortion,
         centre_x=true.aside[0],
@@ -90,11 +91,24 @@ def expected_camera(true: blind.Camera) -> Camera:
         blind.Camera(sideways=math.radians(-14), distance=1.5),
         blind.Camera(sideways=math.radians(9), aside=(0.3, 0.0)),
         blind.Camera(above=math.radians(10)),
+        blind.Camera(above=math.radians(10), sideways=math.radians(14)),
+        blind.Camera(above=math.radians(-20), sideways=math.radians(30), distance=2.0),
         blind.Camera(lens=-0.3, distance=1.5),
         blind.Camera(lens=0.1, sideways=math.radians(5)),
         blind.Camera(rule_behind=0.1),
     ],
-    ids=["pixel_aspect", "side", "other_side", "aimed_beside_the_rod", "above", "lens", "lens_from_the_side", "rule_behind"],
+    ids=[
+        "pixel_aspect",
+        "side",
+        "other_side",
+        "aimed_beside_the_rod",
+        "above",
+        "above_and_side",
+        "far_below",
+        "lens",
+        "lens_from_the_side",
+        "rule_behind",
+    ],
 )
 def test_the_model_is_that_of_a_camera_in_space(true):
     """Oracle: rays from points in space through a pinhole and a lens, in pixels, which an operator turns into lengths."""

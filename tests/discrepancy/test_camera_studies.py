@@ -22,6 +22,10 @@ NAMED = {
         "foreshortening": math.cos(math.radians(14)),
         "perspective_x": -math.sin(math.radians(14)) / 30,
     },
+    "from_a_corner": {
+        "foreshortening": math.cos(math.radians(14)) / math.cos(math.radians(10)),
+        "shear": -math.sin(math.radians(14)) * math.tan(math.radians(10)),
+    },
     "from_below": {"perspective_y": math.sin(math.radians(3)) / 3},
     "near_scale": {"scale": 3.1 / 3},
     # the rule, too, is seen through the lens

@@ -3,7 +3,7 @@
 A point at (x, y) from the rod's centre, at the true time t, is measured at the time t_m, t = clock_offset + clock_ratio t_m.
 Its image by a pinhole camera that looks at the plane from an angle is, in true lengths,
 
-    u = (foreshortening x, y) / (1 + perspective_x x + perspective_y y),
+    u = (foreshortening x, y + shear x) / (1 + perspective_x x + perspective_y y),
 
 and the lens moves it along the line from the picture's centre c, at the distance r = |u - c|, to
 
@@ -65,6 +65,10 @@ CAMERA = MappingProxyType(
                 error=0.005, reach=0.3,
             ),
             _coefficient(
+                "shear", "", 0.0, (-1.0, 1.0), "rise in the picture per length to the right, while upright lines stay upright",
+                error=0.005, reach=0.3,
+            ),
+            _coefficient(
                 "perspective_x", "1/m", 0.0, (-1.0, 1.0),
                 "relative growth of the distance from the camera, per length to the right",
                 error=0.005, reach=0.3,
@@ -106,6 +110,7 @@ class Camera:
     scale: float = CAMERA["scale"].null
     tilt: float = CAMERA["tilt"].null
     foreshortening: float = CAMERA["foreshortening"].null
+    shear: float = CAMERA["shear"].null
     perspective_x: float = CAMERA["perspective_x"].null
     perspective_y: float = CAMERA["perspective_y"].null
     distortion: float = CAMERA["distortion"].null
@@ -168,13 +173,18 @@ class Camera:
     @property
     def _looks_straight(self) -> bool:
         """Return whether lengths are in proportion all over the picture, as mostly in a fit."""
-        return self.foreshortening == 1.0 and self.perspective_x == self.perspective_y == self.distortion == 0.0
+        return self.foreshortening == 1.0 and self.shear == self.perspective_x == self.perspective_y == self.distortion == 0.0
+
+    @property
+    def _stretch(self) -> Array:
+        """Return the matrix that does to positions what a camera far away does; they are rows, so it stands on the right."""
+        return np.array([[self.foreshortening, self.shear], [0.0, 1.0]])
 
     def _image(self, position: Array) -> Array:
         """Return the image v of true positions [m], shape (n, 2), before scale and tilt."""
         if self._looks_straight:
             return position
-        u = position * [self.foreshortening, 1.0] / self._relative_depth(position)
+        u = position @ self._stretch / self._relative_depth(position)
         centre = np.array([self.centre_x, self.centre_y])
         d = u - centre
         return np.asarray(u + self.distortion * (_square(d) * d + _square(centre) * centre))
@@ -183,11 +193,11 @@ class Camera:
         """Return the derivative of `_image` in the direction of ``displacement``."""
         if self._looks_straight:
             return displacement
-        stretch = np.array([self.foreshortening, 1.0])
+        stretch = self._stretch
         depth = self._relative_depth(position)
-        u = position * stretch / depth
+        u = position @ stretch / depth
         depth_change = displacement @ np.array([[self.perspective_x], [self.perspective_y]])
-        du = (displacement * stretch - u * depth_change) / depth
+        du = (displacement @ stretch - u * depth_change) / depth
         d = u - [self.centre_x, self.centre_y]
         along = np.sum(d * du, axis=-1, keepdims=True)
         return np.asarray(du + self.distortion * (_square(d) * du + 2 * along * d))

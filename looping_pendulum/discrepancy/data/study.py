@@ -273,7 +273,7 @@ class Study:
         acting = ["clock_offset", "clock_ratio"] if named or observations.events else []
         if any(n.endswith(("_x", "_y")) for n in named):
             # Heights and angles are measured along the vertical and near the rod, where scale and tilt are all that matters
-            picture = ["foreshortening", "perspective_x", "perspective_y", "distortion", "centre_x", "centre_y"]
+            picture = ["foreshortening", "shear", "perspective_x", "perspective_y", "distortion", "centre_x", "centre_y"]
             acting = ["origin_x", "origin_y", "scale", "tilt", *picture, *acting]
         acting += ["scale", "tilt"] if observations.events else []
         acting += ["tilt"] if "angle" in named else []
