@@ -27,7 +27,7 @@ from looping_pendulum.discrepancy.result import Round
 from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN, RecoveredForce, by_preference, discover
 from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
 from looping_pendulum.discrepancy.unlisted.formula import refit as refit_formulas
-from looping_pendulum.discrepancy.workers import MAX_PROCESSES, SERIAL, Workers
+from looping_pendulum.discrepancy.workers import SERIAL, Workers
 
 MAX_REFITS = 6
 """Candidates that are refitted in a round."""
@@ -181,12 +181,8 @@ class Search:
         if not check_residuals(fit).passes:
             return False
         base = self.correlated_model
-        if base.failed_tests:
+        if base.failed_tests or any(r.delta_bic >= MIN_DELTA_BIC for r in self.refits_with_own_noise):
             return False
-        # The best first: where an effect is missing, one of them mostly keeps its evidence, and the others need not be refitted
-        for known in (self.first_refits_with_own_noise, self.refits_with_own_noise):
-            if any(r.delta_bic >= MIN_DELTA_BIC for r in known):
-                return False
         if self.find_unlisted_forces(base):
             return False
         self.declared_model = base
@@ -199,17 +195,10 @@ class Search:
         return self.judge(self.correlated_fit, ())
 
     @cached_property
-    def first_refits_with_own_noise(self) -> list[Refit]:
-        """Return the best refits of the first round, each with the noise that its own residuals show."""
-        assert self.correlated_fit is not None
-        return with_own_noises(self.correlated_fit, self.white_rounds[0][1][:MAX_PROCESSES], self.workers)
-
-    @cached_property
     def refits_with_own_noise(self) -> list[Refit]:
-        """Return all refits of the first round, each with the noise that its own residuals show."""
+        """Return the refits of the first round, each with the noise that its own residuals show."""
         assert self.correlated_fit is not None
-        first = self.first_refits_with_own_noise
-        return [*first, *with_own_noises(self.correlated_fit, self.white_rounds[0][1][len(first) :], self.workers)]
+        return with_own_noises(self.correlated_fit, self.white_rounds[0][1], self.workers)
 
     def search_with_correlated_noise(self) -> None:
         """Search again with errors of the tracked points that last longer than a frame, as of a tracker that wanders.
