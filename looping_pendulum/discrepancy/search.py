@@ -20,7 +20,14 @@ from looping_pendulum.discrepancy.inputs import Inputs
 from looping_pendulum.discrepancy.listed.attribution import Refit, delta_bic_of, refits, with_own_noises
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.listed.held_out import check_held_out, improvement_test, predicts_better, square_ratio
+from looping_pendulum.discrepancy.listed.held_out import (
+    HeldOutTest,
+    check_held_out,
+    improvement_test,
+    loss_test,
+    predicts_better,
+    square_ratio,
+)
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN, record_round
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate, compile_for, screen, slowest_first
 from looping_pendulum.discrepancy.result import Round
@@ -293,13 +300,19 @@ class Search:
         """Record a round."""
         self.rounds.append(record_round(current, refits, judged, correlated_noise=self.correlated_base is not None))
 
-    def judge(self, fit: Fit, added: tuple[Candidate, ...], start_costs: tuple[float, ...] = ()) -> CandidateModel:
+    def judge(
+        self,
+        fit: Fit,
+        added: tuple[Candidate, ...],
+        start_costs: tuple[float, ...] = (),
+        without: HeldOutTest | None = None,
+    ) -> CandidateModel:
         """Test a fit on its residuals, on held-out data and by the scores of the remaining candidates."""
         held_out = check_held_out(fit, self.inputs.held_out)
-        other_tests: tuple[ModelTest, ...] = ()
+        other_tests: tuple[ModelTest, ...] = (loss_test(without, held_out),) if without else ()
         tests = check_residuals(fit)
         if added and self.correlated_base and self.declared_model:
-            other_tests = (improvement_test(self.correlated_base.held_out, held_out),)
+            other_tests += (improvement_test(self.correlated_base.held_out, held_out),)
             if square_ratio(self.declared_model.held_out, held_out) <= MAX_SQUARE_LEFT:
                 tests = dataclasses.replace(tests, groups=())
         return CandidateModel(
@@ -336,7 +349,7 @@ class Search:
         refits = self.refit_candidates(current, share)
         threshold = max(MIN_DELTA_BIC, refits[0].delta_bic - MIN_DELTA_BIC_MARGIN) if refits else MIN_DELTA_BIC
         near = [r for r in refits if r.delta_bic >= threshold]
-        judged = self.judge_refits(current, near, share + (0.01 if self.correlated_base else 0.2))
+        judged = self.judge_refits(current, near, share + (0.01 if self.correlated_base else 0.2), current.held_out)
         self.record(current, refits, judged)
         if self.correlated_base is None:
             self.white_rounds[len(self.rounds) - 1] = (current, refits, judged)
@@ -374,13 +387,15 @@ class Search:
             results = refits(current.fit, [*chosen, *alike], known, self.workers, report)
         return results
 
-    def judge_refits(self, current: CandidateModel, refits: Sequence[Refit], share: float) -> dict[str, CandidateModel]:
-        """Test each refit; return candidate name -> model."""
+    def judge_refits(
+        self, current: CandidateModel, refits: Sequence[Refit], share: float, without: HeldOutTest | None = None
+    ) -> dict[str, CandidateModel]:
+        """Test each refit, and whether held-out data are less likely than ``without`` it; return candidate name -> model."""
         judged = {}
         for r in refits:
             self.report_progress(f"testing {r.candidate.name}", share)
             fit = r.fit if self.correlated_base else with_noise_of_residuals(r.fit, central=True)
-            judged[r.candidate.name] = self.judge(fit, (*current.added, r.candidate))
+            judged[r.candidate.name] = self.judge(fit, (*current.added, r.candidate), without=without)
         return judged
 
     def find_unlisted_forces(self, base: CandidateModel, min_evidence: float = -math.inf) -> tuple[RecoveredForce, ...]:
