@@ -15,6 +15,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 SUMMARY = DOCS / "data" / "engine_study.json"
 SAME_STUDY = ("scenario", "parameters", "until", "budget", "reference")
 """What two studies must have in common, so that their rows may stand in one table."""
+AGAIN = "make all runs of the study again instead"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,15 +72,15 @@ def renewed(stored: EngineStudy, new: EngineStudy) -> EngineStudy:
     """
     old, other = stored.convergence, new.convergence
     for name in SAME_STUDY:
-        found, needed = _rounded(getattr(other, name)), _rounded(getattr(old, name))
+        found, needed = (_comparable(getattr(result, name)) for result in (other, old))
         if found != needed:
-            raise ValueError(f"{name}: found {found}, the stored study has {needed}; make all its runs again instead")
+            raise ValueError(f"{name}: found {found}, the stored study has {needed}; {AGAIN}")
     for name, value in old.reference_values.items():
         again = other.reference_values[name]
         if (value is None) != (again is None) or (
             value is not None and again is not None and abs(value - again) > old.floors[name]
         ):
-            raise ValueError(f"reference: {name}: found {again}, the stored study has {value}; make all its runs again instead")
+            raise ValueError(f"reference: {name}: found {again}, the stored study has {value}; {AGAIN}")
     variants = {v.label: v for v in old.variants} | {v.label: v for v in other.variants}
     times = {one.key: one for one in (*old.clock.run_times, *other.clock.run_times)}
     # A renewed variant's former runs are not in the study any more
@@ -93,6 +94,13 @@ def renewed(stored: EngineStudy, new: EngineStudy) -> EngineStudy:
         pareto=tuple(sorted(points, key=lambda p: order.index(p.variant))),
         measurements=tuple(measurements[name] for name in order),
     )
+
+
+def _comparable(value: Any) -> Any:
+    """Return ``value`` as it is stored, without coefficients of zero: a later version of the package knows more of these."""
+    if isinstance(value, dict):
+        return {key: kept for key, item in value.items() if (kept := _comparable(item)) != 0.0}
+    return _rounded(value)
 
 
 def runs_of(v: VariantStudy) -> list[RunSummary]:
