@@ -6,7 +6,8 @@ import dataclasses
 
 import pytest
 
-from benchmarks.engine_study import COMMAND, PAGE, page
+from benchmarks.engine_study import PAGE
+from benchmarks.engine_study_page import COMMAND, page
 from benchmarks.pareto import Point, front
 from benchmarks.stored_study import SUMMARY, EngineStudy, read, renewed, runs_of
 from looping_pendulum.compare.convergence.result import HALT
