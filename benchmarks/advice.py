@@ -60,9 +60,7 @@ def _best(variants: list[VariantStudy], own_points: dict[str, Point]) -> str:
 def _cost(contact: list[VariantStudy], fed: list[VariantStudy], own_points: dict[str, Point]) -> str:
     costs = [[own_points[v.label].cpu for v in group if v.label in own_points] for group in (contact, fed)]
     of_contact, of_fed = (f"{number(min(each), digits=2)} to {number(max(each), digits=2)}" for each in costs)
-    return (
-        f"**Reckon with the cost of an own law**: {of_contact} CPU s per simulated second, against {of_fed} with a law fed in."
-    )
+    return f"**Reckon with an own law's cost**: {of_contact} CPU s per simulated second, against {of_fed} with a law fed in."
 
 
 def _defaults(variants: list[VariantStudy]) -> str:
@@ -101,8 +99,8 @@ def _halting(contact: list[VariantStudy], fed: list[VariantStudy]) -> str:
     scatters = []
     for v in contact:
         verdicts = [verdict for ladder in v.ladders for verdict in ladder.verdicts if verdict.quantity == HALT]
-        if v.own.halting_time is not None and verdicts:
-            scatters.append(max(verdict.scatter or 0.0 for verdict in verdicts))
+        if v.own.halting_time is not None:
+            scatters += [max(known)] if (known := [verdict.scatter for verdict in verdicts if verdict.scatter]) else []
     return (
         f"**Do not read a halting time from one run of a chain**: it converges for {', '.join(sure)} only; the finest rungs of"
         f" variants with a law of their own scatter by {number(min(scatters), 1e3, 2)} to {number(max(scatters), 1e3, 2)} ms."
