@@ -6,6 +6,7 @@ import dataclasses
 
 import pytest
 
+from benchmarks import ladders_figure
 from benchmarks.engine_study import PAGE
 from benchmarks.engine_study_page import COMMAND, page
 from benchmarks.pareto import Point, front
@@ -37,6 +38,41 @@ def only(study: EngineStudy, *labels: str) -> EngineStudy:
 
 def test_the_page_is_what_the_stored_numbers_say(study):
     assert PAGE.read_text(encoding="utf-8") == page(study), f"write it again: {COMMAND} --page"
+
+
+def test_the_page_opens_with_ten_lines_and_a_figure_and_its_cells_are_short(study):
+    text = page(study)
+    opening, _ = text.split("![Error to 0.7 s along every ladder")
+    assert [line.split(".")[0] for line in opening.splitlines() if line[:1].isdigit()] == [str(k) for k in range(1, 11)]
+    cells = [cell.strip() for line in text.splitlines() if line.startswith("| ") for cell in line.split("|")]
+    assert max(map(len, cells)) <= 120
+    assert "not known" not in text
+
+
+def test_a_ladder_is_drawn_against_the_variants_own_setting(study):
+    (v,) = (v for v in study.convergence.variants if v.label == "mujoco:drum")
+    (steps,) = (ladder for ladder in v.ladders if ladder.setting == "time_step")
+    refinement, errors = ladders_figure.points(v, steps)
+    at_own = dict(zip(refinement, errors, strict=True))[1.0]
+    assert at_own == pytest.approx(1e3 * v.own.rms["path_0.7s"])
+    assert refinement == sorted(refinement)
+    assert min(errors) == ladders_figure.ERRORS[0], "errors below the axis are drawn on its edge"
+
+
+@pytest.mark.parametrize(
+    ("setting", "kind"),
+    [
+        ("time_step", "time step"),
+        ("bend", "link length"),
+        ("solver_iterations", "solver's effort"),
+        ("stiction_tolerance", "softness"),
+        ("tolerance", "solver's effort"),
+        ("bead_mass_ratio", "string's mass"),
+        ("weather", "other"),
+    ],
+)
+def test_kinds_of_ladders(setting, kind):
+    assert ladders_figure.kind(setting) == kind
 
 
 def test_every_variant_is_in_the_study(study):
