@@ -18,16 +18,9 @@ from looping_pendulum.compare.tables import GAP, number, signed
 
 PAGE = DOCS / "leaderboard.md"
 COMMAND = "python -m benchmarks.leaderboard"
-HEAD = (
-    "variant",
-    "static ratio",
-    "halting time [ms]",
-    "path [mm]",
-    "cost",
-    "law by",
-    "versions",
-    "measured",
-)
+NUMBERS = ("static ratio", "halting time [ms]", "path [mm]", "cost")
+NUMBER_CLASS = ' class="number"'
+HEAD = ("variant", *NUMBERS, "law by", "versions", "measured")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +34,7 @@ class Cell:
     def html(self) -> str:
         """Return the cell as HTML."""
         order = "" if self.order is None else self.order if isinstance(self.order, str) else f"{self.order:.6g}"
-        kind = "" if isinstance(self.order, str) else ' class="number"'
+        kind = "" if isinstance(self.order, str) else NUMBER_CLASS
         return f'<td{kind} data-value="{html.escape(order)}">{html.escape(self.text)}</td>'
 
 
@@ -53,13 +46,12 @@ def page(study: EngineStudy, static_rows: list[dict[str, Any]]) -> str:
     variants = sorted(study.convergence.variants, key=lambda v: (_path(v) is None, _path(v) or 0.0))
     rows = [cells(v, static[v.label], costs.get(v.label), measured[v.label]) for v in variants]
     body = "\n".join(f"<tr>{''.join(cell.html() for cell in row)}</tr>" for row in rows)
-    head = "".join(f'<th scope="col">{name}</th>' for name in HEAD)
+    head = "".join(f'<th scope="col"{NUMBER_CLASS if name in NUMBERS else ""}>{name}</th>' for name in HEAD)
     mu = f"{static_rows[0]['friction']:g}"
     return f"""# Leaderboard of all variants
 
-`{COMMAND}` writes this page from `docs/data/engine_study.json` and `docs/data/static_capstan.json`; do not edit it by
-hand. Click the head of a column to sort by it. The table comes sorted by the error of the path, and every variant has its own
-settings of the quick profile. The [engine study](engine-study.md) says where the errors come from and what to choose.
+Every variant at its own settings of the quick profile, sorted by the error of the path. Click the head of a column to sort by
+it. The [engine study](engine-study.md) says where the errors come from and what to choose.
 
 <div class="leaderboard">
 <table>
@@ -79,7 +71,8 @@ settings of the quick profile. The [engine study](engine-study.md) says where th
 - **measured**: first and last day on which a number of the row was measured.
 - **{GAP}**: the run broke off, or that number was not measured.
 
-To add or renew a row: `python -m benchmarks.engine_study --engine NAME --work DIR`, then
+`{COMMAND}` writes this page from `docs/data/engine_study.json` and `docs/data/static_capstan.json`; do not edit it by
+hand. To add or renew a row: `python -m benchmarks.engine_study --engine NAME --work DIR`, then
 `python -m benchmarks.static_capstan --store NAME`, then `{COMMAND}`.
 """
 
