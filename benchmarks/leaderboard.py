@@ -19,7 +19,7 @@ from looping_pendulum.compare.tables import GAP, number, signed
 PAGE = DOCS / "leaderboard.md"
 COMMAND = "python -m benchmarks.leaderboard"
 NUMBERS = ("static ratio", "halting time [ms]", "path [mm]", "cost")
-NUMBER_CLASS = ' class="number"'
+NUMBER_STYLE = ' style="text-align: right"'
 HEAD = ("variant", *NUMBERS, "law by", "versions", "measured")
 
 
@@ -34,7 +34,7 @@ class Cell:
     def html(self) -> str:
         """Return the cell as HTML."""
         order = "" if self.order is None else self.order if isinstance(self.order, str) else f"{self.order:.6g}"
-        kind = "" if isinstance(self.order, str) else NUMBER_CLASS
+        kind = "" if isinstance(self.order, str) else NUMBER_STYLE
         return f'<td{kind} data-value="{html.escape(order)}">{html.escape(self.text)}</td>'
 
 
@@ -46,7 +46,7 @@ def page(study: EngineStudy, static_rows: list[dict[str, Any]]) -> str:
     variants = sorted(study.convergence.variants, key=lambda v: (_path(v) is None, _path(v) or 0.0))
     rows = [cells(v, static[v.label], costs.get(v.label), measured[v.label]) for v in variants]
     body = "\n".join(f"<tr>{''.join(cell.html() for cell in row)}</tr>" for row in rows)
-    head = "".join(f'<th scope="col"{NUMBER_CLASS if name in NUMBERS else ""}>{name}</th>' for name in HEAD)
+    head = "".join(f'<th scope="col"{NUMBER_STYLE if name in NUMBERS else ""}>{name}</th>' for name in HEAD)
     mu = f"{static_rows[0]['friction']:g}"
     return f"""# Leaderboard of all variants
 
