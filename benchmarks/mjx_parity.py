@@ -1,15 +1,19 @@
-"""Run a MuJoCo tendon variant with MJX's step in place of MuJoCo's, and store how far apart the two runs are.
+"""Compare MJX, on a CPU, with MuJoCo on this package's tendon model: lengths over the rod, and whole runs.
 
-`python -m benchmarks.mjx_parity` needs mujoco-mjx and jax, which no extra of this package installs; no GPU is needed. The rest
-of the adapter (which tendon is in use, the string's turning, the applied forces, and the forward pass from which the capstan
-bound is derived) stays as it is. The result is docs/data/mjx_parity.json.
+`python -m benchmarks.mjx_parity lengths` computes the lengths of both tendons at many wrap angles, and
+`python -m benchmarks.mjx_parity runs` (many minutes) makes runs with MJX's step in place of MuJoCo's, while the rest of the
+adapter (which tendon is in use, the string's turning, the applied forces, and the forward pass from which the capstan bound is
+derived) stays as it is. Both need mujoco-mjx and jax, which no extra of this package installs, and store what they find in
+docs/data/mjx_parity.json.
 """
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import datetime
 import json
+import math
 import time
 from pathlib import Path
 from typing import Any
@@ -18,14 +22,20 @@ import numpy as np
 
 from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.engines.mujoco import tendon_rig
+from looping_pendulum.engines.mujoco.tendon_model import model_xml
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.registry import select
 from looping_pendulum.engines.trajectory import Trajectory
+from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.scenarios import load
 from looping_pendulum.versions import installed_version
 
 FILE = Path(__file__).parents[1] / "docs" / "data" / "mjx_parity.json"
 VARIANTS = ("mujoco:documented", "mujoco:capstan")
+WRAP_ANGLES = (120, 180, 210, 220, 240, 270, 300, 360)
+"""[deg]; tendon "even" is right to 240 deg, and tendon "odd" from 180 to 420 deg."""
+FREE_LENGTH, HANGING_LENGTH = 0.5, 0.2
+"""[m], at which the tendons' lengths are compared."""
 DURATION = 0.7
 """Simulated time [s]."""
 STATE = ("qpos", "qvel", "qacc_warmstart", "time")
@@ -101,17 +111,45 @@ def parity(engine: Engine) -> dict[str, Any]:
     }
 
 
+def lengths(engine: Engine) -> list[dict[str, float]]:
+    """Return, for each wrap angle, the error [m] of each tendon's length in MuJoCo and in MJX against the closed form."""
+    import jax
+    import mujoco
+    from mujoco import mjx
+
+    p = load("ten_to_one").parameters
+    model = mujoco.MjModel.from_xml_string(model_xml(p, engine.settings))
+    data = mujoco.MjData(model)
+    mjx_model, mjx_data = mjx.put_model(model), mjx.put_data(model, data)
+    mjx_lengths = jax.jit(lambda qpos: mjx.forward(mjx_model, mjx_data.replace(qpos=qpos)).ten_length)
+    rows = []
+    for degrees in WRAP_ANGLES:
+        angle = math.radians(degrees)
+        data.qpos[:] = (*light_position(math, FREE_LENGTH, angle, p.rod_radius), -HANGING_LENGTH)
+        mujoco.mj_fwdPosition(model, data)
+        exact = FREE_LENGTH + HANGING_LENGTH + p.rod_radius * angle
+        row = {"wrap_angle_degrees": float(degrees)}
+        for name, values in (("mujoco", data.ten_length), ("mjx", np.asarray(mjx_lengths(np.array(data.qpos))))):
+            row |= {f"{name}_even": float(values[0] - exact), f"{name}_odd": float(values[1] - exact)}
+        rows.append(row)
+    return rows
+
+
 def main() -> None:
-    """Run and store."""
+    """Compare and store."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=["lengths", "runs"])
+    what = parser.parse_args().what
     import jax
 
     jax.config.update("jax_enable_x64", True)  # single precision by default
-    rows = [parity(engine) for engine in select(VARIANTS, Profile.QUICK)]
-    result = {
+    engines = select(VARIANTS, Profile.QUICK)
+    result = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
+    result |= {
         "command": "python -m benchmarks.mjx_parity",
         "day": datetime.datetime.now(datetime.UTC).date().isoformat(),
         "versions": {name: installed_version(name) for name in ("mujoco", "mujoco-mjx", "jax")},
-        "runs": rows,
+        what: lengths(engines[0]) if what == "lengths" else [parity(engine) for engine in engines],
     }
     write_atomically(FILE, json.dumps(result, indent=1) + "\n")
     print(json.dumps(result, indent=1))
