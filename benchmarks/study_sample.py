@@ -13,7 +13,8 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from benchmarks.engine_study import SCENARIO, SUMMARY, EngineStudy, read
+from benchmarks.engine_study import SCENARIO
+from benchmarks.stored_study import SUMMARY, EngineStudy, read
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.convergence.result import PATH_END_TIMES, RunSummary, VariantStudy
 from looping_pendulum.compare.metrics import rms_until

@@ -36,6 +36,7 @@ GENERATED_PAGES = (
     "docs/answers.md",
     "docs/engine-study.md",
     "docs/keys.md",
+    "docs/leaderboard.md",
     "docs/metrics.md",
     "docs/repro.md",
     "docs/support.md",

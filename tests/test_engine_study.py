@@ -1,4 +1,4 @@
-"""The page on the engines' errors is what its stored numbers say."""
+"""The page on the engines' errors is what its stored numbers say, and single variants are renewed in these."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ import dataclasses
 
 import pytest
 
-from benchmarks.engine_study import COMMAND, PAGE, SUMMARY, EngineStudy, page, read
+from benchmarks import ladders_figure
+from benchmarks.engine_study import PAGE
+from benchmarks.engine_study_page import COMMAND, page
 from benchmarks.pareto import Point, front
+from benchmarks.stored_study import SUMMARY, EngineStudy, read, renewed, runs_of
+from looping_pendulum.compare.convergence.result import HALT
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import ADAPTERS, all_engines, label
 
@@ -17,8 +21,58 @@ def study() -> EngineStudy:
     return read(SUMMARY.read_text(encoding="utf-8"))
 
 
+def only(study: EngineStudy, *labels: str) -> EngineStudy:
+    """The study of some variants alone, measured on a later day."""
+    result = study.convergence
+    variants = tuple(v for v in result.variants if v.label in labels)
+    keys = {run.key for v in variants for run in runs_of(v)}
+    times = tuple(one for one in result.clock.run_times if one.key in keys)
+    return EngineStudy(
+        convergence=dataclasses.replace(
+            result, variants=variants, clock=dataclasses.replace(result.clock, written="2030-01-02T03:04:05", run_times=times)
+        ),
+        pareto=tuple(p for p in study.pareto if p.variant in labels),
+        measurements=tuple(dataclasses.replace(m, errors="2030-01-02") for m in study.measurements if m.variant in labels),
+    )
+
+
 def test_the_page_is_what_the_stored_numbers_say(study):
     assert PAGE.read_text(encoding="utf-8") == page(study), f"write it again: {COMMAND} --page"
+
+
+def test_the_page_opens_with_ten_lines_and_a_figure_and_its_cells_are_short(study):
+    text = page(study)
+    opening, _ = text.split("![Error to 0.7 s along every ladder")
+    assert [line.split(".")[0] for line in opening.splitlines() if line[:1].isdigit()] == [str(k) for k in range(1, 11)]
+    cells = [cell.strip() for line in text.splitlines() if line.startswith("| ") for cell in line.split("|")]
+    assert max(map(len, cells)) <= 120
+    assert "not known" not in text
+
+
+def test_a_ladder_is_drawn_against_the_variants_own_setting(study):
+    (v,) = (v for v in study.convergence.variants if v.label == "mujoco:drum")
+    (steps,) = (ladder for ladder in v.ladders if ladder.setting == "time_step")
+    refinement, errors = ladders_figure.points(v, steps)
+    at_own = dict(zip(refinement, errors, strict=True))[1.0]
+    assert at_own == pytest.approx(1e3 * v.own.rms["path_0.7s"])
+    assert refinement == sorted(refinement)
+    assert min(errors) == ladders_figure.ERRORS[0], "errors below the axis are drawn on its edge"
+
+
+@pytest.mark.parametrize(
+    ("setting", "kind"),
+    [
+        ("time_step", "time step"),
+        ("bend", "link length"),
+        ("solver_iterations", "solver's effort"),
+        ("stiction_tolerance", "softness"),
+        ("tolerance", "solver's effort"),
+        ("bead_mass_ratio", "string's mass"),
+        ("weather", "other"),
+    ],
+)
+def test_kinds_of_ladders(setting, kind):
+    assert ladders_figure.kind(setting) == kind
 
 
 def test_every_variant_is_in_the_study(study):
@@ -28,6 +82,49 @@ def test_every_variant_is_in_the_study(study):
 
 def test_stored_numbers_read_back(study):
     assert read(study.to_json()) == study
+
+
+def test_a_renewed_variant_takes_its_place_and_the_others_stay(study):
+    name = "mujoco:beads"
+    new = only(study, name)
+    (before,) = new.convergence.variants
+    # Of other settings: its run at its own ones has another key, and the former one is not in the study any more
+    again = dataclasses.replace(before, own=dataclasses.replace(before.own, key="anew"), ladders=(), starts=())
+    new = dataclasses.replace(new, convergence=dataclasses.replace(new.convergence, variants=(again,)), pareto=())
+    result = renewed(study, new)
+    assert [v.label for v in result.convergence.variants] == [v.label for v in study.convergence.variants]
+    assert [v for v in result.convergence.variants if v.label != name] == [
+        v for v in study.convergence.variants if v.label != name
+    ]
+    assert again in result.convergence.variants
+    assert result.pareto == tuple(p for p in study.pareto if p.variant != name)
+    assert {m.variant for m in result.measurements if m.errors == "2030-01-02"} == {name}
+    known = {one.key for one in result.convergence.clock.run_times}
+    assert before.own.key in {one.key for one in study.convergence.clock.run_times} - known
+    assert known <= {run.key for v in result.convergence.variants for run in runs_of(v)}
+
+
+def test_an_added_variant_stands_behind_the_others(study):
+    name = "pymunk:chain"
+    others = [v.label for v in study.convergence.variants if v.label != name]
+    result = renewed(only(study, *others), only(study, name))
+    assert [v.label for v in result.convergence.variants] == [*others, name]
+    assert [m.variant for m in result.measurements] == [*others, name]
+    assert sorted(result.pareto, key=lambda p: p.key) == sorted(study.pareto, key=lambda p: p.key)
+    assert result.convergence.clock.run_times == study.convergence.clock.run_times
+
+
+@pytest.mark.parametrize("change", ["budget", "reference_values"])
+def test_a_study_made_otherwise_is_refused(study, change):
+    new = only(study, "pymunk:chain")
+    values = study.convergence.reference_values
+    moved = {
+        "budget": {"budget": 20.0},
+        "reference_values": {"reference_values": {**values, HALT: values[HALT] + 2 * study.convergence.floors[HALT]}},
+    }[change]
+    new = dataclasses.replace(new, convergence=dataclasses.replace(new.convergence, **moved))
+    with pytest.raises(ValueError, match=r"budget: found 20|reference: halting_time"):
+        renewed(study, new)
 
 
 def test_points_that_nothing_beats():

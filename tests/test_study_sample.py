@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.engine_study import SUMMARY, read
+from benchmarks.stored_study import SUMMARY, read
 from benchmarks.study_sample import measured_again, same, stored_runs
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.scenarios import load

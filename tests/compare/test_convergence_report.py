@@ -153,7 +153,7 @@ def test_the_parts_of_an_error_are_stated_to_two_digits():
     assert table_rows[0] == ["toy:a", "different model", "1.2", "2.5", "4.9", "3.7", "6.2", "7.4"]
     assert table_rows[2] == ["toy:a", "different model", "3.7", "7.4", "15", "11", "19", "22"]
     unknown = variant(splits=(split(EARLY, 1, causes=(ErrorCause.UNKNOWN,), without_limit=("dt",)),))
-    assert cells(splits_table(result(unknown), [EARLY]), "toy:a")[0][1] == ErrorCause.UNKNOWN.value
+    assert cells(splits_table(result(unknown), [EARLY]), "toy:a")[0][1] == "–"
     nothing = result(variant(splits=()))
     assert "error [mm]" in splits_table(nothing, [EARLY])
     assert "error [ms]" in splits_table(nothing, [HALT])
@@ -186,16 +186,12 @@ def test_small_changes_of_the_start_are_reported_with_their_errors():
 
 def test_the_halting_table_tells_of_the_halting_time_alone():
     (row,) = cells(halting_table(result()), "toy:a")
-    assert row == ["toy:a", "yes, to within ± 11 ms", "-7.41", "1.2", "dt: halting_time is well"]
+    assert row == ["toy:a", "yes, to within ± 11 ms", "-7.41", "1.2"]
     broken = result(variant(own=run("o", 1, halting_time=None, halting_time_error=None, **FAILED)))
     assert cells(halting_table(broken), "toy:a")[0][1:3] == [
-        "not known: the run with its own settings does not end properly",
+        "its run at its own settings does not end properly",
         "–",
     ]
-    two = (variant().ladders[0], dataclasses.replace(variant().ladders[0], setting="n"))
-    assert cells(halting_table(result(variant(ladders=two))), "toy:a")[0][-1] == (
-        "dt: halting_time is well; n: halting_time is well"
-    )
 
 
 def test_defaults_and_choices_are_stated_in_milliseconds_and_millimetres():
@@ -203,12 +199,15 @@ def test_defaults_and_choices_are_stated_in_milliseconds_and_millimetres():
     assert cells(text, "toy:a", "## Hidden") == [
         ["toy:a", "d", "i", "o", "e", "-3.46", "2.47", "11.1", ""],
         ["toy:a", "c", "o", "i", "1.23", "2.35", "-3.46", ""],
-        ["toy:a", "p 1, q 2", "dt 0.333333, n 7", "winding: engine, drag: nobody"],
+        ["toy:a", "p 1, q 2", "engine", "nobody"],
     ]
+    assert "| variant | versions | winding | drag |" in text
+    assert "- **toy:a**: dt 0.333333, n 7\n" in text
     none = render(result(variant(choices=(), defaults=())))
     assert none.count("None of these variants declares one.\n") == 2
     bare = variant(provenance=RunProvenance(versions={}, settings={}, supplies=()))
-    assert cells(render(result(bare)), "toy:a", "## Provenance") == [["toy:a", "–", "", ""]]
+    assert cells(render(result(bare)), "toy:a", "## Provenance") == [["toy:a", "–"]]
+    assert "- **toy:a**: –\n" in render(result(bare))
 
 
 def test_words_are_to_the_left_and_numbers_to_the_right():

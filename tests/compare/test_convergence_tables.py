@@ -15,6 +15,7 @@ from looping_pendulum.compare.convergence.report import (
     halting_verdict,
     ladders_table,
     splits_table,
+    verdict_cell,
 )
 from looping_pendulum.compare.convergence.result import DROP, HALT, PATH_END_TIMES
 
@@ -40,7 +41,8 @@ def a_split(name, unit, i):
 
 
 def a_verdict(name, kind=SequenceKind.CONVERGES, scatter=None):
-    return SimpleNamespace(quantity=name, kind=kind, scatter=scatter, sentence=f"{name} {kind.value}")
+    size = {EARLY: 1e-3, LATE: 2e-3, HALT: -3e-3}[name]
+    return SimpleNamespace(quantity=name, kind=kind, scatter=scatter, order=2.0, limit_error=size, uncertainty=abs(size) / 2)
 
 
 def a_variant(kinds=(SequenceKind.CONVERGES,), own=None, splits=None):
@@ -91,13 +93,13 @@ def test_why_there_is_no_split(own, said):
 @pytest.mark.parametrize(
     ("kinds", "own", "said"),
     [
-        ((), a_run(1), "not known: the adapter offers no ladder"),
+        ((), a_run(1), "the adapter offers no ladder"),
         ((SequenceKind.NEVER, SequenceKind.NEVER), a_run(1), "never halts"),
-        ((SequenceKind.CONVERGES,), a_run(1, ok=False), "not known: the run with its own settings does not end properly"),
+        ((SequenceKind.CONVERGES,), a_run(1, ok=False), "its run at its own settings does not end properly"),
         ((SequenceKind.CONVERGES, SequenceKind.NEVER), a_run(1, halting_time=None), "no; it halts only with some settings"),
         ((SequenceKind.SCATTERS, SequenceKind.CONVERGES, SequenceKind.SCATTERS), a_run(1), "no; it scatters by ± 6 ms"),
         ((SequenceKind.CONVERGES, SequenceKind.NEVER), a_run(1), "no; it scatters by ± 0 ms"),
-        ((SequenceKind.CONVERGES, SequenceKind.UNKNOWN), a_run(1), "not known along every ladder"),
+        ((SequenceKind.CONVERGES, SequenceKind.UNKNOWN), a_run(1), "along some ladder too few runs halt to tell"),
         (
             (SequenceKind.CONVERGES, SequenceKind.WITHIN_SPREAD),
             a_run(1),
@@ -109,13 +111,12 @@ def test_why_there_is_no_split(own, said):
 def test_whether_the_halting_time_converges(kinds, own, said):
     assert halting_verdict(a_variant(kinds, own)).startswith(said)
     if kinds == (SequenceKind.CONVERGES, SequenceKind.SETTLED):
-        assert halting_verdict(a_variant(kinds, own, splits=[])) == "not known along every ladder"
+        assert halting_verdict(a_variant(kinds, own, splits=[])) == "along some ladder too few runs halt to tell"
 
 
 def test_the_halting_table_has_error_and_spread_in_milliseconds():
     (row,) = rows(halting_table(SimpleNamespace(variants=[a_variant()])))
     assert row[2:4] == ["-21", "0.05"]
-    assert row[4] == f"dt0: {HALT} converges"
     (row,) = rows(halting_table(SimpleNamespace(variants=[a_variant(own=a_run(1, halting_time=None))])))
     assert row[2] == "does not halt"
 
@@ -142,9 +143,9 @@ def test_ladders_are_reported_from_the_first_to_the_last_rung_that_ran():
         "0.8 ms",
         "0.2 ms",
         "2 of 3",
-        f"{EARLY} converges",
-        f"{LATE} converges",
-        f"{HALT} converges",
+        "order 2 → 1 ± 0.5",
+        "order 2 → 2 ± 1",
+        "order 2 → 3 ± 1.5",
     ]
     head, rule = ladders_table(SimpleNamespace(variants=[a_variant()])).splitlines()[:2]
     assert rule.split("|")[1:-1] == [" --- "] * 8, "words and amounts with their units: all to the left"
@@ -153,6 +154,27 @@ def test_ladders_are_reported_from_the_first_to_the_last_rung_that_ran():
     for rung in variant.ladders[0].rungs:
         rung.run.status = "NOT_RUN"
     assert rows(ladders_table(SimpleNamespace(variants=[variant])))[0][2:5] == ["–", "–", "0 of 3"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "said"),
+    [
+        (SequenceKind.CONVERGES, -3e-3, "order 1.5 → 3 ± 1"),
+        (SequenceKind.SETTLED, -3e-3, "settled → 3 ± 1"),
+        (SequenceKind.SCATTERS, -3e-3, "± 4 about 3 ± 1"),
+        (SequenceKind.WITHIN_SPREAD, -3e-3, "± 4 about 3 ± 1, in the spread"),
+        (SequenceKind.SCATTERS, None, "halts on some rungs"),
+        (SequenceKind.NEVER, None, "never halts"),
+        (SequenceKind.UNKNOWN, None, "–"),
+    ],
+)
+def test_a_verdict_fits_a_cell(kind, limit, said):
+    assert verdict_cell(SimpleNamespace(kind=kind, order=1.5, limit_error=limit, uncertainty=1e-3, scatter=4e-3)) == said
+
+
+def test_a_failed_run_is_named_without_its_advice():
+    failed = a_variant(own=a_run(1, ok=False, why="the string drifted; shorten the time step"), splits=[])
+    assert rows(splits_table(SimpleNamespace(variants=[failed]), [EARLY]))[0][1] == "the string drifted"
 
 
 def test_angles_stay_in_radians():

@@ -136,7 +136,7 @@ def test_the_error_of_an_engine_without_a_ladder_names_the_page_that_has_one(spr
 
     page = "studies(), in docs/write-an-engine.md"
     assert skip_reason(error_is_covered_by_refinement, Plain(Profile.QUICK)) == f"it offers no ladder: {page}"
-    assert halting_verdict(SimpleNamespace(ladders=())) == f"not known: the adapter offers no ladder ({page})"
+    assert halting_verdict(SimpleNamespace(ladders=())) == f"the adapter offers no ladder ({page})"
 
 
 def test_the_pages_test_snippet_runs(package, tmp_path):

@@ -10,6 +10,7 @@ from looping_pendulum.compare.convergence.result import (
     HALT,
     PATH_END_TIMES,
     ConvergenceResult,
+    ConvergenceVerdict,
     ErrorSplit,
     LadderStudy,
     RunSummary,
@@ -44,6 +45,14 @@ HOW_TO_READ = """\
 - **spread**: standard deviation of the error when the start changes by 0.01 deg or 0.1 mm, each start with its own reference.
 - Uncertainties are half-widths of 95 % intervals. An order is fitted only where all changes have one direction and shrink like
   a power of the setting; otherwise the scatter of the finest rungs is given.
+- **–**: there is no such number: fewer than three runs have a value of it, or the run broke off.
+"""
+HOW_TO_READ_LADDERS = """\
+- **order 2 → 5 ± 1**: converges with order 2 to a limit whose distance from the reference is 5 ± 1.
+- **settled → 5 ± 1**: the finest rungs differ no more.
+- **± 3 about 5 ± 1**: the finest rungs scatter by 3 about a mean 5 ± 1 from the reference. **In the spread**: small changes of
+  the start move it as much as refinement does, so that nothing is left to converge.
+- **–**: fewer than three rungs have a value.
 """
 
 
@@ -125,7 +134,7 @@ def _split_row(v: VariantStudy, name: str, scale: float) -> list[str]:
 
 
 def _causes(split: ErrorSplit) -> str:
-    text = ", then ".join(cause.value for cause in split.causes)
+    text = ", then ".join(GAP if cause is ErrorCause.UNKNOWN else cause.value for cause in split.causes)
     if split.without_limit and ErrorCause.UNKNOWN not in split.causes:
         text += f" (no limit known for {', '.join(split.without_limit)})"
     return text
@@ -133,13 +142,18 @@ def _causes(split: ErrorSplit) -> str:
 
 def _why_without(v: VariantStudy, name: str) -> str:
     if not v.own.ok:
-        return v.own.why
+        return _fault(v.own)
     return "never halts" if name in (HALT, DROP) and v.own.halting_time is None else "the reference has no value"
+
+
+def _fault(run: RunSummary) -> str:
+    """Say why a run did not end properly, without the advice that its status gives."""
+    return run.why.split(";")[0]
 
 
 def halting_table(result: ConvergenceResult) -> str:
     """Return a table of whether each variant's halting time converges, and to within what."""
-    head = ["variant", "converges?", "halting error [ms]", "spread [ms]", "along each ladder"]
+    head = ["variant", "converges?", "halting error [ms]", "spread [ms]"]
     return table(head, [_halting_row(v) for v in result.variants], left=2)
 
 
@@ -148,11 +162,11 @@ def halting_verdict(v: VariantStudy) -> str:
     verdicts = [verdict for ladder in v.ladders for verdict in ladder.verdicts if verdict.quantity == HALT]
     kinds = {verdict.kind for verdict in verdicts}
     if not verdicts:
-        return f"not known: the adapter offers no ladder ({LADDERS})"
+        return f"the adapter offers no ladder ({LADDERS})"
     if kinds == {SequenceKind.NEVER}:
         return "never halts"
     if not v.own.ok:
-        return "not known: the run with its own settings does not end properly"
+        return "its run at its own settings does not end properly"
     # One ladder without a limit is enough, whatever the others do
     if SequenceKind.SCATTERS in kinds or SequenceKind.NEVER in kinds:
         if v.own.halting_time is None:
@@ -161,7 +175,7 @@ def halting_verdict(v: VariantStudy) -> str:
         return f"no; it scatters by ± {number(worst, 1e3, 2)} ms"
     split = next((s for s in v.splits if s.quantity == HALT), None)
     if SequenceKind.UNKNOWN in kinds or split is None:
-        return "not known along every ladder"
+        return "along some ladder too few runs halt to tell"
     within = f"to within ± {number(split.numerics_uncertainty, 1e3, 2)} ms"
     return (
         f"only {within}, the spread of small changes of the start" if SequenceKind.WITHIN_SPREAD in kinds else f"yes, {within}"
@@ -169,14 +183,8 @@ def halting_verdict(v: VariantStudy) -> str:
 
 
 def _halting_row(v: VariantStudy) -> list[str]:
-    each = [
-        f"{ladder.setting}: {verdict.sentence}"
-        for ladder in v.ladders
-        for verdict in ladder.verdicts
-        if verdict.quantity == HALT
-    ]
     error = "does not halt" if v.own.ok and v.own.halting_time is None else signed(v.own.halting_time_error, 1e3)
-    return [v.label, halting_verdict(v), error, number(v.spread[HALT], 1e3, 2), "; ".join(each)]
+    return [v.label, halting_verdict(v), error, number(v.spread[HALT], 1e3, 2)]
 
 
 def _variant(v: VariantStudy, figures: Mapping[str, tuple[str, str]]) -> str:
@@ -203,13 +211,13 @@ def _error_cells(run: RunSummary) -> list[str]:
         signed(run.halting_time_error, 1e3),
         signed(run.drop_error, 1e3),
     ]
-    return [*cells, "" if run.ok else run.why]
+    return [*cells, "" if run.ok else _fault(run)]
 
 
 def _change_cells(one: VariationStudy) -> list[str]:
     halts = "never halts" if one.run.ok and one.run.halting_time is None else ""
     cells = [number(one.change[EARLY], 1e3), number(one.change[LATE], 1e3), signed(one.change[HALT], 1e3)]
-    return [*cells, halts or ("" if one.run.ok else one.run.why)]
+    return [*cells, halts or ("" if one.run.ok else _fault(one.run))]
 
 
 def _ladder(ladder: LadderStudy) -> str:
@@ -226,7 +234,7 @@ def _ladder(ladder: LadderStudy) -> str:
         run = rung.run
         row = [format_setting(rung.value, ladder.unit), number(run.rms[EARLY], 1e3), number(run.rms[LATE], 1e3)]
         row += [number(rung.to_finest[LATE], 1e3), number(rung.to_limit[LATE], 1e3)]
-        rows.append([*row, fixed(run.halting_time, 5), signed(run.halting_time_error, 1e3), "" if run.ok else run.why])
+        rows.append([*row, fixed(run.halting_time, 5), signed(run.halting_time_error, 1e3), "" if run.ok else _fault(run)])
     follows = f" ({ladder.follows})" if ladder.follows else ""
     verdicts = "".join(f"- {QUANTITY_LABELS[v.quantity]}: {v.sentence}\n" for v in ladder.verdicts)
     own = "" if ladder.own is None else f"; the variant uses {format_setting(ladder.own, ladder.unit)}"
@@ -267,7 +275,8 @@ def choices_table(result: ConvergenceResult) -> str:
 
 def ladders_table(result: ConvergenceResult) -> str:
     """Return a table with a row per ladder: its ends, and how each quantity behaves along it."""
-    head = ["variant", "setting", "from", "to", "rungs", *(QUANTITY_LABELS[name] for name in (EARLY, LATE, HALT))]
+    units = {name: DISPLAY_UNITS[_unit(result, name)][0] for name in (EARLY, LATE, HALT)}
+    head = ["variant", "setting", "from", "to", "rungs", *(f"{QUANTITY_LABELS[name]} [{units[name]}]" for name in units)]
     rows = []
     for v in result.variants:
         for ladder in v.ladders:
@@ -275,20 +284,42 @@ def ladders_table(result: ConvergenceResult) -> str:
             ran = [rung.value for rung in ladder.rungs if rung.run.status not in ("SKIPPED", "NOT_RUN")]
             ends = [format_setting(value, ladder.unit) for value in (ran[0], ran[-1])] if ran else [GAP, GAP]
             counts = f"{len(ran)} of {len(ladder.rungs)}"
-            rows.append([v.label, ladder.setting, *ends, counts, *(verdicts[name].sentence for name in (EARLY, LATE, HALT))])
+            rows.append(
+                [v.label, ladder.setting, *ends, counts, *(verdict_cell(verdicts[name]) for name in (EARLY, LATE, HALT))]
+            )
     return table(head, rows, left=8)
 
 
+def verdict_cell(verdict: ConvergenceVerdict) -> str:
+    """Return a verdict in a few signs (`HOW_TO_READ_LADDERS`), in millimetres or milliseconds."""
+    if verdict.kind is SequenceKind.NEVER:
+        return "never halts"
+    if verdict.kind is SequenceKind.UNKNOWN:
+        return GAP
+    if verdict.limit_error is None or verdict.uncertainty is None:
+        return "halts on some rungs"
+    distance = f"{number(abs(verdict.limit_error), 1e3, 2)} ± {number(verdict.uncertainty, 1e3, 2)}"
+    if verdict.kind is SequenceKind.CONVERGES:
+        return f"order {number(verdict.order, digits=2)} → {distance}"
+    if verdict.kind is SequenceKind.SETTLED:
+        return f"settled → {distance}"
+    within = ", in the spread" if verdict.kind is SequenceKind.WITHIN_SPREAD else ""
+    return f"± {number(verdict.scatter, 1e3, 2)} about {distance}{within}"
+
+
 def provenance_table(result: ConvergenceResult) -> str:
-    """Return a table of versions, settings and suppliers of physics of every variant."""
-    head = ["variant", "versions", "settings [SI]", "who supplies what"]
-    rows = []
+    """Return a table of versions and suppliers of physics of every variant, and below it the settings of each."""
+    physics = list(dict.fromkeys(s.what for v in result.variants for s in v.provenance.supplies))
+    rows, settings = [], []
     for v in result.variants:
         p = v.provenance
-        settings = ", ".join(f"{k} {number(x, digits=6) if isinstance(x, float) else x}" for k, x in p.settings.items())
-        supplies = ", ".join(f"{s.what}: {s.by}" for s in p.supplies)
-        rows.append([v.label, ", ".join(f"{k} {x}" for k, x in p.versions.items()) or GAP, settings, supplies])
-    return table(head, rows, left=4)
+        by = {s.what: s.by for s in p.supplies}
+        versions = ", ".join(f"{k} {x}" for k, x in p.versions.items()) or GAP
+        rows.append([v.label, versions, *(by.get(what, GAP) for what in physics)])
+        each = ", ".join(f"{k} {number(x, digits=6) if isinstance(x, float) else x}" for k, x in p.settings.items())
+        settings.append(f"- **{v.label}**: {each or GAP}\n")
+    head = ["variant", "versions", *physics]
+    return f"{table(head, rows, left=len(head))}\nSettings, in SI units:\n\n{''.join(settings)}"
 
 
 def _wall_times(result: ConvergenceResult) -> str:
