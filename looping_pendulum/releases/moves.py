@@ -29,9 +29,7 @@ def find_moves(rows: Sequence[ReleaseRow], spread: Spread) -> tuple[Move, ...]:
     return tuple(moves)
 
 
-def _moves(
-    release: str, variant: VariantRow, since: str, before: VariantRow, spreads: dict[str, float | None]
-) -> list[Move]:
+def _moves(release: str, variant: VariantRow, since: str, before: VariantRow, spreads: dict[str, float | None]) -> list[Move]:
     moves = []
     for name in QUANTITIES:
         old, new = before.values.get(name), variant.values.get(name)
@@ -44,8 +42,6 @@ def _moves(
             if ratio <= 1:
                 continue
         moves.append(
-            Move(
-                label=variant.label, quantity=name, release=release, since=since, before=old, after=new, spreads=ratio
-            )
+            Move(label=variant.label, quantity=name, release=release, since=since, before=old, after=new, spreads=ratio)
         )
     return moves

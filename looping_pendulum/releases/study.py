@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -120,7 +121,7 @@ class ReleaseStudy:
         spread_calls = len(self.engines) * 10  # as `spread_runs`: six of the scenario, four of the capstan test
         self._total, self._ended = len(releases) * len(self.engines) + spread_calls, len(rows) * len(self.engines)
         target = target_of(self.scenario)
-        ended = self._in_threads([(release, lambda release=release: self._row(release, target)) for release in waiting])
+        ended = self._in_threads([(release, partial(self._row, release, target)) for release in waiting])
         rows |= {release: row for release, row in ended.items() if row is not None}
         in_order = tuple(rows[release] for release in sorted(rows))
         spread = None if self.interrupted else self._spread(in_order, target)
