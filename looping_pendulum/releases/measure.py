@@ -6,6 +6,7 @@ Only the engine runs there. The reference is solved here, once, so that an envir
 from __future__ import annotations
 
 import math
+import re
 import sys
 import threading
 from collections.abc import Callable, Sequence
@@ -115,7 +116,8 @@ def measure_variant(elsewhere: EngineElsewhere, target: Target) -> tuple[Variant
 
 def _why(run: Trajectory) -> str:
     """Return in one line how a run failed."""
-    message = " ".join(run.message.split())
+    # Without the places of files in an environment that is gone
+    message = re.sub(r" \((/|[A-Z]:\\)[^)]*\)", "", " ".join(run.message.split()))
     return shorten(f"{run.status.value}: {message}" if message else run.status.value, MAX_MESSAGE_LENGTH)
 
 

@@ -52,5 +52,5 @@ def moved(moves: list[Move]) -> str:
 
 def _change(move: Move) -> str:
     metric = QUANTITIES[move.quantity]
-    size = "" if move.spreads is None else f" ({number(move.spreads, digits=2)} spreads)"
+    size = "" if move.spreads is None else f" ({number(move.spreads, digits=2)} × its spread)"
     return f"{metric.heading} {metric.cell(move.before)} → {metric.cell(move.after)} {metric.shown_in.name}{size}"

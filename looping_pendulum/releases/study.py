@@ -23,6 +23,7 @@ from packaging.version import Version
 
 from looping_pendulum import __version__
 from looping_pendulum.compare.json_text import dump, load, plain
+from looping_pendulum.compare.run_cache import source_digest
 from looping_pendulum.engines.memory import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.registry import DISTRIBUTIONS, label
@@ -51,6 +52,8 @@ The first keeps NumPy the same for all releases, so that only the engine differs
 """
 POLL_INTERVAL = 0.05
 """Time between two looks at the runs [s]; Ctrl-C is noticed in between."""
+NOT_KEPT = ("TIME_LIMIT", "MEMORY_LIMIT", "INTERRUPTED")
+"""Statuses of runs that another try may bring to their end."""
 RECORD, SPREAD_RECORD, RECORD_VERSION = "looping-pendulum/release", "looping-pendulum/release-spread", 1
 
 Install = Callable[[Path, Sequence[str], threading.Event], str]
@@ -89,7 +92,7 @@ class ReleaseStudy:
     jobs
         Number of environments, and of runs, at the same time.
     make_environment
-        `installers.install`, or what stands in for it.
+        What stands in for `installers.install`.
     """
 
     def __init__(
@@ -102,12 +105,12 @@ class ReleaseStudy:
         time_limit: float = 900.0,
         memory_limit: int = MEMORY_LIMIT,
         progress: Progress | None = None,
-        make_environment: Install = install,
+        make_environment: Install | None = None,
     ) -> None:
         self.engines, self.folder, self.jobs, self.progress = tuple(engines), folder, jobs, progress
         self.scenario = dataclasses.replace(scenario, tolerances=())
         self.options = RunOptions(time_limit=time_limit, memory_limit=memory_limit)
-        self.make_environment = make_environment
+        self.make_environment = make_environment or install
         self.distribution = distribution_of(engines[0])
         self.interrupted = False
         self._ended, self._total = 0, 1
@@ -147,15 +150,16 @@ class ReleaseStudy:
         for pins in PINS:
             if (row := self._try(release, pins, target, errors)) is None:
                 return None
-            # The plainest environment of those in which most variants run
-            if row.variants and (best is None or _ran(row) > _ran(best)):
+            # The first environment in which most variants run; where none does, the last one's errors say most of an old release
+            if row.variants and (best is None or not best.ran or _ran(row) > _ran(best)):
                 best = row
             if not _another_numpy_may_help(row):
                 break
         if best is None:
             # Not kept: it costs seconds to try again, perhaps with a network
             return ReleaseRow(release=str(release), error=errors[0], packages={})
-        self._store(self._file(str(release)), StoredRow(task=self._task(str(release)), row=best), RECORD)
+        if not any(v.status in NOT_KEPT for v in best.variants):
+            self._store(self._file(str(release)), StoredRow(task=self._task(str(release)), row=best), RECORD)
         return best
 
     def _try(self, release: Version, pins: tuple[str, ...], target: Target, errors: list[str]) -> ReleaseRow | None:
@@ -201,8 +205,13 @@ class ReleaseStudy:
         try:
             with self._shown(f"{self.distribution} {newest.release}: installing for the spread", steps=0):
                 requirements = (f"{self.distribution}=={newest.release}", *(newest.pins or PINS[0]))
-                python = self.make_environment(environment, requirements, self.options.cancelled)
-            values = self._spread_values(newest, interpreter_of(python, self.engines))
+                # In a thread, as the main one has to notice Ctrl-C
+                made = self._in_threads(
+                    [("", partial(self.make_environment, environment, requirements, self.options.cancelled))]
+                )
+            if self.interrupted:
+                return None
+            values = self._spread_values(newest, interpreter_of(made[""], self.engines))
         except InstallationStopped:
             self.interrupted = True
         finally:
@@ -279,10 +288,12 @@ class ReleaseStudy:
         return self.folder / "releases" / f"{file_stem(self.distribution, release)}.json"
 
     def _task(self, what: str) -> str:
-        """Return a digest of all that a row depends on, but for the code of this package within one version."""
+        """Return a digest of all that a row depends on; code that adapters share counts as this package's version."""
         about = {
             "what": what,
-            "engines": [[label(e), e.profile.value, plain(e.settings)] for e in self.engines],
+            "engines": [
+                [label(e), e.profile.value, plain(e.settings), source_digest(type(e).__module__)] for e in self.engines
+            ],
             "scenario": [plain(self.scenario.parameters.as_dict()), self.scenario.duration],
             "versions": [__version__, platform.python_version(), PINS],
         }
