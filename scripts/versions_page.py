@@ -59,26 +59,28 @@ def read_causes(path: Path = CAUSES) -> dict[tuple[str, str], str]:
 def page(results: Sequence[ReleasesResult], causes: dict[tuple[str, str], str]) -> str:
     """Return the text of the page."""
     sections = "\n".join(_section(result, causes) for result in results)
-    counts = ", ".join(f"{sum(r.ran for r in result.releases)} releases of {result.distribution}" for result in results)
+    counts = ", ".join(f"{sum(r.ran for r in result.releases)} of {TITLES[result.engine]}" for result in results)
     return f"""# What changes from version to version
 
 `python -m scripts.versions_page` writes this page from `docs/data/versions.json`, which holds results of `looping-pendulum
 versions`, and from `docs/data/version_causes.yaml`; do not edit it by hand. The [glossary](glossary.md) explains the terms.
 
-{counts} ran the 10:1 trial and the static capstan test with the adapters and settings of today, quick profile. A user
-who upgrades an engine sees here whether a rope over a rod behaves differently afterwards.
+Older and newer releases ran the 10:1 trial and the static capstan test with the adapters and settings of today, quick profile:
+{counts}.
+A user who upgrades an engine sees here whether a rope over a rod behaves differently afterwards.
 
 ```sh
 looping-pendulum versions mujoco --from 3.1 --to 3.3            # every release between the two
 looping-pendulum versions pymunk --versions 6.11.1,7.0.0        # only these
 ```
 
-The command installs each release beside NumPy into an environment of its own, which is removed afterwards; where a release does
-not run with today's NumPy, it tries `numpy<2` and says so. The reference is solved once, outside. A number **moved** if it
+The command installs each release with NumPy and SciPy into an environment of its own, which is removed afterwards; where one
+does not run with today's NumPy, it tries `numpy<2` and says so. The reference is solved once, outside. A number **moved** if it
 differs from that of the last release that ran by more than its *spread*, its standard deviation when the start changes by
 0.01 deg or 0.1 mm (measured once, with the newest release that runs), and by more than a millionth of its SI unit. A dash
-stands where there is no value, as for the halting time of a run that never halts. Times are processor times beside other work,
-and are not judged.
+stands where there is no value, as for the halting time of a run that never halts. A chain of beads is chaotic: other rounding
+acts on it like another start, so that a move of up to three spreads need not mean another behaviour. Times are processor times
+beside other work, and are not judged.
 
 ![Errors of each variant against the release](img/versions.png)
 

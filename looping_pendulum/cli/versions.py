@@ -56,8 +56,8 @@ def versions(
 ) -> None:
     """Run many releases of one engine, and name each release in which a number moved by more than its spread.
 
-    pip or uv installs each release beside NumPy into an environment of its own, which is removed afterwards; nothing is
-    compiled. Each runs the scenario and the static capstan test. The spread is the standard deviation of a number when the
+    pip or uv installs each release with NumPy and SciPy into an environment of its own, which is removed afterwards; nothing
+    is compiled. Each runs the scenario and the static capstan test. The spread is the standard deviation of a number when the
     start changes by 0.01 deg or 0.1 mm, with the newest release that runs. A release that cannot be installed or run is a row
     with its error. Writes versions.json and versions.png. Ended releases are kept in DIR: after Ctrl-C, the same command
     continues from there.

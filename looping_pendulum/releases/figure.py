@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from looping_pendulum.compare.plots import png, without_mathtext
 from looping_pendulum.pages.palette import Style, styles
@@ -35,20 +36,24 @@ def figure(results: Sequence[ReleasesResult]) -> Figure:
     for axes_of_row, result in zip(grid, results, strict=True):
         for axes, quantity in zip(axes_of_row, DRAWN, strict=True):
             _panel(axes, result, quantity, look)
-        axes_of_row[0].legend(loc="best", fontsize=8, frameon=False)
-    spread = "bars: its spread when the start changes by 0.01 deg or 0.1 mm; ring: moved by more than that; cross: did not run"
-    picture.suptitle(f"Magnitude of each error against the release; {spread}", fontsize=9.5)
+        if axes_of_row[0].get_legend_handles_labels()[0]:
+            axes_of_row[0].legend(loc="best", fontsize=8, frameon=False)
+    marks = "bars: spread when the start changes by 0.01 deg or 0.1 mm; ring: moved by more than that; cross: did not run"
+    picture.suptitle(f"Magnitude of each error against the release\n{marks}", fontsize=9.5)
     return picture
 
 
 def _panel(axes: Axes, result: ReleasesResult, quantity: str, look: dict[str, Style]) -> None:
     metric, names = QUANTITIES[quantity], [row.release for row in result.releases]
     scale = metric.shown_in.per_si_unit
+    drawn: list[float] = []
     for label in result.labels():
         values = [None if (v := row.variant(label)) is None else v.values.get(quantity) for row in result.releases]
         known = [(place, abs(value) * scale) for place, value in enumerate(values) if value]
+        size = _spread(result, label, quantity)
+        drawn += [end for _, value in known for end in (value, value + size)]
         if known:
-            _line(axes, result, label, quantity, known, look[label])
+            _line(axes, result, label, quantity, known, size, look[label])
     absent = [place for place, row in enumerate(result.releases) if not row.ran]
     # At the foot of the axes, whatever their range
     axes.plot(absent, [0.03] * len(absent), "x", ms=5, color="0.55", transform=axes.get_xaxis_transform())
@@ -57,7 +62,11 @@ def _panel(axes: Axes, result: ReleasesResult, quantity: str, look: dict[str, St
     shown = list(range(len(names) - 1, -1, -step))[::-1]
     axes.set_xticks(shown, [names[place] for place in shown], rotation=90, fontsize=7)
     axes.set_xlim(-0.7, len(names) - 0.3)
-    axes.set_yscale("log")
+    if drawn:
+        axes.set_yscale("log")
+        # Whole decades, so that there are at least two marks with numbers
+        axes.set_ylim(10 ** np.floor(np.log10(0.9 * min(drawn))), 10 ** np.ceil(np.log10(1.1 * max(drawn))))
+        axes.yaxis.set_minor_formatter(NullFormatter())
     axes.grid(True, color="0.92", lw=0.6)
     axes.set_axisbelow(True)
     axes.set_ylabel(metric.column, fontsize=8)
@@ -65,12 +74,22 @@ def _panel(axes: Axes, result: ReleasesResult, quantity: str, look: dict[str, St
     axes.set_title(without_mathtext(f"{result.distribution}: {metric.heading}"), fontsize=9)
 
 
+def _spread(result: ReleasesResult, label: str, quantity: str) -> float:
+    """Return the spread of a number in the unit in which it is drawn; 0 if it is not known."""
+    spread = None if result.spread is None else result.spread.values.get(label, {}).get(quantity)
+    return (spread or 0.0) * QUANTITIES[quantity].shown_in.per_si_unit
+
+
 def _line(
-    axes: Axes, result: ReleasesResult, label: str, quantity: str, known: Sequence[tuple[int, float]], style: Style
+    axes: Axes,
+    result: ReleasesResult,
+    label: str,
+    quantity: str,
+    known: Sequence[tuple[int, float]],
+    size: float,
+    style: Style,
 ) -> None:
     x, y = np.array(known).T
-    spread = None if result.spread is None else result.spread.values.get(label, {}).get(quantity)
-    size = (spread or 0.0) * QUANTITIES[quantity].shown_in.per_si_unit
     # A bar that reaches zero has no lower end on a log axis
     bars: Any = None if not size else np.array([np.minimum(size, 0.9 * y), np.full(len(y), size)])
     how: dict[str, Any] = {"color": style.colour, "ms": 4, "lw": 1.1, "elinewidth": 0.8, "capsize": 1.5}

@@ -1,6 +1,6 @@
 """Measure one engine variant by the Python of another environment: a scenario's metrics and the static capstan test.
 
-Only the engine runs there. The reference is solved here, once, so that an environment needs no more than the engine and NumPy.
+Only the engine runs there. The reference is solved here, once: an environment needs the engine and what adapters import.
 """
 
 from __future__ import annotations

@@ -44,11 +44,13 @@ from looping_pendulum.releases.measure import (
 from looping_pendulum.releases.moves import find_moves
 from looping_pendulum.releases.result import ReleaseRow, ReleasesResult, Spread, VariantRow
 from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.versions import installed_version
 
-PINS = ((f"numpy=={np.__version__}",), ("numpy<2",))
-"""Requirements beside the engine, tried in turn until all variants run.
+PINS = ((f"numpy=={np.__version__}", f"scipy=={installed_version('scipy')}"), ("numpy<2", "scipy"))
+"""Requirements beside the engine, tried in turn until all variants run: what adapters import.
 
-The first keeps NumPy the same for all releases, so that only the engine differs. Wheels built before NumPy 2 need an older one.
+The first keeps NumPy and SciPy the same for all releases, so that only the engine differs. Wheels built before NumPy 2 need an
+older one, and SciPy one that goes with it.
 """
 POLL_INTERVAL = 0.05
 """Time between two looks at the runs [s]; Ctrl-C is noticed in between."""
@@ -150,7 +152,7 @@ class ReleaseStudy:
         for pins in PINS:
             if (row := self._try(release, pins, target, errors)) is None:
                 return None
-            # The first environment in which most variants run; where none does, the last one's errors say most of an old release
+            # The first environment in which most variants run; where none does, the last, which suits an old release best
             if row.variants and (best is None or not best.ran or _ran(row) > _ran(best)):
                 best = row
             if not _another_numpy_may_help(row):
@@ -181,8 +183,8 @@ class ReleaseStudy:
                     return None
                 packages |= versions
                 variants.append(variant)
-            shown_pins = () if pins == PINS[0] else pins
-            return ReleaseRow(release=str(release), packages=packages, pins=shown_pins, variants=tuple(variants))
+            told = () if pins == PINS[0] else pins[:1]
+            return ReleaseRow(release=str(release), packages=packages, pins=told, variants=tuple(variants))
         except InstallationStopped:
             return None
         except ReleaseError as error:
@@ -204,7 +206,7 @@ class ReleaseStudy:
         environment = self.folder / "environments" / "spread"
         try:
             with self._shown(f"{self.distribution} {newest.release}: installing for the spread", steps=0):
-                requirements = (f"{self.distribution}=={newest.release}", *(newest.pins or PINS[0]))
+                requirements = (f"{self.distribution}=={newest.release}", *(PINS[1] if newest.pins else PINS[0]))
                 # In a thread, as the main one has to notice Ctrl-C
                 made = self._in_threads(
                     [("", partial(self.make_environment, environment, requirements, self.options.cancelled))]
