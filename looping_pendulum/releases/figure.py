@@ -65,7 +65,7 @@ def _panel(axes: Axes, result: ReleasesResult, quantity: str, look: dict[str, St
     if drawn:
         axes.set_yscale("log")
         # Whole decades, so that there are at least two marks with numbers
-        axes.set_ylim(10 ** np.floor(np.log10(0.9 * min(drawn))), 10 ** np.ceil(np.log10(1.1 * max(drawn))))
+        axes.set_ylim(10 ** np.floor(np.log10(min(drawn) / 1.5)), 10 ** np.ceil(np.log10(1.5 * max(drawn))))
         axes.yaxis.set_minor_formatter(NullFormatter())
     axes.grid(True, color="0.92", lw=0.6)
     axes.set_axisbelow(True)
