@@ -20,6 +20,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from multiprocessing import spawn
 from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
@@ -81,6 +82,22 @@ def _source_paths(module: Any) -> list[str]:
     return [file] if isinstance(file, str) else []
 
 
+@dataclass(frozen=True, kw_only=True)
+class Interpreter:
+    """A Python for a worker, and what it may import beside its own packages."""
+
+    executable: str
+    folders: tuple[str, ...]
+    """Folders from which it imports first."""
+    modules: Mapping[str, str]
+    """Further modules -> the folder of each."""
+
+
+def this_interpreter() -> Interpreter:
+    """Return the running Python: its children may import what it does, but for the `unsafe_import_folders`."""
+    return Interpreter(executable=sys.executable, folders=tuple(import_path()), modules=modules_from_unsafe_folders())
+
+
 class SupervisedProcess:
     """A worker process under a supervisor process, with a temporary folder of its own.
 
@@ -95,9 +112,17 @@ class SupervisedProcess:
         Content of that file.
     environment
         Environment variables to set.
+    interpreter
+        Python that runs it, another environment's for example; default: this one.
     """
 
-    def __init__(self, function: str, job: bytes, environment: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        function: str,
+        job: bytes,
+        environment: Mapping[str, str] | None = None,
+        interpreter: Interpreter | None = None,
+    ) -> None:
         self.folder = Path(tempfile.gettempdir(), f"looping-pendulum-{secrets.token_hex(8)}").absolute()
         self.pid: int | None = None
         """Process id of the worker; None until it has started."""
@@ -106,21 +131,23 @@ class SupervisedProcess:
         self.start_error = ""
         """Why the worker could not start; empty if it did."""
         self._ended = threading.Event()
-        self._process = self._start_supervisor(function, environment or {})
+        self._process = self._start_supervisor(function, environment or {}, interpreter or this_interpreter())
         self._listener = threading.Thread(target=self._read_reports, daemon=True)
         self._listener.start()
         self._send(len(job).to_bytes(8, "little") + job)
 
-    def _start_supervisor(self, function: str, environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
+    def _start_supervisor(
+        self, function: str, environment: Mapping[str, str], interpreter: Interpreter
+    ) -> subprocess.Popen[bytes]:
         """Start the supervisor: it takes commands on its standard input and reports on its standard output.
 
         It leads its own session, so that Ctrl-C reaches only this process, which then decides what to do.
         """
-        request = {"function": function, "folder": str(self.folder), "modules": modules_from_unsafe_folders()}
+        request = {"function": function, "folder": str(self.folder), "modules": dict(interpreter.modules)}
         # PYTHONPATH cannot quote its separator, so an entry that contains one is left out.
-        path = os.pathsep.join(entry for entry in import_path() if os.pathsep not in entry)
+        path = os.pathsep.join(entry for entry in interpreter.folders if os.pathsep not in entry)
         return subprocess.Popen(
-            [sys.executable, "-P", process_start.__file__, json.dumps(request)],
+            [interpreter.executable, "-P", process_start.__file__, json.dumps(request)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

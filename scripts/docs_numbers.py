@@ -40,6 +40,7 @@ GENERATED_PAGES = (
     "docs/metrics.md",
     "docs/repro.md",
     "docs/support.md",
+    "docs/versions.md",
     "docs/demonstrations/",
 )
 """Pages that other scripts generate from their own data; each has a test of its own."""

@@ -53,6 +53,7 @@ from looping_pendulum.cli.progress import ProgressBars
 from looping_pendulum.cli.repro import repro
 from looping_pendulum.cli.teaching import demo, demonstrations, init, tracker
 from looping_pendulum.cli.terminal import new_table, reset_output, say, say_file, show_json, show_table
+from looping_pendulum.cli.versions import versions
 from looping_pendulum.errors import HarnessError, one_line, shorten
 
 if TYPE_CHECKING:
@@ -268,6 +269,7 @@ app.command()(check)
 app.command()(conformance)
 app.command()(converge)
 app.command()(repro)
+app.command()(versions)
 app.command("map")(map_)
 app.command()(maps)
 

@@ -90,18 +90,18 @@ def run_key(engine: Engine, scenario: Scenario) -> str:
         "engine": [label(engine), engine.profile.value, state, plain(engine.settings)],
         "scenario": [plain(scenario.parameters.as_dict()), scenario.duration],
         "versions": versions,
-        "source": _source(type(engine).__module__),
+        "source": source_digest(type(engine).__module__),
     }
     # Only then a further key, so that runs without such effects keep theirs
     if brought := [effect for effect in scenario.parameters.effects if effect.package]:
-        what["effects"] = [[e.name, e.package, installed_version(e.package), _source(e.module)] for e in brought]
+        what["effects"] = [[e.name, e.package, installed_version(e.package), source_digest(e.module)] for e in brought]
     # 80 bits, so that no two runs share a name by chance
     digest = hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()[:20]
     return f"{file_stem(label(engine))}-{digest}"
 
 
 @cache
-def _source(module: str) -> str:
+def source_digest(module: str) -> str:
     """Return a digest of the Python files in the folder of ``module``, except studies.py, which only says what to vary."""
     file = getattr(sys.modules.get(module), "__file__", None)
     if file is None:

@@ -25,7 +25,7 @@ from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Engine, declared
 from looping_pendulum.engines.registry import how_to_get, missing_packages
 from looping_pendulum.engines.trajectory import COLUMNS, RunStatus, Trajectory, from_samples
 from looping_pendulum.process_start import OUTPUT
-from looping_pendulum.processes import SupervisedProcess
+from looping_pendulum.processes import Interpreter, SupervisedProcess
 from looping_pendulum.scenarios.scenario import Scenario
 
 TIME_LIMIT = 900.0
@@ -70,13 +70,14 @@ def run_isolated(
     memory_limit: int = MEMORY_LIMIT,
     progress: Progress | None = None,
     cancelled: threading.Event | None = None,
+    interpreter: Interpreter | None = None,
 ) -> Trajectory:
     """Run ``engine`` on ``scenario`` in a process of its own.
 
     Whatever happens there, this returns a trajectory, whose status says how the run ended. ``time_limit`` is in s,
-    ``memory_limit`` in bytes.
+    ``memory_limit`` in bytes. With an ``interpreter`` it runs by that Python, which must have the engine's packages.
     """
-    missing = missing_packages(engine)
+    missing = missing_packages(engine) if interpreter is None else ()
     if missing:
         return _empty_trajectory(engine, scenario, RunStatus.MISSING, f"get it: {how_to_get(missing[0], anywhere=True)}")
     unsupported = engine.abilities.unsupported(scenario.parameters)
@@ -89,7 +90,7 @@ def run_isolated(
         why = f"it cannot be pickled for its process: {type(error).__name__}: {error}"
         return _empty_trajectory(engine, scenario, RunStatus.FAILED, why)
     limits = RunLimits(time=time_limit, memory=memory_limit)
-    process = SupervisedProcess("looping_pendulum.engines.worker:main", job, ENVIRONMENT)
+    process = SupervisedProcess("looping_pendulum.engines.worker:main", job, ENVIRONMENT, interpreter)
     try:
         status, message = _wait_for_worker(process, engine, scenario, limits, progress, cancelled)
         process.end()  # before the result is read: a process that the engine started may still write to the folder

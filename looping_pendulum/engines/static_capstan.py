@@ -66,6 +66,7 @@ def measure_capstan_exponent(
     friction: float = 0.34,
     wrap_angle: float = math.pi,
     rod_radius: float = 6.25e-3,
+    free_length: float = FREE_LENGTH,
     overload: float = OVERLOAD,
     duration: float = DURATION,
 ) -> CapstanMeasurement:
@@ -90,7 +91,7 @@ def measure_capstan_exponent(
         light_mass=LIGHT_MASS,
         heavy_mass=overload * LIGHT_MASS * math.exp(friction * wrap_angle),
         rod_radius=rod_radius,
-        free_length=FREE_LENGTH,
+        free_length=free_length,
         release_angle=wrap_angle,
         coefficients={"kinetic_friction": friction},
     )

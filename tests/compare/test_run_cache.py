@@ -76,8 +76,8 @@ def test_the_adapters_code_is_all_files_beside_it_but_what_only_says_what_to_var
     module = ModuleType("adapter_of_a_test")
     module.__file__ = str(tmp_path / "adapter.py")
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    assert run_cache._source(module.__name__) == hashlib.sha256(b"abd").hexdigest()
-    assert run_cache._source("no.such.module") == ""
+    assert run_cache.source_digest(module.__name__) == hashlib.sha256(b"abd").hexdigest()
+    assert run_cache.source_digest("no.such.module") == ""
 
 
 def test_a_version_is_found_under_the_name_of_the_import_too(monkeypatch):

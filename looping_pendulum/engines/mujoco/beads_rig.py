@@ -15,6 +15,7 @@ import numpy as np
 
 from looping_pendulum.engines.chain import MIN_BEADS, BeadCountRule, Point, SlipGauge, point_on_string
 from looping_pendulum.engines.mujoco.beads_model import BeadSettings, bead_xml
+from looping_pendulum.engines.mujoco.model import compile_model
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -33,7 +34,7 @@ class _CompiledModel:
     """
 
     def __init__(self, mujoco: Any, xml: str) -> None:
-        self.model: Any = mujoco.MjModel.from_xml_string(xml)
+        self.model: Any = compile_model(mujoco, xml)
         self.data: Any = mujoco.MjData(self.model)
         self.qpos, self.qvel, self.applied = self.data.qpos, self.data.qvel, self.data.qfrc_applied
         self.warm_start = self.data.qacc_warmstart

@@ -13,6 +13,7 @@ import math
 from enum import Enum
 from typing import Any
 
+from looping_pendulum.engines.mujoco.model import compile_model
 from looping_pendulum.engines.mujoco.tendon_model import EffectiveMassSettings
 from looping_pendulum.engines.mujoco.winding import TAUT_MARGIN
 from looping_pendulum.engines.protocol import steps_per_sample
@@ -73,7 +74,7 @@ class EffectiveMassRig(abc.ABC):
 
         p = parameters
         self._mujoco: Any = mujoco
-        self._model: Any = mujoco.MjModel.from_xml_string(xml)
+        self._model: Any = compile_model(mujoco, xml)
         self._data: Any = mujoco.MjData(self._model)
         self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
         self._passive_force = self._data.qfrc_passive

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from looping_pendulum.engines.mujoco.model import compile_model
 from looping_pendulum.engines.mujoco.tendon_model import TendonSettings, model_xml
 from looping_pendulum.engines.mujoco.winding import TAUT_MARGIN, AlternatingTendons
 from looping_pendulum.engines.protocol import steps_per_sample
@@ -58,7 +59,7 @@ class TendonRig:
         p = parameters
         time_constant = settings.friction_time_constant
         xml = model_xml(p, settings, friction_time_constant=time_constant, friction_loss=friction_loss)
-        self._model: Any = mujoco.MjModel.from_xml_string(xml)
+        self._model: Any = compile_model(mujoco, xml)
         self._data: Any = mujoco.MjData(self._model)
         self._mj_step, self._mj_forward, self._mj_position = mujoco.mj_step, mujoco.mj_forward, mujoco.mj_fwdPosition
         self._qpos, self._qvel, self._qacc = self._data.qpos, self._data.qvel, self._data.qacc
