@@ -21,7 +21,7 @@ class Box2dChainSettings(BeadRigSettings):
     push_speed: float = 3.0
     """Largest speed at which a contact drives out a bead that is too deep in the rod [m/s]."""
     length_unit: float = 1e-2
-    """Length of Box2D's metre [m]. Its contacts are found within 0.02 of it, and penetrate by about 0.005."""
+    """Length of Box2D's metre [m]. Its contacts are found within 0.02 of it, and no joint is shorter than 0.005 of it."""
     time_unit: float = 1e-4
     """Length of Box2D's second [s], in which joints have a frequency of 60, or an eighth of the sub-steps' if that is less.
 

@@ -18,6 +18,8 @@ class RapierChainSettings(BeadRigSettings):
     """Number of sub-steps of the solver in a step, for which contacts keep their directions (num_solver_iterations)."""
     contact_hertz: float = 1e6
     """Frequency of the contacts with the rod [Hz] (static_contact_softness), as high as Rapier's of joints."""
+    friction_in_bias_pass: bool = True
+    """Whether friction is solved before places move in a sub-step, too, and not only after it."""
     contact_recycling: bool = False
     """Whether a contact keeps its direction until its bodies have moved by 50 mm against each other."""
     sleeping: bool = False

@@ -70,6 +70,13 @@ def _defaults(s: RapierChainSettings, with_settings: WithSettings) -> tuple[Hidd
             {"contact_hertz": 60.0},
         ),
         (
+            "friction_in_bias_pass",
+            "off",
+            "on",
+            "whether friction is solved before places move, too; without it a held string creeps twice as far",
+            {"friction_in_bias_pass": False},
+        ),
+        (
             "contact_recycling",
             "on",
             "off",

@@ -28,6 +28,7 @@ class RapierWorld:
         solver.dt = settings.time_step
         solver.num_solver_iterations = settings.sub_steps
         solver.num_internal_pgs_iterations = settings.iterations
+        solver.friction_in_bias_pass = settings.friction_in_bias_pass
         solver.contact_recycling = settings.contact_recycling
         solver.static_contact_softness = rapier3d.SpringCoefficients(natural_frequency=settings.contact_hertz)
 
