@@ -36,9 +36,15 @@ def fitted_acceleration(trajectory):
     return square @ trajectory.heavy_drop / (square @ square)
 
 
+LATE_FRICTION = "measured 0.4 %: friction sets in 0.6 ms late, whence the masses are 1.6 mm/s too fast, and stay so"
 EXPECTED_FAILURES = {
     "test_vertical_release_is_an_atwood_machine_with_the_capstan_ratio[box2d-fat rod]": "measured 0.32 %, as with finer links",
-    "test_held_pendulum_follows_the_reference[box2d]": ("measured 0.46 mm after 0.6 s: 240000 sub-steps in single precision"),
+    "test_vertical_release_is_an_atwood_machine_with_the_capstan_ratio[rapier-thin rod]": LATE_FRICTION,
+    "test_vertical_release_is_an_atwood_machine_with_the_capstan_ratio[rapier-fat rod]": LATE_FRICTION,
+    "test_held_pendulum_follows_the_reference[box2d]": "measured 0.46 mm after 0.6 s: 240000 sub-steps in single precision",
+    "test_held_pendulum_follows_the_reference[rapier]": (
+        "measured 0.10 mm after 0.6 s, of 0.07 allowed; steps twice as long give 0.07, four times as long 0.18"
+    ),
 }
 """Name of a test -> what was measured."""
 

@@ -15,8 +15,8 @@ from looping_pendulum.scenarios.scenario import Scenario
 
 _LIMITS = (
     ONE_COEFFICIENT,
-    "rapier3d computes in single precision, and PyPI has no Rapier of double precision: each sub-step rounds places and "
-    "velocities",
+    "rapier3d computes in single precision, and PyPI has no Rapier of double precision: each step rounds places and "
+    "velocities, so that the accurate profile is hardly better than the quick one, and shorter steps make the path worse",
     STRAIGHT_STRING,
     NO_STOP,
 )
@@ -29,7 +29,7 @@ class RapierChain(TunedEngine):
     distribution = "rapier3d"
     variant = "chain"
     abilities = Abilities(
-        quick_cost=7.0,
+        quick_cost=8.0,
         releases=frozenset(Release),
         effect_kinds=FORCES_AND_RELEASE,
         supplies=bead_supplies("fixed cylinder", "the solver clamps friction to its cone"),
@@ -38,6 +38,9 @@ class RapierChain(TunedEngine):
         limits=_LIMITS,
         additions=(BEADS_WEIGH.format(100 * SETTINGS[Profile.QUICK].bead_mass_ratio),),
         validated=shipped_range("rapier:chain"),
+        known_failures={
+            "samples_every_millisecond_from_rest": "places are in single precision: measured 8 nm off at release",
+        },
         main=False,
     )
     settings_by_profile = SETTINGS

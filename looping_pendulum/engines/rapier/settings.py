@@ -30,5 +30,5 @@ class RapierChainSettings(BeadRigSettings):
 
 SETTINGS = {
     Profile.QUICK: RapierChainSettings(time_step=1e-5, iterations=32, bend=0.28, bead_mass_ratio=1e-4),
-    Profile.ACCURATE: RapierChainSettings(time_step=5e-6, iterations=64, bend=0.2, bead_mass_ratio=1e-4),
+    Profile.ACCURATE: RapierChainSettings(time_step=1e-5, iterations=64, bend=0.2, bead_mass_ratio=1e-4),
 }
