@@ -27,7 +27,7 @@ LONG = {
     *(("fat_rod", f"pymunk:{variant}") for variant in ("beads", "segments", "defaults")),
     *(("ten_to_one", f"pybullet:{variant}") for variant in ("remade", "point_to_point", "defaults")),
     *(("ten_to_one", f"pymunk:{variant}") for variant in ("chain", "beads", "segments")),
-    ("ten_to_one", "box2d:chain"),
+    *(("ten_to_one", f"{engine}:chain") for engine in ("box2d", "rapier")),
 }
 """Quick by name, and up to a minute and a half each: with the accurate ones.
 

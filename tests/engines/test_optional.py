@@ -19,7 +19,11 @@ from looping_pendulum.scenarios.scenario import Scenario
 from tests.apparatus import TEN_TO_ONE
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-OPTIONAL = {"drake": ("pydrake", "drake>=1.51"), "box2d": ("pyb2d3", "pyb2d3>=0.11.1")}
+OPTIONAL = {
+    "drake": ("pydrake", "drake>=1.51"),
+    "box2d": ("pyb2d3", "pyb2d3>=0.11.1"),
+    "rapier": ("rapier3d", "rapier3d>=0.36.1"),
+}
 """Engine -> name of its package in Python, and what pip is asked for."""
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from looping_pendulum.engines.box2d.chain_rig import Box2dChainRig
+from looping_pendulum.engines.bead_rig import BeadRig
 from looping_pendulum.engines.box2d.settings import SETTINGS, Box2dChainSettings
 from looping_pendulum.engines.box2d.studies import chain_studies
+from looping_pendulum.engines.box2d.world import Box2dWorld
 from looping_pendulum.engines.chain import BEADS_WEIGH, NO_STOP, ONE_COEFFICIENT, STRAIGHT_STRING, bead_supplies
 from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, TunedEngine
 from looping_pendulum.engines.studies import Studies
@@ -46,9 +47,9 @@ class Box2dChain(TunedEngine):
     settings_by_profile = SETTINGS
     settings: Box2dChainSettings
 
-    def build(self, scenario: Scenario) -> Box2dChainRig:
+    def build(self, scenario: Scenario) -> BeadRig:
         """Build the scenario's apparatus at the moment of release."""
-        return Box2dChainRig(scenario.parameters, self.settings)
+        return BeadRig(scenario.parameters, self.settings, Box2dWorld(scenario.parameters, self.settings))
 
     def studies(self) -> Studies:
         """Return ladders of step, sub-steps, links and mass, Box2D's defaults, and the adapter's choices."""

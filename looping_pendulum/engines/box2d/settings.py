@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from looping_pendulum.engines.chain import BeadChainSettings, polygon_friction, polygon_radius
+from looping_pendulum.engines.bead_rig import BeadRigSettings
 from looping_pendulum.engines.protocol import Profile
 
 
 @dataclass(frozen=True, kw_only=True)
-class Box2dChainSettings(BeadChainSettings):
+class Box2dChainSettings(BeadRigSettings):
     """Numerical settings of the bead chain, in SI units. The directions of the contacts stay as they are for a step."""
 
     sub_steps: int
@@ -21,7 +21,7 @@ class Box2dChainSettings(BeadChainSettings):
     push_speed: float = 3.0
     """Largest speed at which a contact drives out a bead that is too deep in the rod [m/s]."""
     length_unit: float = 1e-2
-    """Length of Box2D's metre [m]. Its contacts are found within 0.02 of it, and penetrate by about 0.005."""
+    """Length of Box2D's metre [m]. Its contacts are found within 0.02 of it, and no joint is shorter than 0.005 of it."""
     time_unit: float = 1e-4
     """Length of Box2D's second [s], in which joints have a frequency of 60, or an eighth of the sub-steps' if that is less.
 
@@ -31,18 +31,6 @@ class Box2dChainSettings(BeadChainSettings):
     """Whether bodies that move slowly for a while fall asleep, until something wakes them."""
     continuous: bool = False
     """Whether a bead that would pass into the rod within a step is stopped at its surface for that step."""
-    polygon_friction: bool = True
-    """Whether the contact's friction is corrected for the polygon that the beads' links are."""
-    polygon_radius: bool = True
-    """Whether the beads' circle is corrected for it."""
-
-    def node_radius(self, rod_radius: float) -> float:
-        """Return the distance of a bead on the rod from the rod's centre [m]."""
-        return float(polygon_radius(rod_radius, self.bend)) if self.polygon_radius else rod_radius
-
-    def contact_friction(self, friction: float) -> float:
-        """Return the contacts' coefficient for a string with the coefficient ``friction``."""
-        return polygon_friction(friction, self.bend) if self.polygon_friction else friction
 
 
 SETTINGS = {

@@ -66,9 +66,9 @@ def _defaults(s: Box2dChainSettings, with_settings: WithSettings) -> tuple[Hidde
         ),
         (
             "lengthUnitsPerMeter",
-            "1: contacts rest 5 mm deep, and no joint is shorter",
+            "1: no joint is shorter than 5 mm",
             f"units of {quantity(s.length_unit, 'm', 3)}",
-            "the length on which the solver's slop of 0.005 depends",
+            "the length of which the shortest joint is 0.005",
             {"length_unit": 1.0},
         ),
         (

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from looping_pendulum.engines.bead_rig import Vector
 from looping_pendulum.engines.box2d.settings import Box2dChainSettings
 from looping_pendulum.reference_ode.parameters import Parameters
 
-Vector = tuple[float, float]
-"""x and y components, in the unit of the quantity."""
 MIN_LENGTH = 1e-2
 """Shortest length to which a straight part may go slack, in Box2D's metres; Box2D allows none below its slop, 0.005."""
 BEADS = -1
@@ -75,6 +74,16 @@ class Box2dWorld:
         return self._world.create_distance_joint(
             a, b, length=longest, enable_spring=True, hertz=0.0, enable_limit=True, min_length=MIN_LENGTH, max_length=longest
         )
+
+    @staticmethod
+    def remove_link(link: Any) -> None:
+        """Remove a link or a straight part."""
+        link.destroy()
+
+    @staticmethod
+    def remove_bead(bead: Any) -> None:
+        """Remove a bead that no link joins any more."""
+        bead.destroy()
 
     def step(self, count: int, forces: Sequence[tuple[Any, Vector]]) -> None:
         """Take ``count`` steps, during which these ``forces`` [N] act on bodies."""

@@ -1,17 +1,26 @@
-"""The rig of Box2D's bead chain: beads are added where the straight string is about to touch the rod, and removed behind it.
+"""A rig for engines of games: beads are added where the straight string is about to touch the rod, and removed behind it.
 
 A bead on a straight part carries no lateral load, so adding or removing it there changes no force; beads that bear on the rod
-are moved by Box2D alone.
+are moved by the engine alone. Each engine gives its world (`BeadWorld`), and has settings of its own (`BeadRigSettings`).
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
 
-from looping_pendulum.engines.box2d.settings import Box2dChainSettings
-from looping_pendulum.engines.box2d.world import Box2dWorld, Vector
-from looping_pendulum.engines.chain import BeadCountRule, SlipGauge, beads_at_release, next_bead_position, point_on_string
+from looping_pendulum.engines.chain import (
+    BeadChainSettings,
+    BeadCountRule,
+    SlipGauge,
+    beads_at_release,
+    next_bead_position,
+    point_on_string,
+    polygon_friction,
+    polygon_radius,
+)
 from looping_pendulum.reference_ode.cartesian import cartesian_force, release_velocity
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
@@ -22,13 +31,71 @@ Beyond it that part hangs slack, and its beads do not lie on the line to its mas
 """
 
 
-class Box2dChainRig:
-    """The apparatus in one world of Box2D."""
+Vector = tuple[float, float]
+"""x and y components, in the unit of the quantity."""
 
-    def __init__(self, parameters: Parameters, settings: Box2dChainSettings) -> None:
-        p, s = parameters, settings
-        self._settings = s
-        self._world = Box2dWorld(p, s)
+
+@dataclass(frozen=True, kw_only=True)
+class BeadRigSettings(BeadChainSettings):
+    """Numerical settings of a bead chain that this rig builds, in SI units."""
+
+    polygon_friction: bool = True
+    """Whether the contact's friction is corrected for the polygon that the beads' links are."""
+    polygon_radius: bool = True
+    """Whether the beads' circle is corrected for it."""
+
+    def node_radius(self, rod_radius: float) -> float:
+        """Return the distance of a bead on the rod from the rod's centre [m]."""
+        return float(polygon_radius(rod_radius, self.bend)) if self.polygon_radius else rod_radius
+
+    def contact_friction(self, friction: float) -> float:
+        """Return the contacts' coefficient for a string with the coefficient ``friction``."""
+        return polygon_friction(friction, self.bend) if self.polygon_friction else friction
+
+
+class BeadWorld(Protocol):
+    """An engine's world in SI units, in which only beads and the rod touch each other, and bodies do not turn."""
+
+    def add_rod(self, radius: float, friction: float) -> None:
+        """Add a fixed circle of ``radius`` [m] at the origin, and let beads have the ``friction`` on it."""
+
+    def add_bead(self, position: Vector, velocity: Vector, mass: float) -> Any:
+        """Add a bead of ``mass`` [kg]."""
+
+    def add_mass(self, position: Vector, velocity: Vector, mass: float) -> Any:
+        """Add a body of ``mass`` [kg] that touches nothing."""
+
+    def add_held(self, position: Vector) -> Any:
+        """Add a body that is held at ``position`` [m]."""
+
+    def add_link(self, a: Any, b: Any, length: float) -> Any:
+        """Join two bodies by a link of ``length`` [m] between neighbouring beads."""
+
+    def add_straight(self, a: Any, b: Any, length: float) -> Any:
+        """Join two bodies by a straight part of the string, of ``length`` [m], which only pulls."""
+
+    def remove_link(self, link: Any) -> None:
+        """Remove a link or a straight part."""
+
+    def remove_bead(self, bead: Any) -> None:
+        """Remove a bead that no link joins any more."""
+
+    def step(self, count: int, forces: Sequence[tuple[Any, Vector]]) -> None:
+        """Take ``count`` steps, during which these ``forces`` [N] act on bodies."""
+
+    def position(self, body: Any) -> Vector:
+        """Return the position [m] of ``body``."""
+
+    def velocity(self, body: Any) -> Vector:
+        """Return the velocity [m/s] of ``body``."""
+
+
+class BeadRig:
+    """The apparatus in one world."""
+
+    def __init__(self, parameters: Parameters, settings: BeadRigSettings, world: BeadWorld) -> None:
+        p = parameters
+        self._settings, self._world = settings, world
         self._force = cartesian_force(p)
         self._is_held = p.release is Release.HELD
         self._groups = 0
@@ -124,7 +191,7 @@ class Box2dChainRig:
         (vx, vy), (mass_vx, mass_vy) = self._world.velocity(self._bodies[1]), self._world.velocity(self._bodies[0])
         velocity = vx + share * (mass_vx - vx), vy + share * (mass_vy - vy)
         bead = self._world.add_bead(next_bead_position(outermost, mass, link_length), velocity, self._bead_mass)
-        self._links[0].destroy()
+        self._world.remove_link(self._links[0])
         self._bodies.insert(1, bead)
         self._lengths[0:1] = [self._lengths[0] - link_length, link_length]
         self._links[0:1] = [self._join(0, straight=True), self._join(1, straight=False)]
@@ -132,8 +199,8 @@ class Box2dChainRig:
     def _remove_bead(self) -> None:
         """Remove the outermost bead at the first end, so that its link becomes part of the straight string."""
         for link in self._links[:2]:
-            link.destroy()
-        self._bodies.pop(1).destroy()
+            self._world.remove_link(link)
+        self._world.remove_bead(self._bodies.pop(1))
         self._lengths[0:2] = [math.fsum(self._lengths[:2])]
         self._links[0:2] = [self._join(0, straight=True)]
 
