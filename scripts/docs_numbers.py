@@ -38,6 +38,7 @@ GENERATED_PAGES = (
     "docs/keys.md",
     "docs/metrics.md",
     "docs/repro.md",
+    "docs/rope-over-a-cylinder.md",
     "docs/support.md",
     "docs/demonstrations/",
 )
