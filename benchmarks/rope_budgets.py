@@ -171,9 +171,9 @@ def main() -> None:
     parser.add_argument("--again", action="store_true", help="measure everything anew")
     options = parser.parse_args()
     stored = DATA.exists() and not options.again
-    budgets = read(DATA.read_text(encoding="utf-8")) if stored else Budgets(runs=(), failed=(), static={})
+    known = read(DATA.read_text(encoding="utf-8")) if stored else Budgets(runs=(), failed=(), static={})
     study = engine_study.read(engine_study.SUMMARY.read_text(encoding="utf-8"))
-    for budgets in measured(study, budgets):
+    for budgets in measured(study, known):
         write_atomically(DATA, budgets.to_json())
 
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from benchmarks import engine_study, rope_budgets
 from benchmarks.engine_study import EngineStudy
+from benchmarks.pareto import MARK
 from benchmarks.rope_budgets import BUDGETS, Candidate, best
 from looping_pendulum.compare.convergence.result import HALT, VariationStudy
 from looping_pendulum.compare.export import write_atomically
@@ -58,21 +59,25 @@ in a process that cannot import this package.
 - In any engine, test the static ratio first: a rope that slides with T2/T1 below exp(mu theta) is not solved well enough, and
   a chain of N corners may hold a little more, 2 N artanh(mu tan(theta / 2N)) instead of mu theta.
 
-![Error until 0.7 s against processor time, for the settings on this page and those of the engine study](img/rope-over-a-cylinder.png)
+![Error until 0.7 s against processor time, for all settings that were measured](img/rope-over-a-cylinder.png)
 
-The trial is [ten to one](answers.md): 10 g and 100 g on one string over a rod of 6.25 mm, mu = 0.3431. The rod catches the string
-after {fixed(study.convergence.reference_values[HALT], 5)} s. *Path* is the root mean square distance of the light mass from the
-exact model up to 0.7 s. *Static ratio* is what the [static capstan test](verification.md) gives with these settings: ln(T2/T1)
-over mu theta, less 1. A budget counts processor time: in *real time* a simulated second takes at most a second, and the
-accurate settings may take any time. {GAP} stands for: no setting that was measured halts the heavy mass at this budget, or the
-static test was not run. Settings are this package's names; what they are in the engine stands in the recipe.
+The trial is ten to one: 10 g and 100 g on one string over a rod of 6.25 mm, mu = 0.3431. The rod catches the string after
+{fixed(study.convergence.reference_values[HALT], 5)} s.
+
+- *Path*: the root mean square distance of the light mass from the exact model up to 0.7 s. *Scatter*: how far small changes of
+  the release move that error ([engine study](engine-study.md)); a chain's error below its scatter is luck.
+- *Static ratio*: what the [static capstan test](verification.md) gives with these settings, ln(T2/T1) over mu theta, less 1.
+- *Budget*: in *real time* a simulated second takes at most a second of processor time; the accurate settings may take any time.
+- {GAP}: no setting that was measured halts the heavy mass at this budget, or this quantity was not measured.
+- *Settings* are this package's names, as changes of the variant's quick settings; the recipe shows what they are in the engine.
 
 {sections}
 ## Your own MuJoCo model
 
-`looping_pendulum.capstan.CapstanTendon` gives a tendon of your own `MjModel` the capstan law, sliding and sticking: any bodies on
-either side, motors, an elastic string. Besides your tendon the model needs a second one, from the same first end over the
-same cylinder to a site on the cylinder. That one carries MuJoCo's own friction loss, whose bound the class sets before every step:
+`looping_pendulum.capstan.CapstanTendon` gives a tendon of your own `MjModel` the capstan law, sliding and sticking: with any
+bodies on either side, motors, or an elastic string. Besides your tendon the model needs a second one, from the same first end
+over the same cylinder to a site on the cylinder. That one carries MuJoCo's own friction loss, whose bound the class sets before
+every step:
 
 ```python
 import mujoco
@@ -98,10 +103,11 @@ def figure() -> Figure:
     """Draw the error of every setting against its cost."""
     _, rows = _stored()
     picture, (axes,) = make_figure(8.4, 6.2)
-    shown = {recipe.engine + ":" + recipe.variant for recipe in all_claims(RECIPES)}
-    look = styles(sorted(rows))
-    for variant in sorted(shown & set(rows)):
+    look = styles(rows)
+    for variant in sorted(rows):
         mine = [row for row in rows[variant] if row.halting_time is not None]
+        if not mine:
+            continue
         style = look[variant]
         axes.plot(
             [row.cpu for row in mine], [1e3 * row.path for row in mine], style.marker, ms=4, color=style.colour, alpha=0.35
@@ -143,16 +149,19 @@ def _section(engine: str, recipes: list[Claim], study: EngineStudy, rows: dict[s
     """Return the section of one engine."""
     static = _budgets().static
     labels = [label for label in rows if label.startswith(f"{engine}:") and any(r.halting_time for r in rows[label])]
-    head = ["variant", "budget", "settings", "static ratio [%]", "halting time [s]", "path [mm]", "CPU s per s"]
+    head = ["variant", "budget", "settings", "static ratio [%]", "halting time [s]", "path [mm]", "scatter [mm]"]
+    head.append("CPU s per s")
+    scatter = {v.label: v.spread[MARK] for v in study.convergence.variants}
     cells = []
     for label in labels:
         for name, budget in BUDGETS.items():
             row = best(rows[label], budget)
             if row is None:
-                cells.append([label, name, *[GAP] * 5])
+                cells.append([label, name, *[GAP] * 6])
                 continue
             error = static.get(rope_budgets.label(label, row.settings))
-            values = [signed(error, 1e2), fixed(row.halting_time, 5), number(row.path, 1e3), number(row.cpu, digits=2)]
+            values = [signed(error, 1e2), fixed(row.halting_time, 5), number(row.path, 1e3)]
+            values += [number(scatter.get(label), 1e3, digits=2), number(row.cpu, digits=2)]
             cells.append([label, name, row.settings or "its own", *values])
     texts = "\n".join(map(_recipe, recipes))
     return f"""## {TITLES[engine]}
@@ -201,8 +210,9 @@ def _recipe(recipe: Claim) -> str:
     """Return a recipe with what it reaches, folded."""
     unit = f" {recipe.unit}".rstrip()
     what = recipe.closed_form.partition(", ")[2]
-    return f"""**Recipe** `looping-pendulum recipe {recipe.engine} --variant {recipe.variant}`: {recipe.title} It reaches
-{recipe.observed:g}{unit} where {recipe.expected:g}{unit} is exact ({what}), with {recipe.package} {recipe.version}.
+    return f"""**Recipe** `looping-pendulum recipe {recipe.engine} --variant {recipe.variant}`:
+{recipe.title} It reaches {recipe.observed:g}{unit} with {recipe.package} {recipe.version},
+where {recipe.expected:g}{unit} is exact ({what}).
 
 <details markdown="1"><summary>{recipe.file_name}</summary>
 

@@ -184,7 +184,8 @@ def test_what_is_missing_is_named(names, friction, message):
     [
         ('<site site="load"/><site site="cart"/>', "found nothing that it wraps"),
         (
-            '<site site="load"/><geom geom="rod"/><site site="mark"/><pulley divisor="2"/><site site="mark"/><site site="cart"/>',
+            '<site site="load"/><geom geom="rod"/><site site="mark"/>'
+            '<pulley divisor="2"/><site site="mark"/><site site="cart"/>',
             "found a pulley",
         ),
     ],

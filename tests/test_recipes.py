@@ -91,7 +91,7 @@ def test_finer_settings_come_nearer(name, changes, error, tmp_path):
 def test_a_recipe_that_misses_says_so(tmp_path):
     recipe = RECIPES_BY_FILE["mujoco_drum.py"]
     skip_unless_installed(recipe)
-    broken = recipe.source.replace("MU, R, FREE, ANGLE, HEAVY = 1e-3, 0.3431", "MU, R, FREE, ANGLE, HEAVY = 1e-3, 0.33")
+    broken = recipe.source.replace("MU, R, FREE, ANGLE, HEAVY = 1e-3, 0.3431", "MU, R, FREE, ANGLE, HEAVY = 1e-3, 0.2")
     assert broken != recipe.source
     done = run(written(recipe, tmp_path, broken))
     assert (done.returncode, printed(done)[-1]) == (1, "fails")
