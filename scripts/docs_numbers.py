@@ -39,6 +39,7 @@ GENERATED_PAGES = (
     "docs/leaderboard.md",
     "docs/metrics.md",
     "docs/repro.md",
+    "docs/rope-over-a-cylinder.md",
     "docs/support.md",
     "docs/versions.md",
     "docs/demonstrations/",

@@ -99,4 +99,5 @@ def test_every_command_with_results_offers_json():
     assert offering == {
         "scenarios", "engines", "run", "compare", "check", "conformance", "converge", "map", "maps", "identify", "repro",
         "versions",
+        "recipe",
     }  # fmt: skip

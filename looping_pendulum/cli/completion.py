@@ -51,4 +51,13 @@ def engine_names() -> list[str]:
 
 def claim_engine_names() -> list[str]:
     """Return the names of the engines about which `repro` has scripts."""
-    return list(dict.fromkeys(name.partition("_")[0] for name in _names("repro", "scripts", suffix=".py")))
+    return _script_engine_names("scripts")
+
+
+def recipe_engine_names() -> list[str]:
+    """Return the names of the engines for which `recipe` has scripts."""
+    return _script_engine_names("recipes")
+
+
+def _script_engine_names(folder: str) -> list[str]:
+    return list(dict.fromkeys(name.partition("_")[0] for name in _names("repro", folder, suffix=".py")))

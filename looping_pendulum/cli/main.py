@@ -50,7 +50,7 @@ from looping_pendulum.cli.live import live
 from looping_pendulum.cli.maps import map_, maps
 from looping_pendulum.cli.new import new
 from looping_pendulum.cli.progress import ProgressBars
-from looping_pendulum.cli.repro import repro
+from looping_pendulum.cli.repro import recipe, repro
 from looping_pendulum.cli.teaching import demo, demonstrations, init, tracker
 from looping_pendulum.cli.terminal import new_table, reset_output, say, say_file, show_json, show_table
 from looping_pendulum.cli.versions import versions
@@ -270,6 +270,7 @@ app.command()(conformance)
 app.command()(converge)
 app.command()(repro)
 app.command()(versions)
+app.command()(recipe)
 app.command("map")(map_)
 app.command()(maps)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from looping_pendulum.capstan import NO_FRICTION, StringResponse
 from looping_pendulum.engines.mujoco.model import compile_model
 from looping_pendulum.engines.mujoco.tendon_model import TendonSettings, model_xml
 from looping_pendulum.engines.mujoco.winding import TAUT_MARGIN, AlternatingTendons
@@ -24,8 +25,6 @@ HEAVY_DOF = 2
 """Degree of freedom of the heavy mass, after the light mass's two; a held heavy mass has none."""
 FRICTION_ROW, STRING_ROW = 0, 1
 """MuJoCo's constraint rows: friction losses come first, then the limits that are reached; a slack string has no row."""
-NO_FRICTION = 1e-12
-"""A friction loss [N] of practically zero that keeps the friction row; at 0 MuJoCo leaves the row out."""
 SLACK_LENGTH = 1e-6
 """A string shorter than its rest length by more than this [m] counts as slack; a taut one's length varies by far less."""
 
@@ -189,8 +188,9 @@ class CapstanFriction:
     """Sets the friction loss of the heavy mass's slide to the friction bound of the string laws.
 
     The string's friction on the rod is T2 - T1. The tendon's tension is T1, so the friction acts on the heavy mass alone, and
-    the friction loss of the heavy mass's slide is its bound. While the string is taut, tension and acceleration are linear in
-    the friction, so one solve with the friction of the step before gives the bound that is consistent with its own effect.
+    the friction loss of the heavy mass's slide is its bound. How tension and acceleration depend on the friction is known from
+    the masses (`capstan.StringResponse`), so one solve with the friction of the step before gives the bound that is consistent
+    with its own effect.
     """
 
     def __init__(self, parameters: Parameters, model: Any, data: Any, settings: TendonSettings, release_speed: float) -> None:
@@ -208,28 +208,16 @@ class CapstanFriction:
 
     def prepare(self, k: Kinematics) -> float:
         """Set the bound for the coming step; return an additional force [N], 0 unless the string reverses its motion."""
-        tension_without, acceleration_without = self._without_friction()
+        tension, acceleration = self._without_friction()
         # At release the mass has the release's speed; the engine's velocity is that half a step earlier.
         velocity = float(self._velocity[HEAVY_DOF]) if k.time > 0 else self._release_speed
         sliding = max(effects.sliding_exponent(math, k, self._values, self._effects), 0.0)
-        before, fraction = 0.0, 0.0
-        if abs(velocity) > self._rest_speed:
-            before = self._friction(math.copysign(sliding, velocity), tension_without)
-            acceleration = acceleration_without + before / self._total_mass
-            if velocity * (velocity + acceleration * self._dt) > 0:
-                self._bound[HEAVY_DOF] = max(abs(before), NO_FRICTION)
-                return 0.0
-            fraction = -velocity / acceleration / self._dt  # of the step, until the heavy mass stops
         holding = max(effects.holding_exponent(math, k, self._values, self._effects), 0.0)
-        holding_force = -self._total_mass * acceleration_without  # keeps the heavy mass at rest
-        bound = self._friction(math.copysign(holding, -holding_force), tension_without)
-        if abs(holding_force) <= abs(bound):
-            self._bound[HEAVY_DOF] = max(abs(before), abs(bound), NO_FRICTION)  # the engine's constraint stops and holds it
-            return 0.0
-        after = self._friction(math.copysign(sliding, -holding_force), tension_without)
-        self._bound[HEAVY_DOF] = max(abs(after), NO_FRICTION)
-        # Until the string stops within the step, the friction of its earlier direction acts
-        return (before - after) * fraction
+        response = StringResponse(
+            tension=tension, acceleration=acceleration, mass=self._total_mass, tension_share=self._light_share
+        )
+        self._bound[HEAVY_DOF], missing_force = response.bound(velocity, sliding, holding, self._dt, self._rest_speed)
+        return missing_force
 
     def _without_friction(self) -> tuple[float, float]:
         """Return the tension [N] and the heavy mass's upward acceleration [m/s^2] that there would be without friction."""
@@ -244,11 +232,3 @@ class CapstanFriction:
         friction = float(rows[FRICTION_ROW])
         tension_without = max(tension + self._light_share * friction, 0.0)
         return tension_without, float(self._acceleration[HEAVY_DOF]) - friction / self._total_mass
-
-    def _friction(self, exponent: float, tension_without: float) -> float:
-        """Return the friction T2 - T1 on the heavy mass, upward [N], where ln(T2/T1) = -exponent, positive for sliding upward.
-
-        With T1 = T - share * F, T being the tension without friction, F = T1 (e^-exponent - 1) is solved for F.
-        """
-        ratio = math.expm1(-exponent)
-        return ratio * tension_without / (1 + self._light_share * ratio)

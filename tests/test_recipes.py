@@ -1,0 +1,133 @@
+"""Each recipe for a rope over a rod, run as a stranger would, and the page that compares them."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import re
+import sys
+from importlib.metadata import version
+
+import pytest
+from packaging.version import Version
+
+from looping_pendulum.cli.completion import recipe_engine_names
+from looping_pendulum.repro.claims import RECIPES, all_claims
+from scripts.rope_page import PAGE, page
+from tests import test_repro
+from tests.command_line import here
+from tests.test_repro import run, written
+
+RECIPES_BY_FILE = {recipe.file_name: recipe for recipe in all_claims(RECIPES)}
+MODULES = {**test_repro.MODULES, "box2d": "pyb2d3"}
+"""Engine -> the module that its recipes import."""
+PRINTED = re.compile(
+    r"closed form (\S+)(| \S+), reached within (\S+)\2\n"
+    r"observed (\S+)\2 with (\S+) (\S+): the recipe (holds|fails)\n\Z"
+)
+REFINED = [
+    ("mujoco_capstan", [("ANGLE = 1e-4", "ANGLE = 2e-5")], 0.06),
+    ("mujoco_drum", [("HEAVY = 1e-3", "HEAVY = 1e-4")], 2e-3),
+    ("mujoco_beads", [("BEAD = 1e-5, 11, 12", "BEAD = 2.5e-6, 16, 17"), ("2e-4 * LIGHT", "1e-4 * LIGHT")], 0.004),
+    ("pymunk_chain", [("SLOP = 1e-5, 11, 12", "SLOP = 2.5e-6, 16, 17"), ("2e-4 * LIGHT", "5e-5 * LIGHT")], 0.007),
+    ("pymunk_segments", [("MASS = 1e-5", "MASS = 2e-6")], 0.011),
+    ("pybullet_chain", [("NODE = 2e-5, 11, 12", "NODE = 5e-6, 16, 17")], 0.015),
+    ("box2d_chain", [("SECOND = 1e-5, 11, 12", "SECOND = 2.5e-6, 11, 12"), ("2e-4 * LIGHT", "5e-5 * LIGHT")], 0.003),
+]
+"""Recipe, finer settings, and the error that remains with them, measured and rounded up by a fifth, in the recipe's unit."""
+
+
+def skip_unless_installed(recipe):
+    if importlib.util.find_spec(MODULES[recipe.engine]) is None:
+        pytest.skip(f"{MODULES[recipe.engine]} is not installed")
+
+
+def printed(done):
+    found = PRINTED.search(done.stdout)
+    assert found is not None, done.stdout + done.stderr
+    return found.groups()
+
+
+@pytest.mark.parametrize("recipe", RECIPES_BY_FILE.values(), ids=RECIPES_BY_FILE)
+def test_a_recipe_reaches_what_its_head_says(recipe, tmp_path):
+    skip_unless_installed(recipe)
+    done = run(written(recipe, tmp_path))
+    assert done.returncode == 0, done.stdout + done.stderr
+    expected, unit, limit, observed, package, used, verdict = printed(done)
+    assert float(expected) == pytest.approx(recipe.expected, abs=1e-5)  # the head's last digit
+    assert float(observed) == pytest.approx(recipe.observed, abs=recipe.spread)
+    assert (unit.strip(), float(limit), package, verdict) == (recipe.unit, recipe.limit, recipe.package, "holds")
+    assert used == version(recipe.package)
+    assert Version(used) >= Version(recipe.version)
+
+
+@pytest.mark.parametrize("recipe", RECIPES_BY_FILE.values(), ids=RECIPES_BY_FILE)
+def test_a_recipe_stands_alone(recipe):
+    assert len(recipe.source.splitlines()) <= 60
+    assert recipe.name == recipe.variant
+    assert abs(recipe.observed - recipe.expected) + recipe.spread < recipe.limit  # no last bit decides whether it holds
+    modules = set()
+    for node in ast.walk(ast.parse(recipe.source)):
+        if isinstance(node, ast.Import):
+            modules |= {name.name for name in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            modules.add(node.module)
+    foreign = {module.partition(".")[0] for module in modules} - sys.stdlib_module_names
+    assert foreign - {"numpy"} == {MODULES[recipe.engine]}
+
+
+@pytest.mark.accurate
+@pytest.mark.parametrize(("name", "changes", "error"), REFINED, ids=[name for name, *_ in REFINED])
+def test_finer_settings_come_nearer(name, changes, error, tmp_path):
+    recipe = RECIPES_BY_FILE[f"{name}.py"]
+    skip_unless_installed(recipe)
+    source = recipe.source
+    for old, new in changes:
+        assert old in source
+        source = source.replace(old, new)
+    assert float(printed(run(written(recipe, tmp_path, source)))[3]) == pytest.approx(recipe.expected, abs=error)
+
+
+def test_a_recipe_that_misses_says_so(tmp_path):
+    recipe = RECIPES_BY_FILE["mujoco_drum.py"]
+    skip_unless_installed(recipe)
+    broken = recipe.source.replace("MU, R, FREE, ANGLE, HEAVY = 1e-3, 0.3431", "MU, R, FREE, ANGLE, HEAVY = 1e-3, 0.2")
+    assert broken != recipe.source
+    done = run(written(recipe, tmp_path, broken))
+    assert (done.returncode, printed(done)[-1]) == (1, "fails")
+
+
+def test_eight_recipes_over_five_engines():
+    assert len(RECIPES_BY_FILE) >= 8
+    assert recipe_engine_names() == sorted(MODULES) == sorted({recipe.engine for recipe in RECIPES_BY_FILE.values()})
+
+
+def test_the_command_lists_and_writes_a_recipe(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    listed = here("recipe", "pymunk").stdout.splitlines()
+    assert [line.split()[0] for line in listed] == ["chain", "segments"]
+    done = here("recipe", "pymunk", "--variant", "chain")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "pymunk_chain.py").read_text(encoding="utf-8") == RECIPES_BY_FILE["pymunk_chain.py"].source
+    again = here("recipe", "pymunk", "--variant", "chain")
+    assert again.returncode == 2
+    assert "found a file, which is left as it is" in again.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["bullet"], "choose one of box2d, drake, mujoco, pybullet, pymunk"),
+        (["pymunk", "--variant", "nope"], "choose one of chain, segments"),
+        (["pymunk", "--out", "rope.py"], "--out: found it without --variant"),
+    ],
+)
+def test_a_mistake_is_one_line_that_names_the_choices(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = here("recipe", *arguments)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert message in done.stderr
+
+
+def test_the_page_is_what_the_stored_numbers_and_the_recipes_say():
+    assert PAGE.read_text(encoding="utf-8") == page(), "out of date; write it again: python -m scripts.rope_page"
