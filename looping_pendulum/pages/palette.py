@@ -51,6 +51,8 @@ KNOWN_LABELS = (
     "pybullet:point_to_point",
     "reference:scipy",
     "box2d:chain",
+    "exudyn:cable",
+    "exudyn:reeving",
 )
 """Variants of this package: the place of each gives its style, which is the same on every page and in every figure."""
 
