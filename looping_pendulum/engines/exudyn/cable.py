@@ -52,7 +52,7 @@ class ExudynCable(TunedEngine):
 
     def build(self, scenario: Scenario) -> ExudynCableRig:
         """Build the scenario's apparatus at the moment of release."""
-        return ExudynCableRig(scenario.parameters, self.settings)
+        return ExudynCableRig(scenario.parameters, self.settings, self.end_length(scenario))
 
     def studies(self) -> Studies:
         """Return ladders of step, elements, stiffnesses and mass, Exudyn's defaults, and the adapter's choices."""

@@ -22,11 +22,13 @@ UNDEFINED = -2.0
 class ExudynCableRig:
     """The apparatus with a cable of finite elements."""
 
-    def __init__(self, parameters: Parameters, settings: CableSettings) -> None:
+    def __init__(self, parameters: Parameters, settings: CableSettings, end_length: float) -> None:
         self._parameters, self._settings = parameters, settings
         self._has_string = parameters.release is not Release.DROP
         taken_off = MASS_COMPENSATION * settings.mass_fraction if self._has_string else 0.0
-        self._system = ExudynSystem(parameters, settings, light_mass=(1 - taken_off) * parameters.light_mass)
+        self._system = ExudynSystem(
+            parameters, settings, light_mass=(1 - taken_off) * parameters.light_mass, end_length=end_length
+        )
         if self._has_string:
             self._slip = SlipGauge()
             self._add_string()

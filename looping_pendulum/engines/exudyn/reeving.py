@@ -28,11 +28,11 @@ AXIS = (0.0, 0.0, -1.0)
 class ExudynReevingRig:
     """The apparatus with a reeving system over one sheave."""
 
-    def __init__(self, parameters: Parameters, settings: ReevingSettings) -> None:
+    def __init__(self, parameters: Parameters, settings: ReevingSettings, end_length: float) -> None:
         p, s = parameters, settings
         self._parameters, self._settings = p, s
         self._has_string = p.release is not Release.DROP
-        self._system = system = ExudynSystem(p, s, light_mass=p.light_mass)
+        self._system = system = ExudynSystem(p, s, light_mass=p.light_mass, end_length=end_length)
         self._wrap_angle, self._turns = p.release_angle, 0
         if self._has_string:
             self._rope = system.mbs.AddObject(
@@ -110,7 +110,7 @@ class ExudynReeving(TunedEngine):
 
     def build(self, scenario: Scenario) -> ExudynReevingRig:
         """Build the scenario's apparatus at the moment of release."""
-        return ExudynReevingRig(scenario.parameters, self.settings)
+        return ExudynReevingRig(scenario.parameters, self.settings, self.end_length(scenario))
 
     def studies(self) -> Studies:
         """Return ladders of step and stiffness, Exudyn's defaults, and the adapter's choices."""

@@ -18,6 +18,10 @@ class SolverSettings:
     """Factor by which the method damps oscillations that are much faster than a step; 1 damps nothing."""
     relative_tolerance: float = 1e-6
     """Decrease of the residual at which Newton's iterations end."""
+    contact_tolerance: float = 1e-3
+    """Largest change of a contact's force [N] between iterations over the contacts' states, with which a step is accepted."""
+    contact_iterations: int = 20
+    """Largest number of these iterations in a step."""
     modified_newton: bool = False
     """Whether the Jacobian is kept from step to step until the iterations fail to converge with it."""
 

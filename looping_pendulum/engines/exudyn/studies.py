@@ -8,7 +8,7 @@ from looping_pendulum.engines.exudyn.settings import CableSettings, ReevingSetti
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, WithSettings, ladder
 from looping_pendulum.pages.numbers import quantity
 
-CABLE_TIME_STEPS = (4e-4, 2e-4, 1e-4, 5e-5)
+CABLE_TIME_STEPS = (5e-4, 2e-4, 1e-4, 5e-5)
 """Time steps of the cable's ladder [s]."""
 BENDS = (0.64, 0.45, 0.32, 0.22)
 """Angles that an element spans on the rod, of the ladder [rad]."""
@@ -20,7 +20,7 @@ AXIAL_STIFFNESSES = (2.5e2, 5e2, 1e3, 2e3)
 """Stiffnesses of the string, of the ladder [N]."""
 VELOCITY_PENALTY = 1.0
 """Friction per sliding speed without sticking [N s/m], with which a segment that carries 50 mN creeps at 17 mm/s."""
-REEVING_TIME_STEPS = (4e-4, 2e-4, 1e-4, 5e-5)
+REEVING_TIME_STEPS = (5e-4, 2e-4, 1e-4, 5e-5)
 """Time steps of the rope's ladder [s]."""
 ROPE_STIFFNESSES = (2.5e3, 5e3, 1e4, 2e4)
 """Stiffnesses of the rope, of the ladder [N]."""
@@ -48,6 +48,13 @@ def cable_studies(settings: CableSettings, with_settings: WithSettings) -> Studi
                 "off",
                 "the Jacobian is kept from step to step, which contacts that open and close make wrong",
                 {"modified_newton": True},
+            ),
+            (
+                "discontinuous.iterationTolerance",
+                "1 N",
+                quantity(s.contact_tolerance, "N", 3),
+                "the error of a contact's force that a step is accepted with: one that begins to slide is held too hard",
+                {"contact_tolerance": 1.0},
             ),
             (
                 "useReducedOrderIntegration",

@@ -36,7 +36,7 @@ class Mass:
 class ExudynSystem:
     """The two masses, the rod's centre, and the solver; a variant adds the string before `start`."""
 
-    def __init__(self, parameters: Parameters, settings: SolverSettings, *, light_mass: float) -> None:
+    def __init__(self, parameters: Parameters, settings: SolverSettings, *, light_mass: float, end_length: float) -> None:
         import exudyn
         from exudyn import itemInterface
 
@@ -45,8 +45,10 @@ class ExudynSystem:
         self._container = exudyn.SystemContainer()
         self.mbs = self._container.AddSystem()
         self._force: CartesianForce | None = cartesian_force(p)
+        self._has_string = p.release is not Release.DROP
         self._gravity = p.coefficients["gravity"]
         self._samples = 0
+        self._end_distance, self._has_ended = math.hypot(end_length, p.rod_radius), False
         vx, vy, heavy_vy = release_velocity(p)
         ground = self.mbs.AddObject(itemInterface.ObjectGround())
         self.rod_marker = self.mbs.AddMarker(itemInterface.MarkerBodyRigid(bodyNumber=ground))
@@ -81,6 +83,8 @@ class ExudynSystem:
         integration.minimumStepSize = MIN_TIME_STEP
         integration.adaptiveStepRecoverySteps = 2
         integration.generalizedAlpha.spectralRadius = s.spectral_radius
+        integration.discontinuous.iterationTolerance = s.contact_tolerance
+        integration.discontinuous.maxIterations = s.contact_iterations
         integration.newton.useModifiedNewton = s.modified_newton
         integration.newton.relativeTolerance = s.relative_tolerance
         self.mbs.SetPreStepUserFunction(self._prepare_step)
@@ -89,11 +93,11 @@ class ExudynSystem:
             raise EngineError("exudyn: the solver could not be started")
 
     def advance(self) -> None:
-        """Advance by one sample interval."""
+        """Advance by one sample interval, or until the light mass reaches the rod."""
         self._samples += 1
         # A solver ends its steps a little before or after, by rounding; a remainder must not become a step of its own
         self._solver.it.endTime = self._samples * SAMPLE_INTERVAL - 1e-3 * self._settings.time_step
-        if not self._solver.SolveSteps(self.mbs, self._simulation):
+        if not self._solver.SolveSteps(self.mbs, self._simulation) and not self._has_ended:
             raise EngineError(
                 f"exudyn: found no solution at {self.mbs.systemData.GetTime():.6f} s with steps down to {MIN_TIME_STEP:g} s, "
                 "needed one; shorten the time step"
@@ -120,8 +124,12 @@ class ExudynSystem:
         return float(x), float(y), float(vx), float(vy)
 
     def _prepare_step(self, mbs: Any, time: float) -> bool:
-        """Set the effects' forces on the masses; Exudyn calls it before each step, and asks for True."""
+        """Set the effects' forces on the masses; Exudyn calls it before each step, and stops where it is told False."""
         masses = self.read_masses()
+        # Nearer to the rod than that, a reeving system finds no tangent, and a cable bends by a turn within a segment
+        self._has_ended = self._has_string and math.hypot(masses[0], masses[1]) <= self._end_distance
+        if self._has_ended:
+            return False
         if self._before_step is not None:
             self._before_step(masses)
         if self._force is not None:
