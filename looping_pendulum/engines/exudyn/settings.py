@@ -86,11 +86,11 @@ CABLE_SETTINGS = {
     Profile.ACCURATE: CableSettings(
         time_step=5e-5,
         bend=0.32,
-        segments=2,
+        segments=4,
         contact_stiffness=1e4,
         friction_stiffness=3e3,
-        axial_stiffness=3e3,
-        axial_damping=3.0,
+        axial_stiffness=2e3,
+        axial_damping=2.0,
         bending_stiffness=1e-8,
     ),
 }
