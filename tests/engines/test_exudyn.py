@@ -120,7 +120,7 @@ def test_contacts_that_are_not_iterated_to_the_end_brake_too_much():
 @pytest.mark.xfail(
     raises=AssertionError,
     strict=True,
-    reason="measured 2.7 % too little at 90 and 1.8 % at 180 degrees: elements that lie only in part on the rod bear on it too little",
+    reason="measured 2.7 % too little at 90 and 1.8 % at 180 degrees; elements half as long bring a third of it back",
 )
 @pytest.mark.parametrize("degrees", [90, 180])
 def test_tension_ratio_obeys_the_capstan_law_to_a_percent(degrees):
