@@ -28,7 +28,7 @@ class ExudynCable(TunedEngine):
     distribution = "exudyn"
     variant = "cable"
     abilities = Abilities(
-        quick_cost=60.0,
+        quick_cost=70.0,
         releases=frozenset(Release),
         effect_kinds=FORCES_AND_RELEASE,
         supplies=Supplies(
