@@ -26,6 +26,7 @@ TITLES = {
     "drake": "Drake",
     "box2d": "Box2D",
     "rapier": "Rapier",
+    "exudyn": "Exudyn",
 }
 KIND_SENTENCES = {
     "reference": "All other engines are compared with the reference.",

@@ -37,7 +37,19 @@ TIMINGS = {"reference_speed": "timings"}
 """Measurements of run times, to be made on an otherwise idle machine."""
 MEASUREMENTS = QUICK | TIMINGS
 
-PACKAGES = ("looping-pendulum", "numpy", "scipy", "heyoka", "mujoco", "pymunk", "pybullet", "drake", "pyb2d3", "rapier3d")
+PACKAGES = (
+    "looping-pendulum",
+    "numpy",
+    "scipy",
+    "heyoka",
+    "mujoco",
+    "pymunk",
+    "pybullet",
+    "drake",
+    "pyb2d3",
+    "rapier3d",
+    "exudyn",
+)
 
 
 def main() -> None:

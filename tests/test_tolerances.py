@@ -28,6 +28,7 @@ LONG = {
     *(("ten_to_one", f"pybullet:{variant}") for variant in ("remade", "point_to_point", "defaults")),
     *(("ten_to_one", f"pymunk:{variant}") for variant in ("chain", "beads", "segments")),
     *(("ten_to_one", f"{engine}:chain") for engine in ("box2d", "rapier")),
+    ("ten_to_one", "exudyn:cable"),
 }
 """Quick by name, and up to a minute and a half each: with the accurate ones.
 

@@ -52,6 +52,8 @@ KNOWN_LABELS = (
     "reference:scipy",
     "box2d:chain",
     "rapier:chain",
+    "exudyn:cable",
+    "exudyn:reeving",
 )
 """Variants of this package: the place of each gives its style, which is the same on every page and in every figure."""
 

@@ -25,7 +25,7 @@ CHAINS = frozenset(
     {
         *("mujoco:beads", "pymunk:chain", "pymunk:beads", "pymunk:segments", "pymunk:defaults"),
         *("pybullet:chain", "pybullet:remade", "pybullet:point_to_point", "pybullet:defaults", "drake:chain"),
-        *("box2d:chain", "rapier:chain"),
+        *("box2d:chain", "rapier:chain", "exudyn:cable"),
     }
 )
 """Variants that take 5 to 80 s of processor time per simulated second; daily, only `DAILY_FOR_CHAINS` checks them.
@@ -54,10 +54,10 @@ string's; that a chain moves on from there as it should is for the other checks.
 NEVER_DAILY = frozenset(
     {
         *("pybullet:remade", "pybullet:point_to_point", "pymunk:beads", "pymunk:segments"),
-        *("drake:chain", "box2d:chain", "rapier:chain"),
+        *("drake:chain", "box2d:chain", "rapier:chain", "exudyn:cable"),
     }
 )
-"""Variants for studies, and optional engines; daily, `test_drake.py` and `test_bead_rig.py` run their chains past the halt."""
+"""Variants for studies, and optional engines; daily, tests of their own run them past the halt."""
 
 
 DAILY_CHAINS = sorted(CHAINS - NEVER_DAILY)

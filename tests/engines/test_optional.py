@@ -23,6 +23,7 @@ OPTIONAL = {
     "drake": ("pydrake", "drake>=1.51"),
     "box2d": ("pyb2d3", "pyb2d3>=0.11.1"),
     "rapier": ("rapier3d", "rapier3d>=0.36.1"),
+    "exudyn": ("exudyn", "exudyn>=1.13.6"),
 }
 """Engine -> name of its package in Python, and what pip is asked for."""
 
@@ -54,7 +55,7 @@ def test_without_it_a_run_is_a_gap_that_says_how_to_get_it(engine):
     if importlib.util.find_spec(package):
         pytest.skip(f"{package} is installed")
     scenario = Scenario(name="test", title="", description="", parameters=TEN_TO_ONE, duration=0.01)
-    [one] = import_module(f"looping_pendulum.engines.{engine}").engines(Profile.QUICK)
+    one = import_module(f"looping_pendulum.engines.{engine}").engines(Profile.QUICK)[0]
     trajectory = run_isolated(one, scenario, time_limit=60)
     assert trajectory.status is RunStatus.MISSING
     assert f'pip install "{wanted}"' in trajectory.message
@@ -63,9 +64,9 @@ def test_without_it_a_run_is_a_gap_that_says_how_to_get_it(engine):
 
 @pytest.mark.parametrize("engine", OPTIONAL)
 def test_studies_vary_one_thing_at_a_time(engine):
-    [one] = import_module(f"looping_pendulum.engines.{engine}").engines(Profile.QUICK)
-    studies = one.studies()
-    for ladder in studies.ladders:
-        assert [getattr(each.settings, ladder.setting) for each in ladder.engines] == list(ladder.values)
-        assert getattr(one.settings, ladder.setting) in ladder.values
-    assert all(each.engine.settings != one.settings for each in (*studies.defaults, *studies.choices))
+    for one in import_module(f"looping_pendulum.engines.{engine}").engines(Profile.QUICK):
+        studies = one.studies()
+        for ladder in studies.ladders:
+            assert [getattr(each.settings, ladder.setting) for each in ladder.engines] == list(ladder.values)
+            assert getattr(one.settings, ladder.setting) in ladder.values
+        assert all(each.engine.settings != one.settings for each in (*studies.defaults, *studies.choices))
