@@ -25,6 +25,7 @@ TITLES = {
     "pybullet": "PyBullet",
     "drake": "Drake",
     "box2d": "Box2D",
+    "newton": "Newton",
 }
 KIND_SENTENCES = {
     "reference": "All other engines are compared with the reference.",

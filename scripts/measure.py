@@ -30,6 +30,7 @@ QUICK = {
     "pymunk_defaults": "engines",
     "pybullet_cylinder": "engines",
     "spring": "engines",
+    "newton_tendon": "newton",
     "falling_balls": "identification",
 }
 """Name of a measurement that takes a few minutes at most, on any machine -> the module of the function of that name."""
@@ -37,7 +38,19 @@ TIMINGS = {"reference_speed": "timings"}
 """Measurements of run times, to be made on an otherwise idle machine."""
 MEASUREMENTS = QUICK | TIMINGS
 
-PACKAGES = ("looping-pendulum", "numpy", "scipy", "heyoka", "mujoco", "pymunk", "pybullet", "drake", "pyb2d3")
+PACKAGES = (
+    "looping-pendulum",
+    "numpy",
+    "scipy",
+    "heyoka",
+    "mujoco",
+    "pymunk",
+    "pybullet",
+    "drake",
+    "pyb2d3",
+    "newton",
+    "warp-lang",
+)
 
 
 def main() -> None:

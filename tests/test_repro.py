@@ -24,8 +24,12 @@ from scripts.repro_page import PAGE, page
 from tests.command_line import here
 
 CLAIMS = {claim.file_name: claim for claim in all_claims()}
-MODULES = {"mujoco": "mujoco", "pymunk": "pymunk", "pybullet": "pybullet", "drake": "pydrake"}
+MODULES = {"mujoco": "mujoco", "pymunk": "pymunk", "pybullet": "pybullet", "drake": "pydrake", "newton": "newton"}
 """Engine -> the module that its scripts import."""
+COMPANIONS = {"numpy", "warp"}
+"""Further modules that a script may import: NumPy, and Newton's own language."""
+SLOW = {"newton"}
+"""Engines that compile themselves, which takes minutes: only the accurate tests run their scripts."""
 STRANGER = """
 import runpy, sys
 sys.path.append(sys.argv[2])
@@ -50,6 +54,8 @@ WITHOUT_SCRIPT = {
     ("drake", "discrete_contact_approximation"): "moves the path to 0.35 s by 2.7 mm, but breaks no closed form that we know",
     ("drake", "point_stiffness"): "a choice between sinking in and bouncing, in which no value is exact",
     ("drake", "hunt_crossley_dissipation"): "a choice between bouncing and braking, in which no value is exact",
+    ("newton", "iterations"): "moves the path by less than the step does, and breaks no closed form",
+    ("newton", "joint_linear_relaxation"): "moves the path by less than the step does, and breaks no closed form",
     **{
         ("box2d", setting): "Box2D has no script yet"
         for setting in ("timeStep", "jointHertz", "contactHertz", "lengthUnitsPerMeter", "enableSleep", "enableContinuous")
@@ -85,6 +91,8 @@ REMEDIES = [
     ("pymunk_chain_stretches", "\nfor _", "\nspace.iterations = 100\nfor _"),
     ("pymunk_pin_lengthens_in_a_circle", "\nfor _", "\nnext(iter(space.constraints)).error_bias = 1e-40\nfor _"),
     ("pymunk_rests_in_the_floor", "\nfor _", "\nspace.collision_slop = 1e-3\nfor _"),
+    ("newton_short_steps_freeze", "UNIT = 1.0", "UNIT = 1e-3"),
+    ("newton_string_does_not_slide", "TendonGuideType, {}", 'TendonGuideType, {"compliance": 1e-4}'),
     ("drake_contact_creeps", "MultibodyPlantConfig()", "MultibodyPlantConfig(stiction_tolerance=1e-5)"),
     ("drake_falls_too_far", "MultibodyPlantConfig()", "MultibodyPlantConfig(time_step=1e-4)"),
 ]
@@ -97,7 +105,7 @@ def installed(engine):
 
 def run(script):
     command = [sys.executable, "-I", "-S", "-c", STRANGER, str(script), sysconfig.get_path("platlib")]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+    return subprocess.run(command, capture_output=True, text=True, timeout=600)
 
 
 def printed(done):
@@ -113,7 +121,11 @@ def written(claim, folder, source=None):
     return path
 
 
-@pytest.mark.parametrize("claim", CLAIMS.values(), ids=CLAIMS)
+def accurate_if_slow(name):
+    return [pytest.mark.accurate] if name.partition("_")[0] in SLOW else []
+
+
+@pytest.mark.parametrize("claim", [pytest.param(c, id=name, marks=accurate_if_slow(name)) for name, c in CLAIMS.items()])
 def test_a_claim_holds_as_its_head_says(claim, tmp_path):
     if not installed(claim.engine):
         pytest.skip(f"{MODULES[claim.engine]} is not installed")
@@ -138,7 +150,7 @@ def test_a_script_stands_alone(claim):
         elif isinstance(node, ast.ImportFrom):
             modules.add(node.module)
     foreign = {module.partition(".")[0] for module in modules} - sys.stdlib_module_names
-    assert foreign - {"numpy"} == {MODULES[claim.engine]}
+    assert foreign - COMPANIONS == {MODULES[claim.engine]}
 
 
 @pytest.mark.parametrize("claim", CLAIMS.values(), ids=CLAIMS)
@@ -147,7 +159,9 @@ def test_head_and_limit_are_consistent(claim):
     assert claim.variant in {engine.variant for engine in all_engines(Profile.QUICK) if engine.name == claim.engine}
 
 
-@pytest.mark.parametrize(("name", "old", "new"), REMEDIES, ids=[remedy[0] for remedy in REMEDIES])
+@pytest.mark.parametrize(
+    ("name", "old", "new"), [pytest.param(*remedy, id=remedy[0], marks=accurate_if_slow(remedy[0])) for remedy in REMEDIES]
+)
 def test_with_the_remedy_the_claim_is_mended(name, old, new, tmp_path):
     # So the cause is the one that the script names, and its status 0 is reached.
     claim = CLAIMS[f"{name}.py"]
@@ -204,7 +218,8 @@ def test_every_hidden_default_of_the_study_has_a_script_or_a_reason():
 def test_the_versions_are_those_of_the_stored_study():
     study = json.loads((PAGE.parent / "data" / "engine_study.json").read_text(encoding="utf-8"))
     versions = {pair for variant in study["convergence"]["variants"] for pair in variant["provenance"]["versions"].items()}
-    assert {(claim.package, claim.version) for claim in CLAIMS.values()} <= versions
+    newton = json.loads((PAGE.parent / "data" / "measured" / "newton_tendon.json").read_text(encoding="utf-8"))["versions"]
+    assert {(claim.package, claim.version) for claim in CLAIMS.values()} <= versions | set(newton.items())
 
 
 def test_the_page_is_what_the_scripts_say():
@@ -248,7 +263,7 @@ def test_the_command_writes_the_script_and_never_over_a_file(tmp_path, monkeypat
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["bullet"], "choose one of drake, mujoco, pybullet, pymunk"),
+        (["bullet"], "choose one of drake, mujoco, newton, pybullet, pymunk"),
         (["pymunk", "--variant", "nope"], "choose one of chain, defaults"),
         (["pymunk", "--claim", "nope"], "choose one of chain_corners, "),
         (

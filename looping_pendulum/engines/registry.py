@@ -39,6 +39,7 @@ DISTRIBUTIONS = {"pydrake": "drake"}
 WHERE_IT_INSTALLS = {
     "pydrake": "Linux, from glibc 2.34 on; on a Mac with an ARM processor from Python 3.12 on; not on Windows",
     "pyb2d3": "Linux, Macs with an ARM processor, and Windows on x86-64",
+    "newton": "all systems but Macs with an Intel processor, and Linux on ARM with a glibc before 2.34",
     "heyoka": "Linux only; SciPy replaces it everywhere else",
     "mujoco": "all systems but Macs with an Intel processor",
     "pybullet": "Linux on x86-64 with Python 3.11 only; elsewhere pip compiles it for many minutes, which needs a C++ compiler",

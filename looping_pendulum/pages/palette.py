@@ -51,6 +51,7 @@ KNOWN_LABELS = (
     "pybullet:point_to_point",
     "reference:scipy",
     "box2d:chain",
+    "newton:tendon",
 )
 """Variants of this package: the place of each gives its style, which is the same on every page and in every figure."""
 

@@ -14,12 +14,14 @@ class NewtonTendonSettings:
 
     time_step: float
     """Length of a step [s]; it must divide the sample interval."""
-    compliance: float = 1e-4
+    compliance: float
     """Stretch of each straight part of the string per tension [m/N].
 
-    Newton's friction reads the tensions from stretches that are left from the last step, in single precision. What is lost of
-    it grows with the time step over the compliance.
+    Newton's friction reads the tensions from the stretch, in single precision: without one, a string at rest does not slide.
+    Its error grows with the time step over the compliance.
     """
+    damping: float
+    """Tension per rate of stretch of each straight part [N s/m], which damps the string's own oscillations."""
     iterations: int = 1
     """Iterations of the solver per step."""
     relaxation: float = 1.0
@@ -51,7 +53,7 @@ class NewtonTendonSettings:
 
 
 SETTINGS = {
-    Profile.QUICK: NewtonTendonSettings(time_step=2e-5),
-    Profile.ACCURATE: NewtonTendonSettings(time_step=5e-6),
+    Profile.QUICK: NewtonTendonSettings(time_step=1e-5, compliance=1e-4, damping=2.0),
+    Profile.ACCURATE: NewtonTendonSettings(time_step=4e-6, compliance=5e-5, damping=3.0),
 }
 """Profile -> settings."""

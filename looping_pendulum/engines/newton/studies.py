@@ -8,9 +8,9 @@ from looping_pendulum.engines.newton.settings import NewtonTendonSettings
 from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, WithSettings, ladder
 from looping_pendulum.pages.numbers import quantity
 
-TIME_STEPS = (1e-4, 5e-5, 2e-5, 1e-5, 5e-6)
+TIME_STEPS = (1e-4, 5e-5, 2e-5, 1e-5, 4e-6)
 """Time steps of the ladder [s]."""
-COMPLIANCES = (1e-3, 1e-4, 1e-5, 1e-6)
+COMPLIANCES = (1e-3, 1e-4, 5e-5, 1e-5, 1e-6)
 """Compliances of the ladder, from a soft string to a stiff one [m/N]."""
 
 
@@ -63,6 +63,7 @@ def _defaults(s: NewtonTendonSettings, with_settings: WithSettings) -> tuple[Hid
 
 def _choices(s: NewtonTendonSettings, with_settings: WithSettings) -> tuple[AdapterChoice, ...]:
     rows: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
+        ("damping", quantity(s.damping, "N s/m", 3), "none", {"damping": 0.0}),
         ("length unit", quantity(s.length_unit, "m", 3), "1 cm", {"length_unit": 1e-2}),
         ("tolerance of the friction", f"{s.settle_tolerance:g}", "1e-05", {"settle_tolerance": 1e-5}),
         ("steps between two updates of drag", f"{s.steps_per_group}", "2", {"steps_per_group": 2}),

@@ -60,8 +60,8 @@ class NewtonWorld:
     def add_string(self, light: int, heavy: int | Vector, rod_radius: float, friction: float) -> None:
         """Add the string from the mass ``light`` over the rod to the mass ``heavy``, or to a fixed point [m]."""
         guide, kind = self._newton.TendonGuide, self._newton.TendonGuideType
-        # Newton takes forces in kg times its unit per s^2
-        span = {"compliance": self._settings.compliance}
+        # Both are the same in every unit of length
+        span = {"compliance": self._settings.compliance, "damping": self._settings.damping}
         rod = {"radius": rod_radius / self._unit, "orientation": CLOCKWISE, "mu": friction}
         end = {"body": heavy} if isinstance(heavy, int) else {"body": -1, "offset": self._place(heavy)}
         self._builder.add_tendon(
