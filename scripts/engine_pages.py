@@ -27,6 +27,7 @@ TITLES = {
     "box2d": "Box2D",
     "rapier": "Rapier",
     "exudyn": "Exudyn",
+    "newton": "Newton",
 }
 KIND_SENTENCES = {
     "reference": "All other engines are compared with the reference.",

@@ -30,6 +30,7 @@ QUICK = {
     "pymunk_defaults": "engines",
     "pybullet_cylinder": "engines",
     "spring": "engines",
+    "newton_tendon": "newton",
     "falling_balls": "identification",
 }
 """Name of a measurement that takes a few minutes at most, on any machine -> the module of the function of that name."""
@@ -49,6 +50,8 @@ PACKAGES = (
     "pyb2d3",
     "rapier3d",
     "exudyn",
+    "newton",
+    "warp-lang",
 )
 
 

@@ -25,10 +25,14 @@ from tests.command_line import here
 
 CLAIMS = {claim.file_name: claim for claim in all_claims()}
 MODULES = {
-    **{engine: engine for engine in ("mujoco", "pymunk", "pybullet", "exudyn")},
+    **{engine: engine for engine in ("mujoco", "pymunk", "pybullet", "exudyn", "newton")},
     **{"drake": "pydrake", "box2d": "pyb2d3", "rapier": "rapier3d"},
 }
 """Engine -> the module that its scripts import."""
+COMPANIONS = {"numpy", "warp"}
+"""Further modules that a script may import: NumPy, and Newton's own language."""
+SLOW = {"newton"}
+"""Engines that compile themselves, which takes minutes: only the accurate tests run their scripts."""
 STRANGER = """
 import runpy, sys
 sys.path.append(sys.argv[2])
@@ -58,6 +62,8 @@ WITHOUT_SCRIPT = {
     ("exudyn", "useModifiedNewton"): "the iterations fail with it, which is no value",
     ("exudyn", "discontinuous.iterationTolerance"): "concerns contacts that come and go, for which no short script was found",
     ("exudyn", "useReducedOrderIntegration"): "breaks no closed form that we know: the cable resists bending round the rod",
+    ("newton", "iterations"): "moves the path by less than the step does, and breaks no closed form",
+    ("newton", "joint_linear_relaxation"): "moves the path by less than the step does, and breaks no closed form",
 }
 """Hidden default of the study, by engine, that no script shows -> why."""
 
@@ -95,6 +101,8 @@ REMEDIES = [
     ("exudyn_contact_creeps", "circleRadius=RADIUS", "circleRadius=RADIUS, frictionStiffness=1e5"),
     ("exudyn_friction_is_ignored", "circleRadius=RADIUS", "circleRadius=RADIUS, frictionStiffness=1e5"),
     ("exudyn_slack_rope_pushes", "stiffnessPerLength=1e4", "stiffnessPerLength=1e4, regularizationForce=1e-5"),
+    ("newton_short_steps_freeze", "UNIT = 1.0", "UNIT = 1e-3"),
+    ("newton_string_does_not_slide", "TendonGuideType, {}", 'TendonGuideType, {"compliance": 1e-4}'),
     ("drake_contact_creeps", "MultibodyPlantConfig()", "MultibodyPlantConfig(stiction_tolerance=1e-5)"),
     ("drake_falls_too_far", "MultibodyPlantConfig()", "MultibodyPlantConfig(time_step=1e-4)"),
     ("box2d_chain_stretches", "TIME_UNIT = 1\n", "TIME_UNIT = 0.01\n"),
@@ -123,7 +131,7 @@ def installed(engine):
 
 def run(script):
     command = [sys.executable, "-I", "-S", "-c", STRANGER, str(script), sysconfig.get_path("platlib")]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+    return subprocess.run(command, capture_output=True, text=True, timeout=600)
 
 
 def printed(done):
@@ -139,7 +147,11 @@ def written(claim, folder, source=None):
     return path
 
 
-@pytest.mark.parametrize("claim", CLAIMS.values(), ids=CLAIMS)
+def accurate_if_slow(name):
+    return [pytest.mark.accurate] if name.partition("_")[0] in SLOW else []
+
+
+@pytest.mark.parametrize("claim", [pytest.param(c, id=name, marks=accurate_if_slow(name)) for name, c in CLAIMS.items()])
 def test_a_claim_holds_as_its_head_says(claim, tmp_path):
     if not installed(claim.engine):
         pytest.skip(f"{MODULES[claim.engine]} is not installed")
@@ -164,7 +176,7 @@ def test_a_script_stands_alone(claim):
         elif isinstance(node, ast.ImportFrom):
             modules.add(node.module)
     foreign = {module.partition(".")[0] for module in modules} - sys.stdlib_module_names
-    assert foreign - {"numpy"} == {MODULES[claim.engine]}
+    assert foreign - COMPANIONS == {MODULES[claim.engine]}
 
 
 @pytest.mark.parametrize("claim", CLAIMS.values(), ids=CLAIMS)
@@ -173,7 +185,9 @@ def test_head_and_limit_are_consistent(claim):
     assert claim.variant in {engine.variant for engine in all_engines(Profile.QUICK) if engine.name == claim.engine}
 
 
-@pytest.mark.parametrize(("name", "old", "new"), REMEDIES, ids=[remedy[0] for remedy in REMEDIES])
+@pytest.mark.parametrize(
+    ("name", "old", "new"), [pytest.param(*remedy, id=remedy[0], marks=accurate_if_slow(remedy[0])) for remedy in REMEDIES]
+)
 def test_with_the_remedy_the_claim_is_mended(name, old, new, tmp_path):
     # So the cause is the one that the script names, and its status 0 is reached.
     claim = CLAIMS[f"{name}.py"]
@@ -277,7 +291,7 @@ def test_the_command_writes_the_script_and_never_over_a_file(tmp_path, monkeypat
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["bullet"], "choose one of box2d, drake, exudyn, mujoco, pybullet, pymunk, rapier"),
+        (["bullet"], "choose one of box2d, drake, exudyn, mujoco, newton, pybullet, pymunk, rapier"),
         (["pymunk", "--variant", "nope"], "choose one of chain, defaults"),
         (["pymunk", "--claim", "nope"], "choose one of chain_corners, "),
         (

@@ -54,6 +54,7 @@ KNOWN_LABELS = (
     "rapier:chain",
     "exudyn:cable",
     "exudyn:reeving",
+    "newton:tendon",
 )
 """Variants of this package: the place of each gives its style, which is the same on every page and in every figure."""
 

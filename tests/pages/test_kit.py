@@ -61,7 +61,7 @@ def test_text_can_be_read(pair):
 
 
 def test_every_variant_of_this_package_has_a_style_of_its_own_whatever_else_is_shown():
-    adapters = {*ADAPTERS, "drake", "box2d", "rapier", "exudyn"}
+    adapters = {*ADAPTERS, "drake", "box2d", "rapier", "exudyn", "newton"}
     labels = [label(engine) for engine in all_engines(Profile.QUICK) if engine.name in adapters]
     assert sorted(labels) == sorted(KNOWN_LABELS), "a new variant needs a place in pages/palette.py"
     together = styles([*labels, "another:engine"])
