@@ -68,9 +68,6 @@ WITHOUT_SCRIPT = {
 """Hidden default of the study, by engine, that no script shows -> why."""
 
 
-NOT_IN_THE_STORED_STUDY = {"exudyn"}
-"""Engines whose variants came after the study was last stored."""
-
 REMEDIES = [
     ("mujoco_changed_mass_is_ignored", "<body>", '<body simple="false">'),
     ("mujoco_contact_creeps", "<option ", '<option impratio="100" '),
