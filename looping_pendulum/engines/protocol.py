@@ -238,7 +238,7 @@ class SteppedEngine(abc.ABC):
         """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
         recorder = recorder if recorder is not None else MemoryRecorder()
         rig = self.build(scenario)
-        started = time.perf_counter()
+        started, cpu_started = time.perf_counter(), time.process_time()
         status = _run(rig, scenario, self.end_length(scenario), recorder.add)
         return from_samples(
             recorder.rows(),
@@ -249,6 +249,7 @@ class SteppedEngine(abc.ABC):
             scenario=scenario.name,
             status=status,
             wall_time=time.perf_counter() - started,
+            cpu_time=time.process_time() - cpu_started,
             provenance=self.provenance(),
             **declared(self, scenario.parameters),
         )

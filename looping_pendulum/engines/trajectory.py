@@ -151,6 +151,8 @@ class Trajectory(ShownInNotebook):
     """Quantities of the scenario outside the range in which the engine's accuracy was measured (`Abilities.outside_range`)."""
     wall_time: float = float("nan")
     """Wall time of the simulation, without building and starting it [s]."""
+    cpu_time: float = float("nan")
+    """CPU time of the same [s]; unlike the wall time, other work on the machine hardly changes it."""
     output: str = field(default="", repr=False)
     """Text that the engine printed."""
 
