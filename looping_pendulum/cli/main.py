@@ -167,13 +167,13 @@ def run(
             progress=bars.update_engine,
             finished=bars.show_finished_run,
         )
-    table = new_table("engine", "samples", "until [s]", "M2 dropped [m]", "wall [s]", "ended")
+    table = new_table("engine", "samples", "until [s]", "M2 dropped [m]", "CPU [s]", "ended")
     listed: list[dict[str, Any]] = []
     stems = file_stems([(result.label, result.profile) for result in runs])
     for result, stem in zip(runs, stems, strict=True):
         until, drop = ("", "") if not len(result.t) else (f"{result.t[-1]:.3f}", f"{result.heavy_drop[-1]:.4f}")
         ended = result.status.value + (f" ({result.message})" if result.message else "")
-        table.add_row(result.label, str(len(result.t)), until, drop, f"{result.wall_time:.2f}", ended)
+        table.add_row(result.label, str(len(result.t)), until, drop, f"{result.cpu_time:.2f}", ended)
         for event in result.events:
             say(f"{result.label}: {event.time:.6f} s {event.name}")
         if out is not None and len(result.t):
@@ -189,6 +189,7 @@ def run(
                 "end_time": result.t[-1] if len(result.t) else None,
                 "heavy_drop": result.heavy_drop[-1] if len(result.t) else None,
                 "wall_time": result.wall_time,
+                "cpu_time": result.cpu_time,
                 "events": [{"time": event.time, "name": event.name} for event in result.events],
                 "file": path if out is not None and len(result.t) else None,
             }

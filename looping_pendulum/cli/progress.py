@@ -104,9 +104,9 @@ class ProgressBars:
     def show_finished_run(self, run: Trajectory) -> None:
         """Print a line for a run that has ended, where no bar shows it."""
         if not self.on_terminal:
-            # A run that was stopped from outside has no wall time: it is NaN, which does not equal itself.
-            wall_time = f" ({run.wall_time:.1f} s)" if run.wall_time == run.wall_time else ""
-            note(f"{run.label}: {run.status.value}{wall_time}")
+            # A run that was stopped from outside has no times: they are NaN, which does not equal itself.
+            cost = f" ({run.cpu_time:.1f} s of CPU time)" if run.cpu_time == run.cpu_time else ""
+            note(f"{run.label}: {run.status.value}{cost}")
 
 
 def convergence_bars() -> ProgressBars:

@@ -195,12 +195,17 @@ def _provenance(provenance: Provenance) -> RunProvenance:
 
 
 def _wall_time(run: Trajectory) -> WallTime:
-    known = math.isfinite(run.wall_time) and len(run.t) > 1
+    def per_simulated_second(seconds: float | None) -> float | None:
+        return None if seconds is None or len(run.t) < 2 else float(seconds / run.t[-1])
+
+    wall, cpu = (seconds if math.isfinite(seconds) else None for seconds in (run.wall_time, run.cpu_time))
     return WallTime(
         engine=run.label,
         profile=run.profile,
-        seconds=run.wall_time if math.isfinite(run.wall_time) else None,
-        per_simulated_second=float(run.wall_time / run.t[-1]) if known else None,
+        seconds=wall,
+        per_simulated_second=per_simulated_second(wall),
+        cpu_seconds=cpu,
+        cpu_per_simulated_second=per_simulated_second(cpu),
     )
 
 

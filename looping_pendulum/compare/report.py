@@ -57,7 +57,7 @@ def after_figures(result: ComparisonResult) -> list[str]:
         "## Who supplies the physics\n\n" + _supplies(result),
         "## Tolerances\n\n" + _tolerances(result),
         "## Provenance\n\n" + _provenance(result),
-        "## Wall times\n\n" + _wall_times(result),
+        "## Times\n\n" + _times(result),
     ]
 
 
@@ -73,7 +73,7 @@ def verdict_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
     first, *others = (METRICS[metric].column for metric in RMS_END_TIMES)
     # The first column's title says it for those beside it
     head = ["engine", "within tolerance?", first, *(column.removeprefix("RMS ") for column in others), "halting time [s]"]
-    head += [*(METRICS[metric].column for metric in ("halting_time_error", *errors)), "wall time [s per s]"]
+    head += [*(METRICS[metric].column for metric in ("halting_time_error", *errors)), "CPU time [s per s]"]
     reference = result.reference.sampled
     blank = [GAP] * (3 + vertical)
     rows = [["reference", GAP, *blank[:3], fixed(reference.halting_time, 4), GAP, GAP, *blank[3:], GAP]]
@@ -81,7 +81,7 @@ def verdict_rows(result: ComparisonResult) -> tuple[list[str], list[list[str]]]:
         cells = [*(metric_cell(engine, metric) for metric in RMS_END_TIMES), fixed(engine.landmarks.halting_time, 4)]
         cells += ["not comparable" if engine.not_comparable else metric_cell(engine, "halting_time_error")]
         cells += [metric_cell(engine, metric) for metric in errors]
-        rows.append([name(engine), _within(result, engine), *cells, number(wall.per_simulated_second, digits=2)])
+        rows.append([name(engine), _within(result, engine), *cells, number(wall.cpu_per_simulated_second, digits=2)])
     return head, rows
 
 
@@ -242,8 +242,14 @@ def _setting(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _wall_times(result: ComparisonResult) -> str:
-    head = ["engine", "wall time [s]", "wall time [s per simulated s]"]
-    rows = [[f"{w.engine}, {w.profile}", number(w.seconds), number(w.per_simulated_second)] for w in result.clock.wall_times]
+def _times(result: ComparisonResult) -> str:
+    head = ["engine", "CPU time [s]", "CPU time [s per simulated s]", "wall time [s]", "wall time [s per simulated s]"]
+    rows = [
+        [
+            f"{w.engine}, {w.profile}",
+            *map(number, (w.cpu_seconds, w.cpu_per_simulated_second, w.seconds, w.per_simulated_second)),
+        ]
+        for w in result.clock.wall_times
+    ]
     note = f"Written {result.clock.written}. Times differ from run to run; everything else is the same for the same input.\n\n"
     return note + table(head, rows)

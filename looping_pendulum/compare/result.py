@@ -3,7 +3,7 @@
 `result.json` is this tree of dataclasses (`Landmarks` is defined in `engines.landmarks`), one JSON object per dataclass and one
 key per field, in the order of the fields; the text under a field is its documentation. Units are SI and radians throughout. One
 key is added, ``schema``, the first: it holds `SCHEMA_ID` and `SCHEMA_VERSION`. One is left out: `ComparisonResult.samples`, the
-trajectories, are written as CSV instead. Everything that differs between two runs of the same input (times of day, wall times)
+trajectories, are written as CSV instead. Everything that differs between two runs of the same input (times of day, run times)
 is in the last block, ``clock``. A reader must refuse another id and a higher version; a version grows when a key changes its
 name or meaning or goes away.
 """
@@ -212,13 +212,15 @@ class InferredEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class WallTime:
-    """Wall time of one run."""
+    """Wall and CPU time of one run."""
 
     engine: str
     """Engine and variant."""
     profile: str
     seconds: float | None
     per_simulated_second: float | None
+    cpu_seconds: float | None = None
+    cpu_per_simulated_second: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -81,7 +81,7 @@ class ReferenceEngine:
     def simulate(self, scenario: Scenario, recorder: Recorder | None = None) -> Trajectory:
         """Run ``scenario`` from its release to its duration, or until the light mass reaches the rod."""
         recorder = recorder if recorder is not None else MemoryRecorder()
-        started = time.perf_counter()
+        started, cpu_started = time.perf_counter(), time.process_time()
         times = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL
         samples = solve_at(
             scenario.parameters,
@@ -91,8 +91,8 @@ class ReferenceEngine:
             # "auto" lets SciPy take over a run that heyoka cannot finish; an integrator that was chosen by name does not change
             integrator="auto" if self.settings.integrator == available_integrators()[0] else self.settings.integrator,
         )
-        wall_time = time.perf_counter() - started
-        trajectory = _trajectory(samples, scenario, self, wall_time)
+        times_taken = {"wall_time": time.perf_counter() - started, "cpu_time": time.process_time() - cpu_started}
+        trajectory = replace(_trajectory(samples, scenario, self), **times_taken)
         # All at the end, as the solution is not computed sample by sample
         for row in _rows(samples):
             recorder.add(row.tolist())
@@ -127,7 +127,7 @@ class Reference:
         """Sample the reference at times ``t`` [s]; times after its end are left out."""
         t = np.asarray(t, dtype=float)
         samples = self.solution.sample(t[t <= self.solution.end_time])
-        return _trajectory(samples, self.scenario, self.engine, float("nan"))
+        return _trajectory(samples, self.scenario, self.engine)
 
 
 def event_names(run: Run) -> tuple[TrajectoryEvent, ...]:
@@ -161,7 +161,7 @@ def _rows(samples: Samples) -> Array:
     return np.column_stack([samples.t, *parts, np.zeros(len(samples.t))])
 
 
-def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine, wall_time: float) -> Trajectory:
+def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine) -> Trajectory:
     run = samples.run
     without_string = scenario.parameters.release is Release.DROP
     nan = np.full(len(samples.t), math.nan)
@@ -185,7 +185,6 @@ def _trajectory(samples: Samples, scenario: Scenario, engine: ReferenceEngine, w
         events=event_names(run),
         status=RunStatus.LIGHT_REACHED_ROD if reached else RunStatus.FINISHED,
         message=run.handed_over,
-        wall_time=wall_time,
         provenance=_provenance(engine, run),
     )
 

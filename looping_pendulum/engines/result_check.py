@@ -135,8 +135,10 @@ def _check_scalar_fields(returned: Trajectory, engine: Engine) -> None:
     for field in ("scenario", "message", "output"):
         if not isinstance(getattr(returned, field), str):
             raise _field_error(field, type(getattr(returned, field)).__name__, "text")
-    if not _is_number(returned.wall_time):
-        raise _field_error("wall_time", repr(returned.wall_time)[:60], "a number of seconds")
+    for field in ("wall_time", "cpu_time"):
+        value = getattr(returned, field)
+        if not _is_number(value):
+            raise _field_error(field, repr(value)[:60], "a number of seconds")
     _check_provenance(returned.provenance)
 
 

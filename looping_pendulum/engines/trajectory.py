@@ -152,7 +152,7 @@ class Trajectory(ShownInNotebook):
     wall_time: float = float("nan")
     """Wall time of the simulation, without building and starting it [s]."""
     cpu_time: float = float("nan")
-    """Processor time of the same [s], of all threads; NaN where the engine does not tell it."""
+    """Processor time of the same, of all threads [s]; NaN where the engine does not say it. Other work hardly changes it."""
     output: str = field(default="", repr=False)
     """Text that the engine printed."""
 

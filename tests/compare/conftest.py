@@ -114,6 +114,7 @@ def make_run(times: np.ndarray) -> Callable[..., Trajectory]:
             "scenario": "made_up",
             "provenance": Provenance(versions={"pymunk": "7.3"}, settings=settings or {"dt": 1e-3}, supplies=supplies),
             "wall_time": 2.1,
+            "cpu_time": 1.05,
         }
         return from_samples(samples, **(defaults | fields))
 
@@ -122,7 +123,9 @@ def make_run(times: np.ndarray) -> Callable[..., Trajectory]:
 
 @pytest.fixture
 def missing(make_run: Callable[..., Trajectory]) -> Trajectory:
-    return make_run(samples=np.empty((0, len(COLUMNS))), engine="pybullet", status=RunStatus.MISSING, wall_time=math.nan)
+    return make_run(
+        samples=np.empty((0, len(COLUMNS))), engine="pybullet", status=RunStatus.MISSING, wall_time=math.nan, cpu_time=math.nan
+    )
 
 
 @pytest.fixture

@@ -39,16 +39,16 @@ def test_the_verdicts_table_has_every_number_in_its_unit(result):
     head, (true, own) = report.verdict_rows(result)
     assert len(head) == len(true) == len(own) == 9
     assert true == ["reference", "–", "–", "–", "–", "0.5123", "–", "–", "–"]
-    assert own == [ME, "no limits declared", "1.1", "2.2", "3.3", "0.4123", "-5.5", "+7.7", "2"]
-    assert head[-1] == "wall time [s per s]"
+    assert own == [ME, "no limits declared", "1.1", "2.2", "3.3", "0.4123", "-5.5", "+7.7", "1"]
+    assert head[-1] == "CPU time [s per s]"
 
 
 def test_a_vertical_release_has_a_column_for_its_acceleration(result):
     vertical = with_engine(result, metrics=METRICS | {"acceleration_error": -0.0123})
     head, (true, own) = report.verdict_rows(vertical)
     assert len(head) == len(true) == len(own) == 10
-    assert head[-2:] == ["acceleration error [%]", "wall time [s per s]"]
-    assert own[-3:] == ["+7.7", "-1.23", "2"]
+    assert head[-2:] == ["acceleration error [%]", "CPU time [s per s]"]
+    assert own[-3:] == ["+7.7", "-1.23", "1"]
     assert true[5:] == ["0.5123", "–", "–", "–", "–"]
 
 
@@ -173,7 +173,7 @@ def test_the_provenance_names_settings_seed_and_what_was_inferred(result):
         InferredEntry(parameters=("m",), how="Weighed.", script=""),
     )
     text = report.render(dataclasses.replace(with_engine(result, provenance=made), inferred=inferred))
-    section = text[text.index("## Provenance") : text.index("## Wall times")]
+    section = text[text.index("## Provenance") : text.index("## Times")]
     assert cells(section, ME) == [[ME, "a 1, b 2", "dt 0.333333, n 7", "0"]]
     assert cells(section, "reference, reference:closed form")[0][-1] == "–"
     assert "- Inferred, because the source does not print them: mu, k. Fitted. (`fit.py`)\n- Inferred" in section
@@ -187,11 +187,17 @@ def test_the_provenance_names_settings_seed_and_what_was_inferred(result):
     assert cells(report.render(bare), ME, "## Provenance")[0] == [ME, "–", "–", "12"]
 
 
-def test_wall_times_are_in_seconds_and_per_simulated_second(result):
-    times = (WallTime(engine="pymunk:chain", profile="quick", seconds=1.234, per_simulated_second=5.678),)
+def test_times_are_in_seconds_and_per_simulated_second(result):
+    values = {"seconds": 1.234, "per_simulated_second": 5.678, "cpu_seconds": 0.9876, "cpu_per_simulated_second": 4.321}
+    times = (WallTime(engine="pymunk:chain", profile="quick", **values),)
     timed = dataclasses.replace(result, clock=dataclasses.replace(result.clock, wall_times=times))
-    assert cells(report.render(timed), ME, "## Wall times")[0] == [ME, "1.23", "5.68"]
-    assert report.verdict_rows(timed)[1][1][-1] == "5.7"
+    assert cells(report.render(timed), ME, "## Times")[0] == [ME, "0.988", "4.32", "1.23", "5.68"]
+    assert report.verdict_rows(timed)[1][1][-1] == "4.3"
+
+
+def test_the_verdict_shows_the_cost_that_neighbours_do_not_spoil(scenario, reference, make_run):
+    busy, idle = (compare(scenario, reference, [make_run(wall_time=wall)]) for wall in (21.0, 2.1))
+    assert report.verdict_rows(busy) == report.verdict_rows(idle)
 
 
 def test_a_run_without_a_profile_is_named_by_its_label(result):
@@ -249,11 +255,13 @@ def test_hundreds_of_thousandths(result):
 # ---- what the result is made of
 
 
-def test_a_wall_time_per_second_needs_two_samples(scenario, reference, make_run):
-    runs = [make_run(), make_run(until=0.0), make_run(until=1e-3), make_run(wall_time=math.nan)]
+def test_times_per_second_need_two_samples(scenario, reference, make_run):
+    runs = [make_run(), make_run(until=0.0), make_run(until=1e-3), make_run(wall_time=math.nan, cpu_time=math.nan)]
     times = compare(scenario, reference, runs).clock.wall_times
     assert [w.seconds for w in times] == [2.1, 2.1, 2.1, None]
     assert [w.per_simulated_second for w in times] == [pytest.approx(2.0), None, pytest.approx(2100.0), None]
+    assert [w.cpu_seconds for w in times] == [1.05, 1.05, 1.05, None]
+    assert [w.cpu_per_simulated_second for w in times] == [pytest.approx(1.0), None, pytest.approx(1050.0), None]
 
 
 def test_a_result_says_when_each_side_ends(scenario, reference, make_run, missing):

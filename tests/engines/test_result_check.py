@@ -66,6 +66,7 @@ def spoiled(run, what):
         "supplies as text": {"provenance": replace(run.provenance, supplies=supplies)},
         "supplies of another kind": {"provenance": Provenance(versions={}, settings={}, supplies=SimpleNamespace())},
         "wall time as text": {"wall_time": "0.1 s"},
+        "CPU time as text": {"cpu_time": "0.1 s"},
         "message as bytes": {"message": b"done"},
         "no sample": {name: value[:0] for name, value in vars(run).items() if isinstance(value, np.ndarray)},
     }[what])  # fmt: skip
@@ -77,7 +78,7 @@ SPOILED = (
     "times before release", "milliseconds", "unknown mode", "mode between", "mode that wraps", "modes by name",
     "event as a pair", "event at no time", "event without a list", "status as text", "another's name", "no provenance",
     "versions as numbers", "settings as a dataclass", "supplies as text", "supplies of another kind", "wall time as text",
-    "message as bytes", "no sample",
+    "CPU time as text", "message as bytes", "no sample",
 )  # fmt: skip
 
 
