@@ -99,7 +99,7 @@ REMEDIES = [
     ("exudyn_friction_is_ignored", "circleRadius=RADIUS", "circleRadius=RADIUS, frictionStiffness=1e5"),
     ("exudyn_slack_rope_pushes", "stiffnessPerLength=1e4", "stiffnessPerLength=1e4, regularizationForce=1e-5"),
     ("newton_short_steps_freeze", "UNIT = 1.0", "UNIT = 1e-3"),
-    ("newton_string_does_not_slide", "TendonGuideType, {}", 'TendonGuideType, {"compliance": 1e-4}'),
+    ("newton_string_does_not_slide", "dict[str, float]()", '{"compliance": 1e-4}'),
     ("drake_contact_creeps", "MultibodyPlantConfig()", "MultibodyPlantConfig(stiction_tolerance=1e-5)"),
     ("drake_falls_too_far", "MultibodyPlantConfig()", "MultibodyPlantConfig(time_step=1e-4)"),
     ("box2d_chain_stretches", "TIME_UNIT = 1\n", "TIME_UNIT = 0.01\n"),

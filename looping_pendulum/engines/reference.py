@@ -91,8 +91,8 @@ class ReferenceEngine:
             # "auto" lets SciPy take over a run that heyoka cannot finish; an integrator that was chosen by name does not change
             integrator="auto" if self.settings.integrator == available_integrators()[0] else self.settings.integrator,
         )
-        times_taken = {"wall_time": time.perf_counter() - started, "cpu_time": time.process_time() - cpu_started}
-        trajectory = replace(_trajectory(samples, scenario, self), **times_taken)
+        wall, cpu = time.perf_counter() - started, time.process_time() - cpu_started
+        trajectory = replace(_trajectory(samples, scenario, self), wall_time=wall, cpu_time=cpu)
         # All at the end, as the solution is not computed sample by sample
         for row in _rows(samples):
             recorder.add(row.tolist())

@@ -29,7 +29,7 @@ builder = newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(0, -GRAVITY, 0))
 for x, mass in zip((-RADIUS, RADIUS), MASSES, strict=True):
     inertia = wp.mat33(*(1e-6 * mass * np.eye(3)).ravel().tolist())
     builder.add_body(xform=wp.transform(p=wp.vec3(x, -0.5, 0)), mass=mass, inertia=inertia, lock_inertia=True)
-guide, kind, span = newton.TendonGuide, newton.TendonGuideType, {}
+guide, kind, span = newton.TendonGuide, newton.TendonGuideType, dict[str, float]()
 roller = guide(body=-1, guide_type=kind.ROLLER, radius=RADIUS, orientation=-1, mu=MU, **span)
 builder.add_tendon([guide(body=0, guide_type=kind.ANCHOR), roller, guide(body=1, guide_type=kind.ANCHOR, **span)])
 model = builder.finalize(device="cpu")
