@@ -19,6 +19,7 @@ from typing import Any
 from benchmarks.blind_sample import DEFAULT_COUNTS, KINDS, BlindStudy, draw, planted_values, write_files
 from benchmarks.calibration_summary import print_summary, summary
 from benchmarks.resumable import Outcome, run
+from benchmarks.rounding import rounded
 from looping_pendulum.discrepancy.data.study import Study
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate
@@ -86,15 +87,6 @@ def store(file: Path, key: str, block: dict[str, Any]) -> None:
     tree[key] = block
     write_atomically(file, json.dumps(rounded(dict(sorted(tree.items()))), indent=1) + "\n")
     print(f"wrote {file}")
-
-
-def rounded(tree: Any) -> Any:
-    """Return ``tree`` with floats rounded to four significant digits, more than pages print."""
-    if isinstance(tree, dict):
-        return {key: rounded(value) for key, value in tree.items()}
-    if isinstance(tree, list | tuple):
-        return [rounded(value) for value in tree]
-    return float(f"{tree:.4g}") if isinstance(tree, float) else tree
 
 
 def provenance(options: argparse.Namespace, name: str) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.rounding import rounded
 from looping_pendulum.cli.progress import convergence_bars
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.comparison import compare
@@ -235,15 +236,6 @@ def _short(p: Parameters) -> dict[str, Any]:
     tree = p.as_dict()
     named = ("kinetic_friction", "static_friction", "light_drag", "heavy_drag", "string_drag")
     return tree | {"coefficients": {name: p.coefficients[name] for name in named}}
-
-
-def rounded(tree: Any) -> Any:
-    """Return ``tree`` with floats rounded to four significant digits; errors are not known more accurately."""
-    if isinstance(tree, dict):
-        return {key: rounded(value) for key, value in tree.items()}
-    if isinstance(tree, list):
-        return [rounded(value) for value in tree]
-    return float(f"{tree:.4g}") if isinstance(tree, float) else tree
 
 
 def main() -> None:

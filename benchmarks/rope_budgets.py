@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks import engine_study
-from benchmarks.engine_study import EngineStudy, rounded
 from benchmarks.pareto import MARK
+from benchmarks.rounding import rounded
+from benchmarks.stored_study import EngineStudy
 from looping_pendulum.compare.convergence.result import PATH_END_TIMES
 from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.engines.landmarks import run_landmarks
@@ -114,7 +115,7 @@ class Budgets:
             "failed": self.failed,
             "static": dict(sorted(self.static.items())),
         }
-        return json.dumps(rounded(tree), indent=1) + "\n"
+        return json.dumps(rounded(tree, 6), indent=1) + "\n"
 
 
 def read(text: str) -> Budgets:

@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.pareto import Point
+from benchmarks.rounding import rounded
 from looping_pendulum.compare.convergence.result import ConvergenceResult, RunSummary, VariantStudy
 
 DOCS = Path(__file__).parents[1] / "docs"
 SUMMARY = DOCS / "data" / "engine_study.json"
 SAME_STUDY = ("scenario", "parameters", "until", "budget", "reference")
 """What two studies must have in common, so that their rows may stand in one table."""
+STORED_DIGITS = 6
+"""Significant digits of the stored numbers, more than the page prints."""
 AGAIN = "make all runs of the study again instead"
 
 
@@ -48,7 +51,7 @@ class EngineStudy:
             "pareto": [dataclasses.asdict(p) for p in self.pareto],
             "measurements": [dataclasses.asdict(m) for m in self.measurements],
         }
-        text = json.dumps(_rounded(tree), indent=None, separators=(",", ":"))
+        text = json.dumps(rounded(tree, STORED_DIGITS), indent=None, separators=(",", ":"))
         return text.replace('{"engine":', '\n{"engine":').replace('{"variant":', '\n{"variant":') + "\n"
 
 
@@ -100,7 +103,7 @@ def _comparable(value: Any) -> Any:
     """Return ``value`` as it is stored, without coefficients of zero: a later version of the package knows more of these."""
     if isinstance(value, dict):
         return {key: kept for key, item in value.items() if (kept := _comparable(item)) != 0.0}
-    return _rounded(value)
+    return rounded(value, STORED_DIGITS)
 
 
 def runs_of(v: VariantStudy) -> list[RunSummary]:
@@ -110,12 +113,3 @@ def runs_of(v: VariantStudy) -> list[RunSummary]:
         *(rung.run for ladder in v.ladders for rung in ladder.rungs),
         *(one.run for one in (*v.starts, *v.choices, *v.defaults)),
     ]
-
-
-def _rounded(tree: Any) -> Any:
-    """Return ``tree`` with floats rounded to six significant digits, more than the page prints."""
-    if isinstance(tree, dict):
-        return {key: _rounded(value) for key, value in tree.items()}
-    if isinstance(tree, list):
-        return [_rounded(value) for value in tree]
-    return float(f"{tree:.6g}") if isinstance(tree, float) else tree

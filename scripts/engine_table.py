@@ -1,9 +1,8 @@
 """Write README's table of engines from the results of `compare ten_to_one`.
 
 `python -m scripts.engine_table quick/result.json accurate/result.json` stores the values that the table needs in
-`docs/data/ten_to_one`; `python -m scripts.docs_numbers` writes the table from there. With `--without-times` as the first
-argument, wall times are left out, as they should be if the machine was busy. To measure them, make the results with `--jobs 1`
-on an otherwise idle machine.
+`docs/data/ten_to_one`; `python -m scripts.docs_numbers` writes the table from there. Make the results with `--jobs 1` on an
+otherwise idle machine: CPU times, too, grow by a third where a neighbour uses the other half of a core.
 """
 
 from __future__ import annotations
@@ -26,6 +25,11 @@ ROWS = {
     "mujoco:beads": ("MuJoCo, beads over a cylinder", ("quick", "accurate")),
     "pymunk:chain": ("pymunk, beads over a circle", ("quick", "accurate")),
     "pybullet:chain": ("PyBullet, link chain over a sphere", ("quick", "accurate")),
+    "drake:chain": ("Drake, beads over a sphere", ("quick",)),
+    "box2d:chain": ("Box2D, beads over a circle", ("quick",)),
+    "rapier:chain": ("Rapier, beads over a cylinder", ("quick",)),
+    "exudyn:cable": ("Exudyn, elastic cable over a circle", ("quick",)),
+    "newton:tendon": ("Newton, its own capstan tendon", ("quick",)),
 }
 """Variant -> its name in the table, and the profiles for which the table has a row."""
 MICROMETRE_LIMIT = 1e-6
@@ -33,8 +37,8 @@ MICROMETRE_LIMIT = 1e-6
 PROFILES = ("quick", "accurate")
 
 
-def store_results(results: list[Path], *, times: bool = True) -> None:
-    """Store the values of each result that the table needs, with their origin; ``times`` says whether to store wall times."""
+def store_results(results: list[Path]) -> None:
+    """Store the values of each result that the table needs, with their origin."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     for file in results:
         tree = json.loads(file.read_text(encoding="utf-8"))
@@ -42,7 +46,7 @@ def store_results(results: list[Path], *, times: bool = True) -> None:
         if tree["scenario"] != "ten_to_one" or len(profiles) != 1:
             raise SystemExit(f"{file}: found {tree['scenario']}, {sorted(profiles)}; needed ten_to_one in one profile")
         (profile,) = profiles
-        walls = {(w["engine"], w["profile"]): w["per_simulated_second"] for w in tree["clock"]["wall_times"]}
+        costs = {(w["engine"], w["profile"]): w["cpu_per_simulated_second"] for w in tree["clock"]["wall_times"]}
         stored_result = {
             "command": f"looping-pendulum compare ten_to_one --profile {profile} --jobs 1",
             "measured_on": tree["clock"]["written"][:10],
@@ -51,7 +55,7 @@ def store_results(results: list[Path], *, times: bool = True) -> None:
                     "status": e["status"],
                     "versions": e["provenance"]["versions"],
                     "metrics": {key: _rounded(value) for key, value in e["metrics"].items()},
-                    "wall_per_simulated_second": _rounded(walls[name, profile]) if times else None,
+                    "cpu_per_simulated_second": _rounded(costs[name, profile]),
                 }
                 for e in tree["engines"]
             },
@@ -64,7 +68,7 @@ def table() -> str:
     stored = {p: json.loads((FOLDER / f"{p}.json").read_text(encoding="utf-8"))["engines"] for p in PROFILES}
     lines = [
         "| engine and variant | profile | RMS of the light mass to 0.35 / 0.7 / 1.0 s | halting-time error "
-        "| rebound | wall s per simulated s |",
+        "| rebound | CPU s per simulated s |",
         "|---|---|---|---|---|---|",
     ]
     for variant, (title, profiles) in ROWS.items():
@@ -75,13 +79,14 @@ def table() -> str:
 
 def _row(title: str, profile: str, engine: dict[str, Any]) -> str:
     m = engine["metrics"]
-    scale, unit = (1e3, "mm") if max(m[metric] or 0.0 for metric in RMS_END_TIMES) >= MICROMETRE_LIMIT else (1e6, "µm")
+    scale, unit = (1e3, "mm") if max(m.get(metric) or 0.0 for metric in RMS_END_TIMES) >= MICROMETRE_LIMIT else (1e6, "µm")
     path = " / ".join(amount(m[metric], scale) for metric in RMS_END_TIMES)
     error = m["halting_time_error"]
     halt = "never halts" if error is None else quantity(abs(error), "s")
+    if engine["status"] != "FINISHED":
+        halt = f"ends at {quantity(m['simulated_time'], 's')}"
     then = quantity(m.get("rebound"), "m")
-    wall = amount(engine["wall_per_simulated_second"])
-    cells = [title, profile, f"{path} {unit}", halt, then, wall]
+    cells = [title, profile, f"{path} {unit}", halt, then, amount(engine["cpu_per_simulated_second"])]
     return f"| {' | '.join(cells)} |".replace("|  |", "| |")
 
 
@@ -104,5 +109,4 @@ def _rounded(value: float | None) -> float | None:
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         raise SystemExit(__doc__)
-    files = [name for name in sys.argv[1:] if name != "--without-times"]
-    store_results([Path(name) for name in files], times=len(files) == len(sys.argv) - 1)
+    store_results([Path(name) for name in sys.argv[1:]])

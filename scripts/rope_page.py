@@ -92,7 +92,7 @@ while data.time < 1.0:
 print(capstan.wrap_angle, capstan.tensions)
 ```
 
-The [class](api/engines.md#looping_pendulum.capstan.CapstanTendon) shows the two tendons in MJCF. It counts no turns, because a
+The [class](api/engines.md) shows the two tendons in MJCF. It counts no turns, because a
 MuJoCo tendon counts none: one tendon is right up to about half a turn, and the recipe `mujoco --variant capstan` shows how two
 of them, used in turn, go on from there. The variant `mujoco:capstan` of this package decides between sliding and sticking by
 the same code.

@@ -30,6 +30,8 @@ MIN_SHARE_FOR_FINITE = 0.05
 
 If the fitted parameters absorb nearly all of a change, only its own curvature would be left.
 """
+MAX_ODD_SHARE = 0.1
+"""Largest part of a change that is opposite for the opposite value, up to which the effect counts as one of the square."""
 MIN_ALIGNMENT = 0.99
 """Cosine between the linear change and the first finite one above which no larger change is tried."""
 MAX_NULL_SCORE = 4.0
@@ -186,9 +188,10 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
     first = known * LINEAR_SIZE / SCALE_SIZE or _first_change(candidate)
     both_sides = candidate.bounds[0] < candidate.null < candidate.bounds[1]
     templates: tuple[float, ...] = FINITE_SIZES
+    is_square = False  # a push out of the plane, say, does the same to either side
     for side in (1.0, -1.0):
         reach = (candidate.bounds[1] if side > 0 else candidate.bounds[0]) - candidate.null
-        if side * reach <= 0:
+        if side * reach <= 0 or is_square:
             continue
         delta = side * first
         linear: Array | None = None
@@ -202,11 +205,17 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
                 opposite = change(-delta) if both_sides else None
                 if opposite is not None:
                     # The central difference: what both sides have in common is curvature, not the linear effect
-                    template = 0.5 * (template - opposite)
-                    templates = FINITE_SIZES if _independent_share(basis, template) > MIN_SHARE_FOR_FINITE else ()
+                    central = 0.5 * (template - opposite)
+                    is_square = _rms(central) < MAX_ODD_SHARE * _rms(template)
+                    if not is_square:
+                        template = central
+                        templates = FINITE_SIZES if _independent_share(basis, template) > MIN_SHARE_FOR_FINITE else ()
                 linear = template
             if size in (LINEAR_SIZE, *templates):
                 score, amplitude, error_here = _score(basis, residual, template, delta)
+                if is_square:
+                    amplitude = math.copysign(math.sqrt(max(amplitude / delta, 0.0)) * delta, delta)
+                    error_here = math.sqrt(abs(delta) * error_here / MAX_NULL_SCORE)  # so that 4 errors have a score of 4
                 if size == LINEAR_SIZE and _rms(template) < FINITE_SIZES[0]:
                     linear_error = min(linear_error, error_here)
                 else:
@@ -218,7 +227,7 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
             # the linear template holds for both signs, a finite one only for its own
             if not allowed:
                 beyond = max(beyond, abs(score))
-            elif abs(score) > abs(best[0]) and (score > 0 or size == LINEAR_SIZE):
+            elif abs(score) > abs(best[0]) and (score > 0 or (size == LINEAR_SIZE and not is_square)):
                 best = score, amplitude
             if size == FINITE_SIZES[-1]:
                 scale = max(scale, abs(delta))
@@ -237,12 +246,13 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
         scale = abs(best[1])
     # The curvature of a finite change would make effects look visible that the fitted parameters hide
     error = linear_error if math.isfinite(linear_error) else finite_error
+    visible = MAX_NULL_SCORE * error / scale
     return ScreenedCandidate(
         candidate=candidate,
         score=best[0],
         amplitude=best[1],
         error=error,
-        motion_by_error=SCALE_SIZE * error / scale,
+        motion_by_error=SCALE_SIZE * (visible**2 if is_square else visible) / MAX_NULL_SCORE,
         scale=scale,
         companions=companions,
         score_beyond_bounds=beyond,
@@ -280,14 +290,15 @@ def _find_template(
 ) -> tuple[float, Array | None]:
     """Find a change of the value [SI] that changes the prediction by about ``size``.
 
-    Steps are in proportion to the change that is missing, and by bisection (of the logarithm) where these leave the bracket.
+    Steps are in proportion to the change that is missing. Between a change that is too small and one that is too large, they
+    follow a power law through both, since what an effect does may grow with the square of its value.
 
     Returns the change of the value and that of the prediction; None if the bound comes first and hardly anything changes.
     """
-    low, high, failures = 0.0, math.inf, 0
-    v: Array | None = None
+    low, high, failures = (0.0, 0.0), (math.inf, math.inf), 0
+    tried, v = delta, None
     for _ in range(MAX_TRIES):
-        delta = math.copysign(min(abs(delta), abs(reach)), reach)
+        tried = delta = math.copysign(min(abs(delta), abs(reach)), reach)
         v = change(delta)
         failures += v is None
         if failures > MAX_FAILURES:
@@ -299,11 +310,16 @@ def _find_template(
         if rms < size:
             if abs(delta) >= abs(reach):
                 return delta, v if rms > 0.1 * LINEAR_SIZE else None
-            low = abs(delta)
+            low = abs(delta), rms
         else:
-            high = abs(delta)
-        # At most two decades, since far from there the change is hardly proportional
-        factor = min(max(size / max(rms, 1e-30), 1e-2), 1e2)
-        guess = abs(delta) * factor
-        delta = math.copysign(guess if low < guess < high else math.sqrt(max(low, high / 100) * high), reach)
-    return delta, v
+            high = abs(delta), rms
+        if low[1] > 0 and math.isfinite(high[1]):
+            share = math.log(size / low[1]) / math.log(high[1] / low[1])
+            guess = low[0] * (high[0] / low[0]) ** share
+        else:
+            # At most two decades, since far from there the change is hardly proportional
+            guess = abs(delta) * min(max(size / max(rms, 1e-30), 1e-2), 1e2)
+        if not low[0] < guess < high[0]:
+            guess = math.sqrt(max(low[0], high[0] / 100) * high[0])
+        delta = math.copysign(guess, reach)
+    return tried, v
