@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from looping_pendulum.discrepancy.listed.held_out import check_held_out
+from looping_pendulum.discrepancy.listed.held_out import check_held_out, loss_test
 from looping_pendulum.discrepancy.search import Search
 from tests.discrepancy.expected import DECISIVE
 
@@ -21,19 +21,51 @@ def a_refit(name, delta_bic):
     )
 
 
-def one_round(delta_bics):
-    """Return a search after a round in which the candidates a, b, ... have these delta BIC and pass all tests."""
+def one_round(delta_bics, failed=()):
+    """Return a search after a round in which the candidates a, b, ... have these delta BIC; those ``failed`` pass no test."""
     refits = [a_refit(name, delta_bic) for name, delta_bic in zip("abcdef", delta_bics, strict=False)]
     search = Search(SimpleNamespace(), 0, lambda what, share: None)
     search.refit_candidates = lambda current, share: refits
-    search.judge_refits = lambda current, near, share: {
+    search.judge_refits = lambda current, near, share, without: {
         r.candidate.name: SimpleNamespace(
-            names=(r.candidate.name,), failed_tests=(), test_results=(), held_out=SimpleNamespace(worst=1.0)
+            names=(r.candidate.name,),
+            failed_tests=("it fails",) if r.candidate.name in failed else (),
+            test_results=(),
+            held_out=SimpleNamespace(worst=1.0),
         )
         for r in near
     }
-    search.run_round(SimpleNamespace(names=(), remaining=()), 0.0)
+    search.run_round(DECLARED, 0.0)
     return search
+
+
+DECLARED = SimpleNamespace(names=(), fit=None, remaining=(), held_out=None)
+
+
+def screened(name, score):
+    return SimpleNamespace(candidate=SimpleNamespace(name=name, kind="a force"), score=score, amplitude=1.0, held_by="")
+
+
+@pytest.mark.parametrize(("score", "found"), [(10.0, True), (6.0, False)])
+def test_where_none_passes_further_candidates_are_refitted_whose_score_is_not_far_below_the_best(monkeypatch, score, found):
+    search = one_round([150.0, 100.0], failed=("a", "b"))
+    assert not search.accepted_models
+    monkeypatch.setattr(
+        "looping_pendulum.discrepancy.search.refits",
+        lambda fit, chosen, known, workers: [a_refit(s.candidate.name, 750.0) for s in chosen],
+    )
+    remaining = [screened("a", 20.0), screened("b", 19.0), screened("late", score)]
+    model = search.run_wider_round(SimpleNamespace(**vars(DECLARED) | {"remaining": remaining}), 0.0)
+    assert (model is not None) is found
+    assert [m.names[0] for m in search.accepted_models] == (["late"] if found else [])
+    (record,) = search.rounds  # the wider round takes the place of the first
+    assert record.best == ("late" if found else "a")
+
+
+@pytest.mark.parametrize(("rise", "passes"), [(1.9, True), (2.1, False), (-50.0, True)])
+def test_an_effect_must_not_make_held_out_data_less_likely(rise, passes):
+    without, with_it = (SimpleNamespace(minus_twice_log_likelihood=value) for value in (1000.0, 1000.0 + rise))
+    assert loss_test(without, with_it).passes is passes
 
 
 @pytest.mark.parametrize(

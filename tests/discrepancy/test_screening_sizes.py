@@ -1,0 +1,49 @@
+"""Screening finds the change of a value that changes the prediction by a given size, whatever power of it the effect follows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.fit.calibration import calibrate
+from looping_pendulum.discrepancy.fit.problem import Problem
+from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE, _find_template, screen
+from tests.blind.cases import CASES
+from tests.discrepancy.blind_study import write_study
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("first", [1e-6, 4.0])
+def test_a_size_is_met_in_few_steps_and_the_value_is_that_of_the_change(power, first):
+    tried = []
+
+    def change(delta):
+        tried.append(delta)
+        return np.full(5, 40.0 * abs(delta) ** power)
+
+    delta, template = _find_template(change, first, 5.0, 0.3)
+    assert 0.15 < template[0] < 0.6
+    assert template[0] == pytest.approx(40.0 * delta**power)
+    assert len(tried) <= 8
+
+
+def test_a_push_out_of_the_plane_counts_by_its_square(tmp_path):
+    inputs = read_inputs(load(write_study(tmp_path, CASES["clean"], 0, trials=["ten_a"])))
+    fit = calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
+    (push,) = (c for c in inputs.library if c.name == "push_sideways")
+    (screened,) = screen(fit, [push])
+    problem = fit.problem.with_parameters(push.free_parameter(1.0))
+    here = fit.problem.residuals(fit.x)
+
+    def independent(value):
+        moved = problem.residuals(np.append(fit.x, value))
+        difference = (here - moved[: len(here)])[: fit.problem.measured_rows]
+        basis, _ = np.linalg.qr(fit.jacobian[: len(difference)])
+        return np.linalg.norm(difference - basis @ (basis.T @ difference))
+
+    visible = MAX_NULL_SCORE * screened.error
+    # The score at that value is that of the limit, and at twice the value four times as large
+    assert independent(visible) == pytest.approx(MAX_NULL_SCORE, rel=0.1)
+    assert independent(2 * visible) == pytest.approx(4 * MAX_NULL_SCORE, rel=0.2)
