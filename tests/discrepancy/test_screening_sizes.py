@@ -1,4 +1,4 @@
-"""Screening finds the change of a value that changes the prediction by a given size, whatever power of it the effect follows."""
+"""Screening finds the change of a value that changes the prediction by a given size, whatever its power of the value."""
 
 from __future__ import annotations
 
