@@ -32,6 +32,9 @@ from looping_pendulum.scenarios.scenario import Scenario
 SETTINGS = {
     # At 20 us steps 20 iterations do not hold the heavy mass at its halt: it slips back by 0.4 mm first, and halts 18 ms late.
     # With forces updated every 5 steps two_to_one halts 19 ms late instead of 6: the halt scatters with anything.
+    # A margin of 0.2 mm saves 14 to 22 % and does ten_to_one no harm (0.98, 9.4, 14.0 mm), but two_to_one is then 4.5 mm off at
+    # 1 s instead of 1.9 and its drop at the halt 8 mm short instead of 1, in each of two releases a nanoradian apart. With
+    # that margin, links of 6.25 mm and steps of 25 us halt ten_to_one 52 ms late.
     Profile.QUICK: PybulletChainSettings(
         time_step=2e-5, link_length=5e-3, outer_link_length=8e-3, solver_iterations=40, force_interval=1
     ),
