@@ -48,7 +48,7 @@ class EngineStudy:
             "pareto": [dataclasses.asdict(p) for p in self.pareto],
             "measurements": [dataclasses.asdict(m) for m in self.measurements],
         }
-        text = json.dumps(_rounded(tree), indent=None, separators=(",", ":"))
+        text = json.dumps(rounded(tree), indent=None, separators=(",", ":"))
         return text.replace('{"engine":', '\n{"engine":').replace('{"variant":', '\n{"variant":') + "\n"
 
 
@@ -100,7 +100,7 @@ def _comparable(value: Any) -> Any:
     """Return ``value`` as it is stored, without coefficients of zero: a later version of the package knows more of these."""
     if isinstance(value, dict):
         return {key: kept for key, item in value.items() if (kept := _comparable(item)) != 0.0}
-    return _rounded(value)
+    return rounded(value)
 
 
 def runs_of(v: VariantStudy) -> list[RunSummary]:
@@ -112,10 +112,10 @@ def runs_of(v: VariantStudy) -> list[RunSummary]:
     ]
 
 
-def _rounded(tree: Any) -> Any:
+def rounded(tree: Any) -> Any:
     """Return ``tree`` with floats rounded to six significant digits, more than the page prints."""
     if isinstance(tree, dict):
-        return {key: _rounded(value) for key, value in tree.items()}
+        return {key: rounded(value) for key, value in tree.items()}
     if isinstance(tree, list):
-        return [_rounded(value) for value in tree]
+        return [rounded(value) for value in tree]
     return float(f"{tree:.6g}") if isinstance(tree, float) else tree

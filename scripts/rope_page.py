@@ -10,10 +10,10 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from benchmarks import engine_study, rope_budgets
-from benchmarks.engine_study import EngineStudy
+from benchmarks import rope_budgets, stored_study
 from benchmarks.pareto import MARK
 from benchmarks.rope_budgets import BUDGETS, Candidate, best
+from benchmarks.stored_study import EngineStudy
 from looping_pendulum.compare.convergence.result import HALT, VariationStudy
 from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.plots import GREY, legend_below, make_figure, png
@@ -130,7 +130,7 @@ RIGHT = {"ha": "right", "va": "top", "rotation": 90, "color": GREY, "fontsize": 
 
 def _stored() -> tuple[EngineStudy, dict[str, list[Candidate]]]:
     """Return the study, and variant -> its settings with their errors."""
-    study = engine_study.read(engine_study.SUMMARY.read_text(encoding="utf-8"))
+    study = stored_study.read(stored_study.SUMMARY.read_text(encoding="utf-8"))
     return study, rope_budgets.candidates(study, _budgets())
 
 
