@@ -19,12 +19,7 @@ import warp as wp
 wp.config.enable_backward = False  # compiles in half a minute instead of several
 import newton  # noqa: E402
 
-STEP, COMPLIANCE, DAMPING, UNIT = (
-    1e-5,
-    1e-4,
-    2.0,
-    1e-3,
-)  # s, m/N, N s/m, m: what is slower than 1e-4 units a second is stopped
+STEP, COMPLIANCE, DAMPING, UNIT = 1e-5, 1e-4, 2.0, 1e-3  # s, m/N, N s/m, m; what is slower than 1e-4 units a second stops
 MU, RADIUS, GRAVITY, TIME, LIGHT, LIMIT = 0.34, 0.00625, 9.81, 0.2, 0.01, 0.05
 closed_form = math.exp(MU * math.pi)
 MASSES = np.array([LIGHT, 2 * LIGHT * closed_form])
