@@ -19,15 +19,17 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import engine_study
+from benchmarks import stored_study
+from benchmarks.engine_study import SCENARIO
 from benchmarks.pareto import MARK
 from benchmarks.rounding import rounded
 from benchmarks.stored_study import EngineStudy
 from looping_pendulum.compare.convergence.result import PATH_END_TIMES
 from looping_pendulum.compare.export import write_atomically
+from looping_pendulum.engines import registry
 from looping_pendulum.engines.landmarks import run_landmarks
 from looping_pendulum.engines.protocol import Engine, Profile
-from looping_pendulum.engines.registry import select
+from looping_pendulum.engines.registry import all_engines, missing_packages, select
 from looping_pendulum.engines.static_capstan import measure_capstan_exponent
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.errors import EngineError
@@ -76,10 +78,21 @@ COARSE: Mapping[str, tuple[Mapping[str, Any], ...]] = {
         {"time_step": 1e-4, "bend": 0.5, "bead_mass_ratio": 2e-3},
         {"time_step": 5e-5, "bend": 0.5, "bead_mass_ratio": 1e-3},
     ),
+    "rapier:chain": (
+        {},
+        {"time_step": 2e-5},
+        {"time_step": 5e-5, "bead_mass_ratio": 8e-4},
+        {"time_step": 5e-5, "iterations": 16, "bead_mass_ratio": 8e-4, "bend": 0.4},
+        {"time_step": 1e-4, "iterations": 16, "bead_mass_ratio": 2e-3, "bend": 0.5, "steps_per_group": 2},
+    ),
+    "exudyn:cable": ({},),
     "pybullet:chain": ({"time_step": 1e-4, "link_length": 6e-3, "outer_link_length": 1e-2, "solver_iterations": 20},),
     "pybullet:remade": ({}, {"time_step": 5e-5}, {"time_step": 1e-4}),
 }
 """Variant -> changes of its quick settings, coarser than the ladders of the study or without a place there."""
+
+STATIC_ONLY = ("newton:tendon",)
+"""Variants whose run ends before the heavy mass halts, so that only the static test is measured: this at half a turn."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,19 +186,21 @@ def main() -> None:
     options = parser.parse_args()
     stored = DATA.exists() and not options.again
     known = read(DATA.read_text(encoding="utf-8")) if stored else Budgets(runs=(), failed=(), static={})
-    study = engine_study.read(engine_study.SUMMARY.read_text(encoding="utf-8"))
+    study = stored_study.read(stored_study.SUMMARY.read_text(encoding="utf-8"))
     for budgets in measured(study, known):
         write_atomically(DATA, budgets.to_json())
 
 
 def measured(study: EngineStudy, budgets: Budgets) -> Iterator[Budgets]:
     """Yield the data after each measurement."""
-    scenario = dataclasses.replace(load(engine_study.SCENARIO), duration=PATH_END_TIMES[MARK])
+    scenario = dataclasses.replace(load(SCENARIO), duration=PATH_END_TIMES[MARK])
     exact = select(["reference:heyoka"], Profile.QUICK)[0].simulate(scenario)
+    # Newton has an environment of its own, in which others may be missing
+    installed = {registry.label(one) for one in all_engines(Profile.QUICK) if not missing_packages(one)}
     done = {(row.variant, row.settings) for row in budgets.runs} | {row[:2] for row in budgets.failed}
     for variant, changes in ((variant, changes) for variant, rows in COARSE.items() for changes in rows):
         settings = describe(changes)
-        if (variant, settings) in done:
+        if (variant, settings) in done or variant not in installed:
             continue
         engine: Any = select([variant], Profile.QUICK)[0]
         began = time.process_time()
@@ -199,7 +214,14 @@ def measured(study: EngineStudy, budgets: Budgets) -> Iterator[Budgets]:
             row = Candidate(variant=variant, settings=settings, path=path, halting_time=halt, cpu=cpu)
             budgets = dataclasses.replace(budgets, runs=(*budgets.runs, row))
         yield budgets
-    for rows in candidates(study, budgets).values():
+    for variant in STATIC_ONLY:
+        if variant in installed and variant not in budgets.static:
+            error = measure_capstan_exponent(select([variant], Profile.QUICK)[0]).error
+            budgets = dataclasses.replace(budgets, static={**budgets.static, variant: error})
+            yield budgets
+    for variant, rows in candidates(study, budgets).items():
+        if variant not in installed:
+            continue
         for row in {best(rows, budget) for budget in BUDGETS.values()} - {None}:
             assert row is not None
             name = label(row.variant, row.settings)

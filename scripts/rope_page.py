@@ -10,10 +10,10 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from benchmarks import engine_study, rope_budgets
-from benchmarks.engine_study import EngineStudy
+from benchmarks import rope_budgets, stored_study
 from benchmarks.pareto import MARK
-from benchmarks.rope_budgets import BUDGETS, Candidate, best
+from benchmarks.rope_budgets import BUDGETS, STATIC_ONLY, Candidate, best
+from benchmarks.stored_study import EngineStudy
 from looping_pendulum.compare.convergence.result import HALT, VariationStudy
 from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.plots import GREY, legend_below, make_figure, png
@@ -25,6 +25,9 @@ from scripts.engine_pages import TITLES
 EARLY = "path_0.35s"
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE, FIGURE = DOCS / "rope-over-a-cylinder.md", DOCS / "img" / "rope-over-a-cylinder.png"
+
+FIRST_CLAIMS = ("exudyn_friction_is_ignored.py", "newton_string_does_not_slide.py", "rapier_chain_stretches.py")
+"""Claims about the default to change first, for engines of which the stored study has no defaults."""
 
 
 def page() -> str:
@@ -69,6 +72,7 @@ The trial is ten to one: 10 g and 100 g on one string over a rod of 6.25 mm, mu 
 - *Static ratio*: what the [static capstan test](verification.md) gives with these settings, ln(T2/T1) over mu theta, less 1.
 - *Budget*: in *real time* a simulated second takes at most a second of processor time; the accurate settings may take any time.
 - {GAP}: no setting that was measured halts the heavy mass at this budget, or this quantity was not measured.
+- *{", ".join(STATIC_ONLY)}*: its run ends where the friction law would go wrong, before the heavy mass halts.
 - *Settings* are this package's names, as changes of the variant's quick settings; the recipe shows what they are in the engine.
 
 {sections}
@@ -130,7 +134,7 @@ RIGHT = {"ha": "right", "va": "top", "rotation": 90, "color": GREY, "fontsize": 
 
 def _stored() -> tuple[EngineStudy, dict[str, list[Candidate]]]:
     """Return the study, and variant -> its settings with their errors."""
-    study = engine_study.read(engine_study.SUMMARY.read_text(encoding="utf-8"))
+    study = stored_study.read(stored_study.SUMMARY.read_text(encoding="utf-8"))
     return study, rope_budgets.candidates(study, _budgets())
 
 
@@ -163,6 +167,9 @@ def _section(engine: str, recipes: list[Claim], study: EngineStudy, rows: dict[s
             values = [signed(error, 1e2), fixed(row.halting_time, 5), number(row.path, 1e3)]
             values += [number(scatter.get(label), 1e3, digits=2), number(row.cpu, digits=2)]
             cells.append([label, name, row.settings or "its own", *values])
+    for label in STATIC_ONLY:
+        if label.startswith(f"{engine}:"):
+            cells.append([label, "accurate", "its own", signed(static.get(label), 1e2), *[GAP] * 4])
     texts = "\n".join(map(_recipe, recipes))
     return f"""## {TITLES[engine]}
 
@@ -172,12 +179,16 @@ def _section(engine: str, recipes: list[Claim], study: EngineStudy, rows: dict[s
 
 
 def _default_to_change(engine: str, study: EngineStudy) -> str:
-    """Return the hidden default that spoils the path most, as a sentence; empty if the study has none of this engine."""
+    """Return the hidden default that spoils the path most, as a sentence.
+
+    If the stored study has none of this engine, the default is that of `FIRST_CLAIMS`; else it is empty.
+    """
     found = [
         (v, one) for v in study.convergence.variants if v.engine == engine and v.variant != "defaults" for one in v.defaults
     ]
     if not found:
-        return ""
+        claims = [claim for claim in all_claims() if claim.file_name in FIRST_CLAIMS and claim.engine == engine]
+        return "".join(f"**Change first:** `{claim.defaults[0]}`, as {claim.title}\n\n" for claim in claims)
     v, one = max(found, key=lambda pair: _damage(pair[1]))
     left = one.run.rms[EARLY]
     result = (
