@@ -18,6 +18,7 @@ from looping_pendulum.compare.convergence.result import (
     VariationStudy,
 )
 from looping_pendulum.compare.tables import GAP, fixed, number, signed, table
+from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, quantity
 from looping_pendulum.scenarios.units import pretty
 
@@ -148,7 +149,10 @@ def _why_without(v: VariantStudy, name: str) -> str:
 
 def _fault(run: RunSummary) -> str:
     """Say why a run did not end properly, without the advice that its status gives."""
-    return run.why.split(";")[0]
+    why = run.why.split(";")[0]
+    _, refused, said = why.partition(f"{EngineError.__name__}: ")
+    # What an adapter says begins with its name: "newton:tendon: found ..., needed ...: the reason"
+    return said.split(": ")[1] if refused and ": " in said else why
 
 
 def halting_table(result: ConvergenceResult) -> str:

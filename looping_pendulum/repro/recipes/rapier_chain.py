@@ -35,7 +35,7 @@ def shape(collider: rapier3d.Collider, member: int, touches: int) -> rapier3d.Co
     return collider.density(0).friction(friction).collision_groups(groups)
 
 
-def body(mass: float, x: float, y: float, shapes: list[rapier3d.Collider]) -> int:
+def body(mass: float, x: float, y: float, shapes: list[rapier3d.Collider]) -> rapier3d.RigidBodyHandle:
     """Add a mass that does not turn, and return its handle."""
     added = rapier3d.RigidBody.dynamic().translation((x, y, 0)).additional_mass(mass)
     return world.add_body(added.can_sleep(False).enabled_rotations((False, False, False)), shapes)
