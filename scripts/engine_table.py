@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from looping_pendulum.compare.tables import GAP
 from looping_pendulum.pages.numbers import amount, quantity
 from looping_pendulum.scenarios.metrics import RMS_END_TIMES
 
@@ -80,13 +81,13 @@ def table() -> str:
 def _row(title: str, profile: str, engine: dict[str, Any]) -> str:
     m = engine["metrics"]
     scale, unit = (1e3, "mm") if max(m.get(metric) or 0.0 for metric in RMS_END_TIMES) >= MICROMETRE_LIMIT else (1e6, "µm")
-    path = " / ".join(amount(m[metric], scale) for metric in RMS_END_TIMES)
+    path = " / ".join(amount(m[metric], scale) for metric in RMS_END_TIMES) + f" {unit}"
     error = m["halting_time_error"]
     halt = "never halts" if error is None else quantity(abs(error), "s")
     if engine["status"] != "FINISHED":
-        halt = f"ends at {quantity(m['simulated_time'], 's')}"
+        path, halt = GAP, f"its run ends at {quantity(m['simulated_time'], 's')}"
     then = quantity(m.get("rebound"), "m")
-    cells = [title, profile, f"{path} {unit}", halt, then, amount(engine["cpu_per_simulated_second"])]
+    cells = [title, profile, path, halt, then, amount(engine["cpu_per_simulated_second"])]
     return f"| {' | '.join(cells)} |".replace("|  |", "| |")
 
 
