@@ -242,7 +242,9 @@ def test_the_versions_are_those_of_the_stored_study():
     study = json.loads((PAGE.parent / "data" / "engine_study.json").read_text(encoding="utf-8"))
     variants = study["convergence"]["variants"]
     versions = {pair for variant in variants for pair in variant["provenance"]["versions"].items()}
-    assert {(claim.package, claim.version) for claim in CLAIMS.values()} <= versions
+    # Newton's runs end before the study's first time, so that its results are stored apart
+    newton = json.loads((PAGE.parent / "data" / "measured" / "newton_tendon.json").read_text(encoding="utf-8"))["versions"]
+    assert {(claim.package, claim.version) for claim in CLAIMS.values()} <= versions | set(newton.items())
 
 
 def test_the_page_is_what_the_scripts_say():
