@@ -55,7 +55,7 @@ def block(rates: dict[str, Any]) -> str:
     power = _power_rows(_in_millimetres(s["single"]["by_size"]), columns)
     visible = _power_rows(s["single"]["by_visibility"], columns)
     two_visible = _power_rows(s["two_by_visibility"], ("named_or_tied", "part", "wrong"))
-    unlisted = _power_rows(_in_millimetres(s["unlisted_by_size"]), ("named", "wrong"))
+    unlisted = _unlisted_table(s["unlisted_by_size"])
     return f"""So far {s["studies"]} studies{few}
 (`{rates["command"]}`, {rates["measured_on"]}). An identification took {median} s of CPU time in the median,
 {largest} s at most. Intervals are of 95 %, by Clopper and Pearson.
@@ -84,12 +84,19 @@ Of two hidden effects, against the visibility of the one that hides better:
 | smaller ratio of hidden to visible size | both named or tied | only one of them | another is named |
 |---|---|---|---|
 {two_visible}
+{unlisted}"""
 
+
+def _unlisted_table(by_size: dict[str, Any]) -> str:
+    """Return what is said of forces that are not listed; empty if there was none in these studies."""
+    if not by_size:
+        return ""
+    return f"""
 Of a force that is not listed, against its size:
 
 | the light mass moves by (RMS) | the verdict is `unlisted` | a listed effect is named instead |
 |---|---|---|
-{unlisted}
+{_power_rows(_in_millimetres(by_size), ("named", "wrong"))}
 """
 
 
