@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-import ast
-import importlib.util
-import re
-import sys
-from importlib.metadata import version
-
 import pytest
-from packaging.version import Version
 
 from looping_pendulum.cli.completion import recipe_engine_names
 from looping_pendulum.repro.claims import RECIPES, all_claims
 from scripts.rope_page import PAGE, page
 from tests.command_line import here
-from tests.test_repro import COMPANIONS, MODULES, SLOW, run, written
+from tests.stranger import (
+    MODULES,
+    accurate_if_slow,
+    assert_as_its_head_says,
+    assert_stands_alone,
+    printed,
+    run,
+    skip_unless_installed,
+    written,
+)
 
 RECIPES_BY_FILE = {recipe.file_name: recipe for recipe in all_claims(RECIPES)}
-PRINTED = re.compile(
+PRINTED = (
     r"closed form (\S+)(| \S+), reached within (\S+)\2\n"
-    r"observed (\S+)\2 with (\S+) (\S+): the recipe (holds|fails)\n\Z"
+    r"observed (\S+)\2 with (\S+) (\S+): the recipe (holds|fails)\n"
 )
 REFINED = [
     ("mujoco_capstan", [("ANGLE = 1e-4", "ANGLE = 2e-5")], 0.06),
@@ -37,70 +39,43 @@ REFINED = [
 """Recipe, finer settings, and the error that remains with them, measured and rounded up by a fifth, in the recipe's unit."""
 
 
-def skip_unless_installed(recipe):
-    if importlib.util.find_spec(MODULES[recipe.engine]) is None:
-        pytest.skip(f"{MODULES[recipe.engine]} is not installed")
-
-
-def printed(done):
-    found = PRINTED.search(done.stdout)
-    assert found is not None, done.stdout + done.stderr
-    return found.groups()
-
-
 @pytest.mark.parametrize(
     "recipe",
-    [
-        pytest.param(recipe, id=name, marks=pytest.mark.accurate if recipe.engine in SLOW else ())
-        for name, recipe in RECIPES_BY_FILE.items()
-    ],
+    [pytest.param(recipe, id=name, marks=accurate_if_slow(recipe.engine)) for name, recipe in RECIPES_BY_FILE.items()],
 )
 def test_a_recipe_reaches_what_its_head_says(recipe, tmp_path):
-    skip_unless_installed(recipe)
+    skip_unless_installed(recipe.engine)
     done = run(written(recipe, tmp_path))
     assert done.returncode == 0, done.stdout + done.stderr
-    expected, unit, limit, observed, package, used, verdict = printed(done)
-    assert float(expected) == pytest.approx(recipe.expected, abs=1e-5)  # the head's last digit
-    assert float(observed) == pytest.approx(recipe.observed, abs=recipe.spread)
-    assert (unit.strip(), float(limit), package, verdict) == (recipe.unit, recipe.limit, recipe.package, "holds")
-    assert used == version(recipe.package)
-    assert Version(used) >= Version(recipe.version)
+    assert_as_its_head_says(recipe, PRINTED, done)
 
 
 @pytest.mark.parametrize("recipe", RECIPES_BY_FILE.values(), ids=RECIPES_BY_FILE)
 def test_a_recipe_stands_alone(recipe):
-    assert len(recipe.source.splitlines()) <= 60
+    assert_stands_alone(recipe)
     assert recipe.name == recipe.variant
     assert abs(recipe.observed - recipe.expected) + recipe.spread < recipe.limit  # no last bit decides whether it holds
-    modules = set()
-    for node in ast.walk(ast.parse(recipe.source)):
-        if isinstance(node, ast.Import):
-            modules |= {name.name for name in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            modules.add(node.module)
-    foreign = {module.partition(".")[0] for module in modules} - sys.stdlib_module_names
-    assert foreign - COMPANIONS == {MODULES[recipe.engine]}
 
 
 @pytest.mark.accurate
 @pytest.mark.parametrize(("name", "changes", "error"), REFINED, ids=[name for name, *_ in REFINED])
 def test_finer_settings_come_nearer(name, changes, error, tmp_path):
     recipe = RECIPES_BY_FILE[f"{name}.py"]
-    skip_unless_installed(recipe)
+    skip_unless_installed(recipe.engine)
     source = recipe.source
     for old, new in changes:
         assert old in source
         source = source.replace(old, new)
-    assert float(printed(run(written(recipe, tmp_path, source)))[3]) == pytest.approx(recipe.expected, abs=error)
+    assert float(printed(PRINTED, run(written(recipe, tmp_path, source)))[3]) == pytest.approx(recipe.expected, abs=error)
 
 
 def test_a_recipe_that_misses_says_so(tmp_path):
     recipe = RECIPES_BY_FILE["mujoco_drum.py"]
-    skip_unless_installed(recipe)
+    skip_unless_installed(recipe.engine)
     broken = recipe.source.replace("MU, R, FREE, ANGLE, HEAVY = 1e-3, 0.3431", "MU, R, FREE, ANGLE, HEAVY = 1e-3, 0.2")
     assert broken != recipe.source
     done = run(written(recipe, tmp_path, broken))
-    assert (done.returncode, printed(done)[-1]) == (1, "fails")
+    assert (done.returncode, printed(PRINTED, done)[-1]) == (1, "fails")
 
 
 def test_every_engine_has_a_recipe():

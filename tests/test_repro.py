@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import ast
-import importlib.util
 import json
 import math
 import re
-import subprocess
-import sys
-import sysconfig
-from importlib.metadata import version
 
 import pytest
-from packaging.version import Version
 
 from looping_pendulum.cli.completion import claim_engine_names
 from looping_pendulum.engines.protocol import Profile
@@ -22,29 +15,20 @@ from looping_pendulum.engines.static_capstan import chain_capstan_exponent, meas
 from looping_pendulum.repro.claims import all_claims, read_claim
 from scripts.repro_page import PAGE, page
 from tests.command_line import here
+from tests.stranger import (
+    MODULES,
+    accurate_if_slow,
+    assert_as_its_head_says,
+    assert_stands_alone,
+    installed,
+    printed,
+    run,
+    skip_unless_installed,
+    written,
+)
 
 CLAIMS = {claim.file_name: claim for claim in all_claims()}
-MODULES = {
-    **{engine: engine for engine in ("mujoco", "pymunk", "pybullet", "exudyn", "newton")},
-    **{"drake": "pydrake", "box2d": "pyb2d3", "rapier": "rapier3d"},
-}
-"""Engine -> the module that its scripts import."""
-COMPANIONS = {"numpy", "warp"}
-"""Further modules that a script may import: NumPy, and Newton's own language."""
-SLOW = {"newton"}
-"""Engines that compile themselves, which takes minutes: only the accurate tests run their scripts."""
-STRANGER = """
-import runpy, sys
-sys.path.append(sys.argv[2])
-sys.modules["looping_pendulum"] = None  # an installed package stands beside the engine
-try:
-    import looping_pendulum
-except ImportError:
-    runpy.run_path(sys.argv[1], run_name="__main__")
-raise SystemExit(3)
-"""
-"""Runs a script where no .pth file, no PYTHONPATH, no folder of the project and no installed copy leads to this package."""
-PRINTED = re.compile(
+PRINTED = (
     r"closed form (\S+)(| \S+), mended within (\S+)\2\n"
     r"observed (\S+)\2 with (\S+) (\S+): the claim (holds|is mended)\n"
 )
@@ -122,58 +106,17 @@ REMEDIES = [
 """Script, what to replace in it and by what, so that the engine does what it should."""
 
 
-def installed(engine):
-    return importlib.util.find_spec(MODULES[engine]) is not None
-
-
-def run(script):
-    command = [sys.executable, "-I", "-S", "-c", STRANGER, str(script), sysconfig.get_path("platlib")]
-    return subprocess.run(command, capture_output=True, text=True, timeout=600)
-
-
-def printed(done):
-    """What a script printed last, in the words of `PRINTED`; PyBullet prints a line when it is imported, too."""
-    found = re.search(PRINTED.pattern + r"\Z", done.stdout)
-    assert found is not None, done.stdout + done.stderr
-    return found.groups()
-
-
-def written(claim, folder, source=None):
-    path = folder / claim.file_name
-    path.write_text(source or claim.source, encoding="utf-8")
-    return path
-
-
-def accurate_if_slow(name):
-    return [pytest.mark.accurate] if name.partition("_")[0] in SLOW else []
-
-
-@pytest.mark.parametrize("claim", [pytest.param(c, id=name, marks=accurate_if_slow(name)) for name, c in CLAIMS.items()])
+@pytest.mark.parametrize("claim", [pytest.param(c, id=name, marks=accurate_if_slow(c.engine)) for name, c in CLAIMS.items()])
 def test_a_claim_holds_as_its_head_says(claim, tmp_path):
-    if not installed(claim.engine):
-        pytest.skip(f"{MODULES[claim.engine]} is not installed")
+    skip_unless_installed(claim.engine)
     done = run(written(claim, tmp_path))
     assert done.returncode == 1, done.stdout + done.stderr
-    expected, unit, limit, observed, package, used, verdict = printed(done)
-    assert float(expected) == pytest.approx(claim.expected, abs=1e-5)  # the head's last digit
-    assert float(observed) == pytest.approx(claim.observed, abs=claim.spread)
-    assert (unit.strip(), float(limit), package, verdict) == (claim.unit, claim.limit, claim.package, "holds")
-    # A later release may be installed; the value above says whether it still behaves so.
-    assert used == version(claim.package)
-    assert Version(used) >= Version(claim.version)
+    assert_as_its_head_says(claim, PRINTED, done)
 
 
 @pytest.mark.parametrize("claim", CLAIMS.values(), ids=CLAIMS)
 def test_a_script_stands_alone(claim):
-    assert len(claim.source.splitlines()) <= 60
-    modules = set()
-    for node in ast.walk(ast.parse(claim.source)):
-        if isinstance(node, ast.Import):
-            modules |= {name.name for name in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            modules.add(node.module)
-    foreign = {module.partition(".")[0] for module in modules} - sys.stdlib_module_names
-    assert foreign - COMPANIONS == {MODULES[claim.engine]}
+    assert_stands_alone(claim)
 
 
 @pytest.mark.parametrize("claim", CLAIMS.values(), ids=CLAIMS)
@@ -183,16 +126,16 @@ def test_head_and_limit_are_consistent(claim):
 
 
 @pytest.mark.parametrize(
-    ("name", "old", "new"), [pytest.param(*remedy, id=remedy[0], marks=accurate_if_slow(remedy[0])) for remedy in REMEDIES]
+    ("name", "old", "new"),
+    [pytest.param(*remedy, id=remedy[0], marks=accurate_if_slow(remedy[0].partition("_")[0])) for remedy in REMEDIES],
 )
 def test_with_the_remedy_the_claim_is_mended(name, old, new, tmp_path):
     # So the cause is the one that the script names, and its status 0 is reached.
     claim = CLAIMS[f"{name}.py"]
-    if not installed(claim.engine):
-        pytest.skip(f"{MODULES[claim.engine]} is not installed")
+    skip_unless_installed(claim.engine)
     assert claim.source.count(old) == 1
     done = run(written(claim, tmp_path, claim.source.replace(old, new)))
-    assert (done.returncode, printed(done)[-1]) == (0, "is mended")
+    assert (done.returncode, printed(PRINTED, done)[-1]) == (0, "is mended")
 
 
 def test_a_value_that_is_no_number_does_not_count_as_mended(tmp_path):

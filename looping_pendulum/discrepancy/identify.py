@@ -16,7 +16,8 @@ from looping_pendulum.discrepancy.identification import Conclusion, identificati
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.next_experiment import best_experiments
 from looping_pendulum.discrepancy.result import Experiment, Identification, Verdict
-from looping_pendulum.discrepancy.search import FractionCallback, Search
+from looping_pendulum.discrepancy.rounds import FractionCallback
+from looping_pendulum.discrepancy.search import Search
 from looping_pendulum.discrepancy.unlisted.description import describe_unlisted_force
 from looping_pendulum.discrepancy.workers import Workers, default_process_count
 from looping_pendulum.errors import HarnessError

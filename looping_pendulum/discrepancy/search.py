@@ -2,68 +2,32 @@
 
 from __future__ import annotations
 
-import dataclasses
-import itertools
 import math
-from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
 
-from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
+from looping_pendulum.discrepancy.fit.calibration import calibrate, minimise
 from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of, with_correlated_noise
-from looping_pendulum.discrepancy.fit.model_test import ModelTest
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import best_of, calibrate_from_random_start, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs
-from looping_pendulum.discrepancy.listed.attribution import Refit, delta_bic_of, refits, with_own_noises
+from looping_pendulum.discrepancy.listed.attribution import delta_bic_of
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.held_out import (
-    HeldOutTest,
-    check_held_out,
-    improvement_test,
-    loss_test,
     predicts_better,
     square_ratio,
 )
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN, record_round
-from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate, compile_for, screen, slowest_first
-from looping_pendulum.discrepancy.result import Round
+from looping_pendulum.discrepancy.listed.screening import compile_for, slowest_first
+from looping_pendulum.discrepancy.rounds import FractionCallback, Rounds
 from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN, RecoveredForce, by_preference, discover
 from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
 from looping_pendulum.discrepancy.unlisted.formula import refit as refit_formulas
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 
-MAX_REFITS = 6
-"""Candidates that are refitted in a round."""
-MAX_FURTHER_REFITS, MIN_SHARE_OF_BEST_SCORE = 12, 1 / 3
-"""Further ones that are refitted if none of these passes, and the smallest score of those over the best.
-
-Of an effect that fitted parameters nearly undo the scores say little: a linear drag that moved the light mass by 50 mm came
-ninth, with a delta BIC of 750 where the best of six had 150; beside a wind it came tenth, with 260 where they had 45.
-"""
-MIN_REFIT_SCORE = 2.0
-"""Smallest |z| of a candidate that is refitted.
-
-The delta BIC that a score z predicts is z^2 less log(n), far below `MIN_DELTA_BIC` for such z.
-"""
-MAX_SCORE_RATIO = 6
-"""Largest ratio of the best candidate's |z| to that of a candidate that is refitted."""
-MAX_NONLINEARITY = 1.5
-"""Largest delta BIC of a refit over what its score predicts, z^2, up to which the scores are trusted to rank candidates.
-
-A string that is smoother on itself had a score of 17, friction per wrap angle one of 33 in its place, which predicts a delta
-BIC of 1100; its refit had 2520.
-"""
-MAX_RESCREENED = 5
-"""Candidates that are screened again with all added effects in the model, which costs compilations."""
-MAX_SQUARE_LEFT = 0.5
-"""Share of the held-out mean square residual up to which an effect is not refused for the pattern that it leaves.
-
-The errors of real marks are seldom as simple as correlated noise, so that a pattern stays beside the right effect, too.
-"""
 MAX_EFFECTS = 3
 """Effects that are added at most."""
 MIN_RIVAL_EVIDENCE = 0.5
@@ -72,23 +36,13 @@ MIN_RIVAL_EVIDENCE = 0.5
 In blind studies of a magnet and of a thrust, which two listed effects mimicked, it was 0.95 and 0.54; of two effects, 0.32.
 """
 
-FractionCallback = Callable[[str, float], None]
-"""Called with a description of the step that begins, and the share of all work that is done at least."""
 
-
-class Search:
+class Search(Rounds):
     """State and steps of the search for missing effects."""
 
     def __init__(self, inputs: Inputs, seed: int, progress: FractionCallback, workers: Workers = SERIAL) -> None:
-        self.inputs = inputs
-        self.workers = workers
+        super().__init__(inputs, progress, workers)
         self.rng = np.random.default_rng(seed)
-        self.report_progress = progress
-        self.rounds: list[Round] = []
-        self.declared_model: CandidateModel | None = None
-        """The declared model, calibrated; None until then."""
-        self.accepted_models: tuple[CandidateModel, ...] = ()
-        """Accepted explanations, the best first; all are within the margin of the best, so more than one are tied."""
         self.forces: tuple[RecoveredForce, ...] = ()
         """Unlisted forces as radial basis functions, those that explain held-out data first; empty: none does.
 
@@ -98,14 +52,6 @@ class Search:
         """Listed effects that the model has beside these forces."""
         self.formulas: tuple[FittedFormula, ...] = ()
         """Formulas of these forces, refitted to the trajectories, the best first."""
-        self.scales: dict[str, float] = {}
-        """Candidate's name -> change of its value that changes the prediction as `screening.SCALE_SIZE` says."""
-        self.white_rounds: dict[int, tuple[CandidateModel, list[Refit], dict[str, CandidateModel]]] = {}
-        """Rounds with white noise, by their index: the model before, its refits, and those of them that were tested."""
-        self.correlated_base: CandidateModel | None = None
-        """The declared model with errors of the tracked points that last longer than a frame; None: the search takes none."""
-        self.correlated_fit: Fit | None = None
-        """Fit of the declared model with such errors, once it is known that there are some."""
 
     def run(self) -> None:
         """Search until a model passes all tests or no candidate is accepted."""
@@ -210,12 +156,6 @@ class Search:
         assert self.correlated_fit is not None
         return self.judge(self.correlated_fit, ())
 
-    @cached_property
-    def refits_with_own_noise(self) -> list[Refit]:
-        """Return the refits of the first round, each with the noise that its own residuals show."""
-        assert self.correlated_fit is not None
-        return with_own_noises(self.correlated_fit, self.white_rounds[0][1], self.workers)
-
     def search_with_correlated_noise(self) -> None:
         """Search again with errors of the tracked points that last longer than a frame, as of a tracker that wanders.
 
@@ -291,143 +231,6 @@ class Search:
                 return judged[better[0].candidate.name]
         return model
 
-    def without(self, model: CandidateModel, dropped: Candidate) -> CandidateModel:
-        """Return a model without one of its added effects, fitted to the same data, to which others can be added."""
-        others = tuple(c for c in model.added if c is not dropped)
-        dropped_names = {dropped.name, *(c.name for c in dropped.companions)}
-        kept = [i for i, n in enumerate(model.fit.problem.names) if n not in dropped_names]
-        parameters = [model.fit.problem.free_parameters[i] for i in kept]
-        problem = Problem(self.inputs.study, model.fit.problem.data, parameters)
-        # Without what held its phase a long swing is far from its minimum, so that it is fitted in growing windows again
-        fit = calibrate(problem, model.fit.x[kept]) if problem.is_swing else minimise(problem, model.fit.x[kept])
-        remaining = tuple(s for s in self.screen_candidates(fit, others) if s.candidate is not dropped)
-        return CandidateModel(
-            fit=fit, added=others, tests=model.tests, held_out=model.held_out, screening=_returning(remaining)
-        )
-
-    def record(self, current: CandidateModel, refits: Sequence[Refit], judged: dict[str, CandidateModel]) -> None:
-        """Record a round."""
-        self.rounds.append(record_round(current, refits, judged, correlated_noise=self.correlated_base is not None))
-
-    def judge(
-        self,
-        fit: Fit,
-        added: tuple[Candidate, ...],
-        start_costs: tuple[float, ...] = (),
-        without: HeldOutTest | None = None,
-    ) -> CandidateModel:
-        """Test a fit on its residuals, on held-out data and by the scores of the remaining candidates."""
-        held_out = check_held_out(fit, self.inputs.held_out)
-        other_tests: tuple[ModelTest, ...] = (loss_test(without, held_out),) if without else ()
-        tests = check_residuals(fit)
-        if added and self.correlated_base and self.declared_model:
-            other_tests += (improvement_test(self.correlated_base.held_out, held_out),)
-            if square_ratio(self.declared_model.held_out, held_out) <= MAX_SQUARE_LEFT:
-                tests = dataclasses.replace(tests, groups=())
-        return CandidateModel(
-            fit=fit,
-            added=added,
-            tests=tests,
-            held_out=held_out,
-            screening=lambda: self.screen_candidates(fit, added),
-            start_costs=start_costs,
-            other_tests=other_tests,
-        )
-
-    def screen_candidates(self, fit: Fit, added: tuple[Candidate, ...]) -> tuple[ScreenedCandidate, ...]:
-        """Screen the candidates that could still be added, best first.
-
-        The reference is compiled anew for every set of effects, so beside an added effect that needs it only the best are
-        screened exactly.
-        """
-        added_names = {c.name for c in added}
-        costly = {k for c in added if c.needs_compilation for k in (c.name, *(k.name for k in c.companions))}
-        library = [c for c in self.inputs.library if c.name not in added_names]
-        rough = screen(fit, library, tuple(costly), self.workers, self.scales)
-        self.scales |= {s.candidate.name: s.scale for s in rough}
-        if not costly:
-            return tuple(rough)
-        best = [s.candidate for s in rough[:MAX_RESCREENED] if abs(s.score) > MIN_REFIT_SCORE]
-        exact = screen(fit, best, workers=self.workers, known_scales=self.scales)
-        rescreened = {s.candidate.name for s in exact}
-        both = [*exact, *(s for s in rough if s.candidate.name not in rescreened)]
-        return tuple(sorted(both, key=lambda s: -abs(s.score)))
-
-    def run_round(self, current: CandidateModel, share: float) -> CandidateModel | None:
-        """Try to add one effect; return the best model to go on from, or None if no delta BIC is sufficient."""
-        return self.judge_round(current, self.refit_candidates(current, share), share)
-
-    def run_wider_round(self, current: CandidateModel, share: float) -> CandidateModel | None:
-        """Refit further candidates where none of the last round passed; return the best model, or None if it is the same."""
-        known = self.white_rounds[len(self.rounds) - 1][1]
-        names = {r.candidate.name for r in known}
-        further = [
-            s
-            for s in current.remaining
-            if s.amplitude
-            and s.candidate.name not in names
-            and abs(s.score) >= MIN_SHARE_OF_BEST_SCORE * abs(current.remaining[0].score)
-        ]
-        wider = [*known, *refits(current.fit, further[:MAX_FURTHER_REFITS], {}, self.workers)]
-        best = max(wider, key=lambda r: r.delta_bic, default=None)
-        if best is None or best in known:
-            return None
-        self.rounds.pop()  # the round is part of this one
-        return self.judge_round(current, sorted(wider, key=lambda r: -r.delta_bic), share)
-
-    def judge_round(self, current: CandidateModel, refits: Sequence[Refit], share: float) -> CandidateModel | None:
-        """Test the best refits and record the round; return the best model, or None if no delta BIC is sufficient."""
-        threshold = max(MIN_DELTA_BIC, refits[0].delta_bic - MIN_DELTA_BIC_MARGIN) if refits else MIN_DELTA_BIC
-        near = [r for r in refits if r.delta_bic >= threshold]
-        judged = self.judge_refits(current, near, share + (0.01 if self.correlated_base else 0.2), current.held_out)
-        self.record(current, refits, judged)
-        if self.correlated_base is None:
-            self.white_rounds[len(self.rounds) - 1] = (current, list(refits), judged)
-        within_bounds = {r.candidate.name for r in refits if r.within_bounds}
-        passing = [m for name, m in judged.items() if name in within_bounds and not m.failed_tests]
-        # A model within the margin that fails a test is no winner, but its delta BIC is too near to the best to rule it out.
-        failing = [m for name, m in judged.items() if name in within_bounds and m.failed_tests]
-        self.accepted_models = (*passing, *failing) if passing else ()
-        return next(iter(judged.values()), None)
-
-    def refit_candidates(self, current: CandidateModel, share: float) -> list[Refit]:
-        """Refit the model with each of the best candidates; return the refits, best first."""
-        min_score = max(MIN_REFIT_SCORE, abs(current.remaining[0].score) / MAX_SCORE_RATIO) if current.remaining else 0.0
-        # An amplitude of zero means that no change within the bounds looks like the residuals
-        eligible = [s for s in current.remaining if s.amplitude and abs(s.score) >= min_score]
-        chosen = eligible[:MAX_REFITS]
-        known: dict[str, Refit | None] = dict(current.refitted)
-        if self.correlated_base and not current.added:
-            # Correlated noise may hide from the score what the candidate's own noise shows
-            known.update((r.candidate.name, r) for r in self.refits_with_own_noise)
-            chosen += [s for s in current.remaining if s.candidate.name in known and s not in chosen]
-        counter = itertools.count()
-
-        def report(name: str) -> None:
-            self.report_progress(
-                f"refitting with {name}", share + (0.01 if self.correlated_base else 0.15) * next(counter) / MAX_REFITS
-            )
-
-        results = refits(current.fit, chosen, known, self.workers, report)
-        if results and results[0].delta_bic > MAX_NONLINEARITY * results[0].screened.score ** 2:
-            # Of a large effect the scores say little: what acts on the same may do better than the best with a smaller score
-            acts_on = results[0].candidate.acts_on
-            alike = [s for s in eligible if s.candidate.acts_on == acts_on and s not in chosen][:MAX_REFITS]
-            known.update((r.candidate.name, r) for r in results)
-            results = refits(current.fit, [*chosen, *alike], known, self.workers, report)
-        return results
-
-    def judge_refits(
-        self, current: CandidateModel, refits: Sequence[Refit], share: float, without: HeldOutTest | None = None
-    ) -> dict[str, CandidateModel]:
-        """Test each refit, and whether held-out data are less likely than ``without`` it; return candidate name -> model."""
-        judged = {}
-        for r in refits:
-            self.report_progress(f"testing {r.candidate.name}", share)
-            fit = r.fit if self.correlated_base else with_noise_of_residuals(r.fit, central=True)
-            judged[r.candidate.name] = self.judge(fit, (*current.added, r.candidate), without=without)
-        return judged
-
     def find_unlisted_forces(self, base: CandidateModel, min_evidence: float = -math.inf) -> tuple[RecoveredForce, ...]:
         """Search for an unlisted force that a model lacks; return the best closures, or none if none explains held-out data.
 
@@ -455,7 +258,3 @@ class Search:
             formulas = refit_formulas(base.fit, passing, self.inputs.held_out, lambda what: self.report_progress(what, 0.93))
             self.formulas = tuple(formulas)
         return tuple(by_preference(passing) + [f for f in forces if f not in passing]) if passing else ()
-
-
-def _returning(screened: tuple[ScreenedCandidate, ...]) -> Callable[[], tuple[ScreenedCandidate, ...]]:
-    return lambda: screened  # a function of its own binds the value of this turn of the caller's loop

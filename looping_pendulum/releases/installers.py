@@ -159,8 +159,8 @@ def _kill(process: subprocess.Popen[str]) -> None:
 def one_line(text: str) -> str:
     """Return the line in which pip or uv says why it failed, without hints and ornament."""
     lines = [line.strip(" ×╰─▶├│") for line in text.splitlines()]
-    told = [line for line in lines if line and not line.startswith(("hint:", "WARNING:", "[notice]"))]
-    errors = [line for line in told if line.startswith(("ERROR:", "error:", "cause:", "Because"))] or told[-1:]
+    printed = [line for line in lines if line and not line.startswith(("hint:", "WARNING:", "[notice]"))]
+    errors = [line for line in printed if line.startswith(("ERROR:", "error:", "cause:", "Because"))] or printed[-1:]
     why = next((line for line in errors if line.startswith(("cause:", "Because"))), errors[0] if errors else "no message")
     why = re.sub(r"^(cause|error|ERROR):\s*", "", why)
     # What pip lists of other versions, and what uv concludes, is longer than the reason

@@ -23,7 +23,7 @@ CAPSTAN = Metric(
     has_sign=True,
 )
 """The static capstan test, as one more number."""
-# Shares of the samples and the run's length change in steps of a sample, so that no spread can be told of them
+# Shares of the samples and the run's length change in steps of a sample, which gives no spread
 QUANTITIES = MappingProxyType(
     {name: metric for name, metric in METRICS.items() if not metric.has_lower_limit} | {CAPSTAN.name: CAPSTAN}
 )

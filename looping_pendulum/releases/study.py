@@ -183,8 +183,8 @@ class ReleaseStudy:
                     return None
                 packages |= versions
                 variants.append(variant)
-            told = () if pins == PINS[0] else pins[:1]
-            return ReleaseRow(release=str(release), packages=packages, pins=told, variants=tuple(variants))
+            named_pins = () if pins == PINS[0] else pins[:1]
+            return ReleaseRow(release=str(release), packages=packages, pins=named_pins, variants=tuple(variants))
         except InstallationStopped:
             return None
         except ReleaseError as error:

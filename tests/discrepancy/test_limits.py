@@ -51,7 +51,7 @@ def test_where_none_passes_further_candidates_are_refitted_whose_score_is_not_fa
     search = one_round([150.0, 100.0], failed=("a", "b"))
     assert not search.accepted_models
     monkeypatch.setattr(
-        "looping_pendulum.discrepancy.search.refits",
+        "looping_pendulum.discrepancy.rounds.refits",
         lambda fit, chosen, known, workers: [a_refit(s.candidate.name, 750.0) for s in chosen],
     )
     remaining = [screened("a", 20.0), screened("b", 19.0), screened("late", score)]

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from looping_pendulum.discrepancy import search as search_module
-from looping_pendulum.discrepancy.search import MAX_REFITS, Search
+from looping_pendulum.discrepancy import rounds
+from looping_pendulum.discrepancy.rounds import MAX_REFITS, Rounds
 
 
 def screened(name, score, acts_on):
@@ -32,9 +32,9 @@ def test_what_acts_on_the_same_is_refitted_where_scores_say_little(monkeypatch, 
         refitted.extend(s.candidate.name for s in chosen if s.candidate.name not in known)
         return [SimpleNamespace(candidate=s.candidate, screened=s, delta_bic=gain * s.score**2) for s in chosen]
 
-    monkeypatch.setattr(search_module, "refits", refits)
+    monkeypatch.setattr(rounds, "refits", refits)
     current = SimpleNamespace(remaining=REMAINING, refitted={}, fit=None, added=())
     search = SimpleNamespace(correlated_base=None, workers=None, declared_model=None, report_progress=lambda *_: None)
-    results = Search.refit_candidates(search, current, 0.0)
+    results = Rounds.refit_candidates(search, current, 0.0)
     assert refitted == [s.candidate.name for s in REMAINING[:MAX_REFITS]] + more
     assert len(results) == len(refitted)

@@ -43,7 +43,7 @@ def test_the_release_that_moved_a_number_is_named_and_failures_are_rows(tmp_path
     (failed,) = rows["2.0"].variants
     assert (failed.ran, failed.status) == (False, "FAILED")
     assert failed.error == "the engine raised an error: ValueError: no rod in this release"
-    # The older NumPy was tried for the one that it helps and for the one that it does not, and is told where it helped
+    # The older NumPy was tried for the one that it helps and for the one that it does not, and is named where it helped
     assert [made[1:] for made in installer.made if made[0].endswith(("==2.0", "==2.5"))].count(PINS[1]) == 2
     assert rows["2.0"].pins == rows["2.5"].pins == ("numpy<2",)
     assert rows["2.6"].pins == ()

@@ -124,7 +124,7 @@ class ExudynSystem:
         return float(x), float(y), float(vx), float(vy)
 
     def _prepare_step(self, mbs: Any, time: float) -> bool:
-        """Set the effects' forces on the masses; Exudyn calls it before each step, and stops where it is told False."""
+        """Set the effects' forces on the masses; Exudyn calls it before each step, and stops where this returns False."""
         masses = self.read_masses()
         # Nearer to the rod than that, a reeving system finds no tangent, and a cable bends by a turn within a segment
         self._has_ended = self._has_string and math.hypot(masses[0], masses[1]) <= self._end_distance

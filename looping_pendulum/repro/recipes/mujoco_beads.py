@@ -49,8 +49,8 @@ model = mujoco.MjModel.from_xml_string(f"""
   <tendon>{links}</tendon><equality>{rigid}</equality><contact>{pairs}</contact></mujoco>""")
 data = mujoco.MjData(model)
 mujoco.mj_step(model, data, round(TIME / STEP))
-heavy_speed, light_speed = data.qvel[1], data.qvel[-1]
-observed = HEAVY * (GRAVITY + heavy_speed / TIME) / (LIGHT * (GRAVITY + light_speed / TIME))
+heavy_mass_speed, light_mass_speed = data.qvel[1], data.qvel[-1]
+observed = HEAVY * (GRAVITY + heavy_mass_speed / TIME) / (LIGHT * (GRAVITY + light_mass_speed / TIME))
 
 holds = abs(observed - closed_form) <= LIMIT
 print(f"closed form {closed_form:.5f}, reached within {LIMIT}")

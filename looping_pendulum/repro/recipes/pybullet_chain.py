@@ -51,8 +51,8 @@ for i in range(2, nodes + 2):
     p.changeDynamics(rope, i, lateralFriction=friction)  # in a call of its own, or Bullet ignores it
 for _ in range(round(TIME / STEP)):
     p.stepSimulation()
-heavy_speed, light_speed = (p.getLinkState(rope, i, 1, 1)[6][1] for i in (0, count - 1))
-observed = HEAVY * (GRAVITY + heavy_speed / TIME) / (LIGHT * (GRAVITY + light_speed / TIME))
+heavy_mass_speed, light_mass_speed = (p.getLinkState(rope, i, 1, 1)[6][1] for i in (0, count - 1))
+observed = HEAVY * (GRAVITY + heavy_mass_speed / TIME) / (LIGHT * (GRAVITY + light_mass_speed / TIME))
 
 holds = abs(observed - closed_form) <= LIMIT
 print(f"closed form {closed_form:.5f}, reached within {LIMIT}")
