@@ -40,6 +40,12 @@ class PybulletChainSettings(WorldSettings):
     """Fraction of the chain's mass that is subtracted from the light mass, see `engines.chain`."""
     joint_motors: bool = False
     """Whether to leave on the motor that PyBullet puts in every joint."""
+    joined_hanging_links: int = 1
+    """Number of links that are joined to one on the heavy mass's side after they left the rod (`joining`); 1: none are."""
+    joined_free_links: int = 1
+    """Number of links that are joined to one on the light mass's side, until they come near the rod; 1: none are."""
+    unjoined_links: float = 3.0
+    """Number of links beyond the string on the rod, on either side, that are not joined."""
     divided_step: bool = True
     """Whether to divide the step where a wave on the taut chain would pass too much of a link in it."""
 
@@ -133,17 +139,29 @@ def _nodes_on_rod(p: Parameters, s: PybulletChainSettings, link_length: float) -
     return np.stack([circle * np.cos(angles), circle * np.sin(angles)], axis=1)
 
 
-def chain_urdf(p: Parameters, s: PybulletChainSettings, chain: ReleasedChain, node_radii: Array) -> str:
+def body_masses(p: Parameters, s: PybulletChainSettings, lengths: Array, last_length: float) -> Array:
+    """Return the masses [kg] of the heavy mass, the nodes and the light mass, of a chain with links of ``lengths`` [m].
+
+    A node has half the mass of either link beside it. The light mass has none of its link's, which `mass_compensation`
+    allows for; a last link longer than ``last_length`` [m], that at release, gives it half of the difference.
+    """
+    string_mass = MASS_FRACTION * p.light_mass
+    density = string_mass / lengths.sum()
+    light_mass = p.light_mass - s.mass_compensation * string_mass + 0.5 * density * (lengths[-1] - last_length)
+    return np.concatenate([[p.heavy_mass], density * 0.5 * (lengths[:-1] + lengths[1:]), [light_mass]])
+
+
+def chain_urdf(p: Parameters, s: PybulletChainSettings, chain: ChainState, masses: Array, node_radii: Array) -> str:
     """Return the multibody as URDF: base, heavy mass on a vertical slide (unless held), links, light mass at the last end.
 
     Parameters
     ----------
+    masses
+        Masses of the bodies [kg], see `body_masses`.
     node_radii
         Radius of each inner node's contact sphere [m], heavy side first.
     """
-    string_mass = MASS_FRACTION * p.light_mass
     lengths = chain.lengths
-    density = string_mass / lengths.sum()
     x, y = chain.positions[0]
     rows = [_link("base", mass=0.0, at=0.0, inertia=0.0)]
     parent = "base"
@@ -154,12 +172,9 @@ def chain_urdf(p: Parameters, s: PybulletChainSettings, chain: ReleasedChain, no
         rows += [_joint("prismatic", "base", parent, x=x, y=y, turn=0.0, axis="0 1 0")]
         x = y = 0.0
     last = len(lengths) - 1
-    for i, (turn, length) in enumerate(zip(np.diff(chain.directions, prepend=0.0), lengths, strict=True)):
-        if i < last:
-            # A node carries half the mass of either link beside it
-            mass, node_radius = density * 0.5 * (length + lengths[i + 1]), float(node_radii[i])
-        else:
-            mass, node_radius = p.light_mass - s.mass_compensation * string_mass, None
+    turns = np.diff(chain.directions, prepend=0.0)
+    for i, (turn, length, mass) in enumerate(zip(turns, lengths, masses[1:], strict=True)):
+        node_radius = float(node_radii[i]) if i < last else None
         child = f"link{i}"
         rows += [_link(child, mass=mass, at=length, inertia=s.relative_inertia * mass * length**2, node_radius=node_radius)]
         rows += [_joint("continuous", parent, child, x=x, y=y, turn=turn, axis="0 0 1")]

@@ -1,4 +1,4 @@
-"""The rig of the Featherstone chain: one multibody whose links stay as they are at release."""
+"""The rig of the Featherstone chain: one multibody, whose links may be joined away from the rod."""
 
 from __future__ import annotations
 
@@ -9,8 +9,15 @@ import tempfile
 import numpy as np
 
 from looping_pendulum.engines.chain import MASS_FRACTION
-from looping_pendulum.engines.pybullet.chain_model import PybulletChainSettings, ReleasedChain, chain_at_release, chain_urdf
-from looping_pendulum.engines.pybullet.links import contact_friction, typical_wrap_angle
+from looping_pendulum.engines.pybullet.chain_model import (
+    PybulletChainSettings,
+    ReleasedChain,
+    body_masses,
+    chain_at_release,
+    chain_urdf,
+)
+from looping_pendulum.engines.pybullet.joining import Joining, with_nodes, with_rigid_links
+from looping_pendulum.engines.pybullet.links import ChainState, contact_friction, typical_wrap_angle
 from looping_pendulum.engines.pybullet.multibody import MultibodyRig, free_joints, set_joints
 from looping_pendulum.engines.pybullet.world import LongestStep, World
 from looping_pendulum.errors import EngineError
@@ -29,18 +36,62 @@ Contacts are less stable than the chain: at fractions up to 0.54 ten_to_one halt
 
 
 class PybulletChainRig(MultibodyRig):
-    """The apparatus with a string of links, in one multibody."""
+    """The apparatus with a string of links in one multibody, which another one replaces when links are joined or split."""
 
     def __init__(self, parameters: Parameters, settings: PybulletChainSettings) -> None:
-        p = parameters
-        chain = chain_at_release(p, settings)
-        world = World(p, settings)
-        super().__init__(p, world, longest_step(p, chain) if settings.divided_step else None)
-        rod_radius = float(chain.node_circles.min()) - settings.node_radius
+        p, s = parameters, settings
+        chain = chain_at_release(p, s)
+        world = World(p, s)
+        super().__init__(p, world, longest_step(p, chain) if s.divided_step else None)
+        self._settings = s
+        self._rod_radius = float(chain.node_circles.min()) - s.node_radius
         # PyBullet multiplies both coefficients: with 1 here, each node carries that of its contact
-        world.add_rod(rod_radius, 1.0)
-        node_radii = chain.node_circles - rod_radius
-        self._body = _load(world, chain_urdf(p, settings, chain, node_radii))
+        world.add_rod(self._rod_radius, 1.0)
+        self._node_radii = chain.node_circles - self._rod_radius
+        wrap_angle, law = typical_wrap_angle(p), p.coefficients["kinetic_friction"]
+        self._friction = [
+            # Friction acts where a node touches the rod, tension at the node: their lever arms differ by the node's radius.
+            (contact_friction(law, bend, wrap_angle) if s.polygon else law) * circle / self._rod_radius
+            for bend, circle in zip(chain.bends.tolist(), chain.node_circles.tolist(), strict=True)
+        ]
+        self._arc = np.concatenate([[0.0], np.cumsum(chain.lengths)])
+        self._last_length = float(chain.lengths[-1])
+        self._joining = Joining(chain, (s.joined_hanging_links, s.joined_free_links), s.unjoined_links, p.rod_radius)
+        self._joins = max(s.joined_hanging_links, s.joined_free_links) > 1
+        nodes = self._joining.nodes
+        if self._joins and self._joining.update(chain.positions.tolist()):
+            # At release the straight parts are straight and move as rigid links do
+            self._create_multibody(with_nodes(chain, nodes, self._joining.nodes, self._arc))
+        else:
+            self._create_multibody(chain)
+
+    def advance(self) -> None:
+        """Advance by one sample interval with the effects' forces, and join or split the links that are due."""
+        super().advance()
+        # Meanwhile the string moves by a fraction of the links that stay short beyond the rod
+        if self._joins:
+            self._update_links()
+
+    def _update_links(self) -> None:
+        """Replace the multibody by one with other nodes, if any are due."""
+        nodes, chain = self._joining.nodes, self._chain()
+        if not self._joining.update(chain.positions.tolist()):
+            return
+        kept = self._joining.nodes
+        updated = with_nodes(chain, nodes, kept, self._arc)
+        if not set(nodes) <= set(kept):
+            masses = body_masses(self._parameters, self._settings, updated.lengths, self._last_length)
+            updated = with_rigid_links(updated, masses, held=self._held)
+        # PyBullet cannot add a link to a multibody, so another one takes its place
+        self._world.api.removeBody(self._body, physicsClientId=self._world.client)
+        self._create_multibody(updated)
+
+    def _create_multibody(self, chain: ChainState) -> None:
+        """Create the multibody of the nodes that exist, which are where ``chain`` says."""
+        p, s, world = self._parameters, self._settings, self._world
+        inner = [i - 1 for i in self._joining.nodes[1:-1]]
+        masses = body_masses(p, s, chain.lengths, self._last_length)
+        self._body = _load(world, chain_urdf(p, s, chain, masses, self._node_radii[inner]))
         links = len(chain.lengths)
         joints = links + (not self._held)
         joint_count = world.api.getNumJoints(self._body, physicsClientId=world.client)
@@ -48,12 +99,9 @@ class PybulletChainRig(MultibodyRig):
         if joint_count != joints:
             raise EngineError(f"pybullet:chain: {joints} joints were given, PyBullet took {joint_count}")
         self._ends = (joints - 1, 0)
-        free_joints(world, self._body, joints, motors=settings.joint_motors)
-        wrap_angle, law = typical_wrap_angle(p), p.coefficients["kinetic_friction"]
-        for i, (bend, circle) in enumerate(zip(chain.bends.tolist(), chain.node_circles.tolist(), strict=True)):
-            friction = contact_friction(law, bend, wrap_angle) if settings.polygon else law
-            # Friction acts where a node touches the rod, tension at the node: their lever arms differ by the node's radius.
-            world.set_friction(self._body, joints - links + i, friction * circle / rod_radius)
+        free_joints(world, self._body, joints, motors=s.joint_motors)
+        for joint, i in enumerate(inner, start=joints - links):
+            world.set_friction(self._body, joint, self._friction[i])
         if chain.velocities.any():
             set_joints(world, self._body, chain, np.zeros(links), sliding=not self._held)
 

@@ -51,6 +51,20 @@ class MultibodyRig(SteppedRig):
         positions = [*(row[0][:2] for row in reversed(rows)), (self._parameters.rod_radius, heavy_y)]
         return self._slip.read(positions, list(map(math.dist, positions[:-1], positions[1:])))
 
+    def _chain(self) -> ChainState:
+        """Return positions and velocities of the masses and nodes."""
+        api, client = self._world.api, self._world.client
+        joints = range(self._ends[0] + 1)
+        rows = api.getLinkStates(self._body, joints, 1, 1, physicsClientId=client)
+        positions, velocities = np.array([row[0][:2] for row in rows]), np.array([row[6][:2] for row in rows])
+        if self._held:
+            p = self._parameters
+            positions, velocities = (
+                np.vstack([(p.rod_radius, -p.hanging_length), positions]),
+                np.vstack([(0.0, 0.0), velocities]),
+            )
+        return ChainState(positions=positions, velocities=velocities)
+
     def read_motion(self) -> tuple[float, float, float, float, float]:
         """Return the light mass's position [m] and velocity [m/s] and the heavy mass's upward velocity [m/s]."""
         # 1, 1: with velocities, and positions computed anew; PyBullet otherwise gives those of the step before

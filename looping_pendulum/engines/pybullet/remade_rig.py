@@ -56,20 +56,6 @@ class RemadeRig(MultibodyRig):
         p = self._parameters
         return [(p.rod_radius, -p.hanging_length), *positions] if self._held else positions
 
-    def _chain(self) -> ChainState:
-        """Return positions and velocities of the masses and nodes."""
-        api, client = self._world.api, self._world.client
-        joints = range(self._ends[0] + 1)
-        rows = api.getLinkStates(self._body, joints, 1, 1, physicsClientId=client)
-        positions, velocities = np.array([row[0][:2] for row in rows]), np.array([row[6][:2] for row in rows])
-        if self._held:
-            p = self._parameters
-            positions, velocities = (
-                np.vstack([(p.rod_radius, -p.hanging_length), positions]),
-                np.vstack([(0.0, 0.0), velocities]),
-            )
-        return ChainState(positions=positions, velocities=velocities)
-
     def _create_multibody(self, chain: ChainState) -> None:
         """Create the multibody: base, heavy mass on a vertical slide (unless held), links, light mass at the last one's end."""
         api, client, p, s = self._world.api, self._world.client, self._parameters, self._settings
