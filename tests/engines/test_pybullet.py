@@ -151,7 +151,9 @@ def test_pushed_chain_turns_about_its_tangent_point_and_slides_as_the_reference_
     joints = range(pybullet.getNumJoints(rig._body, physicsClientId=rig._world.client))
     rows = pybullet.getLinkStates(rig._body, joints, 1, 1, physicsClientId=rig._world.client)
     node_velocities = np.array([row[6][:2] for row in rows])
-    assert np.abs(node_velocities - chain.velocities).max() <= 2 * cut + 1e-9
+    # Away from the rod links are joined, and only some of the nodes exist
+    expected = chain.velocities[rig._joining.nodes]
+    assert np.abs(node_velocities - expected).max() <= 2 * cut + 1e-9
 
 
 def test_links_too_long_for_the_rod_are_refused() -> None:

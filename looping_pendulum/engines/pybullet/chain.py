@@ -36,7 +36,14 @@ SETTINGS = {
     # 1 s instead of 1.9 and its drop at the halt 8 mm short instead of 1, in each of two releases a nanoradian apart. With
     # that margin, links of 6.25 mm and steps of 25 us halt ten_to_one 52 ms late.
     Profile.QUICK: PybulletChainSettings(
-        time_step=2e-5, link_length=5e-3, outer_link_length=8e-3, solver_iterations=40, force_interval=1
+        time_step=2e-5,
+        link_length=5e-3,
+        outer_link_length=8e-3,
+        solver_iterations=36,
+        force_interval=1,
+        neighbour_margin=2e-3,
+        joined_hanging_links=8,
+        joined_free_links=2,
     ),
     # With PyBullet's margin of 20 mm the same run costs 1.6 times as much. At 0.7 s ten_to_one is 3.4 mm off; 1.8 mm with that
     # margin, 1.5 and 2 mm with the start moved by 0.01 deg or 0.1 mm, 6.5, 1.8 and 6.8 mm with steps of 12.5, 8 and 5 us: what
