@@ -58,12 +58,25 @@ def with_correlated_noise(fit: Fit) -> Fit:
     fit = _within_prior_bounds(fit)
     noises: Noises = {}
     for _ in range(ROUNDS):
-        white = [_white(data_with_noise_of_residuals(_without_correlated_noise(fit), k)) for k in range(len(fit.problem.data))]
+        white = _data_with_white_noise(fit)
         noises = _Likelihood(fit, white).estimate(noises)
         fit = minimise(fit.problem.with_data([with_noises(d, noises) for d in white]), fit.x)
         if not noises:
             break
     return fit
+
+
+def data_with_most_likely_noise(fit: Fit) -> list[TrialData]:
+    """Return the data with the correlated noise that makes a fit's residuals most likely, though there be no evidence for it."""
+    white = _data_with_white_noise(fit)
+    noises = _Likelihood(fit, white).estimate({}, evidence_needed=False)
+    return [with_noises(d, noises) for d in white]
+
+
+def _data_with_white_noise(fit: Fit) -> list[TrialData]:
+    """Return the data with the noise of a fit's residuals as if it were white."""
+    bare = _without_correlated_noise(fit)
+    return [_white(data_with_noise_of_residuals(bare, k)) for k in range(len(fit.problem.data))]
 
 
 def _within_prior_bounds(fit: Fit) -> Fit:
@@ -174,8 +187,11 @@ class _Likelihood:
             start += len(d.sigma)
         self._tracks = {body: _joined(parts) for body, parts in tracks.items() if parts}
 
-    def estimate(self, start: Noises) -> dict[str, CorrelatedNoise]:
-        """Return the noise of each body for which there is evidence; ``start``: what is known of it, empty: nothing."""
+    def estimate(self, start: Noises, *, evidence_needed: bool = True) -> dict[str, CorrelatedNoise]:
+        """Return the noise of each body; ``start``: what is known of it, empty: nothing.
+
+        Where evidence is needed, a body keeps its noise only if that lowers the Bayesian information criterion.
+        """
         noises = dict(start)
         parts = {body: tracks.normal_matrix(noises.get(body)) for body, tracks in self._tracks.items()}
         # What is taken for the noise of one body depends on that of the other, which the model ties to it
@@ -188,7 +204,7 @@ class _Likelihood:
                 parts[body] = tracks.normal_matrix(None)
                 white_cost = self._cost(parts)
                 noise, cost = self._best(body, parts, float(np.median(sigma)), before)
-                if white_cost - cost > 2 * math.log(len(sigma)):
+                if white_cost - cost > (2 * math.log(len(sigma)) if evidence_needed else 0.0):
                     noises[body], parts[body] = noise, tracks.normal_matrix(noise)
         return self._with_shared(noises, parts)
 

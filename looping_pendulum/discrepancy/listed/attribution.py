@@ -12,7 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
-from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of, with_correlated_noise
+from looping_pendulum.discrepancy.fit.correlated_noise_fit import (
+    data_with_most_likely_noise,
+    noises_of,
+    with_correlated_noise,
+)
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate
@@ -133,6 +137,17 @@ def with_own_noise(base: Fit, r: Refit) -> Refit:
     fit = with_correlated_noise(r.fit)
     delta_bic = base.minus_twice_log_likelihood - fit.minus_twice_log_likelihood - bic_penalty(r.candidate, base)
     return dataclasses.replace(r, fit=fit, delta_bic=delta_bic)
+
+
+def delta_bic_beside_wander(base: Fit, fit: Fit, candidate: Candidate) -> float:
+    """Return the delta BIC of a candidate if errors of neighbouring points are correlated as much as its residuals can be.
+
+    A tracker that wanders too little for evidence leaves a pattern that one of many candidates may fit. Both models get the
+    noise that makes the residuals of the fit *with* the candidate most likely, so that it does not stand for the effect.
+    """
+    data = data_with_most_likely_noise(fit)
+    without = minimise(base.problem.with_data(data), base.x)
+    return delta_bic_of(candidate, without, minimise(fit.problem.with_data(data), fit.x))
 
 
 def refits(
