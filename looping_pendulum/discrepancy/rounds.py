@@ -83,8 +83,8 @@ class Rounds:
         """The declared model, calibrated; None until then."""
         self.accepted_models: tuple[CandidateModel, ...] = ()
         """Accepted explanations, the best first; all are within the margin of the best, so more than one are tied."""
-        self.scales: dict[str, float] = {}
-        """Candidate's name -> change of its value that changes the prediction as `screening.SCALE_SIZE` says."""
+        self.screened: dict[str, ScreenedCandidate] = {}
+        """Candidate's name -> its latest screening."""
         self.white_rounds: dict[int, tuple[CandidateModel, list[Refit], dict[str, CandidateModel]]] = {}
         """Rounds with white noise, by their index: the model before, its refits, and those of them that were tested."""
         self.correlated_base: CandidateModel | None = None
@@ -211,12 +211,13 @@ class Rounds:
         added_names = {c.name for c in added}
         costly = {k for c in added if c.needs_compilation for k in (c.name, *(k.name for k in c.companions))}
         library = [c for c in self.inputs.library if c.name not in added_names]
-        rough = screen(fit, library, tuple(costly), self.workers, self.scales)
-        self.scales |= {s.candidate.name: s.scale for s in rough}
+        scales = {name: s.scale for name, s in self.screened.items()}
+        rough = screen(fit, library, tuple(costly), self.workers, scales)
+        self.screened |= {s.candidate.name: s for s in rough}
         if not costly:
             return tuple(rough)
         best = [s.candidate for s in rough[:MAX_RESCREENED] if abs(s.score) > MIN_REFIT_SCORE]
-        exact = screen(fit, best, workers=self.workers, known_scales=self.scales)
+        exact = screen(fit, best, workers=self.workers, known_scales=scales | {s.candidate.name: s.scale for s in rough})
         rescreened = {s.candidate.name for s in exact}
         both = [*exact, *(s for s in rough if s.candidate.name not in rescreened)]
         return tuple(sorted(both, key=lambda s: -abs(s.score)))
@@ -224,16 +225,20 @@ class Rounds:
     def without(self, model: CandidateModel, dropped: Candidate) -> CandidateModel:
         """Return a model without one of its added effects, fitted to the same data, to which others can be added."""
         others = tuple(c for c in model.added if c is not dropped)
+        fit = self.fit_without(model, dropped)
+        remaining = tuple(s for s in self.screen_candidates(fit, others) if s.candidate is not dropped)
+        return CandidateModel(
+            fit=fit, added=others, tests=model.tests, held_out=model.held_out, screening=_returning(remaining)
+        )
+
+    def fit_without(self, model: CandidateModel, dropped: Candidate) -> Fit:
+        """Return the fit of a model without one of its added effects to the same data."""
         dropped_names = {dropped.name, *(c.name for c in dropped.companions)}
         kept = [i for i, n in enumerate(model.fit.problem.names) if n not in dropped_names]
         parameters = [model.fit.problem.free_parameters[i] for i in kept]
         problem = Problem(self.inputs.study, model.fit.problem.data, parameters)
         # Without what held its phase a long swing is far from its minimum, so that it is fitted in growing windows again
-        fit = calibrate(problem, model.fit.x[kept]) if problem.is_swing else minimise(problem, model.fit.x[kept])
-        remaining = tuple(s for s in self.screen_candidates(fit, others) if s.candidate is not dropped)
-        return CandidateModel(
-            fit=fit, added=others, tests=model.tests, held_out=model.held_out, screening=_returning(remaining)
-        )
+        return calibrate(problem, model.fit.x[kept]) if problem.is_swing else minimise(problem, model.fit.x[kept])
 
     def record(self, current: CandidateModel, refits: Sequence[Refit], judged: dict[str, CandidateModel]) -> None:
         """Record a round."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +42,8 @@ LOG_TOLERANCE, COST_TOLERANCE = 0.03, 0.1
 """Relative accuracy of both, which the data determine to some 20 %, and accuracy of -2 ln L."""
 PASSES = 2
 """Number of turns in which the noise of each body is estimated beside that of the others."""
+PARAMETERS = 2
+"""Numbers that describe the correlated noise of a body: amplitude and correlation time."""
 ROUNDS = 2
 """Number of turns in which the noise is estimated and the model is fitted; after two they agree."""
 
@@ -66,10 +68,10 @@ def with_correlated_noise(fit: Fit) -> Fit:
     return fit
 
 
-def data_with_most_likely_noise(fit: Fit) -> list[TrialData]:
-    """Return the data with the correlated noise that makes a fit's residuals most likely, though there be no evidence for it."""
+def data_with_possible_wander(fit: Fit) -> list[TrialData]:
+    """Return the data with the correlated noise that Akaike's criterion keeps: less evidence is enough."""
     white = _data_with_white_noise(fit)
-    noises = _Likelihood(fit, white).estimate({}, evidence_needed=False)
+    noises = _Likelihood(fit, white).estimate({}, lambda count: 2 * PARAMETERS)
     return [with_noises(d, noises) for d in white]
 
 
@@ -187,10 +189,17 @@ class _Likelihood:
             start += len(d.sigma)
         self._tracks = {body: _joined(parts) for body, parts in tracks.items() if parts}
 
-    def estimate(self, start: Noises, *, evidence_needed: bool = True) -> dict[str, CorrelatedNoise]:
-        """Return the noise of each body; ``start``: what is known of it, empty: nothing.
+    def estimate(
+        self, start: Noises, penalty: Callable[[int], float] = lambda count: PARAMETERS * math.log(count)
+    ) -> dict[str, CorrelatedNoise]:
+        """Return the noise of each body that lowers -2 ln L by more than its penalty.
 
-        Where evidence is needed, a body keeps its noise only if that lowers the Bayesian information criterion.
+        Parameters
+        ----------
+        start
+            What is known of it; empty: nothing.
+        penalty
+            Number of a body's values -> what they cost; by default by the Bayesian information criterion.
         """
         noises = dict(start)
         parts = {body: tracks.normal_matrix(noises.get(body)) for body, tracks in self._tracks.items()}
@@ -204,7 +213,7 @@ class _Likelihood:
                 parts[body] = tracks.normal_matrix(None)
                 white_cost = self._cost(parts)
                 noise, cost = self._best(body, parts, float(np.median(sigma)), before)
-                if white_cost - cost > (2 * math.log(len(sigma)) if evidence_needed else 0.0):
+                if white_cost - cost > penalty(len(sigma)):
                     noises[body], parts[body] = noise, tracks.normal_matrix(noise)
         return self._with_shared(noises, parts)
 
