@@ -4,8 +4,8 @@ Layout: ``schema`` {id, version}, then the fields of `result.Identification` by 
 radians; null for what is not known or not finite. Fields marked `compare=False` (arrays for figures) are left out. Version 3
 renamed fields of version 2 without a change of meaning; `RENAMED` lists them. Version 4 has ``correlated_noise`` and
 ``smallest_visible`` in place of ``remainder`` and of the factor on the errors of a round, which `load` leaves as they are in
-older files. In version 5 an effect's ``interval`` is one of 95 % and may be open (null) on a side; before, its ends were those of
-three standard errors, or the value's bounds.
+older files. In version 5 an effect's ``interval`` is one of 95 % and may be open (null) on a side; before, its ends were those
+of three standard errors, or the value's bounds.
 """
 
 from __future__ import annotations
