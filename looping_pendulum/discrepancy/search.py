@@ -31,6 +31,8 @@ from looping_pendulum.discrepancy.workers import SERIAL, Workers
 
 MAX_EFFECTS = 3
 """Effects that are added at most."""
+MAX_REVISIONS = 4
+"""Largest number of effects that leave or are replaced after one was added."""
 MIN_RIVAL_EVIDENCE = 0.5
 """Smallest twice log Bayes factor of a force that is refitted as a rival of listed effects, as a share of what they explain.
 
@@ -87,7 +89,7 @@ class Search(Rounds):
                 return self.find_rivals_of_several() if added_count else None
             if next_model is None:
                 break
-            current = self.revise(next_model)
+            current = self.revise_until_settled(next_model)
             if current is not next_model and not current.failed_tests:
                 self.accepted_models = (current,)
                 return self.find_rivals_of_several()
@@ -260,6 +262,18 @@ class Search(Rounds):
             for name, m in alike.items()
         ]
         self.record(current, sorted(refits, key=lambda r: -r.delta_bic), alike)
+
+    def revise_until_settled(self, model: CandidateModel) -> CandidateModel:
+        """Revise a model as long as an effect leaves or is replaced, and the model still fails a test.
+
+        Once one wrong effect is replaced by the right one, another may be seen to be wrong, too.
+        """
+        for _ in range(MAX_REVISIONS):
+            revised = self.revise(model)
+            if revised is model or not revised.failed_tests:
+                return revised
+            model = revised
+        return model
 
     def revise(self, model: CandidateModel) -> CandidateModel:
         """Remove or replace an effect that was added before the last, if the later ones have made it useless or second best.

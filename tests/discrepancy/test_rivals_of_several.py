@@ -157,3 +157,14 @@ def test_an_effect_that_another_makes_needless_leaves_again(tmp_path):
     assert len(result.rounds[-2].added_before) == 1
     assert result.rounds[-1].added_before == ()
     assert [(r.name, r.passes) for r in result.rounds[-1].ranking if r.delta_bic is not None] == [("attitude_drag", True)]
+
+
+@pytest.mark.parametrize(("last_passing", "revisions"), [(2, 2), (None, 3)])
+def test_a_model_is_revised_until_it_passes_or_nothing_changes(last_passing, revisions):
+    """One wrong effect that was replaced shows that another is wrong: a side force and a gravity needed two replacements."""
+    models = [SimpleNamespace(failed_tests=() if i == last_passing else ("a pattern is left",)) for i in range(4)]
+
+    def revise(model):
+        return models[min(models.index(model) + 1, 3)]
+
+    assert models.index(Search.revise_until_settled(SimpleNamespace(revise=revise), models[0])) == revisions
