@@ -162,9 +162,6 @@ def test_an_effect_that_another_makes_needless_leaves_again(tmp_path):
 @pytest.mark.parametrize(("last_passing", "revisions"), [(2, 2), (None, 3)])
 def test_a_model_is_revised_until_it_passes_or_nothing_changes(last_passing, revisions):
     """One wrong effect that was replaced shows that another is wrong: a side force and a gravity needed two replacements."""
-    models = [SimpleNamespace(failed_tests=() if i == last_passing else ("a pattern is left",)) for i in range(4)]
-
-    def revise(model):
-        return models[min(models.index(model) + 1, 3)]
-
-    assert models.index(Search.revise_until_settled(SimpleNamespace(revise=revise), models[0])) == revisions
+    models = [SimpleNamespace(number=i, failed_tests=() if i == last_passing else ("a pattern is left",)) for i in range(4)]
+    search = SimpleNamespace(revise=lambda model: models[min(model.number + 1, 3)])
+    assert Search.revise_until_settled(search, models[0]).number == revisions
