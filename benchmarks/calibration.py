@@ -198,12 +198,15 @@ def judgement(verdict: Verdict, explanations: list[set[str]], planted: set[str],
 
 
 def _estimate(effect: IdentifiedEffect, planted: float) -> dict[str, Any]:
+    reach = NORMAL_95 * effect.error
+    low, high = effect.interval or (effect.value - reach, effect.value + reach)
     return {
         "name": effect.name,
         "value": effect.value,
         "error": effect.error,
+        "interval": effect.interval,
         "planted": planted,
-        "within": abs(effect.value - planted) <= NORMAL_95 * effect.error,
+        "within": (low is None or low <= planted) and (high is None or planted <= high),
     }
 
 

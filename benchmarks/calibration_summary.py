@@ -130,7 +130,7 @@ def _shares(pairs: Sequence[Pair]) -> dict[str, Any]:
 
 
 def _coverage(pairs: Iterable[Pair]) -> dict[str, Any]:
-    """Return how often the planted value is within 1.96 stated errors, of all effects that are named or tied."""
+    """Return how often the planted value is within the stated 95 % interval, of all effects that are named or tied."""
     within = [estimate["within"] for _, outcome in pairs for estimate in outcome["estimates"]]
     return proportion(sum(within), len(within))
 
@@ -190,7 +190,7 @@ def print_summary(title: str, result: dict[str, Any]) -> None:
     for size, numbers in sorted(result["single"]["by_size"].items(), key=lambda item: float(item[0])):
         table.add_row(f"effect of {1e3 * float(size):g} mm: named or tied", in_words(numbers["named_or_tied"]))
     table.add_row("single effects: wrong", in_words(result["single"]["all"]["wrong"]))
-    table.add_row("planted value within 1.96 errors", in_words(result["coverage"]))
+    table.add_row("planted value within the stated 95 % interval", in_words(result["coverage"]))
     for kind in ("two", "unlisted"):
         for judgement, share in result[kind].items():
             table.add_row(f"{kind}: {judgement}", in_words(share))

@@ -25,6 +25,8 @@ MAX_EVALUATIONS = 1500
 """Runs of all trials that the fit of all candidates may take; more than it takes to converge in most studies."""
 IMPOSSIBLE_RESIDUAL = 1e3
 """Standardised residual of a model that cannot run."""
+SMALL_STEP = 1e-6
+"""Value of every candidate, in its scale, at which a model with all of them must run: least squares begins off the bounds."""
 MAX_FORWARD_EFFECTS = 3
 """Largest number of effects that forward selection adds, as many as `search.MAX_EFFECTS`."""
 MAX_FORWARD_REFITS = 4
@@ -56,15 +58,20 @@ def _held_out_error(fit: Fit, inputs: Inputs) -> float:
 def all_free(inputs: Inputs) -> Rival:
     """Fit all candidates at once with lmfit, and name those that are more than `MIN_ERRORS` from their null values.
 
-    As `identify` does, it starts at the calibrated declared model, and keeps every parameter within its physical bounds.
+    As `identify` does, it starts at the calibrated declared model, and keeps every parameter within its physical bounds. Of
+    candidates that cannot act together (a rod that turns and a string that stretches) it takes the one with the best score.
     """
     import lmfit
 
     base = _declared_fit(inputs)
     more = {}
     for screened in screen(base, inputs.library):
-        more[screened.candidate.name] = screened.candidate.free_parameter(screened.scale)
-        more |= {c.name: c for c in screened.companions if c.name not in more}
+        new = {screened.candidate.name: screened.candidate.free_parameter(screened.scale)}
+        new |= {c.name: c for c in screened.companions if c.name not in more}
+        together = base.problem.with_parameters(*(more | new).values())
+        inside = np.clip(np.append(base.x, np.full(len(more | new), SMALL_STEP)), together.low, together.high)
+        if together.residuals(inside) is not None:
+            more |= new
     problem = base.problem.with_parameters(*more.values())
     start = np.concatenate([base.x, np.zeros(len(more))])
     parameters = lmfit.Parameters()

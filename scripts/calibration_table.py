@@ -44,7 +44,7 @@ def block(rates: dict[str, Any]) -> str:
     rows = [
         *(_clean_row(kind, s["clean"][kind]) for kind in ("white", "wander", "outliers")),
         f"| one effect: another one is named instead | {share(s['single']['all']['wrong'])} |",
-        f"| planted value within 1.96 stated errors, of named or tied effects | {share(s['coverage'])} |",
+        f"| planted value within the stated 95 % interval, of named or tied effects | {share(s['coverage'])} |",
         f"| two effects: the pair is named or tied | {_named(s['two'])} |",
         f"| two effects: only one of them is named | {share(s['two']['part'])} |",
         f"| unlisted force: the verdict is `unlisted` | {share(s['unlisted']['right'])} |",

@@ -14,7 +14,7 @@ from looping_pendulum.discrepancy.data.study import Study
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of
 from looping_pendulum.discrepancy.fit.event_tests import event_rms_by_unit
-from looping_pendulum.discrepancy.fit.likelihood import likelihood_interval
+from looping_pendulum.discrepancy.fit.likelihood import is_nearly_linear, likelihood_interval
 from looping_pendulum.discrepancy.fit.problem import TrialData
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.held_out import position_slices, rms
@@ -99,13 +99,14 @@ def identification(
 
 def _effects(model: CandidateModel) -> tuple[IdentifiedEffect, ...]:
     values, errors = model.fit.values, model.fit.errors
-    # An effect whose further coefficients are fitted with it is seldom linear in them, so a standard error may mislead.
-    intervals = {c.name: likelihood_interval(model.fit, c.name) for c in model.added if c.companions}
+    # Where the model is far from linear in an effect, a standard error misleads: of static friction that holds all is known
+    # but that it is large enough
+    intervals = {c.name: likelihood_interval(model.fit, c.name) for c in model.added if not is_nearly_linear(model.fit, c.name)}
     return tuple(_identified_effect(c, values, errors, intervals.get(c.name)) for c in model.added)
 
 
 def _identified_effect(
-    c: Candidate, values: Mapping[str, float], errors: Mapping[str, float], interval: tuple[float, float] | None
+    c: Candidate, values: Mapping[str, float], errors: Mapping[str, float], interval: tuple[float | None, float | None] | None
 ) -> IdentifiedEffect:
     return IdentifiedEffect(
         name=c.name,

@@ -59,9 +59,10 @@ class IdentifiedEffect:
     """Fitted value [unit]."""
     error: float
     """Standard error [unit]."""
-    interval: tuple[float, float] | None
-    """Profile-likelihood interval [unit]: at its ends the cost, all else refitted, is larger by nine, as at three standard
-    errors of a linear model. None: the model is nearly linear in the value."""
+    interval: tuple[float | None, float | None] | None
+    """Where the value lies with 95 % probability [unit], by its profile likelihood; an end that is None: the data set no limit
+    on that side. None in its place: the model is nearly linear in the value, so that it is 1.96 standard errors on either side.
+    """
     null_value: float
     """Value at which the effect is absent [unit]."""
     unit: str

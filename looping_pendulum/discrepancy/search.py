@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from functools import cached_property
 
@@ -13,7 +14,7 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import best_of, calibrate_from_random_start, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs
-from looping_pendulum.discrepancy.listed.attribution import delta_bic_of
+from looping_pendulum.discrepancy.listed.attribution import Refit, delta_bic_of, delta_bic_of_likelihoods
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.held_out import (
@@ -30,6 +31,8 @@ from looping_pendulum.discrepancy.workers import SERIAL, Workers
 
 MAX_EFFECTS = 3
 """Effects that are added at most."""
+MAX_REVISIONS = 4
+"""Largest number of effects that leave or are replaced after one was added."""
 MIN_RIVAL_EVIDENCE = 0.5
 """Smallest twice log Bayes factor of a force that is refitted as a rival of listed effects, as a share of what they explain.
 
@@ -86,7 +89,7 @@ class Search(Rounds):
                 return self.find_rivals_of_several() if added_count else None
             if next_model is None:
                 break
-            current = self.revise(next_model)
+            current = self.revise_until_settled(next_model)
             if current is not next_model and not current.failed_tests:
                 self.accepted_models = (current,)
                 return self.find_rivals_of_several()
@@ -186,6 +189,9 @@ class Search(Rounds):
         """
         assert self.declared_model is not None
         self.find_rivals()
+        self.drop_needless_effects()
+        if len(self.accepted_models[0].added) == 1:
+            return
         best, declared = self.accepted_models[0], self.declared_model.fit
         same_noise = best.fit.problem.with_data(declared.problem.data).residuals(best.fit.x)
         explained = declared.cost - float(same_noise @ same_noise) if same_noise is not None else 0.0
@@ -211,6 +217,63 @@ class Search(Rounds):
             judged = self.judge_refits(current, rivals, 0.8)
             self.record(current, refits, judged)
             self.accepted_models += tuple(judged.values())
+
+    def drop_needless_effects(self) -> None:
+        """Replace the accepted models by those with an effect less that explain the data as well, as long as there are any.
+
+        Far from its minimum the fit of a right effect alone may end short of it, and another one is added beside a wrong first.
+        As a rival of that pair, beside what is left of the other, the right effect reaches its value and needs it no more.
+        """
+        while len(self.accepted_models[0].added) > 1:
+            simpler = [m for model in self.accepted_models for m in self.with_an_effect_less(model)]
+            if not simpler:
+                return
+            lowest = min(m.fit.minus_twice_log_likelihood for m in simpler)
+            self.accepted_models = tuple(
+                m
+                for m in sorted(simpler, key=lambda m: m.fit.minus_twice_log_likelihood)
+                if m.fit.minus_twice_log_likelihood <= lowest + MIN_DELTA_BIC_MARGIN
+            )
+            self.record_simpler_models()
+
+    def with_an_effect_less(self, model: CandidateModel) -> list[CandidateModel]:
+        """Return the models without one of the effects of a model, if it explains too little beside the others and all pass."""
+        simpler = []
+        for dropped in model.added:
+            fit = self.fit_without(model, dropped)
+            if delta_bic_of(dropped, fit, model.fit) < MIN_DELTA_BIC:
+                others = tuple(c for c in model.added if c is not dropped)
+                found = self.judge(with_noise_of_residuals(fit, central=True), others)
+                if not found.failed_tests:
+                    simpler.append(found)
+        return simpler
+
+    def record_simpler_models(self) -> None:
+        """Record the accepted models as a round, in which the last effect of each was tried beside its others."""
+        assert self.declared_model is not None
+        best = self.accepted_models[0]
+        current = self.without(best, best.added[-1]) if len(best.added) > 1 else self.declared_model
+        # An effect of a coefficient that is zero there, as attitude drag of no drag at all, changes nothing: its score is zero
+        screened = {name: dataclasses.replace(s, score=0.0) for name, s in self.screened.items()}
+        screened |= {s.candidate.name: s for s in current.remaining}
+        alike = {m.added[-1].name: m for m in self.accepted_models if m.added[:-1] == best.added[:-1]}
+        refits = [
+            Refit(screened=screened[name], fit=m.fit, delta_bic=delta_bic_of_likelihoods(m.added[-1], current.fit, m.fit))
+            for name, m in alike.items()
+        ]
+        self.record(current, sorted(refits, key=lambda r: -r.delta_bic), alike)
+
+    def revise_until_settled(self, model: CandidateModel) -> CandidateModel:
+        """Revise a model as long as an effect leaves or is replaced, and the model still fails a test.
+
+        Once one wrong effect is replaced by the right one, another may be seen to be wrong, too.
+        """
+        for _ in range(MAX_REVISIONS):
+            revised = self.revise(model)
+            if revised is model or not revised.failed_tests:
+                return revised
+            model = revised
+        return model
 
     def revise(self, model: CandidateModel) -> CandidateModel:
         """Remove or replace an effect that was added before the last, if the later ones have made it useless or second best.

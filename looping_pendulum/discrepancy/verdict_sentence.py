@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from looping_pendulum.discrepancy.outlier_summary import outliers_in_words
 from looping_pendulum.discrepancy.result import IdentifiedEffect, Round, Unlisted, Verdict
 from looping_pendulum.discrepancy.trial_results import CorrelatedError, Outliers, TrialError
-from looping_pendulum.pages.numbers import amount, number, quantity, uncertain
+from looping_pendulum.pages.numbers import amount, quantity, uncertain
 
 BODY_IN_WORDS = {"light": "light mass", "heavy": "heavy mass", "angle": "angle", "height": "height"}
 """Body, of `observations.BODIES`, in words."""
@@ -16,12 +16,19 @@ MIN_VISIBLE_SHARE = 0.1
 
 
 def effect_in_words(effect: IdentifiedEffect) -> str:
-    """Return an effect in words: "linear_drag = 0.00120 +/- 0.00003 kg/s"."""
-    text = f"{effect.name} = {uncertain(effect.value, effect.error, effect.unit)}"
+    """Return an effect in words: "linear_drag = 0.00120 +/- 0.00003 kg/s", "static_friction of at least 1.18"."""
     if effect.interval is None:
-        return text
-    low, high = (number(x) for x in effect.interval)
-    return f"{text} (probably {low} to {high})"
+        return f"{effect.name} = {uncertain(effect.value, effect.error, effect.unit)}"
+    low, high = effect.interval
+    value = quantity(effect.value, effect.unit)
+    if low is not None and high is not None:
+        ends = " to ".join(quantity(end, effect.unit, 3) for end in (low, high))
+        return f"{effect.name} = {value} (probably {ends})"
+    if low is not None:
+        return f"{effect.name} of at least {quantity(low, effect.unit, 3)}"
+    if high is not None:
+        return f"{effect.name} of at most {quantity(high, effect.unit, 3)}"
+    return f"{effect.name} = {value} (the data set it no limits)"
 
 
 def verdict_sentence(

@@ -10,6 +10,7 @@ from pathlib import Path
 from looping_pendulum.engines.job import RESULT, SAMPLES, EngineJob, FileRecorder, identity
 from looping_pendulum.engines.result_check import validate_trajectory
 from looping_pendulum.engines.trajectory import RunStatus, Trajectory, from_samples
+from looping_pendulum.errors import HarnessError
 from looping_pendulum.process_start import JOB
 
 
@@ -23,7 +24,8 @@ def main(folder_path: str) -> None:
         # Within the try, as a result that cannot be pickled is a failed run. The parent adds the output, which may still grow.
         result = pickle.dumps(replace(trajectory, output=""))
     except Exception as error:  # foreign code may raise anything; the parent gets it as a failed run
-        traceback.print_exc()
+        if not isinstance(error, HarnessError):  # whose message says what was found and needed
+            traceback.print_exc()
         result = pickle.dumps(_failed_trajectory(job, recorder, error))
     # Renaming is atomic, so the parent never reads half a result.
     partial = folder / "trajectory.part"
@@ -37,6 +39,6 @@ def _failed_trajectory(job: EngineJob, recorder: FileRecorder, error: Exception)
         recorder.rows(),
         parameters=job.scenario.parameters,
         status=RunStatus.FAILED,
-        message=f"{type(error).__name__}: {error}",
+        message=str(error) if isinstance(error, HarnessError) else f"{type(error).__name__}: {error}",
         **identity(job.engine, job.scenario),
     )

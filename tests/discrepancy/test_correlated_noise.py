@@ -7,15 +7,20 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.blind_sample import draw, write_files
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate, minimise
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
-from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of, with_correlated_noise
+from looping_pendulum.discrepancy.fit.correlated_noise_fit import (
+    noises_of,
+    with_correlated_noise,
+)
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.result import Verdict
 from tests.blind.cases import CASES, CLEAN
@@ -103,6 +108,31 @@ def test_white_noise_stays_white(tmp_path):
     inputs = read_inputs(load(write_study(tmp_path, CLEAN, 2, trials=TWO_RATIOS)))
     fit = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
     assert not noises_of(with_correlated_noise(fit))
+
+
+def test_a_tracker_that_wanders_too_little_to_be_noticed_is_no_effect(tmp_path):
+    """By white noise alone a foreshortening had a delta BIC of 15, though nothing was hidden."""
+    study = draw("rates", "clean", 65, seed=5)[64]
+    assert (study.noise_kind, study.trials) == ("wander", 1)
+    with only_candidates(["foreshortening", "perspective_x"]):
+        result = identify(load(write_files(study, tmp_path)), workers=1)
+    assert result.verdict is Verdict.NO_MISSING_EFFECT
+    (refused,) = [r for r in result.rounds[0].ranking if r.name == "foreshortening"]
+    assert refused.delta_bic > MIN_DELTA_BIC
+    assert refused.reason == "a tracker that wanders a little explains about as much"
+
+
+def test_a_right_effect_of_little_evidence_stays(tmp_path):
+    """A wrong scale that moves the light mass by a millimetre: a delta BIC of 25, hardly less beside a wandering tracker."""
+    study = draw("rates", "single", 6, seed=5)[5]
+    assert (study.hidden, study.noise_kind) == (("scale",), "white")
+    with only_candidates(["scale"]):
+        result = identify(load(write_files(study, tmp_path)), workers=1)
+    assert result.names == ("scale",)
+    (tried,) = [r for r in result.rounds[0].ranking if r.name == "scale"]
+    (beside,) = [t for t in tried.tests if t.statistic == "delta BIC"]
+    assert beside.passes
+    assert beside.value > 0.8 * tried.delta_bic
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN
 from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.teaching.example_folder import write_example
 from scripts.make_example_trials import HIDDEN
+from tests.discrepancy.blind_study import only_candidates
 
 COUNT = 1000
 LISTED = HeldOutTest(names=("a", "b"), chi2=(1.0,), counts=(COUNT,), limits=(1.1,), rms=(1e-3,))
@@ -33,11 +34,11 @@ def search_with(force, residual=0.0):
         return (SimpleNamespace(held_out=force),) if force else ()
 
     problem = SimpleNamespace(with_data=lambda data: SimpleNamespace(residuals=lambda x: np.full(3, residual)))
-    accepted = SimpleNamespace(held_out=LISTED, fit=SimpleNamespace(problem=problem, x=None))
+    accepted = SimpleNamespace(added=("a", "b"), held_out=LISTED, fit=SimpleNamespace(problem=problem, x=None))
     declared = SimpleNamespace(fit=SimpleNamespace(cost=300.0, problem=SimpleNamespace(data=())))
     search = SimpleNamespace(
         accepted_models=(accepted,), declared_model=declared, forces=(), find_rivals=lambda: None,
-        find_unlisted_forces=find_unlisted_forces, asked=asked,
+        drop_needless_effects=lambda: None, find_unlisted_forces=find_unlisted_forces, asked=asked,
     )  # fmt: skip
     Search.find_rivals_of_several(search)
     return search
@@ -143,3 +144,24 @@ def test_two_listed_effects_do_not_stand_for_an_unlisted_force(tmp_path, index, 
     assert result.verdict is verdict
     assert result.unlisted.acts_on.startswith("light mass")
     assert ("which is not listed" in result.sentence) == (verdict is Verdict.AMBIGUOUS)
+
+
+def test_an_effect_that_another_makes_needless_leaves_again(tmp_path):
+    """A fit of the attitude drag alone never left its start, where the drag that it multiplies was zero: two were added."""
+    study = draw("rates", "single", 8, seed=5)[7]
+    assert study.hidden == ("attitude_drag",)
+    with only_candidates(["light_inertia", "side_force", "attitude_drag"]):
+        result = identify(load(write_files(study, tmp_path)), workers=1)
+    assert result.verdict is Verdict.IDENTIFIED
+    assert result.names == ("attitude_drag",)
+    assert len(result.rounds[-2].added_before) == 1
+    assert result.rounds[-1].added_before == ()
+    assert [(r.name, r.passes) for r in result.rounds[-1].ranking if r.delta_bic is not None] == [("attitude_drag", True)]
+
+
+@pytest.mark.parametrize(("last_passing", "revisions"), [(2, 2), (None, 3)])
+def test_a_model_is_revised_until_it_passes_or_nothing_changes(last_passing, revisions):
+    """One wrong effect that was replaced shows that another is wrong: a side force and a gravity needed two replacements."""
+    models = [SimpleNamespace(number=i, failed_tests=() if i == last_passing else ("a pattern is left",)) for i in range(4)]
+    search = SimpleNamespace(revise=lambda model: models[min(model.number + 1, 3)])
+    assert Search.revise_until_settled(search, models[0]).number == revisions

@@ -98,7 +98,7 @@ def test_every_new_name_is_a_field_of_today():
         ("{", "verdict.json: Expecting property name"),
         ("[]", "schema: found 'None', needed the id 'looping-pendulum/identification'"),
         ('{"schema": {"id": "looping-pendulum/result", "version": 3}}', "needed the id 'looping-pendulum/identification'"),
-        ('{"schema": {"id": "looping-pendulum/identification", "version": 5}}', "found version '5', needed 2 to 4"),
+        ('{"schema": {"id": "looping-pendulum/identification", "version": 6}}', "found version '6', needed 2 to 5"),
     ],
 )
 def test_what_is_no_verdict_file_is_refused(text, message):

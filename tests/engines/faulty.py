@@ -14,6 +14,7 @@ import numpy as np
 
 from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Abilities, Profile, SteppedEngine
 from looping_pendulum.engines.reference import SUPPLIES
+from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.parameters import Release
 
 FAULT_AT = 0.02
@@ -74,6 +75,8 @@ class FaultyRig:
         self.time += SAMPLE_INTERVAL
         if self.time < FAULT_AT:
             return
+        if self.fault == "gives_up":
+            raise EngineError("found a wrap of 181 deg, needed at most 180")
         if self.fault == "segfault":
             ctypes.string_at(0)
         if self.fault == "exit":

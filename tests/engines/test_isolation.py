@@ -41,6 +41,7 @@ FAULTS = {
     "stretches": (RunStatus.STRING_DRIFT, KEPT + 1, ""),  # the sample that shows the stretched string is kept too
     "flies_off": (RunStatus.OUT_OF_REACH, KEPT, ""),
     "raises": (RunStatus.FAILED, 0, "ValueError: no rod today"),
+    "gives_up": (RunStatus.FAILED, KEPT, "^found a wrap"),
     "prints": (RunStatus.FINISHED, 51, ""),
     "prints_from_c": (RunStatus.FINISHED, 51, ""),
     "returns_nan": (RunStatus.NOT_FINITE, 51, ""),
@@ -108,6 +109,10 @@ def test_a_fault_is_reported_as_what_it_was_and_earlier_samples_stay(at_once, fa
 
 def test_an_exception_leaves_its_traceback(at_once):
     assert "Traceback" in at_once["raises"].output
+
+
+def test_an_adapter_that_says_why_it_gives_up_leaves_that_line_alone(at_once):
+    assert at_once["gives_up"].output == ""
 
 
 def test_what_an_engine_prints_is_kept_apart(at_once, capfd):

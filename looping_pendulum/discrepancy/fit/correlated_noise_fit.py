@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +42,8 @@ LOG_TOLERANCE, COST_TOLERANCE = 0.03, 0.1
 """Relative accuracy of both, which the data determine to some 20 %, and accuracy of -2 ln L."""
 PASSES = 2
 """Number of turns in which the noise of each body is estimated beside that of the others."""
+PARAMETERS = 2
+"""Numbers that describe the correlated noise of a body: amplitude and correlation time."""
 ROUNDS = 2
 """Number of turns in which the noise is estimated and the model is fitted; after two they agree."""
 
@@ -58,12 +60,25 @@ def with_correlated_noise(fit: Fit) -> Fit:
     fit = _within_prior_bounds(fit)
     noises: Noises = {}
     for _ in range(ROUNDS):
-        white = [_white(data_with_noise_of_residuals(_without_correlated_noise(fit), k)) for k in range(len(fit.problem.data))]
+        white = _data_with_white_noise(fit)
         noises = _Likelihood(fit, white).estimate(noises)
         fit = minimise(fit.problem.with_data([with_noises(d, noises) for d in white]), fit.x)
         if not noises:
             break
     return fit
+
+
+def data_with_possible_wander(fit: Fit) -> list[TrialData]:
+    """Return the data with the correlated noise that Akaike's criterion keeps: less evidence is enough."""
+    white = _data_with_white_noise(fit)
+    noises = _Likelihood(fit, white).estimate({}, lambda count: 2 * PARAMETERS)
+    return [with_noises(d, noises) for d in white]
+
+
+def _data_with_white_noise(fit: Fit) -> list[TrialData]:
+    """Return the data with the noise of a fit's residuals as if it were white."""
+    bare = _without_correlated_noise(fit)
+    return [_white(data_with_noise_of_residuals(bare, k)) for k in range(len(fit.problem.data))]
 
 
 def _within_prior_bounds(fit: Fit) -> Fit:
@@ -174,8 +189,18 @@ class _Likelihood:
             start += len(d.sigma)
         self._tracks = {body: _joined(parts) for body, parts in tracks.items() if parts}
 
-    def estimate(self, start: Noises) -> dict[str, CorrelatedNoise]:
-        """Return the noise of each body for which there is evidence; ``start``: what is known of it, empty: nothing."""
+    def estimate(
+        self, start: Noises, penalty: Callable[[int], float] = lambda count: PARAMETERS * math.log(count)
+    ) -> dict[str, CorrelatedNoise]:
+        """Return the noise of each body that lowers -2 ln L by more than its penalty.
+
+        Parameters
+        ----------
+        start
+            What is known of it; empty: nothing.
+        penalty
+            Number of a body's values -> what they cost; by default by the Bayesian information criterion.
+        """
         noises = dict(start)
         parts = {body: tracks.normal_matrix(noises.get(body)) for body, tracks in self._tracks.items()}
         # What is taken for the noise of one body depends on that of the other, which the model ties to it
@@ -188,7 +213,7 @@ class _Likelihood:
                 parts[body] = tracks.normal_matrix(None)
                 white_cost = self._cost(parts)
                 noise, cost = self._best(body, parts, float(np.median(sigma)), before)
-                if white_cost - cost > 2 * math.log(len(sigma)):
+                if white_cost - cost > penalty(len(sigma)):
                     noises[body], parts[body] = noise, tracks.normal_matrix(noise)
         return self._with_shared(noises, parts)
 

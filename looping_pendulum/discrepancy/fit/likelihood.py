@@ -14,10 +14,14 @@ import numpy as np
 from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
 
-COST_RISE_3_SIGMA = 9.0
-"""Rise of the cost at three standard errors, if the model is linear."""
-MAX_SIGMA_STEPS = 12
-"""Largest number of steps of one standard error in which an end of the interval is looked for."""
+COST_RISE_95 = 3.841
+"""Rise of the cost at the ends of a 95 % interval: that quantile of chi-square for one parameter (Wilks 1938)."""
+MAX_STEPS = 12
+"""Largest number of steps in which an end of the interval is looked for: the first is a standard error."""
+MIN_RISE_OF_STEP = 0.25
+"""Rise of the cost's root in a step below which the next one is twice as long."""
+MAX_RISE_RATIO = 1.25
+"""Largest ratio of the cost's rise to that of a linear model, or its inverse, with which a standard error is good enough."""
 
 
 def cost_rise(fit: Fit, name: str, value: float) -> float:
@@ -34,28 +38,48 @@ def cost_rise(fit: Fit, name: str, value: float) -> float:
     return conditional.cost - fit.cost
 
 
-def likelihood_interval(fit: Fit, name: str, max_rise: float = COST_RISE_3_SIGMA) -> tuple[float, float]:
+def likelihood_interval(fit: Fit, name: str, max_rise: float = COST_RISE_95) -> tuple[float | None, float | None]:
     """Return the values [SI] between which the cost rises by at most ``max_rise``, all other parameters refitted.
 
-    A side on which it rises less ends at the parameter's bound, or after `MAX_SIGMA_STEPS` standard errors.
+    None: on that side it rises less up to the parameter's bound, or after `MAX_STEPS` steps, so that the data set no limit.
     """
     return _interval_end(fit, name, -1, max_rise), _interval_end(fit, name, 1, max_rise)
 
 
-def _interval_end(fit: Fit, name: str, side: int, max_rise: float) -> float:
-    """Return the end of the interval on one side (-1: below, 1: above) of the fitted value [SI]."""
+def is_nearly_linear(fit: Fit, name: str) -> bool:
+    """Return whether the cost rises at either end of a parameter's linear 95 % interval about as if the model were linear.
+
+    The other parameters follow as the fit's covariance says, so that it takes two runs and no refit.
+    """
+    i = fit.problem.names.index(name)
+    step = math.sqrt(COST_RISE_95) * fit.covariance[i] / math.sqrt(max(fit.covariance[i, i], 1e-300))
+    for side in (-1, 1):
+        x = fit.x + side * step
+        if np.any((x < fit.problem.low) | (x > fit.problem.high)):
+            return False
+        residuals = fit.problem.residuals(x)
+        rise = math.inf if residuals is None else float(residuals @ residuals) - fit.cost
+        if not COST_RISE_95 / MAX_RISE_RATIO <= rise <= COST_RISE_95 * MAX_RISE_RATIO:
+            return False
+    return True
+
+
+def _interval_end(fit: Fit, name: str, side: int, max_rise: float) -> float | None:
+    """Return the end of the interval on one side (-1: below, 1: above) of the fitted value [SI]; None: there is none."""
     low, high = fit.problem.free_parameters[fit.problem.names.index(name)].bounds
-    conditional, here, before = fit, fit.values[name], 0.0
-    for _ in range(MAX_SIGMA_STEPS):
-        value = min(max(here + side * fit.errors[name], low), high)
+    conditional, here, before, step = fit, fit.values[name], 0.0, side * fit.errors[name]
+    for _ in range(MAX_STEPS):
+        value = min(max(here + step, low), high)
         conditional = _refit_with_fixed_value(fit, conditional, name, value)
         z = math.sqrt(max(conditional.cost - fit.cost, 0.0))
         if z >= math.sqrt(max_rise):  # the root of the rise is nearly linear in the value
             return here + (value - here) * (math.sqrt(max_rise) - before) / (z - before)
         if value in (low, high):
-            return value
+            return None
+        if z - before < MIN_RISE_OF_STEP:
+            step *= 2
         here, before = value, z
-    return here
+    return None
 
 
 def _refit_with_fixed_value(fit: Fit, start: Fit, name: str, value: float) -> Fit:

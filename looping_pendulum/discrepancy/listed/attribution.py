@@ -12,7 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
-from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of, with_correlated_noise
+from looping_pendulum.discrepancy.fit.correlated_noise_fit import (
+    data_with_possible_wander,
+    noises_of,
+    with_correlated_noise,
+)
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate
@@ -120,6 +124,11 @@ def delta_bic_of(candidate: Candidate, without: Fit, fit: Fit) -> float:
     return without.cost - fit.cost - bic_penalty(candidate, without)
 
 
+def delta_bic_of_likelihoods(candidate: Candidate, without: Fit, fit: Fit) -> float:
+    """Return the delta BIC of a candidate by fits without and with it, each with a noise of its own."""
+    return without.minus_twice_log_likelihood - fit.minus_twice_log_likelihood - bic_penalty(candidate, without)
+
+
 def bic_penalty(candidate: Candidate, fit: Fit) -> float:
     """Return what the Bayesian information criterion adds for the parameters of a candidate: ln n for each."""
     return (1 + len(candidate.companions)) * math.log(fit.problem.count)
@@ -131,8 +140,18 @@ def with_own_noise(base: Fit, r: Refit) -> Refit:
     Under the noise of ``base``, which may stand for much of what the candidate explains, its refit would gain too little.
     """
     fit = with_correlated_noise(r.fit)
-    delta_bic = base.minus_twice_log_likelihood - fit.minus_twice_log_likelihood - bic_penalty(r.candidate, base)
-    return dataclasses.replace(r, fit=fit, delta_bic=delta_bic)
+    return dataclasses.replace(r, fit=fit, delta_bic=delta_bic_of_likelihoods(r.candidate, base, fit))
+
+
+def delta_bic_beside_wander(base: Fit, fit: Fit, candidate: Candidate) -> float:
+    """Return the delta BIC of a candidate if errors of neighbouring points are correlated as much as its residuals can be.
+
+    A tracker that wanders too little for evidence leaves a pattern that one of many candidates may fit. Both models get the
+    noise that makes the residuals of the fit *with* the candidate most likely, so that it does not stand for the effect.
+    """
+    data = data_with_possible_wander(fit)
+    without = minimise(base.problem.with_data(data), base.x)
+    return delta_bic_of(candidate, without, minimise(fit.problem.with_data(data), fit.x))
 
 
 def refits(

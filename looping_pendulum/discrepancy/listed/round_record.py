@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from looping_pendulum.discrepancy.fit.model_test import ModelTest
 from looping_pendulum.discrepancy.listed.attribution import Refit
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.result import RankedCandidate, Round
@@ -16,6 +17,19 @@ clean studies every effect stays below it (docs/data/calibration.json).
 """
 MIN_DELTA_BIC_MARGIN = 10.0
 """Delta BIC by which an effect must exceed the next candidate's; in trials on blind data all wrong winners were nearer."""
+
+
+def wander_test(delta_bic: float) -> ModelTest:
+    """Test the delta BIC that an effect has left beside errors of the points that last longer than a frame."""
+    return ModelTest(
+        subject="the effect, beside errors of the tracked points that last longer than a frame",
+        statistic="delta BIC",
+        value=delta_bic,
+        limit=MIN_DELTA_BIC,
+        limit_is_lower=True,
+        passes=delta_bic >= MIN_DELTA_BIC,
+        failure="a tracker that wanders a little explains about as much",
+    )
 
 
 def _passes(r: Refit, model: CandidateModel | None) -> bool:
