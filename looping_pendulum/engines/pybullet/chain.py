@@ -2,7 +2,8 @@
 
 A Featherstone multibody cannot stretch: a fixed base carries the heavy mass on a vertical slide, and from it one hinge after
 another leads along the string to the light mass. Each link has a small contact sphere at its end, a *node*. The rod is a static
-sphere: it has the rod's section in the plane of motion, and sphere on sphere is Bullet's one exact contact.
+sphere: it has the rod's section in the plane of motion, and sphere on sphere is Bullet's one exact contact. With the quick
+profile several links away from the rod are joined to one (`joining`).
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from looping_pendulum.engines.pybullet.studies import (
     world_defaults,
 )
 from looping_pendulum.engines.pybullet.variant import COULOMB_AT_NODES, ONE_COEFFICIENT, PybulletVariant
-from looping_pendulum.engines.studies import Ladder, Studies, ladder
+from looping_pendulum.engines.studies import AdapterChoice, Ladder, Studies, ladder
 from looping_pendulum.engines.trajectory import Supplier, Supplies, Supply
 from looping_pendulum.engines.validated import shipped_range
 from looping_pendulum.pages.numbers import quantity
@@ -30,11 +31,11 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
 SETTINGS = {
-    # At 20 us steps 20 iterations do not hold the heavy mass at its halt: it slips back by 0.4 mm first, and halts 18 ms late.
-    # With forces updated every 5 steps two_to_one halts 19 ms late instead of 6: the halt scatters with anything.
-    # A margin of 0.2 mm saves 14 to 22 % and does ten_to_one no harm (0.98, 9.4, 14.0 mm), but two_to_one is then 4.5 mm off at
-    # 1 s instead of 1.9 and its drop at the halt 8 mm short instead of 1, in each of two releases a nanoradian apart. With
-    # that margin, links of 6.25 mm and steps of 25 us halt ten_to_one 52 ms late.
+    # With 40 iterations, PyBullet's margin and no links joined, ten_to_one takes 2.3 times the CPU time. RMS at 0.35, 0.7 and
+    # 1 s, those settings against these: ten_to_one 0.85, 10, 17 mm against 0.5 to 0.7, 7 to 9, 13 to 16 mm in three releases
+    # within 0.05 deg; two_to_one 1.3, 1.7, 1.9 mm against 1.5, 2.5, 2.4 mm; two_and_a_half_to_one at 0.7 s 0.4 mm, and 0.5 to
+    # 1.3 mm if moved by hundredths of a degree, against 1.1 to 1.4 mm. In two_to_one the heavy mass halted 26 to 32 ms late; of
+    # five releases within 6 nanoradians it now halts in four, 0 to 38 ms late, and in one it never does.
     Profile.QUICK: PybulletChainSettings(
         time_step=2e-5,
         link_length=5e-3,
@@ -62,14 +63,23 @@ LINK_LENGTHS = (6e-3, 5.5e-3, 5e-3, 4.5e-3)
 """Link lengths of the ladder [m]; shorter ones do not fit `MAX_JOINTS` in the ten-to-one trial, and would be lengthened."""
 
 RIPPLE_LIMIT = "links of several millimetres are long for a thin rod: the string's speed over it ripples as nodes pass"
+TWO_TO_ONE_LIMIT = (
+    "quick: whether two_to_one comes to rest is chance; of five releases within 6 nanoradians one never did, and the others "
+    "halted 0 to 38 ms late"
+)
 NO_STRETCH_LIMIT = "reduced coordinates cannot stretch: the string stretch is 0 by construction, not a measurement"
 
+WINDING = (
+    "contact of the links' end spheres with a static sphere of the rod's section; quick: the adapter joins and splits links on "
+    "the straight parts only"
+)
+
 _ABILITIES = Abilities(
-    quick_cost=35.0,
+    quick_cost=13.0,
     releases=frozenset(Release),
     effect_kinds=FORCES_AND_RELEASE,
     supplies=Supplies(
-        winding=Supply(by=Supplier.ENGINE, how="contact of the links' end spheres with a static sphere of the rod's section"),
+        winding=Supply(by=Supplier.ENGINE, how=WINDING),
         friction_law=Supply(by=Supplier.ENGINE, how=COULOMB_AT_NODES),
         stick_slip=Supply(by=Supplier.ENGINE, how="Coulomb contact"),
         drag=APPLIED_DRAG,
@@ -83,7 +93,7 @@ _ABILITIES = Abilities(
         "a link that winds on must not be longer than the rod is thick: quick (8 mm links) refuses rods below 4 mm of radius",
         "explicit steps: where the rod holds back more than at ten_to_one the step is divided",
         RIPPLE_LIMIT,
-        "forces updated every 5 steps instead of every one move the halt of two_to_one: its figures are one draw each",
+        TWO_TO_ONE_LIMIT,
         NO_STRETCH_LIMIT,
     ),
     additions=(
@@ -91,6 +101,8 @@ _ABILITIES = Abilities(
         f"from which {100 * MASS_FRACTION * MASS_COMPENSATION:g} % is taken off",
         "a contact coefficient and radius solved from the capstan law for the chain's corners: a little of that law is fed in",
         *measured_additions("pybullet:chain"),
+        "quick: which links away from the rod are one, and when; when links that left the rod are joined, velocities change "
+        "as in a plastic collision",
         "in how many parts a step is taken, from the largest T2 - T1 of the reference's run, solved beforehand",
         "the wrap angle over which that coefficient is right on average: the release's, and a quarter turn for what follows",
     ),
@@ -118,7 +130,7 @@ class PybulletChain(PybulletVariant):
             ),
             defaults=(*world_defaults(with_settings, s), *multibody_defaults(with_settings, s)),
             choices=(
-                *(c for c in common_choices(with_settings, s) if c.engine.settings != s),
+                *(c for c in (*common_choices(with_settings, s), self._unjoined()) if c.engine.settings != s),
                 choice(
                     "links below the rod",
                     quantity(s.hanging_link_length, "m", 3),
@@ -130,6 +142,12 @@ class PybulletChain(PybulletVariant):
                 ),
             ),
         )
+
+    def _unjoined(self) -> AdapterChoice:
+        s = self.settings
+        ours = f"joined by {s.joined_hanging_links} below the rod, by {s.joined_free_links} beyond it"
+        separate = self.with_settings(joined_hanging_links=1, joined_free_links=1)
+        return choice("links away from the rod", ours, "separate", separate)
 
     def _link_ladder(self) -> Ladder:
         ours = self.settings.link_length

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from looping_pendulum.engines.chain import MASS_COMPENSATION, MASS_FRACTION
 from looping_pendulum.engines.protocol import Profile
-from looping_pendulum.engines.pybullet.chain import PybulletChain
+from looping_pendulum.engines.pybullet.chain import TWO_TO_ONE_LIMIT, PybulletChain
 from looping_pendulum.engines.pybullet.chain_model import PybulletChainSettings
 from looping_pendulum.engines.pybullet.settings import (
     DEFAULT_DAMPING,
@@ -72,7 +72,7 @@ class PybulletDefaults(PybulletChain):
         known_failures=_KNOWN_FAILURES,
         summary="The same multibody with PyBullet's defaults: damping, joint motors, speed clamp, a cylinder as rod.",
         limits=(
-            *PybulletChain.abilities.limits,
+            *(limit for limit in PybulletChain.abilities.limits if limit != TWO_TO_ONE_LIMIT),
             "PyBullet's own step of 1/240 s is run at 1 ms, where samples fall",
         ),
     )

@@ -1,7 +1,7 @@
 """PyBullet: the multibody of links is created anew whenever a node reaches or leaves the rod, so that it has fewer links.
 
-Only links on the rod have nodes; each straight part of the string is one long link. It costs less than `chain`, whose links
-stay as they are at release, and is not as good: the adapter chooses when a node is added or removed, and the masses feel it.
+Only links on the rod have nodes; each straight part of the string is one long link, where `chain` keeps short ones near the
+rod. It is not as good: the adapter chooses when a node is added or removed, and the masses feel it.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ SETTINGS = {
 
 _ABILITIES = replace(
     PybulletChain.abilities,
+    quick_cost=15.0,
     supplies=replace(
         PybulletChain.abilities.supplies,
         winding=Supply(
