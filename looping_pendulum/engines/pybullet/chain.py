@@ -76,7 +76,7 @@ WINDING = (
 )
 
 _ABILITIES = Abilities(
-    quick_cost=13.0,
+    quick_cost=10.0,
     releases=frozenset(Release),
     effect_kinds=FORCES_AND_RELEASE,
     supplies=Supplies(
