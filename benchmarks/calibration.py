@@ -35,8 +35,6 @@ from looping_pendulum.files import write_atomically
 from looping_pendulum.versions import MISSING, installed_version
 
 RESULT = Path(__file__).parents[1] / "docs" / "data" / "calibration.json"
-NORMAL_95 = 1.96
-"""Standard errors that contain 95 % of a normal distribution, on either side."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -194,8 +192,7 @@ def judgement(verdict: Verdict, explanations: list[set[str]], planted: set[str],
 
 
 def _estimate(effect: IdentifiedEffect, planted: float) -> dict[str, Any]:
-    reach = NORMAL_95 * effect.error
-    low, high = effect.interval or (effect.value - reach, effect.value + reach)
+    low, high = effect.interval_95
     return {
         "name": effect.name,
         "value": effect.value,
