@@ -12,6 +12,7 @@ from scipy.stats import binomtest
 
 from benchmarks.blind_sample import NOISE_KINDS, BlindStudy
 from benchmarks.resumable import Outcome
+from tests.discrepancy.expected import PLANTED_LAWS
 
 CONFIDENCE = 0.95
 VISIBILITY = {"below 0.5": 0.5, "0.5 to 1": 1.0, "1 to 2": 2.0, "above 2": math.inf}
@@ -59,15 +60,32 @@ def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
         "two_by_visibility": _by_visibility(of_kind["two"]),
         "unlisted": _shares(of_kind["unlisted"]),
         "unlisted_by_size": _power(of_kind["unlisted"], lambda pair: f"{pair[0].size:g}"),
-        "unlisted_law": proportion(
-            sum(bool(o["law"] and o["law"]["as_planted"]) for _, o in of_kind["unlisted"]), len(of_kind["unlisted"])
-        ),
+        "unlisted_law": _laws_as_planted(of_kind["unlisted"]),
+        "unlisted_law_of_found": _laws_as_planted([(s, o) for s, o in of_kind["unlisted"] if o["judgement"] == "right"]),
         "held_out_error_of_named": _quantiles(
             [o["held_out_error"] for s, o in judged if s.kind != "clean" and o["judgement"] in NAMED], TIME_QUANTILES
         ),
         "cpu_seconds": _quantiles([o["cpu_seconds"] for _, o in judged], TIME_QUANTILES),
         "statistics": _statistics([o["statistics"] for _, o in of_kind["clean"] if "statistics" in o]),
     }
+
+
+def body_of(target: str) -> str:
+    """Return the body of a target such as "light mass, across the string"."""
+    return target.partition(",")[0]
+
+
+def _laws_as_planted(pairs: Sequence[Pair]) -> dict[str, Any]:
+    """Return how often a force that was found acts on the right body, or on the string, as a function of the right coordinate.
+
+    The direction in which it acts on a body is left out.
+    """
+    as_planted = 0
+    for study, outcome in pairs:
+        if law := outcome["law"]:
+            acts_on, depends_on = PLANTED_LAWS[study.hidden[0]]
+            as_planted += body_of(law["acts_on"]) == body_of(acts_on) and law["depends_on"] == depends_on
+    return proportion(as_planted, len(pairs))
 
 
 def _clean(pairs: Sequence[Pair]) -> dict[str, Any]:
@@ -195,6 +213,7 @@ def print_summary(title: str, result: dict[str, Any]) -> None:
         for judgement, share in result[kind].items():
             table.add_row(f"{kind}: {judgement}", in_words(share))
     table.add_row("unlisted: body and coordinate as planted", in_words(result["unlisted_law"]))
+    table.add_row("unlisted, of those called so: body and coordinate as planted", in_words(result["unlisted_law_of_found"]))
     for name, seconds in result["cpu_seconds"].items():
         table.add_row(f"CPU seconds, {'largest' if name == 'largest' else 'quantile ' + name}", f"{seconds:.1f}")
     for name in ("unreachable", "failed"):

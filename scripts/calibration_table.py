@@ -49,6 +49,7 @@ def block(rates: dict[str, Any]) -> str:
         f"| two effects: only one of them is named | {share(s['two']['part'])} |",
         f"| unlisted force: the verdict is `unlisted` | {share(s['unlisted']['right'])} |",
         f"| unlisted force: what it acts on and depends on is as planted | {share(s['unlisted_law'])} |",
+        f"| the same, of those with the verdict `unlisted` | {share(s['unlisted_law_of_found'])} |",
         f"| unlisted force: a listed effect is named instead | {share(s['unlisted']['wrong'])} |",
     ]
     columns = ("named", "named_or_tied", "wrong")

@@ -81,7 +81,7 @@ def test_summary_of_made_up_outcomes():
 def test_pairs_are_counted_by_visibility_and_unlisted_forces_by_size():
     two = [dataclasses.replace(s, hidden=("wind", "push"), size=8e-3) for s in draw("rates", "two", 3, 0)]
     unlisted = [dataclasses.replace(s, hidden=("magnet",), size=16e-3) for s in draw("rates", "unlisted", 2, 0)]
-    law = {"as_planted": True}
+    law = {"acts_on": "light mass, away from a point", "depends_on": "distance"}
     outcomes = [
         outcome("right", visibility=4.0),
         outcome("part", visibility=3.0),
@@ -98,11 +98,22 @@ def test_pairs_are_counted_by_visibility_and_unlisted_forces_by_size():
     assert (sizes["named"]["count"], sizes["wrong"]["count"], sizes["named"]["of"]) == (1, 1, 2)
 
 
-def test_a_law_is_as_planted_if_body_and_coordinate_are():
-    force = SimpleNamespace(acts_on="heavy mass", depends_on="hanging_length")
-    assert law_of(force, "brake") == {"acts_on": "heavy mass", "depends_on": "hanging_length", "as_planted": True}
-    assert not law_of(force, "magnet")["as_planted"]
-    assert law_of(None, "brake") is None
+@pytest.mark.parametrize(
+    ("hidden", "acts_on", "depends_on", "right"),
+    [
+        ("brake", "heavy mass", "hanging_length", True),
+        ("brake", "light mass, along the string", "hanging_length", False),
+        ("brake", "heavy mass", "time", False),
+        ("thrust", "light mass, across the string", "time", True),
+    ],
+)
+def test_a_law_is_as_planted_if_body_and_coordinate_are(hidden, acts_on, depends_on, right):
+    """Whatever the direction in which it acts."""
+    force = SimpleNamespace(acts_on=acts_on, depends_on=depends_on)
+    study = dataclasses.replace(draw("rates", "unlisted", 1, 0)[0], hidden=(hidden,))
+    result = summary([(study, outcome("right", law=law_of(force))), (study, outcome("none", law=law_of(None)))])
+    assert (result["unlisted_law"]["count"], result["unlisted_law"]["of"]) == (right, 2)
+    assert (result["unlisted_law_of_found"]["count"], result["unlisted_law_of_found"]["of"]) == (right, 1)
 
 
 def test_visibility_is_that_of_the_effect_that_hides_best():

@@ -42,6 +42,10 @@ class Verdict(StrEnum):
     """The search was ended by Ctrl-C or by its time limit."""
 
 
+NORMAL_95 = 1.96
+"""Standard errors that contain 95 % of a normal distribution, on either side."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class IdentifiedEffect:
     """One effect that the declared model lacks or has wrong, with its fitted value."""
@@ -68,6 +72,12 @@ class IdentifiedEffect:
     unit: str
     companions: tuple[tuple[str, float, float], ...]
     """Further coefficients that were fitted with the effect: name, value, standard error [SI]."""
+
+    @property
+    def interval_95(self) -> tuple[float | None, float | None]:
+        """Return where the value lies with 95 % probability [unit]; None: the data set no limit on that side."""
+        reach = NORMAL_95 * self.error
+        return self.interval or (self.value - reach, self.value + reach)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -57,7 +57,7 @@ BIC of 1100; its refit had 2520.
 MAX_WEAK_DELTA_BIC = 50.0
 """Delta BIC up to which an effect is tested beside a tracker that wanders too little to be noticed.
 
-In clean studies of such trackers effects reached 19 under white noise, and 9 beside the wandering.
+In clean studies of such trackers effects reached 18 under white noise, and 8 beside the wandering.
 """
 MAX_RESCREENED = 5
 """Candidates that are screened again with all added effects in the model, which costs compilations."""

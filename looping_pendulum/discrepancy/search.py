@@ -225,15 +225,13 @@ class Search(Rounds):
         As a rival of that pair, beside what is left of the other, the right effect reaches its value and needs it no more.
         """
         while len(self.accepted_models[0].added) > 1:
-            simpler = [m for model in self.accepted_models for m in self.with_an_effect_less(model)]
-            if not simpler:
+            # The same effects may be left of several models
+            left = {frozenset(m.names): m for model in self.accepted_models for m in self.with_an_effect_less(model)}
+            if not left:
                 return
-            lowest = min(m.fit.minus_twice_log_likelihood for m in simpler)
-            self.accepted_models = tuple(
-                m
-                for m in sorted(simpler, key=lambda m: m.fit.minus_twice_log_likelihood)
-                if m.fit.minus_twice_log_likelihood <= lowest + MIN_DELTA_BIC_MARGIN
-            )
+            simpler = sorted(left.values(), key=lambda m: m.fit.minus_twice_log_likelihood)
+            limit = simpler[0].fit.minus_twice_log_likelihood + MIN_DELTA_BIC_MARGIN
+            self.accepted_models = tuple(m for m in simpler if m.fit.minus_twice_log_likelihood <= limit)
             self.record_simpler_models()
 
     def with_an_effect_less(self, model: CandidateModel) -> list[CandidateModel]:
