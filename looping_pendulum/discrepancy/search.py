@@ -109,7 +109,17 @@ class Search(Rounds):
             self.beside_forces = best_single.added if self.forces else ()
         elif self.forces:
             self.find_listed_rivals()
+            if not self.accepted_models and best_single is not None and self.predicts_as_well(best_single):
+                self.accepted_models = (best_single,)
         return bool(self.forces)
+
+    def predicts_as_well(self, model: CandidateModel) -> bool:
+        """Return whether a listed effect that failed a test of its residuals predicts held-out data as well as the force found.
+
+        Of thousands of right effects some fail such a test by chance, and a force, which can take any form, never looks worse.
+        """
+        force = self.forces[0].held_out
+        return model.held_out.passes and not predicts_better(model.held_out, force, LIKELIHOOD_MARGIN)
 
     def find_listed_rivals(self) -> None:
         """Find one or two listed effects that explain the data as well as an unlisted force.

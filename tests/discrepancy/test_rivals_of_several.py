@@ -165,3 +165,10 @@ def test_a_model_is_revised_until_it_passes_or_nothing_changes(last_passing, rev
     models = [SimpleNamespace(number=i, failed_tests=() if i == last_passing else ("a pattern is left",)) for i in range(4)]
     search = SimpleNamespace(revise=lambda model: models[min(model.number + 1, 3)])
     assert Search.revise_until_settled(search, models[0]).number == revisions
+
+
+@pytest.mark.parametrize(("force_ahead", "as_well"), [(LIKELIHOOD_MARGIN - 1, True), (LIKELIHOOD_MARGIN + 1, False)])
+def test_a_listed_effect_that_predicts_as_well_as_a_force_is_named_beside_it(force_ahead, as_well):
+    """A push of 50 mm, with a delta BIC of 1190, failed the runs test by chance, and a force took its place."""
+    search = SimpleNamespace(forces=(SimpleNamespace(held_out=predicts(force_ahead)),))
+    assert Search.predicts_as_well(search, SimpleNamespace(held_out=LISTED)) is as_well
