@@ -39,7 +39,8 @@ def without_rates(text: str) -> str:
 def block(rates: dict[str, Any]) -> str:
     """Return the sentence and the tables of one set of studies."""
     s = rates["summary"]
-    few = "" if s["studies"] >= PLANNED else f" of {PLANNED} that are planned: too few for rates, as the intervals say"
+    few = "" if s["studies"] >= PLANNED else f" of {PLANNED} that are planned"
+    few += ": too few for rates, as the intervals say" if s["studies"] < PLANNED / 2 else ""
     median, largest = (amount(s["cpu_seconds"][key]) for key in ("0.5", "largest"))
     rows = [
         *(_clean_row(kind, s["clean"][kind]) for kind in ("white", "wander", "outliers")),
