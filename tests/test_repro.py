@@ -38,6 +38,7 @@ WITHOUT_SCRIPT = {
     ("mujoco", "tolerance"): "moves nothing in the study",
     ("pymunk", "collision_bias"): "a rate as good as another: moves the path to 0.35 s by 0.03 mm",
     ("pymunk", "warm start"): "not a setting that pymunk offers",
+    ("pybullet", "contactBreakingThreshold"): "changes the order of the solver's sweep, in which no value is exact",
     ("drake", "discrete_contact_approximation"): "moves the path to 0.35 s by 2.7 mm, but breaks no closed form that we know",
     ("drake", "point_stiffness"): "a choice between sinking in and bouncing, in which no value is exact",
     ("drake", "hunt_crossley_dissipation"): "a choice between bouncing and braking, in which no value is exact",
