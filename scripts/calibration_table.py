@@ -11,13 +11,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.rival_methods import METHODS
 from looping_pendulum.pages.numbers import amount
 
 PAGE = "docs/identify.md"
 DATA = Path(__file__).parents[1] / "docs" / "data"
 BEGIN, END = "<!-- measured rates: python -m scripts.docs_numbers -->", "<!-- end of the measured rates -->"
 BLOCK = re.compile(rf"{re.escape(BEGIN)}\n.*?{re.escape(END)}", re.DOTALL)
-SET = "rates"
+NOT_ASKED = "not asked for"
+"""Reason that the benchmark stores for a method that was left out on purpose."""
+SET, SLOW_SET = "rates", "all_free"
+"""Keys of the stored results; the second one has few studies, for a method that takes more than a minute each."""
 PLANNED = 800
 """Studies of the whole measurement: the benchmark's defaults."""
 
@@ -26,8 +30,9 @@ def with_current_rates(text: str) -> str:
     """Return a page's text with the block between its markers written again from the stored data."""
     rates = json.loads((DATA / "calibration.json").read_text(encoding="utf-8"))[SET]
     rivals_file = DATA / "rivals.json"
-    rivals = json.loads(rivals_file.read_text(encoding="utf-8")).get(SET) if rivals_file.exists() else None
-    parts = [block(rates), *([rivals_block(rivals)] if rivals else [])]
+    rivals = json.loads(rivals_file.read_text(encoding="utf-8")) if rivals_file.exists() else {}
+    parts = [block(rates), *([rivals_block(rivals[SET])] if SET in rivals else [])]
+    parts += [slow_rival(rivals[SLOW_SET])] if SLOW_SET in rivals else []
     return BLOCK.sub(lambda _: "\n".join([BEGIN, *parts, END]), text)
 
 
@@ -140,8 +145,11 @@ def rivals_block(rivals: dict[str, Any]) -> str:
     for method, r in rivals["methods"].items():
         held_out, seconds = ("-" if r[k] is None else amount(r[k]) for k in ("held_out_error", "cpu_seconds"))
         shares = " | ".join(share(r["single"][j]) for j in ("right", "tied", "wrong"))
-        rows.append(f"| {method} | {shares} | {share(r['clean']['wrong'])} | {held_out} | {seconds} |")
-    not_run = "".join(f"\n- Not run: {method}: {reason}." for method, reason in rivals["not_run"].items())
+        name = METHODS[method].title if method in METHODS else f"`{method}`"
+        rows.append(f"| {name} | {shares} | {share(r['clean']['wrong'])} | {held_out} | {seconds} |")
+    not_run = "".join(
+        f"\n- Not run: {method}: {reason}." for method, reason in rivals["not_run"].items() if reason != NOT_ASKED
+    )
     return f"""Other methods on {rivals["studies"]} of these studies (`{rivals["command"]}`); `identify` loses
 {len(rivals["losses_of_identify"])} that another one judges right. The held-out error is the median, in units of the noise.
 
@@ -149,4 +157,13 @@ def rivals_block(rivals: dict[str, Any]) -> str:
 |---|---|---|---|---|---|---|
 {chr(10).join(rows)}
 {not_run}
+"""
+
+
+def slow_rival(few: dict[str, Any]) -> str:
+    """Return what the fit of all candidates did on its few studies."""
+    r = few["methods"]["all_free"]
+    seconds = amount(r["cpu_seconds"])
+    return f"""The fit of all candidates at once takes {seconds} s, so that it judged {few["studies"]} studies only
+(`{few["command"]}`): something was missing in {r["detected"]["of"]}, and it said so in {r["detected"]["count"]}.
 """
