@@ -25,6 +25,8 @@ MAX_EVALUATIONS = 1500
 """Runs of all trials that the fit of all candidates may take; more than it takes to converge in most studies."""
 IMPOSSIBLE_RESIDUAL = 1e3
 """Standardised residual of a model that cannot run."""
+NOT_ASKED = "not asked for"
+"""Why a method was not run that was left out on purpose."""
 SMALL_STEP = 1e-6
 """Value of every candidate, in its scale, at which a model with all of them must run: least squares begins off the bounds."""
 MAX_FORWARD_EFFECTS = 3

@@ -23,7 +23,7 @@ from benchmarks import calibration
 from benchmarks.blind_sample import KINDS, BlindStudy, planted_values, write_files
 from benchmarks.calibration_summary import in_words, proportion
 from benchmarks.resumable import Outcome, run
-from benchmarks.rival_methods import METHODS, Rival
+from benchmarks.rival_methods import METHODS, NOT_ASKED, Rival
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.errors import HarnessError
@@ -55,7 +55,7 @@ def benchmark(options: argparse.Namespace) -> None:
     installed = [name for name, m in METHODS.items() if not m.package or find_spec(m.package)]
     runnable = [name for name in installed if name in (options.method or METHODS)]
     not_run = {
-        m.title: "not asked for" if name in installed else f"{m.package} is missing: {install_command('-e', '.[benchmark]')}"
+        m.title: NOT_ASKED if name in installed else f"{m.package} is missing: {install_command('-e', '.[benchmark]')}"
         for name, m in METHODS.items()
         if name not in runnable
     }

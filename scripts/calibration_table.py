@@ -11,15 +11,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.rival_methods import METHODS
+from benchmarks.rival_methods import METHODS, NOT_ASKED
 from looping_pendulum.pages.numbers import amount
 
 PAGE = "docs/identify.md"
 DATA = Path(__file__).parents[1] / "docs" / "data"
 BEGIN, END = "<!-- measured rates: python -m scripts.docs_numbers -->", "<!-- end of the measured rates -->"
 BLOCK = re.compile(rf"{re.escape(BEGIN)}\n.*?{re.escape(END)}", re.DOTALL)
-NOT_ASKED = "not asked for"
-"""Reason that the benchmark stores for a method that was left out on purpose."""
 SET, SLOW_SET = "rates", "all_free"
 """Keys of the stored results; the second one has few studies, for a method that takes more than a minute each."""
 PLANNED = 800

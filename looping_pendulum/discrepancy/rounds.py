@@ -202,6 +202,11 @@ class Rounds:
             other_tests=other_tests,
         )
 
+    @property
+    def scales(self) -> dict[str, float]:
+        """Candidate's name -> change of its value that changes the prediction as `screening.SCALE_SIZE` says."""
+        return {name: s.scale for name, s in self.screened.items()}
+
     def screen_candidates(self, fit: Fit, added: tuple[Candidate, ...]) -> tuple[ScreenedCandidate, ...]:
         """Screen the candidates that could still be added, best first.
 
@@ -211,13 +216,12 @@ class Rounds:
         added_names = {c.name for c in added}
         costly = {k for c in added if c.needs_compilation for k in (c.name, *(k.name for k in c.companions))}
         library = [c for c in self.inputs.library if c.name not in added_names]
-        scales = {name: s.scale for name, s in self.screened.items()}
-        rough = screen(fit, library, tuple(costly), self.workers, scales)
+        rough = screen(fit, library, tuple(costly), self.workers, self.scales)
         self.screened |= {s.candidate.name: s for s in rough}
         if not costly:
             return tuple(rough)
         best = [s.candidate for s in rough[:MAX_RESCREENED] if abs(s.score) > MIN_REFIT_SCORE]
-        exact = screen(fit, best, workers=self.workers, known_scales=scales | {s.candidate.name: s.scale for s in rough})
+        exact = screen(fit, best, workers=self.workers, known_scales=self.scales)
         rescreened = {s.candidate.name for s in exact}
         both = [*exact, *(s for s in rough if s.candidate.name not in rescreened)]
         return tuple(sorted(both, key=lambda s: -abs(s.score)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from looping_pendulum.discrepancy.outlier_summary import outliers_in_words
 from looping_pendulum.discrepancy.result import IdentifiedEffect, Round, Unlisted, Verdict
@@ -20,15 +20,20 @@ def effect_in_words(effect: IdentifiedEffect) -> str:
     if effect.interval is None:
         return f"{effect.name} = {uncertain(effect.value, effect.error, effect.unit)}"
     low, high = effect.interval
+    limits = limits_in_words(low, high, lambda end: quantity(end, effect.unit, 3))
+    if (low is None) != (high is None):
+        return f"{effect.name} of {limits}"
     value = quantity(effect.value, effect.unit)
+    return f"{effect.name} = {value} ({f'probably {limits}' if limits else 'the data set it no limits'})"
+
+
+def limits_in_words(low: float | None, high: float | None, write: Callable[[float], str]) -> str:
+    """Return an interval whose ends ``write`` writes; an end that is None is open. Empty: both are."""
     if low is not None and high is not None:
-        ends = " to ".join(quantity(end, effect.unit, 3) for end in (low, high))
-        return f"{effect.name} = {value} (probably {ends})"
+        return f"{write(low)} to {write(high)}"
     if low is not None:
-        return f"{effect.name} of at least {quantity(low, effect.unit, 3)}"
-    if high is not None:
-        return f"{effect.name} of at most {quantity(high, effect.unit, 3)}"
-    return f"{effect.name} = {value} (the data set it no limits)"
+        return f"at least {write(low)}"
+    return "" if high is None else f"at most {write(high)}"
 
 
 def verdict_sentence(

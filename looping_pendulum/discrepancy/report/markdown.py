@@ -19,6 +19,7 @@ from looping_pendulum.discrepancy.report import (
     visible_report,
 )
 from looping_pendulum.discrepancy.result import FitReport, Identification, IdentifiedEffect, Round, Verdict
+from looping_pendulum.discrepancy.verdict_sentence import limits_in_words
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, quantity, uncertain, unit_in_words
 
 HEADLINES = {
@@ -100,7 +101,8 @@ def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
     ]
     rows = [
         [e.name, e.kind, e.acts_on, ", ".join(e.depends_on) or GAP, f"`{e.formula}`", number(e.value, digits=5),
-         number(e.error, digits=2), _limits(*e.interval_95), number(e.null_value), unit_in_words(e.unit) or GAP]
+         number(e.error, digits=2), limits_in_words(*e.interval_95, number) or GAP, number(e.null_value),
+         unit_in_words(e.unit) or GAP]
         for e in effects
     ]  # fmt: skip
     # Not where it would say that a parameter is itself
@@ -108,15 +110,6 @@ def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
     for e in effects:
         note += "".join(f"\nFitted with {e.name}: {n} = {uncertain(v, s)} [SI].\n" for n, v, s in e.companions)
     return table(head, rows, left=5) + note
-
-
-def _limits(low: float | None, high: float | None) -> str:
-    """Return an interval in words; an end that is None is open."""
-    if low is None and high is None:
-        return GAP
-    if low is None or high is None:
-        return f"at least {number(low)}" if high is None else f"at most {number(high)}"
-    return f"{number(low)} to {number(high)}"
 
 
 def _errors(result: Identification) -> str:
