@@ -1,6 +1,7 @@
-"""When PyBullet's chain divides its steps, and that dividing them takes neither time nor force away."""
+"""How long the steps of PyBullet's chain are, and that other lengths take neither time nor force away."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ from looping_pendulum.engines.protocol import SAMPLE_INTERVAL, Profile
 from looping_pendulum.engines.pybullet.chain import SETTINGS
 from looping_pendulum.engines.pybullet.chain_model import chain_at_release
 from looping_pendulum.engines.pybullet.chain_rig import (
+    HALT_DELAY,
     MAX_WAVE_FRACTION,
     MAX_WAVE_FRACTION_AT_CONTACTS,
     largest_rod_friction,
@@ -21,24 +23,24 @@ from tests.apparatus import TEN_TO_ONE
 QUICK = SETTINGS[Profile.QUICK]
 CHAIN = chain_at_release(TEN_TO_ONE, QUICK)
 DENSITY = 0.01 * TEN_TO_ONE.light_mass / CHAIN.lengths.sum()
-AT_REST = (0.3, 0.1, 0.0, 0.0)
+AT_REST = (0.0, 0.3, 0.1, 0.0, 0.0)
+UNLIMITED = replace(QUICK, time_step=1.0)
 
 
 def test_the_shipped_trial_is_stepped_as_its_settings_say():
     # Oracle: its published figures were measured with that step; dividing it would move them.
-    longest = longest_step(TEN_TO_ONE, CHAIN)
-    assert longest(*AT_REST) > QUICK.time_step
+    longest = longest_step(TEN_TO_ONE, QUICK, CHAIN)
+    assert longest(*AT_REST) == QUICK.time_step
 
 
 def test_what_the_rod_holds_back_bounds_the_step():
     # Oracle: the wave equation, c = sqrt(T / rho); 15:1 at 130 deg holds back 8.9 N and flew apart with steps of 20 us.
     p = TEN_TO_ONE.replace(heavy_mass=0.15, release_angle=math.radians(130))
-    braked = largest_rod_friction(p)
+    braked, _ = largest_rod_friction(p)
     wave = np.sqrt(braked / DENSITY)
-    assert wave * longest_step(p, CHAIN)(*AT_REST) == pytest.approx(
-        MAX_WAVE_FRACTION_AT_CONTACTS * CHAIN.lengths.min(), rel=1e-12
-    )
-    assert QUICK.time_step / 2 < longest_step(p, CHAIN)(*AT_REST) < QUICK.time_step
+    longest = longest_step(p, QUICK, CHAIN)(*AT_REST)
+    assert wave * longest == pytest.approx(MAX_WAVE_FRACTION_AT_CONTACTS * CHAIN.lengths.min(), rel=1e-12)
+    assert QUICK.time_step / 2 < longest < QUICK.time_step
 
 
 def test_without_friction_a_light_mass_that_whips_round_shortens_it():
@@ -46,9 +48,24 @@ def test_without_friction_a_light_mass_that_whips_round_shortens_it():
     p = TEN_TO_ONE.replace(kinetic_friction=0.0, static_friction=0.0)
     length, speed = 0.05, 8.0
     wave = np.sqrt(p.light_mass * (speed**2 / length + 9.81) / DENSITY)
-    longest = longest_step(p, CHAIN)(np.hypot(length, p.rod_radius), 0.0, 0.0, speed)
+    longest = longest_step(p, UNLIMITED, CHAIN)(0.0, np.hypot(length, p.rod_radius), 0.0, 0.0, speed)
     assert wave * longest == pytest.approx(MAX_WAVE_FRACTION * CHAIN.lengths.min(), rel=1e-12)
     assert MAX_WAVE_FRACTION < 1
+
+
+def test_once_the_heavy_mass_hangs_still_friction_is_what_the_tensions_differ_by():
+    # Oracle: the balance of the wound string at rest, |M2 g - T1|, where the light mass passes below the rod at 3 m/s.
+    halting_time = largest_rod_friction(TEN_TO_ONE)[1]
+    moving, still = halting_time + 0.99 * HALT_DELAY, halting_time + 1.01 * HALT_DELAY
+    length, speed = 0.05, 3.0
+    place = (np.hypot(length, TEN_TO_ONE.rod_radius), 0.0, 0.0, speed)
+    friction = abs(TEN_TO_ONE.heavy_mass * 9.81 - TEN_TO_ONE.light_mass * (speed**2 / length + 9.81))
+    longest = longest_step(TEN_TO_ONE, replace(UNLIMITED, lengthening_after_halt=2.0), CHAIN)(still, *place)
+    assert np.sqrt(friction / DENSITY) * longest == pytest.approx(
+        MAX_WAVE_FRACTION_AT_CONTACTS * CHAIN.lengths.min(), rel=1e-12
+    )
+    quick = longest_step(TEN_TO_ONE, QUICK, CHAIN)
+    assert quick(still, *place) == 1.25 * quick(moving, *place) == 1.25 * QUICK.time_step
 
 
 class FakeWorld:
@@ -74,16 +91,29 @@ class FakeWorld:
         self.force = light[1]
 
 
-@pytest.mark.parametrize("parts", [1, 3])
+@pytest.mark.parametrize("factor", [1.0, 1 / 3, 0.4, 1.25])
 @pytest.mark.parametrize("force_interval", [1, 5])
-def test_divided_steps_take_as_long_and_push_as_much(parts, force_interval):
+def test_other_steps_take_as_long_and_push_as_much(factor, force_interval):
     # Oracle: time and impulse of the same motion with steps as they are: a constant drag over one sample.
     world = FakeWorld(2e-5, force_interval)
     p = TEN_TO_ONE.replace(light_drag=1e-3)
-    drive = WorldStepper(world, p, lambda *_: 0.99 * world.settings.time_step / (parts - 1) if parts > 1 else 1.0)
+    drive = WorldStepper(world, p, lambda *_: factor * world.settings.time_step)
     drive.steps(world.steps, world)
     once = FakeWorld(2e-5, 1)
     WorldStepper(once, p).steps(once.steps, once)
-    assert world.step == pytest.approx(2e-5 / parts, rel=1e-12)
+    # A group of steps is divided evenly, none of them longer than is allowed
+    assert world.step == pytest.approx(2e-5 * force_interval / math.ceil(force_interval / factor - 1e-9), rel=1e-12)
     assert world.time == pytest.approx(SAMPLE_INTERVAL, rel=1e-12)
     assert world.impulse == pytest.approx(once.impulse, rel=1e-9) != 0
+
+
+def test_steps_in_other_portions_than_the_forces_are_the_same():
+    # Oracle: the same steps taken at once; the variant `remade` looks at its nodes every few steps.
+    worlds = [FakeWorld(2e-5, 10) for _ in range(2)]
+    p = TEN_TO_ONE.replace(light_drag=1e-3)
+    whole, portions = (WorldStepper(w, p) for w in worlds)
+    whole.steps(48, worlds[0])
+    for _ in range(12):
+        portions.steps(4, worlds[1])
+    assert worlds[0].time == worlds[1].time
+    assert worlds[0].impulse == worlds[1].impulse

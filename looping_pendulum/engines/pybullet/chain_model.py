@@ -46,8 +46,10 @@ class PybulletChainSettings(WorldSettings):
     """Number of links that are joined to one on the light mass's side, until they come near the rod; 1: none are."""
     unjoined_links: float = 3.0
     """Number of links beyond the string on the rod, on either side, that are not joined."""
+    lengthening_after_halt: float = 1.0
+    """Factor by which a step may be longer once the heavy mass hangs still."""
     divided_step: bool = True
-    """Whether to divide the step where a wave on the taut chain would pass too much of a link in it."""
+    """Whether steps are shorter where a wave on the taut chain would pass too much of a link, and longer after the halt."""
 
 
 @dataclass(frozen=True, kw_only=True)

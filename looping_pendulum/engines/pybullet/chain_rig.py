@@ -29,10 +29,12 @@ MAX_WAVE_FRACTION = 0.9
 REFERENCE_SAMPLES = 2000
 """Number of samples of the reference's run, of which the largest friction on the rod is taken."""
 MAX_WAVE_FRACTION_AT_CONTACTS = 0.55
-"""Largest fraction of a link that a wave may pass in one step, at the largest rod friction T2 - T1 of the whole run.
+"""Largest fraction of a link that a wave may pass in one step, at the largest rod friction T2 - T1 until the halt.
 
 Contacts are less stable than the chain: at fractions up to 0.54 ten_to_one halts; 15:1 at 130 deg diverged at 0.63.
 """
+HALT_DELAY = 0.1
+"""How much later than in the reference's run the heavy mass may halt while the step still allows for its fall [s]."""
 
 
 class PybulletChainRig(MultibodyRig):
@@ -42,7 +44,7 @@ class PybulletChainRig(MultibodyRig):
         p, s = parameters, settings
         chain = chain_at_release(p, s)
         world = World(p, s)
-        super().__init__(p, world, longest_step(p, chain) if s.divided_step else None)
+        super().__init__(p, world, longest_step(p, s, chain) if s.divided_step else None)
         self._settings = s
         self._rod_radius = float(chain.node_circles.min()) - s.node_radius
         # PyBullet multiplies both coefficients: with 1 here, each node carries that of its contact
@@ -106,39 +108,46 @@ class PybulletChainRig(MultibodyRig):
             set_joints(world, self._body, chain, np.zeros(links), sliding=not self._held)
 
 
-def longest_step(parameters: Parameters, chain: ReleasedChain) -> LongestStep:
-    """Return a function that computes the longest stable step [s] from the light mass's motion.
+def longest_step(parameters: Parameters, settings: PybulletChainSettings, chain: ReleasedChain) -> LongestStep:
+    """Return a function that computes the longest step [s] that is stable, and not longer than the settings allow.
 
     A taut chain carries waves at sqrt(tension / mass per length), and an explicit step is stable while they pass less than a
     link in it. No single step would do for a run: as the light mass whips round on ever less string, its tension
-    M1 (v^2 / l + g) grows without bound. The rod's friction has a largest value, which is read from the reference's run.
+    M1 (v^2 / l + g) grows without bound. The rod's friction has a largest value until the halt, which is read from the
+    reference's run; once the heavy mass hangs still, friction is what its weight and the light mass's tension differ by.
     """
-    p = parameters
+    p, s = parameters, settings
     density = MASS_FRACTION * p.light_mass / float(chain.lengths.sum())
     shortest = float(chain.lengths.min())
     gravity, radius_square = p.coefficients["gravity"], p.rod_radius**2
-    largest_friction = largest_rod_friction(p)
-    contacts = (
-        MAX_WAVE_FRACTION_AT_CONTACTS * shortest * math.sqrt(density / largest_friction) if largest_friction > 0 else math.inf
-    )
+    weight = p.heavy_mass * gravity
+    friction_until_halt, halting_time = largest_rod_friction(p)
 
-    def longest(x: float, y: float, vx: float, vy: float) -> float:
+    def longest(t: float, x: float, y: float, vx: float, vy: float) -> float:
         # Not less than a link, with which the run has ended
         free = math.sqrt(max(x * x + y * y - radius_square, shortest * shortest))
         tension = p.light_mass * ((vx * vx + vy * vy) / free + gravity)
-        return min(contacts, MAX_WAVE_FRACTION * shortest * math.sqrt(density / tension))
+        moves = t < halting_time + HALT_DELAY
+        friction, allowed = (
+            (friction_until_halt, s.time_step) if moves else (abs(weight - tension), s.time_step * s.lengthening_after_halt)
+        )
+        contacts = MAX_WAVE_FRACTION_AT_CONTACTS / math.sqrt(friction) if friction > 0 else math.inf
+        return min(allowed, shortest * math.sqrt(density) * min(contacts, MAX_WAVE_FRACTION / math.sqrt(tension)))
 
     return longest
 
 
-def largest_rod_friction(parameters: Parameters) -> float:
-    """Return the largest friction T2 - T1 [N] of the string on the rod in the reference's run until it halts."""
+def largest_rod_friction(parameters: Parameters) -> tuple[float, float]:
+    """Return the largest friction T2 - T1 [N] of the string on the rod in the reference's run until its halt, and its time [s].
+
+    The time is infinite where the heavy mass does not halt.
+    """
     if parameters.release is Release.HELD:
-        return 0.0
+        return 0.0, math.inf
     run = solve(parameters)
     until = run.end_time if run.halting_time is None else run.halting_time
     light, heavy = run.sample(np.linspace(0.0, until, REFERENCE_SAMPLES)).tensions
-    return float(np.nanmax(heavy - light))
+    return float(np.nanmax(heavy - light)), math.inf if run.halting_time is None else run.halting_time
 
 
 def _load(world: World, urdf: str) -> int:

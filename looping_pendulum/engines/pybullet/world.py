@@ -17,15 +17,13 @@ from looping_pendulum.reference_ode.parameters import Parameters
 ROD_HALF_LENGTH = 0.01
 """Half the length of a rod that is a cylinder [m]."""
 
-STEPS_BETWEEN_CHECKS = 5
-"""Steps between two checks of the longest stable step, where there are no forces to update more often."""
-MAX_SUBSTEPS = 50
-"""Largest number of substeps of a step: a light mass that needs more is about to reach the rod."""
+MAX_DIVISION = 50
+"""Largest number of parts into which a step is divided: a light mass that needs more is about to reach the rod."""
 
 Row = tuple[float, ...]
 """Vector from PyBullet, or a row of samples."""
-LongestStep = Callable[[float, float, float, float], float]
-"""Light mass's x, y [m] and vx, vy [m/s] -> longest stable step [s]."""
+LongestStep = Callable[[float, float, float, float, float], float]
+"""Time [s], light mass's x, y [m] and vx, vy [m/s] -> longest stable step [s]."""
 
 
 class World:
@@ -111,50 +109,55 @@ class WorldStepper:
     parameters
         Parameters with the effects whose forces are applied.
     longest_step
-        Longest stable step [s] for the light mass's position [m] and velocity [m/s]: x, y, vx, vy. Where it is shorter than
-        the settings' step, that step is divided into as many equal substeps as needed. None: every step is stable.
+        Longest step [s] at a time [s] and for the light mass's position [m] and velocity [m/s]: t, x, y, vx, vy. A group of
+        ``force_interval`` steps is divided into more or fewer steps by it. None: every step is as long as the settings say.
     """
 
     def __init__(self, world: World, parameters: Parameters, longest_step: LongestStep | None = None) -> None:
         self._world = world
         self._force: CartesianForce | None = cartesian_force(parameters)
         self._longest_step = longest_step
-        self._step_count, self._substeps = 0, 1
+        self._steps_done, self._left_in_group = 0, 0
+        self._step = world.settings.time_step
 
     def steps(self, count: int, rig: SteppedRig) -> None:
-        """Take ``count`` steps.
+        """Take ``count`` steps of the settings' length, or other ones that take as long.
 
-        PyBullet clears an applied force after a step, so the forces of a group of ``force_interval`` steps are applied in its
-        first step, as many times larger.
+        PyBullet clears an applied force after a step, so the forces of a group are applied in its first step, as many times
+        larger.
         """
         world = self._world
-        step, client, interval = world.api.stepSimulation, world.client, world.settings.force_interval
-        if self._force is None and self._longest_step is None:
-            for _ in range(count):
-                step(physicsClientId=client)
-            return
-        check_interval = interval if self._force is not None else STEPS_BETWEEN_CHECKS
-        for _ in range(count):
-            if self._step_count % check_interval == 0:
-                x, y, vx, vy, heavy_v = rig.read_motion()
-                self._set_substeps(x, y, vx, vy)
-                if self._force is not None:
-                    fx, fy, heavy = self._force(self._step_count * world.settings.time_step, x, y, vx, vy, heavy_v)
-                    share = interval * self._substeps
-                    rig.apply_forces((share * fx, share * fy), share * heavy)
-            for _ in range(self._substeps):
-                step(physicsClientId=client)
-            self._step_count += 1
+        time_step, interval = world.settings.time_step, world.settings.force_interval
+        while count > 0:
+            if not self._left_in_group:
+                # A group that may be divided does not reach beyond these steps, so that it is taken whole
+                self._left_in_group = interval if self._longest_step is None else min(interval, count)
+                self._begin_group(self._left_in_group, rig)
+            now = min(count, self._left_in_group)
+            for _ in range(round(now * time_step / self._step)):  # all of a divided group
+                world.api.stepSimulation(physicsClientId=world.client)
+            count -= now
+            self._left_in_group -= now
+            self._steps_done += now
 
-    def _set_substeps(self, x: float, y: float, vx: float, vy: float) -> None:
-        """Set into how many substeps the coming steps are divided."""
-        if self._longest_step is None:
+    def _begin_group(self, group: int, rig: SteppedRig) -> None:
+        """Set the step of the coming ``group`` of the settings' steps, and apply the effects' forces of all of them."""
+        if self._force is None and self._longest_step is None:
             return
-        time_step = self._world.settings.time_step
-        substeps = min(max(math.ceil(time_step / self._longest_step(x, y, vx, vy)), 1), MAX_SUBSTEPS)
-        if substeps != self._substeps:
-            self._substeps = substeps
-            self._world.api.setTimeStep(time_step / substeps, physicsClientId=self._world.client)
+        world, t = self._world, self._steps_done * self._world.settings.time_step
+        x, y, vx, vy, heavy_v = rig.read_motion()
+        duration = group * world.settings.time_step
+        if self._longest_step is not None:
+            needed = math.ceil(duration / self._longest_step(t, x, y, vx, vy) - 1e-9)  # less what rounding adds
+            count = min(needed, group * MAX_DIVISION)
+            step = world.settings.time_step if count == group else duration / count
+            if step != self._step:
+                self._step = step
+                world.api.setTimeStep(step, physicsClientId=world.client)
+        if self._force is not None:
+            fx, fy, heavy = self._force(t, x, y, vx, vy, heavy_v)
+            share = duration / self._step
+            rig.apply_forces((share * fx, share * fy), share * heavy)
 
 
 class SteppedRig:
