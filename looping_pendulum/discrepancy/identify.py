@@ -83,13 +83,12 @@ def identify(
         progress(what, share)
 
     progress("reading", 0.0)
-    # Before the processes start, whose imports would slow down a look that refuses the study
-    first_look = take_first_look(study)
-    if not anyway:
-        first_look.refuse_mistakes()
     try:
-        # Before the files are read, so that the worker processes start and import meanwhile
+        # First, so that the worker processes start and import meanwhile
         with Workers(default_process_count() if workers is None else workers) as team:
+            first_look = take_first_look(study)
+            if not anyway:
+                first_look.refuse_mistakes()
             result = _identify(study, seed, progress_within_limit, team)
     except _OutOfTime:
         message = (

@@ -16,7 +16,7 @@ import numpy as np
 
 from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.discrepancy.data.measurement import predict
+from looping_pendulum.discrepancy.data.measurement import FIT_TOLERANCE, predict
 from looping_pendulum.discrepancy.data.observations import Channel
 from looping_pendulum.discrepancy.data.record_start import with_free_start
 from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial
@@ -142,7 +142,9 @@ class _Key:
 
 @lru_cache(maxsize=64)
 def _solve(key: _Key, window: float) -> Solution:
-    return solve_without_warning(key.parameters, duration=window, integrator=available_integrators()[0])
+    return solve_without_warning(
+        key.parameters, duration=window, tolerance=FIT_TOLERANCE, integrator=available_integrators()[0]
+    )
 
 
 def _fall_time(parameters: Parameters) -> float:

@@ -17,6 +17,7 @@ import numpy as np
 from looping_pendulum.compare.event_quantities import EVENT_QUANTITIES, event_value
 from looping_pendulum.compare.reference_landmarks import reference_event_times
 from looping_pendulum.discrepancy.data.camera import Camera
+from looping_pendulum.discrepancy.data.measurement import FIT_TOLERANCE
 from looping_pendulum.discrepancy.data.observations import DataError, EventObservation, Observations
 from looping_pendulum.engines.landmarks import EXTREMUM_BAND, Extremum, Landmarks, Stop
 from looping_pendulum.engines.reference import event_names
@@ -69,7 +70,7 @@ def check_event_rows(observations: Observations) -> None:
 def run_for_events(parameters: Parameters, until: float = DURATION) -> Samples:
     """Run to the end, which the halt needs, with samples up to ``until`` [s], which extrema need."""
     times = _SAMPLE_TIMES[: np.searchsorted(_SAMPLE_TIMES, until, side="right")]
-    return solve_at(parameters, times, duration=DURATION, integrator=available_integrators()[0])
+    return solve_at(parameters, times, duration=DURATION, tolerance=FIT_TOLERANCE, integrator=available_integrators()[0])
 
 
 class EventRun:

@@ -17,7 +17,12 @@ from numpy.typing import NDArray
 
 from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.discrepancy.data.measurement import DIFFERENTIABLE_CHANNELS, predict, predicted_derivatives
+from looping_pendulum.discrepancy.data.measurement import (
+    DIFFERENTIABLE_CHANNELS,
+    FIT_TOLERANCE,
+    predict,
+    predicted_derivatives,
+)
 from looping_pendulum.discrepancy.data.observations import Channel, EventObservation
 from looping_pendulum.discrepancy.data.study import Study, Trial
 from looping_pendulum.discrepancy.fit.correlated_noise import CorrelatedNoise, Whitening
@@ -277,7 +282,13 @@ class Problem:
             # By identity, which costs nothing: `measurement` keeps the array of a clock and returns it again
             if last is None or last[1] is not t or last[0] != parameters:
                 # A millisecond longer, so that the run does not end just before the last point
-                run = solve_at(parameters, t, duration=float(t[-1]) + 1e-3, integrator=available_integrators()[0])
+                run = solve_at(
+                    parameters,
+                    t,
+                    duration=float(t[-1]) + 1e-3,
+                    tolerance=FIT_TOLERANCE,
+                    integrator=available_integrators()[0],
+                )
                 self._cached_run[k] = last = parameters, t, run
             return last[2]
 
@@ -350,7 +361,9 @@ class Problem:
         wrt = tuple(self.free_parameters[i].parameter for i in moved)
         try:
             derivatives = predicted_derivatives(
-                lambda t: solve_sensitivities(parameters, t, wrt, duration=float(t[-1]) + 1e-3), camera, d.channels
+                lambda t: solve_sensitivities(parameters, t, wrt, duration=float(t[-1]) + 1e-3, tolerance=FIT_TOLERANCE),
+                camera,
+                d.channels,
             )
         except (HarnessError, ValueError, ArithmeticError):  # a grazing event has no derivative
             return {}
