@@ -81,12 +81,12 @@ class Search(Rounds):
                     return
             next_model = self.run_round(current, 0.1 + 0.2 * added_count)
             if self.accepted_models:
-                return self.find_rivals_of_several() if added_count else None
+                return self.find_rivals_of_several() if added_count else self.find_likelier_force()
             if not added_count and self.noise_explains_all():
                 return
             next_model = self.run_wider_round(current, 0.3 + 0.2 * added_count) or next_model
             if self.accepted_models:
-                return self.find_rivals_of_several() if added_count else None
+                return self.find_rivals_of_several() if added_count else self.find_likelier_force()
             if next_model is None:
                 break
             current = self.revise_until_settled(next_model)
@@ -112,6 +112,19 @@ class Search(Rounds):
             if not self.accepted_models and best_single is not None and self.predicts_as_well(best_single):
                 self.accepted_models = (best_single,)
         return bool(self.forces)
+
+    def find_likelier_force(self) -> None:
+        """Find an unlisted force that the training data make likelier than the single listed effects that were accepted.
+
+        A listed effect that is nearly right can pass every test. The force replaces it if held-out data agree, and otherwise
+        is named beside it. Where a listed effect is right, no force is likelier, as it has more free numbers.
+        """
+        assert self.declared_model is not None
+        delta_bic = max(r.delta_bic for r in self.white_rounds[len(self.rounds) - 1][1])
+        best = self.accepted_models[0]
+        self.forces = self.find_unlisted_forces(self.declared_model, delta_bic + LIKELIHOOD_MARGIN)
+        if self.forces and predicts_better(best.held_out, self.forces[0].held_out):
+            self.accepted_models = ()
 
     def predicts_as_well(self, model: CandidateModel) -> bool:
         """Return whether a listed effect that failed a test of its residuals predicts held-out data as well as the force found.

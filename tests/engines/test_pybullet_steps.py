@@ -39,8 +39,8 @@ def test_what_the_rod_holds_back_bounds_the_step():
     braked, _ = largest_rod_friction(p)
     wave = np.sqrt(braked / DENSITY)
     longest = longest_step(p, QUICK, CHAIN)(*AT_REST)
-    assert wave * longest == pytest.approx(MAX_WAVE_FRACTION_AT_CONTACTS * CHAIN.lengths.min(), rel=1e-12)
-    assert QUICK.time_step / 2 < longest < QUICK.time_step
+    assert wave * longest <= MAX_WAVE_FRACTION_AT_CONTACTS * CHAIN.lengths.min() < wave * 2 * longest
+    assert longest == QUICK.time_step / 2
 
 
 def test_without_friction_a_light_mass_that_whips_round_shortens_it():
@@ -48,24 +48,24 @@ def test_without_friction_a_light_mass_that_whips_round_shortens_it():
     p = TEN_TO_ONE.replace(kinetic_friction=0.0, static_friction=0.0)
     length, speed = 0.05, 8.0
     wave = np.sqrt(p.light_mass * (speed**2 / length + 9.81) / DENSITY)
+    stable = MAX_WAVE_FRACTION * CHAIN.lengths.min() / wave
     longest = longest_step(p, UNLIMITED, CHAIN)(0.0, np.hypot(length, p.rod_radius), 0.0, 0.0, speed)
-    assert wave * longest == pytest.approx(MAX_WAVE_FRACTION * CHAIN.lengths.min(), rel=1e-12)
+    # An equal part of a step of a second
+    assert stable / (1 + stable) < longest <= stable
     assert MAX_WAVE_FRACTION < 1
 
 
-def test_once_the_heavy_mass_hangs_still_friction_is_what_the_tensions_differ_by():
-    # Oracle: the balance of the wound string at rest, |M2 g - T1|, where the light mass passes below the rod at 3 m/s.
+def test_once_the_heavy_mass_hangs_still_steps_are_longer():
+    # Oracle: the reference's halting time; what the tension of the light mass allows is as before.
     halting_time = largest_rod_friction(TEN_TO_ONE)[1]
     moving, still = halting_time + 0.99 * HALT_DELAY, halting_time + 1.01 * HALT_DELAY
-    length, speed = 0.05, 3.0
-    place = (np.hypot(length, TEN_TO_ONE.rod_radius), 0.0, 0.0, speed)
-    friction = abs(TEN_TO_ONE.heavy_mass * 9.81 - TEN_TO_ONE.light_mass * (speed**2 / length + 9.81))
-    longest = longest_step(TEN_TO_ONE, replace(UNLIMITED, lengthening_after_halt=2.0), CHAIN)(still, *place)
-    assert np.sqrt(friction / DENSITY) * longest == pytest.approx(
-        MAX_WAVE_FRACTION_AT_CONTACTS * CHAIN.lengths.min(), rel=1e-12
-    )
-    quick = longest_step(TEN_TO_ONE, QUICK, CHAIN)
-    assert quick(still, *place) == 1.25 * quick(moving, *place) == 1.25 * QUICK.time_step
+    longest = longest_step(TEN_TO_ONE, QUICK, CHAIN)
+    slow = (0.3, 0.1, 0.0, 3.0)
+    assert (longest(moving, *slow), longest(still, *slow)) == (QUICK.time_step, 1.25 * QUICK.time_step)
+    fast = (0.02, 0.0, 0.0, 8.0)
+    assert longest(moving, *fast) < longest(still, *fast) * 1.25
+    without = longest_step(TEN_TO_ONE, replace(UNLIMITED, lengthening_after_halt=2.0), CHAIN)
+    assert without(still, *fast) == pytest.approx(longest_step(TEN_TO_ONE, UNLIMITED, CHAIN)(still, *fast), rel=1e-3)
 
 
 class FakeWorld:

@@ -47,7 +47,7 @@ class PybulletChainSettings(WorldSettings):
     unjoined_links: float = 3.0
     """Number of links beyond the string on the rod, on either side, that are not joined."""
     lengthening_after_halt: float = 1.0
-    """Factor by which a step may be longer once the heavy mass hangs still."""
+    """Factor by which steps are longer once the heavy mass hangs still."""
     divided_step: bool = True
     """Whether steps are shorter where a wave on the taut chain would pass too much of a link, and longer after the halt."""
 

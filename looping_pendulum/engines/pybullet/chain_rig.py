@@ -109,30 +109,28 @@ class PybulletChainRig(MultibodyRig):
 
 
 def longest_step(parameters: Parameters, settings: PybulletChainSettings, chain: ReleasedChain) -> LongestStep:
-    """Return a function that computes the longest step [s] that is stable, and not longer than the settings allow.
+    """Return a function that computes the step [s]: that of the settings or, where it is not stable, an equal part of it.
 
     A taut chain carries waves at sqrt(tension / mass per length), and an explicit step is stable while they pass less than a
     link in it. No single step would do for a run: as the light mass whips round on ever less string, its tension
     M1 (v^2 / l + g) grows without bound. The rod's friction has a largest value until the halt, which is read from the
-    reference's run; once the heavy mass hangs still, friction is what its weight and the light mass's tension differ by.
+    reference's run; after it there is less.
     """
     p, s = parameters, settings
     density = MASS_FRACTION * p.light_mass / float(chain.lengths.sum())
     shortest = float(chain.lengths.min())
     gravity, radius_square = p.coefficients["gravity"], p.rod_radius**2
-    weight = p.heavy_mass * gravity
-    friction_until_halt, halting_time = largest_rod_friction(p)
+    friction, halting_time = largest_rod_friction(p)
+    contacts = MAX_WAVE_FRACTION_AT_CONTACTS * shortest * math.sqrt(density / friction) if friction > 0 else math.inf
 
     def longest(t: float, x: float, y: float, vx: float, vy: float) -> float:
         # Not less than a link, with which the run has ended
         free = math.sqrt(max(x * x + y * y - radius_square, shortest * shortest))
         tension = p.light_mass * ((vx * vx + vy * vy) / free + gravity)
-        moves = t < halting_time + HALT_DELAY
-        friction, allowed = (
-            (friction_until_halt, s.time_step) if moves else (abs(weight - tension), s.time_step * s.lengthening_after_halt)
-        )
-        contacts = MAX_WAVE_FRACTION_AT_CONTACTS / math.sqrt(friction) if friction > 0 else math.inf
-        return min(allowed, shortest * math.sqrt(density) * min(contacts, MAX_WAVE_FRACTION / math.sqrt(tension)))
+        lengthening = 1.0 if t < halting_time + HALT_DELAY else s.lengthening_after_halt
+        stable = min(lengthening * contacts, MAX_WAVE_FRACTION * shortest * math.sqrt(density / tension))
+        whole = lengthening * s.time_step
+        return whole / math.ceil(whole / stable)
 
     return longest
 
