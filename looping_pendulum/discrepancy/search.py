@@ -17,10 +17,7 @@ from looping_pendulum.discrepancy.inputs import Inputs
 from looping_pendulum.discrepancy.listed.attribution import Refit, delta_bic_of, delta_bic_of_likelihoods
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.listed.held_out import (
-    predicts_better,
-    square_ratio,
-)
+from looping_pendulum.discrepancy.listed.held_out import loss_test, predicts_better, square_ratio
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN, record_round
 from looping_pendulum.discrepancy.listed.screening import compile_for, slowest_first
 from looping_pendulum.discrepancy.rounds import FractionCallback, Rounds
@@ -116,14 +113,13 @@ class Search(Rounds):
     def find_likelier_force(self) -> None:
         """Find an unlisted force that the training data make likelier than the single listed effects that were accepted.
 
-        A listed effect that is nearly right can pass every test. The force replaces it if held-out data agree, and otherwise
-        is named beside it. Where a listed effect is right, no force is likelier, as it has more free numbers.
+        A listed effect that is nearly right can pass every test. The force replaces it unless held-out data speak against that;
+        then both are named. Where a listed effect is right, no force is likelier, as it has more free numbers.
         """
         assert self.declared_model is not None
         delta_bic = max(r.delta_bic for r in self.white_rounds[len(self.rounds) - 1][1])
-        best = self.accepted_models[0]
         self.forces = self.find_unlisted_forces(self.declared_model, delta_bic + LIKELIHOOD_MARGIN)
-        if self.forces and predicts_better(best.held_out, self.forces[0].held_out):
+        if self.forces and loss_test(self.accepted_models[0].held_out, self.forces[0].held_out).passes:
             self.accepted_models = ()
 
     def predicts_as_well(self, model: CandidateModel) -> bool:
@@ -208,7 +204,7 @@ class Search(Rounds):
 
         Several listed effects can mimic one law that the library lacks. Held-out data decide between them: an unlisted force
         that predicts them better by `LIKELIHOOD_MARGIN` replaces the listed effects, one that is worse by as much is dropped,
-        and one between is kept as an explanation beside them.
+        and one between is kept as an explanation beside them, unless the training data make it likelier by that margin.
         """
         assert self.declared_model is not None
         self.find_rivals()
@@ -222,7 +218,11 @@ class Search(Rounds):
         if not forces or predicts_better(forces[0].held_out, best.held_out, LIKELIHOOD_MARGIN):
             return
         self.forces = forces
-        if predicts_better(best.held_out, forces[0].held_out, LIKELIHOOD_MARGIN):
+        is_likelier = (
+            forces[0].twice_log_bayes_factor >= explained + LIKELIHOOD_MARGIN
+            and loss_test(best.held_out, forces[0].held_out).passes
+        )
+        if is_likelier or predicts_better(best.held_out, forces[0].held_out, LIKELIHOOD_MARGIN):
             self.accepted_models = ()
 
     def find_rivals(self) -> None:

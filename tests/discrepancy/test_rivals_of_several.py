@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.blind_sample import draw, write_files
+from benchmarks.blind_sample import BlindStudy, draw, write_files
 from looping_pendulum.discrepancy import search as search_module
 from looping_pendulum.discrepancy.data.study_io import load, load_text
 from looping_pendulum.discrepancy.identify import identify
@@ -20,18 +20,19 @@ from looping_pendulum.reference_ode.solve import available_integrators
 from looping_pendulum.teaching.example_folder import write_example
 from scripts.make_example_trials import HIDDEN
 from tests.discrepancy.blind_study import only_candidates
+from tests.discrepancy.expected import PLANTED_LAWS
 
 COUNT = 1000
 LISTED = HeldOutTest(names=("a", "b"), chi2=(1.0,), counts=(COUNT,), limits=(1.1,), rms=(1e-3,))
 
 
-def search_with(force, residual=0.0):
+def search_with(force, residual=0.0, evidence=0.0):
     """Return what a search has once two listed effects are accepted, where ``force`` is what explains as much alone."""
     asked = []
 
     def find_unlisted_forces(base, min_evidence):
         asked.append(min_evidence)
-        return (SimpleNamespace(held_out=force),) if force else ()
+        return (SimpleNamespace(held_out=force, twice_log_bayes_factor=evidence),) if force else ()
 
     problem = SimpleNamespace(with_data=lambda data: SimpleNamespace(residuals=lambda x: np.full(3, residual)))
     accepted = SimpleNamespace(added=("a", "b"), held_out=LISTED, fit=SimpleNamespace(problem=problem, x=None))
@@ -63,6 +64,52 @@ def predicts(difference):
 def test_held_out_data_decide_between_both(force, listed, unlisted):
     search = search_with(force)
     assert (bool(search.accepted_models), bool(search.forces)) == (listed, unlisted)
+
+
+@pytest.mark.parametrize(
+    ("evidence", "difference", "listed"),
+    [(300 + LIKELIHOOD_MARGIN - 1, 0.0, True), (300 + LIKELIHOOD_MARGIN, -1.0, False), (400, -3.0, True)],
+    ids=["about as likely", "likelier", "held-out data speak against it"],
+)
+def test_a_force_that_is_likelier_by_the_training_data_replaces_several_effects(evidence, difference, listed):
+    # The effects explain all of a chi2 of 300
+    search = search_with(predicts(difference), evidence=evidence)
+    assert (bool(search.accepted_models), bool(search.forces)) == (listed, True)
+
+
+@pytest.mark.parametrize(
+    ("difference", "listed"), [(1.0, False), (-1.0, False), (-3.0, True)], ids=["nearer", "little loss", "much loss"]
+)
+def test_a_likelier_force_replaces_a_single_effect_unless_held_out_data_speak_against_it(difference, listed):
+    asked = []
+
+    def find_unlisted_forces(base, min_evidence):
+        asked.append(min_evidence)
+        return (SimpleNamespace(held_out=predicts(difference)),)
+
+    rounds = {0: (None, [SimpleNamespace(delta_bic=50.0), SimpleNamespace(delta_bic=70.0)], {})}
+    search = SimpleNamespace(
+        declared_model="declared", accepted_models=(SimpleNamespace(held_out=LISTED),), forces=(), rounds=["first"],
+        white_rounds=rounds, find_unlisted_forces=find_unlisted_forces,
+    )  # fmt: skip
+    Search.find_likelier_force(search)
+    assert asked == [70.0 + LIKELIHOOD_MARGIN]
+    assert (bool(search.accepted_models), bool(search.forces)) == (listed, True)
+
+
+BRAKE = BlindStudy(
+    set="rates", kind="unlisted", index=0, hidden=("brake",), size=0.05, noise=1e-3, noise_kind="white", trials=3, seed=90001
+)
+"""A brake on the heavy mass between two heights, in three trials."""
+
+
+@pytest.mark.accurate  # half a minute
+@pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
+def test_a_brake_at_a_height_is_no_drag_of_the_heavy_mass(tmp_path):
+    """Oracle: the separate simulator; a linear drag of the heavy mass passed every test and was named alone."""
+    result = identify(load(write_files(BRAKE, tmp_path)))
+    assert result.verdict is Verdict.UNLISTED
+    assert (result.unlisted.acts_on, result.unlisted.depends_on) == PLANTED_LAWS["brake"]
 
 
 def test_a_force_that_explains_far_less_is_not_fitted():
