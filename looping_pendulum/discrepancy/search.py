@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from looping_pendulum.discrepancy.fit.calibration import calibrate, minimise
+from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of, with_correlated_noise
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import best_of, calibrate_from_random_start, check_residuals
@@ -21,10 +21,16 @@ from looping_pendulum.discrepancy.listed.held_out import loss_test, predicts_bet
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN, record_round
 from looping_pendulum.discrepancy.listed.screening import compile_for, slowest_first
 from looping_pendulum.discrepancy.rounds import FractionCallback, Rounds
-from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN, RecoveredForce, by_preference, discover
+from looping_pendulum.discrepancy.unlisted.discovery import (
+    LIKELIHOOD_MARGIN,
+    RecoveredForce,
+    begin_to_discover,
+    by_preference,
+    discover,
+)
 from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
 from looping_pendulum.discrepancy.unlisted.formula import refit as refit_formulas
-from looping_pendulum.discrepancy.workers import SERIAL, Workers
+from looping_pendulum.discrepancy.workers import SERIAL, Batch, Workers
 
 MAX_EFFECTS = 3
 """Effects that are added at most."""
@@ -52,6 +58,8 @@ class Search(Rounds):
         """Listed effects that the model has beside these forces."""
         self.formulas: tuple[FittedFormula, ...] = ()
         """Formulas of these forces, refitted to the trajectories, the best first."""
+        self.begun: tuple[Fit, Batch | None] | None = None
+        """A fit, and what worker processes have begun of the search for an unlisted force beside it."""
 
     def run(self) -> None:
         """Search until a model passes all tests or no candidate is accepted."""
@@ -71,6 +79,9 @@ class Search(Rounds):
         for added_count in range(MAX_EFFECTS):
             if not current.failed_tests:
                 return
+            if not added_count and self.inputs.has_points:
+                # Whatever the rounds find, it is compared with unlisted forces
+                self.begun = current.fit, begin_to_discover(current.fit, self.workers)
             if added_count == MAX_EFFECTS - 1:
                 # So many listed effects can mimic most of what the library lacks: one unlisted force is simpler
                 searched_unlisted = True
@@ -320,12 +331,13 @@ class Search(Rounds):
 
         Closures with less than ``min_evidence``, twice a log Bayes factor, are not refitted.
         """
-        if not any(d.channels for d in self.inputs.training):  # a few events do not determine a force as a function
+        if not self.inputs.has_points:  # a few events do not determine a force as a function
             return ()
         self.formulas = ()
         forces = discover(
             base.fit, self.inputs.held_out, lambda what: self.report_progress(what, 0.85), self.workers,
             min_evidence=MIN_DELTA_BIC if noises_of(base.fit) else min_evidence,
+            begun=self.begun[1] if self.begun and self.begun[0] is base.fit else None,
         )  # fmt: skip
         # Many forms are tried, so that the best of them fits noise better than none; held-out data are not so easily pleased
         passing = [

@@ -37,8 +37,9 @@ class Workers:
 
     def __init__(self, count: int = 1) -> None:
         self._condition = threading.Condition()
-        self._batch: _Batch | None = None
-        self._warm_up_batch: _Batch | None = None
+        self._batch: Batch | None = None
+        self._begun: Batch | None = None
+        self._warm_up_batch: Batch | None = None
         self._closed = False
         self._worker_of_label: dict[str, int] = {}
         """Label of an item -> number of the worker that has its equations compiled; 0 is this process."""
@@ -70,8 +71,16 @@ class Workers:
     def prepare(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any], labels: Sequence[str]) -> None:
         """Let idle worker processes call ``function(shared, item)`` for each item, so that its equations are compiled there."""
         with self._condition:
-            self._warm_up_batch = _Batch(function, shared, items, labels)
+            self._warm_up_batch = Batch(function, shared, items, labels)
             self._condition.notify_all()
+
+    def begin(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any]) -> Batch:
+        """Let idle worker processes begin with ``function(shared, item)`` for each item; `finish` returns the results."""
+        batch = Batch(function, shared, items, [""] * len(items))
+        with self._condition:
+            self._begun = batch
+            self._condition.notify_all()
+        return batch
 
     def map(
         self,
@@ -97,25 +106,28 @@ class Workers:
         Exception
             What the function raised for the first item, in the order of ``items``, for which it raised anything.
         """
-        batch = _Batch(function, shared, items, labels or [""] * len(items))
+        return self.finish(Batch(function, shared, items, labels or [""] * len(items)), report_progress)
+
+    def finish(self, batch: Batch, report_progress: ProgressCallback = lambda label: None) -> list[Any]:
+        """Return what `map` returns, of a batch that may have been begun."""
         with self._condition:
             self._batch = batch
             self._condition.notify_all()
         try:
             while (i := self._take_item(batch, 0)) is not None:
                 report_progress(batch.labels[i])
-                self._store_answer(batch, i, _call(function, shared, items[i]))
+                self._store_answer(batch, i, _call(batch.function, batch.shared, batch.items[i]))
         finally:
             with self._condition:
                 # Also after an exception here: worker processes must not go on with a batch that nobody waits for
                 self._batch = None
         # In the order of the items, so that the exception does not depend on which process was faster
-        for succeeded, value in (batch.answers[i] for i in range(len(items))):
+        for succeeded, value in (batch.answers[i] for i in range(len(batch.items))):
             if not succeeded:
                 raise value
-        return [batch.answers[i][1] for i in range(len(items))]
+        return [batch.answers[i][1] for i in range(len(batch.items))]
 
-    def _take_item(self, batch: _Batch, worker: int) -> int | None:
+    def _take_item(self, batch: Batch, worker: int) -> int | None:
         """Return the number of the next item for a worker, preferably one with a label it knows.
 
         None: all are done or, for a worker process, all are taken. This process (worker 0) waits instead, because the item of a
@@ -134,7 +146,7 @@ class Workers:
                 self._worker_of_label.setdefault(batch.labels[i], worker)
             return i
 
-    def _store_answer(self, batch: _Batch, i: int, answer: tuple[bool, Any] | None) -> None:
+    def _store_answer(self, batch: Batch, i: int, answer: tuple[bool, Any] | None) -> None:
         """Keep the answer to an item; without one (None) the item goes back to be done by another worker."""
         with self._condition:
             if answer is None:
@@ -144,11 +156,11 @@ class Workers:
                 batch.answers[i] = answer
             self._condition.notify_all()
 
-    def _wait_for_batch(self) -> _Batch | None:
+    def _wait_for_batch(self) -> Batch | None:
         """Wait for a batch with items to do, and return it; None if the pool has been closed."""
         with self._condition:
             while not self._closed:
-                for batch in (self._batch, self._warm_up_batch):
+                for batch in (self._batch, self._begun, self._warm_up_batch):
                     if batch is not None and batch.waiting:
                         return batch
                 self._condition.wait()
@@ -159,7 +171,7 @@ class Workers:
         # A worker process that cannot start, or dies, leaves its items to the others
         with contextlib.suppress(Exception):
             started.result()
-            known: _Batch | None = None
+            known: Batch | None = None
             while (batch := self._wait_for_batch()) is not None:
                 i = self._take_item(batch, worker)
                 if i is None:
@@ -178,8 +190,8 @@ SERIAL = Workers()
 """Pool without worker processes."""
 
 
-class _Batch:
-    """Items of one call of `Workers.map` or `Workers.prepare`, and the answers so far."""
+class Batch:
+    """Items of one call of `Workers.map`, `Workers.begin` or `Workers.prepare`, and the answers so far."""
 
     def __init__(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any], labels: Sequence[str]) -> None:
         self.function, self.shared, self.items, self.labels = function, shared, items, labels

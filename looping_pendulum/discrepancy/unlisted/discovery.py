@@ -23,14 +23,13 @@ from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residu
 from looping_pendulum.discrepancy.listed.held_out import HeldOutTest, check_held_out
 from looping_pendulum.discrepancy.unlisted.closures import STRING, Closure, simplicity
 from looping_pendulum.discrepancy.unlisted.screening import (
-    MAX_PULSE_SPACING,
-    N_PULSES,
     Motions,
     ScreenedClosure,
+    begin_responses,
     motions,
     screen,
 )
-from looping_pendulum.discrepancy.workers import SERIAL, ProgressCallback, Workers
+from looping_pendulum.discrepancy.workers import SERIAL, Batch, ProgressCallback, Workers
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -88,10 +87,11 @@ def discover(
     report_step: ProgressCallback = lambda what: None,
     workers: Workers = SERIAL,
     min_evidence: float = -math.inf,
+    begun: Batch | None = None,
 ) -> list[RecoveredForce]:
     """Search all closures; return the best ones, refitted, in the order of `by_preference`.
 
-    None is searched for in records that are so long that the pulses of the screening are wider than `MAX_PULSE_SPACING`.
+    None is searched for in records that are too long (`Motions.is_too_long`).
 
     Parameters
     ----------
@@ -101,12 +101,14 @@ def discover(
         Held-out trials, each with the parameters that it alone has; empty: blocks of time are held out.
     min_evidence
         Smallest twice log Bayes factor of a closure that is refitted.
+    begun
+        What `begin_to_discover` returned for the same fit; None: nothing was begun.
     """
     report_step("screening unknown forces")
     runs = motions(base)
-    if runs.kinematics.time.max() > MAX_PULSE_SPACING * N_PULSES:
+    if runs.is_too_long:
         return []
-    screened = sorted(screen(base, runs, workers), key=lambda s: -s.twice_log_bayes_factor)
+    screened = sorted(screen(base, runs, workers, begun), key=lambda s: -s.twice_log_bayes_factor)
     chosen = [s for s in _different(screened) if s.twice_log_bayes_factor >= min_evidence]
     descriptions = [f"{s.closure.target} by {s.closure.coordinate}" for s in chosen]
     forces = workers.map(
@@ -117,6 +119,12 @@ def discover(
         lambda what: report_step(f"fitting an unknown law of the {what}"),
     )
     return by_preference([f for f in forces if f])
+
+
+def begin_to_discover(base: Fit, workers: Workers) -> Batch | None:
+    """Let idle worker processes compute what `discover` needs first; None: it will not search."""
+    runs = motions(base)
+    return None if runs.is_too_long else begin_responses(base, runs, workers)
 
 
 def by_preference(forces: Sequence[RecoveredForce]) -> list[RecoveredForce]:

@@ -22,7 +22,7 @@ from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.unlisted.closures import COORDINATES_OF, TARGETS, Closure, factors_of
-from looping_pendulum.discrepancy.workers import SERIAL, Workers
+from looping_pendulum.discrepancy.workers import SERIAL, Batch, Workers
 from looping_pendulum.reference_ode.effects.closure import (
     COORDINATES,
     N_BASIS_FUNCTIONS,
@@ -51,6 +51,9 @@ POINT_GRID = 9
 """Points in each direction at which a point of attraction is tried first."""
 POINT_MARGIN = 0.2
 """Share of the light mass's range by which this grid is larger on every side."""
+# From 10 uN, which move 10 g by a tenth of a millimetre in half a second, to 1 N, about the heavy mass's weight
+RIDGES = np.logspace(-5, 0, 41)
+"""Prior standard deviations of the weights that are tried [N]."""
 MAX_POINT_TRIALS = 50
 """Points that are tried from the best of the grid."""
 
@@ -76,6 +79,21 @@ class Motions:
             x, y = self.positions
             return np.asarray(np.sqrt((x - point[0]) ** 2 + (y - point[1]) ** 2 + ROUNDING_DISTANCE**2))
         return np.asarray(self._coordinates[COORDINATES.index(name)])
+
+    @property
+    def pulsed_sides(self) -> tuple[str, ...]:
+        """Return the sides on which pulses change the motion."""
+        return ("across",) if self.clamped else PULSED_SIDES
+
+    @property
+    def is_too_long(self) -> bool:
+        """Return whether the records are so long that pulses would not show where in a swing a force acts."""
+        return bool(self.kinematics.time.max() > MAX_PULSE_SPACING * N_PULSES)
+
+    @property
+    def pulse_spacing(self) -> float:
+        """Return the distance of pulses [s]."""
+        return float(self.kinematics.time.max()) / (N_PULSES - 1)
 
     @cached_property
     def positions(self) -> Array:
@@ -151,13 +169,14 @@ class ScreenedClosure:
     """Weights that this prior and the data give [N], shape (sides * N_BASIS_FUNCTIONS,)."""
 
 
-def screen(base: Fit, runs: Motions, workers: Workers = SERIAL) -> list[ScreenedClosure]:
-    """Return the evidence of every closure by the residuals of a fit."""
+def screen(base: Fit, runs: Motions, workers: Workers = SERIAL, begun: Batch | None = None) -> list[ScreenedClosure]:
+    """Return the evidence of every closure by the residuals of a fit; ``begun`` is what `begin_responses` returned for it."""
     # What a refit of the declared model's parameters could explain is no evidence for a new force, so both the residuals and
     # the sensitivities to the weights are projected on the orthogonal complement of the Jacobian.
     fitted_basis, _ = np.linalg.qr(base.jacobian)
     unexplained = base.residuals - fitted_basis @ (fitted_basis.T @ base.residuals)
-    responses = Responses(base, runs, fitted_basis, unexplained, workers)
+    columns = workers.finish(begun or begin_responses(base, runs, workers))
+    responses = Responses(base, runs, fitted_basis, unexplained, columns)
     screened = []
     for target, names in COORDINATES_OF.items():
         if runs.clamped and TARGETS[target] != ("across",):
@@ -170,21 +189,29 @@ def screen(base: Fit, runs: Motions, workers: Workers = SERIAL) -> list[Screened
     return screened
 
 
-class Responses:
-    """Responses of the residuals to pulses at all times, orthogonal to all fitted parameters."""
+def begin_responses(base: Fit, runs: Motions, workers: Workers) -> Batch:
+    """Begin to compute the changes of the standardised prediction by pulses, for `screen`."""
+    sides = [(side, i) for side in runs.pulsed_sides for i in range(0, N_PULSES, N_BASIS_FUNCTIONS)]
+    return workers.begin(_respond, (base.problem, base.x, runs.pulse_spacing), sides)
 
-    def __init__(self, base: Fit, runs: Motions, fitted_basis: Array, unexplained: Array, workers: Workers) -> None:
+
+class Responses:
+    """Responses of the residuals to pulses at all times, orthogonal to all fitted parameters.
+
+    Parameters
+    ----------
+    columns
+        Results of `begin_responses`.
+    """
+
+    def __init__(self, base: Fit, runs: Motions, fitted_basis: Array, unexplained: Array, columns: Sequence[Array]) -> None:
         self.runs = runs
         self.count = base.problem.count
-        end = float(runs.kinematics.time.max())
-        spacing = end / (N_PULSES - 1)
-        sides = ("across",) if runs.clamped else PULSED_SIDES
-        batches = [(side, i) for side in sides for i in range(0, N_PULSES, N_BASIS_FUNCTIONS)]
-        columns = workers.map(_respond, (base.problem, base.x, spacing), batches)
+        sides, spacing = runs.pulsed_sides, runs.pulse_spacing
         edges = np.cumsum([0] + [len(d.t) for d in base.problem.data])
         n_trials = len(base.problem.data)
         blocks = []
-        for i in range(0, len(batches), N_PULSES // N_BASIS_FUNCTIONS):
+        for i in range(0, len(columns), N_PULSES // N_BASIS_FUNCTIONS):
             of_side = np.concatenate(columns[i : i + N_PULSES // N_BASIS_FUNCTIONS], axis=1)
             # A pulse is at one time in all trials; a closure pushes each at times of its own
             for k in range(n_trials):
@@ -292,11 +319,8 @@ def _evidence(sensitivity: Array, residuals: Array) -> tuple[float, float, Array
     """
     u, s, vt = np.linalg.svd(sensitivity, full_matrices=False)
     projected = u.T @ residuals
-    best = (-math.inf, 0.0, np.zeros(sensitivity.shape[1]))
-    # From 10 uN, which move 10 g by a tenth of a millimetre in half a second, to 1 N, about the heavy mass's weight
-    for ridge in np.logspace(-5, 0, 41):
-        power = (ridge * s) ** 2
-        twice_log_bayes_factor = float(np.sum(projected**2 * power / (1 + power) - np.log1p(power)))
-        if twice_log_bayes_factor > best[0]:
-            best = twice_log_bayes_factor, float(ridge), vt.T @ (ridge**2 * s / (1 + power) * projected)
-    return best
+    power = (RIDGES[:, None] * s) ** 2
+    twice_log_bayes_factors = np.sum(projected**2 * power / (1 + power) - np.log1p(power), axis=1)
+    best = int(np.argmax(twice_log_bayes_factors))
+    ridge = float(RIDGES[best])
+    return float(twice_log_bayes_factors[best]), ridge, vt.T @ (ridge**2 * s / (1 + power[best]) * projected)
