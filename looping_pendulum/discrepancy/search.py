@@ -42,6 +42,8 @@ MIN_RIVAL_EVIDENCE = 0.5
 In blind studies of a magnet and of a thrust, which two listed effects mimicked, it was 0.95 and 0.54; of two effects, 0.32.
 """
 
+FORCE_EXPLAINS_MORE = "an unlisted force explains the data better"
+
 
 class Search(Rounds):
     """State and steps of the search for missing effects."""
@@ -131,7 +133,14 @@ class Search(Rounds):
         delta_bic = max(r.delta_bic for r in self.white_rounds[len(self.rounds) - 1][1])
         self.forces = self.find_unlisted_forces(self.declared_model, delta_bic + LIKELIHOOD_MARGIN)
         if self.forces and loss_test(self.accepted_models[0].held_out, self.forces[0].held_out).passes:
-            self.accepted_models = ()
+            self.give_way_to_force()
+
+    def give_way_to_force(self) -> None:
+        """Withdraw the accepted models, since an unlisted force explains the data better; the record of the rounds says so."""
+        self.accepted_models = ()
+        for i, one in enumerate(self.rounds):
+            ranking = (dataclasses.replace(c, passes=False, reason=FORCE_EXPLAINS_MORE) if c.passes else c for c in one.ranking)
+            self.rounds[i] = dataclasses.replace(one, ranking=tuple(ranking))
 
     def predicts_as_well(self, model: CandidateModel) -> bool:
         """Return whether a listed effect that failed a test of its residuals predicts held-out data as well as the force found.
@@ -234,7 +243,7 @@ class Search(Rounds):
             and loss_test(best.held_out, forces[0].held_out).passes
         )
         if is_likelier or predicts_better(best.held_out, forces[0].held_out, LIKELIHOOD_MARGIN):
-            self.accepted_models = ()
+            self.give_way_to_force()
 
     def find_rivals(self) -> None:
         """Find rivals of every effect that was added before the last, with the later ones in the model.

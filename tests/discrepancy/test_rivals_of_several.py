@@ -13,7 +13,7 @@ from looping_pendulum.discrepancy import search as search_module
 from looping_pendulum.discrepancy.data.study_io import load, load_text
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.listed.held_out import HeldOutTest
-from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.discrepancy.result import RankedCandidate, Round, Verdict
 from looping_pendulum.discrepancy.search import Search
 from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN
 from looping_pendulum.reference_ode.solve import available_integrators
@@ -39,8 +39,9 @@ def search_with(force, residual=0.0, evidence=0.0):
     declared = SimpleNamespace(fit=SimpleNamespace(cost=300.0, problem=SimpleNamespace(data=())))
     search = SimpleNamespace(
         accepted_models=(accepted,), declared_model=declared, forces=(), find_rivals=lambda: None,
-        drop_needless_effects=lambda: None, find_unlisted_forces=find_unlisted_forces, asked=asked,
+        drop_needless_effects=lambda: None, find_unlisted_forces=find_unlisted_forces, asked=asked, rounds=[],
     )  # fmt: skip
+    search.give_way_to_force = lambda: Search.give_way_to_force(search)
     Search.find_rivals_of_several(search)
     return search
 
@@ -87,12 +88,19 @@ def test_a_likelier_force_replaces_a_single_effect_unless_held_out_data_speak_ag
         asked.append(min_evidence)
         return (SimpleNamespace(held_out=predicts(difference)),)
 
-    rounds = {0: (None, [SimpleNamespace(delta_bic=50.0), SimpleNamespace(delta_bic=70.0)], {})}
+    refitted = {0: (None, [SimpleNamespace(delta_bic=50.0), SimpleNamespace(delta_bic=70.0)], {})}
+    drag = RankedCandidate(
+        name="drag", kind="effect", score=9.0, delta_bic=70.0, value=1.0, error=0.1, held_out_chi2=1.0, passes=True, reason=""
+    )
+    first = Round(added_before=(), ranking=(drag,), best="drag", runner_up="", margin=None)
     search = SimpleNamespace(
-        declared_model="declared", accepted_models=(SimpleNamespace(held_out=LISTED),), forces=(), rounds=["first"],
-        white_rounds=rounds, find_unlisted_forces=find_unlisted_forces,
+        declared_model="declared", accepted_models=(SimpleNamespace(held_out=LISTED),), forces=(), rounds=[first],
+        white_rounds=refitted, find_unlisted_forces=find_unlisted_forces,
     )  # fmt: skip
+    search.give_way_to_force = lambda: Search.give_way_to_force(search)
     Search.find_likelier_force(search)
+    (ranked,) = search.rounds[0].ranking
+    assert (ranked.passes, ranked.reason) == (listed, "" if listed else "an unlisted force explains the data better")
     assert asked == [70.0 + LIKELIHOOD_MARGIN]
     assert (bool(search.accepted_models), bool(search.forces)) == (listed, True)
 
