@@ -34,6 +34,8 @@ from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.versions import MISSING, installed_version
 
+CAN_HIDE = frozenset({"rod_mobility"})
+"""Effects that can hide at any size (`Identification.can_hide`)."""
 RESULT = Path(__file__).parents[1] / "docs" / "data" / "calibration.json"
 
 
@@ -156,6 +158,9 @@ def visibility(result: Identification, planted: dict[str, float]) -> float | Non
 
     None: nothing that the library lists was planted, or the report says nothing of it.
     """
+    # Once it is named, its error is known, but not that of one that stays hidden: to count only the first would be unfair
+    if not planted.keys().isdisjoint(CAN_HIDE):
+        return None
     smallest = {v.name: (v.value, v.null_value) for v in result.smallest_visible}
     explanations = result.ties or (result.effects,)
     smallest |= {e.name: (MAX_NULL_SCORE * e.error, e.null_value) for tie in explanations for e in tie}

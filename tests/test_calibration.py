@@ -123,6 +123,7 @@ def test_visibility_is_that_of_the_effect_that_hides_best():
     assert visibility(result, {"wind": 2.0}) == pytest.approx(5.0)
     assert visibility(result, {"wind": 2.0, "scale": 0.99}) == pytest.approx(0.5)
     assert visibility(result, {"push": 1.0}) is None
+    assert visibility(result, {"wind": 2.0, "rod_mobility": 1.0}) is None
     assert visibility(result, {}) is None
 
 

@@ -81,6 +81,7 @@ def identification(
         unlisted=conclusion.unlisted,
         correlated_noise=noise,
         smallest_visible=_smallest_visible(after),
+        can_hide=tuple(sorted(s.candidate.name for s in after.remaining if s.can_hide)),
         next_experiments=conclusion.experiments,
         rounds=conclusion.rounds,
         errors=errors,
@@ -144,7 +145,10 @@ def _correlated_noise(model: CandidateModel) -> tuple[CorrelatedError, ...]:
 
 
 def _smallest_visible(model: CandidateModel) -> tuple[SmallestVisible, ...]:
-    """Return the smallest change of each remaining candidate that the data would show, first those that can hide best."""
+    """Return the smallest change of each remaining candidate that the data would show, first those that can hide best.
+
+    Those that can hide at any size are left out.
+    """
     visible = [
         SmallestVisible(
             name=s.candidate.name,
@@ -155,7 +159,7 @@ def _smallest_visible(model: CandidateModel) -> tuple[SmallestVisible, ...]:
             motion=MAX_NULL_SCORE * s.motion_by_error,
         )
         for s in model.remaining
-        if math.isfinite(s.error)
+        if math.isfinite(s.error) and not s.can_hide
     ]
     return tuple(sorted(visible, key=lambda v: (-v.motion, v.name)))
 

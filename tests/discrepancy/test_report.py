@@ -59,6 +59,7 @@ def made_up(verdict):
         errors=(held_out,),
         correlated_noise=noise,
         smallest_visible=visible,
+        can_hide=("rod_mobility",),
         next_experiments=(
             Experiment(
                 release="held",
@@ -167,6 +168,7 @@ def test_the_ten_that_hide_best_are_listed_with_their_units():
     assert len(rows) == visible_report.MAX_ROWS
     assert "0.001 m/s^2" in rows[1]
     assert "The other 2 are in `verdict.json`" in section
+    assert "No size of rod_mobility would be sure to show" in section
 
 
 def test_without_positions_the_picture_is_the_residual_over_time():

@@ -47,3 +47,13 @@ def test_a_push_out_of_the_plane_counts_by_its_square(tmp_path):
     # The score at that value is that of the limit, and at twice the value four times as large
     assert independent(visible) == pytest.approx(MAX_NULL_SCORE, rel=0.1)
     assert independent(2 * visible) == pytest.approx(4 * MAX_NULL_SCORE, rel=0.2)
+
+
+def test_a_rod_whose_bearing_holds_it_can_hide_at_any_size(tmp_path):
+    """Of blind studies that missed an effect of more than twice its smallest visible size, two thirds hid such a rod."""
+    inputs = read_inputs(load(write_study(tmp_path, CASES["clean"], 0, trials=["ten_a"])))
+    fit = calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
+    chosen = [c for c in inputs.library if c.name in ("rod_mobility", "push_sideways", "light_linear_drag")]
+    assert {s.candidate.name: s.can_hide for s in screen(fit, chosen)} == {
+        "rod_mobility": True, "push_sideways": False, "light_linear_drag": False,
+    }  # fmt: skip

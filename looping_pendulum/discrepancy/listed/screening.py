@@ -60,6 +60,8 @@ class ScreenedCandidate:
     """Change of the value [SI] that changes the prediction by `SCALE_SIZE`."""
     companions: tuple[FreeParameter, ...] = ()
     """Parameters that are fitted with it, at the values that give the highest score."""
+    can_hide: bool = False
+    """Whether it changes nothing, however large it is, with some of its companions' initial values."""
     score_beyond_bounds: float = 0.0
     """Largest |z| at values that are not possible."""
 
@@ -147,7 +149,12 @@ def _screen_one(shared: _ScreeningInput, candidate: Candidate) -> ScreenedCandid
         return None
     best = max(results, key=lambda s: abs(s.score))
     best_hidden = max(results, key=lambda s: s.error)
-    return dataclasses.replace(best, error=best_hidden.error, motion_by_error=best_hidden.motion_by_error)
+    return dataclasses.replace(
+        best,
+        error=best_hidden.error,
+        motion_by_error=best_hidden.motion_by_error,
+        can_hide=len(results) < len(screened),
+    )
 
 
 def slowest_first(chosen: Iterable[Candidate]) -> list[Candidate]:

@@ -23,13 +23,19 @@ def section(result: Identification) -> str:
     visible = result.smallest_visible
     if not visible:
         return ""
+    hiding = ""
+    if result.can_hide:
+        hiding = (
+            f" No size of {', '.join(result.can_hide)} would be sure to show: what is fitted with it, such as friction in a "
+            "bearing, can keep it from acting."
+        )
     head = ["effect", "acts on", "smallest size that would show", "moves the masses by [noise]"]
     rows = [[v.name, v.acts_on, size_in_words(v), number(v.motion, digits=2)] for v in visible[:MAX_ROWS]]
     rest = f" The other {len(visible) - MAX_ROWS} are in `verdict.json`." if len(visible) > MAX_ROWS else ""
     note = (
         "An effect that is smaller than this may be there without a trace. The first of the list can hide best: an effect of "
         "that size moves the masses by the most, but the fitted masses, lengths, friction and camera settings make up for it. "
-        f"A percentage is that of the value itself.{rest}\n\n"
+        f"A percentage is that of the value itself.{rest}{hiding}\n\n"
     )
     return "## What these data could show\n\n" + note + table(head, rows, left=2)
 
