@@ -148,8 +148,9 @@ def rivals_block(rivals: dict[str, Any]) -> str:
     not_run = "".join(
         f"\n- Not run: {method}: {reason}." for method, reason in rivals["not_run"].items() if reason != NOT_ASKED
     )
-    return f"""Other methods on {rivals["studies"]} such studies (`{rivals["command"]}`, {rivals["measured_on"]}); `identify` loses
-{len(rivals["losses_of_identify"])} that another one judges right. The held-out error is the median, in units of the noise.
+    return f"""Other methods on {rivals["studies"]} such studies (`{rivals["command"]}`,
+{rivals["measured_on"]}); `identify` loses {len(rivals["losses_of_identify"])} that another one judges right.
+The held-out error is the median, in units of the noise.
 
 | method | one effect: right | tied | wrong | false alarms | held out | CPU s |
 |---|---|---|---|---|---|---|
