@@ -17,7 +17,7 @@ from looping_pendulum.discrepancy.inputs import Inputs
 from looping_pendulum.discrepancy.listed.attribution import Refit, delta_bic_of, delta_bic_of_likelihoods
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.listed.held_out import loss_test, predicts_better, square_ratio
+from looping_pendulum.discrepancy.listed.held_out import HeldOutTest, loss_test, predicts_better, square_ratio
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN, record_round
 from looping_pendulum.discrepancy.listed.screening import compile_for, slowest_first
 from looping_pendulum.discrepancy.rounds import FractionCallback, Rounds
@@ -132,7 +132,7 @@ class Search(Rounds):
         assert self.declared_model is not None
         delta_bic = max(r.delta_bic for r in self.white_rounds[len(self.rounds) - 1][1])
         self.forces = self.find_unlisted_forces(self.declared_model, delta_bic + LIKELIHOOD_MARGIN)
-        if self.forces and loss_test(self.accepted_models[0].held_out, self.forces[0].held_out).passes:
+        if self.forces and is_likelier(self.forces[0], delta_bic, self.accepted_models[0].held_out):
             self.give_way_to_force()
 
     def give_way_to_force(self) -> None:
@@ -147,8 +147,11 @@ class Search(Rounds):
 
         Of thousands of right effects some fail such a test by chance, and a force, which can take any form, never looks worse.
         """
-        force = self.forces[0].held_out
-        return model.held_out.passes and not predicts_better(model.held_out, force, LIKELIHOOD_MARGIN)
+        assert self.declared_model is not None
+        force, delta_bic = self.forces[0], delta_bic_of_likelihoods(model.added[0], self.declared_model.fit, model.fit)
+        if is_likelier(force, delta_bic, model.held_out):
+            return False
+        return model.held_out.passes and not predicts_better(model.held_out, force.held_out, LIKELIHOOD_MARGIN)
 
     def find_listed_rivals(self) -> None:
         """Find one or two listed effects that explain the data as well as an unlisted force.
@@ -238,11 +241,9 @@ class Search(Rounds):
         if not forces or predicts_better(forces[0].held_out, best.held_out, LIKELIHOOD_MARGIN):
             return
         self.forces = forces
-        is_likelier = (
-            forces[0].twice_log_bayes_factor >= explained + LIKELIHOOD_MARGIN
-            and loss_test(best.held_out, forces[0].held_out).passes
-        )
-        if is_likelier or predicts_better(best.held_out, forces[0].held_out, LIKELIHOOD_MARGIN):
+        if is_likelier(forces[0], explained, best.held_out) or predicts_better(
+            best.held_out, forces[0].held_out, LIKELIHOOD_MARGIN
+        ):
             self.give_way_to_force()
 
     def find_rivals(self) -> None:
@@ -363,3 +364,14 @@ class Search(Rounds):
             formulas = refit_formulas(base.fit, passing, self.inputs.held_out, lambda what: self.report_progress(what, 0.93))
             self.formulas = tuple(formulas)
         return tuple(by_preference(passing) + [f for f in forces if f not in passing]) if passing else ()
+
+
+def is_likelier(force: RecoveredForce, delta_bic: float, held_out: HeldOutTest) -> bool:
+    """Return whether the training data make an unlisted force likelier than listed effects, and held-out data do not object.
+
+    Parameters
+    ----------
+    delta_bic, held_out
+        Of the listed effects.
+    """
+    return force.twice_log_bayes_factor >= delta_bic + LIKELIHOOD_MARGIN and loss_test(held_out, force.held_out).passes

@@ -86,7 +86,7 @@ def test_a_likelier_force_replaces_a_single_effect_unless_held_out_data_speak_ag
 
     def find_unlisted_forces(base, min_evidence):
         asked.append(min_evidence)
-        return (SimpleNamespace(held_out=predicts(difference)),)
+        return (SimpleNamespace(held_out=predicts(difference), twice_log_bayes_factor=min_evidence),)
 
     refitted = {0: (None, [SimpleNamespace(delta_bic=50.0), SimpleNamespace(delta_bic=70.0)], {})}
     drag = RankedCandidate(
@@ -222,8 +222,19 @@ def test_a_model_is_revised_until_it_passes_or_nothing_changes(last_passing, rev
     assert Search.revise_until_settled(search, models[0]).number == revisions
 
 
-@pytest.mark.parametrize(("force_ahead", "as_well"), [(LIKELIHOOD_MARGIN - 1, True), (LIKELIHOOD_MARGIN + 1, False)])
-def test_a_listed_effect_that_predicts_as_well_as_a_force_is_named_beside_it(force_ahead, as_well):
+@pytest.mark.parametrize(
+    ("force_ahead", "evidence", "as_well"),
+    [
+        (LIKELIHOOD_MARGIN - 1, 1190.0, True),
+        (LIKELIHOOD_MARGIN + 1, 1190.0, False),
+        (0.0, 1190.0 + LIKELIHOOD_MARGIN, False),
+        (-3.0, 1190.0 + LIKELIHOOD_MARGIN, True),
+    ],
+)
+def test_a_listed_effect_that_predicts_as_well_as_a_force_is_named_beside_it(monkeypatch, force_ahead, evidence, as_well):
     """A push of 50 mm, with a delta BIC of 1190, failed the runs test by chance, and a force took its place."""
-    search = SimpleNamespace(forces=(SimpleNamespace(held_out=predicts(force_ahead)),))
-    assert Search.predicts_as_well(search, SimpleNamespace(held_out=LISTED)) is as_well
+    monkeypatch.setattr(search_module, "delta_bic_of_likelihoods", lambda *_: 1190.0)
+    force = SimpleNamespace(held_out=predicts(force_ahead), twice_log_bayes_factor=evidence)
+    search = SimpleNamespace(forces=(force,), declared_model=SimpleNamespace(fit=None))
+    model = SimpleNamespace(held_out=LISTED, added=("push",), fit=None)
+    assert Search.predicts_as_well(search, model) is as_well
