@@ -121,6 +121,8 @@ class Workers:
             with self._condition:
                 # Also after an exception here: worker processes must not go on with a batch that nobody waits for
                 self._batch = None
+                if self._begun is batch:
+                    self._begun = None
         # In the order of the items, so that the exception does not depend on which process was faster
         for succeeded, value in (batch.answers[i] for i in range(len(batch.items))):
             if not succeeded:

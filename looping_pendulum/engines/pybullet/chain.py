@@ -31,12 +31,13 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.scenario import Scenario
 
 SETTINGS = {
-    # With 40 iterations, PyBullet's margin and no links joined, ten_to_one takes 2.4 times the CPU time. RMS at 0.35, 0.7 and
-    # 1 s, those settings against these: ten_to_one 0.85, 10, 17 mm against 0.5 to 0.7, 7 to 9, 13 to 16 mm in three releases
-    # within 0.05 deg; two_to_one 1.3, 1.7, 1.9 mm against 1.5, 2.5, 2.4 mm; two_and_a_half_to_one at 0.7 s 0.4 mm, and 0.5 to
-    # 1.3 mm if moved by hundredths of a degree, against 1.1 to 1.4 mm. In two_to_one the heavy mass halted 26 to 32 ms late; of
-    # five releases up to 6 nanoradians from the shipped one it now halts in four, 0 to 38 ms late, and in one it never does.
-    # The smaller margin, not the joining, moves the acceleration of atwood, from 0.03 % too low to 0.23 % too high.
+    # With 40 iterations, PyBullet's margin and no links joined, ten_to_one takes 2.6 times the CPU time. RMS at 0.35, 0.7 and
+    # 1 s, those settings against these: ten_to_one 0.85, 10, 17 mm against 0.5 to 0.7, 7 to 10, 12 to 19 mm in five releases
+    # within 0.01 deg or 0.1 mm; two_to_one 1.3, 1.7, 1.9 mm against 1.5, 2.5, 2.4 mm; two_and_a_half_to_one at 0.7 s 0.4 mm,
+    # and 0.5 to 1.3 mm if moved by hundredths of a degree, against 1.1 to 1.4 mm. In two_to_one the heavy mass halted 26 to
+    # 32 ms late; of five releases up to 6 nanoradians from the shipped one it now halts in four, 0 to 38 ms late, and in one
+    # it never does. The smaller margin, not the joining, moves the acceleration of atwood, from 0.03 % too low to 0.23 % too
+    # high.
     Profile.QUICK: PybulletChainSettings(
         time_step=2e-5,
         link_length=5e-3,

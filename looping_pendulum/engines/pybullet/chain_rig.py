@@ -114,7 +114,7 @@ def longest_step(parameters: Parameters, settings: PybulletChainSettings, chain:
     A taut chain carries waves at sqrt(tension / mass per length), and an explicit step is stable while they pass less than a
     link in it. No single step would do for a run: as the light mass whips round on ever less string, its tension
     M1 (v^2 / l + g) grows without bound. The rod's friction has a largest value until the halt, which is read from the
-    reference's run; after it there is less.
+    reference's run.
     """
     p, s = parameters, settings
     density = MASS_FRACTION * p.light_mass / float(chain.lengths.sum())
