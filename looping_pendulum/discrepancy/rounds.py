@@ -185,7 +185,7 @@ class Rounds:
         other_tests: tuple[ModelTest, ...] = (),
     ) -> CandidateModel:
         """Test a fit on its residuals, on held-out data and by the scores of the remaining candidates."""
-        held_out = check_held_out(fit, self.inputs.held_out)
+        held_out = check_held_out(fit, self.inputs.held_out, workers=self.workers)
         other_tests += (loss_test(without, held_out),) if without else ()
         tests = check_residuals(fit)
         if added and self.correlated_base and self.declared_model:
@@ -203,9 +203,9 @@ class Rounds:
         )
 
     @property
-    def scales(self) -> dict[str, float]:
-        """Candidate's name -> change of its value that changes the prediction as `screening.SCALE_SIZE` says."""
-        return {name: s.scale for name, s in self.screened.items()}
+    def small_changes(self) -> dict[str, float]:
+        """Candidate's name -> `ScreenedCandidate.small_change` of its latest screening."""
+        return {name: s.small_change for name, s in self.screened.items()}
 
     def screen_candidates(self, fit: Fit, added: tuple[Candidate, ...]) -> tuple[ScreenedCandidate, ...]:
         """Screen the candidates that could still be added, best first.
@@ -216,12 +216,12 @@ class Rounds:
         added_names = {c.name for c in added}
         costly = {k for c in added if c.needs_compilation for k in (c.name, *(k.name for k in c.companions))}
         library = [c for c in self.inputs.library if c.name not in added_names]
-        rough = screen(fit, library, tuple(costly), self.workers, self.scales)
+        rough = screen(fit, library, tuple(costly), self.workers, self.small_changes)
         self.screened |= {s.candidate.name: s for s in rough}
         if not costly:
             return tuple(rough)
         best = [s.candidate for s in rough[:MAX_RESCREENED] if abs(s.score) > MIN_REFIT_SCORE]
-        exact = screen(fit, best, workers=self.workers, known_scales=self.scales)
+        exact = screen(fit, best, workers=self.workers, known_changes=self.small_changes)
         rescreened = {s.candidate.name for s in exact}
         both = [*exact, *(s for s in rough if s.candidate.name not in rescreened)]
         return tuple(sorted(both, key=lambda s: -abs(s.score)))

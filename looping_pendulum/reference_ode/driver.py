@@ -91,29 +91,37 @@ class Driver:
             # As a float: the time may be a dual number. "right": the part before has the sample at the very time of the event
             remaining_times = times[np.searchsorted(times, float(self.motion.t), side="right") :]
             if self.motion.mode is Mode.CLAMPED and type(self.integrator) is HeyokaIntegrator:
-                event, t, y, several = self.integrator.advance_past_reversals(
-                    *self.motion[1:], self.duration, remaining_times, self._pass_reversal
-                )
-                parts += several
+                event, t, y, part = self._pass_turns(self.integrator, remaining_times)
             else:
                 event, t, y, part = self.integrator.advance_sampled(*self.motion, self.duration, remaining_times)
-                parts.append(part)
+            parts.append(part)
             if self._apply_event(event, t, y):
                 return parts
         raise self._too_many_events()
 
-    def _pass_reversal(self, t: float, y: State) -> Motion:
-        """Apply and record the turning point at ``t`` [s], where the light mass is in the state ``y``; return the motion after.
+    def _pass_turns(self, integrator: HeyokaIntegrator, times: Array) -> tuple[Event, float, State, SegmentSamples]:
+        """Do what `Integrator.advance_sampled` does, past the turning points of a swing, and record these.
 
         Raises
         ------
         IntegrationError
             If there were too many.
         """
-        self._apply_event(Event.ACROSS_REVERSES, t, y)
+        mode, _, _, signs = self.motion
+        sign_after_turn = None if rules.turning_back_reverses(self.system, mode) else self._sign_after_turn
+        event, t, y, part, turns = integrator.advance_past_turns(*self.motion[1:], self.duration, times, sign_after_turn)
+        self.events += [
+            RunEvent(event=Event.ACROSS_REVERSES, time=now, mode_before=mode, mode_after=mode, state=State(*state))
+            for now, state in zip(turns.times.tolist(), turns.states.T.tolist(), strict=True)
+        ]
         if len(self.events) > MAX_EVENTS:
             raise self._too_many_events()
-        return self.motion
+        if len(turns.across):
+            self.motion = self.motion._replace(signs=signs._replace(across=float(turns.across[-1])))
+        return event, t, y, part
+
+    def _sign_after_turn(self, t: float, y: State) -> float:
+        return float(rules.across_after_turn(self.system, self.motion.mode, self.motion._replace(t=t, y=y)))
 
     def _start_run(self) -> Segment | None:
         """Record the release, enter its mode and leave rest; return the segment of the latter, if there is one."""

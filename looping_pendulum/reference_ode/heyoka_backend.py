@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from itertools import pairwise
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,8 +17,8 @@ from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.heyoka_library import load_heyoka
 from looping_pendulum.reference_ode.solution import Segment, SegmentSamples
 from looping_pendulum.reference_ode.state import (
+    TINY_SPEED,
     Effects,
-    Motion,
     Signs,
     State,
     event_in_phase,
@@ -33,8 +32,20 @@ NAME = "heyoka"
 # Far above need: the longest mode of the shipped scenarios (`static_friction`) takes 148 steps at 1e-12
 MAX_STEPS = 20_000
 """Number of steps in one mode after which heyoka gives up."""
-PassReversal = Callable[[float, State], Motion]
-"""(time [s], state) at a turning point of the light mass -> motion just after it."""
+_ACROSS_SIGN = Signs._fields.index("across")
+SignAfterTurn = Callable[[float, State], float]
+"""(time [s], state) at a turning point of the light mass -> sign of its speed across the string just after it."""
+
+
+class Turns(NamedTuple):
+    """Turning points of the light mass that were passed, n of them, in the order of time."""
+
+    times: Array
+    """[s], shape (n,)."""
+    states: Array
+    """Whole states just after, shape (len(State), n)."""
+    across: Array
+    """Signs of the speed across the string just after, shape (n,)."""
 
 
 class ModeEquations:
@@ -70,12 +81,15 @@ class _IntegratorOfMode:
         mode_equations = ModeEquations(mode, effects, parameter_names)
         self.mode, self.names, self.rows = mode, mode_equations.names, mode_equations.rows
         self.events = tuple(mode_equations.event_functions)
+        self.across = self.names.index("across_speed")
         # Every event function falls through zero; without a direction heyoka would also report where it rises
         falling = hy.event_direction.negative
-        self.pass_reversal: PassReversal | None = None
-        """What to do where the light mass turns back, other than to stop there; None: stop."""
+        self.turns: list[list[float]] | None = None
+        """Time, variables and sign just after each turning point of the light mass that was passed; None: stop at the next."""
+        self.sign_after_turn: SignAfterTurn | None = None
+        """Sign of the speed after a turning point; None: the opposite one, whatever the state."""
         # A function: heyoka would copy a bound method, and the object with it
-        callback = {Event.ACROSS_REVERSES: {"callback": lambda *_: self._on_reversal()}} if mode is Mode.CLAMPED else {}
+        callback = {Event.ACROSS_REVERSES: {"callback": lambda *_: self._on_turn()}} if mode is Mode.CLAMPED else {}
         self.integrator = hy.taylor_adaptive(
             mode_equations.system,
             # Any state will do: `HeyokaIntegrator._start` sets it for every run
@@ -89,15 +103,16 @@ class _IntegratorOfMode:
         self.success, self.time_limit = hy.taylor_outcome.success, hy.taylor_outcome.time_limit
         self.powers = np.arange(self.integrator.order + 1)
 
-    def _on_reversal(self) -> bool:
-        """Return whether the integrator goes on past a turning point; heyoka calls this at each."""
-        if self.pass_reversal is None:
+    def _on_turn(self) -> bool:
+        """Return whether the integrator goes on past a turning point; heyoka calls this at each, hundreds of times a swing."""
+        if self.turns is None or len(self.turns) >= MAX_STEPS:
             return False
         integrator = self.integrator
-        motion = self.pass_reversal(integrator.time, self.whole_state())
-        integrator.state[:] = [motion.y[i] for i in self.rows]
-        in_use = min(len(Signs._fields), len(integrator.pars))
-        integrator.pars[:in_use] = motion.signs[:in_use]
+        now, state, pars = integrator.time, integrator.state, integrator.pars
+        sign = -1.0 * pars[_ACROSS_SIGN] if self.sign_after_turn is None else self.sign_after_turn(now, self.whole_state())
+        state[self.across] = TINY_SPEED * sign
+        pars[_ACROSS_SIGN] = sign
+        self.turns.append([now, *state.tolist(), sign])
         return True
 
     def whole_state(self) -> State:
@@ -173,39 +188,31 @@ class HeyokaIntegrator:
         event, end, final, values = self._propagate(self._start(mode, t, y, signs), t, signs, until, times)
         return event, end, final, SegmentSamples(mode=mode, signs=signs, t=times[: values.shape[1]], values=values)
 
-    def advance_past_reversals(
-        self, t: float, y: State, signs: Signs, until: float, times: Array, pass_reversal: PassReversal
-    ) -> tuple[Event, float, State, list[SegmentSamples]]:
+    def advance_past_turns(
+        self, t: float, y: State, signs: Signs, until: float, times: Array, sign_after_turn: SignAfterTurn | None
+    ) -> tuple[Event, float, State, SegmentSamples, Turns]:
         """Do the same for a clamped heavy mass, but go on past the turning points of the light mass, to any other event.
 
         A long swing has hundreds of them, and to stop and start at one costs ten times as much as to integrate to the next.
 
         Parameters
         ----------
-        pass_reversal
-            Called with the time and the state at each turning point; returns the motion just after it.
+        sign_after_turn
+            Called with the time and the state at each turning point; None: the light mass always turns back.
         """
-        passed = [(t, signs)]
-
-        def keep_signs(now: float, state: State) -> Motion:
-            motion = pass_reversal(now, state)
-            passed.append((now, motion.signs))
-            return motion
-
         run = self._start(Mode.CLAMPED, t, y, signs)
-        run.pass_reversal = keep_signs
+        run.turns, run.sign_after_turn = [], sign_after_turn
         try:
             event, end, final, values = self._propagate(run, t, signs, until, times)
+            rows = np.array(run.turns).reshape(-1, len(run.names) + 2).T
         finally:
-            run.pass_reversal = None
+            run.turns = run.sign_after_turn = None
+        turns = Turns(rows[0], _full(run, rows[1:-1]), rows[-1])
         times = times[: values.shape[1]]
         # A sample at the very time of a turning point belongs to the part before it, as in `Driver.run_sampled`
-        edges = [0, *np.searchsorted(times, [now for now, _ in passed[1:]], side="right").tolist(), len(times)]
-        parts = [
-            SegmentSamples(mode=Mode.CLAMPED, signs=signs, t=times[a:b], values=values[:, a:b])
-            for (_, signs), (a, b) in zip(passed, pairwise(edges), strict=True)
-        ]
-        return event, end, final, parts
+        across = np.append(signs.across, turns.across)[np.searchsorted(turns.times, times, side="left")]
+        part = SegmentSamples(mode=Mode.CLAMPED, signs=signs._replace(across=across), t=times, values=values)
+        return event, end, final, part, turns
 
     def _propagate(
         self, run: _IntegratorOfMode, t: float, signs: Signs, until: float, times: Array

@@ -138,18 +138,24 @@ def _sign_from_rest(system: HybridSystem, m: Motion) -> Any:
     return system.where(up > 0, 1.0, system.where(down < 0, -1.0, 0.0))
 
 
+def turning_back_reverses(system: HybridSystem, mode: Mode) -> bool:
+    """Return whether a light mass that has come to rest across its string always moves back; else the pivot may hold it."""
+    return not (system.pivot_holds and mode is Mode.CLAMPED)
+
+
+def across_after_turn(system: HybridSystem, mode: Mode, m: Motion) -> Any:
+    """Return the sign of the light mass's speed across its string after a turning point; 0 if the pivot holds it."""
+    return -1.0 * m.signs.across if turning_back_reverses(system, mode) else _sign_from_rest(system, m)
+
+
 def apply_event(system: HybridSystem, mode: Mode, event: Event, m: Motion) -> Motion:
     """Return the motion after ``event``, at which the run, or all runs, arrived in ``mode``."""
     following = next_mode(mode, event)
     if following is Mode.ENDED:
         return m._replace(mode=Mode.ENDED)
     if event is Event.ACROSS_REVERSES:
-        across = _sign_from_rest(system, m) if system.pivot_holds and mode is Mode.CLAMPED else -1.0 * m.signs.across
-        # By the constructors: `_replace` takes three times as long, and a long swing comes here at every turning point
-        slide, _, *signs = m.signs
-        free_length, wrap_angle, retreat_speed, _, *others = m.y
-        y = State(free_length, wrap_angle, retreat_speed, TINY_SPEED * across, *others)
-        return Motion(m.mode, m.t, y, Signs(slide, across, *signs))
+        across = across_after_turn(system, mode, m)
+        return m._replace(signs=m.signs._replace(across=across), y=m.y._replace(across_speed=TINY_SPEED * across))
     if event is Event.HEAVY_REVERSES:
         heavy = -1.0 * m.signs.heavy
         return m._replace(signs=m.signs._replace(heavy=heavy), y=m.y._replace(heavy_speed=TINY_SPEED * heavy))

@@ -187,10 +187,11 @@ def heavy_mass_position(xp: Any, s: State, overlap: Any, p: Parameters) -> tuple
 
 @dataclass(frozen=True, kw_only=True)
 class SegmentSamples:
-    """Samples of a run between two events."""
+    """Samples of a run between two events, or of a swing past its turning points."""
 
     mode: Mode
     signs: Signs
+    """Numbers, or arrays of shape (n,) where they change."""
     t: Array
     values: Array
     """Every entry of the state, shape (len(State), n)."""
@@ -254,13 +255,17 @@ def join_samples(run: Run, parts: Sequence[SegmentSamples]) -> Samples:
     """Join samples between events, given in the order of time, to samples of the run."""
     counts = [len(part.t) for part in parts]
     values = np.concatenate([part.values for part in parts], axis=1)
-    signs = np.repeat(np.array([part.signs for part in parts]), counts, axis=0)
+    signs = np.empty((len(Signs._fields), values.shape[1]))
+    ends = np.cumsum([0, *counts]).tolist()
+    for part, start, end in zip(parts, ends, ends[1:], strict=False):
+        for row, sign in zip(signs, part.signs, strict=True):
+            row[start:end] = sign
     return Samples(
         run=run,
         t=np.concatenate([part.t for part in parts]),
         state=State(*values),
         mode=np.repeat([part.mode.value for part in parts], counts).astype(np.int8),
-        signs=Signs(*signs.T),
+        signs=Signs(*signs),
     )
 
 

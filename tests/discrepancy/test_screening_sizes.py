@@ -23,7 +23,7 @@ def test_a_size_is_met_in_few_steps_and_the_value_is_that_of_the_change(power, f
         tried.append(delta)
         return np.full(5, 40.0 * abs(delta) ** power)
 
-    delta, template = _find_template(change, first, 5.0, 0.3)
+    delta, template = _find_template(change, first, 5.0, 0.3, 0.0)
     assert 0.15 < template[0] < 0.6
     assert template[0] == pytest.approx(40.0 * delta**power)
     assert len(tried) <= 8

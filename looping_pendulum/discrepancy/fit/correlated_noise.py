@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_banded
+from scipy.linalg.lapack import dpttrf
 
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -43,6 +44,30 @@ class CorrelatedNoise:
 
 MIN_WHITE_SHARE = 0.2
 """Smallest white part of the noise, as a part of what differences of neighbours show."""
+MIN_STEP = 1e-9
+"""Time [s] by which points of one time count as apart."""
+
+
+def _predictions(t: Array, sigma: Array, noise: CorrelatedNoise) -> tuple[Array, Array]:
+    """Return memory and predictions of the correlated errors; arguments as of `Whitening`.
+
+    The inverse of the errors' covariance, given all points, is tridiagonal. The pivots of its factors L D L^T hold the filter's
+    variances, so that LAPACK runs the recursion.
+
+    Returns
+    -------
+    memory
+        Correlation of the errors of neighbours, 0 between tracks, shape (n - 1,).
+    predicted
+        Variance of each error, given the points before it, shape (n,).
+    """
+    variance, step = noise.amplitude**2, np.diff(t)
+    memory = np.where(step < 0, 0.0, np.exp(-np.maximum(step, 0.0) / noise.correlation_time))
+    fresh = np.where(step < 0, variance, -variance * np.expm1(-2 * np.maximum(step, MIN_STEP) / noise.correlation_time))
+    to_next = np.append(memory**2 / fresh, 0.0)
+    by_point = sigma**-2.0
+    pivots, _, _ = dpttrf(1 / np.append(variance, fresh) + by_point + to_next, -memory / fresh)
+    return memory, 1 / (pivots - by_point - to_next)
 
 
 class Whitening:
@@ -59,23 +84,15 @@ class Whitening:
     """
 
     def __init__(self, t: Array, sigma: Array, noise: CorrelatedNoise) -> None:
-        variance = noise.amplitude**2
-        step = np.diff(t, append=t[-1:])
-        memory = np.where(step < 0, 0.0, np.exp(-np.maximum(step, 0.0) / noise.correlation_time))
-        gain, spread = np.empty(len(t)), np.empty(len(t))
-        predicted = variance
-        # Python floats: ten times as fast as NumPy's one by one
-        for i, (s, m) in enumerate(zip(sigma.tolist(), memory.tolist(), strict=True)):
-            total = predicted + s * s
-            share = predicted / total
-            gain[i], spread[i] = share, total
-            predicted = m * m * (1.0 - share) * predicted + variance * (1.0 - m * m)
+        memory, predicted = _predictions(t, sigma, noise)
+        spread = predicted + sigma**2
+        gain = predicted / spread
         self._deviation = np.sqrt(spread)
         # The prediction of the next point is memory (1 - gain) times the last prediction, and memory gain times the last point
-        self._from_point = (memory * gain)[:-1]
+        self._from_point = memory * gain[:-1]
         self._band = np.zeros((2, len(t)))
         self._band[0] = 1.0
-        self._band[1, :-1] = -(memory * (1.0 - gain))[:-1]
+        self._band[1, :-1] = -memory * (1.0 - gain[:-1])
         used = np.isfinite(sigma)
         self.log_determinant = float(np.sum(np.log(spread[used])))
         """Logarithm of the determinant of the covariance of the points that are not left out."""

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from looping_pendulum.discrepancy.fit.model_test import ModelTest
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual import CHI2_SCATTER_SIGMAS
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
+from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.reference_ode.geometry import Array
 
 MAX_HELD_OUT_CHI2 = 1.08
@@ -86,7 +88,11 @@ class HeldOutTest:
 
 
 def check_held_out(
-    fit: Fit, held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]], *, max_iterations: int = 30
+    fit: Fit,
+    held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
+    *,
+    max_iterations: int = 30,
+    workers: Workers = SERIAL,
 ) -> HeldOutTest:
     """Test a fit on held-out trials or, if there are none, on blocks of time of the training trials.
 
@@ -98,7 +104,7 @@ def check_held_out(
         Largest number of Jacobians in each fit without two of the blocks.
     """
     if not held_out:
-        return _check_held_out_blocks(fit, max_iterations)
+        return _check_held_out_blocks(fit, max_iterations, workers)
     fits = [_fit_held_out_trial(fit, data, parameters) for data, parameters in held_out]
     return HeldOutTest(
         names=tuple(d.trial.name for d, _ in held_out),
@@ -159,48 +165,83 @@ def _fit_held_out_trial(fit: Fit, data: TrialData, own: Sequence[FreeParameter])
     return with_noise_of_residuals(calibrate(Problem(p.study, [data], parameters, (mean, weights))))
 
 
-def _check_held_out_blocks(fit: Fit, max_iterations: int) -> HeldOutTest:
+def _check_held_out_blocks(fit: Fit, max_iterations: int, workers: Workers) -> HeldOutTest:
     """Leave out two of `BLOCK_COUNT` blocks of time at once, refit, and test their prediction by its covariance."""
-    problem = fit.problem
-    names, chi2, rms_of_blocks, counts = [], [], [], []
-    half = BLOCK_COUNT // 2
-    for j in range(half):
-        # Two blocks that lie half the time apart in one fit, which halves the number of fits
-        out = [(_block_number(d) % half) == j for d in problem.data]
-        if not any(o.any() for o in out):
-            continue
-        # An infinite standard error leaves values out without changing the shape of the problem
-        masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
-        rows = np.concatenate(out)
-        partial = minimise(
-            problem.with_data(masked), fit.x, max_iterations=max_iterations, initial_jacobian=_without_rows(fit, rows)
-        )
-        jacobian = problem.jacobian(partial.x)
-        r = problem.residuals(partial.x)
-        assert r is not None
-        part = jacobian[: len(rows)][rows]
-        # noise of the values, and uncertainty of the fitted parameters
-        covariance = np.eye(len(part)) + part @ partial.covariance @ part.T
-        residuals = r[: len(rows)][rows]
-        names.append(f"blocks {j + 1} and {j + 1 + half} of {BLOCK_COUNT}")
-        chi2.append(float(residuals @ np.linalg.solve(covariance, residuals)) / len(residuals))
-        counts.append(len(residuals))
-        is_point = np.concatenate([np.arange(len(d.t)) < d.event_slice.start for d in problem.data])[rows]
-        is_point &= np.isfinite(
-            np.concatenate([d.sigma for d in problem.data])[rows]
-        )  # what is left out of fits, as an outlier, is no part of their error
-        if is_point.any():
-            # twice the mean square of a coordinate is that of a distance in the plane
-            off = np.concatenate([d.value - problem.predict(partial.x, k) for k, d in enumerate(problem.data)])[rows]
-            rms_of_blocks.append(math.sqrt(2 * float(np.mean(off[is_point] ** 2))))
+    results = workers.map(_check_two_blocks, (fit, max_iterations), range(BLOCK_COUNT // 2))
+    blocks = [block for block in results if block]
+    rms_of_blocks = [block.rms for block in blocks if block.rms is not None]
     return HeldOutTest(
-        names=tuple(names),
-        chi2=(float(np.average(chi2, weights=counts)),),
-        counts=(problem.count,),
+        names=tuple(block.name for block in blocks),
+        chi2=(float(np.average([block.chi2 for block in blocks], weights=[block.values for block in blocks])),),
+        counts=(fit.problem.count,),
         limits=(_max_chi2(fit),),
         rms=(float(np.sqrt(np.mean(np.square(rms_of_blocks)))) if rms_of_blocks else None,),
-        log_determinant=sum(d.log_determinant for d in problem.data),
+        log_determinant=sum(d.log_determinant for d in fit.problem.data),
     )
+
+
+class _Blocks(NamedTuple):
+    """How well two blocks of time are predicted by a fit to the others."""
+
+    name: str
+    chi2: float
+    """Chi2 per value."""
+    values: int
+    """Number of values."""
+    rms: float | None
+    """Root mean square residual [SI]; None: there are only events."""
+
+
+def _check_two_blocks(shared: tuple[Fit, int], first: int) -> _Blocks | None:
+    """Fit without two blocks that lie half the time apart, which halves the number of fits; None: they hold nothing.
+
+    Parameters
+    ----------
+    shared
+        The fit to all blocks, and the largest number of Jacobians.
+    first
+        Number of the first of the two.
+    """
+    fit, max_iterations = shared
+    problem, half = fit.problem, BLOCK_COUNT // 2
+    out = [(_block_number(d) % half) == first for d in problem.data]
+    rows = np.concatenate(out)
+    if not rows.any():
+        return None
+    # An infinite standard error leaves values out without changing the shape of the problem
+    masked = [dataclasses.replace(d, sigma=np.where(o, np.inf, d.sigma)) for d, o in zip(problem.data, out, strict=True)]
+    partial = minimise(
+        problem.with_data(masked), fit.x, max_iterations=max_iterations, initial_jacobian=_without_rows(fit, rows)
+    )
+    jacobian = problem.jacobian(partial.x)
+    r = problem.residuals(partial.x)
+    assert r is not None
+    # Noise of the values, and uncertainty of the fitted parameters
+    square = _square_of_prediction(r[: len(rows)][rows], jacobian[: len(rows)][rows], partial.covariance)
+    count = int(rows.sum())
+    is_point = np.concatenate([np.arange(len(d.t)) < d.event_slice.start for d in problem.data])[rows]
+    # What is left out of fits, as an outlier, is no part of their error
+    is_point &= np.isfinite(np.concatenate([d.sigma for d in problem.data])[rows])
+    off = np.concatenate([d.value - problem.predict(partial.x, k) for k, d in enumerate(problem.data)])[rows]
+    return _Blocks(
+        name=f"blocks {first + 1} and {first + 1 + half} of {BLOCK_COUNT}",
+        chi2=square / count,
+        values=count,
+        # twice the mean square of a coordinate is that of a distance in the plane
+        rms=math.sqrt(2 * float(np.mean(off[is_point] ** 2))) if is_point.any() else None,
+    )
+
+
+def _square_of_prediction(residuals: Array, jacobian: Array, covariance: Array) -> float:
+    """Return r (1 + J C J^T)^-1 r: noise of the values, and uncertainty of the fitted parameters with the ``covariance`` C.
+
+    By the matrix inversion lemma, with C = L L^T, since there are far more values than parameters.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    spread = jacobian @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    along = spread.T @ residuals
+    inner = np.eye(len(values)) + spread.T @ spread
+    return float(residuals @ residuals - along @ np.linalg.solve(inner, along))
 
 
 def _without_rows(fit: Fit, rows: NDArray[np.bool_]) -> Array | None:

@@ -58,6 +58,8 @@ class ScreenedCandidate:
     """Change of the prediction by one `error`, all else unchanged [RMS, in units of noise]."""
     scale: float
     """Change of the value [SI] that changes the prediction by `SCALE_SIZE`."""
+    small_change: float
+    """Change of the value [SI] that changes the prediction by about `LINEAR_SIZE`: where another screening begins."""
     companions: tuple[FreeParameter, ...] = ()
     """Parameters that are fitted with it, at the values that give the highest score."""
     can_hide: bool = False
@@ -77,14 +79,14 @@ def screen(
     chosen: Sequence[Candidate],
     without: Sequence[str] = (),
     workers: Workers = SERIAL,
-    known_scales: Mapping[str, float] = MappingProxyType({}),
+    known_changes: Mapping[str, float] = MappingProxyType({}),
 ) -> list[ScreenedCandidate]:
     """Score candidates, best first. Those that do not change the prediction are left out.
 
     Parameters
     ----------
-    known_scales
-        Candidate's name -> its scale (`ScreenedCandidate.scale`) beside an earlier fit, from which the search for a change of
+    known_changes
+        Candidate's name -> its `ScreenedCandidate.small_change` beside an earlier fit, from which the search for a change of
         the right size begins.
     without
         Parameters of the fit that are set to their null value while sensitivities are computed: every new set of effects costs
@@ -99,7 +101,7 @@ def screen(
     # What the fitted parameters could explain is no evidence for a candidate
     residual = _orthogonal_part(basis, fit.residuals)
     reduced = Problem(fit.problem.study, fit.problem.data, [fit.problem.free_parameters[i] for i in kept])
-    shared = _ScreeningInput(reduced, fit.x[kept], basis, residual, dict(known_scales))
+    shared = _ScreeningInput(reduced, fit.x[kept], basis, residual, dict(known_changes))
     chosen = slowest_first(chosen)
     results = workers.map(_screen_one, shared, chosen, labels=[c.name for c in chosen])
     # a worker process returns copies of the candidates; put this process's own in their place
@@ -137,8 +139,8 @@ class _ScreeningInput(NamedTuple):
     """Orthonormal basis of the changes that the fitted parameters can make, shape (n, p)."""
     residual: Array
     """Part of the residuals that is orthogonal to these, shape (n,)."""
-    known_scales: dict[str, float]
-    """Candidate's name -> its scale beside an earlier fit."""
+    known_changes: dict[str, float]
+    """Candidate's name -> its `ScreenedCandidate.small_change` beside an earlier fit."""
 
 
 def _screen_one(shared: _ScreeningInput, candidate: Candidate) -> ScreenedCandidate | None:
@@ -169,7 +171,7 @@ def _orthogonal_part(basis: Array, v: Array) -> Array:
 
 def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, values: Sequence[float]) -> ScreenedCandidate | None:
     """Score a candidate whose companions have these ``values`` [SI]."""
-    reduced, x, basis, residual, known_scales = shared
+    reduced, x, basis, residual, known_changes = shared
     companions = candidate.companion_parameters(values)
     problem = reduced.with_parameters(candidate.free_parameter(1.0), *companions)
     here = reduced.residuals(x)
@@ -191,8 +193,7 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
         return v.copy()
 
     best, beyond, scale, linear_error, finite_error = (0.0, 0.0), 0.0, 0.0, math.inf, math.inf
-    known = known_scales.get(candidate.name, 0.0)
-    first = known * LINEAR_SIZE / SCALE_SIZE or _first_change(candidate)
+    first = known_changes.get(candidate.name) or _first_change(candidate)
     both_sides = candidate.bounds[0] < candidate.null < candidate.bounds[1]
     templates: tuple[float, ...] = FINITE_SIZES
     is_square = False  # a push out of the plane, say, does the same to either side
@@ -203,7 +204,7 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
         delta = side * first
         linear: Array | None = None
         for size in (LINEAR_SIZE, *FINITE_SIZES):
-            delta, template = _find_template(change, delta, reach, size)
+            delta, template = _find_template(change, delta, reach, size, _first_change(candidate))
             if template is None:  # below the integrator's errors, or without effect: try the next size from a larger value
                 delta = 0.01 * reach
                 continue
@@ -216,7 +217,9 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
                     is_square = _rms(central) < MAX_ODD_SHARE * _rms(template)
                     if not is_square:
                         template = central
-                        templates = FINITE_SIZES if _independent_share(basis, template) > MIN_SHARE_FOR_FINITE else ()
+                # In a swing, finite changes in one direction, too, only show their own curvature: they shift its phase
+                if (opposite is not None or reduced.is_swing) and not is_square:
+                    templates = FINITE_SIZES if _independent_share(basis, template) > MIN_SHARE_FOR_FINITE else ()
                 linear = template
             if size in (LINEAR_SIZE, *templates):
                 score, amplitude, error_here = _score(basis, residual, template, delta)
@@ -238,6 +241,10 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
                 best = score, amplitude
             if size == FINITE_SIZES[-1]:
                 scale = max(scale, abs(delta))
+            elif reduced.is_swing and not templates:
+                # Finite changes would show the scale alone, and a run of a long swing costs ten times that of a loop
+                scale = max(scale, min(abs(delta) * FINITE_SIZES[-1] / size, abs(reach)))
+                break
             elif size == FINITE_SIZES[0] and not (templates and _alignment(basis, linear, template) < MIN_ALIGNMENT):
                 # A still larger change would say the same again
                 scale = max(scale, min(abs(delta) * FINITE_SIZES[-1] / FINITE_SIZES[0], abs(reach)))
@@ -261,6 +268,7 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
         error=error,
         motion_by_error=SCALE_SIZE * (visible**2 if is_square else visible) / MAX_NULL_SCORE,
         scale=scale,
+        small_change=first,
         companions=companions,
         score_beyond_bounds=beyond,
     )
@@ -293,9 +301,11 @@ def _score(basis: Array, residual: Array, v: Array, delta: float) -> tuple[float
 
 
 def _find_template(
-    change: Callable[[float], Array | None], delta: float, reach: float, size: float
+    change: Callable[[float], Array | None], delta: float, reach: float, size: float, smallest: float
 ) -> tuple[float, Array | None]:
     """Find a change of the value [SI] that changes the prediction by about ``size``.
+
+    Where a change of ``smallest`` [SI] cannot run, no smaller one is tried.
 
     Steps are in proportion to the change that is missing. Between a change that is too small and one that is too large, they
     follow a power law through both, since what an effect does may grow with the square of its value.
@@ -308,7 +318,9 @@ def _find_template(
         tried = delta = math.copysign(min(abs(delta), abs(reach)), reach)
         v = change(delta)
         failures += v is None
-        if failures > MAX_FAILURES:
+        # A string that stretches too little for the integrator's steps: what runs at a larger value does not at any smaller one
+        too_small = v is None and (math.isfinite(high[1]) or abs(delta) <= smallest)
+        if too_small or failures > MAX_FAILURES:
             return delta, None
         rms = math.inf if v is None else _rms(v)
         # About the size is enough, since a score does not depend on it as long as the change is linear
