@@ -129,8 +129,11 @@ class Rounds:
         self.accepted_models = (*passing, *failing) if passing else ()
         return next(iter(judged.values()), None)
 
-    def refit_candidates(self, current: CandidateModel, share: float) -> list[Refit]:
-        """Refit the model with each of the best candidates; return the refits, best first."""
+    def refit_candidates(self, current: CandidateModel, share: float, delta_bic_to_beat: float = 0.0) -> list[Refit]:
+        """Refit the model with each of the best candidates; return the refits, best first.
+
+        Of one that cannot come near to ``delta_bic_to_beat`` no second start is tried.
+        """
         min_score = max(MIN_REFIT_SCORE, abs(current.remaining[0].score) / MAX_SCORE_RATIO) if current.remaining else 0.0
         # An amplitude of zero means that no change within the bounds looks like the residuals
         eligible = [s for s in current.remaining if s.amplitude and abs(s.score) >= min_score]
@@ -147,13 +150,13 @@ class Rounds:
                 f"refitting with {name}", share + (0.01 if self.correlated_base else 0.15) * next(counter) / MAX_REFITS
             )
 
-        results = refits(current.fit, chosen, known, self.workers, report)
+        results = refits(current.fit, chosen, known, self.workers, report, delta_bic_to_beat)
         if results and results[0].delta_bic > MAX_NONLINEARITY * results[0].screened.score ** 2:
             # Of a large effect the scores say little: what acts on the same may do better than the best with a smaller score
             acts_on = results[0].candidate.acts_on
             alike = [s for s in eligible if s.candidate.acts_on == acts_on and s not in chosen][:MAX_REFITS]
             known.update((r.candidate.name, r) for r in results)
-            results = refits(current.fit, [*chosen, *alike], known, self.workers, report)
+            results = refits(current.fit, [*chosen, *alike], known, self.workers, report, delta_bic_to_beat)
         return results
 
     @cached_property

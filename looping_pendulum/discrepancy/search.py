@@ -14,7 +14,7 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import best_of, calibrate_from_random_start, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs
-from looping_pendulum.discrepancy.listed.attribution import Refit, delta_bic_of, delta_bic_of_likelihoods
+from looping_pendulum.discrepancy.listed.attribution import Refit, delta_bic_of, delta_bic_of_likelihoods, with_own_noises
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.held_out import HeldOutTest, loss_test, predicts_better, square_ratio
@@ -60,11 +60,21 @@ class Search(Rounds):
         """Listed effects that the model has beside these forces."""
         self.formulas: tuple[FittedFormula, ...] = ()
         """Formulas of these forces, refitted to the trajectories, the best first."""
+        self.explaining: tuple[Fit, list[RecoveredForce]] | None = None
+        """The fit beside which forces were looked for last, and those of them that explain held-out data; None: none does."""
         self.begun: tuple[Fit, Batch | None] | None = None
         """A fit, and what worker processes have begun of the search for an unlisted force beside it."""
 
     def run(self) -> None:
-        """Search until a model passes all tests or no candidate is accepted."""
+        """Search until a model passes all tests or no candidate is accepted; describe an unlisted force by formulas."""
+        self.find_explanations()
+        if self.forces and self.explaining is not None:
+            fit, forces = self.explaining
+            formulas = refit_formulas(fit, forces, self.inputs.held_out, lambda what: self.report_progress(what, 0.93))
+            self.formulas = tuple(formulas)
+
+    def find_explanations(self) -> None:
+        """Find listed effects, an unlisted force or noise that lasts longer than a frame, whatever explains the data."""
         self.report_progress("calibrating", 0.02)
         problem = Problem(self.inputs.study, self.inputs.training, self.inputs.free_parameters)
         compiled = slowest_first(c for c in self.inputs.library if c.needs_compilation)
@@ -185,10 +195,10 @@ class Search(Rounds):
             return False
         self.correlated_fit = fit
         # The cheapest tests first: where an effect is missing, one of them mostly fails
-        if not check_residuals(fit).passes:
+        if not check_residuals(fit).passes or any(has_evidence(r) for r in with_own_noises(fit, self.white_rounds[0][1][:1])):
             return False
         base = self.correlated_model
-        if base.failed_tests or any(r.delta_bic >= MIN_DELTA_BIC for r in self.refits_with_own_noise):
+        if base.failed_tests or any(has_evidence(r) for r in self.refits_with_own_noise):
             return False
         if self.find_unlisted_forces(base):
             return False
@@ -256,8 +266,9 @@ class Search(Rounds):
             current = self.without(best, dropped)
             # Delta BIC of the dropped effect beside the others, less the margin within which explanations are tied
             min_delta_bic = delta_bic_of(dropped, current.fit, best.fit) - MIN_DELTA_BIC_MARGIN
-            refits = self.refit_candidates(current, 0.7)
-            rivals = [r for r in refits if r.delta_bic >= max(min_delta_bic, MIN_DELTA_BIC) and r.within_bounds]
+            min_delta_bic = max(min_delta_bic, MIN_DELTA_BIC)
+            refits = self.refit_candidates(current, 0.7, min_delta_bic)
+            rivals = [r for r in refits if r.delta_bic >= min_delta_bic and r.within_bounds]
             judged = self.judge_refits(current, rivals, 0.8)
             self.record(current, refits, judged)
             self.accepted_models += tuple(judged.values())
@@ -328,8 +339,9 @@ class Search(Rounds):
             delta_bic = delta_bic_of(dropped, current.fit, model.fit)
             if delta_bic < MIN_DELTA_BIC:
                 return self.judge(with_noise_of_residuals(current.fit), current.added)
-            refits = self.refit_candidates(current, 0.5)
-            better = [r for r in refits if r.delta_bic > delta_bic + MIN_DELTA_BIC_MARGIN and r.within_bounds][:1]
+            delta_bic_to_beat = delta_bic + MIN_DELTA_BIC_MARGIN
+            refits = self.refit_candidates(current, 0.5, delta_bic_to_beat)
+            better = [r for r in refits if r.delta_bic > delta_bic_to_beat and r.within_bounds][:1]
             if better:
                 judged = self.judge_refits(current, better, 0.55)
                 self.record(current, refits, judged)
@@ -343,7 +355,7 @@ class Search(Rounds):
         """
         if not self.inputs.has_points:  # a few events do not determine a force as a function
             return ()
-        self.formulas = ()
+        self.explaining = None
         forces = discover(
             base.fit, self.inputs.held_out, lambda what: self.report_progress(what, 0.85), self.workers,
             min_evidence=MIN_DELTA_BIC if noises_of(base.fit) else min_evidence,
@@ -360,10 +372,15 @@ class Search(Rounds):
         if noises_of(base.fit):
             # Nor is a force of any form an explanation if without it, and with white noise, the model is nearer to the points
             passing = [f for f in passing if self.declared_model and square_ratio(self.declared_model.held_out, f.held_out) < 1]
-        if passing:
-            formulas = refit_formulas(base.fit, passing, self.inputs.held_out, lambda what: self.report_progress(what, 0.93))
-            self.formulas = tuple(formulas)
-        return tuple(by_preference(passing) + [f for f in forces if f not in passing]) if passing else ()
+        if not passing:
+            return ()
+        self.explaining = base.fit, passing
+        return tuple(by_preference(passing) + [f for f in forces if f not in passing])
+
+
+def has_evidence(refit: Refit) -> bool:
+    """Return whether the evidence for a candidate suffices."""
+    return refit.delta_bic >= MIN_DELTA_BIC
 
 
 def is_likelier(force: RecoveredForce, delta_bic: float, held_out: HeldOutTest) -> bool:

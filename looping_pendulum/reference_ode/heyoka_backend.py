@@ -211,7 +211,8 @@ class HeyokaIntegrator:
         times = times[: values.shape[1]]
         # A sample at the very time of a turning point belongs to the part before it, as in `Driver.run_sampled`
         across = np.append(signs.across, turns.across)[np.searchsorted(turns.times, times, side="left")]
-        part = SegmentSamples(mode=Mode.CLAMPED, signs=signs._replace(across=across), t=times, values=values)
+        signs = Signs(*np.broadcast_arrays(*signs._replace(across=across)))
+        part = SegmentSamples(mode=Mode.CLAMPED, signs=signs, t=times, values=values)
         return event, end, final, part, turns
 
     def _propagate(

@@ -191,7 +191,7 @@ class SegmentSamples:
 
     mode: Mode
     signs: Signs
-    """Numbers, or arrays of shape (n,) where they change."""
+    """Numbers or, where they change, arrays of shape (n,)."""
     t: Array
     values: Array
     """Every entry of the state, shape (len(State), n)."""
@@ -258,8 +258,7 @@ def join_samples(run: Run, parts: Sequence[SegmentSamples]) -> Samples:
     signs = np.empty((len(Signs._fields), values.shape[1]))
     ends = np.cumsum([0, *counts]).tolist()
     for part, start, end in zip(parts, ends, ends[1:], strict=False):
-        for row, sign in zip(signs, part.signs, strict=True):
-            row[start:end] = sign
+        signs[:, start:end] = np.array(part.signs).reshape(len(signs), -1)
     return Samples(
         run=run,
         t=np.concatenate([part.t for part in parts]),

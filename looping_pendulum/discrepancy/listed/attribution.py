@@ -160,10 +160,11 @@ def refits(
     known: Mapping[str, Refit | None],
     workers: Workers = SERIAL,
     report_progress: ProgressCallback = lambda name: None,
+    delta_bic_to_beat: float = 0.0,
 ) -> list[Refit]:
     """Fit the model with each of the chosen candidates and return the refits, best first.
 
-    The largest delta BIC of the first `FIRST_REFITS` is what the others have to beat.
+    The largest delta BIC of the first `FIRST_REFITS` is what the others have to beat; these, ``delta_bic_to_beat``.
 
     Parameters
     ----------
@@ -174,7 +175,7 @@ def refits(
     """
     refit_of = dict(known)
     for part in (chosen[:FIRST_REFITS], chosen[FIRST_REFITS:]):
-        to_beat = max((r.delta_bic for r in refit_of.values() if r), default=0.0)
+        to_beat = max([delta_bic_to_beat, *(r.delta_bic for r in refit_of.values() if r)])
         new = [s for s in part if s.candidate.name not in known]
         names = [s.candidate.name for s in new]
         results = workers.map(_refit_one, base, [(s, to_beat) for s in new], names, report_progress)
