@@ -14,7 +14,12 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import best_of, calibrate_from_random_start, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs
-from looping_pendulum.discrepancy.listed.attribution import Refit, delta_bic_of, delta_bic_of_likelihoods, with_own_noises
+from looping_pendulum.discrepancy.listed.attribution import (
+    Refit,
+    delta_bic_of,
+    delta_bic_of_likelihoods,
+    with_own_noises,
+)
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.held_out import HeldOutTest, loss_test, predicts_better, square_ratio
@@ -140,10 +145,14 @@ class Search(Rounds):
         then both are named. Where a listed effect is right, no force is likelier, as it has more free numbers.
         """
         assert self.declared_model is not None
-        delta_bic = max(r.delta_bic for r in self.white_rounds[len(self.rounds) - 1][1])
-        self.forces = self.find_unlisted_forces(self.declared_model, delta_bic + LIKELIHOOD_MARGIN)
-        if self.forces and is_likelier(self.forces[0], delta_bic, self.accepted_models[0].held_out):
-            self.give_way_to_force()
+        best = max(self.white_rounds[len(self.rounds) - 1][1], key=lambda r: r.delta_bic)
+        # Like with like: closures are screened by a linear model, which shows too little of a large effect
+        min_evidence = min(best.predicted_delta_bic, best.delta_bic) + LIKELIHOOD_MARGIN
+        forces = self.find_unlisted_forces(self.declared_model, min_evidence)
+        if forces and forces[0].twice_log_bayes_factor >= best.delta_bic + LIKELIHOOD_MARGIN:
+            self.forces = forces
+            if is_likelier(forces[0], best.delta_bic, self.accepted_models[0].held_out):
+                self.give_way_to_force()
 
     def give_way_to_force(self) -> None:
         """Withdraw the accepted models, since an unlisted force explains the data better; the record of the rounds says so."""
@@ -351,7 +360,7 @@ class Search(Rounds):
     def find_unlisted_forces(self, base: CandidateModel, min_evidence: float = -math.inf) -> tuple[RecoveredForce, ...]:
         """Search for an unlisted force that a model lacks; return the best closures, or none if none explains held-out data.
 
-        Closures with less than ``min_evidence``, twice a log Bayes factor, are not refitted.
+        Closures with less than ``min_evidence``, twice a log Bayes factor by a linear model, are not refitted.
         """
         if not self.inputs.has_points:  # a few events do not determine a force as a function
             return ()

@@ -64,6 +64,11 @@ class Refit:
         return self.fit.errors[self.candidate.name]
 
     @property
+    def predicted_delta_bic(self) -> float:
+        """Return the delta BIC that the score predicts by a model linear in the value."""
+        return self.screened.score**2 - bic_penalty(self.candidate, self.fit)
+
+    @property
     def within_bounds(self) -> bool:
         """Return whether the fitted value is not on a bound."""
         return self.candidate.name not in self.fit.at_bounds

@@ -56,7 +56,7 @@ class RecoveredForce:
     closure: Closure
     fit: Fit
     twice_log_bayes_factor: float
-    """Twice the log of the Bayes factor over the model without it, from the screening."""
+    """Twice the log of the Bayes factor over the model without it, about the refit (`_evidence_of_refit`)."""
     held_out: HeldOutTest
     coordinates: Array
     """Values of the coordinate along the training trials, where it matters, shape (n,)."""
@@ -100,7 +100,7 @@ def discover(
     held_out
         Held-out trials, each with the parameters that it alone has; empty: blocks of time are held out.
     min_evidence
-        Smallest twice log Bayes factor of a closure that is refitted.
+        Smallest twice log Bayes factor, by the model linearised about the fit, of a closure that is refitted.
     begun
         What `begin_to_discover` returned for the same fit; None: nothing was begun.
     """
@@ -216,7 +216,8 @@ def _refit(
     # The ridge is the scale of the weights in this problem, so that their prior has unit variance
     start = np.concatenate([base.x, np.zeros(len(closure.point_coefficients)), screened.weights / screened.ridge])
     try:
-        fit = with_noise_of_residuals(minimise(problem, start, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=12))
+        refitted = minimise(problem, start, cost_tolerance=WINDOW_COST_TOLERANCE, max_iterations=12)
+        fit = with_noise_of_residuals(refitted)
     except FitError:
         return None
     if closure.point is not None:
@@ -226,7 +227,21 @@ def _refit(
     return RecoveredForce(
         closure=closure,
         fit=fit,
-        twice_log_bayes_factor=screened.twice_log_bayes_factor,
+        twice_log_bayes_factor=_evidence_of_refit(base, refitted, closure),
         held_out=check_held_out(fit, held_out),
         coordinates=runs.where_it_acts(closure),
     )
+
+
+def _evidence_of_refit(base: Fit, refitted: Fit, closure: Closure) -> float:
+    """Return twice the log of the Bayes factor of a closure over ``base`` by Laplace's method about its refit.
+
+    That of the screening is right for a model that is linear in the weights, and too small for a large force. Both fits have
+    the same noise, and the weights a prior of unit variance in their scales. A fitted point costs what the Bayesian information
+    criterion takes for two parameters.
+    """
+    points = set(closure.point_coefficients)
+    kept = [i for i, name in enumerate(refitted.problem.names) if name not in points]
+    jacobian = refitted.jacobian if refitted.final_jacobian is None else refitted.final_jacobian
+    volumes = [float(np.linalg.slogdet(j.T @ j)[1]) for j in (jacobian[:, kept], base.jacobian)]
+    return base.cost - refitted.cost - (volumes[0] - volumes[1]) - len(points) * math.log(base.problem.count)
