@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks import calibration, engine_overhead, identify, live, live_page, pages, rivals
+from benchmarks import calibration, engine_overhead, identify, known_answer, live, live_page, pages, rivals
 from benchmarks.plain_scipy import plain_run
 from benchmarks.rival_methods import METHODS
 from looping_pendulum.engines.protocol import Profile
@@ -103,9 +103,10 @@ def main() -> None:
             "live-page",
             "maps",
             "calibration",
+            "known-answer",
             "rivals",
         ],
-        help="calibration and rivals take hours, so they run only if they are named",
+        help="calibration, known-answer and rivals take hours, so they run only if they are named",
     )
     parser.add_argument("--runs", type=int, default=1_000_000, help="runs of the map in `--only maps`")
     parser.add_argument("--repeats", type=int, default=15)
@@ -136,6 +137,8 @@ def main() -> None:
         live_page.benchmark()
     if options.only == "calibration":
         calibration.benchmark(options)
+    if options.only == "known-answer":
+        known_answer.benchmark(options)
     if options.only == "rivals":
         rivals.benchmark(options)
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import math
 from types import SimpleNamespace
 
 import pytest
 
-from benchmarks import blind_sample, calibration, rivals
+from benchmarks import blind_sample, calibration, hidden_laws, known_answer, rivals
 from benchmarks.blind_sample import SIZES, BlindStudy, case_of, draw, planted_values
 from benchmarks.calibration import law_of, visibility
 from benchmarks.calibration_summary import in_words, proportion, summary, with_upper_bound
@@ -19,9 +20,12 @@ from looping_pendulum.discrepancy.fit import residual
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
 from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.reference_ode.effects import EFFECTS, Kinematics
 from scripts import power_figure
+from tests.blind import Apparatus, Effects
 from tests.blind.cases import CASES, UNLISTED, signature
-from tests.discrepancy.expected import EXPECTED
+from tests.blind.simulator import _light_force
+from tests.discrepancy.expected import DECISIVE, EXPECTED
 
 
 def test_upper_bound_of_none_of_n_is_the_root_of_five_per_cent():
@@ -179,6 +183,74 @@ def test_studies_that_are_lost_to_another_method_are_listed():
     pairs = {"identify": list(zip(studies, ours, strict=True)), "other": list(zip(studies, theirs, strict=True))}
     (loss,) = rivals.lost_studies(pairs)
     assert (loss["study"], loss["right"]) == (studies[0].name, ["other"])
+
+
+def known(delta_bic, *explanations):
+    return {"delta_bic": delta_bic, "delta_bic_of_explanations": list(explanations)}
+
+
+@pytest.mark.parametrize(
+    ("outcome", "shown"),
+    [
+        (known({"wind_speed": DECISIVE}), True),
+        (known({"wind_speed": DECISIVE - 0.1}), False),
+        (known({"wind_speed": 1000.0, "tilt": 5.0}), False),
+        (known({"known_magnet": 100.0}, 89.0), True),
+        (known({"known_magnet": 100.0}, 50.0, 91.0), False),
+    ],
+    ids=["decisive", "too little", "one of two hides", "better than what was named", "a listed effect does as well"],
+)
+def test_data_show_what_a_fit_that_knows_it_tells_from_all_else(outcome, shown):
+    assert known_answer.is_shown(outcome) is shown
+
+
+def test_of_what_a_fit_that_knows_it_shows_the_named_are_counted():
+    studies = [s for s in draw("rates", "single", 80, 0) if s.size == 50e-3][:4]
+    rows = [
+        (studies[0], "right", known({"a": 50.0})),
+        (studies[1], "none", known({"a": 50.0})),
+        (studies[2], "none", known({"a": 1.0})),
+        (studies[3], "right", {"failed": "no fit"}),
+    ]
+    result = known_answer.summary(rows)
+    assert result["failed"] == 1
+    shares = {name: (share["count"], share["of"]) for name, share in result["single"]["all"].items()}
+    assert shares == {"shown": (2, 3), "shown_and_named": (1, 2), "not_shown_but_named": (0, 1)}
+    assert result["single"]["0.05"] == result["single"]["all"]
+
+
+@pytest.mark.parametrize("name", ["magnet", "thrust"])
+def test_a_law_that_a_fit_is_given_is_that_of_the_simulator(name):
+    """Oracle: the separate simulator's force, in its own Cartesian coordinates."""
+    length, angle, along, across, time = 0.31, 2.2, 0.4, -1.7, 0.33
+    r = Apparatus().rod_radius
+    sine, cosine = math.sin(angle), math.cos(angle)
+    x, y = r * cosine - length * sine, r * sine + length * cosine
+    towards, normal = (sine, -cosine), (-cosine, -sine)
+    velocity = [-along * a + across * b for a, b in zip(towards, normal, strict=True)]
+    none, some = (
+        _light_force(Apparatus(), e)(time, x, y, *velocity, 0.0, *towards, *normal, length)
+        for e in (Effects(), Effects(**{name: 0.02}))
+    )
+    planted = [b - a for a, b in zip(none, some, strict=True)][:2]
+    k = Kinematics(time, length, angle, along, across, abs(across), math.hypot(along, across), along, abs(along))
+    law = next(e for e in hidden_laws.effects() if e.name == f"known_{name}")
+    found = law.force_on_light_mass(math, k, SimpleNamespace(rod_radius=r, **{f"known_{name}": 0.02}))
+    assert found == pytest.approx(
+        [sum(f * e for f, e in zip(planted, unit, strict=True)) for unit in (towards, normal)], rel=1e-6
+    )
+    assert f"known_{name}" not in EFFECTS, "the library that is tested must not know it"
+
+
+@pytest.mark.accurate
+@pytest.mark.parametrize("name", ["brake", "rough_patch"])
+def test_a_fit_that_knows_the_law_finds_it(name):
+    """Oracle: the separate simulator, in which the law acts on the heavy mass or on the string."""
+    first = draw("rates", "unlisted", 1, 0)[0]
+    study = dataclasses.replace(first, hidden=(name,), size=50e-3, noise=1e-3, trials=3)
+    _, outcome = known_answer.solve(known_answer.KnownAnswer(study=study, explanations=()))
+    assert known_answer.is_shown(outcome)
+    assert outcome["delta_bic"][f"known_{name}"] > 100
 
 
 def test_finished_tasks_are_kept_and_ctrl_c_loses_none(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.data.study_io import load
@@ -10,7 +11,7 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.listed.attribution import refit
-from looping_pendulum.discrepancy.listed.held_out import BLOCK_COUNT, check_held_out
+from looping_pendulum.discrepancy.listed.held_out import BLOCK_COUNT, _square_of_prediction, check_held_out
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE, screen
 from tests.blind.cases import CASES
 from tests.discrepancy.blind_study import TWO_RATIOS, write_study
@@ -74,3 +75,12 @@ def test_a_single_trial_is_tested_on_blocks_of_time(tmp_path):
     assert len(held_out.names) == BLOCK_COUNT // 2
     assert held_out.passes
     assert held_out.worst == pytest.approx(1, abs=4 / fit.problem.count**0.5)
+
+
+def test_the_square_of_a_prediction_counts_the_errors_of_the_fitted_parameters():
+    """Oracle: the inverse of the whole covariance matrix."""
+    rng = np.random.default_rng(3)
+    jacobian, root, residuals = rng.normal(size=(60, 4)), rng.normal(size=(4, 3)), rng.normal(size=60)
+    covariance = root @ root.T  # singular, as where the data do not tell parameters apart
+    dense = residuals @ np.linalg.inv(np.eye(60) + jacobian @ covariance @ jacobian.T) @ residuals
+    assert _square_of_prediction(residuals, jacobian, covariance) == pytest.approx(dense)

@@ -29,6 +29,20 @@ def test_a_size_is_met_in_few_steps_and_the_value_is_that_of_the_change(power, f
     assert len(tried) <= 8
 
 
+@pytest.mark.parametrize("first", [1e-6, 1e-3])
+def test_below_a_value_that_cannot_run_nothing_is_tried(first):
+    """A string that stretches too little takes more steps than the integrator has: no smaller value would run."""
+    tried = []
+
+    def change(delta):
+        tried.append(delta)
+        return np.full(5, 1e5 * delta) if delta > 5e-5 else None
+
+    _, template = _find_template(change, first, 0.1, 0.3, 1e-6)
+    assert template is None
+    assert len(tried) <= 2
+
+
 def test_a_push_out_of_the_plane_counts_by_its_square(tmp_path):
     inputs = read_inputs(load(write_study(tmp_path, CASES["clean"], 0, trials=["ten_a"])))
     fit = calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
