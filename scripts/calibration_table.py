@@ -18,18 +18,19 @@ PAGE = "docs/identify.md"
 DATA = Path(__file__).parents[1] / "docs" / "data"
 BEGIN, END = "<!-- measured rates: python -m scripts.docs_numbers -->", "<!-- end of the measured rates -->"
 BLOCK = re.compile(rf"{re.escape(BEGIN)}\n.*?{re.escape(END)}", re.DOTALL)
-SET, SLOW_SET = "rates", "all_free"
-"""Keys of the stored results; the second one has few studies, for a method that takes more than a minute each."""
+SET, KNOWN_SET, SLOW_SET = "rates", "known_answer_rates", "all_free"
+"""Keys of the stored results; the last one has few studies, for a method that takes more than a minute each."""
 PLANNED = 800
 """Studies of the whole measurement: the benchmark's defaults."""
 
 
 def with_current_rates(text: str) -> str:
     """Return a page's text with the block between its markers written again from the stored data."""
-    rates = json.loads((DATA / "calibration.json").read_text(encoding="utf-8"))[SET]
+    stored = json.loads((DATA / "calibration.json").read_text(encoding="utf-8"))
     rivals_file = DATA / "rivals.json"
     rivals = json.loads(rivals_file.read_text(encoding="utf-8")) if rivals_file.exists() else {}
-    parts = [block(rates), *([rivals_block(rivals[SET])] if SET in rivals else [])]
+    parts = [block(stored[SET]), *([known_answer_block(stored[KNOWN_SET])] if KNOWN_SET in stored else [])]
+    parts += [*([rivals_block(rivals[SET])] if SET in rivals else [])]
     parts += [slow_rival(rivals[SLOW_SET])] if SLOW_SET in rivals else []
     return BLOCK.sub(lambda _: "\n".join([BEGIN, *parts, END]), text)
 
@@ -135,6 +136,26 @@ def share(numbers: dict[str, Any]) -> str:
         return "-"
     low, high = (100 * x for x in numbers["interval"])
     return f"{numbers['count']} of {numbers['of']} ({low:.0f} to {high:.0f} %)"
+
+
+def known_answer_block(known: dict[str, Any]) -> str:
+    """Return what a fit that is given the right answer shows, and how much of that was named."""
+    kinds = {"single": "one effect", "two": "two effects", "unlisted": "a force that is not listed"}
+    rows = [
+        f"| {kinds[kind]} | {name} | {' | '.join(share(shares[column]) for column in shares)} |"
+        for kind, sizes in known["summary"].items()
+        if kind in kinds
+        for name, shares in _in_millimetres({size: row for size, row in sizes.items() if size != "all"}).items()
+    ]
+    return f"""How much could be named at all? `{known["command"]}` ({known["measured_on"]})
+fits such studies with exactly what was hidden, begun at its true value. The data *show* it if each hidden effect then has a
+delta BIC of 10 or more and, of a force that is not listed, 10 more than the listed effects that were named. What they do not
+show nobody can name: the fitted parameters, or other effects, make up for it.
+
+| hidden | the light mass moves by | the data show it | of these named or tied | of the others |
+|---|---|---|---|---|
+{chr(10).join(rows)}
+"""
 
 
 def rivals_block(rivals: dict[str, Any]) -> str:
