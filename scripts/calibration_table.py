@@ -29,9 +29,13 @@ def with_current_rates(text: str) -> str:
     stored = json.loads((DATA / "calibration.json").read_text(encoding="utf-8"))
     rivals_file = DATA / "rivals.json"
     rivals = json.loads(rivals_file.read_text(encoding="utf-8")) if rivals_file.exists() else {}
-    parts = [block(stored[SET]), *([known_answer_block(stored[KNOWN_SET])] if KNOWN_SET in stored else [])]
-    parts += [*([rivals_block(rivals[SET])] if SET in rivals else [])]
-    parts += [slow_rival(rivals[SLOW_SET])] if SLOW_SET in rivals else []
+    in_order = (
+        (stored, SET, block),
+        (stored, KNOWN_SET, known_answer_block),
+        (rivals, SET, rivals_block),
+        (rivals, SLOW_SET, slow_rival),
+    )
+    parts = [write(blocks[key]) for blocks, key, write in in_order if key in blocks]
     return BLOCK.sub(lambda _: "\n".join([BEGIN, *parts, END]), text)
 
 
@@ -148,7 +152,7 @@ def known_answer_block(known: dict[str, Any]) -> str:
         for name, shares in _in_millimetres({size: row for size, row in sizes.items() if size != "all"}).items()
     ]
     return f"""How much could be named at all? `{known["command"]}` ({known["measured_on"]})
-fits such studies with exactly what was hidden, begun at its true value. The data *show* it if each hidden effect then has a
+lets the present search judge the large ones of such studies again, and fits them with exactly what was hidden, begun at its true value. The data *show* it if each hidden effect then has a
 delta BIC of 10 or more and, of a force that is not listed, 10 more than the listed effects that were named. What they do not
 show nobody can name: the fitted parameters, or other effects, make up for it.
 

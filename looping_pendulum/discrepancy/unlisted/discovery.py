@@ -56,7 +56,7 @@ class RecoveredForce:
     closure: Closure
     fit: Fit
     twice_log_bayes_factor: float
-    """Twice the log of the Bayes factor over the model without it, about the refit (`_evidence_of_refit`)."""
+    """Twice the log of the Bayes factor over the model without it: the larger of the screening's and the refit's."""
     held_out: HeldOutTest
     coordinates: Array
     """Values of the coordinate along the training trials, where it matters, shape (n,)."""
@@ -227,7 +227,8 @@ def _refit(
     return RecoveredForce(
         closure=closure,
         fit=fit,
-        twice_log_bayes_factor=_evidence_of_refit(base, refitted, closure),
+        # Of few iterations many a refit ends short of its minimum, where the linear model has the better estimate
+        twice_log_bayes_factor=max(screened.twice_log_bayes_factor, _evidence_of_refit(base, refitted, closure)),
         held_out=check_held_out(fit, held_out),
         coordinates=runs.where_it_acts(closure),
     )
