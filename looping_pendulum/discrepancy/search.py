@@ -10,6 +10,7 @@ import numpy as np
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of, with_correlated_noise
+from looping_pendulum.discrepancy.fit.model_test import ModelTest
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import best_of, calibrate_from_random_start, check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
@@ -92,13 +93,15 @@ class Search(Rounds):
         if best is second and second.cost < first.cost - 1:
             best = refit_with_estimated_noise(second)
         self.declared_model = self.judge(best, (), (first.cost, second.cost))
+        if self.inputs.has_points:
+            # Whatever the tests and the rounds find, it is compared with unlisted forces
+            self.begun = best, begin_to_discover(best, self.workers)
+        if not self.declared_model.failed_tests:
+            self.declared_model = self.tested_for_unlisted_force(self.declared_model)
         current, best_single, searched_unlisted = self.declared_model, None, False
         for added_count in range(MAX_EFFECTS):
             if not current.failed_tests:
                 return
-            if not added_count and self.inputs.has_points:
-                # Whatever the rounds find, it is compared with unlisted forces
-                self.begun = current.fit, begin_to_discover(current.fit, self.workers)
             if added_count == MAX_EFFECTS - 1:
                 # So many listed effects can mimic most of what the library lacks: one unlisted force is simpler
                 searched_unlisted = True
@@ -125,6 +128,24 @@ class Search(Rounds):
         if self.correlated_fit is not None:
             self.search_with_correlated_noise()
 
+    def tested_for_unlisted_force(self, model: CandidateModel) -> CandidateModel:
+        """Return a model that passes all tests, with one more that fails if an unlisted force explains the data better.
+
+        The fitted parameters can make up for so much of a force that is not listed that the residuals look like noise.
+        """
+        if not self.find_unlisted_forces(model, MIN_DELTA_BIC):
+            return model
+        assert self.explaining is not None
+        test = ModelTest(
+            subject="unlisted forces",
+            statistic="twice the log of the Bayes factor of the best",
+            value=max(f.twice_log_bayes_factor for f in self.explaining[1]),
+            limit=MIN_DELTA_BIC,
+            passes=False,
+            failure=FORCE_EXPLAINS_MORE,
+        )
+        return dataclasses.replace(model, other_tests=(*model.other_tests, test))
+
     def unlisted_force_explains(self, best_single: CandidateModel | None) -> bool:
         """Return whether an unlisted force explains the data, beside the declared model or beside its best single effect."""
         assert self.declared_model is not None
@@ -139,20 +160,22 @@ class Search(Rounds):
         return bool(self.forces)
 
     def find_likelier_force(self) -> None:
-        """Find an unlisted force that the training data make likelier than the single listed effects that were accepted.
+        """Find an unlisted force that the training data make at least as likely as the listed effect that was accepted.
 
-        A listed effect that is nearly right can pass every test. The force replaces it unless held-out data speak against that;
-        then both are named. Where a listed effect is right, no force is likelier, as it has more free numbers.
+        A listed effect that is nearly right can pass every test. A force that is likelier by `LIKELIHOOD_MARGIN` replaces it
+        unless held-out data speak against that; else both are named. Where a listed effect is right, a force is seldom as
+        likely, as it has more free numbers.
         """
         assert self.declared_model is not None
         best = max(self.white_rounds[len(self.rounds) - 1][1], key=lambda r: r.delta_bic)
-        # Like with like: closures are screened by a linear model, which shows too little of a large effect
-        min_evidence = min(best.predicted_delta_bic, best.delta_bic) + LIKELIHOOD_MARGIN
+        # Like with like: closures are screened by a linear model, which shows too little of a large effect, and a bit of any
+        min_evidence = min(best.predicted_delta_bic, best.delta_bic) - LIKELIHOOD_MARGIN
         forces = self.find_unlisted_forces(self.declared_model, min_evidence)
-        if forces and forces[0].twice_log_bayes_factor >= best.delta_bic + LIKELIHOOD_MARGIN:
-            self.forces = forces
-            if is_likelier(forces[0], best.delta_bic, self.accepted_models[0].held_out):
-                self.give_way_to_force()
+        if self.explaining is None or max(f.twice_log_bayes_factor for f in self.explaining[1]) < best.delta_bic:
+            return
+        self.forces = forces
+        if is_likelier(forces[0], best.delta_bic, self.accepted_models[0].held_out):
+            self.give_way_to_force()
 
     def give_way_to_force(self) -> None:
         """Withdraw the accepted models, since an unlisted force explains the data better; the record of the rounds says so."""

@@ -29,6 +29,11 @@ FIRST_REFITS = 2
 """Number of candidates that are refitted first; the others have to beat their delta BIC."""
 MAX_ITERATIONS = 10
 """Largest number of iterations in each window of a refit; right explanations need about four."""
+MAX_ITERATIONS_FROM_BOUND = 60
+"""Largest number of iterations of a refit that would end with its effect's value on a bound.
+
+The rod's mobility ended there in one trial, in which values from some hundred to 10,000 1/kg do the same; 20 more led away.
+"""
 MAX_SWING_ITERATIONS = 25
 """Largest number of iterations of a refit to a long swing, which has no windows."""
 MIN_RIVAL_SHARE = 0.9
@@ -117,9 +122,11 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
         null = np.concatenate([base.x, np.zeros(1 + len(screened.companions))])
         with contextlib.suppress(FitError):
             best = min(best, minimise(problem, null, max_iterations=MAX_ITERATIONS), key=lambda f: f.cost)
-    found = delta_bic_of(screened.candidate, base, best)
-    if screened.companions and found > max(delta_bic_to_beat - RESTART_MARGIN, 0.0):
+    is_rival = delta_bic_of(screened.candidate, base, best) > max(delta_bic_to_beat - RESTART_MARGIN, 0.0)
+    if screened.companions and is_rival:
         best = min([best, *_restart(best, screened)], key=lambda f: f.cost)
+    if is_rival and screened.candidate.name in best.at_bounds:
+        best = minimise(problem, best.x, max_iterations=MAX_ITERATIONS_FROM_BOUND)
     result = Refit(screened=screened, fit=best, delta_bic=delta_bic_of(screened.candidate, base, best))
     return with_own_noise(base, result) if noises_of(base) else result
 
