@@ -20,11 +20,14 @@ def effect_in_words(effect: IdentifiedEffect) -> str:
     if effect.interval is None:
         return f"{effect.name} = {uncertain(effect.value, effect.error, effect.unit)}"
     low, high = effect.interval
-    limits = limits_in_words(low, high, lambda end: quantity(end, effect.unit, 3))
+
+    def write(value: float) -> str:
+        return quantity(value, effect.unit, 3)
+
+    limits = limits_in_words(low, high, write)
     if (low is None) != (high is None):
         return f"{effect.name} of {limits}"
-    value = quantity(effect.value, effect.unit)
-    return f"{effect.name} = {value} ({f'probably {limits}' if limits else 'the data set it no limits'})"
+    return f"{effect.name} = {write(effect.value)} ({f'probably {limits}' if limits else 'the data set it no limits'})"
 
 
 def limits_in_words(low: float | None, high: float | None, write: Callable[[float], str]) -> str:

@@ -56,17 +56,17 @@ def test_of_static_friction_that_holds_the_interval_has_the_planted_value(tmp_pa
 
 
 def effect(interval):
-    return SimpleNamespace(name="static_friction", value=1.2, error=1e-3, unit="", interval=interval)
+    return SimpleNamespace(name="static_friction", value=1.2345, error=1e-3, unit="", interval=interval)
 
 
 @pytest.mark.parametrize(
     ("interval", "text"),
     [
-        (None, "static_friction = 1.2000 +/- 0.0010"),
-        ((1.18, 3.1), "static_friction = 1.2 (probably 1.18 to 3.1)"),
+        (None, "static_friction = 1.2345 +/- 0.0010"),
+        ((1.18, 3.1), "static_friction = 1.23 (probably 1.18 to 3.1)"),
         ((1.18, None), "static_friction of at least 1.18"),
         ((None, 3.1), "static_friction of at most 3.1"),
-        ((None, None), "static_friction = 1.2 (the data set it no limits)"),
+        ((None, None), "static_friction = 1.23 (the data set it no limits)"),
     ],
 )
 def test_the_sentence_states_it(interval, text):
