@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from operator import attrgetter
 
 from looping_pendulum.discrepancy.outlier_summary import outliers_in_words
 from looping_pendulum.discrepancy.result import IdentifiedEffect, Round, Unlisted, Verdict
@@ -13,6 +14,9 @@ BODY_IN_WORDS = {"light": "light mass", "heavy": "heavy mass", "angle": "angle",
 """Body, of `observations.BODIES`, in words."""
 MIN_VISIBLE_SHARE = 0.1
 """Share of its distance by which a model must come nearer for the sentence to call it nearer."""
+
+MAX_TIES_WITH_VALUES = 3
+"""Number of tied explanations up to which the sentence has their values; those of more are read in the report's table."""
 
 
 def effect_in_words(effect: IdentifiedEffect) -> str:
@@ -67,7 +71,8 @@ def verdict_sentence(
         verb, them = ("explain", "them") if len(effects) > 1 else ("explains", "it")
         return f"{added} {verb} what the declared model misses: with {them}, {_nearer(worst)}."
     if verdict is Verdict.AMBIGUOUS:
-        explanations = [" and ".join(effect_in_words(e) for e in tie) for tie in ties]
+        in_words = effect_in_words if len(ties) <= MAX_TIES_WITH_VALUES else attrgetter("name")
+        explanations = [" and ".join(map(in_words, tie)) for tie in ties]
         explanations += [f"a {unlisted.in_words}, which is not listed"] if unlisted else []
         return (
             f"Something is missing, and these data cannot say which of {len(explanations)} explanations is right: "

@@ -132,6 +132,14 @@ def test_the_sentence_calls_no_model_nearer_that_is_not():
     assert "74 mm (RMS)" in sentence
 
 
+@pytest.mark.parametrize(("count", "value"), [(3, "swing = 0.0100 +/- 0.0010 N s/m"), (4, "swing")])
+def test_a_sentence_of_many_explanations_leaves_their_values_to_the_table(count, value):
+    result = made_up(Verdict.AMBIGUOUS)
+    ties = (result.effects,) * count
+    sentence = verdict_sentence(result.verdict, result.effects, ties, None, result.errors, own_effects=False)
+    assert f"which of {count} explanations is right: {'; or '.join([value] * count)}; with the first" in sentence
+
+
 def test_every_reason_is_words():
     candidate = SimpleNamespace(bounds_reason="gravity on Earth is 9.764 to 9.834 m/s^2", name="a")
     free = SimpleNamespace(bounds_reason="", name="a")
