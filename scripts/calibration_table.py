@@ -57,6 +57,7 @@ def block(rates: dict[str, Any]) -> str:
         f"| two effects: the pair is named or tied | {_named(s['two'])} |",
         f"| two effects: only one of them is named | {share(s['two']['part'])} |",
         f"| unlisted force: the verdict is `unlisted` | {share(s['unlisted']['right'])} |",
+        f"| unlisted force: it is tied with listed effects | {share(s['unlisted']['tied'])} |",
         f"| unlisted force: what it acts on and depends on is as planted | {share(s['unlisted_law'])} |",
         f"| the same, of those with the verdict `unlisted` | {share(s['unlisted_law_of_found'])} |",
         f"| unlisted force: a listed effect is named instead | {share(s['unlisted']['wrong'])} |",
@@ -104,9 +105,9 @@ def _unlisted_table(by_size: dict[str, Any]) -> str:
     return f"""
 Of a force that is not listed, against its size:
 
-| the light mass moves by (RMS) | the verdict is `unlisted` | a listed effect is named instead |
-|---|---|---|
-{_power_rows(_in_millimetres(by_size), ("named", "wrong"))}
+| the light mass moves by (RMS) | the verdict is `unlisted` | the same, or tied with listed effects | a listed effect is named instead |
+|---|---|---|---|
+{_power_rows(_in_millimetres(by_size), ("named", "named_or_tied", "wrong"))}
 """
 
 
