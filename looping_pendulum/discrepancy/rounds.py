@@ -7,9 +7,8 @@ import itertools
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
-from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
+from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.model_test import ModelTest
-from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs
@@ -229,28 +228,6 @@ class Rounds:
         both = [*exact, *(s for s in rough if s.candidate.name not in rescreened)]
         return tuple(sorted(both, key=lambda s: -abs(s.score)))
 
-    def without(self, model: CandidateModel, dropped: Candidate) -> CandidateModel:
-        """Return a model without one of its added effects, fitted to the same data, to which others can be added."""
-        others = tuple(c for c in model.added if c is not dropped)
-        fit = self.fit_without(model, dropped)
-        remaining = tuple(s for s in self.screen_candidates(fit, others) if s.candidate is not dropped)
-        return CandidateModel(
-            fit=fit, added=others, tests=model.tests, held_out=model.held_out, screening=_returning(remaining)
-        )
-
-    def fit_without(self, model: CandidateModel, dropped: Candidate) -> Fit:
-        """Return the fit of a model without one of its added effects to the same data."""
-        dropped_names = {dropped.name, *(c.name for c in dropped.companions)}
-        kept = [i for i, n in enumerate(model.fit.problem.names) if n not in dropped_names]
-        parameters = [model.fit.problem.free_parameters[i] for i in kept]
-        problem = Problem(self.inputs.study, model.fit.problem.data, parameters)
-        # Without what held its phase a long swing is far from its minimum, so that it is fitted in growing windows again
-        return calibrate(problem, model.fit.x[kept]) if problem.is_swing else minimise(problem, model.fit.x[kept])
-
     def record(self, current: CandidateModel, refits: Sequence[Refit], judged: dict[str, CandidateModel]) -> None:
         """Record a round."""
         self.rounds.append(record_round(current, refits, judged, correlated_noise=self.correlated_base is not None))
-
-
-def _returning(screened: tuple[ScreenedCandidate, ...]) -> Callable[[], tuple[ScreenedCandidate, ...]]:
-    return lambda: screened  # a function of its own binds the value of this turn of the caller's loop

@@ -13,20 +13,20 @@ from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of, wit
 from looping_pendulum.discrepancy.fit.model_test import ModelTest
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual import best_of, calibrate_from_random_start, check_residuals
-from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
+from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.inputs import Inputs
 from looping_pendulum.discrepancy.listed.attribution import (
     Refit,
-    delta_bic_of,
     delta_bic_of_likelihoods,
     with_own_noises,
 )
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.held_out import HeldOutTest, loss_test, predicts_better, square_ratio
-from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN, record_round
+from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, record_round
 from looping_pendulum.discrepancy.listed.screening import compile_for, slowest_first
-from looping_pendulum.discrepancy.rounds import FractionCallback, Rounds
+from looping_pendulum.discrepancy.revisions import Revisions
+from looping_pendulum.discrepancy.rounds import FractionCallback
 from looping_pendulum.discrepancy.unlisted.discovery import (
     LIKELIHOOD_MARGIN,
     RecoveredForce,
@@ -40,8 +40,6 @@ from looping_pendulum.discrepancy.workers import SERIAL, Batch, Workers
 
 MAX_EFFECTS = 3
 """Effects that are added at most."""
-MAX_REVISIONS = 4
-"""Largest number of effects that leave or are replaced after one was added."""
 MIN_RIVAL_EVIDENCE = 0.5
 """Smallest twice log Bayes factor of a force that is refitted as a rival of listed effects, as a share of what they explain.
 
@@ -51,7 +49,7 @@ In blind studies of a magnet and of a thrust, which two listed effects mimicked,
 FORCE_EXPLAINS_MORE = "an unlisted force explains the data better"
 
 
-class Search(Rounds):
+class Search(Revisions):
     """State and steps of the search for missing effects."""
 
     def __init__(self, inputs: Inputs, seed: int, progress: FractionCallback, workers: Workers = SERIAL) -> None:
@@ -287,98 +285,6 @@ class Search(Rounds):
             best.held_out, forces[0].held_out, LIKELIHOOD_MARGIN
         ):
             self.give_way_to_force()
-
-    def find_rivals(self) -> None:
-        """Find rivals of every effect that was added before the last, with the later ones in the model.
-
-        An early effect was compared with its rivals in a model without the later ones; beside these, another may do as well.
-        """
-        best = self.accepted_models[0]
-        for dropped in best.added[:-1]:
-            current = self.without(best, dropped)
-            # Delta BIC of the dropped effect beside the others, less the margin within which explanations are tied
-            min_delta_bic = delta_bic_of(dropped, current.fit, best.fit) - MIN_DELTA_BIC_MARGIN
-            min_delta_bic = max(min_delta_bic, MIN_DELTA_BIC)
-            refits = self.refit_candidates(current, 0.7, min_delta_bic)
-            rivals = [r for r in refits if r.delta_bic >= min_delta_bic and r.within_bounds]
-            judged = self.judge_refits(current, rivals, 0.8)
-            self.record(current, refits, judged)
-            self.accepted_models += tuple(judged.values())
-
-    def drop_needless_effects(self) -> None:
-        """Replace the accepted models by those with an effect less that explain the data as well, as long as there are any.
-
-        Far from its minimum the fit of a right effect alone may end short of it, and another one is added beside a wrong first.
-        As a rival of that pair, beside what is left of the other, the right effect reaches its value and needs it no more.
-        """
-        while len(self.accepted_models[0].added) > 1:
-            # The same effects may be left of several models
-            left = {frozenset(m.names): m for model in self.accepted_models for m in self.with_an_effect_less(model)}
-            if not left:
-                return
-            simpler = sorted(left.values(), key=lambda m: m.fit.minus_twice_log_likelihood)
-            limit = simpler[0].fit.minus_twice_log_likelihood + MIN_DELTA_BIC_MARGIN
-            self.accepted_models = tuple(m for m in simpler if m.fit.minus_twice_log_likelihood <= limit)
-            self.record_simpler_models()
-
-    def with_an_effect_less(self, model: CandidateModel) -> list[CandidateModel]:
-        """Return the models without one of the effects of a model, if it explains too little beside the others and all pass."""
-        simpler = []
-        for dropped in model.added:
-            fit = self.fit_without(model, dropped)
-            if delta_bic_of(dropped, fit, model.fit) < MIN_DELTA_BIC:
-                others = tuple(c for c in model.added if c is not dropped)
-                found = self.judge(with_noise_of_residuals(fit, central=True), others)
-                if not found.failed_tests:
-                    simpler.append(found)
-        return simpler
-
-    def record_simpler_models(self) -> None:
-        """Record the accepted models as a round, in which the last effect of each was tried beside its others."""
-        assert self.declared_model is not None
-        best = self.accepted_models[0]
-        current = self.without(best, best.added[-1]) if len(best.added) > 1 else self.declared_model
-        # An effect of a coefficient that is zero there, as attitude drag of no drag at all, changes nothing: its score is zero
-        screened = {name: dataclasses.replace(s, score=0.0) for name, s in self.screened.items()}
-        screened |= {s.candidate.name: s for s in current.remaining}
-        alike = {m.added[-1].name: m for m in self.accepted_models if m.added[:-1] == best.added[:-1]}
-        refits = [
-            Refit(screened=screened[name], fit=m.fit, delta_bic=delta_bic_of_likelihoods(m.added[-1], current.fit, m.fit))
-            for name, m in alike.items()
-        ]
-        self.record(current, sorted(refits, key=lambda r: -r.delta_bic), alike)
-
-    def revise_until_settled(self, model: CandidateModel) -> CandidateModel:
-        """Revise a model as long as an effect leaves or is replaced, and the model still fails a test.
-
-        Once one wrong effect is replaced by the right one, another may be seen to be wrong, too.
-        """
-        for _ in range(MAX_REVISIONS):
-            revised = self.revise(model)
-            if revised is model or not revised.failed_tests:
-                return revised
-            model = revised
-        return model
-
-    def revise(self, model: CandidateModel) -> CandidateModel:
-        """Remove or replace an effect that was added before the last, if the later ones have made it useless or second best.
-
-        An early effect may only have stood for a later one. It leaves again if its delta BIC beside the others is below
-        `MIN_DELTA_BIC`, and is replaced if another candidate's is larger by `MIN_DELTA_BIC_MARGIN`.
-        """
-        for dropped in model.added[:-1]:
-            current = self.without(model, dropped)
-            delta_bic = delta_bic_of(dropped, current.fit, model.fit)
-            if delta_bic < MIN_DELTA_BIC:
-                return self.judge(with_noise_of_residuals(current.fit), current.added)
-            delta_bic_to_beat = delta_bic + MIN_DELTA_BIC_MARGIN
-            refits = self.refit_candidates(current, 0.5, delta_bic_to_beat)
-            better = [r for r in refits if r.delta_bic > delta_bic_to_beat and r.within_bounds][:1]
-            if better:
-                judged = self.judge_refits(current, better, 0.55)
-                self.record(current, refits, judged)
-                return judged[better[0].candidate.name]
-        return model
 
     def find_unlisted_forces(self, base: CandidateModel, min_evidence: float = -math.inf) -> tuple[RecoveredForce, ...]:
         """Search for an unlisted force that a model lacks; return the best closures, or none if none explains held-out data.
