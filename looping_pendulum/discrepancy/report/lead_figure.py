@@ -213,7 +213,13 @@ def _page_motion(result: Identification, picture: TrialFigure, body: str, colour
                 caption=f"{label.capitalize()}. {words}" if i == 0 else f"{label.capitalize()}, drawn in the same way.",
                 traces=(lines | {"line": {"color": colours[side], "width": 1}}, path | {"line": {"color": INK, "width": 1.5}}),
                 layout={
-                    "title": {"text": label + (f" (residuals x {factor:g})" if factor > 1 else ""), "font": {"size": 14}},
+                    # On the left: Plotly's buttons are on the right
+                    "title": {
+                        "text": label + (f" (residuals x {factor:g})" if factor > 1 else ""),
+                        "font": {"size": 14},
+                        "x": 0.0,
+                        "xanchor": "left",
+                    },
                     "xaxis": axis[0] | {"constrain": "domain"},
                     "yaxis": axis[1] | {"scaleanchor": "x", "constrain": "domain"},
                     "margin": {"t": 40, "b": 50},
