@@ -45,6 +45,11 @@ MIN_RIVAL_EVIDENCE = 0.5
 
 In blind studies of a magnet and of a thrust, which two listed effects mimicked, it was 0.95 and 0.54; of two effects, 0.32.
 """
+MIN_HIDDEN_EVIDENCE = 20.0
+"""Smallest twice log Bayes factor of a force that counts although the declared model passes all tests.
+
+In 326 clean blind studies whose declared model passed, forces of any form reached 12.
+"""
 
 FORCE_EXPLAINS_MORE = "an unlisted force explains the data better"
 
@@ -131,14 +136,15 @@ class Search(Revisions):
 
         The fitted parameters can make up for so much of a force that is not listed that the residuals look like noise.
         """
-        if not self.find_unlisted_forces(model, MIN_DELTA_BIC):
+        self.find_unlisted_forces(model, MIN_DELTA_BIC)
+        evidence = max((f.twice_log_bayes_factor for f in self.explaining[1]), default=0.0) if self.explaining else 0.0
+        if evidence < MIN_HIDDEN_EVIDENCE:
             return model
-        assert self.explaining is not None
         test = ModelTest(
             subject="unlisted forces",
             statistic="twice the log of the Bayes factor of the best",
-            value=max(f.twice_log_bayes_factor for f in self.explaining[1]),
-            limit=MIN_DELTA_BIC,
+            value=evidence,
+            limit=MIN_HIDDEN_EVIDENCE,
             passes=False,
             failure=FORCE_EXPLAINS_MORE,
         )

@@ -74,6 +74,11 @@ class Refit:
         return self.screened.score**2 - bic_penalty(self.candidate, self.fit)
 
     @property
+    def chi2_decrease(self) -> float:
+        """Return by how much chi-square decreases with the candidate."""
+        return self.delta_bic + bic_penalty(self.candidate, self.fit)
+
+    @property
     def within_bounds(self) -> bool:
         """Return whether the fitted value is not on a bound."""
         return self.candidate.name not in self.fit.at_bounds
