@@ -105,7 +105,7 @@ def _unlisted_table(by_size: dict[str, Any]) -> str:
     return f"""
 Of a force that is not listed, against its size:
 
-| the light mass moves by (RMS) | the verdict is `unlisted` | the same, or tied with listed effects | a listed effect is named instead |
+| the light mass moves by (RMS) | the verdict is `unlisted` | the same, or tied | a listed effect is named instead |
 |---|---|---|---|
 {_power_rows(_in_millimetres(by_size), ("named", "named_or_tied", "wrong"))}
 """

@@ -23,14 +23,16 @@ REMAINING = [
 ]
 
 
-@pytest.mark.parametrize(("gain", "more"), [(1.0, []), (2.0, ["drag"])])
+@pytest.mark.parametrize(("gain", "more"), [(1.0, []), (2.0, ["drag", "weak"])])
 def test_what_acts_on_the_same_is_refitted_where_scores_say_little(monkeypatch, gain, more):
-    """``gain``: delta BIC of the best over what its score predicts. "weak" is below a sixth of the best score."""
+    """``gain``: decrease of chi2 by the best over what its score predicts. "weak" is below a sixth of the best score."""
     refitted = []
 
     def refits(base, chosen, known, *rest):
         refitted.extend(s.candidate.name for s in chosen if s.candidate.name not in known)
-        return [SimpleNamespace(candidate=s.candidate, screened=s, delta_bic=gain * s.score**2) for s in chosen]
+        return [
+            SimpleNamespace(candidate=s.candidate, screened=s, chi2_decrease=gain * s.score**2, delta_bic=0.0) for s in chosen
+        ]
 
     monkeypatch.setattr(rounds, "refits", refits)
     current = SimpleNamespace(remaining=REMAINING, refitted={}, fit=None, added=())
