@@ -30,6 +30,7 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
 from looping_pendulum.discrepancy.result import Identification, IdentifiedEffect, Unlisted, Verdict
 from looping_pendulum.discrepancy.search import Search
+from looping_pendulum.discrepancy.unlisted.screening import motions, screen
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.versions import MISSING, installed_version
@@ -211,7 +212,8 @@ def _estimate(effect: IdentifiedEffect, planted: float) -> dict[str, Any]:
 def statistics_of_tests(study: Study) -> dict[str, float]:
     """Return the statistics of the declared model's tests, each as far from noise as any group or candidate has it.
 
-    Clean studies are not searched once they pass, so the delta BIC of the candidates with the best scores is fitted here.
+    Clean studies are not searched once they pass, so the delta BIC of the candidates with the best scores is fitted here, and
+    the unlisted forces are screened.
     """
     inputs = read_inputs(study)
     problem = Problem(inputs.study, inputs.training, inputs.free_parameters)
@@ -227,5 +229,6 @@ def statistics_of_tests(study: Study) -> dict[str, float]:
         "score": abs(model.remaining[0].score) if model.remaining else 0.0,
         "held_out_chi2": model.held_out.worst,
         "delta_bic": max((r.delta_bic for r in refits), default=0.0),
+        "unlisted_evidence": max(s.twice_log_bayes_factor for s in screen(model.fit, motions(model.fit))),
         "values": float(problem.count),
     }

@@ -153,7 +153,7 @@ def known_answer_block(known: dict[str, Any]) -> str:
         for name, shares in _in_millimetres({size: row for size, row in sizes.items() if size != "all"}).items()
     ]
     return f"""How much could be named at all? `{known["command"]}` ({known["measured_on"]})
-lets the present search judge the large ones of such studies again, and fits them with exactly what was hidden, begun at its
+fits the large ones of such studies, which `identify` has judged, with exactly what was hidden, begun at its
 true value. The data *show* it if each hidden effect then has a delta BIC of 10 or more and, of a force that is not listed, 10
 more than the listed effects that were named. What they do not show no search
 that asks for as much can name: the fitted parameters, or other effects, make up for it.

@@ -20,6 +20,7 @@ from looping_pendulum.discrepancy.fit import residual
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
 from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.discrepancy.search import MIN_HIDDEN_EVIDENCE
 from looping_pendulum.reference_ode.effects import EFFECTS, Kinematics
 from scripts import power_figure
 from tests.blind import Apparatus, Effects
@@ -293,6 +294,7 @@ def test_sets_are_stored_side_by_side(tmp_path):
         ("runs_z", residual.MIN_RUNS_Z),
         ("score", MAX_NULL_SCORE),
         ("delta_bic", MIN_DELTA_BIC),
+        ("unlisted_evidence", MIN_HIDDEN_EVIDENCE),
     ],
 )
 def test_a_limit_lets_99_of_100_clean_studies_pass(statistic, limit):
