@@ -208,9 +208,10 @@ def test_a_listed_effect_that_the_fitted_parameters_hide_is_tied_with_an_unliste
 
 @pytest.mark.accurate  # seconds
 @pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
-def test_an_effect_whose_first_refit_ends_on_a_bound_is_named(tmp_path):
-    """Oracle: a rod that turns, in one trial of the separate simulator, whose refit ended at the largest mobility."""
-    result = identify(load(write_files(draw("rates", "single", 15, 8)[14], tmp_path)))
+@pytest.mark.parametrize(("seed", "index"), [(8, 14), (10, 231)], ids=["on a bound", "short of it"])
+def test_an_effect_that_saturates_is_named(tmp_path, seed, index):
+    """Oracle: a rod that turns in the separate simulator; the first refit ends where larger mobilities do the same."""
+    result = identify(load(write_files(draw("rates", "single", index + 1, seed)[index], tmp_path)))
     assert (result.verdict, result.names) == (Verdict.IDENTIFIED, ("rod_mobility",))
 
 
