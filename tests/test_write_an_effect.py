@@ -192,4 +192,4 @@ def test_a_faulty_package_is_warned_of_where_a_file_is_read(monkeypatch):
 
 
 def test_the_page_is_valid_yaml():
-    assert [list(yaml.safe_load(block)) for block in blocks("yaml")] == [["own_effects"], ["own_effects", "effects"]]
+    assert [list(yaml.safe_load(block)) for block in blocks("yaml")] == [["candidates"], ["own_effects", "effects"]]

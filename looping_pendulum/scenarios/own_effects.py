@@ -1,4 +1,4 @@
-"""The key ``own_effects`` of scenario and study files: effects that the library lacks, and that the file itself defines."""
+"""The key ``own_effects`` of scenarios, ``candidates`` of studies: effects that the library lacks and the file itself defines."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ from looping_pendulum.scenarios.fields import Group, QuantityField, Text, input_
 from looping_pendulum.scenarios.units import QuantityKind, pretty, show
 
 KEY = "own_effects"
-"""Key of the group in a scenario and in a study."""
+"""Key of the group in a scenario."""
+KEY_IN_STUDY = "candidates"
+"""Key of the group in a study, where the effects are candidates unless it declares that they act."""
 
 
 def _pair(raw: object) -> list[str]:
@@ -115,8 +117,17 @@ class OwnEffectsFile(BaseModel):
     own_effects: OwnEffects = {}
 
 
-def read(data: Mapping[str, Any]) -> tuple[OwnEffect, ...]:
-    """Return the effects that the content of a file defines, and warn of packages whose effects cannot be used.
+class CandidatesFile(BaseModel):
+    """The same group of a study."""
+
+    candidates: OwnEffects = {}
+
+
+_FILES: dict[str, type[BaseModel]] = {KEY: OwnEffectsFile, KEY_IN_STUDY: CandidatesFile}
+
+
+def read(data: Mapping[str, Any], key: str = KEY) -> tuple[OwnEffect, ...]:
+    """Return the effects that the content of a file defines below a key, and warn of packages whose effects cannot be used.
 
     Raises
     ------
@@ -126,7 +137,7 @@ def read(data: Mapping[str, Any]) -> tuple[OwnEffect, ...]:
     for fault in effect_library.FAULTS:
         warn_of(fault)
     # A type checker does not see what a validator gives; without the key it is the empty default
-    return cast("tuple[OwnEffect, ...]", tuple(OwnEffectsFile.model_validate(data).own_effects))
+    return cast("tuple[OwnEffect, ...]", tuple(getattr(_FILES[key].model_validate(data), key)))
 
 
 def tree(own_effects: Sequence[OwnEffect]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The key ``own_effects`` of scenarios and studies: read, written, and refused with one line that names the key."""
+"""The key ``own_effects`` of scenarios, ``candidates`` of studies: read, written, and refused with one line that names the key."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ BRAKE = {
 }
 
 
-def block(**changes):
+def block(key="own_effects", **changes):
     b = BRAKE | changes
     return (
-        f"own_effects:\n  {b['name']}:\n    unit: {b['unit']}\n    bounds: {b['bounds']}\n"
+        f"{key}:\n  {b['name']}:\n    unit: {b['unit']}\n    bounds: {b['bounds']}\n"
         f"    force: {{{b['direction']}: {b['formula']}}}\n"
     )
 
 
 def study(effect="light_drag: free", **changes):
-    return study_io.load_text(STUDY.replace("EFFECT", effect) + block(**changes), "my.yaml")
+    return study_io.load_text(STUDY.replace("EFFECT", effect) + block("candidates", **changes), "my.yaml")
 
 
 @pytest.mark.parametrize(
@@ -54,19 +54,29 @@ def study(effect="light_drag: free", **changes):
     ],
 )
 def test_a_faulty_effect_is_refused_with_its_key(changes, key, message):
-    for read in (lambda: load_text(GOOD + block(**changes), "my.yaml"), lambda: study(**changes)):
+    in_file = {
+        "own_effects": lambda: load_text(GOOD + block(**changes), "my.yaml"),
+        "candidates": lambda: study(**changes),
+    }
+    for group, read in in_file.items():
         with pytest.raises((ScenarioError, study_io.StudyError)) as caught:
             read()
         text = str(caught.value)
         assert text.startswith("my.yaml:")
-        assert f" own_effects.{key}: " in text
+        assert f" {group}.{key}: " in text
         assert message in text
         assert "\n" not in text
 
 
 def test_a_study_refuses_the_name_of_a_camera_parameter():
-    with pytest.raises(study_io.StudyError, match="own_effects.scale: found the name 'scale', which a camera's parameter has"):
+    with pytest.raises(study_io.StudyError, match="candidates.scale: found the name 'scale', which a camera's parameter has"):
         study(name="scale", formula="-scale * heavy_speed")
+
+
+def test_a_study_with_the_key_of_a_scenario_is_told_its_own():
+    text = STUDY.replace("EFFECT", "light_drag: free") + block()
+    with pytest.raises(study_io.StudyError, match="own_effects: found a key of scenarios, needed 'candidates'"):
+        study_io.load_text(text, "my.yaml")
 
 
 def test_a_scenario_with_its_own_effect_is_written_and_read_again():
@@ -99,7 +109,7 @@ def test_a_study_may_declare_its_own_effect_and_is_written_and_read_again():
 
 def test_an_effect_on_the_heavy_mass_is_not_fitted_where_that_is_clamped():
     held = STUDY.replace("EFFECT", "brake: free").replace("release: {", "release: {kind: held, ")
-    assert "brake" not in {p.name for p in study_io.load_text(held + block(), "my.yaml").free_parameters()}
+    assert "brake" not in {p.name for p in study_io.load_text(held + block("candidates"), "my.yaml").free_parameters()}
 
 
 def test_editors_know_every_direction():

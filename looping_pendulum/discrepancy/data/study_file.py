@@ -28,7 +28,7 @@ from looping_pendulum.scenarios import file_schema
 from looping_pendulum.scenarios import own_effects as own_effects_of_file
 from looping_pendulum.scenarios.document import Document, Path, quote
 from looping_pendulum.scenarios.fields import Flag, Group, OneOf, QuantityField, Text, WholeNumber, quantity_kind, suggest
-from looping_pendulum.scenarios.own_effects import OwnEffects
+from looping_pendulum.scenarios.own_effects import KEY, KEY_IN_STUDY, OwnEffects
 from looping_pendulum.scenarios.units import QuantityKind
 
 _RELEASES = tuple(r.value for r in Release)
@@ -180,7 +180,7 @@ class StudyFile(Group):
     apparatus: ApparatusGroup = ApparatusGroup()
     effects: Effects = {}
     """Effects that are declared to act, each with the value of its first coefficient, or a group of its coefficients."""
-    own_effects: OwnEffects = {}
+    candidates: OwnEffects = {}
     """Effects that the library lacks, each with its formula: candidates, unless `effects` declares them."""
     fit: Annotated[list[Text], Field(min_length=1)] | None = None
     """Names of what a fit may change; if not given, all that is free or has a standard error."""
@@ -214,11 +214,11 @@ def check(doc: Document) -> StudyFile:
 
 def _own_effects(doc: Document) -> tuple[OwnEffect, ...]:
     """Return the effects that a study defines; they share a namespace with the camera's parameters."""
-    own_effects = own_effects_of_file.read(doc.data)
+    own_effects = own_effects_of_file.read(doc.data, KEY_IN_STUDY)
     for own in own_effects:
         if own.name in CAMERA:
             message = f"found the name '{own.name}', which a camera's parameter has already; needed another"
-            raise doc.error((own_effects_of_file.KEY, own.name), f"{message}, such as 'my_{own.name}'")
+            raise doc.error((KEY_IN_STUDY, own.name), f"{message}, such as 'my_{own.name}'")
     return own_effects
 
 
@@ -249,6 +249,8 @@ def _message(each: ErrorDetails) -> str:
     if each["type"] == "scenario":
         return each["msg"]
     if each["type"] == "extra_forbidden":
+        if path == (KEY,):
+            return f"found a key of scenarios, needed '{KEY_IN_STUDY}'"
         known = list(_model_at(path[:-1]).model_fields)
         return f"found an unknown key, needed one of: {', '.join(known)}{suggest(str(path[-1]), known)}"
     keys = ", ".join(_model_at(path).model_fields)

@@ -96,7 +96,7 @@ def _study(content: StudyFile, doc: Document, name: str, folder: Path) -> Study:
         folder=folder,
         apparatus=apparatus,
         effects=content.effects,
-        own_effects=own_effects.read(doc.data),
+        own_effects=own_effects.read(doc.data, own_effects.KEY_IN_STUDY),
         fit=None if content.fit is None else tuple(content.fit),
         trials=tuple(_trial(group, doc, i) for i, group in enumerate(content.trials)),
         limits=ExperimentLimits(
@@ -247,7 +247,7 @@ def dump(study: Study) -> str:
             }
         )
     }
-    data[own_effects.KEY] = own_effects.tree(study.own_effects)
+    data[own_effects.KEY_IN_STUDY] = own_effects.tree(study.own_effects)
     data["fit"] = list(study.fit) if study.fit is not None else None
     data["trials"] = [_trial_tree(trial) for trial in study.trials]
     limits = study.limits

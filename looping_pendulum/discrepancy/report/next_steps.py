@@ -110,7 +110,7 @@ def _after_unlisted(result: Identification) -> list[str]:
     return [
         f"Measure more of it: {_where(force)}{'?' if force.depends_on == 'time' else '.'}",
         f"Look for {LOOK_FOR.get(force.depends_on, 'what changes with this coordinate')}.",
-        "If you have an idea, write it as an effect of your own (`own_effects` in the study), and run `looping-pendulum "
+        "If you have an idea, write it as a candidate of your own (`candidates` in the study), and run `looping-pendulum "
         "identify` again: a formula with a reason is worth more than a curve that fits.",
     ]
 
