@@ -1,4 +1,4 @@
-"""The key ``own_effects`` of scenarios, ``candidates`` of studies: effects that the library lacks and the file itself defines."""
+"""The key ``own_effects`` of scenarios, ``candidates`` of studies: effects that the library lacks, by their formulas."""
 
 from __future__ import annotations
 

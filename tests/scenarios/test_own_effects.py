@@ -1,4 +1,4 @@
-"""The key ``own_effects`` of scenarios, ``candidates`` of studies: read, written, and refused with one line that names the key."""
+"""The key ``own_effects`` of scenarios, ``candidates`` of studies: read, written, refused with one line that names the key."""
 
 from __future__ import annotations
 
