@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks import calibration, engine_overhead, identify, known_answer, live, live_page, pages, rivals
+from benchmarks import calibration, engine_overhead, identify, known_answer, live, live_page, outlier_power, pages, rivals
 from benchmarks.plain_scipy import plain_run
 from benchmarks.rival_methods import METHODS
 from looping_pendulum.engines.protocol import Profile
@@ -104,9 +104,10 @@ def main() -> None:
             "maps",
             "calibration",
             "known-answer",
+            "outliers",
             "rivals",
         ],
-        help="calibration, known-answer and rivals take hours, so they run only if they are named",
+        help="calibration, known-answer, outliers and rivals take hours, so they run only if they are named",
     )
     parser.add_argument("--runs", type=int, default=1_000_000, help="runs of the map in `--only maps`")
     parser.add_argument("--repeats", type=int, default=15)
@@ -139,6 +140,8 @@ def main() -> None:
         calibration.benchmark(options)
     if options.only == "known-answer":
         known_answer.benchmark(options)
+    if options.only == "outliers":
+        outlier_power.benchmark(options)
     if options.only == "rivals":
         rivals.benchmark(options)
 

@@ -20,6 +20,10 @@ VISIBILITY = {"below 0.5": 0.5, "0.5 to 1": 1.0, "1 to 2": 2.0, "above 2": math.
 NOT_STATED = "not stated"
 """Class of effects of which the report says no such size."""
 NAMED = ("right", "tied")
+LARGE = 0.016
+"""Size of what is hidden [m] from which on targets are set."""
+MANY_TRIALS, MODERATE_NOISE = 3, 1e-3
+"""Trials from which on, and noise [m] up to which, a study is one as docs/identify.md recommends."""
 JUDGEMENTS = ("right", "tied", "part", "wrong", "none")
 TIME_QUANTILES = (0.5, 0.9, 0.99)
 STATISTIC_QUANTILES = (0.5, 0.95, 0.99)
@@ -62,12 +66,51 @@ def summary(pairs: Sequence[Pair]) -> dict[str, Any]:
         "unlisted_by_size": _power(of_kind["unlisted"], lambda pair: f"{pair[0].size:g}"),
         "unlisted_law": _laws_as_planted(of_kind["unlisted"]),
         "unlisted_law_of_found": _laws_as_planted([(s, o) for s, o in of_kind["unlisted"] if o["judgement"] == "right"]),
+        "large": _large(of_kind),
+        "false_discoveries": _false_discoveries(judged),
         "held_out_error_of_named": _quantiles(
             [o["held_out_error"] for s, o in judged if s.kind != "clean" and o["judgement"] in NAMED], TIME_QUANTILES
         ),
         "cpu_seconds": _quantiles([o["cpu_seconds"] for _, o in judged], TIME_QUANTILES),
         "statistics": _statistics([o["statistics"] for _, o in of_kind["clean"] if "statistics" in o]),
     }
+
+
+def _large(of_kind: dict[str, list[Pair]]) -> dict[str, Any]:
+    """Return what targets are set for, of the studies in which something of `LARGE` or more is hidden."""
+    single, two, unlisted = ([p for p in of_kind[kind] if (p[0].size or 0) >= LARGE] for kind in ("single", "two", "unlisted"))
+    recommended = [p for p in single if p[0].trials >= MANY_TRIALS and p[0].noise <= MODERATE_NOISE]
+    found = [p for p in unlisted if p[1]["judgement"] == "right"]
+    return {
+        "single": _named_or_tied(single),
+        "single_as_recommended": _named_or_tied(recommended),
+        "single_wrong_alone": proportion(sum(_is_wrong_alone(outcome) for _, outcome in single), len(single)),
+        "two": _named_or_tied(two),
+        "unlisted": _named_or_tied(unlisted),
+        "unlisted_law": _laws_as_planted(unlisted),
+        "unlisted_law_of_found": _laws_as_planted(found),
+        "unlisted_held_out_error": _quantiles([outcome["held_out_error"] for _, outcome in found], TIME_QUANTILES),
+    }
+
+
+def _is_wrong_alone(outcome: Outcome) -> bool:
+    """Return whether something wrong is the only explanation."""
+    return outcome["judgement"] == "wrong" and not outcome.get("ties")
+
+
+def _named_or_tied(pairs: Sequence[Pair]) -> dict[str, Any]:
+    return proportion(sum(_count(pairs, judgement) for judgement in NAMED), len(pairs))
+
+
+def _false_discoveries(judged: Sequence[Pair]) -> dict[str, Any]:
+    """Return the share of studies with something wrong among those in which anything is named: the false-discovery rate.
+
+    It is that of a mixture such as these studies, of which half are clean. Something is wrong if no explanation has all that is
+    named right; half a pair, or an unlisted force for a listed effect, counts, too.
+    """
+    right = sum(study.kind != "clean" and outcome["judgement"] in NAMED for study, outcome in judged)
+    wrong = sum(outcome["judgement"] in ("wrong", "part") for _, outcome in judged)
+    return with_upper_bound(wrong, right + wrong)
 
 
 def body_of(target: str) -> str:
@@ -112,7 +155,13 @@ def _single(pairs: Sequence[Pair]) -> dict[str, Any]:
             for name, group in _grouped(pairs, lambda pair: pair[0].hidden[0]).items()
         },
         "each": [
-            {"effect": s.hidden[0], "size": s.size, "visibility": o["visibility"], "judgement": o["judgement"]}
+            {
+                "effect": s.hidden[0],
+                "size": s.size,
+                "visibility": o["visibility"],
+                "judgement": o["judgement"],
+                "covered": all(e["within"] for e in o["estimates"]) if o["estimates"] else None,
+            }
             for s, o in pairs
         ],
     }
@@ -128,7 +177,7 @@ def _power(pairs: Sequence[Pair], key: Callable[[Pair], str]) -> dict[str, Any]:
     """Return the share of studies of which all, part, or something else that was not hidden is named, for each ``key``."""
     return {
         value: {
-            "named_or_tied": proportion(sum(_count(group, j) for j in NAMED), len(group)),
+            "named_or_tied": _named_or_tied(group),
             "named": proportion(_count(group, "right"), len(group)),
             "part": proportion(_count(group, "part"), len(group)),
             "wrong": proportion(_count(group, "wrong"), len(group)),

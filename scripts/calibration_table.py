@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.calibration_targets import TARGETS, Target
 from benchmarks.rival_methods import METHODS, NOT_ASKED
 from looping_pendulum.pages.numbers import amount
 
@@ -32,6 +33,8 @@ def with_current_rates(text: str) -> str:
     in_order = (
         (stored, SET, block),
         (stored, KNOWN_SET, known_answer_block),
+        (stored, SET, targets_block),
+        (stored, "outliers", outliers_block),
         (rivals, SET, rivals_block),
         (rivals, SLOW_SET, slow_rival),
     )
@@ -54,6 +57,8 @@ def block(rates: dict[str, Any]) -> str:
         *(_clean_row(kind, s["clean"][kind]) for kind in ("white", "wander", "outliers")),
         f"| one effect: another one is named instead | {share(s['single']['all']['wrong'])} |",
         f"| planted value within the stated 95 % interval, of named or tied effects | {share(s['coverage'])} |",
+        "| something wrong is named, of all studies in which anything is named (false-discovery rate) "
+        f"| {_bounded(s['false_discoveries'])} |",
         f"| two effects: the pair is named or tied | {_named(s['two'])} |",
         f"| two effects: only one of them is named | {share(s['two']['part'])} |",
         f"| unlisted force: the verdict is `unlisted` | {share(s['unlisted']['right'])} |",
@@ -123,11 +128,15 @@ def _in_millimetres(by_size: dict[str, Any]) -> dict[str, Any]:
 
 def _clean_row(kind: str, row: dict[str, Any]) -> str:
     words = {"white": "white noise", "wander": "a tracker that wanders", "outliers": "outliers"}[kind]
-    added, unexplained = row["false_additions"], share(row["unexplained"])
-    if not added["of"]:
-        return f"| clean, {words}: an effect is added; `unexplained` | -; - |"
-    bound = f"{added['count']} of {added['of']}, below {100 * added['upper_bound']:.1f} %"
-    return f"| clean, {words}: an effect is added; `unexplained` | {bound}; {unexplained} |"
+    added, unexplained = _bounded(row["false_additions"]), share(row["unexplained"])
+    return f"| clean, {words}: an effect is added; `unexplained` | {added}; {unexplained} |"
+
+
+def _bounded(numbers: dict[str, Any]) -> str:
+    """Return a share with its one-sided bound; a dash if nothing was measured."""
+    if not numbers["of"]:
+        return "-"
+    return f"{numbers['count']} of {numbers['of']}, below {100 * numbers['upper_bound']:.1f} %"
 
 
 def _named(shares: dict[str, Any]) -> str:
@@ -160,6 +169,45 @@ that asks for as much can name: the fitted parameters, or other effects, make up
 
 | hidden | the light mass moves by | the data show it | of these named or tied | of the others |
 |---|---|---|---|---|
+{chr(10).join(rows)}
+"""
+
+
+def targets_block(rates: dict[str, Any]) -> str:
+    """Return what was asked of the search, and what the same studies measured."""
+    rows = "\n".join(_target_row(target, rates["summary"]) for target in TARGETS)
+    return f"""What was asked of the search before it was measured, on all sizes and designs of study alike:
+
+| what | asked | measured | |
+|---|---|---|---|
+{rows}
+"""
+
+
+def _target_row(target: Target, summary: dict[str, Any]) -> str:
+    measured = target.measured(summary)
+    if isinstance(measured, dict):
+        words = _bounded(measured) if "upper_bound" in measured else share(measured)
+    else:
+        words = "-" if measured is None else amount(measured, digits=3)
+    verdict = "met" if target.is_met(summary) else f"not met{': ' if target.why_not else ''}{target.why_not}"
+    return f"| {target.what} | {target.asked} | {words} | {verdict} |"
+
+
+def outliers_block(outliers: dict[str, Any]) -> str:
+    """Return what the search for outliers does to effects: with and without them, with and without the search."""
+    words = {"white": "none", "outliers": "2 %, 30 mm off"}
+    rows = []
+    for r in outliers["rows"]:
+        search, ratio = "yes" if r["finds_outliers"] else "no", r["standard_error_ratio"]
+        shares = " | ".join(share(r[column]) for column in ("named_or_tied", "wrong", "unexplained"))
+        rows.append(f"| {words[r['points']]} | {search} | {shares} | {'-' if ratio is None else amount(ratio)} |")
+    return f"""Leaving points on another object out costs no power (`{outliers["command"]}`,
+{outliers["measured_on"]}; the same studies with one effect of 8 mm or more, judged four times; the last column is the median
+of the stated standard errors over those in the first row):
+
+| points on another object | looked for | named or tied | another is named | `unexplained` | standard error |
+|---|---|---|---|---|---|
 {chr(10).join(rows)}
 """
 
