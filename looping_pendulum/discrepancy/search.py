@@ -48,7 +48,7 @@ In blind studies of a magnet and of a thrust, which two listed effects mimicked,
 MIN_HIDDEN_EVIDENCE = 20.0
 """Smallest twice log Bayes factor of a force that counts although the declared model passes all tests.
 
-In all clean studies forces of any form stay below it (docs/data/calibration.json); in 326 others they reached 12.
+In clean studies forces of any form stay far below it (`thresholds` in docs/data/calibration.json).
 """
 
 FORCE_EXPLAINS_MORE = "an unlisted force explains the data better"

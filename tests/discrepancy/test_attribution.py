@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
+from benchmarks import calibration
+from benchmarks.blind_sample import draw
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.problem import Problem
@@ -56,6 +60,30 @@ def test_static_friction_is_found_by_finite_templates(tmp_path):
     refitted = refit(fit, best)
     assert refitted.delta_bic > 1000
     assert refitted.within_bounds
+
+
+def test_a_scale_that_is_far_too_small_does_not_pull_the_value_to_null(tmp_path):
+    """Oracle: the refit with the scale of the screening.
+
+    The weak prior spans some scales. That of an effect which saturates, by a small change, is far below the values that the
+    data leave possible: a mobility of 41 1/kg came out as 13 +/- 6 and as 7 +/- 3.
+    """
+    inputs, fit = inputs_and_fit(tmp_path, "linear_drag", 2, trials=TWO_RATIOS)
+    (found,) = (s for s in screen_chosen(inputs, fit) if s.candidate.name == "light_linear_drag")
+    right = refit(fit, found)
+    small = refit(fit, dataclasses.replace(found, scale=1e-2 * found.scale))
+    assert small.value == pytest.approx(right.value, abs=0.1 * right.error)
+    assert small.error == pytest.approx(right.error, rel=0.02)
+    assert small.screened.scale > 10 * 1e-2 * found.scale, "the scale that its problem has, also in another process"
+
+
+@pytest.mark.accurate
+def test_a_rod_that_turns_is_covered_by_its_interval(tmp_path):
+    """Oracle: the mobility of the separate simulator."""
+    (study,) = (s for s in draw("rates", "single", 2, 10) if s.hidden == ("rod_mobility",))
+    _, outcome = calibration.solve(study)
+    (estimate,) = outcome["estimates"]
+    assert estimate["within"], estimate
 
 
 @pytest.mark.accurate  # daily, test_identify.py names the scale
