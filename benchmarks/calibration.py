@@ -128,7 +128,8 @@ def solve(study: BlindStudy) -> tuple[str, Outcome]:
         if study.kind == "unlisted":
             outcome["law"] = law_of(result.unlisted)
         outcome["cpu_seconds"] = time.process_time() - started
-        if study.kind == "clean" and study.noise_kind != "wander":
+        # No rate needs them, and they take as long as the search
+        if study.set == "thresholds" and study.kind == "clean" and study.noise_kind != "wander":
             outcome["statistics"] = statistics_of_tests(loaded)
     return study.name, outcome
 
