@@ -175,9 +175,12 @@ UNLISTED = "an unlisted force"
 """What an explanation names that is no listed effect."""
 
 
-def law_of(force: Unlisted | None) -> dict[str, str] | None:
-    """Return what a force that was found acts on and depends on."""
-    return None if force is None else {"acts_on": force.acts_on, "depends_on": force.depends_on}
+def law_of(force: Unlisted | None) -> dict[str, Any] | None:
+    """Return what a force that was found acts on and depends on, and the others that the report does not exclude."""
+    if force is None:
+        return None
+    others = [[o.acts_on, o.depends_on] for o in force.other_closures if not o.excluded]
+    return {"acts_on": force.acts_on, "depends_on": force.depends_on, "not_excluded": others}
 
 
 def judgement(verdict: Verdict, explanations: list[set[str]], planted: set[str], kind: str) -> str:

@@ -89,6 +89,7 @@ def _large(of_kind: dict[str, list[Pair]]) -> dict[str, Any]:
         "unlisted": _named_or_tied(unlisted),
         "unlisted_law": _laws_as_planted(unlisted),
         "unlisted_law_of_found": _laws_as_planted(found),
+        "unlisted_law_not_excluded": proportion(sum(_is_not_excluded(*pair) for pair in found), len(found)),
         "unlisted_held_out_error": _quantiles([outcome["held_out_error"] for _, outcome in found], TIME_QUANTILES),
     }
 
@@ -123,12 +124,20 @@ def _laws_as_planted(pairs: Sequence[Pair]) -> dict[str, Any]:
 
     The direction in which it acts on a body is left out.
     """
-    as_planted = 0
-    for study, outcome in pairs:
-        if law := outcome["law"]:
-            acts_on, depends_on = PLANTED_LAWS[study.hidden[0]]
-            as_planted += body_of(law["acts_on"]) == body_of(acts_on) and law["depends_on"] == depends_on
+    named = [(study, outcome["law"]) for study, outcome in pairs if outcome["law"]]
+    as_planted = sum(_is_planted(study, law["acts_on"], law["depends_on"]) for study, law in named)
     return proportion(as_planted, len(pairs))
+
+
+def _is_planted(study: BlindStudy, acts_on: str, depends_on: str) -> bool:
+    body, coordinate = PLANTED_LAWS[study.hidden[0]]
+    return body_of(acts_on) == body_of(body) and depends_on == coordinate
+
+
+def _is_not_excluded(study: BlindStudy, outcome: Outcome) -> bool:
+    """Return whether the planted body and coordinate are named, or among those that the report says may be right, too."""
+    law = outcome["law"]
+    return any(_is_planted(study, *one) for one in [(law["acts_on"], law["depends_on"]), *law["not_excluded"]])
 
 
 def _clean(pairs: Sequence[Pair]) -> dict[str, Any]:

@@ -116,6 +116,12 @@ TARGETS = (
         low=0.85,
     ),
     Target(
+        what="the same: they are right, or among those that the report does not exclude",
+        asked="85 %",
+        measured=lambda s: s["large"]["unlisted_law_not_excluded"],
+        low=0.85,
+    ),
+    Target(
         what="an unlisted force of 16 mm or more: held-out error, in units of the noise (largest)",
         asked="at most 1.1",
         measured=lambda s: s["large"]["unlisted_held_out_error"].get("largest"),

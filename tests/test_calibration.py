@@ -166,7 +166,11 @@ def test_ways_of_handling_outliers_are_compared_on_the_same_studies():
 def test_pairs_are_counted_by_visibility_and_unlisted_forces_by_size():
     two = [dataclasses.replace(s, hidden=("wind", "push"), size=8e-3) for s in draw("rates", "two", 3, 0)]
     unlisted = [dataclasses.replace(s, hidden=("magnet",), size=16e-3) for s in draw("rates", "unlisted", 2, 0)]
-    law = {"acts_on": "light mass, away from a point", "depends_on": "distance"}
+    law = {
+        "acts_on": "light mass",
+        "depends_on": "free_length",
+        "not_excluded": [["light mass, away from a point", "distance"]],
+    }
     outcomes = [
         outcome("right", visibility=4.0),
         outcome("part", visibility=3.0),
@@ -179,6 +183,8 @@ def test_pairs_are_counted_by_visibility_and_unlisted_forces_by_size():
     assert list(visible) == ["below 0.5", "above 2"]
     assert (visible["above 2"]["named_or_tied"]["count"], visible["above 2"]["part"]["count"]) == (1, 1)
     assert (visible["below 0.5"]["part"]["count"], visible["below 0.5"]["part"]["of"]) == (1, 1)
+    large = result["large"]
+    assert (large["unlisted_law_of_found"]["count"], large["unlisted_law_not_excluded"]["count"]) == (0, 1)
     sizes = result["unlisted_by_size"]["0.016"]
     assert (sizes["named"]["count"], sizes["wrong"]["count"], sizes["named"]["of"]) == (1, 1, 2)
 
@@ -194,7 +200,7 @@ def test_pairs_are_counted_by_visibility_and_unlisted_forces_by_size():
 )
 def test_a_law_is_as_planted_if_body_and_coordinate_are(hidden, acts_on, depends_on, right):
     """Whatever the direction in which it acts."""
-    force = SimpleNamespace(acts_on=acts_on, depends_on=depends_on)
+    force = SimpleNamespace(acts_on=acts_on, depends_on=depends_on, other_closures=())
     study = dataclasses.replace(draw("rates", "unlisted", 1, 0)[0], hidden=(hidden,))
     result = summary([(study, outcome("right", law=law_of(force))), (study, outcome("none", law=law_of(None)))])
     assert (result["unlisted_law"]["count"], result["unlisted_law"]["of"]) == (right, 2)
