@@ -85,6 +85,7 @@ def _large(of_kind: dict[str, list[Pair]]) -> dict[str, Any]:
         "single": _named_or_tied(single),
         "single_as_recommended": _named_or_tied(recommended),
         "single_wrong_alone": proportion(sum(_is_wrong_alone(outcome) for _, outcome in single), len(single)),
+        "single_called_unlisted": proportion(sum(outcome["verdict"] == "unlisted" for _, outcome in single), len(single)),
         "two": _named_or_tied(two),
         "unlisted": _named_or_tied(unlisted),
         "unlisted_law": _laws_as_planted(unlisted),
@@ -95,8 +96,8 @@ def _large(of_kind: dict[str, list[Pair]]) -> dict[str, Any]:
 
 
 def _is_wrong_alone(outcome: Outcome) -> bool:
-    """Return whether something wrong is the only explanation."""
-    return outcome["judgement"] == "wrong" and not outcome.get("ties")
+    """Return whether a listed effect that is not there is the only explanation; an unlisted force names none."""
+    return outcome["judgement"] == "wrong" and outcome["verdict"] == "identified"
 
 
 def _named_or_tied(pairs: Sequence[Pair]) -> dict[str, Any]:
@@ -106,11 +107,11 @@ def _named_or_tied(pairs: Sequence[Pair]) -> dict[str, Any]:
 def _false_discoveries(judged: Sequence[Pair]) -> dict[str, Any]:
     """Return the share of studies with something wrong among those in which anything is named: the false-discovery rate.
 
-    It is that of a mixture such as these studies, of which half are clean. Something is wrong if no explanation has all that is
-    named right; half a pair, or an unlisted force for a listed effect, counts, too.
+    It is that of a mixture such as these studies, of which half are clean. An unlisted force in the place of a listed effect
+    counts as wrong, one right effect of two does not.
     """
-    right = sum(study.kind != "clean" and outcome["judgement"] in NAMED for study, outcome in judged)
-    wrong = sum(outcome["judgement"] in ("wrong", "part") for _, outcome in judged)
+    right = sum(study.kind != "clean" and outcome["judgement"] in (*NAMED, "part") for study, outcome in judged)
+    wrong = _count(judged, "wrong")
     return with_upper_bound(wrong, right + wrong)
 
 

@@ -121,7 +121,7 @@ def test_summary_of_made_up_outcomes():
     assert result["cpu_seconds"]["0.5"] == 3.5
     assert result["cpu_seconds"]["largest"] == 6.0
     assert result["statistics"]["lag1_z"]["extreme"] == 2.0
-    # two right ones are no discoveries, as nothing is missing there; of a pair of effects only one study is wrong
+    # two right ones are no discoveries, as nothing is missing there
     assert (result["false_discoveries"]["count"], result["false_discoveries"]["of"]) == (1, 3)
     assert result["large"]["single"]["of"] == 0
     assert result["statistics"]["ljung_box_p"]["extreme"] == 0.1, "of p values the smallest speaks against noise"
@@ -134,11 +134,13 @@ def test_targets_are_of_large_effects_and_of_what_is_wrong_alone():
         dataclasses.replace(s, size=size, trials=trials, noise=noise)
         for s, (size, trials, noise) in zip(drawn, shape, strict=True)
     ]
-    outcomes = [outcome("right"), outcome("wrong", ties=[["a"], ["b"]]), outcome("wrong", ties=[]), outcome("wrong")]
+    said = [("right", "identified"), ("wrong", "unlisted"), ("wrong", "identified"), ("wrong", "identified")]
+    outcomes = [outcome(judgement, verdict=verdict) for judgement, verdict in said]
     large = summary(list(zip(studies, outcomes, strict=True)))["large"]
     assert (large["single"]["count"], large["single"]["of"]) == (1, 3)
     assert (large["single_as_recommended"]["count"], large["single_as_recommended"]["of"]) == (1, 1)
     assert (large["single_wrong_alone"]["count"], large["single_wrong_alone"]["of"]) == (1, 3)
+    assert large["single_called_unlisted"]["count"] == 1
     assert large["unlisted_held_out_error"] == {}
 
 
