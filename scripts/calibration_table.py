@@ -56,6 +56,7 @@ def block(rates: dict[str, Any]) -> str:
     rows = [
         *(_clean_row(kind, s["clean"][kind]) for kind in ("white", "wander", "outliers")),
         f"| one effect: another one is named instead | {share(s['single']['all']['wrong'])} |",
+        f"| one effect of 16 mm or more: an unlisted force in its place | {share(s['large']['single_called_unlisted'])} |",
         f"| planted value within the stated 95 % interval, of named or tied effects | {share(s['coverage'])} |",
         "| something wrong is named, of all studies in which anything is named (false-discovery rate) "
         f"| {_bounded(s['false_discoveries'])} |",
