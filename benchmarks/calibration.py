@@ -227,6 +227,7 @@ def statistics_of_tests(study: Study) -> dict[str, float]:
     groups = model.tests.groups
     return {
         "chi2_per_dof": model.tests.chi2_per_dof,
+        "chi2_over_limit": model.tests.chi2_per_dof / model.tests.limit,
         "lag1_z": max(g.lag1 for g in groups),
         "ljung_box_p": min(g.ljung_box for g in groups),
         "runs_z": min(g.runs for g in groups),
