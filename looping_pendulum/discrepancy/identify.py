@@ -119,7 +119,9 @@ def _identify(study: Study, seed: int, progress: FractionCallback, workers: Work
             experiments = best_experiments(inputs.study, [t.fit for t in ties], [t.names for t in ties])
     force = None
     if search.forces and verdict is not Verdict.INTERRUPTED:
-        force = describe_unlisted_force(search.forces, search.formulas, search.declared_model.held_out.worst)
+        force = describe_unlisted_force(
+            search.forces, search.formulas, search.declared_model.held_out.worst, search.not_refitted
+        )
     return identification(
         inputs.study,
         [o.summary() for _, o in inputs.observed],

@@ -217,17 +217,23 @@ def value_unit(acts_on: str, multiplied_by: str) -> str:
     return "N" if multiplied_by == "constant" else "N s/m"
 
 
+def law_in_words(acts_on: str, depends_on: str) -> str:
+    """Return what acts on what, as a function of what, as part of a sentence."""
+    law = "change of the friction of the string on the rod" if acts_on == STRING_ON_ROD else f"force on the {acts_on}"
+    return f"{law} as a function of the {depends_on.replace('_', ' ')}"
+
+
 @dataclass(frozen=True, kw_only=True)
 class OtherClosure:
-    """Another closure (coordinate, factor and what it acts on) of the unknown law that was refitted."""
+    """Another closure (coordinate, factor and what it acts on) of the unknown law that was refitted or screened."""
 
     acts_on: str
     depends_on: str
     multiplied_by: str
     twice_log_bayes_factor: float
     """Twice the log of the Bayes factor over the declared model, by the linearised model."""
-    held_out_chi2: float
-    """Largest chi2 per value on held-out data."""
+    held_out_chi2: float | None
+    """Largest chi2 per value on held-out data; None: it was not refitted, though as likely as the best by the screening."""
     excluded: bool = False
     """Whether the data exclude it: it fails held-out data, or its evidence is decisively less."""
 
@@ -292,7 +298,7 @@ class Unlisted:
     held_out_chi2_after: float
     """The same of the repaired model."""
     other_closures: tuple[OtherClosure, ...]
-    """Other closures that were refitted."""
+    """Other closures that were refitted, and those that were not, though as likely by the screening."""
     point: tuple[float, float] | None = None
     """Point (x, y) from which the coordinate "distance" is measured [m]; None for other coordinates."""
 
@@ -304,13 +310,8 @@ class Unlisted:
     @property
     def in_words(self) -> str:
         """What it is and what it depends on, as part of a sentence."""
-        law = (
-            "change of the friction of the string on the rod"
-            if self.acts_on == STRING_ON_ROD
-            else f"force on the {self.acts_on}"
-        )
         place = "" if self.point is None else f" from x = {self.point[0]:.3f} m, y = {self.point[1]:.3f} m"
-        return f"{law} as a function of the {self.depends_on.replace('_', ' ')}{place}"
+        return f"{law_in_words(self.acts_on, self.depends_on)}{place}"
 
 
 @dataclass(frozen=True, kw_only=True)

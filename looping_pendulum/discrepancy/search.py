@@ -36,6 +36,7 @@ from looping_pendulum.discrepancy.unlisted.discovery import (
 )
 from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
 from looping_pendulum.discrepancy.unlisted.formula import refit as refit_formulas
+from looping_pendulum.discrepancy.unlisted.screening import ScreenedClosure
 from looping_pendulum.discrepancy.workers import SERIAL, Batch, Workers
 
 MAX_EFFECTS = 3
@@ -71,6 +72,8 @@ class Search(Revisions):
         """Formulas of these forces, refitted to the trajectories, the best first."""
         self.explaining: tuple[Fit, list[RecoveredForce]] | None = None
         """The fit beside which forces were looked for last, and those of them that explain held-out data; None: none does."""
+        self.not_refitted: list[ScreenedClosure] = []
+        """Closures that were left out of the refits beside that fit, though the screening has them as likely as the best."""
         self.begun: tuple[Fit, Batch | None] | None = None
         """A fit, and what worker processes have begun of the search for an unlisted force beside it."""
 
@@ -300,7 +303,7 @@ class Search(Revisions):
         if not self.inputs.has_points:  # a few events do not determine a force as a function
             return ()
         self.explaining = None
-        forces = discover(
+        forces, not_refitted = discover(
             base.fit, self.inputs.held_out, lambda what: self.report_progress(what, 0.85), self.workers,
             min_evidence=MIN_DELTA_BIC if noises_of(base.fit) else min_evidence,
             begun=self.begun[1] if self.begun and self.begun[0] is base.fit else None,
@@ -318,7 +321,7 @@ class Search(Revisions):
             passing = [f for f in passing if self.declared_model and square_ratio(self.declared_model.held_out, f.held_out) < 1]
         if not passing:
             return ()
-        self.explaining = base.fit, passing
+        self.explaining, self.not_refitted = (base.fit, passing), not_refitted
         return tuple(by_preference(passing) + [f for f in forces if f not in passing])
 
 

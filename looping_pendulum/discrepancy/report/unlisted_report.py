@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from looping_pendulum.compare.tables import GAP, number, table
-from looping_pendulum.discrepancy.result import ForceProfile, Formula, Identification, Unlisted, Verdict
+from looping_pendulum.discrepancy.result import ForceProfile, Formula, Identification, Unlisted, Verdict, law_in_words
 from looping_pendulum.pages.palette import COLOURS
 
 SIDES = {
@@ -46,9 +46,16 @@ def section(result: Identification) -> str:
     text = (
         "## The unlisted force\n\n"
         f"It is a {force.in_words} (s in the formula), and acts {force.phase}. It was found as a sum of radial "
-        f"basis functions of that coordinate. {model} *Significant*: above two standard errors.\n\n" + table(head, rows, left=1)
+        f"basis functions of that coordinate. {model} {_not_excluded(force)}"
+        "*Significant*: above two standard errors.\n\n" + table(head, rows, left=1)
     )
     return text if force.formula is None else text + _parameters(force.formula)
+
+
+def _not_excluded(force: Unlisted) -> str:
+    """Say which other laws these data do not exclude, with a blank behind it; empty if they exclude all others."""
+    others = dict.fromkeys(law_in_words(o.acts_on, o.depends_on) for o in force.other_closures if not o.excluded)
+    return f"These data do not exclude, in its place, a {'; a '.join(others)}. " if others else ""
 
 
 def tests(force: Unlisted) -> str:
@@ -70,12 +77,12 @@ def tests(force: Unlisted) -> str:
     head = ["acts on", "depends on", "multiplied by", "2 log Bayes factor", "held-out chi2/n", "excluded?"]
     others = [
         [o.acts_on, *(word.replace("_", " ") for word in (o.depends_on, o.multiplied_by)), number(o.twice_log_bayes_factor),
-         number(o.held_out_chi2), "yes" if o.excluded else "no"]
+         GAP if o.held_out_chi2 is None else number(o.held_out_chi2), "yes" if o.excluded else "no"]
         for o in force.other_closures
     ]  # fmt: skip
     return (
         text
-        + "\nOther coordinates and directions that were fitted as radial basis functions:\n\n"
+        + "\nOther coordinates and directions, as basis functions; those without a held-out number were screened only:\n\n"
         + table(head, others, left=3)
     )
 

@@ -10,7 +10,7 @@ from looping_pendulum.discrepancy.result import ForceProfile, Formula, FormulaPa
 from looping_pendulum.discrepancy.unlisted.closures import STRING, TARGETS, Closure
 from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN, SIGNIFICANT_ERRORS, RecoveredForce
 from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
-from looping_pendulum.discrepancy.unlisted.screening import motions
+from looping_pendulum.discrepancy.unlisted.screening import ScreenedClosure, motions
 from looping_pendulum.discrepancy.unlisted.simplify import FormulaTerm
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.reference_ode.effects.closure import COORDINATES
@@ -45,7 +45,10 @@ MOSTLY, SELDOM = 0.8, 0.2
 
 
 def describe_unlisted_force(
-    forces: Sequence[RecoveredForce], formulas: Sequence[FittedFormula], held_out_chi2_before: float
+    forces: Sequence[RecoveredForce],
+    formulas: Sequence[FittedFormula],
+    held_out_chi2_before: float,
+    not_refitted: Sequence[ScreenedClosure] = (),
 ) -> Unlisted:
     """Describe an unlisted force.
 
@@ -57,6 +60,8 @@ def describe_unlisted_force(
         Formulas that were refitted to the trajectories; if the first is accepted, it and its closure are described.
     held_out_chi2_before
         Largest chi2 per value of held-out data under the declared model.
+    not_refitted
+        Closures that are as likely as the best by the screening, but were not refitted.
     """
     formula = formulas[0] if formulas and formulas[0].accepted else None
     # An accepted formula may belong to another closure than the best of the basis functions
@@ -75,18 +80,24 @@ def describe_unlisted_force(
         held_out_chi2_before=held_out_chi2_before,
         held_out_chi2_after=held_out.worst,
         point=best.closure.point,
-        other_closures=tuple(
-            OtherClosure(
-                acts_on=f.closure.target,
-                depends_on=f.closure.coordinate,
-                multiplied_by=f.closure.factor,
-                twice_log_bayes_factor=f.twice_log_bayes_factor,
-                held_out_chi2=f.held_out.worst,
-                excluded=not f.held_out.passes and f.twice_log_bayes_factor < best.twice_log_bayes_factor - LIKELIHOOD_MARGIN,
-            )
-            for f in forces
-            if f is not best
+        other_closures=(
+            *(_other_closure(f, best) for f in forces if f is not best),
+            *(_other_closure(s, best) for s in not_refitted),
         ),
+    )
+
+
+def _other_closure(other: RecoveredForce | ScreenedClosure, best: RecoveredForce) -> OtherClosure:
+    held_out = other.held_out if isinstance(other, RecoveredForce) else None
+    is_less_likely = other.twice_log_bayes_factor < best.twice_log_bayes_factor - LIKELIHOOD_MARGIN
+    return OtherClosure(
+        acts_on=other.closure.target,
+        depends_on=other.closure.coordinate,
+        multiplied_by=other.closure.factor,
+        twice_log_bayes_factor=other.twice_log_bayes_factor,
+        held_out_chi2=held_out.worst if held_out else None,
+        # Of one that was only screened the linear model tells, which is too small for a large force: it excludes nothing
+        excluded=held_out is not None and (is_less_likely or not held_out.passes),
     )
 
 

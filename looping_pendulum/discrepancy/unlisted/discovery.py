@@ -88,8 +88,8 @@ def discover(
     workers: Workers = SERIAL,
     min_evidence: float = -math.inf,
     begun: Batch | None = None,
-) -> list[RecoveredForce]:
-    """Search all closures; return the best ones, refitted, in the order of `by_preference`.
+) -> tuple[list[RecoveredForce], list[ScreenedClosure]]:
+    """Search all closures; return the best ones, refitted, in the order of `by_preference`, and others that are as likely.
 
     None is searched for in records that are too long (`Motions.is_too_long`).
 
@@ -107,7 +107,7 @@ def discover(
     report_step("screening unknown forces")
     runs = motions(base)
     if runs.is_too_long:
-        return []
+        return [], []
     screened = sorted(screen(base, runs, workers, begun), key=lambda s: -s.twice_log_bayes_factor)
     chosen = [s for s in _different(screened) if s.twice_log_bayes_factor >= min_evidence]
     descriptions = [f"{s.closure.target} by {s.closure.coordinate}" for s in chosen]
@@ -118,7 +118,19 @@ def discover(
         descriptions,
         lambda what: report_step(f"fitting an unknown law of the {what}"),
     )
-    return by_preference([f for f in forces if f])
+    return by_preference([f for f in forces if f]), _as_likely(screened, chosen)
+
+
+def _as_likely(screened: Sequence[ScreenedClosure], chosen: Sequence[ScreenedClosure]) -> list[ScreenedClosure]:
+    """Return the first closure of each target and coordinate that is as likely as the best by screening, but not refitted."""
+    limit = screened[0].twice_log_bayes_factor - LIKELIHOOD_MARGIN if screened else math.inf
+    known = {(s.closure.target, s.closure.coordinate) for s in chosen}
+    left_out: dict[tuple[str, str], ScreenedClosure] = {}
+    for one in screened:
+        law = one.closure.target, one.closure.coordinate
+        if one.twice_log_bayes_factor >= limit and law not in known:
+            left_out.setdefault(law, one)
+    return list(left_out.values())
 
 
 def begin_to_discover(base: Fit, workers: Workers) -> Batch | None:
