@@ -213,9 +213,9 @@ def _page_motion(result: Identification, picture: TrialFigure, body: str, colour
                 caption=f"{label.capitalize()}. {words}" if i == 0 else f"{label.capitalize()}, drawn in the same way.",
                 traces=(lines | {"line": {"color": colours[side], "width": 1}}, path | {"line": {"color": INK, "width": 1.5}}),
                 layout={
-                    # On the left: Plotly's buttons are on the right
+                    # On the left and in two lines: the buttons of Plotly are on the right, and a phone is narrow
                     "title": {
-                        "text": label + (f" (residuals x {factor:g})" if factor > 1 else ""),
+                        "text": label + (f"<br>(residuals x {factor:g})" if factor > 1 else ""),
                         "font": {"size": 14},
                         "x": 0.0,
                         "xanchor": "left",
