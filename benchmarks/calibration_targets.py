@@ -122,7 +122,6 @@ TARGETS = (
         asked="85 %",
         measured=lambda s: s["large"]["unlisted_law_not_excluded"],
         low=0.85,
-        why_not=f"{ONE_TRAINING_TRIAL}; at most two laws of a body are compared",
     ),
     Target(
         what="an unlisted force of 16 mm or more: held-out error, in units of the noise (largest)",
