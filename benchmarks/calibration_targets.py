@@ -1,4 +1,7 @@
-"""What `identify` should reach on the blind studies: limits that were set before `docs/data/calibration.json` was measured."""
+"""What `identify` should reach on the blind studies: limits that were set before `docs/data/calibration.json` was measured.
+
+Targets for narrower sets of studies, such as those whose effect the data can show, were added later with the same limits.
+"""
 
 from __future__ import annotations
 
