@@ -177,8 +177,8 @@ that asks for as much can name: the fitted parameters, or other effects, make up
 def targets_block(rates: dict[str, Any]) -> str:
     """Return what was asked of the search, and what the same studies measured."""
     rows = "\n".join(_target_row(target, rates["summary"]) for target in TARGETS)
-    return f"""What was asked of the search before it was measured, of all designs of study alike; rows for narrower sets of studies, which were
-added later, have the same limits:
+    return f"""What was asked of the search before it was measured, of all designs of study alike. Rows for narrower
+sets of studies were added later, with the same limits:
 
 | what | asked | measured | |
 |---|---|---|---|
