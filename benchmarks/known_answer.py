@@ -25,7 +25,7 @@ import numpy as np
 
 from benchmarks import calibration
 from benchmarks.blind_sample import BlindStudy, planted_values, scaled, write_files
-from benchmarks.calibration_summary import NAMED, in_words, proportion
+from benchmarks.calibration_summary import LARGE, NAMED, in_words, proportion
 from benchmarks.resumable import Outcome, run
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrate, minimise
@@ -42,8 +42,6 @@ from tests.discrepancy.expected import hidden_number
 
 LAWS = "benchmarks.hidden_laws"
 """Module with the laws that no library lists."""
-MIN_SIZE = 0.016
-"""Smallest size of what is hidden [m]: small effects hide, and nobody doubts it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +60,9 @@ class KnownAnswer:
 
 def benchmark(options: argparse.Namespace) -> None:
     """Fit every study in which something large is hidden, print the summary, and store it beside the rates."""
-    studies = [s for s in calibration.drawn_studies(options) if s.size and s.size >= MIN_SIZE]
+    studies = [
+        s for s in calibration.drawn_studies(options) if s.size and s.size >= LARGE
+    ]  # small effects hide, and nobody doubts it
     folder = calibration.work_folder(options)
     machine = {"jobs": options.jobs, "cluster": options.cluster}
     outcomes, interrupted = run(studies, calibration.solve, folder, title="identify", **machine)

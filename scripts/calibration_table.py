@@ -204,7 +204,7 @@ def outliers_block(outliers: dict[str, Any]) -> str:
         search, ratio = "yes" if r["finds_outliers"] else "no", r["standard_error_ratio"]
         shares = " | ".join(share(r[column]) for column in ("named_or_tied", "wrong", "unexplained"))
         rows.append(f"| {words[r['points']]} | {search} | {shares} | {'-' if ratio is None else amount(ratio)} |")
-    return f"""Leaving points on another object out costs no power (`{outliers["command"]}`,
+    return f"""Leaving points on another object out cost no power in a few studies (`{outliers["command"]}`,
 {outliers["measured_on"]}; the same studies with one effect of 8 mm or more, judged four times; the last column is the median
 of the stated standard errors over those in the first row):
 
