@@ -137,6 +137,7 @@ class Rounds:
         # An amplitude of zero means that no change within the bounds looks like the residuals
         eligible = [s for s in current.remaining if s.amplitude and abs(s.score) >= min_score]
         chosen = eligible[:MAX_REFITS]
+        chosen += [s for s in current.remaining if s.amplitude and not s.acts_at_fit and s not in chosen]
         known: dict[str, Refit | None] = dict(current.refitted)
         if self.correlated_base and not current.added:
             # Correlated noise may hide from the score what the candidate's own noise shows

@@ -174,15 +174,27 @@ class Search(Revisions):
         likely, as it has more free numbers.
         """
         assert self.declared_model is not None
-        best = max(self.white_rounds[len(self.rounds) - 1][1], key=lambda r: r.delta_bic)
+        best = self.best_refit_of_last_round
         # Like with like: closures are screened by a linear model, which shows too little of a large effect, and a bit of any
         min_evidence = min(best.predicted_delta_bic, best.delta_bic) - LIKELIHOOD_MARGIN
         forces = self.find_unlisted_forces(self.declared_model, min_evidence)
         if self.explaining is None or max(f.twice_log_bayes_factor for f in self.explaining[1]) < best.delta_bic:
             return
         self.forces = forces
-        if is_likelier(forces[0], best.delta_bic, self.accepted_models[0].held_out):
+        if not is_likelier(forces[0], best.delta_bic, self.accepted_models[0].held_out):
+            return
+        # What was accepted is not right, but a listed effect whose score was smaller may be
+        self.run_wider_round(self.declared_model, 0.9)
+        best = self.best_refit_of_last_round
+        if not self.accepted_models or is_likelier(forces[0], best.delta_bic, self.accepted_models[0].held_out):
             self.give_way_to_force()
+        elif max(f.twice_log_bayes_factor for f in self.explaining[1]) < best.delta_bic:
+            self.forces = ()
+
+    @property
+    def best_refit_of_last_round(self) -> Refit:
+        """Return the refit of the last round with the largest delta BIC."""
+        return max(self.white_rounds[len(self.rounds) - 1][1], key=lambda r: r.delta_bic)
 
     def give_way_to_force(self) -> None:
         """Withdraw the accepted models, since an unlisted force explains the data better; the record of the rounds says so."""

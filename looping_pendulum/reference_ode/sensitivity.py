@@ -15,7 +15,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
 from typing import Any
@@ -233,7 +233,7 @@ class DualDriver(Driver):
 
     def events_without_derivatives(self) -> tuple[RunEvent, ...]:
         """Return the events so far, without derivatives."""
-        return tuple(replace(e, time=float(e.time), state=State(*map(dual.value_of, e.state))) for e in self.events)
+        return tuple(e._replace(time=float(e.time), state=State(*map(dual.value_of, e.state))) for e in self.events)
 
 
 class _VariationalIntegrator(HeyokaIntegrator):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,8 @@ MAX_RESTING_ROD_SPEED = 1e-200
 """Largest surface speed of a rod that counts as at rest [m/s]; it is above `state.TINY_SPEED`, which stands for zero."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunEvent:
+# A named tuple, as a long swing has hundreds of them in each of the thousands of runs of a fit
+class RunEvent(NamedTuple):
     """One event of a run."""
 
     event: Event | None
@@ -75,7 +75,8 @@ class Run(ShownInNotebook):
         if self.end.event is not Event.LIGHT_REACHES_ROD or self.end.mode_before is not Mode.STICKING:
             return None
         # The last change of mode before the end is the one that began the sticking
-        return next(e for e in reversed(self.events[:-1]) if e.event not in PHASE_EVENTS)
+        halt: RunEvent = next(e for e in reversed(self.events[:-1]) if e.event not in PHASE_EVENTS)
+        return halt
 
     @property
     def halting_time(self) -> float | None:

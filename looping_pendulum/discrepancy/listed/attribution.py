@@ -107,12 +107,14 @@ def refit(base: Fit, screened: ScreenedCandidate, delta_bic_to_beat: float = 0.0
     amplitude = float(np.clip(screened.amplitude / screened.scale, -MAX_START_AMPLITUDE, MAX_START_AMPLITUDE))
     fits: list[Fit] = []
     predicted_decrease = screened.score**2
-    from_base = functools.partial(minimise, problem, max_iterations=MAX_ITERATIONS, known_columns=base.jacobian)
+    at_base = screened.candidate.where_it_acts(base.problem.free_parameters, base.x)
+    known_columns = base.jacobian if np.array_equal(at_base, base.x) else None
+    from_base = functools.partial(minimise, problem, max_iterations=MAX_ITERATIONS, known_columns=known_columns)
     # From the base fit's values it takes half the time of growing windows, but may end in a minimum that these have been bent
     # to: with a static friction that was missing, at a cost of 2450 where the windows reach 1805. The windows may end early,
     # too, so that a candidate that comes near to the best gets both.
     starts: list[tuple[Callable[[Array], Fit], Array, float]] = [
-        (from_base, base.x, amplitude),
+        (from_base, at_base, amplitude),
         (functools.partial(calibrate, problem, max_iterations=MAX_ITERATIONS), base.problem.prior_mean, amplitude),
     ]
     if base.problem.is_swing:

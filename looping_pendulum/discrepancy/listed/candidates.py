@@ -11,6 +11,7 @@ from looping_pendulum.discrepancy.data.camera import CAMERA, CameraCoefficient
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.data.study import EARTH_GRAVITY, Study, can_act
 from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
+from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 
 APPARATUS = MappingProxyType(
@@ -25,6 +26,11 @@ FACTOR_BOUNDS = (0.5, 2.0)
 """Smallest and largest factor."""
 COMPANION_STARTS = 5
 """Number of initial values of a companion that screening tries."""
+MIN_SHARE_OF_MULTIPLIED = 0.01
+"""Smallest value of what a candidate multiplies, as a share of its initial value, that the candidate is tried beside.
+
+In two blind studies drag that depends on attitude was missing, and the fit put the drag that it multiplies to zero.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +59,8 @@ class Candidate:
     """Names of the trials in which it acts."""
     bounds_reason: str = ""
     """Why the value cannot leave its bounds, where that is more than what the effect is; empty: it is not."""
+    multiplies: str = ""
+    """Coefficient of the model that it is proportional to; '': none."""
     needs_compilation: bool = False
     """Whether it adds terms to the equations of motion, which then have to be compiled."""
     companions: tuple[Coefficient, ...] = ()
@@ -78,6 +86,14 @@ class Candidate:
             )
             for c, v in zip(self.companions, values, strict=True)
         )
+
+    def where_it_acts(self, parameters: Sequence[FreeParameter], x: Array) -> Array:
+        """Return the free parameters ``x`` with what this candidate multiplies at its initial value if it is zero there."""
+        x = x.copy()
+        for i, n in enumerate(parameters):
+            if n.parameter == self.multiplies and n.init_value + n.scale * x[i] < MIN_SHARE_OF_MULTIPLIED * n.init_value:
+                x[i] = 0.0  # the initial value
+        return x
 
     def free_parameter(self, scale: float) -> FreeParameter:
         """Return the candidate as a free parameter that starts at its null value; ``scale`` is in SI units."""
@@ -149,6 +165,7 @@ def _effect_candidate(study: Study, effect: Effect, c: Coefficient, trials: tupl
         formula=effect.formula,
         source=effect.source,
         trials=trials,
+        multiplies=effect.multiplies,
         needs_compilation=not effect.in_base_model,
         companions=() if effect.in_base_model else effect.coefficients[1:],
     )

@@ -62,8 +62,10 @@ class ScreenedCandidate:
     """Change of the value [SI] that changes the prediction by about `LINEAR_SIZE`: where another screening begins."""
     companions: tuple[FreeParameter, ...] = ()
     """Parameters that are fitted with it, at the values that give the highest score."""
+    acts_at_fit: bool = True
+    """Whether it changes something at the fitted values. Elsewhere (`Candidate.where_it_acts`) its score says little."""
     can_hide: bool = False
-    """Whether it changes nothing, however large it is, with some of its companions' initial values."""
+    """Whether it changes nothing, however large it is, at the fit or with some of its companions' initial values."""
     score_beyond_bounds: float = 0.0
     """Largest |z| at values that are not possible."""
 
@@ -149,13 +151,15 @@ def _screen_one(shared: _ScreeningInput, candidate: Candidate) -> ScreenedCandid
     results = [s for s in screened if s]
     if not results:
         return None
+    acts_at_fit = np.array_equal(shared.x, candidate.where_it_acts(shared.reduced.free_parameters, shared.x))
     best = max(results, key=lambda s: abs(s.score))
     best_hidden = max(results, key=lambda s: s.error)
     return dataclasses.replace(
         best,
         error=best_hidden.error,
         motion_by_error=best_hidden.motion_by_error,
-        can_hide=len(results) < len(screened),
+        acts_at_fit=acts_at_fit,
+        can_hide=len(results) < len(screened) or not acts_at_fit,
     )
 
 
@@ -173,6 +177,7 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
     """Score a candidate whose companions have these ``values`` [SI]."""
     reduced, x, basis, residual, known_changes = shared
     companions = candidate.companion_parameters(values)
+    x = candidate.where_it_acts(reduced.free_parameters, x)
     problem = reduced.with_parameters(candidate.free_parameter(1.0), *companions)
     here = reduced.residuals(x)
     if here is None:
