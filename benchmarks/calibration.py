@@ -13,6 +13,7 @@ import platform
 import sys
 import tempfile
 import time
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ from looping_pendulum.discrepancy.search import Search
 from looping_pendulum.discrepancy.unlisted.screening import motions, screen
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
+from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.versions import MISSING, installed_version
 
 CAN_HIDE = frozenset({"rod_mobility"})
@@ -146,7 +148,7 @@ def outcome_of(result: Identification, planted: dict[str, float], kind: str) -> 
         "verdict": result.verdict.value,
         "names": list(result.names),
         "ties": [[e.name for e in tie] for tie in result.ties],
-        "judgement": judgement(result.verdict, named, set(planted), kind),
+        "judgement": judgement(result.verdict, named, set(planted), kind, _on_same_body(result.unlisted, planted)),
         "planted": planted,
         "estimates": [_estimate(effect, planted[effect.name]) for effect in right],
         "visibility": visibility(result, planted),
@@ -183,17 +185,26 @@ def law_of(force: Unlisted | None) -> dict[str, Any] | None:
     return {"acts_on": force.acts_on, "depends_on": force.depends_on, "not_excluded": others}
 
 
-def judgement(verdict: Verdict, explanations: list[set[str]], planted: set[str], kind: str) -> str:
+def _on_same_body(force: Unlisted | None, planted: Iterable[str]) -> set[str]:
+    """Return the planted effects that act on what an unlisted force acts on."""
+    acts_on = {c.name: effect.acts_on for effect in EFFECTS.values() for c in effect.coefficients}
+    return {name for name in planted if force and name in acts_on and force.acts_on.startswith(acts_on[name])}
+
+
+def judgement(
+    verdict: Verdict, explanations: list[set[str]], planted: set[str], kind: str, on_same_body: Collection[str] = ()
+) -> str:
     """Return "right", "tied", "part" (one of two effects), "wrong" or "none" (nothing is named).
 
-    Of clean studies only the verdict that nothing is missing is right. Of unlisted forces only that verdict is.
+    Of clean studies only the verdict that nothing is missing is right. Of unlisted forces only that verdict is. Of two effects
+    one beside an unlisted force that acts on what the other acts on (``on_same_body``) counts as tied.
     """
     if kind == "unlisted":
         if verdict is Verdict.UNLISTED:
             return "right"
         return "tied" if {UNLISTED} in explanations else "wrong" if explanations else "none"
     if verdict is Verdict.UNLISTED:
-        return "wrong"
+        return "tied" if any(names < planted and planted - names <= set(on_same_body) for names in explanations) else "wrong"
     if not explanations:
         return "right" if kind == "clean" and verdict is Verdict.NO_MISSING_EFFECT else "none"
     if planted and planted in explanations:

@@ -186,6 +186,14 @@ def test_judgement(verdict, explanations, planted, kind, expected):
     assert calibration.judgement(verdict, explanations, planted, kind) == expected
 
 
+@pytest.mark.parametrize(
+    ("named", "on_same_body", "expected"),
+    [([{"a"}], {"b"}, "tied"), ([{"a"}], set(), "wrong"), ([], {"a", "b"}, "wrong"), ([{"c"}], {"a", "b"}, "wrong")],
+)
+def test_one_of_two_effects_beside_an_unlisted_force_on_the_others_body_counts(named, on_same_body, expected):
+    assert calibration.judgement(Verdict.UNLISTED, named, {"a", "b"}, "two", on_same_body) == expected
+
+
 def test_a_rival_that_sees_something_in_clean_data_gives_a_false_alarm():
     alarm = Rival(names=(), departs=True, held_out_error=1.0)
     assert rivals.judgement(alarm, set(), "clean") == "wrong"

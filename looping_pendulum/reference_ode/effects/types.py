@@ -134,7 +134,7 @@ class Effect:
     switch: str = ""
     """Coefficient at whose null value the effect is absent whatever the others are; '': none."""
     multiplies: str = ""
-    """Coefficient of another effect that its terms are proportional to, so that it does nothing where that is zero; '': none."""
+    """Coefficient of another effect to which its terms are proportional, so that it does nothing where that is 0; '': none."""
     force_on_light_mass: LightMassTerm | None = None
     """(xp, kinematics, p) -> force on the light mass (along, across) [N]."""
     force_on_heavy_mass: ScalarTerm | None = None
