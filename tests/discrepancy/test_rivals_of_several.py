@@ -13,6 +13,7 @@ from looping_pendulum.discrepancy import search as search_module
 from looping_pendulum.discrepancy.data.study_io import load, load_text
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
+from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.held_out import HeldOutTest
 from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.result import RankedCandidate, Round, Verdict
@@ -81,14 +82,33 @@ def test_a_force_that_is_likelier_by_the_training_data_replaces_several_effects(
 
 
 @pytest.mark.parametrize(
-    ("evidence", "difference", "listed", "unlisted"),
-    [(80, 1.0, False, True), (80, -1.0, False, True), (80, -3.0, True, True), (79, 1.0, True, True), (69, 1.0, True, False)],
-    ids=["nearer", "little loss", "much loss", "as likely", "less likely"],
+    ("evidence", "difference", "wider", "listed", "unlisted"),
+    [
+        (80, 1.0, None, False, True),
+        (80, -1.0, None, False, True),
+        (80, -3.0, None, True, True),
+        (79, 1.0, None, True, True),
+        (69, 1.0, None, True, False),
+        (80, 1.0, 71.0, True, True),
+        (80, 1.0, 81.0, True, False),
+    ],
+    ids=[
+        "nearer",
+        "little loss",
+        "much loss",
+        "as likely",
+        "less likely",
+        "a wider round is as good",
+        "a wider round is better",
+    ],
 )
 def test_a_likelier_force_replaces_a_single_effect_unless_held_out_data_speak_against_it(
-    evidence, difference, listed, unlisted
+    evidence, difference, wider, listed, unlisted
 ):
-    """By the refits the best effect has a delta BIC of 70, where its score, like the screening of forces, shows only 60."""
+    """By the refits the best effect has a delta BIC of 70, where its score, like the screening of forces, shows only 60.
+
+    A wider round had refitted a string with mass, which came tenth by its score: a clock error was accepted before.
+    """
     asked = []
 
     def find_unlisted_forces(base, min_evidence):
@@ -101,15 +121,20 @@ def test_a_likelier_force_replaces_a_single_effect_unless_held_out_data_speak_ag
         SimpleNamespace(delta_bic=50.0, predicted_delta_bic=90.0),
         SimpleNamespace(delta_bic=70.0, predicted_delta_bic=60.0),
     ]
-    refitted = {0: (None, effects, {})}
     drag = RankedCandidate(
         name="drag", kind="effect", score=9.0, delta_bic=70.0, value=1.0, error=0.1, held_out_chi2=1.0, passes=True, reason=""
     )
     first = Round(added_before=(), ranking=(drag,), best="drag", runner_up="", margin=None)
     search = SimpleNamespace(
         declared_model="declared", accepted_models=(SimpleNamespace(held_out=LISTED),), forces=(), rounds=[first],
-        white_rounds=refitted, find_unlisted_forces=find_unlisted_forces, explaining=None,
+        find_unlisted_forces=find_unlisted_forces, explaining=None, best_refit_of_last_round=effects[1],
     )  # fmt: skip
+
+    def run_wider_round(model, share):
+        if wider:
+            search.best_refit_of_last_round = SimpleNamespace(delta_bic=wider)
+
+    search.run_wider_round = run_wider_round
     search.give_way_to_force = lambda: Search.give_way_to_force(search)
     Search.find_likelier_force(search)
     (ranked,) = search.rounds[0].ranking
@@ -253,12 +278,25 @@ def test_two_listed_effects_do_not_stand_for_an_unlisted_force(tmp_path, index, 
     assert ("which is not listed" in result.sentence) == (verdict is Verdict.AMBIGUOUS)
 
 
-def test_an_effect_that_another_makes_needless_leaves_again(tmp_path):
-    """A fit of the attitude drag alone never left its start, where the drag that it multiplies was zero: two were added."""
+def drag_by_attitude(folder):
+    """A study in which the fit puts the quadratic drag to zero, which the drag that is missing multiplies."""
     study = draw("rates", "single", 8, seed=5)[7]
     assert study.hidden == ("attitude_drag",)
     with only_candidates(["light_inertia", "side_force", "attitude_drag"]):
-        result = identify(load(write_files(study, tmp_path)), workers=1)
+        return identify(load(write_files(study, folder)), workers=1)
+
+
+def test_an_effect_that_multiplies_a_drag_of_zero_is_tried_where_that_is_not_zero(tmp_path):
+    """Two blind studies ended as an unlisted force: beside no drag the effect had no score, and was not refitted."""
+    result = drag_by_attitude(tmp_path)
+    assert result.names == ("attitude_drag",)
+    assert [r.added_before for r in result.rounds] == [()]
+
+
+def test_an_effect_that_another_makes_needless_leaves_again(tmp_path, monkeypatch):
+    """Tried only beside the fitted drag of zero, a fit of the attitude drag never left its start: two effects were added."""
+    monkeypatch.setattr(Candidate, "where_it_acts", lambda self, parameters, x: x)
+    result = drag_by_attitude(tmp_path)
     assert result.verdict is Verdict.IDENTIFIED
     assert result.names == ("attitude_drag",)
     assert len(result.rounds[-2].added_before) == 1

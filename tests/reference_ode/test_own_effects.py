@@ -15,8 +15,8 @@ from looping_pendulum.reference_ode import dual
 from looping_pendulum.reference_ode.batch import solve_batch
 from looping_pendulum.reference_ode.batch.compiled import CompiledFunction
 from looping_pendulum.reference_ode.batch.series import SeriesAlgebra
-from looping_pendulum.reference_ode.effects import EFFECTS, own
-from looping_pendulum.reference_ode.effects.check import RESERVED
+from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS, EffectKind, own
+from looping_pendulum.reference_ode.effects.check import RESERVED, multiplied_coefficient
 from looping_pendulum.reference_ode.effects.formula import FUNCTIONS, MAX_LENGTH, FormulaError, parse
 from looping_pendulum.reference_ode.effects.own import OwnEffect, effect_of
 from looping_pendulum.reference_ode.parameters import Parameters, parameters_from
@@ -227,3 +227,17 @@ def test_an_effect_says_what_it_is():
     assert set(made.depends_on) <= set(own.COORDINATES)
     assert made.depends_on[:3] == ("time", "light_x", "light_y")
     assert made.formula.startswith("light_along_string = k * 0.02 * tanh(across_speed)")
+
+
+def test_what_an_effect_multiplies_is_found_from_its_terms():
+    nulls = {name: c.null for name, c in COEFFICIENTS.items()}
+    forms = (e for e in EFFECTS.values() if not e.in_base_model and e.kind is not EffectKind.CLOSURE)
+    multiplied = {e.name: name for e in forms if (name := multiplied_coefficient(e, nulls))}
+    assert multiplied == {
+        "attitude_drag": "light_drag",
+        "wind": "light_drag",
+        "friction_per_speed": "kinetic_friction",
+        "friction_per_wrap": "kinetic_friction",
+    }
+    # Beside a linear drag, wind does something without a quadratic one
+    assert not multiplied_coefficient(EFFECTS["wind"], nulls | {"light_linear_drag": 1e-3})

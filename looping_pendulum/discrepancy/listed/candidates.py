@@ -11,6 +11,7 @@ from looping_pendulum.discrepancy.data.camera import CAMERA, CameraCoefficient
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.data.study import EARTH_GRAVITY, Study, can_act
 from looping_pendulum.reference_ode.effects import Coefficient, Effect, EffectKind
+from looping_pendulum.reference_ode.effects.check import multiplied_coefficient
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
 
@@ -117,11 +118,14 @@ def candidates(study: Study, fitted: Iterable[FreeParameter], camera: Iterable[s
     taken = {(n.parameter, n.role) for n in fitted}
     trials = tuple(t.name for t in study.trials)
     releases = {t.release for t in study.trials}
+    nulls = {name: c.null for name, c in study.coefficients.items()}
     listed = []
     for effect in study.known_effects:
         if effect.kind is EffectKind.CLOSURE or not any(can_act(effect, r) for r in releases):
             continue
-        listed += [_effect_candidate(study, effect, c, trials) for c in effect.coefficients if not _is_companion(effect, c)]
+        listed += [
+            _effect_candidate(study, effect, c, trials, nulls) for c in effect.coefficients if not _is_companion(effect, c)
+        ]
     if releases - {Release.DROP}:
         measured = {p for p in APPARATUS for t in study.trials if study.estimate(p, t) is not None}
         listed += [_apparatus_candidate(p, trials) for p in APPARATUS if p in measured and _affects_motion(p, releases)]
@@ -139,8 +143,16 @@ def _affects_motion(parameter: str, releases: set[Release]) -> bool:
     return parameter == "free_length" or bool(releases & {Release.LOOPING, Release.VERTICAL})
 
 
-def _effect_candidate(study: Study, effect: Effect, c: Coefficient, trials: tuple[str, ...]) -> Candidate:
-    """Return a coefficient of an effect as a candidate: an absent effect, or a wrong value of a declared one."""
+def _effect_candidate(
+    study: Study, effect: Effect, c: Coefficient, trials: tuple[str, ...], nulls: dict[str, float]
+) -> Candidate:
+    """Return a coefficient of an effect as a candidate: an absent effect, or a wrong value of a declared one.
+
+    Parameters
+    ----------
+    nulls
+        Coefficient -> its value where its effect is absent [SI].
+    """
     known = study.effects.get(c.name)
     declared = known is not None or effect.name == "gravity"
     null = known.value if known else (c.default if effect.name == "gravity" else c.null)
@@ -165,7 +177,7 @@ def _effect_candidate(study: Study, effect: Effect, c: Coefficient, trials: tupl
         formula=effect.formula,
         source=effect.source,
         trials=trials,
-        multiplies=effect.multiplies,
+        multiplies="" if effect.in_base_model else multiplied_coefficient(effect, nulls),
         needs_compilation=not effect.in_base_model,
         companions=() if effect.in_base_model else effect.coefficients[1:],
     )

@@ -28,6 +28,8 @@ APPARATUS = {"light_mass": 0.01, "heavy_mass": 0.1, "rod_radius": 0.006, "free_l
              "light_drag": 1e-3, "heavy_drag": 1e-3, "string_drag": 1e-3,
              "string_length": 0.62, "end_length": 2e-3}  # fmt: skip
 """Parameters with which an effect is tried [SI]."""
+BASE_COEFFICIENTS = (("kinetic_friction", "static_friction"), ("light_drag",), ("heavy_drag",), ("string_drag",))
+"""Those of them that an effect may multiply, each with those that are zero with it."""
 RESERVED = frozenset({*APPARATUS, "release", "coefficients", "own_effects"})
 """Names of parameters, which no effect may have."""
 
@@ -127,8 +129,7 @@ def check_effect(effect: Effect, others: Mapping[str, float] = MappingProxyType(
     if effect.switch:
         null = {c.name: 0.5 * (c.bounds[0] + c.bounds[1]) for c in effect.coefficients}
         null[effect.switch] = next(c.null for c in effect.coefficients if c.name == effect.switch)
-    # A third of the way to a bound, as a bound itself may be as exceptional as the null value
-    acting = {c.name: c.null + max(c.bounds[1] - c.null, c.null - c.bounds[0], key=abs) / 3 for c in effect.coefficients}
+    acting = _acting(effect)
     for k in INSTANTS:
         _values_at(effect, k, {**others, **acting})
         if any(_values_at(effect, k, {**others, **null})):
@@ -142,10 +143,36 @@ def check_effect(effect: Effect, others: Mapping[str, float] = MappingProxyType(
     _evaluated(effect, _SYMBOLS, symbols, p)
 
 
-def _values_at(effect: Effect, k: Kinematics, coefficients: Mapping[str, float]) -> list[float]:
+def multiplied_coefficient(effect: Effect, others: Mapping[str, float]) -> str:
+    """Return the coefficient of the base model to which all terms of an effect are proportional; '' if there is none.
+
+    Where the model has 0 for it, such as friction that grows with speed on a rod without friction, the effect does nothing.
+
+    Parameters
+    ----------
+    others
+        Coefficients of other effects [SI].
+    """
+    acting = {**others, **_acting(effect)}
+
+    def acts(without: tuple[str, ...] = ()) -> bool:
+        return any(any(_values_at(effect, k, acting, APPARATUS | dict.fromkeys(without, 0.0))) for k in INSTANTS)
+
+    return next((names[0] for names in BASE_COEFFICIENTS if acts() and not acts(names)), "")
+
+
+def _acting(effect: Effect) -> dict[str, float]:
+    """Return values of an effect's coefficients at which it acts."""
+    # A third of the way to a bound, as a bound itself may be as exceptional as the null value
+    return {c.name: c.null + max(c.bounds[1] - c.null, c.null - c.bounds[0], key=abs) / 3 for c in effect.coefficients}
+
+
+def _values_at(
+    effect: Effect, k: Kinematics, coefficients: Mapping[str, float], apparatus: Mapping[str, float] = APPARATUS
+) -> list[float]:
     """Return all terms of an effect at an instant; refuse what is no finite number."""
     try:
-        values = _evaluated(effect, math, k, SimpleNamespace(**{**coefficients, **APPARATUS}))
+        values = _evaluated(effect, math, k, SimpleNamespace(**{**coefficients, **apparatus}))
     except (ArithmeticError, ValueError) as error:
         values, why = [math.nan], f" ({error})"
     else:

@@ -105,7 +105,6 @@ ATTITUDE_DRAG = Effect(
         # Down to -1, where drag along the string vanishes
         _coefficient("attitude_drag", "", (-1.0, 100.0), "growth of gamma1 where the light mass moves along its string"),
     ),
-    multiplies="light_drag",
     force_on_light_mass=_attitude_drag_force,
 )
 
@@ -117,7 +116,6 @@ WIND = Effect(
     acts_on="light mass",
     depends_on=("light_mass_speed", "retreat_speed", "across_speed", "wrap_angle"),
     coefficients=(_coefficient("wind_speed", "m/s", (-20.0, 20.0), "speed W of the air along x at the light mass"),),
-    multiplies="light_drag",
     force_on_light_mass=_wind_force,
 )
 
@@ -156,7 +154,6 @@ FRICTION_PER_SPEED = Effect(
         # Down to -0.1, so that friction stays positive up to 10 m/s
         _coefficient("friction_per_speed", "s/m", (-0.1, 10.0), "relative growth of kinetic friction with sliding speed"),
     ),
-    multiplies="kinetic_friction",
     sliding_exponent=lambda xp, k, p: p.kinetic_friction * k.contact_angle * p.friction_per_speed * k.slip_speed,
 )
 
@@ -169,7 +166,6 @@ FRICTION_PER_WRAP = Effect(
     depends_on=("wrap_angle",),
     # Down to -0.05, so that friction stays positive up to 20 rad, three turns
     coefficients=(_coefficient("friction_per_wrap", "1/rad", (-0.05, 1.0), "relative growth of friction with wrap angle"),),
-    multiplies="kinetic_friction",
     sliding_exponent=lambda xp, k, p: p.kinetic_friction * p.friction_per_wrap * k.contact_angle * k.contact_angle,
     holding_exponent=lambda xp, k, p: p.static_friction * p.friction_per_wrap * k.contact_angle * k.contact_angle,
 )

@@ -133,8 +133,6 @@ class Effect:
     """Whether the effect is absent unless the string swings from a pivot (held release): one that runs over a rod has none."""
     switch: str = ""
     """Coefficient at whose null value the effect is absent whatever the others are; '': none."""
-    multiplies: str = ""
-    """Coefficient of another effect to which its terms are proportional, so that it does nothing where that is 0; '': none."""
     force_on_light_mass: LightMassTerm | None = None
     """(xp, kinematics, p) -> force on the light mass (along, across) [N]."""
     force_on_heavy_mass: ScalarTerm | None = None
