@@ -121,7 +121,7 @@ class Search(Revisions):
             next_model = self.run_wider_round(current, 0.3 + 0.2 * added_count) or next_model
             if self.accepted_models:
                 return self.find_rivals_of_several() if added_count else self.find_likelier_force()
-            if next_model is None:
+            if next_model is None or self.is_swing_with_errors_that_last(next_model):
                 break
             current = self.revise_until_settled(next_model)
             if current is not next_model and not current.failed_tests:
@@ -255,6 +255,16 @@ class Search(Revisions):
             return False
         self.declared_model = base
         return True
+
+    def is_swing_with_errors_that_last(self, model: CandidateModel) -> bool:
+        """Return whether a long swing leaves errors that last longer than a frame, so that no test by white noise can pass.
+
+        In a loop they may come from a further effect, which the next round finds. The rounds of a long swing take ten times as
+        long, and the search with such errors finds the same effects.
+        """
+        return (
+            self.correlated_fit is not None and model.fit.problem.is_swing and bool(noises_of(with_correlated_noise(model.fit)))
+        )
 
     @cached_property
     def correlated_model(self) -> CandidateModel:

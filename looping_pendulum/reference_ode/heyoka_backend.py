@@ -100,6 +100,8 @@ class _IntegratorOfMode:
                 for event, function in mode_equations.event_functions.items()
             ],
         )
+        # Views, kept since heyoka makes a new one at each access, which `_on_turn` would notice
+        self.state, self.pars = self.integrator.state, self.integrator.pars
         self.success, self.time_limit = hy.taylor_outcome.success, hy.taylor_outcome.time_limit
         self.powers = np.arange(self.integrator.order + 1)
 
@@ -107,11 +109,10 @@ class _IntegratorOfMode:
         """Return whether the integrator goes on past a turning point; heyoka calls this at each, hundreds of times a swing."""
         if self.turns is None or len(self.turns) >= MAX_STEPS:
             return False
-        integrator = self.integrator
-        now, state, pars = integrator.time, integrator.state, integrator.pars
-        sign = -1.0 * pars[_ACROSS_SIGN] if self.sign_after_turn is None else self.sign_after_turn(now, self.whole_state())
+        now, state = self.integrator.time, self.state
+        sign = -self.pars.item(_ACROSS_SIGN) if self.sign_after_turn is None else self.sign_after_turn(now, self.whole_state())
         state[self.across] = TINY_SPEED * sign
-        pars[_ACROSS_SIGN] = sign
+        self.pars[_ACROSS_SIGN] = sign
         self.turns.append([now, *state.tolist(), sign])
         return True
 
