@@ -139,7 +139,7 @@ class Search(Revisions):
 
         The fitted parameters can make up for so much of a force that is not listed that the residuals look like noise.
         """
-        self.find_unlisted_forces(model, MIN_DELTA_BIC)
+        self.find_unlisted_forces(model, MIN_DELTA_BIC, MIN_HIDDEN_EVIDENCE)
         evidence = max((f.twice_log_bayes_factor for f in self.explaining[1]), default=0.0) if self.explaining else 0.0
         if evidence < MIN_HIDDEN_EVIDENCE:
             return model
@@ -177,7 +177,7 @@ class Search(Revisions):
         best = self.best_refit_of_last_round
         # Like with like: closures are screened by a linear model, which shows too little of a large effect, and a bit of any
         min_evidence = min(best.predicted_delta_bic, best.delta_bic) - LIKELIHOOD_MARGIN
-        forces = self.find_unlisted_forces(self.declared_model, min_evidence)
+        forces = self.find_unlisted_forces(self.declared_model, min_evidence, best.delta_bic)
         if self.explaining is None or max(f.twice_log_bayes_factor for f in self.explaining[1]) < best.delta_bic:
             return
         self.forces = forces
@@ -317,17 +317,20 @@ class Search(Revisions):
         ):
             self.give_way_to_force()
 
-    def find_unlisted_forces(self, base: CandidateModel, min_evidence: float = -math.inf) -> tuple[RecoveredForce, ...]:
+    def find_unlisted_forces(
+        self, base: CandidateModel, min_evidence: float = -math.inf, min_evidence_of_best: float = MIN_DELTA_BIC
+    ) -> tuple[RecoveredForce, ...]:
         """Search for an unlisted force that a model lacks; return the best closures, or none if none explains held-out data.
 
-        Closures with less than ``min_evidence``, twice a log Bayes factor by a linear model, are not refitted.
+        Closures with less than ``min_evidence``, twice a log Bayes factor by a linear model, are not refitted, and if no refit
+        has ``min_evidence_of_best``, none is tested on held-out data.
         """
         if not self.inputs.has_points:  # a few events do not determine a force as a function
             return ()
         self.explaining = None
         forces, not_refitted = discover(
             base.fit, self.inputs.held_out, lambda what: self.report_progress(what, 0.85), self.workers,
-            min_evidence=MIN_DELTA_BIC if noises_of(base.fit) else min_evidence,
+            min_evidence=MIN_DELTA_BIC if noises_of(base.fit) else min_evidence, min_evidence_of_best=min_evidence_of_best,
             begun=self.begun[1] if self.begun and self.begun[0] is base.fit else None,
         )  # fmt: skip
         # Many forms are tried, so that the best of them fits noise better than none; held-out data are not so easily pleased

@@ -17,7 +17,7 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.discrepancy.unlisted import discovery, formula
-from looping_pendulum.discrepancy.unlisted.discovery import _refit
+from looping_pendulum.discrepancy.unlisted.discovery import _refit, _tested
 from looping_pendulum.discrepancy.unlisted.formula import PREFIX
 from looping_pendulum.discrepancy.unlisted.screening import _evidence, motions, screen
 from looping_pendulum.discrepancy.unlisted.simplify import CoordinateRange, forms
@@ -115,7 +115,7 @@ def test_no_force_is_recovered_from_clean_data(tmp_path):
     best = max(screen(base, runs), key=lambda s: s.twice_log_bayes_factor)
     assert best.twice_log_bayes_factor < DECISIVE
     # Of so small a force the linear model of the screening has the evidence of the refit
-    refitted = _refit((base, inputs.held_out, runs), best)
+    refitted = _refit((base, runs), best)
     assert refitted.twice_log_bayes_factor == pytest.approx(best.twice_log_bayes_factor, abs=0.3)
 
 
@@ -127,7 +127,7 @@ def test_no_formula_is_accepted_on_clean_data(tmp_path):
     runs = motions(base)
     best = max(screen(base, runs), key=lambda s: s.twice_log_bayes_factor)
     assert best.twice_log_bayes_factor < DECISIVE
-    force = _refit((base, inputs.held_out, runs), best)
+    force = _tested(inputs.held_out, _refit((base, runs), best))
     fitted = formula.refit(base, [force], inputs.held_out, lambda what: None)
     assert fitted
     assert all(w.delta_bic < DECISIVE for w in fitted)
@@ -148,7 +148,7 @@ def test_the_screening_names_what_a_law_acts_on_and_depends_on(tmp_path, name):
     assert (best.closure.target, best.closure.coordinate) == PLANTED_LAWS[name]
     assert best.twice_log_bayes_factor > 10 * DECISIVE
     if name == "thrust":  # which moves the light mass so far that the linear model has a third of the evidence
-        refitted = _refit((base, inputs.held_out, motions(base)), best)
+        refitted = _refit((base, motions(base)), best)
         left = refitted.fit.problem.with_data(base.problem.data).residuals(refitted.fit.x)
         assert 2 * best.twice_log_bayes_factor < refitted.twice_log_bayes_factor < base.cost - left @ left
     if best.closure.point is not None:

@@ -111,8 +111,8 @@ def test_a_likelier_force_replaces_a_single_effect_unless_held_out_data_speak_ag
     """
     asked = []
 
-    def find_unlisted_forces(base, min_evidence):
-        asked.append(min_evidence)
+    def find_unlisted_forces(base, min_evidence, min_evidence_of_best):
+        asked.append((min_evidence, min_evidence_of_best))
         force = SimpleNamespace(held_out=predicts(difference), twice_log_bayes_factor=evidence)
         search.explaining = "fit", [force]
         return (force,)
@@ -139,7 +139,7 @@ def test_a_likelier_force_replaces_a_single_effect_unless_held_out_data_speak_ag
     Search.find_likelier_force(search)
     (ranked,) = search.rounds[0].ranking
     assert (ranked.passes, ranked.reason) == (listed, "" if listed else "an unlisted force explains the data better")
-    assert asked == [60.0 - LIKELIHOOD_MARGIN]
+    assert asked == [(60.0 - LIKELIHOOD_MARGIN, 70.0)]
     assert (bool(search.accepted_models), bool(search.forces)) == (listed, unlisted)
 
 
@@ -147,8 +147,8 @@ def test_a_likelier_force_replaces_a_single_effect_unless_held_out_data_speak_ag
 def test_a_model_that_passes_all_tests_fails_if_an_unlisted_force_explains_more(evidences):
     asked = []
 
-    def find_unlisted_forces(base, min_evidence):
-        asked.append((base, min_evidence))
+    def find_unlisted_forces(base, min_evidence, min_evidence_of_best):
+        asked.append((base, min_evidence, min_evidence_of_best))
         forces = [SimpleNamespace(twice_log_bayes_factor=e) for e in evidences]
         search.explaining = ("fit", forces) if forces else None
         return tuple(forces)
@@ -157,7 +157,7 @@ def test_a_model_that_passes_all_tests_fails_if_an_unlisted_force_explains_more(
     model = CandidateModel(fit=None, added=(), tests=passing, held_out=passing, screening=tuple)
     search = SimpleNamespace(find_unlisted_forces=find_unlisted_forces)
     tested = Search.tested_for_unlisted_force(search, model)
-    assert asked == [(model, MIN_DELTA_BIC)]
+    assert asked == [(model, MIN_DELTA_BIC, MIN_HIDDEN_EVIDENCE)]
     fails = max(evidences, default=0.0) >= MIN_HIDDEN_EVIDENCE
     assert tested.failed_tests == (("an unlisted force explains the data better",) if fails else ())
     assert [(t.value, t.limit) for t in tested.test_results] == ([(75.0, MIN_HIDDEN_EVIDENCE)] if fails else [])

@@ -50,16 +50,22 @@ WEAK_PRIOR = 1e6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RecoveredForce:
-    """A closure that was refitted to the trajectories and tested on held-out data."""
+class RefittedClosure:
+    """A closure that was refitted to the trajectories."""
 
     closure: Closure
     fit: Fit
     twice_log_bayes_factor: float
     """Twice the log of the Bayes factor over the model without it: the larger of the screening's and the refit's."""
-    held_out: HeldOutTest
     coordinates: Array
     """Values of the coordinate along the training trials, where it matters, shape (n,)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecoveredForce(RefittedClosure):
+    """A refitted closure that was tested on held-out data."""
+
+    held_out: HeldOutTest
 
     @cached_property
     def weights(self) -> Array:
@@ -87,6 +93,7 @@ def discover(
     report_step: ProgressCallback = lambda what: None,
     workers: Workers = SERIAL,
     min_evidence: float = -math.inf,
+    min_evidence_of_best: float = -math.inf,
     begun: Batch | None = None,
 ) -> tuple[list[RecoveredForce], list[ScreenedClosure]]:
     """Search all closures; return the best ones, refitted, in the order of `by_preference`, and others that are as likely.
@@ -101,6 +108,8 @@ def discover(
         Held-out trials, each with the parameters that it alone has; empty: blocks of time are held out.
     min_evidence
         Smallest twice log Bayes factor, by the model linearised about the fit, of a closure that is refitted.
+    min_evidence_of_best
+        Smallest one that the best refit must have; if it has less, none is tested on held-out data, nor returned.
     begun
         What `begin_to_discover` returned for the same fit; None: nothing was begun.
     """
@@ -111,14 +120,19 @@ def discover(
     screened = sorted(screen(base, runs, workers, begun), key=lambda s: -s.twice_log_bayes_factor)
     chosen = [s for s in _different(screened) if s.twice_log_bayes_factor >= min_evidence]
     descriptions = [f"{s.closure.target} by {s.closure.coordinate}" for s in chosen]
-    forces = workers.map(
+    results = workers.map(
         _refit,
-        (base, held_out, runs),
+        (base, runs),
         chosen,
         descriptions,
         lambda what: report_step(f"fitting an unknown law of the {what}"),
     )
-    return by_preference([f for f in forces if f]), _as_likely(screened, chosen)
+    refitted = [r for r in results if r]
+    if max((r.twice_log_bayes_factor for r in refitted), default=-math.inf) < min_evidence_of_best:
+        return [], []
+    labels = [f"{r.closure.target} by {r.closure.coordinate}" for r in refitted]
+    forces = workers.map(_tested, held_out, refitted, labels, lambda what: report_step(f"testing the law of the {what}"))
+    return by_preference(forces), _as_likely(screened, chosen)
 
 
 def _as_likely(screened: Sequence[ScreenedClosure], chosen: Sequence[ScreenedClosure]) -> list[ScreenedClosure]:
@@ -218,11 +232,9 @@ BODIES = ("light mass", "heavy mass", STRING)
 """Beginnings of the names of targets."""
 
 
-def _refit(
-    shared: tuple[Fit, Sequence[tuple[TrialData, Sequence[FreeParameter]]], Motions], screened: ScreenedClosure
-) -> RecoveredForce | None:
+def _refit(shared: tuple[Fit, Motions], screened: ScreenedClosure) -> RefittedClosure | None:
     """Refit a closure to the trajectories with the ridge that maximises the evidence; None if the model cannot run."""
-    base, held_out, runs = shared
+    base, runs = shared
     closure = screened.closure
     problem = _problem(base.problem, closure, screened.ridge, 1.0)
     # The ridge is the scale of the weights in this problem, so that their prior has unit variance
@@ -236,13 +248,23 @@ def _refit(
         values = fit.values
         x, y = (values[name] for name in closure.point_coefficients)
         closure = dataclasses.replace(closure, point=(x, y))
-    return RecoveredForce(
+    return RefittedClosure(
         closure=closure,
         fit=fit,
         # Of few iterations many a refit ends short of its minimum, where the linear model has the better estimate
         twice_log_bayes_factor=max(screened.twice_log_bayes_factor, _evidence_of_refit(base, refitted, closure)),
-        held_out=check_held_out(fit, held_out),
         coordinates=runs.where_it_acts(closure),
+    )
+
+
+def _tested(held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]], refitted: RefittedClosure) -> RecoveredForce:
+    """Test a refitted closure on held-out data."""
+    return RecoveredForce(
+        closure=refitted.closure,
+        fit=refitted.fit,
+        twice_log_bayes_factor=refitted.twice_log_bayes_factor,
+        coordinates=refitted.coordinates,
+        held_out=check_held_out(refitted.fit, held_out),
     )
 
 
