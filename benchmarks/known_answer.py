@@ -32,9 +32,8 @@ from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, calibrat
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise, with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.listed.attribution import bic_penalty, refit
+from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC, bic_penalty, refit
 from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.listed.screening import screen
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.effects.installed import ENTRY_POINTS

@@ -17,7 +17,7 @@ from benchmarks.calibration_summary import in_words, proportion, summary, with_u
 from benchmarks.resumable import run
 from benchmarks.rival_methods import Rival
 from looping_pendulum.discrepancy.fit import residual
-from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
+from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.discrepancy.search import MIN_HIDDEN_EVIDENCE

@@ -73,7 +73,13 @@ def identification(
         seed=seed,
         verdict=verdict,
         sentence=verdict_sentence(
-            verdict, effects, ties, conclusion.unlisted, errors, own_effects=bool(before.fit.problem.study.own_effects)
+            verdict,
+            effects,
+            ties,
+            conclusion.unlisted,
+            errors,
+            failures=before.failed_tests,
+            own_effects=bool(before.fit.problem.study.own_effects),
         ),
         notes=verdict_notes(verdict, conclusion.rounds, noise, outliers),
         effects=effects,

@@ -7,10 +7,10 @@ import dataclasses
 from looping_pendulum.discrepancy.fit.calibration import Fit, calibrate, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
-from looping_pendulum.discrepancy.listed.attribution import Refit, delta_bic_of, delta_bic_of_likelihoods
+from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC, Refit, delta_bic_of, delta_bic_of_likelihoods
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.candidates import Candidate
-from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN
+from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC_MARGIN
 from looping_pendulum.discrepancy.rounds import Rounds
 
 MAX_REVISIONS = 4

@@ -13,6 +13,7 @@ from looping_pendulum.discrepancy.fit.residual import check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.inputs import Inputs
 from looping_pendulum.discrepancy.listed.attribution import (
+    MIN_DELTA_BIC,
     Refit,
     delta_bic_beside_wander,
     refits,
@@ -27,7 +28,7 @@ from looping_pendulum.discrepancy.listed.held_out import (
     loss_test,
     square_ratio,
 )
-from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN, record_round, wander_test
+from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC_MARGIN, record_round, wander_test
 from looping_pendulum.discrepancy.listed.screening import ScreenedCandidate, screen
 from looping_pendulum.discrepancy.result import Round
 from looping_pendulum.discrepancy.workers import Workers

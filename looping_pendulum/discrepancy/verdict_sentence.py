@@ -50,12 +50,15 @@ def verdict_sentence(
     unlisted: Unlisted | None,
     errors: Sequence[TrialError],
     *,
+    failures: Sequence[str],
     own_effects: bool,
 ) -> str:
     """Return the verdict in one sentence.
 
     Parameters
     ----------
+    failures
+        What the tests mean that the declared model fails.
     own_effects
         Whether the study has effects of its own beside those of the library.
     """
@@ -89,6 +92,11 @@ def verdict_sentence(
             f"No effect of {candidates} explains what the declared model misses, but{beside} a {unlisted.in_words}{size} does: "
             f"with it, {_nearer(worst)}."
         )
+    if worst.standardised_rms_after <= 1 + MIN_VISIBLE_SHARE:
+        return (
+            f"The declared model comes to within {after} of {where}, as near as their errors allow, "
+            f"but {' and '.join(failures)}, and no effect of {candidates} explains it."
+        )
     errors_of_data = f", {amount(worst.standardised_rms_after)} times their error" if worst.rms_after is not None else ""
     return (
         f"Something is missing that no effect of {candidates} explains: the declared model comes no nearer than {after} to "
@@ -103,7 +111,7 @@ def verdict_notes(
     notes = []
     if verdict is Verdict.IDENTIFIED:
         notes += [f"{c.name} was ruled out, as {c.held_by}." for c in rounds[-1].ranking if c.held_by]
-    if verdict is Verdict.UNEXPLAINED and rounds:
+    if rounds and (verdict is Verdict.UNEXPLAINED or (verdict is Verdict.NO_MISSING_EFFECT and not errors)):
         # Of the first round: later ones already have an effect in the model that was not accepted
         best = next((r for r in rounds[0].ranking if r.delta_bic is not None), None)
         notes += [f"{best.name} comes nearest and does not pass: {best.reason}."] if best and best.reason else []

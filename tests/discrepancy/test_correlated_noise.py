@@ -20,7 +20,7 @@ from looping_pendulum.discrepancy.fit.residual import check_residuals
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
+from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.result import Verdict
 from tests.blind.cases import CASES, CLEAN

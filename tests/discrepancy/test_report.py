@@ -54,7 +54,7 @@ def made_up(verdict):
         effects=effects,
         ties=ties if verdict is Verdict.AMBIGUOUS else (),
         unlisted=unlisted,
-        sentence=verdict_sentence(verdict, effects, ties, unlisted, (held_out,), own_effects=False),
+        sentence=verdict_sentence(verdict, effects, ties, unlisted, (held_out,), failures=(), own_effects=False),
         notes=verdict_notes(verdict, rounds, noise, result.outliers),
         errors=(held_out,),
         correlated_noise=noise,
@@ -126,7 +126,7 @@ def test_the_sentence_calls_no_model_nearer_that_is_not():
     """Beside errors that last longer than a frame, a better model of two falling basketballs is 74 mm off instead of 54 mm."""
     result = made_up(Verdict.IDENTIFIED)
     error = dataclasses.replace(result.errors[0], rms_before=0.054, rms_after=0.074)
-    sentence = verdict_sentence(result.verdict, result.effects, (), None, (error,), own_effects=False)
+    sentence = verdict_sentence(result.verdict, result.effects, (), None, (error,), failures=(), own_effects=False)
     assert "nearer" not in sentence
     assert "to within" not in sentence
     assert "74 mm (RMS)" in sentence
@@ -136,7 +136,7 @@ def test_the_sentence_calls_no_model_nearer_that_is_not():
 def test_a_sentence_of_many_explanations_leaves_their_values_to_the_table(count, value):
     result = made_up(Verdict.AMBIGUOUS)
     ties = (result.effects,) * count
-    sentence = verdict_sentence(result.verdict, result.effects, ties, None, result.errors, own_effects=False)
+    sentence = verdict_sentence(result.verdict, result.effects, ties, None, result.errors, failures=(), own_effects=False)
     assert f"which of {count} explanations is right: {'; or '.join([value] * count)}; with the first" in sentence
 
 

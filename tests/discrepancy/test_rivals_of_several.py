@@ -12,10 +12,10 @@ from benchmarks.blind_sample import BlindStudy, draw, write_files
 from looping_pendulum.discrepancy import search as search_module
 from looping_pendulum.discrepancy.data.study_io import load, load_text
 from looping_pendulum.discrepancy.identify import identify
+from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.held_out import HeldOutTest
-from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.result import RankedCandidate, Round, Verdict
 from looping_pendulum.discrepancy.search import MIN_HIDDEN_EVIDENCE, Search
 from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN

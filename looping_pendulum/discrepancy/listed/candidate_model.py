@@ -9,15 +9,13 @@ from functools import cached_property
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.model_test import ModelTest, failures_in_words
 from looping_pendulum.discrepancy.fit.residual import ResidualTests
-from looping_pendulum.discrepancy.listed.attribution import Refit, refit
+from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC, Refit, refit
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.held_out import HeldOutTest
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE, ScreenedCandidate
 
 MAX_SCORES_CHECKED = 3
 """Candidates whose score alone may fail a model."""
-MIN_REALISED_SHARE = 0.5
-"""Share of the chi-square decrease predicted by a score of `MAX_NULL_SCORE` that a refit must realise to fail a model."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,6 +35,8 @@ class CandidateModel:
     """Results of tests beyond those of residuals, held-out data and scores."""
     refitted: dict[str, Refit | None] = field(default_factory=dict)
     """Candidates that were refitted to check what their score predicts, by name."""
+    refuted: frozenset[str] = frozenset()
+    """Names of candidates that other tests refused, so that their scores are chance."""
 
     @cached_property
     def remaining(self) -> tuple[ScreenedCandidate, ...]:
@@ -54,12 +54,14 @@ class CandidateModel:
         if (failed and self.added) or not self.remaining:
             return results
         high = [s for s in self.remaining[:MAX_SCORES_CHECKED] if abs(s.score) > MAX_NULL_SCORE]
+        left = [s for s in high if s.candidate.name not in self.refuted]
         # One is enough to fail the model, and each further one would cost a refit
-        confirmed = next((s for s in high if failed or self._realises_predicted_decrease(s)), None)
+        confirmed = next((s for s in left if failed or self._has_evidence(s)), None)
         tested = confirmed or self.remaining[0]
+        by = "a refit does" if left or not high else "further tests of the refit do"
         score = ModelTest(
             subject=tested.candidate.name,
-            statistic="score |z|, which a refit does not confirm" if high and not confirmed else "score |z|",
+            statistic=f"score |z|, which {by} not confirm" if high and not confirmed else "score |z|",
             value=abs(tested.score),
             limit=MAX_NULL_SCORE,
             passes=confirmed is None,
@@ -72,17 +74,16 @@ class CandidateModel:
         """What the failed tests mean, in words; empty: the model passes."""
         return failures_in_words(self.test_results)
 
-    def _realises_predicted_decrease(self, screened: ScreenedCandidate) -> bool:
-        """Whether a refit with the candidate lowers chi-square by about what its score predicts.
+    def _has_evidence(self, screened: ScreenedCandidate) -> bool:
+        """Whether a refit with a candidate has the evidence with which it would be added.
 
         A candidate that does nearly the same as a fitted parameter may have a high score, but its refit gains little.
         """
-        refitted = self.refitted[screened.candidate.name] = refit(self.fit, screened)
-        if refitted is None:
-            return False
-        # Of likelihoods, since the refit may have a noise of its own
-        decrease = self.fit.minus_twice_log_likelihood - refitted.fit.minus_twice_log_likelihood
-        return decrease > MIN_REALISED_SHARE * MAX_NULL_SCORE**2
+        name = screened.candidate.name
+        if name not in self.refitted:
+            self.refitted[name] = refit(self.fit, screened)
+        refitted = self.refitted[name]
+        return refitted is not None and refitted.delta_bic >= MIN_DELTA_BIC
 
     @property
     def names(self) -> tuple[str, ...]:

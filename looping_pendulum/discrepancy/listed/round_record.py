@@ -5,16 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from looping_pendulum.discrepancy.fit.model_test import ModelTest
-from looping_pendulum.discrepancy.listed.attribution import Refit
+from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC, Refit
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.result import RankedCandidate, Round
 
-MIN_DELTA_BIC = 10.0
-"""Smallest decrease of the Bayesian information criterion with which an effect is added.
-
-Kass and Raftery (J. Am. Stat. Assoc. 90 (1995) 773) call it very strong evidence: odds of exp(10 / 2), 148 to 1. In 99 % of
-clean studies every effect stays below it (docs/data/calibration.json).
-"""
 MIN_DELTA_BIC_MARGIN = 10.0
 """Delta BIC by which an effect must exceed the next candidate's; in trials on blind data all wrong winners were nearer."""
 

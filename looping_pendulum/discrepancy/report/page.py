@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from looping_pendulum.compare.paper_table import quantity_label
-from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
+from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.report import first_look_figure, lead_figure, markdown
 from looping_pendulum.discrepancy.report.event_report import AXIS_LIMIT, off_by
 from looping_pendulum.discrepancy.report.plots import MAX_RANKED

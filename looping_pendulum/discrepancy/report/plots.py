@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from looping_pendulum.compare.plots import GREY, without_mathtext
 from looping_pendulum.discrepancy.first_look import picture as first_look
-from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC
+from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.report import event_report, lead_figure, unlisted_report
 from looping_pendulum.discrepancy.result import Identification
 from looping_pendulum.discrepancy.trial_results import TrialFigure

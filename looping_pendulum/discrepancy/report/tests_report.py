@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.fit.model_test import ModelTest
-from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC, MIN_DELTA_BIC_MARGIN
+from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC
+from looping_pendulum.discrepancy.listed.round_record import MIN_DELTA_BIC_MARGIN
 from looping_pendulum.discrepancy.report import unlisted_report
 from looping_pendulum.discrepancy.report.lead_figure import has_repair
 from looping_pendulum.discrepancy.result import Identification, Round
