@@ -132,6 +132,16 @@ def test_the_sentence_calls_no_model_nearer_that_is_not():
     assert "74 mm (RMS)" in sentence
 
 
+def test_a_model_as_near_as_errors_allow_is_not_said_to_be_off():
+    """Such a sentence ended in "1 times their error", without what fails."""
+    result = made_up(Verdict.UNEXPLAINED)
+    error = dataclasses.replace(result.errors[0], standardised_rms_after=1.02)
+    failures = ("the residuals still have a pattern", "the residuals look like scale")
+    sentence = verdict_sentence(result.verdict, (), (), None, (error,), failures=failures, own_effects=False)
+    assert "as near as their errors allow, but the residuals still have a pattern and the residuals look like scale" in sentence
+    assert "times their error" not in sentence
+
+
 @pytest.mark.parametrize(("count", "value"), [(3, "swing = 0.0100 +/- 0.0010 N s/m"), (4, "swing")])
 def test_a_sentence_of_many_explanations_leaves_their_values_to_the_table(count, value):
     result = made_up(Verdict.AMBIGUOUS)
