@@ -59,6 +59,11 @@ MAX_WEAK_DELTA_BIC = 50.0
 
 In clean studies of such trackers effects reached 18 under white noise, and 8 beside the wandering.
 """
+MAX_CHANCE_DELTA_BIC = 20.0
+"""Delta BIC up to which an effect that further tests refuse is taken for chance; of a larger one something must be missing.
+
+In clean studies of trackers that wander effects reached 18 under white noise.
+"""
 MAX_RESCREENED = 5
 """Candidates that are screened again with all added effects in the model, which costs compilations."""
 MAX_SQUARE_LEFT = 0.5
@@ -87,6 +92,8 @@ class Rounds:
         """Candidate's name -> its latest screening."""
         self.white_rounds: dict[int, tuple[CandidateModel, list[Refit], dict[str, CandidateModel]]] = {}
         """Rounds with white noise, by their index: the model before, its refits, and those of them that were tested."""
+        self.tested_beside_declared: dict[str, CandidateModel] = {}
+        """Candidate's name -> the declared model with it, of those that were tested in the last round beside it."""
         self.correlated_base: CandidateModel | None = None
         """The declared model with errors of the tracked points that last longer than a frame; None: the search takes none."""
         self.correlated_fit: Fit | None = None
@@ -122,6 +129,8 @@ class Rounds:
         self.record(current, refits, judged)
         if self.correlated_base is None:
             self.white_rounds[len(self.rounds) - 1] = (current, list(refits), judged)
+        if not current.added:
+            self.tested_beside_declared = judged
         within_bounds = {r.candidate.name for r in refits if r.within_bounds}
         passing = [m for name, m in judged.items() if name in within_bounds and not m.failed_tests]
         # A model within the margin that fails a test is no winner, but its delta BIC is too near to the best to rule it out.

@@ -27,7 +27,7 @@ from looping_pendulum.discrepancy.listed.held_out import HeldOutTest, loss_test,
 from looping_pendulum.discrepancy.listed.round_record import record_round
 from looping_pendulum.discrepancy.listed.screening import compile_for, slowest_first
 from looping_pendulum.discrepancy.revisions import Revisions
-from looping_pendulum.discrepancy.rounds import FractionCallback
+from looping_pendulum.discrepancy.rounds import MAX_CHANCE_DELTA_BIC, FractionCallback
 from looping_pendulum.discrepancy.unlisted.discovery import (
     LIKELIHOOD_MARGIN,
     RecoveredForce,
@@ -138,16 +138,18 @@ class Search(Revisions):
             self.search_with_correlated_noise()
 
     def withdraw_refuted_scores(self) -> None:
-        """Let the declared model pass if all that it fails is a score of effects that further tests of their refits refuse.
+        """Let the declared model pass if all that speaks against it are weak effects that further tests of their refits refuse.
 
         Of some thirty candidates one looks like noise now and then. Held-out data that such an effect makes less likely, or an
         equally good explanation by a tracker that wanders a little, show that it was chance.
         """
-        if self.declared_model is None or not self.white_rounds:
+        model = self.correlated_base or self.declared_model
+        beside_declared = next((r.ranking for r in reversed(self.rounds) if not r.added_before), ())
+        evident = {c.name: c.delta_bic for c in beside_declared if c.delta_bic is not None and c.delta_bic >= MIN_DELTA_BIC}
+        refused = {name for name, m in self.tested_beside_declared.items() if any(not t.passes for t in m.other_tests)}
+        if model is None or not evident.keys() <= refused or max(evident.values(), default=0.0) > MAX_CHANCE_DELTA_BIC:
             return
-        model, judged = self.declared_model, self.white_rounds[0][2]
-        refuted = frozenset(name for name, m in judged.items() if any(not t.passes for t in m.other_tests))
-        withdrawn = dataclasses.replace(model, refuted=refuted, screening=lambda: model.remaining)
+        withdrawn = dataclasses.replace(model, refuted=frozenset(evident), screening=lambda: model.remaining)
         if not withdrawn.failed_tests:
             self.declared_model = withdrawn
 

@@ -10,6 +10,7 @@ from looping_pendulum.discrepancy.listed import candidate_model
 from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.listed.candidate_model import CandidateModel
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
+from looping_pendulum.discrepancy.rounds import MAX_CHANCE_DELTA_BIC
 from looping_pendulum.discrepancy.search import Search
 
 NO_TESTS = SimpleNamespace(results=())
@@ -38,19 +39,37 @@ def test_a_score_fails_a_model_with_the_evidence_by_which_its_effect_would_be_ad
     assert model_with_score(monkeypatch, score, delta_bic).failed_tests == failed
 
 
-def judged(passes):
-    return SimpleNamespace(other_tests=(SimpleNamespace(passes=passes),))
+def search_with(model, delta_bic, refused, correlated_base=None):
+    """A search that has tried the scale beside the declared model."""
+    ranking = (SimpleNamespace(name="scale", delta_bic=delta_bic), SimpleNamespace(name="tilt", delta_bic=None))
+    beside, later = (SimpleNamespace(added_before=added, ranking=ranking) for added in ((), ("scale",)))
+    tested = SimpleNamespace(other_tests=(SimpleNamespace(passes=not refused),))
+    return SimpleNamespace(
+        declared_model=model, correlated_base=correlated_base, rounds=[beside, later], tested_beside_declared={"scale": tested}
+    )
 
 
-@pytest.mark.parametrize(("passes", "failed"), [(False, ()), (True, ("the residuals look like scale",))])
-def test_an_effect_that_held_out_data_refuse_does_not_fail_the_declared_model(monkeypatch, passes, failed):
+@pytest.mark.parametrize(
+    ("delta_bic", "refused", "passes"),
+    [(10.3, True, True), (10.3, False, False), (MAX_CHANCE_DELTA_BIC + 1, True, False)],
+    ids=["refused", "not refused", "too much for chance"],
+)
+def test_an_effect_that_held_out_data_refuse_does_not_fail_the_declared_model(monkeypatch, delta_bic, refused, passes):
     """In a clean blind study a scale of 0.995 had a score of 4.18, and made held-out data less likely by -2 ln L = 11.6."""
-    model = model_with_score(monkeypatch, HIGH, 10.3)
-    search = SimpleNamespace(declared_model=model, white_rounds={0: (model, [], {"scale": judged(passes)})})
+    search = search_with(model_with_score(monkeypatch, HIGH, delta_bic), delta_bic, refused)
     Search.withdraw_refuted_scores(search)
-    assert search.declared_model.failed_tests == failed
+    assert search.declared_model.failed_tests == (() if passes else ("the residuals look like scale",))
     (score,) = search.declared_model.test_results
-    assert score.statistic.endswith("not confirm") is not bool(failed)
+    assert score.statistic.endswith("not confirm") is passes
+
+
+@pytest.mark.parametrize("refused", [True, False])
+def test_the_same_holds_beside_errors_that_last_longer_than_a_frame(monkeypatch, refused):
+    """A clean study of a tracker that wanders passed all tests with its errors, but a foreshortening had a delta BIC of 12.7."""
+    white, correlated = (model_with_score(monkeypatch, score, 12.7) for score in (HIGH, 1.0))
+    search = search_with(white, 12.7, refused, correlated)
+    Search.withdraw_refuted_scores(search)
+    assert bool(search.declared_model.failed_tests) is not refused
 
 
 def test_another_failed_test_stands(monkeypatch):
@@ -60,6 +79,6 @@ def test_another_failed_test_stands(monkeypatch):
     model = CandidateModel(
         fit=None, added=(), tests=SimpleNamespace(results=(pattern,)), held_out=NO_TESTS, screening=lambda: (screened,)
     )
-    search = SimpleNamespace(declared_model=model, white_rounds={0: (model, [], {"scale": judged(False)})})
+    search = search_with(model, 12.0, refused=True)
     Search.withdraw_refuted_scores(search)
     assert "the residuals still have a pattern" in search.declared_model.failed_tests
