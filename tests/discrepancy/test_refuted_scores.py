@@ -65,7 +65,7 @@ def test_an_effect_that_held_out_data_refuse_does_not_fail_the_declared_model(mo
 
 @pytest.mark.parametrize("refused", [True, False])
 def test_the_same_holds_beside_errors_that_last_longer_than_a_frame(monkeypatch, refused):
-    """A clean study of a tracker that wanders passed all tests with its errors, but a foreshortening had a delta BIC of 12.7."""
+    """A clean study of a tracker that wanders passed all tests with its errors, but foreshortening had a delta BIC of 12.7."""
     white, correlated = (model_with_score(monkeypatch, score, 12.7) for score in (HIGH, 1.0))
     search = search_with(white, 12.7, refused, correlated)
     Search.withdraw_refuted_scores(search)
