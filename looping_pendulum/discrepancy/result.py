@@ -352,7 +352,8 @@ class Identification(ShownInNotebook):
     smallest_visible: tuple[SmallestVisible, ...]
     """For each candidate that was not added, the smallest size that these data would show beside the repaired model."""
     can_hide: tuple[str, ...] = ()
-    """Candidates without such a size: what is fitted with them can keep them from acting, as friction holds a rod's bearing."""
+    """Candidates without such a size: what is fitted with them can keep them from acting, as friction holds a rod's bearing, or
+    where they multiply a drag of zero."""
     next_experiments: tuple[Experiment, ...]
     """Trials that would separate tied explanations, the best first."""
     rounds: tuple[Round, ...]

@@ -26,8 +26,8 @@ def section(result: Identification) -> str:
     hiding = ""
     if result.can_hide:
         hiding = (
-            f" No size of {', '.join(result.can_hide)} would be sure to show: what is fitted with it, such as friction in a "
-            "bearing, can keep it from acting."
+            f" No size of {', '.join(result.can_hide)} would be sure to show: what is fitted with it can keep it from "
+            "acting, as friction in a bearing does, or a drag or friction of zero that it multiplies."
         )
     head = ["effect", "acts on", "smallest size that would show", "moves the masses by [noise]"]
     rows = [[v.name, v.acts_on, size_in_words(v), number(v.motion, digits=2)] for v in visible[:MAX_ROWS]]
