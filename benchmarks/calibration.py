@@ -28,6 +28,7 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.listed.candidates import MIN_SHARE_OF_MULTIPLIED
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
 from looping_pendulum.discrepancy.result import Identification, IdentifiedEffect, Unlisted, Verdict
 from looping_pendulum.discrepancy.search import Search
@@ -35,10 +36,11 @@ from looping_pendulum.discrepancy.unlisted.screening import motions, screen
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.reference_ode.effects import EFFECTS
+from looping_pendulum.reference_ode.effects.check import multiplied_coefficient
 from looping_pendulum.versions import MISSING, installed_version
 
 CAN_HIDE = frozenset({"rod_mobility"})
-"""Effects that can hide at any size (`Identification.can_hide`)."""
+"""Effects that can hide at any size (`Identification.can_hide`), whatever the data."""
 RESULT = Path(__file__).parents[1] / "docs" / "data" / "calibration.json"
 
 
@@ -163,7 +165,7 @@ def visibility(result: Identification, planted: dict[str, float]) -> float | Non
     None: nothing that the library lists was planted, or the report says nothing of it.
     """
     # Once it is named, its error is known, but not that of one that stays hidden: to count only the first would be unfair
-    if not planted.keys().isdisjoint(CAN_HIDE):
+    if not planted.keys().isdisjoint(CAN_HIDE) or _multiplies_zero(result, planted):
         return None
     smallest = {v.name: (v.value, v.null_value) for v in result.smallest_visible}
     explanations = result.ties or (result.effects,)
@@ -171,6 +173,14 @@ def visibility(result: Identification, planted: dict[str, float]) -> float | Non
     if not planted or not planted.keys() <= smallest.keys():
         return None
     return min(abs(value - smallest[name][1]) / smallest[name][0] for name, value in planted.items())
+
+
+def _multiplies_zero(result: Identification, planted: Iterable[str]) -> bool:
+    """Return whether a planted effect multiplies a coefficient that the declared model's fit has put to zero."""
+    zero = {p.name for p in result.before.parameters if p.value < MIN_SHARE_OF_MULTIPLIED * p.measured}
+    nulls = {c.name: c.null for effect in EFFECTS.values() for c in effect.coefficients}
+    effects = [e for e in EFFECTS.values() if not e.in_base_model and any(c.name in planted for c in e.coefficients)]
+    return any(multiplied_coefficient(e, nulls) in zero for e in effects)
 
 
 UNLISTED = "an unlisted force"

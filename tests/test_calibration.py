@@ -139,14 +139,18 @@ def test_a_law_is_as_planted_if_body_and_coordinate_are(hidden, acts_on, depends
 
 
 def test_visibility_is_that_of_the_effect_that_hides_best():
-    named = SimpleNamespace(name="wind", error=0.1, null_value=0.0)
+    named = SimpleNamespace(name="wind_speed", error=0.1, null_value=0.0)
     hidden = SimpleNamespace(name="scale", value=0.02, null_value=1.0)
-    result = SimpleNamespace(smallest_visible=(hidden,), ties=(), effects=(named,))
-    assert visibility(result, {"wind": 2.0}) == pytest.approx(5.0)
-    assert visibility(result, {"wind": 2.0, "scale": 0.99}) == pytest.approx(0.5)
+    drag = SimpleNamespace(name="light_drag", value=2e-4, measured=1e-3)
+    result = SimpleNamespace(smallest_visible=(hidden,), ties=(), effects=(named,), before=SimpleNamespace(parameters=[drag]))
+    assert visibility(result, {"wind_speed": 2.0}) == pytest.approx(5.0)
+    assert visibility(result, {"wind_speed": 2.0, "scale": 0.99}) == pytest.approx(0.5)
     assert visibility(result, {"push": 1.0}) is None
-    assert visibility(result, {"wind": 2.0, "rod_mobility": 1.0}) is None
+    assert visibility(result, {"wind_speed": 2.0, "rod_mobility": 1.0}) is None
     assert visibility(result, {}) is None
+    drag.value = 0.0
+    assert visibility(result, {"wind_speed": 2.0}) is None, "wind does nothing without a drag"
+    assert visibility(result, {"scale": 0.99}) == pytest.approx(0.5)
 
 
 def test_sets_have_other_seeds_and_fewer_studies_are_the_first_of_more():
