@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import pickle
@@ -239,5 +240,7 @@ def test_what_an_effect_multiplies_is_found_from_its_terms():
         "friction_per_speed": "kinetic_friction",
         "friction_per_wrap": "kinetic_friction",
     }
+    divides = dataclasses.replace(EFFECTS["side_force"], force_on_heavy_mass=lambda xp, k, p: p.side_force / p.light_drag)
+    assert not multiplied_coefficient(divides, nulls)
     # Beside a linear drag, wind does something without a quadratic one
     assert not multiplied_coefficient(EFFECTS["wind"], nulls | {"light_linear_drag": 1e-3})

@@ -156,7 +156,10 @@ def multiplied_coefficient(effect: Effect, others: Mapping[str, float]) -> str:
     acting = {**others, **_acting(effect)}
 
     def acts(without: tuple[str, ...] = ()) -> bool:
-        return any(any(_values_at(effect, k, acting, APPARATUS | dict.fromkeys(without, 0.0))) for k in INSTANTS)
+        try:
+            return any(any(_values_at(effect, k, acting, APPARATUS | dict.fromkeys(without, 0.0))) for k in INSTANTS)
+        except ParameterError:  # no finite value, as of one that divides by the coefficient
+            return True
 
     return next((names[0] for names in BASE_COEFFICIENTS if acts() and not acts(names)), "")
 
