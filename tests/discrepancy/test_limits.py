@@ -39,7 +39,7 @@ def one_round(delta_bics, failed=()):
     return search
 
 
-DECLARED = SimpleNamespace(names=(), fit=None, remaining=(), held_out=None)
+DECLARED = SimpleNamespace(names=(), added=(), fit=None, remaining=(), held_out=None)
 
 
 def screened(name, score):

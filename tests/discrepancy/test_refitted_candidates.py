@@ -10,8 +10,9 @@ from looping_pendulum.discrepancy import rounds
 from looping_pendulum.discrepancy.rounds import MAX_REFITS, Rounds
 
 
-def screened(name, score, acts_on):
-    return SimpleNamespace(candidate=SimpleNamespace(name=name, acts_on=acts_on), score=score, amplitude=1.0)
+def screened(name, score, acts_on, acts_at_fit=True):
+    candidate = SimpleNamespace(name=name, acts_on=acts_on)
+    return SimpleNamespace(candidate=candidate, score=score, amplitude=1.0, acts_at_fit=acts_at_fit)
 
 
 REMAINING = [
@@ -40,3 +41,14 @@ def test_what_acts_on_the_same_is_refitted_where_scores_say_little(monkeypatch, 
     results = Rounds.refit_candidates(search, current, 0.0)
     assert refitted == [s.candidate.name for s in REMAINING[:MAX_REFITS]] + more
     assert len(results) == len(refitted)
+
+
+def test_what_does_nothing_at_the_fit_is_refitted_whatever_its_score(monkeypatch):
+    """Of an attitude drag beside a drag of zero the score was 0.7, its refit had the largest delta BIC (57)."""
+    refitted = []
+    monkeypatch.setattr(rounds, "refits", lambda base, chosen, *rest: refitted.extend(s.candidate.name for s in chosen) or [])
+    remaining = [*REMAINING, screened("attitude_drag", 0.7, "light mass", acts_at_fit=False)]
+    current = SimpleNamespace(remaining=remaining, refitted={}, fit=None, added=())
+    search = SimpleNamespace(correlated_base=None, workers=None, declared_model=None, report_progress=lambda *_: None)
+    assert not Rounds.refit_candidates(search, current, 0.0)
+    assert refitted == [*(s.candidate.name for s in REMAINING[:MAX_REFITS]), "attitude_drag"]
