@@ -92,6 +92,10 @@ TARGETS = (
         asked="at most 1 %",
         measured=lambda s: s["large"]["single_wrong_alone"],
         high=0.01,
+        why_not=(
+            "one has a second effect beside the right one, by chance; one has friction per wrap angle where the string rubs on "
+            "itself by less than would show"
+        ),
     ),
     Target(
         what="two effects of 16 mm or more each: the pair is named, or tied",

@@ -50,7 +50,10 @@ def without_rates(text: str) -> str:
 def block(rates: dict[str, Any]) -> str:
     """Return the sentence and the tables of one set of studies."""
     s = rates["summary"]
-    few = "" if s["studies"] >= PLANNED else f" of {PLANNED} that are planned"
+    planned = s["studies"] + s["unreachable"]
+    few = f" of {PLANNED} that are planned"
+    if planned >= PLANNED:
+        few = f"; of the {planned} that were planned no value gives the size in the other {s['unreachable']}"
     few += ": too few for rates, as the intervals say" if s["studies"] < PLANNED / 2 else ""
     median, largest = (amount(s["cpu_seconds"][key]) for key in ("0.5", "largest"))
     rows = [
@@ -73,7 +76,7 @@ def block(rates: dict[str, Any]) -> str:
     visible = _power_rows(s["single"]["by_visibility"], columns)
     two_visible = _power_rows(s["two_by_visibility"], ("named_or_tied", "part", "wrong"))
     unlisted = _unlisted_table(s["unlisted_by_size"])
-    return f"""So far {s["studies"]} studies{few}
+    return f"""These are {s["studies"]} studies{few}
 (`{rates["command"]}`, {rates["measured_on"]}). An identification took {median} s of CPU time in the median,
 {largest} s at most. Intervals are of 95 %, by Clopper and Pearson.
 
