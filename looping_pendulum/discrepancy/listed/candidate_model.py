@@ -58,7 +58,7 @@ class CandidateModel:
         # One is enough to fail the model, and each further one would cost a refit
         confirmed = next((s for s in left if failed or self._has_evidence(s)), None)
         tested = confirmed or self.remaining[0]
-        by = "a refit does" if left or not high else "further tests of the refit do"
+        by = "a refit does" if left else "further tests of the refit do"
         score = ModelTest(
             subject=tested.candidate.name,
             statistic=f"score |z|, which {by} not confirm" if high and not confirmed else "score |z|",
