@@ -19,6 +19,7 @@ from scipy.optimize import least_squares
 
 from looping_pendulum.discrepancy.data.measurement import predict
 from looping_pendulum.discrepancy.data.study_io import load
+from looping_pendulum.discrepancy.first_look.check import take_first_look
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.identify import identify
@@ -28,6 +29,7 @@ from tests.blind.cases import CASES
 from tests.blind.pendulum import Pendulum
 from tests.discrepancy.blind_study import write_study
 from tests.discrepancy.held_study import write_held_study
+from tests.discrepancy.mistaken_study import MISTAKES, mistaken
 
 THREE_TRIALS = ("ten_a", "six", "eight")
 """Two that are fitted and one held out; both masses are seen."""
@@ -36,6 +38,8 @@ MOST_SECONDS = {"linear_drag": 2.0, "side_force": 2.0, "drag_and_thickness": 8.0
 """What is hidden -> target [s]: a listed effect, two at once, a force that is not listed; friction of a pendulum's axle."""
 MOST_MEMORY = 600.0
 """[MiB]"""
+MOST_SECONDS_OF_LOOK = 5.0
+"""[s], of CPU time, once compiled."""
 TIMES_SCIPY = 50.0
 MET = {True: "met", False: "not met"}
 
@@ -56,6 +60,26 @@ def benchmark() -> None:
                 flush=True,
             )
         against_scipy(_study(Path(folder) / "again", "linear_drag"))
+        first_looks(Path(folder) / "again")
+
+
+def first_looks(folder: Path) -> None:
+    """Print how long a first look takes at a study as it is, and with each of ten mistakes in it."""
+    seconds = {"none": _seconds_of_first_look(folder / "study.yaml")}
+    for name, mistake in MISTAKES.items():
+        seconds[name] = _seconds_of_first_look(mistaken(folder / "study.yaml", folder / name.replace(" ", "_"), mistake))
+    print("\n## First look at the same study\n\n| mistake | CPU [s] |\n|---|---|")
+    for name, taken in seconds.items():
+        print(f"| {name} | {taken:.2f} |")
+    print(f"\nTarget {MOST_SECONDS_OF_LOOK:g} s: {MET[max(seconds.values()) < MOST_SECONDS_OF_LOOK]}.")
+
+
+def _seconds_of_first_look(study: Path) -> float:
+    loaded = load(study)
+    take_first_look(loaded)  # compiles
+    started = time.process_time()
+    take_first_look(loaded)
+    return time.process_time() - started
 
 
 def against_scipy(study: Path) -> None:

@@ -17,6 +17,7 @@ from looping_pendulum.errors import HarnessError
 
 if TYPE_CHECKING:
     from looping_pendulum.discrepancy.first_look.result import DeclarationCheck
+    from looping_pendulum.discrepancy.workers import Workers
 
 
 class FirstLookError(HarnessError, ValueError):
@@ -108,6 +109,15 @@ def identify(
 
     looping-pendulum identify trials/study.yaml --out report/trials
     """
+    from looping_pendulum.discrepancy.workers import Workers, default_process_count
+
+    with Workers(default_process_count()) as workers:  # first: a worker process starts and imports while this one does
+        workers.import_when_idle(("matplotlib.figure", "matplotlib.backends.backend_agg"))
+        _identify(study, out, seed, time_limit, anyway=anyway, workers=workers)
+
+
+def _identify(study: Path, out: Path | None, seed: int, time_limit: float | None, *, anyway: bool, workers: Workers) -> None:
+    """Do what `identify` does, with a pool of processes."""
     from looping_pendulum.discrepancy.data import study_io
     from looping_pendulum.discrepancy.identify import identify as find
     from looping_pendulum.discrepancy.report import writing
@@ -120,7 +130,7 @@ def identify(
         folder, files=writing.FILES, folders=writing.FOLDERS
     )  # refuse an unusable folder before the work, not after it
     with stop_at_mistakes(folder), ProgressBars() as bars:
-        result = find(loaded, seed=seed, progress=bars.update, time_limit=time_limit, anyway=anyway)
+        result = find(loaded, seed=seed, progress=bars.update, time_limit=time_limit, anyway=anyway, workers=workers)
     previous_handler = signal.signal(
         signal.SIGINT, signal.SIG_IGN
     )  # Ctrl-C must not cut the report short; writing it takes two seconds
@@ -132,7 +142,7 @@ def identify(
             interrupted=interrupted,
             was_interrupted=lambda verdict: verdict["verdict"] == Verdict.INTERRUPTED,
         )
-        written = writing.write(result, folder)
+        written = writing.write(result, folder, workers)
     finally:
         signal.signal(signal.SIGINT, previous_handler)
     say(f"{result.verdict.value}: {result.sentence}")

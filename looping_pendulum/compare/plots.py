@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from typing import Any
 
@@ -19,14 +18,12 @@ from looping_pendulum.compare.result import ComparisonResult, MeasuredRow, Resul
 from looping_pendulum.compare.trial import TrialComparison, distance
 from looping_pendulum.compare.trial_table import RESIDUAL_UNITS
 from looping_pendulum.compare.words import events_to_show
-from looping_pendulum.files import optional_output, utf8
-from looping_pendulum.pages.palette import Style, styles
+from looping_pendulum.files import optional_output
+from looping_pendulum.pages.drawing import png, without_mathtext
+from looping_pendulum.pages.palette import GREY, Style, styles
 
 PRINTED_HALF_DIGIT = 0.005
 """Bars of the paper's values: half of the last digit printed, in s and in m; the paper states no uncertainty."""
-GREY = "0.55"
-MAX_LABEL_LENGTH = 50
-"""Characters of a name that a figure shows: a longer one would leave no room for the axes."""
 MIN_DRAWN_DEVIATION = 1e-8
 """Deviations below this [m] are not drawn on the log axis: they would squeeze the visible ones."""
 RESIDUAL_CAPTION = "Distance of each tracked point from what the reference and the engines predict for its time."
@@ -267,12 +264,6 @@ def _name(aligned: Aligned, result: ComparisonResult) -> str:
     )
 
 
-def without_mathtext(text: str) -> str:
-    """``text`` as matplotlib shows it literally: it takes what stands between two $ for a formula, and no half characters."""
-    shown = utf8(text).decode()
-    return (shown if len(shown) <= MAX_LABEL_LENGTH else f"{shown[:MAX_LABEL_LENGTH]}...").replace("$", r"\$")
-
-
 def _line(style: Style) -> dict[str, Any]:
     dashes: dict[str, Any] = {} if style.dashes == (1, 0) else {"dashes": style.dashes}
     return {"color": style.colour, "lw": 1.4, **dashes}
@@ -298,10 +289,3 @@ def legend_below(figure: Figure, columns: int = 3) -> None:
         figure.legend(
             handles, labels, loc="outside lower center", ncols=min(columns, len(pairs)), frameon=False, handlelength=3.2
         )
-
-
-def png(figure: Figure) -> bytes:
-    """Return the figure as a PNG file."""
-    out = io.BytesIO()
-    figure.savefig(out, format="png", metadata={"Software": None})  # no version, so that the same figure has the same bytes
-    return out.getvalue()

@@ -19,7 +19,7 @@ from looping_pendulum.discrepancy.result import Experiment, Identification, Verd
 from looping_pendulum.discrepancy.rounds import FractionCallback
 from looping_pendulum.discrepancy.search import Search
 from looping_pendulum.discrepancy.unlisted.description import describe_unlisted_force
-from looping_pendulum.discrepancy.workers import Workers, default_process_count
+from looping_pendulum.discrepancy.workers import Workers, default_process_count, one_blas_thread
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.versions import MISSING, installed_version
@@ -44,7 +44,7 @@ def identify(
     *,
     seed: int = 0,
     progress: FractionCallback = lambda what, share: None,
-    workers: int | None = None,
+    workers: int | Workers | None = None,
     time_limit: float | None = None,
     anyway: bool = False,
 ) -> Identification:
@@ -58,7 +58,7 @@ def identify(
         Called with a description of each step and the share of all work that is done.
     workers
         Number of processes that share the work, this one included; the result does not depend on it. None: two, if there are as
-        many processors.
+        many processors. Or a pool of them, which is left open.
     time_limit
         Time [s] after which the search ends at its next step, as after Ctrl-C, and the verdict says so; None: no limit.
     anyway
@@ -85,7 +85,7 @@ def identify(
     progress("reading", 0.0)
     try:
         # First, so that the worker processes start and import meanwhile
-        with Workers(default_process_count() if workers is None else workers) as team:
+        with one_blas_thread(), _pool(workers) as team:
             first_look = take_first_look(study)
             if not anyway:
                 first_look.refuse_mistakes()
@@ -96,6 +96,12 @@ def identify(
         )
         raise OutOfTimeError(f"{message}, or allow more") from None
     return dataclasses.replace(result, notes=(*first_look.notes, *result.notes), first_look=first_look)
+
+
+def _pool(workers: int | Workers | None) -> contextlib.AbstractContextManager[Workers]:
+    if isinstance(workers, Workers):
+        return contextlib.nullcontext(workers)
+    return Workers(default_process_count() if workers is None else workers)
 
 
 def _identify(study: Study, seed: int, progress: FractionCallback, workers: Workers) -> Identification:

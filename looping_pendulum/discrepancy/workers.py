@@ -14,6 +14,8 @@ from concurrent.futures import Executor, Future
 from importlib import import_module
 from typing import Any, Self
 
+from threadpoolctl import threadpool_limits
+
 from looping_pendulum.processes import process_pool
 
 MAX_PROCESSES = 2
@@ -40,6 +42,7 @@ class Workers:
         self._batch: Batch | None = None
         self._begun: Batch | None = None
         self._warm_up_batch: Batch | None = None
+        self._imports: Batch | None = None
         self._closed = False
         self._worker_of_label: dict[str, int] = {}
         """Label of an item -> number of the worker that has its equations compiled; 0 is this process."""
@@ -72,6 +75,12 @@ class Workers:
         """Let idle worker processes call ``function(shared, item)`` for each item, so that its equations are compiled there."""
         with self._condition:
             self._warm_up_batch = Batch(function, shared, items, labels)
+            self._condition.notify_all()
+
+    def import_when_idle(self, modules: Sequence[str]) -> None:
+        """Let idle worker processes import what will be needed at the end, as matplotlib for the report."""
+        with self._condition:
+            self._imports = Batch(_import, None, modules, [""] * len(modules))
             self._condition.notify_all()
 
     def begin(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any]) -> Batch:
@@ -162,7 +171,7 @@ class Workers:
         """Wait for a batch with items to do, and return it; None if the pool has been closed."""
         with self._condition:
             while not self._closed:
-                for batch in (self._batch, self._begun, self._warm_up_batch):
+                for batch in (self._batch, self._begun, self._warm_up_batch, self._imports):
                     if batch is not None and batch.waiting:
                         return batch
                 self._condition.wait()
@@ -193,7 +202,7 @@ SERIAL = Workers()
 
 
 class Batch:
-    """Items of one call of `Workers.map`, `Workers.begin` or `Workers.prepare`, and the answers so far."""
+    """Items of one call of a method of `Workers`, and the answers so far."""
 
     def __init__(self, function: Callable[[Any, Any], Any], shared: Any, items: Sequence[Any], labels: Sequence[str]) -> None:
         self.function, self.shared, self.items, self.labels = function, shared, items, labels
@@ -210,6 +219,19 @@ def _start_worker() -> None:
     os.dup2(nowhere, 2)
     for module in IMPORTED_EARLY:
         import_module(module)
+    one_blas_thread()
+
+
+def one_blas_thread() -> threadpool_limits:
+    """Let NumPy and SciPy do linear algebra in one thread, from now on or inside this context.
+
+    With matrices this small a second thread only waits for a processor that another process needs.
+    """
+    return threadpool_limits(1, user_api="blas")
+
+
+def _import(_: None, module: str) -> None:
+    import_module(module)
 
 
 _batch: tuple[Callable[[Any, Any], Any], Any]

@@ -12,6 +12,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's colour-blind-safe palette without black (the reference) and yellow (faint on white)."""
 DARK_COLOURS = ("#4DA3E0", "#FF8A3D", "#2CC9A0", "#E8A0CB", "#F7BF3E", "#9AD8FF")
 """The same hues in the same order, lighter, for a dark background."""
+GREY = "0.55"
+"""Of lines that are no run: limits, zeros, the declared model."""
 DASHES: tuple[tuple[float, ...], ...] = ((1, 0), (6, 2), (2, 1.5), (6, 2, 1.5, 2), (9, 3), (4, 1.5, 1, 1.5, 1, 1.5))
 """Lengths of strokes and gaps, in line widths or points."""
 MARKERS = "osD^vP"

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from looping_pendulum.compare.plots import png, without_mathtext
+from looping_pendulum.pages.drawing import png, without_mathtext
 from looping_pendulum.pages.palette import Style, styles
 from looping_pendulum.releases.result import CAPSTAN, QUANTITIES, ReleasesResult
 

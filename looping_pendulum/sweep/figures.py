@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FormatStrFormatter, MaxNLocator
 from numpy.typing import NDArray
 
+from looping_pendulum.pages.drawing import png
 from looping_pendulum.pages.palette import styles
 from looping_pendulum.reference_ode.transitions import Event
 from looping_pendulum.sweep.fields import ENDING_DESCRIPTIONS, ENDINGS, REFERENCE
@@ -48,10 +48,10 @@ def draw(plan: MapPlan, store: Path) -> dict[str, tuple[str, bytes]]:
     if len(varied) <= 1:
         axis = varied[0] if varied else plan.design.axes[0]
         caption = f"Halting time and stops of the heavy mass over {axis.name}; grey: runs that do not halt.{drawn}"
-        return {"halting_time.png": (caption, _png(_lines(plan, thin, axis)))}
+        return {"halting_time.png": (caption, png(_lines(plan, thin, axis)))}
     figure = _scatter_panels(plan, thin) if isinstance(plan.design, Sample) else _maps(plan, thin, varied)
     caption = f"Halting time over {' and '.join(a.name for a in varied)}; grey: runs that do not halt, and how they end.{drawn}"
-    return {"halting_time.png": (caption, _png(figure))}
+    return {"halting_time.png": (caption, png(figure))}
 
 
 def _thinned(n: int, plan: MapPlan) -> slice:
@@ -239,9 +239,3 @@ def _figure(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
-
-
-def _png(figure: Figure) -> bytes:
-    out = io.BytesIO()
-    figure.savefig(out, format="png", metadata={"Software": None})  # no version, so that the same figure has the same bytes
-    return out.getvalue()

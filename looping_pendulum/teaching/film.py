@@ -16,11 +16,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from PIL import Image
 
-from looping_pendulum.compare.plots import TRACKED, without_mathtext
+from looping_pendulum.compare.plots import TRACKED
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.engines.trajectory import Trajectory, finite_length, first_samples
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
+from looping_pendulum.pages.drawing import without_mathtext
 from looping_pendulum.pages.palette import Style, styles
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release, parameters_from

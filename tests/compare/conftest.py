@@ -222,7 +222,7 @@ def texts_alone(figure: Figure) -> bytes:
 def quick_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every figure is made, but only its texts are drawn: curves and layout take ten times as long."""
     monkeypatch.setattr(plots, "png", texts_alone)
-    monkeypatch.setattr(identify_plots, "_png", texts_alone)
+    monkeypatch.setattr(identify_plots, "png", texts_alone)
 
 
 @pytest.fixture

@@ -14,10 +14,10 @@ from looping_pendulum.cli import common as cli_common
 from looping_pendulum.cli import main as cli
 from looping_pendulum.cli import terminal as cli_terminal
 from looping_pendulum.compare import compare, plots, write
-from looping_pendulum.compare.plots import MAX_LABEL_LENGTH
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.discrepancy.report import plots as identify_plots
 from looping_pendulum.discrepancy.report import writing
+from looping_pendulum.discrepancy.workers import Workers
 from looping_pendulum.engines.trajectory import RunStatus
 from looping_pendulum.files import (
     OutputError,
@@ -28,6 +28,7 @@ from looping_pendulum.files import (
     utf8,
     write_atomically,
 )
+from looping_pendulum.pages.drawing import MAX_LABEL_LENGTH
 from tests.pages import made_up
 
 HOSTILE = ("[/x]", "[bold", "$\\frac{", "$a$", "a" * 260, "_hidden", "half a pair: \ud800", "line\nbreak", "<script>", "|")
@@ -145,7 +146,21 @@ def test_the_verdict_is_written_before_anything_is_drawn(tmp_path, monkeypatch, 
     monkeypatch.setattr(identify_plots, "draw", fail)
     with pytest.raises(stop):
         writing.write(made_up.identification("one"), tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["repaired.yaml", "verdict.json"]
+    assert {"repaired.yaml", "verdict.json"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_a_worker_process_draws_the_same_figures(tmp_path):
+    """It says, too, which are left out: here the one of a trial without residuals, for which there is no page either."""
+    whole = made_up.identification("one")
+    broken = dataclasses.replace(whole.trial_figures[0], trial="two", residual_after={})
+    result = dataclasses.replace(whole, trial_figures=(*whole.trial_figures, broken))
+    with Workers(2) as workers, pytest.warns(match="report.html"), pytest.warns(match="trial-two.png is left out: KeyError"):
+        writing.write(result, tmp_path / "two", workers)
+    with pytest.warns(match="report.html"), pytest.warns(match="trial-two.png is left out: KeyError"):
+        writing.write(result, tmp_path / "one")
+    files = [sorted(path.relative_to(f) for path in f.rglob("*.*")) for f in (tmp_path / "one", tmp_path / "two")]
+    assert files[0] == files[1]
+    assert all((tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes() for name in files[0])
 
 
 def test_a_link_planted_at_a_temporary_name_is_not_followed(tmp_path):

@@ -7,17 +7,19 @@ masses once ran for minutes and ended as `unexplained`.
 from __future__ import annotations
 
 import dataclasses
-import time
 
 import pytest
 
 from benchmarks.blind_sample import draw, write_files
 from looping_pendulum.discrepancy.data import study_io
 from looping_pendulum.discrepancy.data.observations import DataError
-from looping_pendulum.discrepancy.data.study import Estimate
+from looping_pendulum.discrepancy.data.study import Estimate, read_trial
 from looping_pendulum.discrepancy.first_look import picture
 from looping_pendulum.discrepancy.first_look.check import take_first_look
+from looping_pendulum.discrepancy.first_look.declared_trial import declared_trial
+from looping_pendulum.discrepancy.first_look.misfit import measured_distance
 from looping_pendulum.discrepancy.first_look.result import DeclarationError
+from looping_pendulum.discrepancy.first_look.trial_search import MAX_GOOD_MISFIT, TrialSearch
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.result import Verdict
@@ -31,8 +33,6 @@ from tests.discrepancy.held_study import write_held_study
 from tests.discrepancy.mistaken_study import FURTHER, MISTAKES, Mistake, mended, mistaken, named_keys
 
 NO_MISTAKE = Mistake(keys=frozenset())
-SECONDS = 5.0
-"""Longest time of a first look [s of this process]."""
 
 
 @pytest.fixture(scope="module")
@@ -62,9 +62,7 @@ DAILY = ("30 for 240 frames a second", "tracks exchanged", "pixels", "angle from
 def test_a_mistake_is_named_with_the_key_that_mends_it(example, tmp_path, name):
     mistake = (MISTAKES | FURTHER)[name]
     path = mistaken(example, tmp_path, mistake, trials=1)
-    started = time.process_time()
     found = the_only(look(path))
-    assert time.process_time() - started < SECONDS
     assert named_keys(found.keys) == mistake.keys
     assert "\n" not in found.text
     after = look(mended(path, found.keys))
@@ -111,6 +109,16 @@ def test_a_trial_far_from_what_was_declared_is_told_even_if_no_mistake_explains_
     (warning,) = check.warnings
     assert warning.startswith("trial 'second': the points are ")
     assert warning.endswith("check this trial's masses, free length, angle and file")
+
+
+def test_a_trial_without_a_mistake_is_fitted_no_further_than_needed(tmp_path):
+    """The first values that are good enough are taken: half of the time of a first look."""
+    study = study_io.load(write_study(tmp_path, CASES["side_force"], 1, trials=("ten_a",)))
+    declared = declared_trial(study, study.trials[0], read_trial(study, study.trials[0]))
+    search = TrialSearch(declared=declared, distance=measured_distance(declared))
+    assert search.is_near
+    assert "as_declared" not in vars(search)
+    assert search.as_declared.misfits[0] < search.quickly_fitted.misfits[0] <= MAX_GOOD_MISFIT
 
 
 def test_an_unknown_event_beside_tracked_points_is_refused_in_one_line(example, tmp_path):
@@ -298,9 +306,7 @@ def test_a_search_that_goes_on_anyway_reports_what_looks_wrong(example, tmp_path
 def test_ten_mistakes_are_named_in_ten_blind_studies(tmp_path, blind):
     path = write_files(blind, tmp_path)
     for name, mistake in MISTAKES.items():
-        started = time.process_time()
         found = the_only(look(mistaken(path, tmp_path / name.replace(" ", "_"), mistake)))
-        assert time.process_time() - started < SECONDS, name
         assert named_keys(found.keys) == mistake.keys, name
 
 

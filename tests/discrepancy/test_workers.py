@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info
 
-from looping_pendulum.discrepancy.workers import Workers
+from looping_pendulum.discrepancy.workers import Workers, one_blas_thread
 
 HERE = os.getpid()
 
@@ -92,6 +94,32 @@ def test_the_item_of_a_process_that_dies_is_done_by_another():
         wait_for_a_worker_process(workers)
         assert workers.map(die_elsewhere, HERE, range(8)) == list(range(8))
         assert set(workers.map(place, 0.0, range(4))) == {HERE}
+
+
+def count_blas_threads(shared, item):
+    time.sleep(0.05)
+    return max(library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas")
+
+
+def test_linear_algebra_takes_one_thread_so_that_two_processes_do_not_wait_for_each_other(two_workers):
+    with one_blas_thread():
+        assert set(two_workers.map(count_blas_threads, None, range(4))) == {1}
+
+
+def is_imported(shared, module):
+    time.sleep(0.05)
+    return os.getpid(), module in sys.modules
+
+
+def test_an_idle_worker_imports_what_is_needed_later():
+    with Workers(2) as workers:
+        workers.import_when_idle(["this"])
+        for _ in range(300):
+            found = dict(workers.map(is_imported, None, ["this"] * 4))
+            if any(found.values()):
+                break
+    assert found.pop(HERE) is False
+    assert list(found.values()) == [True]
 
 
 def test_worker_processes_end_with_their_pool():

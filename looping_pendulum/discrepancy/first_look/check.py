@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 from looping_pendulum.discrepancy.data.observations import DataError, ImplausibleLengthError, Observations
 from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
 from looping_pendulum.discrepancy.first_look.declared_trial import declared_trial
-from looping_pendulum.discrepancy.first_look.misfit import measured_distance
+from looping_pendulum.discrepancy.first_look.misfit import FittedMisfit, measured_distance
 from looping_pendulum.discrepancy.first_look.mistakes import LENGTHS, is_left_open
 from looping_pendulum.discrepancy.first_look.plausible import implausible_values
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, NamedMistake, TrialCheck
@@ -27,6 +27,7 @@ from looping_pendulum.discrepancy.first_look.trial_search import (
     TrialSearch,
 )
 from looping_pendulum.discrepancy.fit.event_prediction import check_event_rows
+from looping_pendulum.discrepancy.workers import one_blas_thread
 from looping_pendulum.pages.numbers import quantity
 
 MAX_MISFIT_RATIO = 0.7
@@ -78,7 +79,8 @@ def take_first_look(study: Study) -> DeclarationCheck:
             unreadable[trial.name] = str(error)
     for _, observations in observed:
         check_event_rows(observations)
-    check = check_declaration(study, observed)
+    with one_blas_thread():
+        check = check_declaration(study, observed)
     for name, message in unreadable.items():
         if not any(name in m.trials and any(LENGTHS.name in n for n in m.names) for m in check.mistakes):
             raise ImplausibleLengthError(message)
@@ -215,14 +217,19 @@ def _where(trials: Sequence[str]) -> str:
 
 def _origin_is_wrong(search: TrialSearch) -> bool:
     """Return whether the rod's centre is far from where it was declared, in a trial that agrees otherwise."""
-    values = search.as_declared.values
-    if search.as_declared.largest > MAX_MENDED_MISFIT or not values.keys() >= set(ORIGIN):
+    if search.is_near and not _has_other_origin(search, search.quickly_fitted):
+        return False
+    return search.as_declared.largest <= MAX_MENDED_MISFIT and _has_other_origin(search, search.as_declared)
+
+
+def _has_other_origin(search: TrialSearch, fit: FittedMisfit) -> bool:
+    if not fit.values.keys() >= set(ORIGIN):
         return False
     priors = search.declared.study.camera_priors(search.declared.trial, search.declared.observations)
     least = MIN_ORIGIN_SHIFT * search.declared.study.parameters({}, search.declared.trial).free_length
     return any(
         not priors[name].free
-        and abs(values[name] - priors[name].value) > max(least, MIN_ORIGIN_SIGMAS * (priors[name].sigma or 0))
+        and abs(fit.values[name] - priors[name].value) > max(least, MIN_ORIGIN_SIGMAS * (priors[name].sigma or 0))
         for name in ORIGIN
     )
 

@@ -208,7 +208,9 @@ def _best_length_factor(groups: Mapping[str, Sequence[Channel]], predicted: Mapp
     return product / square if square else 0.0
 
 
-def fitted_misfit(declared: DeclaredTrial, distance: Distance, also_fit: Sequence[str] = ()) -> FittedMisfit:
+def fitted_misfit(
+    declared: DeclaredTrial, distance: Distance, also_fit: Sequence[str] = (), *, good_enough: float = 0.0
+) -> FittedMisfit:
     """Fit the study's uncertain values to each window in turn, quickly and robustly.
 
     Parameters
@@ -217,6 +219,8 @@ def fitted_misfit(declared: DeclaredTrial, distance: Distance, also_fit: Sequenc
         Distance of the same points, whose shifts the fit starts from.
     also_fit
         Further parameters of the camera to be fitted.
+    good_enough
+        Misfit at which the fit of a window ends, though a smaller one may exist.
     """
     failed = FittedMisfit(misfits=(FAILED,), values={})
     try:
@@ -225,7 +229,7 @@ def fitted_misfit(declared: DeclaredTrial, distance: Distance, also_fit: Sequenc
         free = _free_parameters(declared, distance.shifts, also_fit)
         problem = Problem(declared.study, [data], free)
         parameters = declared.study.parameters({}, declared.trial)
-        return _fit_windows(problem, data, parameters)
+        return _fit_windows(problem, data, parameters, good_enough)
     except CANNOT_RUN:
         return failed
 
@@ -274,7 +278,14 @@ def _shown_places(declared: DeclaredTrial, shifts: Mapping[str, float]) -> dict[
     return places
 
 
-def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters) -> FittedMisfit:
+class _GoodEnough(Exception):
+    """Ends a fit, since SciPy's has no callback before version 1.16: the misfit, and the numbers that have it."""
+
+    def __init__(self, misfit: float, x: Array) -> None:
+        self.misfit, self.x = misfit, np.array(x)
+
+
+def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters, good_enough: float) -> FittedMisfit:
     from scipy import optimize
 
     camera = problem.parameters_and_camera(problem.prior_mean, 0)[1]
@@ -304,11 +315,19 @@ def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters) -> F
             except CANNOT_RUN:
                 points = np.full(len(sigma), 1e3)
             # Robust for points alone: what was measured of the apparatus may not be given up for a better fit
-            return np.concatenate([_soft(points), x / prior_sigma])
+            values = np.concatenate([_soft(points), x / prior_sigma])
+            misfit = float(np.linalg.norm(values)) / math.sqrt(len(sigma))
+            if misfit <= good_enough:
+                raise _GoodEnough(misfit, x)
+            return values
 
-        fit = optimize.least_squares(residuals, x, bounds=(low, high), diff_step=1e-3, max_nfev=15, xtol=1e-3, ftol=3e-3)
-        x = np.clip(fit.x, low + margin, high - margin)
-        misfits.append(math.sqrt(2 * float(fit.cost) / len(sigma)))
+        try:
+            fit = optimize.least_squares(residuals, x, bounds=(low, high), diff_step=1e-3, max_nfev=15, xtol=1e-3, ftol=3e-3)
+            misfit, best = math.sqrt(2 * float(fit.cost) / len(sigma)), fit.x
+        except _GoodEnough as end:
+            misfit, best = end.misfit, end.x
+        x = np.clip(best, low + margin, high - margin)
+        misfits.append(misfit)
         if misfits[-1] > HOPELESS:
             break
     if not misfits:

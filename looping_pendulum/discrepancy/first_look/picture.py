@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ import numpy as np
 from looping_pendulum.discrepancy.data.observations import BODIES, Channel
 from looping_pendulum.discrepancy.first_look.misfit import Distance
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, TrialCheck
+from looping_pendulum.pages.drawing import new_figure, png, without_mathtext
 from looping_pendulum.pages.palette import COLOURS
 from looping_pendulum.reference_ode.geometry import Array
 
@@ -77,16 +77,12 @@ def draw(check: DeclarationCheck) -> bytes | None:
     Each row is a trial: on the left as it is declared, on the right, if a mistake was named in it, without the mistake. Trials
     with mistakes come first.
     """
-    from matplotlib.figure import Figure  # imported on use: it takes as long as the comparison itself
-
-    from looping_pendulum.compare.plots import without_mathtext
-
     corrected = {trial: (m.keys, distance) for m in check.mistakes for trial, distance in m.corrected.items()}
     rows = shown_trials(check)
     if not rows:
         return None
     columns = 2 if corrected else 1
-    figure = Figure(figsize=(PANEL * columns + 0.4, PANEL * len(rows)), layout="constrained")
+    figure = new_figure(PANEL * columns + 0.4, PANEL * len(rows))
     panels = figure.subplots(len(rows), columns, squeeze=False)
     for (left, *right), row in zip(panels, rows, strict=True):
         assert row.distance is not None
@@ -100,9 +96,7 @@ def draw(check: DeclarationCheck) -> bytes | None:
             else:
                 axes.set_visible(False)
     panels[0][0].legend(fontsize=7, loc="best")
-    out = io.BytesIO()
-    figure.savefig(out, format="png", metadata={"Software": None})  # no version, so that the same picture has the same bytes
-    return out.getvalue()
+    return png(figure)
 
 
 def _panel(axes: Axes, distance: Distance) -> None:

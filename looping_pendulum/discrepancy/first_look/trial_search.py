@@ -69,11 +69,18 @@ class TrialSearch:
         """Return whether the points are as near to the declared motion as those of a trial without a mistake may be."""
         if self.declared.trial.release is Release.DROP and self.distance.relative < MIN_DROP_DISTANCE:
             return True
-        return self.as_declared.largest <= MAX_GOOD_MISFIT
+        return self.quickly_fitted.largest <= MAX_GOOD_MISFIT
+
+    @cached_property
+    def quickly_fitted(self) -> FittedMisfit:
+        """Return the same as `as_declared`, or the first that is small enough for a trial without a mistake."""
+        return fitted_misfit(self.declared, self.distance, good_enough=MAX_GOOD_MISFIT)
 
     @cached_property
     def as_declared(self) -> FittedMisfit:
         """Return the misfit with the study as it is."""
+        if min(self.quickly_fitted.misfits) > MAX_GOOD_MISFIT:  # no fit was cut short
+            return self.quickly_fitted
         return fitted_misfit(self.declared, self.distance)
 
     def corrections(self, steps: int) -> list[Correction]:

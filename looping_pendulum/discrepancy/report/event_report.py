@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
 
 from looping_pendulum.compare.paper_table import quantity_label
-from looping_pendulum.compare.plots import without_mathtext
 from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.fit.event_prediction import MISSED_EVENT_ERRORS
 from looping_pendulum.discrepancy.result import Identification
 from looping_pendulum.discrepancy.trial_results import EventResidual
+from looping_pendulum.pages.drawing import new_figure, without_mathtext
 from looping_pendulum.pages.numbers import DISPLAY_UNITS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 AXIS_LIMIT = 15.0
 """Largest residual on the axis [standard errors]; larger ones are drawn there, and as crosses the events that do not happen."""
@@ -59,7 +61,7 @@ def _by_unit(result: Identification) -> str:
 
 def figure(events: Sequence[EventResidual], before: str, after: str) -> Figure:
     """Draw the residuals of all events, by trial from above; ``before`` and ``after`` are the colours of the two models."""
-    chart = Figure(figsize=(7.5, 1.2 + 0.24 * len(events)), layout="constrained")
+    chart = new_figure(7.5, 1.2 + 0.24 * len(events))
     axes = chart.subplots()
     axes.axvspan(-2, 2, color="0.92")
     axes.axvline(0, color="black", lw=0.8)

@@ -9,18 +9,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure as Drawing
 
-from looping_pendulum.compare.plots import GREY, without_mathtext
 from looping_pendulum.discrepancy.data.observations import BODIES, UNITS
 from looping_pendulum.discrepancy.result import Identification, Verdict
 from looping_pendulum.discrepancy.trial_results import TrialFigure
 from looping_pendulum.discrepancy.verdict_sentence import BODY_IN_WORDS, worst_trial
+from looping_pendulum.pages.drawing import new_figure, without_mathtext
 from looping_pendulum.pages.figures import INK, Figure, escaped, horizontal, plain, points
+from looping_pendulum.pages.palette import GREY
 from looping_pendulum.reference_ode.geometry import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
 
 NAME = "motion.png"
 """File name of the picture in the folder of figures."""
@@ -141,7 +144,7 @@ def _draw_motion(result: Identification, picture: TrialFigure, body: str, colour
     vectors, factor = residual_vectors(picture, body)
     ends = np.concatenate([vectors[side].tips for side, _, _ in shown])
     width, height = np.maximum(np.ptp(ends, axis=0), 1e-9)
-    drawing = Drawing(figsize=(4.8 * len(shown), 1.0 + min(max(4.2 * height / width, 2.0), 5.0)), layout="constrained")
+    drawing = new_figure(4.8 * len(shown), 1.0 + min(max(4.2 * height / width, 2.0), 5.0))
     panels = drawing.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
     for axes, (side, label, _) in zip(panels, shown, strict=True):
         v = vectors[side]
@@ -156,7 +159,7 @@ def _draw_motion(result: Identification, picture: TrialFigure, body: str, colour
 
 
 def _draw_over_time(result: Identification, picture: TrialFigure, colours: Mapping[str, str]) -> Drawing:
-    drawing = Drawing(figsize=(8.0, 1.0 + 2.6 * len(picture.channels)), layout="constrained")
+    drawing = new_figure(8.0, 1.0 + 2.6 * len(picture.channels))
     panels = drawing.subplots(len(picture.channels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, channel in zip(panels, picture.channels, strict=True):
         residuals, unit = residuals_over_time(picture, channel)

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from looping_pendulum.compare.plots import GREY, without_mathtext
 from looping_pendulum.discrepancy.first_look import picture as first_look
 from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.report import event_report, lead_figure, unlisted_report
 from looping_pendulum.discrepancy.result import Identification
 from looping_pendulum.discrepancy.trial_results import TrialFigure
 from looping_pendulum.files import file_stems, optional_output
-from looping_pendulum.pages.palette import COLOURS
+from looping_pendulum.pages.drawing import new_figure, png, without_mathtext
+from looping_pendulum.pages.palette import COLOURS, GREY
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 BEFORE, AFTER = COLOURS[1], COLOURS[0]
 """Colours of the declared and of the repaired model."""
@@ -53,7 +55,7 @@ def draw(result: Identification) -> dict[str, tuple[str, bytes]]:
     figures: dict[str, tuple[str, bytes]] = {}
     for name, caption, make in drawings:
         with optional_output(f"figures/{name}"):
-            figures[name] = caption, _png(make())
+            figures[name] = caption, png(make())
     if result.first_look is not None and result.first_look.notes:
         with optional_output(f"figures/{first_look.NAME}"):
             image = first_look.draw(result.first_look)
@@ -65,7 +67,7 @@ def draw(result: Identification) -> dict[str, tuple[str, bytes]]:
 def trial_figure(picture: TrialFigure) -> Figure:
     """Draw tracked points and both models of one trial over time, and the residuals of each channel."""
     count = len(picture.channels)
-    figure = Figure(figsize=(9.0, 3.2 + 1.3 * count), layout="constrained")
+    figure = new_figure(9.0, 3.2 + 1.3 * count)
     axes = figure.subplots(1 + count, 1, sharex=True, height_ratios=[2.4, *[1.0] * count])
     for i, name in enumerate(picture.channels):
         t = picture.t[name]
@@ -97,7 +99,7 @@ def ranking_figure(result: Identification) -> Figure:
     """Draw the delta BIC of the first round's candidates as bars."""
     # Matplotlib draws horizontal bars from below, and the best should be on top
     ranking = [r for r in result.rounds[0].ranking if r.delta_bic is not None][:MAX_RANKED][::-1]
-    figure = Figure(figsize=(7.0, 1.2 + 0.35 * len(ranking)), layout="constrained")
+    figure = new_figure(7.0, 1.2 + 0.35 * len(ranking))
     axes = figure.subplots()
     bars = [max(r.delta_bic or 0.0, 0.0) for r in ranking]
     axes.barh([without_mathtext(r.name) for r in ranking], bars, color=[AFTER if r.passes else GREY for r in ranking])
@@ -109,7 +111,7 @@ def ranking_figure(result: Identification) -> Figure:
 
 def error_figure(result: Identification) -> Figure:
     """Draw each trial's error before and after as bars."""
-    figure = Figure(figsize=(7.0, 3.2), layout="constrained")
+    figure = new_figure(7.0, 3.2)
     axes = figure.subplots()
     at = np.arange(len(result.errors))
     axes.bar(at - 0.2, [e.standardised_rms_before for e in result.errors], 0.4, color=BEFORE, label="declared")
@@ -119,9 +121,3 @@ def error_figure(result: Identification) -> Figure:
     axes.set_ylabel("RMS [noise]")
     axes.legend(fontsize=8)
     return figure
-
-
-def _png(figure: Figure) -> bytes:
-    out = io.BytesIO()
-    figure.savefig(out, format="png", metadata={"Software": None})  # no version, so that the same figure has the same bytes
-    return out.getvalue()

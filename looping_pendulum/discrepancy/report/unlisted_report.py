@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.figure import Figure
 
 from looping_pendulum.compare.tables import GAP, number, table
 from looping_pendulum.discrepancy.result import ForceProfile, Formula, Identification, Unlisted, Verdict, law_in_words
+from looping_pendulum.pages.drawing import new_figure
 from looping_pendulum.pages.palette import COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SIDES = {
     "along": "along the string, towards the rod",
@@ -126,7 +131,7 @@ def _formulas(force: Unlisted) -> str:
 
 def figure(force: Unlisted) -> Figure:
     """Draw the force in every direction with a band of two standard errors, and the formula."""
-    chart = Figure(figsize=(8.0, 3.6), layout="constrained")
+    chart = new_figure(8.0, 3.6)
     axes = chart.subplots()
     axes.axhline(0.0, color="black", lw=0.8)
     for colour, p in zip(COLOURS, force.profiles, strict=False):

@@ -2,30 +2,43 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 from looping_pendulum.discrepancy.report import markdown, page, plots
 from looping_pendulum.discrepancy.result import Identification
 from looping_pendulum.discrepancy.verdict_file import dump
+from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.files import optional_output, write_atomically
 
 FILES, FOLDERS = ("verdict.json", "repaired.yaml", "report.md", "report.html"), ("figures",)
 """Files and folders that `write` makes."""
 
 
-def write(result: Identification, folder: Path) -> Path:
+def write(result: Identification, folder: Path, workers: Workers = SERIAL) -> Path:
     """Write verdict.json, repaired.yaml, report.md with figures, and report.html; return the path of report.md.
 
     The verdict is written first, so that it is there whatever else fails; a figure or a page that cannot be made is left out
-    with a warning.
+    with a warning. An idle one of the ``workers`` draws meanwhile.
     """
+    figures = workers.begin(_draw, None, [result])
     write_atomically(folder / "verdict.json", dump(result))
     write_atomically(folder / "repaired.yaml", result.scenario)
-    captions = {}
-    for name, (caption, image) in plots.draw(result).items():
-        write_atomically(folder / "figures" / name, image)
-        captions[f"figures/{name}"] = caption
-    write_atomically(folder / "report.md", markdown.render(result, captions))
     with optional_output("report.html"):
         write_atomically(folder / "report.html", page.render(result))
+    [(drawn, skipped)] = workers.finish(figures)
+    for warning in skipped:
+        warnings.warn(warning, stacklevel=2)
+    for name, (_, image) in drawn.items():
+        write_atomically(folder / "figures" / name, image)
+    captions = {f"figures/{name}": caption for name, (caption, _) in drawn.items()}
+    write_atomically(folder / "report.md", markdown.render(result, captions))
     return folder / "report.md"
+
+
+def _draw(_: None, result: Identification) -> tuple[dict[str, tuple[str, bytes]], list[Warning | str]]:
+    """Return all figures, and the warnings about those that are left out."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        figures = plots.draw(result)
+    return figures, [w.message for w in caught]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from matplotlib.figure import Figure
 
 from looping_pendulum.compare.export import write_atomically
 from looping_pendulum.compare.tables import table
+from looping_pendulum.pages.drawing import png
 from looping_pendulum.pages.palette import COLOURS, DASHES, MARKERS
 from looping_pendulum.pages.shell import page
 from looping_pendulum.pages.svg import themed_svg
@@ -67,7 +67,7 @@ def find_demonstrations(names: Sequence[str]) -> tuple[Demonstration, ...]:
 def write_pages(result: DemonstrationResult, folder: Path, *, with_html: bool = True) -> tuple[Path, ...]:
     """Write NAME.png, NAME.md and, with ``with_html``, the self-contained NAME.html; return their paths."""
     name = result.demonstration.name
-    files: dict[str, str | bytes] = {f"{name}.png": png(result), f"{name}.md": markdown(result)}
+    files: dict[str, str | bytes] = {f"{name}.png": png(drawing(result), dpi=100), f"{name}.md": markdown(result)}
     if with_html:
         files[f"{name}.html"] = html(result)
     for file, content in files.items():
@@ -148,13 +148,6 @@ def html(result: DemonstrationResult) -> str:
         start=start(d),
         provenance=provenance(result).replace("`", ""),
     )
-
-
-def png(result: DemonstrationResult) -> bytes:
-    """Return the figure as PNG."""
-    out = io.BytesIO()
-    drawing(result).savefig(out, format="png", dpi=100, metadata={"Software": None})
-    return out.getvalue()
 
 
 def drawing(result: DemonstrationResult) -> Figure:
