@@ -85,7 +85,9 @@ class Search(Revisions):
             self.withdraw_refuted_scores()
         if self.forces and self.explaining is not None:
             fit, forces = self.explaining
-            formulas = refit_formulas(fit, forces, self.inputs.held_out, lambda what: self.report_progress(what, 0.93))
+            formulas = refit_formulas(
+                fit, forces, self.inputs.held_out, lambda what: self.report_progress(what, 0.93), self.workers
+            )
             self.formulas = tuple(formulas)
 
     def find_explanations(self) -> None:

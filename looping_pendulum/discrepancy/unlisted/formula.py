@@ -7,6 +7,7 @@ run it by the same code as the force that it replaces; the parameters of the fit
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -30,7 +31,7 @@ from looping_pendulum.discrepancy.unlisted.simplify import (
     coordinate_range_of,
     predict_formulas,
 )
-from looping_pendulum.discrepancy.workers import ProgressCallback
+from looping_pendulum.discrepancy.workers import SERIAL, ProgressCallback, Workers
 from looping_pendulum.reference_ode.effects.closure import weight_name
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -100,6 +101,7 @@ def refit(
     forces: Sequence[RecoveredForce],
     held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
     report_step: ProgressCallback,
+    workers: Workers = SERIAL,
 ) -> list[FittedFormula]:
     """Refit the formulas of lowest predicted BIC to the trajectories; return them, largest delta BIC first.
 
@@ -107,11 +109,15 @@ def refit(
     closures are tested first.
     """
     held_out_of_best_profile = min((f.held_out for f in forces), key=lambda u: u.worst)
-    formulas = []
-    for prediction in _best_predictions(base, forces):
-        report_step(f"fitting a formula of the unknown force by {prediction.force.closure.coordinate}")
-        refitted = _refit(base, prediction, held_out_of_best_profile)
-        formulas += [refitted] if refitted else []
+    predictions = _best_predictions(base, forces)
+    results = workers.map(
+        _refit,
+        (base, held_out_of_best_profile),
+        predictions,
+        [f"{p.force.closure.target} by {p.force.closure.coordinate}" for p in predictions],
+        lambda what: report_step(f"fitting a formula of the unknown law of the {what}"),
+    )
+    formulas = [f for f in results if f]
     limit = max((w.delta_bic for w in formulas), default=0.0) - BIC_MARGIN
 
     def order(fitted: FittedFormula) -> tuple[bool, int, float]:
@@ -131,8 +137,9 @@ def refit(
 
 
 def _best_predictions(base: Fit, forces: Sequence[RecoveredForce]) -> list[PredictedFormula]:
-    """Return the formulas of all closures whose predicted BIC is about as low as the lowest.
+    """Return the formula of the lowest predicted BIC, and others whose is about as low: one of each other law, simplest first.
 
+    Were they only the best, they might all be of one law, and another that explains as much and is simpler would have none.
     Formulas that differ only by a side on which they are zero are the same, and count once.
     """
     noise = np.concatenate([d.sigma for d in base.problem.data])
@@ -141,7 +148,13 @@ def _best_predictions(base: Fit, forces: Sequence[RecoveredForce]) -> list[Predi
     for p in ranked:
         closure = p.force.closure
         different.setdefault((closure.coordinate, closure.factor, frozenset(p.form.texts) - {"0"}), p)
-    return [p for p in different.values() if p.bic <= ranked[0].bic + 2 * BIC_MARGIN][:MAX_REFITS]
+    near = [p for p in different.values() if p.bic <= ranked[0].bic + 2 * BIC_MARGIN]
+    first_of_law: dict[tuple[str, str], PredictedFormula] = {}
+    for p in near:
+        first_of_law.setdefault((p.force.closure.target, p.force.closure.coordinate), p)
+    best, *others = first_of_law.values()
+    chosen = [best, *sorted(others, key=lambda p: simplicity(p.force.closure))]
+    return [*chosen, *(p for p in near if p not in chosen)][:MAX_REFITS]
 
 
 def _delta_bic_of_profile(base: Fit, force: RecoveredForce) -> float:
@@ -159,8 +172,9 @@ def _delta_bic_of_profile(base: Fit, force: RecoveredForce) -> float:
     return base.cost - float(without_ridge @ without_ridge) - effective * math.log(base.problem.count)
 
 
-def _refit(base: Fit, prediction: PredictedFormula, held_out_of_best_profile: HeldOutTest) -> FittedFormula | None:
+def _refit(shared: tuple[Fit, HeldOutTest], prediction: PredictedFormula) -> FittedFormula | None:
     """Refit one formula to the trajectories from its predicted values; None if the model cannot run."""
+    base, held_out_of_best_profile = shared
     problem = _problem(base, prediction)
     n_declared = len(base.problem.free_parameters)
     n_added = len(problem.free_parameters) - n_declared
@@ -186,7 +200,7 @@ def _problem(base: Fit, prediction: PredictedFormula) -> Problem:
     p = base.problem
     study = FormulaStudy(
         **{f.name: getattr(p.study, f.name) for f in dataclasses.fields(Study)},
-        closure_coefficients=lambda values: _closure_coefficients(prediction, coordinate_range, values),
+        closure_coefficients=functools.partial(_closure_coefficients, prediction, coordinate_range),
         formula_parameters=tuple(PREFIX + t.name for t in prediction.form.terms),
         start_values=tuple(prediction.values.tolist()),
     )
