@@ -217,6 +217,15 @@ class Search(Revisions):
         """Return the refit of the last round with the largest delta BIC."""
         return max(self.white_rounds[len(self.rounds) - 1][1], key=lambda r: r.delta_bic)
 
+    @property
+    def linear_share(self) -> float:
+        """Return the share that a linear model shows of what the best single effect explains, at most 1.
+
+        Closures are screened by such a model, which shows too little of a large effect, and are then compared with refits.
+        """
+        best = max(self.white_rounds[0][1], key=lambda r: r.chi2_decrease)
+        return min(best.screened.score**2 / best.chi2_decrease, 1.0)
+
     def give_way_to_force(self) -> None:
         """Withdraw the accepted models, since an unlisted force explains the data better; the record of the rounds says so."""
         self.accepted_models = ()
@@ -329,7 +338,7 @@ class Search(Revisions):
         best, declared = self.accepted_models[0], self.declared_model.fit
         same_noise = best.fit.problem.with_data(declared.problem.data).residuals(best.fit.x)
         explained = declared.cost - float(same_noise @ same_noise) if same_noise is not None else 0.0
-        forces = self.find_unlisted_forces(self.declared_model, MIN_RIVAL_EVIDENCE * explained)
+        forces = self.find_unlisted_forces(self.declared_model, MIN_RIVAL_EVIDENCE * explained * self.linear_share)
         if not forces or predicts_better(forces[0].held_out, best.held_out, LIKELIHOOD_MARGIN):
             return
         self.forces = forces
