@@ -198,8 +198,8 @@ def test_a_brake_at_a_height_is_no_drag_of_the_heavy_mass(tmp_path):
 def test_a_force_that_explains_far_less_is_not_fitted(score, share):
     """Of chi2 300 the effects leave 3 x 4: half of the rest is the least evidence of a force that is fitted.
 
-    Less so where the best effect's score, like the screening of forces by a linear model, shows only 36 of 100: a magnet had been
-    named as a side stiffness and a clock error, though a refitted force was likelier by 18.
+    Less so where the best effect's score, like the screening of forces by a linear model, shows only 36 of 100: a magnet had
+    been named as a side stiffness and a clock error, though a refitted force was likelier by 18.
     """
     assert search_with(None, residual=2.0, score=score).asked == [share * (300 - 12) / 2]
 
