@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.blind_sample import draw, write_files
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.problem import Problem
@@ -71,3 +72,18 @@ def test_a_rod_whose_bearing_holds_it_can_hide_at_any_size(tmp_path):
     assert {s.candidate.name: s.can_hide for s in screen(fit, chosen)} == {
         "rod_mobility": True, "push_sideways": False, "light_linear_drag": False,
     }  # fmt: skip
+
+
+def test_a_wrong_mass_beside_a_fitted_one_is_screened_by_what_is_linear(tmp_path):
+    """Oracle: the fitted mass's own derivative. Nothing but its weighing tells the two apart, so that curvature passes for more.
+
+    That nothing was missing had been the verdict, though by the report an error of a twentieth would have shown.
+    """
+    inputs = read_inputs(load(write_files(draw("rates", "single", 161, 14)[160], tmp_path)))
+    fit = calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
+    (screened,) = screen(fit, [c for c in inputs.library if c.name == "wrong_light_mass"])
+    i = fit.problem.names.index("light_mass")
+    factor = fit.jacobian[:, i] * fit.values["light_mass"] / fit.problem.free_parameters[i].scale
+    factor[fit.problem.measured_rows :] = 0.0  # the prior is that of the weighed mass
+    basis, _ = np.linalg.qr(fit.jacobian)
+    assert screened.error == pytest.approx(1 / np.linalg.norm(factor - basis @ (basis.T @ factor)), rel=0.02)
