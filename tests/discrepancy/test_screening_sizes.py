@@ -10,7 +10,7 @@ from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit.calibration import calibrate
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.inputs import read_inputs
-from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE, _find_template, screen
+from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE, _find_template, _finer, screen
 from tests.blind.cases import CASES
 from tests.discrepancy.blind_study import write_study
 
@@ -75,7 +75,7 @@ def test_a_rod_whose_bearing_holds_it_can_hide_at_any_size(tmp_path):
 
 
 def test_a_wrong_mass_beside_a_fitted_one_is_screened_by_what_is_linear(tmp_path):
-    """Oracle: the fitted mass's own derivative. Nothing but its weighing tells the two apart, so that curvature passes for more.
+    """Oracle: the fitted mass's own derivative. Only its weighing tells the two apart, so that curvature had passed for more.
 
     That nothing was missing had been the verdict, though by the report an error of a twentieth would have shown.
     """
@@ -87,3 +87,15 @@ def test_a_wrong_mass_beside_a_fitted_one_is_screened_by_what_is_linear(tmp_path
     factor[fit.problem.measured_rows :] = 0.0  # the prior is that of the weighed mass
     basis, _ = np.linalg.qr(fit.jacobian)
     assert screened.error == pytest.approx(1 / np.linalg.norm(factor - basis @ (basis.T @ factor)), rel=0.02)
+
+
+@pytest.mark.parametrize("central", [True, False])
+def test_a_change_that_fitted_parameters_nearly_undo_is_taken_where_it_is_linear(central):
+    linear, curved = np.array([1.0, 0.0]), np.array([0.0, 0.5])
+
+    def change(delta):
+        return linear * delta + curved * delta * abs(delta)
+
+    template = change(2.0)
+    assert _finer(change, 2.0, central, template) == pytest.approx([2.0, 0.2])  # a tenth of the curvature
+    assert _finer(lambda delta: None, 2.0, central, template) is template

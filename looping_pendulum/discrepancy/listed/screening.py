@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
+from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.listed.candidates import Candidate
@@ -111,7 +111,8 @@ def screen(
     # What the fitted parameters could explain is no evidence for a candidate
     residual = _orthogonal_part(basis, fit.residuals)
     reduced = Problem(fit.problem.study, fit.problem.data, [fit.problem.free_parameters[i] for i in kept])
-    shared = _ScreeningInput(reduced, fit.x[kept], basis, residual, dict(known_changes))
+    derivatives = {c.name: d for c in chosen if (d := _derivative_by_fitted(fit, jacobian, c)) is not None}
+    shared = _ScreeningInput(reduced, fit.x[kept], basis, residual, dict(known_changes), derivatives)
     chosen = slowest_first(chosen)
     results = workers.map(_screen_one, shared, chosen, labels=[c.name for c in chosen])
     # a worker process returns copies of the candidates; put this process's own in their place
@@ -151,6 +152,24 @@ class _ScreeningInput(NamedTuple):
     """Part of the residuals that is orthogonal to these, shape (n,)."""
     known_changes: dict[str, float]
     """Candidate's name -> its `ScreenedCandidate.small_change` beside an earlier fit."""
+    derivatives: dict[str, Array]
+    """Candidate's name -> how the prediction changes with its value, shape (n,), where fitted parameters say it."""
+
+
+def _derivative_by_fitted(fit: Fit, jacobian: Array, candidate: Candidate) -> Array | None:
+    """Return the derivative by a factor on a parameter that is fitted in all its trials; None: the candidate is none.
+
+    Only what was measured of the parameter tells such a factor from it. At an event that hardly happens a difference would have
+    another derivative, and seem to tell them apart.
+    """
+    parameters = list(enumerate(fit.problem.free_parameters))
+    same = [(i, p) for i, p in parameters if p.parameter == candidate.parameter and p.role is ParameterRole.SET]
+    fitted = {d.trial.name for d in fit.problem.data}.intersection(candidate.trials)
+    if candidate.role is not ParameterRole.TIMES or not {t for _, p in same for t in p.trials} >= fitted:
+        return None
+    derivative = np.sum([jacobian[:, i] * (p.init_value / p.scale + fit.x[i]) for i, p in same], axis=0)
+    derivative[fit.problem.measured_rows :] = 0.0  # the prior is that of the measured value
+    return np.asarray(derivative)
 
 
 def _screen_one(shared: _ScreeningInput, candidate: Candidate) -> ScreenedCandidate | None:
@@ -183,7 +202,7 @@ def _orthogonal_part(basis: Array, v: Array) -> Array:
 
 def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, values: Sequence[float]) -> ScreenedCandidate | None:
     """Score a candidate whose companions have these ``values`` [SI]."""
-    reduced, x, basis, residual, known_changes = shared
+    reduced, x, basis, residual, known_changes, derivatives = shared
     companions = candidate.companion_parameters(values)
     x = candidate.where_it_acts(reduced.free_parameters, x)
     problem = reduced.with_parameters(candidate.free_parameter(1.0), *companions)
@@ -230,7 +249,9 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
                     is_square = _rms(central) < MAX_ODD_SHARE * _rms(template)
                     if not is_square:
                         template = central
-                if not is_square and _independent_share(basis, template) < MIN_SHARE_OF_LINEAR:
+                if candidate.name in derivatives:
+                    template = derivatives[candidate.name] * delta
+                elif not is_square and _independent_share(basis, template) < MIN_SHARE_OF_LINEAR:
                     template = _finer(change, delta, opposite is not None, template)
                 # In a swing, finite changes in one direction, too, only show their own curvature: they shift its phase
                 if (opposite is not None or reduced.is_swing) and not is_square:
