@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.report import unlisted_report
 from looping_pendulum.discrepancy.result import STRING_ON_ROD, OtherClosure
-from looping_pendulum.discrepancy.unlisted import description, discovery
+from looping_pendulum.discrepancy.unlisted import description, discovery, formula
 from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN, RecoveredForce
 from tests.pages.made_up import identification
 
@@ -40,6 +41,27 @@ def test_what_was_left_out_is_what_the_screening_has_as_likely_as_the_best_once_
     ]
     assert discovery._as_likely(ranked, [best]) == [ranked[1], ranked[3]]
     assert discovery._as_likely([], []) == []
+
+
+def test_formulas_of_different_laws_are_refitted_the_best_and_then_the_simplest(monkeypatch):
+    """The three of the smallest BIC were all of one law: a brake that depends on the height was named as one of the time."""
+
+    def predicted(target, coordinate, name, bic):
+        force = SimpleNamespace(closure=law(target, coordinate))
+        return SimpleNamespace(force=force, form=SimpleNamespace(name=name, texts=(f"{target}: {name}",)), bic=bic)
+
+    formulas = [
+        predicted("heavy mass", "time", "pulse", 0.0),
+        predicted("heavy mass", "time", "pass", 1.0),
+        predicted("heavy mass", "retreat_speed", "line", 2.0),
+        predicted("heavy mass", "hanging_length", "pulse", 5.0),
+        predicted(STRING_ON_ROD, "wrap_angle", "step", 19.0),
+        predicted(STRING_ON_ROD, "normal_load", "step", 21.0),
+    ]
+    monkeypatch.setattr(formula, "predict_formulas", lambda force, noise: [force])
+    base = SimpleNamespace(problem=SimpleNamespace(data=[SimpleNamespace(sigma=np.ones(1))]))
+    assert formula._best_predictions(base, formulas[::-1]) == [formulas[0], formulas[4], formulas[3]]
+    assert formula._best_predictions(base, formulas[:2]) == formulas[:2]
 
 
 @pytest.mark.parametrize(
