@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from looping_pendulum.files import utf8
 
@@ -21,11 +21,11 @@ def new_figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def png(figure: Figure, dpi: float | None = None) -> bytes:
-    """Return the figure as a PNG file; ``dpi``: pixels per inch instead of the figure's own."""
+def png(figure: Figure, dpi: float | Literal["figure"] = "figure") -> bytes:
+    """Return the figure as a PNG file; ``dpi``: pixels per inch, "figure": its own."""
     out = io.BytesIO()
     # No version, so that the same figure has the same bytes
-    figure.savefig(out, format="png", metadata={"Software": None}, dpi="figure" if dpi is None else dpi)
+    figure.savefig(out, format="png", metadata={"Software": None}, dpi=dpi)
     return out.getvalue()
 
 
