@@ -30,7 +30,7 @@ from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.listed.candidates import MIN_SHARE_OF_MULTIPLIED
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
-from looping_pendulum.discrepancy.result import Identification, IdentifiedEffect, Unlisted, Verdict
+from looping_pendulum.discrepancy.result import NORMAL_95, Identification, IdentifiedEffect, Unlisted, Verdict
 from looping_pendulum.discrepancy.search import Search
 from looping_pendulum.discrepancy.unlisted.screening import motions, screen
 from looping_pendulum.errors import HarnessError
@@ -169,10 +169,17 @@ def visibility(result: Identification, planted: dict[str, float]) -> float | Non
         return None
     smallest = {v.name: (v.value, v.null_value) for v in result.smallest_visible}
     explanations = result.ties or (result.effects,)
-    smallest |= {e.name: (MAX_NULL_SCORE * e.error, e.null_value) for tie in explanations for e in tie}
+    smallest |= {e.name: (MAX_NULL_SCORE * _error_towards_null(e), e.null_value) for tie in explanations for e in tie}
     if not planted or not planted.keys() <= smallest.keys():
         return None
     return min(abs(value - smallest[name][1]) / smallest[name][0] for name, value in planted.items())
+
+
+def _error_towards_null(effect: IdentifiedEffect) -> float:
+    """Return the standard error that the end of the 95 % interval on the side of the null value corresponds to [SI]."""
+    low, high = effect.interval_95
+    end = low if effect.value > effect.null_value else high
+    return effect.error if end is None else abs(effect.value - end) / NORMAL_95
 
 
 def _multiplies_zero(result: Identification, planted: Iterable[str]) -> bool:

@@ -19,7 +19,7 @@ from benchmarks.rival_methods import Rival
 from looping_pendulum.discrepancy.fit import residual
 from looping_pendulum.discrepancy.listed.attribution import MIN_DELTA_BIC
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
-from looping_pendulum.discrepancy.result import Verdict
+from looping_pendulum.discrepancy.result import NORMAL_95, IdentifiedEffect, Verdict
 from looping_pendulum.discrepancy.search import MIN_HIDDEN_EVIDENCE
 from looping_pendulum.reference_ode.effects import EFFECTS, Kinematics
 from scripts import power_figure
@@ -139,7 +139,11 @@ def test_a_law_is_as_planted_if_body_and_coordinate_are(hidden, acts_on, depends
 
 
 def test_visibility_is_that_of_the_effect_that_hides_best():
-    named = SimpleNamespace(name="wind_speed", error=0.1, null_value=0.0)
+    named = IdentifiedEffect(
+        **dict.fromkeys(("kind", "acts_on", "formula", "source", "parameter", "meaning", "unit"), ""),
+        depends_on=(), companions=(), name="wind_speed", value=1.9,
+        error=9.0, interval=(1.9 - 0.1 * NORMAL_95, None), null_value=0.0,
+    )  # fmt: skip
     hidden = SimpleNamespace(name="scale", value=0.02, null_value=1.0)
     drag = SimpleNamespace(name="light_drag", value=2e-4, measured=1e-3)
     result = SimpleNamespace(smallest_visible=(hidden,), ties=(), effects=(named,), before=SimpleNamespace(parameters=[drag]))

@@ -8,7 +8,8 @@ import pytest
 
 from benchmarks.blind_sample import draw, planted_values, write_files
 from looping_pendulum.discrepancy.data.study_io import load
-from looping_pendulum.discrepancy.fit.calibration import calibrate
+from looping_pendulum.discrepancy.fit import likelihood
+from looping_pendulum.discrepancy.fit.calibration import FitError, calibrate
 from looping_pendulum.discrepancy.fit.likelihood import cost_rise, is_nearly_linear, likelihood_interval
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.identify import identify
@@ -39,6 +40,30 @@ def test_it_is_open_where_the_data_set_no_limit(fit):
     low, high = likelihood_interval(fit, "heavy_drag")
     assert low is None
     assert high > fit.values["heavy_drag"]
+
+
+@pytest.mark.parametrize(("side", "end"), [(-1, 1.612), (1, 4.7)])
+def test_where_the_cost_jumps_it_ends_at_the_jump(monkeypatch, side, end):
+    """Static friction holds the string above a value, and nothing else changes; its standard error may be any number."""
+    parameter = SimpleNamespace(name="static_friction", bounds=(1.0, 10.0))
+    problem = SimpleNamespace(names=("static_friction",), free_parameters=[parameter])
+    fit = SimpleNamespace(problem=problem, values={"static_friction": 1.62}, errors={"static_friction": 20.0}, cost=2000.0)
+    tried = []
+
+    def refit(fit, start, name, value):
+        tried.append(value)
+        return SimpleNamespace(cost=2000.0 if 1.612 < value < 4.7 else 1e6)
+
+    monkeypatch.setattr(likelihood, "refit_with_fixed_value", refit)
+    found = likelihood_interval(fit, "static_friction")[side > 0]
+    assert found == pytest.approx(end, abs=0.03 * 6)
+    assert abs(found - end) <= 0.1 * abs(end - 1.62) + 0.002
+    assert len(tried) <= 25
+
+
+def test_a_value_that_cannot_run_is_no_limit_of_the_data(fit, monkeypatch):
+    monkeypatch.setattr(likelihood, "minimise", lambda *a, **k: (_ for _ in ()).throw(FitError("cannot run")))
+    assert cost_rise(fit, "ten_a.origin_x", fit.values["ten_a.origin_x"] + 1e-3) == float("inf")
 
 
 @pytest.mark.accurate  # a fine step of the simulator takes most of its time; daily, the interval that is open on one side

@@ -48,6 +48,8 @@ def test_a_push_out_of_the_plane_counts_by_its_square(tmp_path):
     inputs = read_inputs(load(write_study(tmp_path, CASES["clean"], 0, trials=["ten_a"])))
     fit = calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters))
     (push,) = (c for c in inputs.library if c.name == "push_sideways")
+    assert push.bounds[0] < 0
+    assert push.free_parameter(1.0).bounds == (0.0, push.bounds[1])
     (screened,) = screen(fit, [push])
     problem = fit.problem.with_parameters(push.free_parameter(1.0))
     here = fit.problem.residuals(fit.x)

@@ -107,6 +107,18 @@ def test_coefficients_without_their_switch_do_nothing():
     assert p.effects == SIX_TO_ONE.effects
 
 
+BOTH_SIGNS = [c for e in FURTHER.values() if e.kind is not EffectKind.CLOSURE for c in e.coefficients if c.bounds[0] < 0]
+
+
+@pytest.mark.parametrize("coefficient", BOTH_SIGNS, ids=lambda c: c.name)
+def test_only_even_coefficients_do_the_same_at_the_opposite_value(coefficient):
+    typical = {name: value for values in TYPICAL.values() for name, value in values.items()}
+    value = min(typical[coefficient.name], -coefficient.bounds[0])
+    t = np.linspace(0, 0.4, 41)
+    one, other = (solve(SIX_TO_ONE.replace(**{coefficient.name: v}), duration=0.4).sample(t) for v in (value, -value))
+    assert np.allclose(one.light_position, other.light_position, rtol=0, atol=1e-9) == coefficient.even
+
+
 @pytest.mark.parametrize("name", [name for name, effect in FURTHER.items() if not effect.switch])
 @pytest.mark.parametrize("base", [TEN_TO_ONE, TWO_TO_ONE], ids=["10:1", "2:1"])
 def test_an_effect_compiled_in_at_its_null_value_changes_nothing(base, name):

@@ -8,16 +8,26 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 
 import numpy as np
+from scipy.optimize import brentq
 
-from looping_pendulum.discrepancy.fit.calibration import Fit, minimise
+from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
 
 COST_RISE_95 = 3.841
 """Rise of the cost at the ends of a 95 % interval: that quantile of chi-square for one parameter (Wilks 1938)."""
+COST_ERROR = 0.01
+"""Decrease of the cost below which a refit has converged."""
+MAX_ITERATIONS = 10
+"""Largest number of iterations of a refit; beyond a jump of the cost many more would not help."""
 MAX_STEPS = 12
-"""Largest number of steps in which an end of the interval is looked for: the first is a standard error."""
+"""Largest number of steps in which an end of the interval is looked for: the first is a standard error, or less."""
+MAX_FIRST_STEP = 0.1
+"""Largest first step, as a share of the way to the parameter's bound."""
+END_TOLERANCE = 0.03
+"""Error of an end of the interval, as a share of its distance from the fitted value."""
 MIN_RISE_OF_STEP = 0.25
 """Rise of the cost's root in a step below which the next one is twice as long."""
 MAX_RISE_RATIO = 1.25
@@ -34,7 +44,10 @@ def cost_rise(fit: Fit, name: str, value: float) -> float:
     steps = max(1, math.ceil(abs(value - best) / fit.errors[name] - 1e-9))
     conditional = fit
     for here in np.linspace(best, value, steps + 1)[1:]:
-        conditional = _refit_with_fixed_value(fit, conditional, name, float(here))
+        further = refit_with_fixed_value(fit, conditional, name, float(here))
+        if further is None:
+            return math.inf
+        conditional = further
     return conditional.cost - fit.cost
 
 
@@ -66,25 +79,54 @@ def is_nearly_linear(fit: Fit, name: str) -> bool:
 
 def _interval_end(fit: Fit, name: str, side: int, max_rise: float) -> float | None:
     """Return the end of the interval on one side (-1: below, 1: above) of the fitted value [SI]; None: there is none."""
-    low, high = fit.problem.free_parameters[fit.problem.names.index(name)].bounds
-    conditional, here, before, step = fit, fit.values[name], 0.0, side * fit.errors[name]
+    best, limit = fit.values[name], fit.problem.free_parameters[fit.problem.names.index(name)].bounds[side > 0]
+    # Of a value that the data hardly limit the error may be any number
+    step = min(fit.errors[name], MAX_FIRST_STEP * abs(limit - best))
+    inner, here, rise = fit, best, 0.0
     for _ in range(MAX_STEPS):
-        value = min(max(here + step, low), high)
-        conditional = _refit_with_fixed_value(fit, conditional, name, value)
-        z = math.sqrt(max(conditional.cost - fit.cost, 0.0))
-        if z >= math.sqrt(max_rise):  # the root of the rise is nearly linear in the value
-            return here + (value - here) * (math.sqrt(max_rise) - before) / (z - before)
-        if value in (low, high):
+        value = here + side * step if step < abs(limit - here) else limit
+        outer = refit_with_fixed_value(fit, inner, name, value)
+        excess = _excess(fit, outer, max_rise)
+        if excess >= 0:
+            known = {here: rise - math.sqrt(max_rise), value: excess}
+            tolerance = END_TOLERANCE * abs(value - best)
+            return float(brentq(_excess_at, here, value, args=(fit, inner, name, max_rise, known), xtol=tolerance))
+        if outer is None or value == limit:
             return None
-        if z - before < MIN_RISE_OF_STEP:
+        before, rise = rise, _root_of_rise(fit, outer)
+        if rise - before < MIN_RISE_OF_STEP:
             step *= 2
-        here, before = value, z
+        inner, here = outer, value
     return None
 
 
-def _refit_with_fixed_value(fit: Fit, start: Fit, name: str, value: float) -> Fit:
-    """Refit all other parameters with one held at ``value`` [SI], from the solution ``start``."""
+def _excess_at(value: float, fit: Fit, start: Fit, name: str, max_rise: float, known: Mapping[float, float]) -> float:
+    """Return `_excess` with a parameter held at ``value`` [SI]; at some values it is ``known``."""
+    if value in known:
+        return known[value]
+    return _excess(fit, refit_with_fixed_value(fit, start, name, value), max_rise)
+
+
+def _excess(fit: Fit, conditional: Fit | None, max_rise: float) -> float:
+    """Return the root of the cost's rise less that of ``max_rise``, at most that: beyond it the cost may jump.
+
+    The root is nearly linear in the value where the cost does not jump.
+    """
+    root = math.sqrt(max_rise)
+    return root if conditional is None else min(_root_of_rise(fit, conditional) - root, root)
+
+
+def _root_of_rise(fit: Fit, conditional: Fit) -> float:
+    return math.sqrt(max(conditional.cost - fit.cost, 0.0))
+
+
+def refit_with_fixed_value(fit: Fit, start: Fit, name: str, value: float) -> Fit | None:
+    """Refit all other parameters with one held at ``value`` [SI], from the solution ``start``; None if the model cannot run."""
     p = fit.problem
     # Equal bounds hold a parameter without changing the shape of the problem
     free_parameters = [dataclasses.replace(n, bounds=(value, value)) if n.name == name else n for n in p.free_parameters]
-    return minimise(Problem(p.study, p.data, free_parameters, (p.prior_mean, p.prior_weights)), start.x)
+    problem = Problem(p.study, p.data, free_parameters, (p.prior_mean, p.prior_weights))
+    try:
+        return minimise(problem, start.x, cost_tolerance=COST_ERROR / fit.cost, max_iterations=MAX_ITERATIONS)
+    except FitError:
+        return None

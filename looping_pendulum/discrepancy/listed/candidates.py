@@ -62,6 +62,8 @@ class Candidate:
     """Why the value cannot leave its bounds, where that is more than what the effect is; empty: it is not."""
     multiplies: str = ""
     """Coefficient of the model that it is proportional to; '': none."""
+    even: bool = False
+    """Whether the opposite value does the same, so that a fit takes values above the null one only."""
     needs_compilation: bool = False
     """Whether it adds terms to the equations of motion, which then have to be compiled."""
     companions: tuple[Coefficient, ...] = ()
@@ -98,9 +100,10 @@ class Candidate:
 
     def free_parameter(self, scale: float) -> FreeParameter:
         """Return the candidate as a free parameter that starts at its null value; ``scale`` is in SI units."""
+        bounds = (self.null, self.bounds[1]) if self.even else self.bounds
         return FreeParameter(
             name=self.name, parameter=self.parameter, role=self.role, trials=self.trials, init_value=self.null,
-            scale=scale, bounds=self.bounds,
+            scale=scale, bounds=bounds,
         )  # fmt: skip
 
 
@@ -178,6 +181,7 @@ def _effect_candidate(
         source=effect.source,
         trials=trials,
         multiplies="" if effect.in_base_model else multiplied_coefficient(effect, nulls),
+        even=c.even,
         needs_compilation=not effect.in_base_model,
         companions=() if effect.in_base_model else effect.coefficients[1:],
     )

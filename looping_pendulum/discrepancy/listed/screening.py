@@ -226,12 +226,12 @@ def _screen_with_companions(shared: _ScreeningInput, candidate: Candidate, value
 
     best, beyond, scale, linear_error, finite_error = (0.0, 0.0), 0.0, 0.0, math.inf, math.inf
     first = known_changes.get(candidate.name) or _first_change(candidate)
-    both_sides = candidate.bounds[0] < candidate.null < candidate.bounds[1]
+    both_sides = candidate.bounds[0] < candidate.null < candidate.bounds[1] and not candidate.even
     templates: tuple[float, ...] = FINITE_SIZES
-    is_square = False  # a push out of the plane, say, does the same to either side
+    is_square = candidate.even  # a push out of the plane, say, does the same to either side
     for side in (1.0, -1.0):
         reach = (candidate.bounds[1] if side > 0 else candidate.bounds[0]) - candidate.null
-        if side * reach <= 0 or is_square:
+        if side * reach <= 0 or (is_square and side < 0):
             continue
         delta = side * first
         linear: Array | None = None

@@ -13,8 +13,8 @@ REST_SPEED = 1e-3
 """Speed below which the drag on a swinging heavy mass is rounded off [m/s], as |v| is not analytic at 0: 1e-9 N at most."""
 
 
-def _coefficient(name: str, unit: str, bounds: tuple[float, float], meaning: str) -> Coefficient:
-    return Coefficient(name=name, unit=unit, default=0.0, null=0.0, bounds=bounds, meaning=meaning)
+def _coefficient(name: str, unit: str, bounds: tuple[float, float], meaning: str, even: bool = False) -> Coefficient:
+    return Coefficient(name=name, unit=unit, default=0.0, null=0.0, bounds=bounds, meaning=meaning, even=even)
 
 
 def _weight_of_free_string(xp: Any, k: Kinematics, p: SimpleNamespace) -> tuple[Any, Any]:
@@ -120,7 +120,9 @@ OUT_OF_PLANE = Effect(
     source="rod unrolled into a plane; the string moves along the rod without friction",
     acts_on="light mass",
     depends_on=("free_length", "wrap_angle"),
-    coefficients=(_coefficient("push_sideways", "m/s", (-5.0, 5.0), "speed of the light mass along the rod at release"),),
+    coefficients=(
+        _coefficient("push_sideways", "m/s", (-5.0, 5.0), "speed of the light mass along the rod at release", even=True),
+    ),
     needs_string=True,
     variables=("sideways", "sideways_speed"),
 )

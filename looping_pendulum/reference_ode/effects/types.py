@@ -112,6 +112,8 @@ class Coefficient:
     """Least and largest value that is accepted."""
     meaning: str
     """What it is, in words, for documentation and messages."""
+    even: bool = False
+    """Whether the motion in the plane is the same for the opposite value; a fit then takes the positive one."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
