@@ -32,7 +32,7 @@ from looping_pendulum.discrepancy.listed.candidates import MIN_SHARE_OF_MULTIPLI
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
 from looping_pendulum.discrepancy.result import NORMAL_95, Identification, IdentifiedEffect, Unlisted, Verdict
 from looping_pendulum.discrepancy.search import Search
-from looping_pendulum.discrepancy.unlisted.screening import motions, screen
+from looping_pendulum.discrepancy.unlisted.screening import motions, responses_of, screen
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.reference_ode.effects import EFFECTS
@@ -262,6 +262,6 @@ def statistics_of_tests(study: Study) -> dict[str, float]:
         "score": abs(model.remaining[0].score) if model.remaining else 0.0,
         "held_out_chi2": model.held_out.worst,
         "delta_bic": max((r.delta_bic for r in refits), default=0.0),
-        "unlisted_evidence": max(s.twice_log_bayes_factor for s in screen(model.fit, motions(model.fit))),
+        "unlisted_evidence": screen(responses_of(model.fit, motions(model.fit)))[0].twice_log_bayes_factor,
         "values": float(problem.count),
     }

@@ -32,7 +32,6 @@ from looping_pendulum.discrepancy.unlisted.discovery import (
     LIKELIHOOD_MARGIN,
     RecoveredForce,
     begin_to_discover,
-    by_preference,
     discover,
 )
 from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
@@ -70,7 +69,7 @@ class Search(Revisions):
         self.beside_forces: tuple[Candidate, ...] = ()
         """Listed effects that the model has beside these forces."""
         self.formulas: tuple[FittedFormula, ...] = ()
-        """Formulas of these forces, refitted to the trajectories, the best first."""
+        """Formulas of the first of these forces, refitted to the trajectories, the best first."""
         self.explaining: tuple[Fit, list[RecoveredForce]] | None = None
         """The fit beside which forces were looked for last, and those of them that explain held-out data; None: none does."""
         self.not_refitted: list[ScreenedClosure] = []
@@ -86,7 +85,7 @@ class Search(Revisions):
         if self.forces and self.explaining is not None:
             fit, forces = self.explaining
             formulas = refit_formulas(
-                fit, forces, self.inputs.held_out, lambda what: self.report_progress(what, 0.93), self.workers
+                fit, forces[0], self.inputs.held_out, lambda what: self.report_progress(what, 0.93), self.workers
             )
             self.formulas = tuple(formulas)
 
@@ -377,7 +376,7 @@ class Search(Revisions):
         if not passing:
             return ()
         self.explaining, self.not_refitted = (base.fit, passing), not_refitted
-        return tuple(by_preference(passing) + [f for f in forces if f not in passing])
+        return tuple(passing + [f for f in forces if f not in passing])
 
 
 def has_evidence(refit: Refit) -> bool:
@@ -386,11 +385,13 @@ def has_evidence(refit: Refit) -> bool:
 
 
 def is_likelier(force: RecoveredForce, delta_bic: float, held_out: HeldOutTest) -> bool:
-    """Return whether the training data make an unlisted force likelier than listed effects, and held-out data do not object.
+    """Return whether all data make an unlisted force likelier than listed effects, and held-out data alone do not object.
 
     Parameters
     ----------
     delta_bic, held_out
         Of the listed effects.
     """
-    return force.twice_log_bayes_factor >= delta_bic + LIKELIHOOD_MARGIN and loss_test(held_out, force.held_out).passes
+    gained = held_out.minus_twice_log_predictive_density - force.held_out.minus_twice_log_predictive_density
+    is_likelier = force.twice_log_bayes_factor - delta_bic + gained >= LIKELIHOOD_MARGIN
+    return is_likelier and loss_test(held_out, force.held_out).passes

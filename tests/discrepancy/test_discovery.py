@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -17,10 +18,11 @@ from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.discrepancy.unlisted import discovery, formula
-from looping_pendulum.discrepancy.unlisted.discovery import _refit, _tested
+from looping_pendulum.discrepancy.unlisted.discovery import _refit, _screened_by_all_trials, _tested
 from looping_pendulum.discrepancy.unlisted.formula import PREFIX
-from looping_pendulum.discrepancy.unlisted.screening import _evidence, motions, screen
+from looping_pendulum.discrepancy.unlisted.screening import _evidence, motions, responses_of, screen
 from looping_pendulum.discrepancy.unlisted.simplify import CoordinateRange, forms
+from looping_pendulum.discrepancy.workers import SERIAL
 from looping_pendulum.reference_ode.cartesian import cartesian_force
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS, weight_name
 from looping_pendulum.reference_ode.solve import solve_at
@@ -107,12 +109,17 @@ def test_a_pulse_of_thrust_is_found_as_a_force_of_time(tmp_path, library, monkey
     assert all(f"| {name.replace('_', ', ')} |" in section for name in parameters)
 
 
+@pytest.fixture(scope="module")
+def thrust_study(tmp_path_factory):
+    return write_study(tmp_path_factory.mktemp("thrust"), CASES["thrust"], 3, trials=TWO_RATIOS)
+
+
 def test_no_force_is_recovered_from_clean_data(tmp_path):
     """Oracle: data in which nothing is hidden."""
     inputs = read_inputs(load(write_study(tmp_path, CLEAN, 5, trials=["ten_a"])))
     base = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
     runs = motions(base)
-    best = max(screen(base, runs), key=lambda s: s.twice_log_bayes_factor)
+    best = screen(responses_of(base, runs))[0]
     assert best.twice_log_bayes_factor < DECISIVE
     # Of so small a force the linear model of the screening has the evidence of the refit
     refitted = _refit((base, runs), best)
@@ -125,10 +132,10 @@ def test_no_formula_is_accepted_on_clean_data(tmp_path):
     inputs = read_inputs(load(write_study(tmp_path, CLEAN, 5, trials=TWO_RATIOS)))
     base = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
     runs = motions(base)
-    best = max(screen(base, runs), key=lambda s: s.twice_log_bayes_factor)
+    best = screen(responses_of(base, runs))[0]
     assert best.twice_log_bayes_factor < DECISIVE
     force = _tested(inputs.held_out, _refit((base, runs), best))
-    fitted = formula.refit(base, [force], inputs.held_out, lambda what: None)
+    fitted = formula.refit(base, force, inputs.held_out, lambda what: None)
     assert fitted
     assert all(w.delta_bic < DECISIVE for w in fitted)
 
@@ -136,15 +143,14 @@ def test_no_formula_is_accepted_on_clean_data(tmp_path):
 @pytest.mark.parametrize(
     "name", [name if name == "thrust" else pytest.param(name, marks=pytest.mark.accurate) for name in PLANTED_LAWS]
 )
-def test_the_screening_names_what_a_law_acts_on_and_depends_on(tmp_path, name):
+def test_the_screening_names_what_a_law_acts_on_and_depends_on(tmp_path, thrust_study, name):
     """Planted by the separate simulator: forces at a time, towards a point, between two heights; friction between two angles.
 
     By the linearised model alone, without a refit to the trajectories.
     """
-    seed, trials = (3, TWO_RATIOS) if name == "thrust" else (1, None)
-    inputs = read_inputs(load(write_study(tmp_path, CASES[name], seed, trials=trials)))
+    inputs = read_inputs(load(thrust_study if name == "thrust" else write_study(tmp_path, CASES[name], 1)))
     base = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
-    best = max(screen(base, motions(base)), key=lambda s: s.twice_log_bayes_factor)
+    best = screen(responses_of(base, motions(base)))[0]
     assert (best.closure.target, best.closure.coordinate) == PLANTED_LAWS[name]
     assert best.twice_log_bayes_factor > 10 * DECISIVE
     if name == "thrust":  # which moves the light mass so far that the linear model has a third of the evidence
@@ -153,6 +159,26 @@ def test_the_screening_names_what_a_law_acts_on_and_depends_on(tmp_path, name):
         assert 2 * best.twice_log_bayes_factor < refitted.twice_log_bayes_factor < base.cost - left @ left
     if best.closure.point is not None:
         assert math.dist(best.closure.point, Effects.magnet_place) < Effects.magnet_range
+
+
+def test_the_screening_by_all_trials_is_that_of_a_study_in_which_none_is_held_out(thrust_study):
+    """Oracle: the same trials, of which none is said to be held out."""
+    study = load(thrust_study)
+    inputs = read_inputs(study)
+    assert inputs.held_out
+    base = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
+    found = _screened_by_all_trials(base, inputs.held_out, SERIAL)
+
+    together = dataclasses.replace(study, trials=tuple(dataclasses.replace(t, held_out=False) for t in study.trials))
+    inputs = read_inputs(together)
+    whole = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
+    expected = screen(responses_of(whole, motions(whole)))
+    for ranked in (found, expected):
+        assert (ranked[0].closure.target.split(",")[0], ranked[0].closure.coordinate) == PLANTED_LAWS["thrust"]
+    of_law = {(s.closure.target, s.closure.coordinate, s.closure.factor): s.twice_log_bayes_factor for s in expected}
+    for one in found[:10]:
+        evidence = of_law[one.closure.target, one.closure.coordinate, one.closure.factor]
+        assert one.twice_log_bayes_factor == pytest.approx(evidence, rel=0.02, abs=1.0)
 
 
 @pytest.mark.parametrize("target", ["heavy mass", "light mass", "string on rod"])

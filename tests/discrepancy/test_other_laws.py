@@ -5,12 +5,11 @@ from __future__ import annotations
 import dataclasses
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.report import unlisted_report
 from looping_pendulum.discrepancy.result import STRING_ON_ROD, OtherClosure
-from looping_pendulum.discrepancy.unlisted import description, discovery, formula
+from looping_pendulum.discrepancy.unlisted import description, discovery
 from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN, RecoveredForce
 from tests.pages.made_up import identification
 
@@ -23,11 +22,13 @@ def screened(target, coordinate, evidence):
     return SimpleNamespace(closure=law(target, coordinate), twice_log_bayes_factor=evidence)
 
 
-def recovered(evidence, passes):
-    held_out = SimpleNamespace(passes=passes, worst=1.2)
-    return RecoveredForce(
-        closure=law("heavy mass", "time"), fit=None, twice_log_bayes_factor=evidence, held_out=held_out, coordinates=None
-    )
+FRICTION, PLACE = law(STRING_ON_ROD, "wrap_angle"), law("heavy mass", "hanging_length")
+SPEED, TIME = law("heavy mass", "retreat_speed"), law("heavy mass", "time")
+
+
+def recovered(evidence, passes, of=TIME, gained=0.0):
+    held_out = SimpleNamespace(passes=passes, worst=1.2, minus_twice_log_predictive_density=-500.0 - gained)
+    return RecoveredForce(closure=of, fit=None, twice_log_bayes_factor=evidence, held_out=held_out, coordinates=None)
 
 
 def test_what_was_left_out_is_what_the_screening_has_as_likely_as_the_best_once_for_each_law():
@@ -43,25 +44,33 @@ def test_what_was_left_out_is_what_the_screening_has_as_likely_as_the_best_once_
     assert discovery._as_likely([], []) == []
 
 
-def test_formulas_of_different_laws_are_refitted_the_best_and_then_the_simplest(monkeypatch):
-    """The three of the smallest BIC were all of one law: a brake that depends on the height was named as one of the time."""
+@pytest.mark.parametrize(
+    ("likelier", "simpler", "margin"),
+    [(PLACE, FRICTION, 10.0), (SPEED, PLACE, 2.0), (TIME, SPEED, 2.0), (TIME, FRICTION, 14.0)],
+)
+def test_a_law_that_is_less_simple_comes_first_if_all_data_together_make_it_likelier_by_its_cost(likelier, simpler, margin):
+    """What the training data say counts as much as what the held-out ones do."""
+    other = recovered(100.0, True, simpler)
+    for evidence, gained in ((margin, 0.0), (0.0, margin), (margin - 30.0, 30.0)):
+        first = recovered(100.5 + evidence, True, likelier, gained)
+        second = recovered(99.5 + evidence, True, likelier, gained)
+        assert discovery.by_preference([second, other, first]) == [first, other, second]
+    refuted = recovered(1000.0, False, likelier)
+    assert discovery.by_preference([refuted, other]) == [other, refuted]
 
-    def predicted(target, coordinate, name, bic):
-        force = SimpleNamespace(closure=law(target, coordinate))
-        return SimpleNamespace(force=force, form=SimpleNamespace(name=name, texts=(f"{target}: {name}",)), bic=bic)
 
-    formulas = [
-        predicted("heavy mass", "time", "pulse", 0.0),
-        predicted("heavy mass", "time", "pass", 1.0),
-        predicted("heavy mass", "retreat_speed", "line", 2.0),
-        predicted("heavy mass", "hanging_length", "pulse", 5.0),
-        predicted(STRING_ON_ROD, "wrap_angle", "step", 19.0),
-        predicted(STRING_ON_ROD, "normal_load", "step", 21.0),
+def test_what_is_refitted_is_one_closure_of_each_body_and_coordinate_and_the_best_of_the_training_trials():
+    ranked = [
+        screened("light mass", "time", 100.0),
+        screened("light mass, across the string", "time", 99.0),
+        screened("light mass", "free_length", 98.0),
+        screened("light mass, upward", "height", 97.0),
+        screened("light mass", "wrap_angle", 96.0),
+        screened(STRING_ON_ROD, "wrap_angle", 95.0),
+        screened("heavy mass", "time", 60.0),
     ]
-    monkeypatch.setattr(formula, "predict_formulas", lambda force, noise: [force])
-    base = SimpleNamespace(problem=SimpleNamespace(data=[SimpleNamespace(sigma=np.ones(1))]))
-    assert formula._best_predictions(base, formulas[::-1]) == [formulas[0], formulas[4], formulas[3]]
-    assert formula._best_predictions(base, formulas[:2]) == formulas[:2]
+    assert discovery._different([*ranked, ranked[1]]) == [ranked[0], ranked[2], ranked[3], ranked[5]]
+    assert discovery._different([*ranked, ranked[4]]) == [ranked[0], ranked[2], ranked[3], ranked[5], ranked[4]]
 
 
 @pytest.mark.parametrize(

@@ -66,6 +66,17 @@ class HeldOutTest:
         return sum(f.minus_twice_log_likelihood for f in self.fits)
 
     @property
+    def minus_twice_log_predictive_density(self) -> float:
+        """Return -2 ln of the probability density of held-out trials by the training fit and its errors, but for a constant.
+
+        It is by Laplace's method about each trial's fit, so that a model gains nothing by fitting there what the training data
+        leave uncertain. 0 for blocks of time, which are part of the training data.
+        """
+        if not self.fits:
+            return 0.0
+        return self.minus_twice_log_likelihood + sum(_log_shrinking_of_errors(f) for f in self.fits)
+
+    @property
     def passes(self) -> bool:
         """Return whether all held-out data are predicted to their noise."""
         return all(t.passes for t in self.results)
@@ -114,6 +125,12 @@ def check_held_out(
         rms=tuple(rms(f, 0) for f in fits),
         fits=tuple(fits),
     )
+
+
+def _log_shrinking_of_errors(fit: Fit) -> float:
+    """Return the logarithm of the determinant of the prior's covariance over that of the fit's."""
+    jacobian, weights = (fit.jacobian if fit.final_jacobian is None else fit.final_jacobian), fit.problem.prior_weights
+    return float(np.linalg.slogdet(jacobian.T @ jacobian)[1] - 2 * np.linalg.slogdet(weights)[1])
 
 
 def _max_chi2(fit: Fit) -> float:

@@ -57,15 +57,14 @@ def describe_unlisted_force(
     forces
         The force as radial basis functions of several closures, the best first.
     formulas
-        Formulas that were refitted to the trajectories; if the first is accepted, it and its closure are described.
+        Formulas of the first of these that were refitted to the trajectories; if the first is accepted, it is described, too.
     held_out_chi2_before
         Largest chi2 per value of held-out data under the declared model.
     not_refitted
         Closures that are as likely as the best by the screening, but were not refitted.
     """
     formula = formulas[0] if formulas and formulas[0].accepted else None
-    # An accepted formula may belong to another closure than the best of the basis functions
-    best = formula.force if formula else forces[0]
+    best = forces[0]
     held_out = formula.held_out if formula and formula.held_out else best.held_out
     return Unlisted(
         acts_on=best.closure.target,
@@ -89,7 +88,7 @@ def describe_unlisted_force(
 
 def _other_closure(other: RecoveredForce | ScreenedClosure, best: RecoveredForce) -> OtherClosure:
     held_out = other.held_out if isinstance(other, RecoveredForce) else None
-    is_less_likely = other.twice_log_bayes_factor < best.twice_log_bayes_factor - LIKELIHOOD_MARGIN
+    is_less_likely = isinstance(other, RecoveredForce) and other.evidence < best.evidence - LIKELIHOOD_MARGIN
     return OtherClosure(
         acts_on=other.closure.target,
         depends_on=other.closure.coordinate,

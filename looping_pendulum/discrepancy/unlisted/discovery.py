@@ -15,27 +15,29 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import WINDOW_COST_TOLERANCE, Fit, FitError, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.held_out import HeldOutTest, check_held_out
-from looping_pendulum.discrepancy.unlisted.closures import STRING, Closure, simplicity
+from looping_pendulum.discrepancy.unlisted.closures import STRING, Closure, complexity_cost
 from looping_pendulum.discrepancy.unlisted.screening import (
     Motions,
     ScreenedClosure,
     begin_responses,
     motions,
+    responses_of,
     screen,
 )
 from looping_pendulum.discrepancy.workers import SERIAL, Batch, ProgressCallback, Workers
 from looping_pendulum.reference_ode.effects.closure import N_BASIS_FUNCTIONS
 from looping_pendulum.reference_ode.geometry import Array
 
-MAX_REFITS = 5
+MAX_REFITS = 6
 """Closures that are refitted to the trajectories, the best of the screening."""
-MAX_REFITS_OF_BODY = 2
+MAX_REFITS_OF_BODY = 3
 """Of these, the largest number that act on one body, so that the best of every body are compared."""
 MIN_EVIDENCE_SHARE = 0.7
 """Smallest twice log Bayes factor of a closure that is refitted, as a share of the best one's."""
@@ -66,6 +68,19 @@ class RecoveredForce(RefittedClosure):
     """A refitted closure that was tested on held-out data."""
 
     held_out: HeldOutTest
+
+    @property
+    def evidence(self) -> float:
+        """Twice the log of the probability of all data, but for a constant: of training data, and of held-out ones given these.
+
+        Between two closures it is twice the log of the ratio of these probabilities.
+        """
+        return self.twice_log_bayes_factor - self.held_out.minus_twice_log_predictive_density
+
+    @property
+    def preference(self) -> float:
+        """By what closures are ordered, the largest first: `evidence` less what the closure costs beside simpler ones."""
+        return self.evidence - complexity_cost(self.closure)
 
     @cached_property
     def weights(self) -> Array:
@@ -98,6 +113,8 @@ def discover(
 ) -> tuple[list[RecoveredForce], list[ScreenedClosure]]:
     """Search all closures; return the best ones, refitted, in the order of `by_preference`, and others that are as likely.
 
+    The training data say whether there is a force: its weights are fitted to them alone, and held-out data test it. Which
+    closures are refitted all trials say together, since in one trial time, place and speed are mostly functions of each other.
     None is searched for in records that are too long (`Motions.is_too_long`).
 
     Parameters
@@ -117,8 +134,14 @@ def discover(
     runs = motions(base)
     if runs.is_too_long:
         return [], []
-    screened = sorted(screen(base, runs, workers, begun), key=lambda s: -s.twice_log_bayes_factor)
-    chosen = [s for s in _different(screened) if s.twice_log_bayes_factor >= min_evidence]
+    responses = responses_of(base, runs, workers, begun)
+    screened = screen(responses)
+    if not screened or screened[0].twice_log_bayes_factor < min_evidence:
+        return [], []
+    ranked = _screened_by_all_trials(base, held_out, workers) if held_out else screened
+    # That by which the force shows in the training data is always tried
+    different = _different([*ranked, screened[0]])
+    chosen = [s for one in different if (s := responses.evidence_of(one.closure)).twice_log_bayes_factor >= min_evidence]
     descriptions = [f"{s.closure.target} by {s.closure.coordinate}" for s in chosen]
     results = workers.map(
         _refit,
@@ -132,7 +155,26 @@ def discover(
         return [], []
     labels = [f"{r.closure.target} by {r.closure.coordinate}" for r in refitted]
     forces = workers.map(_tested, held_out, refitted, labels, lambda what: report_step(f"testing the law of the {what}"))
-    return by_preference(forces), _as_likely(screened, chosen)
+    return by_preference(forces), _as_likely(ranked, chosen)
+
+
+def _screened_by_all_trials(
+    base: Fit, held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]], workers: Workers
+) -> list[ScreenedClosure]:
+    """Return the evidence of every closure by the residuals of a fit of ``base``'s model to all trials, largest first."""
+    fits = check_held_out(base, held_out).fits
+    own = {n.name: (n, x) for f in fits for n, x in zip(f.problem.free_parameters, f.x, strict=True)}
+    p = base.problem
+    common = [
+        dataclasses.replace(n, trials=tuple(dict.fromkeys((*n.trials, *own.pop(n.name)[0].trials)))) if n.name in own else n
+        for n in p.free_parameters
+    ]
+    added = [n for n, _ in own.values()]
+    weights = block_diag(p.prior_weights, np.diag([1 / n.prior_sigma for n in added]))
+    prior = np.append(p.prior_mean, np.zeros(len(added))), weights
+    problem = Problem(p.study, [*p.data, *(d for f in fits for d in f.problem.data)], [*common, *added], prior)
+    fit = minimise(problem, np.append(base.x, [x for _, x in own.values()]), cost_tolerance=WINDOW_COST_TOLERANCE)
+    return screen(responses_of(fit, motions(fit), workers))
 
 
 def _as_likely(screened: Sequence[ScreenedClosure], chosen: Sequence[ScreenedClosure]) -> list[ScreenedClosure]:
@@ -154,23 +196,8 @@ def begin_to_discover(base: Fit, workers: Workers) -> Batch | None:
 
 
 def by_preference(forces: Sequence[RecoveredForce]) -> list[RecoveredForce]:
-    """Return closures in the order in which they explain held-out data; of those that do equally well, the simplest first.
-
-    Closures do equally well if they pass held-out data and are within `LIKELIHOOD_MARGIN` of the best of those, there and by
-    twice their log Bayes factor.
-    """
-    passing = [f for f in forces if f.held_out.passes]
-    if not passing:
-        return sorted(forces, key=lambda f: f.held_out.minus_twice_log_likelihood)
-    limit = min(f.held_out.minus_twice_log_likelihood for f in passing) + LIKELIHOOD_MARGIN
-    min_evidence = max(f.twice_log_bayes_factor for f in passing) - LIKELIHOOD_MARGIN
-
-    def order(force: RecoveredForce) -> tuple[bool, int, float]:
-        likelihood = force.held_out.minus_twice_log_likelihood
-        near = force.held_out.passes and likelihood <= limit and force.twice_log_bayes_factor >= min_evidence
-        return not near, simplicity(force.closure) if near else 0, likelihood
-
-    return sorted(forces, key=order)
+    """Return closures in order, first those that pass held-out data, by `RecoveredForce.preference`."""
+    return sorted(forces, key=lambda f: (not f.held_out.passes, -f.preference))
 
 
 def _problem(problem: Problem, closure: Closure, scale: float, prior: float) -> Problem:
@@ -209,23 +236,31 @@ MAX_SHIFT = 0.3
 """Largest distance of a fitted point from where the screening has it, in each direction [m]."""
 
 
-def _different(screened: Sequence[ScreenedClosure]) -> list[ScreenedClosure]:
-    """Return the closures to refit: the first of every target and coordinate, in order, and not too many of one body.
+def _different(ranked: Sequence[ScreenedClosure]) -> list[ScreenedClosure]:
+    """Return the closures to refit: the first of every body and coordinate, not too many of one body, and always the last.
 
-    Those that differ by their factor are alike.
+    Those that differ by their factor, or by a direction in which they are zero, are alike.
     """
+    *others, last = ranked
     seen: set[tuple[str, str]] = set()
     counts = dict.fromkeys(BODIES, 0)
     different = []
-    for one in screened:
-        key = one.closure.coordinate, one.closure.target
-        body = next(b for b in BODIES if one.closure.target.startswith(b))
-        near = one.twice_log_bayes_factor >= MIN_EVIDENCE_SHARE * screened[0].twice_log_bayes_factor
+    for one in others:
+        body = _body(one.closure)
+        key = body, one.closure.coordinate
+        near = one.twice_log_bayes_factor >= MIN_EVIDENCE_SHARE * others[0].twice_log_bayes_factor
         if near and key not in seen and counts[body] < MAX_REFITS_OF_BODY:
             seen.add(key)
             counts[body] += 1
             different.append(one)
-    return different[:MAX_REFITS]
+    different = different[:MAX_REFITS]
+    laws = {(_body(s.closure), s.closure.coordinate) for s in different}
+    return different if (_body(last.closure), last.closure.coordinate) in laws else [*different, last]
+
+
+def _body(closure: Closure) -> str:
+    """Return what a closure acts on, of `BODIES`."""
+    return next(b for b in BODIES if closure.target.startswith(b))
 
 
 BODIES = ("light mass", "heavy mass", STRING)

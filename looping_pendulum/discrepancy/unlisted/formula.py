@@ -21,7 +21,7 @@ from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData
 from looping_pendulum.discrepancy.fit.residual_noise import with_noise_of_residuals
 from looping_pendulum.discrepancy.listed.held_out import HeldOutTest, check_held_out
-from looping_pendulum.discrepancy.unlisted.closures import TARGETS, simplicity
+from looping_pendulum.discrepancy.unlisted.closures import TARGETS
 from looping_pendulum.discrepancy.unlisted.discovery import WEAK_PRIOR, RecoveredForce, point_parameters
 from looping_pendulum.discrepancy.unlisted.simplify import (
     MIN_WIDTH,
@@ -37,12 +37,9 @@ from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 
 MAX_REFITS = 3
-"""Formulas that are refitted to the trajectories, of all closures together."""
+"""Formulas that are refitted to the trajectories, those of the lowest predicted BIC."""
 BIC_MARGIN = 10.0
-"""Difference of BIC within which formulas count as equally good on the training data.
-
-Twice this is granted to predictions by the linearised model.
-"""
+"""Difference of BIC within which formulas count as equally good on the training data."""
 MAX_ITERATIONS = 15
 """Iterations of the refit of each formula."""
 PREFIX = "force_"
@@ -59,8 +56,6 @@ class FittedFormula:
     """Decrease of the Bayesian information criterion from the declared model."""
     delta_bic_of_profile: float
     """The same of the radial basis functions that the formula was fitted to."""
-    held_out_of_best_profile: HeldOutTest
-    """Held-out test of the radial basis functions, of all closures, that pass it best."""
     held_out: HeldOutTest | None = None
     """Held-out test of the formula; None: not made, since a better formula was accepted or its delta BIC is too far behind."""
 
@@ -88,73 +83,42 @@ class FittedFormula:
 
     @property
     def accepted(self) -> bool:
-        """Whether its delta BIC is larger than its basis functions', and explains held-out data as well as any do."""
+        """Whether its delta BIC is larger than its basis functions', and it explains held-out data as well as they do."""
         if self.delta_bic <= self.delta_bic_of_profile or self.held_out is None or not self.held_out.passes:
             return False
         scatter = [math.sqrt(2 / n) for n in self.held_out.counts]  # standard deviation of chi2 per value of n values
-        rows = zip(self.held_out.chi2, self.held_out_of_best_profile.chi2, scatter, strict=True)
+        rows = zip(self.held_out.chi2, self.force.held_out.chi2, scatter, strict=True)
         return all(own <= of_profile + s for own, of_profile, s in rows)
 
 
 def refit(
     base: Fit,
-    forces: Sequence[RecoveredForce],
+    force: RecoveredForce,
     held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]],
     report_step: ProgressCallback,
     workers: Workers = SERIAL,
 ) -> list[FittedFormula]:
-    """Refit the formulas of lowest predicted BIC to the trajectories; return them, largest delta BIC first.
+    """Refit a force's formulas of lowest predicted BIC to the trajectories; return them, largest delta BIC first.
 
-    Of those within `BIC_MARGIN` of the best, the first that is accepted on held-out data goes to the front; formulas of simpler
-    closures are tested first.
+    Of those within `BIC_MARGIN` of the best, the first that is accepted on held-out data goes to the front.
     """
-    held_out_of_best_profile = min((f.held_out for f in forces), key=lambda u: u.worst)
-    predictions = _best_predictions(base, forces)
+    predictions = predict_formulas(force, np.concatenate([d.sigma for d in base.problem.data]))[:MAX_REFITS]
     results = workers.map(
         _refit,
-        (base, held_out_of_best_profile),
+        base,
         predictions,
-        [f"{p.force.closure.target} by {p.force.closure.coordinate}" for p in predictions],
-        lambda what: report_step(f"fitting a formula of the unknown law of the {what}"),
+        [p.form.name for p in predictions],
+        lambda what: report_step(f"fitting a formula of the unknown law, {what}"),
     )
-    formulas = [f for f in results if f]
-    limit = max((w.delta_bic for w in formulas), default=0.0) - BIC_MARGIN
-
-    def order(fitted: FittedFormula) -> tuple[bool, int, float]:
-        behind = fitted.delta_bic < limit
-        return behind, 0 if behind else simplicity(fitted.force.closure), -fitted.delta_bic
-
-    formulas.sort(key=order)
+    formulas = sorted((f for f in results if f), key=lambda f: -f.delta_bic)
     for i, formula in enumerate(formulas):
-        # They are in order, so that all that follow are too far behind as well
-        if formula.delta_bic < limit:
+        if formula.delta_bic < formulas[0].delta_bic - BIC_MARGIN:
             break
         final = with_noise_of_residuals(formula.fit)
         formulas[i] = judged = dataclasses.replace(formula, fit=final, held_out=check_held_out(final, held_out))
         if judged.accepted:
             return [judged, *formulas[:i], *formulas[i + 1 :]]
     return formulas
-
-
-def _best_predictions(base: Fit, forces: Sequence[RecoveredForce]) -> list[PredictedFormula]:
-    """Return the formula of the lowest predicted BIC, and others whose is about as low: one of each other law, simplest first.
-
-    Were they only the best, they might all be of one law, and another that explains as much and is simpler would have none.
-    Formulas that differ only by a side on which they are zero are the same, and count once.
-    """
-    noise = np.concatenate([d.sigma for d in base.problem.data])
-    ranked = sorted((p for force in forces for p in predict_formulas(force, noise)), key=lambda p: p.bic)
-    different: dict[object, PredictedFormula] = {}
-    for p in ranked:
-        closure = p.force.closure
-        different.setdefault((closure.coordinate, closure.factor, frozenset(p.form.texts) - {"0"}), p)
-    near = [p for p in different.values() if p.bic <= ranked[0].bic + 2 * BIC_MARGIN]
-    first_of_law: dict[tuple[str, str], PredictedFormula] = {}
-    for p in near:
-        first_of_law.setdefault((p.force.closure.target, p.force.closure.coordinate), p)
-    best, *others = first_of_law.values()
-    chosen = [best, *sorted(others, key=lambda p: simplicity(p.force.closure))]
-    return [*chosen, *(p for p in near if p not in chosen)][:MAX_REFITS]
 
 
 def _delta_bic_of_profile(base: Fit, force: RecoveredForce) -> float:
@@ -172,9 +136,8 @@ def _delta_bic_of_profile(base: Fit, force: RecoveredForce) -> float:
     return base.cost - float(without_ridge @ without_ridge) - effective * math.log(base.problem.count)
 
 
-def _refit(shared: tuple[Fit, HeldOutTest], prediction: PredictedFormula) -> FittedFormula | None:
+def _refit(base: Fit, prediction: PredictedFormula) -> FittedFormula | None:
     """Refit one formula to the trajectories from its predicted values; None if the model cannot run."""
-    base, held_out_of_best_profile = shared
     problem = _problem(base, prediction)
     n_declared = len(base.problem.free_parameters)
     n_added = len(problem.free_parameters) - n_declared
@@ -190,7 +153,6 @@ def _refit(shared: tuple[Fit, HeldOutTest], prediction: PredictedFormula) -> Fit
         fit=fit,
         delta_bic=delta_bic,
         delta_bic_of_profile=_delta_bic_of_profile(base, prediction.force),
-        held_out_of_best_profile=held_out_of_best_profile,
     )
 
 

@@ -169,15 +169,19 @@ class ScreenedClosure:
     """Weights that this prior and the data give [N], shape (sides * N_BASIS_FUNCTIONS,)."""
 
 
-def screen(base: Fit, runs: Motions, workers: Workers = SERIAL, begun: Batch | None = None) -> list[ScreenedClosure]:
-    """Return the evidence of every closure by the residuals of a fit; ``begun`` is what `begin_responses` returned for it."""
+def responses_of(base: Fit, runs: Motions, workers: Workers = SERIAL, begun: Batch | None = None) -> Responses:
+    """Return the responses of a fit's residuals to pulses; ``begun`` is what `begin_responses` returned for it."""
     # What a refit of the declared model's parameters could explain is no evidence for a new force, so both the residuals and
     # the sensitivities to the weights are projected on the orthogonal complement of the Jacobian.
     fitted_basis, _ = np.linalg.qr(base.jacobian)
     unexplained = base.residuals - fitted_basis @ (fitted_basis.T @ base.residuals)
     columns = workers.finish(begun or begin_responses(base, runs, workers))
-    responses = Responses(base, runs, fitted_basis, unexplained, columns)
-    screened = []
+    return Responses(base, runs, fitted_basis, unexplained, columns)
+
+
+def screen(responses: Responses) -> list[ScreenedClosure]:
+    """Return the evidence of every closure, largest first."""
+    screened, runs = [], responses.runs
     for target, names in COORDINATES_OF.items():
         if runs.clamped and TARGETS[target] != ("across",):
             continue
@@ -186,7 +190,7 @@ def screen(base: Fit, runs: Motions, workers: Workers = SERIAL, begun: Batch | N
                 screened += _with_best_point(responses, target)
                 continue
             screened += [s for factor in factors_of(target) if (s := responses.evidence(target, name, factor))]
-    return screened
+    return sorted(screened, key=lambda s: -s.twice_log_bayes_factor)
 
 
 def begin_responses(base: Fit, runs: Motions, workers: Workers) -> Batch:
@@ -253,8 +257,13 @@ class Responses:
         spacing = float(high - low) / (N_BASIS_FUNCTIONS - 1 - 2 * END_MARGIN)
         if spacing < MIN_SPACING:
             return None
-        closure = dataclasses.replace(closure, first_centre=float(low) - END_MARGIN * spacing, spacing=spacing)
+        return self.evidence_of(dataclasses.replace(closure, first_centre=float(low) - END_MARGIN * spacing, spacing=spacing))
+
+    def evidence_of(self, closure: Closure) -> ScreenedClosure:
+        """Return the evidence of a closure whose basis functions have their places."""
         twice_log_bayes_factor, ridge, weights = _evidence(self.to(closure), self.unexplained)
+        # A point is two fitted numbers, which cost what the Bayesian information criterion takes for them
+        twice_log_bayes_factor -= len(closure.point_coefficients) * math.log(self.count)
         return ScreenedClosure(closure=closure, twice_log_bayes_factor=twice_log_bayes_factor, ridge=ridge, weights=weights)
 
 
@@ -285,7 +294,7 @@ def _respond(shared: tuple[Problem, Array, float], batch: tuple[str, int]) -> Ar
 
 
 def _with_best_point(responses: Responses, target: str) -> list[ScreenedClosure]:
-    """Return the closure whose point has the most evidence, less what the choice of the point costs."""
+    """Return the closure whose point has the most evidence; empty if there is none."""
     from scipy.optimize import minimize
 
     x, y = responses.runs.positions
@@ -303,11 +312,7 @@ def _with_best_point(responses: Responses, target: str) -> list[ScreenedClosure]
     simplex = np.array([start, (start[0] + step, start[1]), (start[0], start[1] + step)])
     options = {"maxfev": MAX_POINT_TRIALS, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 0.1}
     best = evidence(minimize(minus_evidence, start, method="Nelder-Mead", options=options).x)
-    if best is None:
-        return []
-    # Two fitted coordinates, as the Bayesian information criterion counts them
-    penalised = best.twice_log_bayes_factor - 2 * math.log(responses.count)
-    return [dataclasses.replace(best, twice_log_bayes_factor=penalised)]
+    return [best] if best else []
 
 
 def _evidence(sensitivity: Array, residuals: Array) -> tuple[float, float, Array]:
