@@ -70,10 +70,15 @@ class Fit:
         """Return the Jacobian at the minimum by central differences, shape (n + p, p)."""
         return self.problem.jacobian(self.x, central=True)
 
+    @property
+    def known_jacobian(self) -> Array:
+        """Return `final_jacobian`, or `jacobian` where there is none, shape (n + p, p)."""
+        return self.jacobian if self.final_jacobian is None else self.final_jacobian
+
     @cached_property
     def covariance(self) -> Array:
         """Return the covariance matrix of ``x``, shape (p, p)."""
-        jacobian = self.jacobian if self.final_jacobian is None else self.final_jacobian
+        jacobian = self.known_jacobian
         # The pseudoinverse also exists where the data do not tell parameters apart
         return np.asarray(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True))
 

@@ -127,6 +127,6 @@ def refit_with_fixed_value(fit: Fit, start: Fit, name: str, value: float) -> Fit
     free_parameters = [dataclasses.replace(n, bounds=(value, value)) if n.name == name else n for n in p.free_parameters]
     problem = Problem(p.study, p.data, free_parameters, (p.prior_mean, p.prior_weights))
     try:
-        return minimise(problem, start.x, cost_tolerance=COST_ERROR / fit.cost, max_iterations=MAX_ITERATIONS)
+        return minimise(problem, start.x, cost_tolerance=COST_ERROR / max(fit.cost, 1.0), max_iterations=MAX_ITERATIONS)
     except FitError:
         return None

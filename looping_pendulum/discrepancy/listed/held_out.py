@@ -129,7 +129,7 @@ def check_held_out(
 
 def _log_shrinking_of_errors(fit: Fit) -> float:
     """Return the logarithm of the determinant of the prior's covariance over that of the fit's."""
-    jacobian, weights = (fit.jacobian if fit.final_jacobian is None else fit.final_jacobian), fit.problem.prior_weights
+    jacobian, weights = fit.known_jacobian, fit.problem.prior_weights
     return float(np.linalg.slogdet(jacobian.T @ jacobian)[1] - 2 * np.linalg.slogdet(weights)[1])
 
 

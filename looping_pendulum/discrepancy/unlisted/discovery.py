@@ -138,7 +138,7 @@ def discover(
     screened = screen(responses)
     if not screened or screened[0].twice_log_bayes_factor < min_evidence:
         return [], []
-    ranked = _screened_by_all_trials(base, held_out, workers) if held_out else screened
+    ranked = _screened_by_all_trials(base, held_out, workers) or screened
     # That by which the force shows in the training data is always tried
     different = _different([*ranked, screened[0]])
     chosen = [s for one in different if (s := responses.evidence_of(one.closure)).twice_log_bayes_factor >= min_evidence]
@@ -161,20 +161,35 @@ def discover(
 def _screened_by_all_trials(
     base: Fit, held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]], workers: Workers
 ) -> list[ScreenedClosure]:
-    """Return the evidence of every closure by the residuals of a fit of ``base``'s model to all trials, largest first."""
+    """Return the evidence of every closure by the residuals of a fit of ``base``'s model to all trials, largest first.
+
+    It is empty if there are no held-out trials, if one is too long for it (`Motions.is_too_long`) or if the model cannot run.
+    """
+    if not held_out:
+        return []
     fits = check_held_out(base, held_out).fits
-    own = {n.name: (n, x) for f in fits for n, x in zip(f.problem.free_parameters, f.x, strict=True)}
     p = base.problem
-    common = [
-        dataclasses.replace(n, trials=tuple(dict.fromkeys((*n.trials, *own.pop(n.name)[0].trials)))) if n.name in own else n
-        for n in p.free_parameters
-    ]
-    added = [n for n, _ in own.values()]
-    weights = block_diag(p.prior_weights, np.diag([1 / n.prior_sigma for n in added]))
-    prior = np.append(p.prior_mean, np.zeros(len(added))), weights
-    problem = Problem(p.study, [*p.data, *(d for f in fits for d in f.problem.data)], [*common, *added], prior)
-    fit = minimise(problem, np.append(base.x, [x for _, x in own.values()]), cost_tolerance=WINDOW_COST_TOLERANCE)
-    return screen(responses_of(fit, motions(fit), workers))
+    parameters = {n.name: n for n in p.free_parameters}
+    x, sigmas = base.x.tolist(), []
+    for fit in fits:
+        for n, value in zip(fit.problem.free_parameters, fit.x.tolist(), strict=True):
+            if n.name in parameters:  # one that several trials share
+                known = parameters[n.name]
+                parameters[n.name] = dataclasses.replace(known, trials=tuple(dict.fromkeys((*known.trials, *n.trials))))
+            else:
+                parameters[n.name] = n
+                x.append(value)
+                sigmas.append(n.prior_sigma)
+    prior = np.append(p.prior_mean, np.zeros(len(sigmas))), block_diag(p.prior_weights, np.diag(1 / np.array(sigmas)))
+    data = [*p.data, *(d for fit in fits for d in fit.problem.data)]
+    try:
+        whole = minimise(
+            Problem(p.study, data, list(parameters.values()), prior), np.array(x), cost_tolerance=WINDOW_COST_TOLERANCE
+        )
+    except FitError:
+        return []
+    runs = motions(whole)
+    return [] if runs.is_too_long else screen(responses_of(whole, runs, workers))
 
 
 def _as_likely(screened: Sequence[ScreenedClosure], chosen: Sequence[ScreenedClosure]) -> list[ScreenedClosure]:
@@ -312,6 +327,5 @@ def _evidence_of_refit(base: Fit, refitted: Fit, closure: Closure) -> float:
     """
     points = set(closure.point_coefficients)
     kept = [i for i, name in enumerate(refitted.problem.names) if name not in points]
-    jacobian = refitted.jacobian if refitted.final_jacobian is None else refitted.final_jacobian
-    volumes = [float(np.linalg.slogdet(j.T @ j)[1]) for j in (jacobian[:, kept], base.jacobian)]
+    volumes = [float(np.linalg.slogdet(j.T @ j)[1]) for j in (refitted.known_jacobian[:, kept], base.jacobian)]
     return base.cost - refitted.cost - (volumes[0] - volumes[1]) - len(points) * math.log(base.problem.count)
