@@ -254,9 +254,11 @@ MAX_SHIFT = 0.3
 def _different(ranked: Sequence[ScreenedClosure]) -> list[ScreenedClosure]:
     """Return the closures to refit: the first of every body and coordinate, not too many of one body, and always the last.
 
-    Those that differ by their factor, or by a direction in which they are zero, are alike.
+    Those that differ by their factor are alike, and so are a force in one direction and one in both. The latter is taken if it is
+    about as likely: its formulas may be zero in one of them.
     """
     *others, last = ranked
+    in_both = {s.closure.coordinate: s for s in reversed(others) if s.closure.target == LIGHT_MASS}
     seen: set[tuple[str, str]] = set()
     counts = dict.fromkeys(BODIES, 0)
     different = []
@@ -267,7 +269,9 @@ def _different(ranked: Sequence[ScreenedClosure]) -> list[ScreenedClosure]:
         if near and key not in seen and counts[body] < MAX_REFITS_OF_BODY:
             seen.add(key)
             counts[body] += 1
-            different.append(one)
+            wider = in_both.get(one.closure.coordinate, one) if body == LIGHT_MASS else one
+            is_as_likely = wider.twice_log_bayes_factor >= one.twice_log_bayes_factor - LIKELIHOOD_MARGIN
+            different.append(wider if is_as_likely else one)
     different = different[:MAX_REFITS]
     laws = {(_body(s.closure), s.closure.coordinate) for s in different}
     return different if (_body(last.closure), last.closure.coordinate) in laws else [*different, last]
@@ -278,7 +282,8 @@ def _body(closure: Closure) -> str:
     return next(b for b in BODIES if closure.target.startswith(b))
 
 
-BODIES = ("light mass", "heavy mass", STRING)
+LIGHT_MASS = "light mass"
+BODIES = (LIGHT_MASS, "heavy mass", STRING)
 """Beginnings of the names of targets."""
 
 
