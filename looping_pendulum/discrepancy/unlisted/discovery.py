@@ -254,8 +254,8 @@ MAX_SHIFT = 0.3
 def _different(ranked: Sequence[ScreenedClosure]) -> list[ScreenedClosure]:
     """Return the closures to refit: the first of every body and coordinate, not too many of one body, and always the last.
 
-    Those that differ by their factor are alike, and so are a force in one direction and one in both. The latter is taken if it is
-    about as likely: its formulas may be zero in one of them.
+    Those that differ by their factor are alike, and so are a force in one direction and one in both. The latter is taken if it
+    is about as likely: its formulas may be zero in one of them.
     """
     *others, last = ranked
     in_both = {s.closure.coordinate: s for s in reversed(others) if s.closure.target == LIGHT_MASS}
