@@ -37,6 +37,8 @@ from looping_pendulum.reference_ode.geometry import Array
 
 MAX_REFITS = 6
 """Closures that are refitted to the trajectories, the best of the screening."""
+FIRST_REFITS = 2
+"""Closures that are refitted before all trials are screened, the best by the training trials."""
 MAX_REFITS_OF_BODY = 3
 """Of these, the largest number that act on one body, so that the best of every body are compared."""
 MIN_EVIDENCE_SHARE = 0.7
@@ -126,7 +128,8 @@ def discover(
     min_evidence
         Smallest twice log Bayes factor, by the model linearised about the fit, of a closure that is refitted.
     min_evidence_of_best
-        Smallest one that the best refit must have; if it has less, none is tested on held-out data, nor returned.
+        Smallest one that the best refit must have; if it has less, none is tested on held-out data, nor returned. If it is
+        above ``min_evidence``, the best two by the training trials are refitted first, and one of these must have it.
     begun
         What `begin_to_discover` returned for the same fit; None: nothing was begun.
     """
@@ -138,6 +141,11 @@ def discover(
     screened = screen(responses)
     if not screened or screened[0].twice_log_bayes_factor < min_evidence:
         return [], []
+    if min_evidence_of_best > min_evidence:
+        # The screening by all trials takes as long as some refits, which mostly say that there is no such force
+        first = workers.map(_refit, (base, runs), _different([*screened, screened[0]])[:FIRST_REFITS])
+        if max((r.twice_log_bayes_factor for r in first if r), default=-math.inf) < min_evidence_of_best:
+            return [], []
     ranked = _screened_by_all_trials(base, held_out, workers) or screened
     # That by which the force shows in the training data is always tried
     different = _different([*ranked, screened[0]])

@@ -17,6 +17,7 @@ from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.fit.calibration import Fit
@@ -214,20 +215,21 @@ class Responses:
         sides, spacing = runs.pulsed_sides, runs.pulse_spacing
         edges = np.cumsum([0] + [len(d.t) for d in base.problem.data])
         n_trials = len(base.problem.data)
-        blocks = []
-        for i in range(0, len(columns), N_PULSES // N_BASIS_FUNCTIONS):
-            of_side = np.concatenate(columns[i : i + N_PULSES // N_BASIS_FUNCTIONS], axis=1)
+        width = n_trials * N_PULSES
+        # By columns and overwritten, since this matrix is most of the memory that an identification takes
+        whole = np.zeros((len(fitted_basis), len(sides) * width), order="F")
+        for i in range(len(sides)):
+            parts = N_PULSES // N_BASIS_FUNCTIONS
+            of_side = np.concatenate(columns[i * parts : (i + 1) * parts], axis=1)
             # A pulse is at one time in all trials; a closure pushes each at times of its own
             for k in range(n_trials):
-                block = np.zeros((len(fitted_basis), N_PULSES))
-                block[edges[k] : edges[k + 1]] = of_side[edges[k] : edges[k + 1]]
-                blocks.append(block)
-        whole = np.concatenate(blocks, axis=1)
-        whole -= fitted_basis @ (fitted_basis.T @ whole)
+                rows = slice(edges[k], edges[k + 1])
+                block = whole[:, i * width + k * N_PULSES : i * width + (k + 1) * N_PULSES]
+                block[rows] = of_side[rows]
+                block -= fitted_basis @ (fitted_basis[rows].T @ of_side[rows])
         # An orthonormal basis of all responses makes every screening as small as the number of pulses
-        basis, root = np.linalg.qr(whole)
+        basis, root = qr(whole, overwrite_a=True, mode="economic", check_finite=False)
         self.unexplained = basis.T @ unexplained
-        width = n_trials * N_PULSES
         self._roots = {side: root[:, i * width : (i + 1) * width] for i, side in enumerate(sides)}
         self._projections = []
         for k in range(n_trials):
