@@ -86,8 +86,8 @@ def tests(force: Unlisted) -> str:
         for o in force.other_closures
     ]  # fmt: skip
     return (
-        text
-        + "\nOther coordinates and directions, as basis functions; those without a held-out number were screened only:\n\n"
+        text + "\nOther coordinates and directions, as basis functions; those without a held-out number were screened only. "
+        "The factor is that of the training trials; what is excluded, held-out ones say as well:\n\n"
         + table(head, others, left=3)
     )
 

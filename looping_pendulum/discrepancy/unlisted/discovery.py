@@ -163,7 +163,8 @@ def discover(
         return [], []
     labels = [f"{r.closure.target} by {r.closure.coordinate}" for r in refitted]
     forces = workers.map(_tested, held_out, refitted, labels, lambda what: report_step(f"testing the law of the {what}"))
-    return by_preference(forces), _as_likely(ranked, chosen)
+    # With the evidence of the training trials, as the others have it
+    return by_preference(forces), [responses.evidence_of(s.closure) for s in _as_likely(ranked, chosen)]
 
 
 def _screened_by_all_trials(
