@@ -360,7 +360,7 @@ class Search(Revisions):
         forces, not_refitted = discover(
             base.fit, self.inputs.held_out, lambda what: self.report_progress(what, 0.85), self.workers,
             min_evidence=MIN_DELTA_BIC if noises_of(base.fit) else min_evidence, min_evidence_of_best=min_evidence_of_best,
-            begun=self.begun[1] if self.begun and self.begun[0] is base.fit else None,
+            begun=self.begun[1] if self.begun and self.begun[0] is base.fit else None, held_out_fits=base.held_out.fits,
         )  # fmt: skip
         # Many forms are tried, so that the best of them fits noise better than none; held-out data are not so easily pleased
         passing = [

@@ -15,6 +15,7 @@ from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.fit.residual_noise import refit_with_estimated_noise
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
+from looping_pendulum.discrepancy.listed.held_out import check_held_out
 from looping_pendulum.discrepancy.report.markdown import render
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.discrepancy.unlisted import discovery, formula
@@ -167,7 +168,7 @@ def test_the_screening_by_all_trials_is_that_of_a_study_in_which_none_is_held_ou
     inputs = read_inputs(study)
     assert inputs.held_out
     base = refit_with_estimated_noise(calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)))
-    found = _screened_by_all_trials(base, inputs.held_out, SERIAL)
+    found = _screened_by_all_trials(base, check_held_out(base, inputs.held_out).fits, SERIAL)
 
     together = dataclasses.replace(study, trials=tuple(dataclasses.replace(t, held_out=False) for t in study.trials))
     inputs = read_inputs(together)

@@ -112,6 +112,7 @@ def discover(
     min_evidence: float = -math.inf,
     min_evidence_of_best: float = -math.inf,
     begun: Batch | None = None,
+    held_out_fits: Sequence[Fit] = (),
 ) -> tuple[list[RecoveredForce], list[ScreenedClosure]]:
     """Search all closures; return the best ones, refitted, in the order of `by_preference`, and others that are as likely.
 
@@ -132,6 +133,8 @@ def discover(
         above ``min_evidence``, the best two by the training trials are refitted first, and one of these must have it.
     begun
         What `begin_to_discover` returned for the same fit; None: nothing was begun.
+    held_out_fits
+        Fits of the held-out trials by ``base`` (`HeldOutTest.fits`); empty: the training trials alone say which law it is.
     """
     report_step("screening unknown forces")
     runs = motions(base)
@@ -141,25 +144,28 @@ def discover(
     screened = screen(responses)
     if not screened or screened[0].twice_log_bayes_factor < min_evidence:
         return [], []
+    known: dict[Closure, RefittedClosure | None] = {}
+
+    def refit(chosen: Sequence[ScreenedClosure]) -> list[RefittedClosure]:
+        """Refit closures, each once; without those with which the model cannot run."""
+        new = [s for s in chosen if s.closure not in known]
+        names = [f"{s.closure.target} by {s.closure.coordinate}" for s in new]
+        results = workers.map(
+            _refit, (base, runs), new, names, lambda what: report_step(f"fitting an unknown law of the {what}")
+        )
+        known.update(zip((s.closure for s in new), results, strict=True))
+        return [r for s in chosen if (r := known[s.closure])]
+
     if min_evidence_of_best > min_evidence:
         # The screening by all trials takes as long as some refits, which mostly say that there is no such force
-        first = workers.map(_refit, (base, runs), _different([*screened, screened[0]])[:FIRST_REFITS])
-        if max((r.twice_log_bayes_factor for r in first if r), default=-math.inf) < min_evidence_of_best:
+        if _most_evidence(refit(_different([*screened, screened[0]])[:FIRST_REFITS])) < min_evidence_of_best:
             return [], []
-    ranked = _screened_by_all_trials(base, held_out, workers) or screened
+    ranked = _screened_by_all_trials(base, held_out_fits, workers) or screened
     # That by which the force shows in the training data is always tried
     different = _different([*ranked, screened[0]])
     chosen = [s for one in different if (s := responses.evidence_of(one.closure)).twice_log_bayes_factor >= min_evidence]
-    descriptions = [f"{s.closure.target} by {s.closure.coordinate}" for s in chosen]
-    results = workers.map(
-        _refit,
-        (base, runs),
-        chosen,
-        descriptions,
-        lambda what: report_step(f"fitting an unknown law of the {what}"),
-    )
-    refitted = [r for r in results if r]
-    if max((r.twice_log_bayes_factor for r in refitted), default=-math.inf) < min_evidence_of_best:
+    refitted = refit(chosen)
+    if _most_evidence(refitted) < min_evidence_of_best:
         return [], []
     labels = [f"{r.closure.target} by {r.closure.coordinate}" for r in refitted]
     forces = workers.map(_tested, held_out, refitted, labels, lambda what: report_step(f"testing the law of the {what}"))
@@ -167,16 +173,17 @@ def discover(
     return by_preference(forces), [responses.evidence_of(s.closure) for s in _as_likely(ranked, chosen)]
 
 
-def _screened_by_all_trials(
-    base: Fit, held_out: Sequence[tuple[TrialData, Sequence[FreeParameter]]], workers: Workers
-) -> list[ScreenedClosure]:
+def _most_evidence(refitted: Sequence[RefittedClosure]) -> float:
+    return max((r.twice_log_bayes_factor for r in refitted), default=-math.inf)
+
+
+def _screened_by_all_trials(base: Fit, fits: Sequence[Fit], workers: Workers) -> list[ScreenedClosure]:
     """Return the evidence of every closure by the residuals of a fit of ``base``'s model to all trials, largest first.
 
     It is empty if there are no held-out trials, if one is too long for it (`Motions.is_too_long`) or if the model cannot run.
     """
-    if not held_out:
+    if not fits:
         return []
-    fits = check_held_out(base, held_out).fits
     p = base.problem
     parameters = {n.name: n for n in p.free_parameters}
     x, sigmas = base.x.tolist(), []
