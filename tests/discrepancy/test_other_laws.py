@@ -70,12 +70,12 @@ def test_what_is_refitted_is_one_closure_of_each_body_and_coordinate_and_the_bes
         screened("heavy mass", "time", 60.0),
     ]
     one_direction = screened("light mass, across the string", "time", 109.0)
-    assert discovery._different([*ranked, ranked[1]]) == [ranked[0], ranked[2], ranked[3], ranked[5]]
-    assert discovery._different([*ranked, ranked[4]]) == [ranked[0], ranked[2], ranked[3], ranked[5], ranked[4]]
+    assert discovery._different(ranked, always=ranked[1]) == [ranked[0], ranked[2], ranked[3], ranked[5]]
+    assert discovery._different(ranked, always=ranked[4]) == [ranked[0], ranked[2], ranked[3], ranked[5], ranked[4]]
     # A force in both directions stands for one in one, unless that is likelier by the margin
-    assert discovery._different([one_direction, *ranked, ranked[0]])[0] is ranked[0]
+    assert discovery._different([one_direction, *ranked])[0] is ranked[0]
     one_direction.twice_log_bayes_factor = 111.0
-    assert discovery._different([one_direction, *ranked, ranked[0]])[0] is one_direction
+    assert discovery._different([one_direction, *ranked])[0] is one_direction
 
 
 @pytest.mark.parametrize(

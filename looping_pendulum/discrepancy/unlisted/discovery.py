@@ -158,11 +158,11 @@ def discover(
 
     if min_evidence_of_best > min_evidence:
         # The screening by all trials takes as long as some refits, which mostly say that there is no such force
-        if _most_evidence(refit(_different([*screened, screened[0]])[:FIRST_REFITS])) < min_evidence_of_best:
+        if _most_evidence(refit(_different(screened)[:FIRST_REFITS])) < min_evidence_of_best:
             return [], []
     ranked = _screened_by_all_trials(base, held_out_fits, workers) or screened
     # That by which the force shows in the training data is always tried
-    different = _different([*ranked, screened[0]])
+    different = _different(ranked, always=screened[0])
     chosen = [s for one in different if (s := responses.evidence_of(one.closure)).twice_log_bayes_factor >= min_evidence]
     refitted = refit(chosen)
     if _most_evidence(refitted) < min_evidence_of_best:
@@ -267,30 +267,34 @@ MAX_SHIFT = 0.3
 """Largest distance of a fitted point from where the screening has it, in each direction [m]."""
 
 
-def _different(ranked: Sequence[ScreenedClosure]) -> list[ScreenedClosure]:
-    """Return the closures to refit: the first of every body and coordinate, not too many of one body, and always the last.
+def _different(ranked: Sequence[ScreenedClosure], always: ScreenedClosure | None = None) -> list[ScreenedClosure]:
+    """Return the closures to refit: the first of every body and coordinate, not too many of one body, and one ``always``.
 
     Those that differ by their factor are alike, and so are a force in one direction and one in both. The latter is taken if it
     is about as likely: its formulas may be zero in one of them.
     """
-    *others, last = ranked
-    in_both = {s.closure.coordinate: s for s in reversed(others) if s.closure.target == LIGHT_MASS}
+    in_both = {s.closure.coordinate: s for s in reversed(ranked) if s.closure.target == LIGHT_MASS}
     seen: set[tuple[str, str]] = set()
     counts = dict.fromkeys(BODIES, 0)
     different = []
-    for one in others:
+    for one in ranked:
         body = _body(one.closure)
-        key = body, one.closure.coordinate
-        near = one.twice_log_bayes_factor >= MIN_EVIDENCE_SHARE * others[0].twice_log_bayes_factor
-        if near and key not in seen and counts[body] < MAX_REFITS_OF_BODY:
-            seen.add(key)
+        near = one.twice_log_bayes_factor >= MIN_EVIDENCE_SHARE * ranked[0].twice_log_bayes_factor
+        if near and _law(one.closure) not in seen and counts[body] < MAX_REFITS_OF_BODY:
+            seen.add(_law(one.closure))
             counts[body] += 1
             wider = in_both.get(one.closure.coordinate, one) if body == LIGHT_MASS else one
             is_as_likely = wider.twice_log_bayes_factor >= one.twice_log_bayes_factor - LIKELIHOOD_MARGIN
             different.append(wider if is_as_likely else one)
     different = different[:MAX_REFITS]
-    laws = {(_body(s.closure), s.closure.coordinate) for s in different}
-    return different if (_body(last.closure), last.closure.coordinate) in laws else [*different, last]
+    if always and _law(always.closure) not in {_law(s.closure) for s in different}:
+        different.append(always)
+    return different
+
+
+def _law(closure: Closure) -> tuple[str, str]:
+    """Return the body that a closure acts on, of `BODIES`, and its coordinate."""
+    return _body(closure), closure.coordinate
 
 
 def _body(closure: Closure) -> str:
