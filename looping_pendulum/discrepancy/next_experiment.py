@@ -6,6 +6,8 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -55,7 +57,8 @@ def best_experiments(study: Study, fits: Sequence[Fit], names: Sequence[tuple[st
     experiments = []
     for trial in _trials(study):
         try:
-            pairs = [(_distance(study, trial, a, b), (i, j)) for (i, a), (j, b) in itertools.combinations(enumerate(fits), 2)]
+            predictions = [_predict(study, trial, fit) for fit in fits]
+            pairs = [(_distance(a, b), (i, j)) for (i, a), (j, b) in itertools.combinations(enumerate(predictions), 2)]
         # A trial that one of the explanations cannot run is not proposed; the others still are
         except (HarnessError, ValueError, np.linalg.LinAlgError):
             continue
@@ -126,8 +129,27 @@ def _relative_error(known: Estimate | None) -> float:
     return known.sigma / known.value if known and known.sigma else 0.005
 
 
-def _distance(study: Study, trial: Trial, first: Fit, second: Fit) -> float:
-    """Return the Mahalanobis distance of two fits' predictions; what a refit to the new trial would change is uncertainty."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Prediction:
+    """What one explanation predicts of a possible trial."""
+
+    problem: Problem
+    """That of the trial alone."""
+    x: Array
+    """Values of its free parameters, in units of their scales, shape (p,)."""
+    covariance: Array
+    """Their covariance by the data there are, shape (p, p)."""
+    values: Array
+    """Predicted values, in units of the noise, shape (n,)."""
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """Return the derivatives of the predicted values, shape (n, p)."""
+        return self.problem.jacobian(self.x)[: len(self.values)]
+
+
+def _predict(study: Study, trial: Trial, fit: Fit) -> _Prediction:
+    """Predict a possible trial by one explanation."""
     extended = dataclasses.replace(study, trials=(*study.trials, trial))
     held = trial.release is Release.HELD
     duration, frame_rate = (HELD_DURATION, HELD_FRAME_RATE) if held else (DURATION, FRAME_RATE)
@@ -137,16 +159,19 @@ def _distance(study: Study, trial: Trial, first: Fit, second: Fit) -> float:
     observations = Observations(name=TRIAL_NAME, file=TRIAL_NAME, channels=channels)
     data = TrialData(trial=trial, channels=channels, sigma=np.full(len(names) * len(t), NOISE))
     own = free_parameters_of(extended, [(trial, observations)])
-    problem, x, covariance = _problem_of_trial(extended, data, own, first)
-    predicted = problem.predict(x, 0)
-    other_problem, other_x, _ = _problem_of_trial(extended, data, own, second)
-    difference = (predicted - other_problem.predict(other_x, 0)) / data.sigma
-    if not np.all(np.isfinite(difference)):
+    problem, x, covariance = _problem_of_trial(extended, data, own, fit)
+    values = problem.predict(x, 0) / data.sigma
+    if not np.all(np.isfinite(values)):
         raise DataError("the predictions are not finite")
-    jacobian = problem.jacobian(x)[: len(difference)]
+    return _Prediction(problem=problem, x=x, covariance=covariance, values=values)
+
+
+def _distance(first: _Prediction, second: _Prediction) -> float:
+    """Return the Mahalanobis distance of two predictions; what a refit to the new trial would change is uncertainty."""
+    difference = first.values - second.values
     # d' (I + J C J')^-1 d by the Woodbury identity, which inverts a matrix of the size of the parameters, not of the data
-    information = np.linalg.pinv(covariance, hermitian=True) + jacobian.T @ jacobian
-    projected = jacobian.T @ difference
+    information = np.linalg.pinv(first.covariance, hermitian=True) + first.jacobian.T @ first.jacobian
+    projected = first.jacobian.T @ difference
     square = float(difference @ difference - projected @ np.linalg.solve(information, projected))
     # Rounding can leave the square of a small distance slightly negative
     return math.sqrt(max(square, 0.0))

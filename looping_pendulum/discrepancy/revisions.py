@@ -61,8 +61,7 @@ class Revisions(Rounds):
         for dropped in best.added[:-1]:
             current = self.without(best, dropped)
             # Delta BIC of the dropped effect beside the others, less the margin within which explanations are tied
-            min_delta_bic = delta_bic_of(dropped, current.fit, best.fit) - MIN_DELTA_BIC_MARGIN
-            min_delta_bic = max(min_delta_bic, MIN_DELTA_BIC)
+            min_delta_bic = max(delta_bic_of(dropped, current.fit, best.fit) - MIN_DELTA_BIC_MARGIN, 0.0)
             refits = self.refit_candidates(current, 0.7, min_delta_bic)
             rivals = [r for r in refits if r.delta_bic >= min_delta_bic and r.within_bounds]
             judged = self.judge_refits(current, rivals, 0.8)

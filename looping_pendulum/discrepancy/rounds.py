@@ -128,19 +128,23 @@ class Rounds:
 
     def judge_round(self, current: CandidateModel, refits: Sequence[Refit], share: float) -> CandidateModel | None:
         """Test the best refits and record the round; return the best model, or None if no delta BIC is sufficient."""
-        threshold = max(MIN_DELTA_BIC, refits[0].delta_bic - MIN_DELTA_BIC_MARGIN) if refits else MIN_DELTA_BIC
-        near = [r for r in refits if r.delta_bic >= threshold]
-        judged = self.judge_refits(current, near, share + (0.01 if self.correlated_base else 0.2), current.held_out)
+        near = [r for r in refits if r.delta_bic >= refits[0].delta_bic - MIN_DELTA_BIC_MARGIN]
+        evident = [r for r in near if r.delta_bic >= MIN_DELTA_BIC]
+        share += 0.01 if self.correlated_base else 0.2
+        judged = self.judge_refits(current, evident, share, current.held_out)
+        within_bounds = {r.candidate.name for r in near if r.within_bounds}
+        passing = {name: m for name, m in judged.items() if name in within_bounds and not m.failed_tests}
+        if passing:
+            # What is found is no chance, so that an effect whose own evidence would not suffice may explain it, too
+            judged |= self.judge_refits(current, [r for r in near if r.within_bounds and r not in evident], share)
         self.record(current, refits, judged)
         if self.correlated_base is None:
             self.white_rounds[len(self.rounds) - 1] = (current, list(refits), judged)
         if not current.added:
             self.tested_beside_declared = judged
-        within_bounds = {r.candidate.name for r in refits if r.within_bounds}
-        passing = [m for name, m in judged.items() if name in within_bounds and not m.failed_tests]
         # A model within the margin that fails a test is no winner, but its delta BIC is too near to the best to rule it out.
-        failing = [m for name, m in judged.items() if name in within_bounds and m.failed_tests]
-        self.accepted_models = (*passing, *failing) if passing else ()
+        others = [m for name, m in judged.items() if name in within_bounds and name not in passing]
+        self.accepted_models = (*passing.values(), *others) if passing else ()
         return next(iter(judged.values()), None)
 
     def refit_candidates(self, current: CandidateModel, share: float, delta_bic_to_beat: float = 0.0) -> list[Refit]:

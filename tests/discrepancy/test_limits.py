@@ -26,7 +26,7 @@ def one_round(delta_bics, failed=()):
     refits = [a_refit(name, delta_bic) for name, delta_bic in zip("abcdef", delta_bics, strict=False)]
     search = Search(SimpleNamespace(), 0, lambda what, share: None)
     search.refit_candidates = lambda current, share: refits
-    search.judge_refits = lambda current, near, share, without: {
+    search.judge_refits = lambda current, near, share, without=None: {
         r.candidate.name: SimpleNamespace(
             names=(r.candidate.name,),
             failed_tests=("it fails",) if r.candidate.name in failed else (),
@@ -84,6 +84,17 @@ def test_a_rival_is_ruled_out_if_the_difference_decides(behind, tied):
     search = one_round([100.0, 100.0 - behind])
     assert [m.names[0] for m in search.accepted_models] == (["a", "b"] if tied else ["a"])
     assert search.rounds[0].margin == pytest.approx(behind)
+
+
+@pytest.mark.parametrize(("failed", "explanations"), [((), ["a", "b"]), (("b",), ["a", "b"]), (("a",), [])])
+def test_a_rival_that_alone_would_be_chance_is_not_ruled_out_by_a_difference_that_does_not_decide(failed, explanations):
+    """The best says that something is missing; odds of e^3 to 1 do not say which of the two it is."""
+    search = one_round([DECISIVE + 5.0, DECISIVE - 1.0, DECISIVE - 5.1], failed)
+    assert [m.names[0] for m in search.accepted_models] == explanations
+    best, weak, out = search.rounds[0].ranking
+    chance = "it explains too little to be more than chance"
+    assert weak.reason == ("it explains less than a, but these data do not rule it out" if explanations else chance)
+    assert (best.passes, weak.passes, out.passes, out.reason) == (bool(explanations), False, False, chance)
 
 
 def held_out(chi2_per_value, count, monkeypatch):

@@ -30,10 +30,12 @@ def _passes(r: Refit, model: CandidateModel | None) -> bool:
     return model is not None and r.within_bounds and r.delta_bic >= MIN_DELTA_BIC and not model.failed_tests
 
 
-def _reason(r: Refit, model: CandidateModel | None, best: Refit) -> str:
+def _reason(r: Refit, model: CandidateModel | None, best: Refit, *, one_passes: bool) -> str:
     """Return in words why a refit does not pass; empty if it does. ``model`` is None if the refit was not tested."""
     if not r.within_bounds and r.candidate.bounds_reason:
         return f"its value would be impossible: {r.candidate.bounds_reason}"
+    if r.delta_bic < MIN_DELTA_BIC and model is not None and one_passes:
+        return f"it explains less than {best.candidate.name}, but these data do not rule it out"
     if r.delta_bic < MIN_DELTA_BIC and model is not None and not model.failed_tests:
         return "it explains too little to be more than chance, but the model with it predicts as well as an unlisted force"
     if r.delta_bic < MIN_DELTA_BIC:
@@ -52,8 +54,11 @@ def record_round(
 ) -> Round:
     """Return the record of a round: the refits, best first, then the candidates that were only screened."""
     ranking = []
+    one_passes = any(_passes(r, judged.get(r.candidate.name)) for r in refits)
     for r in refits:
         c, model = r.candidate, judged.get(r.candidate.name)
+        # Of an effect that is only not ruled out no test is asked
+        tests = model.test_results if model and not (one_passes and r.delta_bic < MIN_DELTA_BIC) else ()
         ranking.append(
             RankedCandidate(
                 name=c.name,
@@ -65,8 +70,8 @@ def record_round(
                 unit=c.unit,
                 held_out_chi2=model.held_out.worst if model else None,
                 passes=_passes(r, model),
-                reason=_reason(r, model, refits[0]),
-                tests=model.test_results if model else (),
+                reason=_reason(r, model, refits[0], one_passes=one_passes),
+                tests=tests,
                 held_by=r.screened.held_by if r.within_bounds else c.bounds_reason,
             )
         )
