@@ -52,7 +52,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--share", type=float, default=1.0, help="share of these numbers, such as 0.1")
     group.add_argument("--set", choices=("thresholds", "rates"), default="rates", help="which seeds")
     group.add_argument("--seed", type=int, default=0, help="further seed")
-    group.add_argument("--store-as", help="key of the result of --only calibration (the set's name)")
     group.add_argument("--work", type=Path, help="folder in which finished studies are kept")
     group.add_argument("--jobs", type=int, default=1, help="processes")
     group.add_argument("--cluster", help="address of a Dask scheduler, in place of --jobs")
@@ -83,7 +82,7 @@ def benchmark(options: argparse.Namespace) -> None:
     print_summary(options.set, result)
     if interrupted:
         sys.exit(130)
-    store(RESULT, options.store_as or options.set, provenance(options, "calibration") | {"summary": result})
+    store(RESULT, options.set, provenance(options, "calibration") | {"summary": result})
 
 
 def store(file: Path, key: str, block: dict[str, Any]) -> None:
@@ -98,11 +97,10 @@ def provenance(options: argparse.Namespace, name: str) -> dict[str, Any]:
     """Return the command, the day and the versions of a measurement."""
     counts = [f" --{kind} {getattr(options, kind)}" for kind in KINDS if getattr(options, kind) != DEFAULT_COUNTS[kind]]
     seed = f" --seed {options.seed}" if options.seed else ""
-    stored_as = f" --store-as {options.store_as}" if options.store_as else ""
     versions = {p: installed_version(p) for p in ("looping-pendulum", "numpy", "scipy", "heyoka", "lmfit", "scikit-learn")}
     return {
         "command": f"python -m benchmarks --only {name} --set {options.set}{seed} --share {options.share:g}"
-        + "".join([*counts, stored_as]),
+        + "".join(counts),
         "seed": options.seed,
         "measured_on": datetime.date.today().isoformat(),
         "machine": platform.machine(),

@@ -21,8 +21,6 @@ BEGIN, END = "<!-- measured rates: python -m scripts.docs_numbers -->", "<!-- en
 BLOCK = re.compile(rf"{re.escape(BEGIN)}\n.*?{re.escape(END)}", re.DOTALL)
 SET, KNOWN_SET, SLOW_SET = "rates", "known_answer_rates", "all_free"
 """Keys of the stored results; the last one has few studies, for a method that takes more than a minute each."""
-LATER_UNLISTED_SET = "later_unlisted"
-"""Key of studies of unlisted forces by a search that is younger than that of the rates."""
 PLANNED = 800
 """Studies of the whole measurement: the benchmark's defaults."""
 
@@ -34,7 +32,6 @@ def with_current_rates(text: str) -> str:
     rivals = json.loads(rivals_file.read_text(encoding="utf-8")) if rivals_file.exists() else {}
     in_order = (
         (stored, SET, block),
-        (stored, LATER_UNLISTED_SET, later_unlisted_block),
         (stored, KNOWN_SET, known_answer_block),
         (stored, SET, targets_block),
         (stored, "outliers", outliers_block),
@@ -120,27 +117,6 @@ Of a force that is not listed, against its size:
 | the light mass moves by (RMS) | the verdict is `unlisted` | the same, or tied | a listed effect is named instead |
 |---|---|---|---|
 {_power_rows(_in_millimetres(by_size), ("named", "named_or_tied", "wrong"))}
-"""
-
-
-def later_unlisted_block(later: dict[str, Any]) -> str:
-    """Return what a later search says of forces that are not listed."""
-    s, large = later["summary"], later["summary"]["large"]
-    rows = {
-        "the verdict is `unlisted`": (s["unlisted"]["right"], None),
-        "it is that, or a tie with listed effects": (None, large["unlisted"]),
-        "what it acts on and depends on is as planted": (s["unlisted_law"], large["unlisted_law"]),
-        "the same, of those with the verdict `unlisted`": (s["unlisted_law_of_found"], large["unlisted_law_of_found"]),
-        "the same, or among the laws that the report does not exclude": (None, large["unlisted_law_not_excluded"]),
-        "a listed effect is named instead": (s["unlisted"]["wrong"], None),
-    }
-    table = (f"| {what} | {' | '.join('-' if n is None else share(n) for n in shares)} |" for what, shares in rows.items())
-    return f"""Since then all trials together say which law an unlisted force is. Of further studies of such forces
-(`{later["command"]}`, {later["measured_on"]}):
-
-| what | of all | of 16 mm or more |
-|---|---|---|
-{chr(10).join(table)}
 """
 
 

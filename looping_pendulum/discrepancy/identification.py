@@ -51,7 +51,7 @@ class Conclusion:
     after: CandidateModel
     """The repaired model; the declared one if nothing was added."""
     ties: tuple[CandidateModel, ...]
-    """Models that the data cannot tell apart, the best first."""
+    """Models that the data cannot tell apart, the best (``after``) first; empty: the data tell."""
     rounds: tuple[Round, ...]
     experiments: tuple[Experiment, ...]
     unlisted: Unlisted | None = None
@@ -62,8 +62,8 @@ def identification(
 ) -> Identification:
     """Return the result; ``data`` says for each trial what was used of it."""
     before, after = conclusion.before, conclusion.after
-    effects = _effects(after)
     ties = tuple(_effects(t) for t in conclusion.ties)
+    effects = ties[0] if ties else _effects(after)
     repaired_fits = [(fit, k, held_out) for _, fit, k, held_out in _fits_of_trials(before, after)]
     outliers = summarise_outliers(repaired_fits)
     errors, noise = _errors(before, after), _correlated_noise(after)

@@ -122,7 +122,7 @@ def _identify(study: Study, seed: int, progress: FractionCallback, workers: Work
     if len(ties) > 1:
         # An interrupt now costs the advice on the next trial, but not the verdict
         with contextlib.suppress(KeyboardInterrupt):
-            experiments = best_experiments(inputs.study, [t.fit for t in ties], [t.names for t in ties])
+            experiments = best_experiments(inputs.study, [t.fit for t in ties], [t.names for t in ties], workers)
     force = None
     if search.forces and verdict is not Verdict.INTERRUPTED:
         force = describe_unlisted_force(

@@ -17,6 +17,7 @@ from looping_pendulum.discrepancy.data.study import Estimate, Study, Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
 from looping_pendulum.discrepancy.result import Experiment
+from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Release
@@ -44,7 +45,9 @@ TRIAL_NAME = "next"
 """Name of a proposed trial in the problems that are built of it."""
 
 
-def best_experiments(study: Study, fits: Sequence[Fit], names: Sequence[tuple[str, ...]]) -> tuple[Experiment, ...]:
+def best_experiments(
+    study: Study, fits: Sequence[Fit], names: Sequence[tuple[str, ...]], workers: Workers = SERIAL
+) -> tuple[Experiment, ...]:
     """Rank possible trials by the distance between the two closest explanations, in units of noise, after a refit of all else.
 
     Parameters
@@ -54,28 +57,28 @@ def best_experiments(study: Study, fits: Sequence[Fit], names: Sequence[tuple[st
     names
         Names of the effects that each explanation adds to the declared model.
     """
-    experiments = []
-    for trial in _trials(study):
-        try:
-            predictions = [_predict(study, trial, fit) for fit in fits]
-            pairs = [(_distance(a, b), (i, j)) for (i, a), (j, b) in itertools.combinations(enumerate(predictions), 2)]
-        # A trial that one of the explanations cannot run is not proposed; the others still are
-        except (HarnessError, ValueError, np.linalg.LinAlgError):
-            continue
-        # A trial is worth as much as it separates those two explanations that it separates least
-        distance, (i, j) = min(pairs)
-        p = study.parameters({}, trial)
-        experiments.append(
-            Experiment(
-                release=trial.release.value,
-                release_angle=p.release_angle,
-                mass_ratio=None if trial.release is Release.HELD else p.heavy_mass / p.light_mass,
-                free_length=p.free_length,
-                distance=distance,
-                tells_apart=("+".join(names[i]), "+".join(names[j])),
-            )
-        )
-    return tuple(sorted(experiments, key=lambda e: -e.distance)[:MAX_EXPERIMENTS])
+    rated = [e for e in workers.map(_rate, (study, fits, names), list(_trials(study))) if e]
+    return tuple(sorted(rated, key=lambda e: -e.distance)[:MAX_EXPERIMENTS])
+
+
+def _rate(shared: tuple[Study, Sequence[Fit], Sequence[tuple[str, ...]]], trial: Trial) -> Experiment | None:
+    """Return a possible trial with the distance of the two explanations that it separates least; None: one cannot run it."""
+    study, fits, names = shared
+    try:
+        predictions = [_predict(study, trial, fit) for fit in fits]
+        pairs = [(_distance(a, b), (i, j)) for (i, a), (j, b) in itertools.combinations(enumerate(predictions), 2)]
+    except (HarnessError, ValueError, np.linalg.LinAlgError):
+        return None
+    distance, (i, j) = min(pairs)
+    p = study.parameters({}, trial)
+    return Experiment(
+        release=trial.release.value,
+        release_angle=p.release_angle,
+        mass_ratio=None if trial.release is Release.HELD else p.heavy_mass / p.light_mass,
+        free_length=p.free_length,
+        distance=distance,
+        tells_apart=("+".join(names[i]), "+".join(names[j])),
+    )
 
 
 def _trials(study: Study) -> Iterator[Trial]:

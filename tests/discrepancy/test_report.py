@@ -217,3 +217,11 @@ def test_residual_vectors_lead_to_the_points_magnified():
 def test_the_farthest_misfits_are_named_with_their_times():
     step = next_steps.section(made_up(Verdict.UNEXPLAINED))
     assert "trial swing, halting time (off by 100 ms)" in step
+
+
+@pytest.mark.parametrize(("mass_ratio", "words"), [(3.0, " with a heavy mass of 3 times the light one"), (None, "")])
+def test_a_trial_is_proposed_with_the_mass_that_matters(mass_ratio, words):
+    result = made_up(Verdict.AMBIGUOUS)
+    (experiment,) = result.next_experiments
+    result = dataclasses.replace(result, next_experiments=(dataclasses.replace(experiment, mass_ratio=mass_ratio),))
+    assert f"release `held` at 57.3 deg{',' if words else ''}{words}. It separates" in next_steps.section(result)

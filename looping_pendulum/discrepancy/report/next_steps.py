@@ -91,10 +91,9 @@ def _after_ambiguous(result: Identification) -> list[str]:
     if not experiments:
         return ["Measure one of the explanations directly: no trial within the study's limits could be simulated.", rest]
     best = experiments[0]
-    how = (
-        f"release `{best.release}` at {number(math.degrees(best.release_angle))} deg, with a heavy mass of "
-        f"{number(best.mass_ratio)} times the light one"
-    )
+    how = f"release `{best.release}` at {number(math.degrees(best.release_angle))} deg"
+    if best.mass_ratio is not None:
+        how += f", with a heavy mass of {number(best.mass_ratio)} times the light one"
     if best.distance > MIN_SEPARATION:
         return [f"Film this trial: {how}. It separates the explanations by {amount(best.distance)} times the noise.", rest]
     return [
