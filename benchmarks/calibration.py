@@ -99,8 +99,7 @@ def provenance(options: argparse.Namespace, name: str) -> dict[str, Any]:
     seed = f" --seed {options.seed}" if options.seed else ""
     versions = {p: installed_version(p) for p in ("looping-pendulum", "numpy", "scipy", "heyoka", "lmfit", "scikit-learn")}
     return {
-        "command": f"python -m benchmarks --only {name} --set {options.set}{seed} --share {options.share:g}"
-        + "".join(counts),
+        "command": f"python -m benchmarks --only {name} --set {options.set}{seed} --share {options.share:g}" + "".join(counts),
         "seed": options.seed,
         "measured_on": datetime.date.today().isoformat(),
         "machine": platform.machine(),

@@ -16,7 +16,7 @@ from looping_pendulum.discrepancy.data.observations import Channel, DataError, O
 from looping_pendulum.discrepancy.data.study import Estimate, Study, Trial
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
-from looping_pendulum.discrepancy.result import Experiment
+from looping_pendulum.discrepancy.result import MIN_SEPARATION, Experiment
 from looping_pendulum.discrepancy.workers import SERIAL, Workers
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.reference_ode.geometry import Array
@@ -48,7 +48,7 @@ TRIAL_NAME = "next"
 def best_experiments(
     study: Study, fits: Sequence[Fit], names: Sequence[tuple[str, ...]], workers: Workers = SERIAL
 ) -> tuple[Experiment, ...]:
-    """Rank possible trials by the distance between the two closest explanations, in units of noise, after a refit of all else.
+    """Rank possible trials by how many pairs of explanations they separate, then by how well, after a refit of all else.
 
     Parameters
     ----------
@@ -58,24 +58,27 @@ def best_experiments(
         Names of the effects that each explanation adds to the declared model.
     """
     rated = [e for e in workers.map(_rate, (study, fits, names), list(_trials(study))) if e]
-    return tuple(sorted(rated, key=lambda e: -e.distance)[:MAX_EXPERIMENTS])
+    return tuple(sorted(rated, key=lambda e: (-e.separated_pairs, -e.distance))[:MAX_EXPERIMENTS])
 
 
 def _rate(shared: tuple[Study, Sequence[Fit], Sequence[tuple[str, ...]]], trial: Trial) -> Experiment | None:
-    """Return a possible trial with the distance of the two explanations that it separates least; None: one cannot run it."""
+    """Return a possible trial with what it separates; None: one of the explanations cannot run it."""
     study, fits, names = shared
     try:
         predictions = [_predict(study, trial, fit) for fit in fits]
         pairs = [(_distance(a, b), (i, j)) for (i, a), (j, b) in itertools.combinations(enumerate(predictions), 2)]
     except (HarnessError, ValueError, np.linalg.LinAlgError):
         return None
-    distance, (i, j) = min(pairs)
+    separated = [pair for pair in pairs if pair[0] > MIN_SEPARATION]
+    distance, (i, j) = min(separated or pairs)
     p = study.parameters({}, trial)
     return Experiment(
         release=trial.release.value,
         release_angle=p.release_angle,
         mass_ratio=None if trial.release is Release.HELD else p.heavy_mass / p.light_mass,
         free_length=p.free_length,
+        pairs=len(pairs),
+        separated_pairs=len(separated),
         distance=distance,
         tells_apart=("+".join(names[i]), "+".join(names[j])),
     )

@@ -162,6 +162,10 @@ class FitReport:
     """Every test of the model, with its value and limit."""
 
 
+MIN_SEPARATION = 3.0
+"""Distance of two explanations' predictions [units of noise] up to which a trial does not tell them apart."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
     """A trial that would separate tied explanations."""
@@ -173,10 +177,14 @@ class Experiment:
     """Heavy over light mass, M2/M1; None: the heavy mass is held."""
     free_length: float
     """Free length at release [m]."""
+    pairs: int
+    """Number of pairs of tied explanations."""
+    separated_pairs: int
+    """How many of these the trial separates by more than `MIN_SEPARATION`."""
     distance: float
-    """Expected distance between the two closest of the tied explanations [units of noise], all else fitted to the new trial."""
+    """Expected distance of the closest two of these [units of noise], all else fitted to the new trial; if none, of any two."""
     tells_apart: tuple[str, str]
-    """The two explanations that the trial separates least well."""
+    """Those two explanations."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,8 @@ renamed fields of version 2 without a change of meaning; `RENAMED` lists them. V
 ``smallest_visible`` in place of ``remainder`` and of the factor on the errors of a round, which `load` leaves as they are in
 older files. In version 5 an effect's ``interval`` is one of 95 % and may be open (null) on a side; before, its ends were those
 of three standard errors, or the value's bounds. From version 6 on ``other_closures`` has laws that were screened only, whose
-``held_out_chi2`` is null.
+``held_out_chi2`` is null. From version 7 on the ``distance`` of an experiment is that of the closest explanations which it
+separates, and two fields count these; before, it was that of any two.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from looping_pendulum.errors import ResultError
 from looping_pendulum.scenarios.document import quote
 
 SCHEMA_ID = "looping-pendulum/identification"
-SCHEMA_VERSION = 6
+SCHEMA_VERSION = 7
 OLDEST_VERSION = 2
 """Oldest version of verdict.json that `load` reads."""
 _EFFECT = {"null": "null_value"}
@@ -70,7 +71,7 @@ def dump(result: Identification) -> str:
 
 
 def load(text: str) -> dict[str, Any]:
-    """Read the text of a verdict.json of version 2 to 6 as plain data, under the field names of its `Identification`.
+    """Read the text of a verdict.json of version 2 to 7 as plain data, under the field names of its `Identification`.
 
     Raises
     ------
@@ -87,7 +88,7 @@ def load(text: str) -> dict[str, Any]:
     version = schema.get("version")
     if version == OLDEST_VERSION:
         return cast(dict[str, Any], _renamed(tree))
-    if version not in (3, 4, 5, SCHEMA_VERSION):
+    if version not in (3, 4, 5, 6, SCHEMA_VERSION):
         problem = f"found version {quote(version)}, needed {OLDEST_VERSION} to {SCHEMA_VERSION}"
         raise ResultError(f"verdict.json: schema: {problem}; write it again with `looping-pendulum identify`")
     return cast(dict[str, Any], tree)

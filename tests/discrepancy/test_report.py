@@ -66,6 +66,8 @@ def made_up(verdict):
                 release_angle=1.0,
                 free_length=0.3,
                 mass_ratio=3.0,
+                pairs=1,
+                separated_pairs=1,
                 distance=8.0,
                 tells_apart=("swing", "clock_ratio"),
             ),
@@ -219,9 +221,17 @@ def test_the_farthest_misfits_are_named_with_their_times():
     assert "trial swing, halting time (off by 100 ms)" in step
 
 
-@pytest.mark.parametrize(("mass_ratio", "words"), [(3.0, " with a heavy mass of 3 times the light one"), (None, "")])
-def test_a_trial_is_proposed_with_the_mass_that_matters(mass_ratio, words):
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, " deg, with a heavy mass of 3 times the light one. It separates the explanations by 8 times the noise."),
+        ({"mass_ratio": None}, " deg. It separates"),
+        ({"pairs": 3}, "It separates 1 of 3 pairs of explanations by at least 8 times the noise."),
+        ({"separated_pairs": 0, "distance": 2.0}, "no trial within the study's limits separates them."),
+    ],
+)
+def test_the_next_trial_is_described_with_what_it_separates(changes, words):
     result = made_up(Verdict.AMBIGUOUS)
     (experiment,) = result.next_experiments
-    result = dataclasses.replace(result, next_experiments=(dataclasses.replace(experiment, mass_ratio=mass_ratio),))
-    assert f"release `held` at 57.3 deg{',' if words else ''}{words}. It separates" in next_steps.section(result)
+    result = dataclasses.replace(result, next_experiments=(dataclasses.replace(experiment, **changes),))
+    assert words in next_steps.section(result)

@@ -87,7 +87,7 @@ def test_a_file_of_version_2_is_read_under_the_names_of_version_3():
     assert verdict_file.load(VERSION_2) == VERSION_3
 
 
-@pytest.mark.parametrize("version", [3, 4, 5])
+@pytest.mark.parametrize("version", [3, 4, 5, 6])
 def test_a_file_of_a_version_between_is_read_as_it_is(version):
     text = json.dumps({"schema": {"id": "looping-pendulum/identification", "version": version}, "seed": 3})
     assert verdict_file.load(text) == {"seed": 3}
@@ -105,7 +105,7 @@ def test_every_new_name_is_a_field_of_today():
         ("{", "verdict.json: Expecting property name"),
         ("[]", "schema: found 'None', needed the id 'looping-pendulum/identification'"),
         ('{"schema": {"id": "looping-pendulum/result", "version": 3}}', "needed the id 'looping-pendulum/identification'"),
-        ('{"schema": {"id": "looping-pendulum/identification", "version": 7}}', "found version '7', needed 2 to 6"),
+        ('{"schema": {"id": "looping-pendulum/identification", "version": 8}}', "found version '8', needed 2 to 7"),
     ],
 )
 def test_what_is_no_verdict_file_is_refused(text, message):

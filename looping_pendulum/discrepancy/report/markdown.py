@@ -18,7 +18,7 @@ from looping_pendulum.discrepancy.report import (
     unlisted_report,
     visible_report,
 )
-from looping_pendulum.discrepancy.result import FitReport, Identification, IdentifiedEffect, Round, Verdict
+from looping_pendulum.discrepancy.result import MIN_SEPARATION, FitReport, Identification, IdentifiedEffect, Round, Verdict
 from looping_pendulum.discrepancy.verdict_sentence import limits_in_words
 from looping_pendulum.pages.numbers import DISPLAY_UNITS, quantity, uncertain, unit_in_words
 
@@ -157,15 +157,17 @@ def _ties(result: Identification) -> str:
     text += "\n".join(_effect_table(tie) for tie in result.ties)
     if not result.next_experiments:
         return text + "\nNo trial within the limits could be simulated to separate them.\n"
-    head = ["release", "angle [deg]", "free length [cm]", "M2/M1", "distance [units of noise]", "closest explanations"]
+    head = ["release", "angle [deg]", "free length [cm]", "M2/M1", "separated pairs", "of", "distance [units of noise]",
+            "closest of these"]  # fmt: skip
     rows = [
         [e.release, number(math.degrees(e.release_angle)), number(e.free_length, 1e2), number(e.mass_ratio),
-         number(e.distance), " / ".join(e.tells_apart)]
+         str(e.separated_pairs), str(e.pairs), number(e.distance), " / ".join(e.tells_apart)]
         for e in result.next_experiments
     ]  # fmt: skip
     return (
         text
-        + f"\n### Next experiment\n\nA distance below about {next_steps.MIN_SEPARATION:g} units of noise decides nothing.\n\n"
+        + "\n### Next experiment\n\nA trial separates two explanations whose predictions are more than "
+        + f"{MIN_SEPARATION:g} units of noise apart.\n\n"
         + table(head, rows)
     )
 

@@ -19,8 +19,6 @@ WORST_MISFITS = 3
 """Times that are named at which a model is farthest off."""
 MIN_MISFIT = 2.0
 """Smallest misfit that is named [units of noise]."""
-MIN_SEPARATION = 3.0
-"""Distance of tied explanations [units of noise] below which an experiment decides nothing."""
 RUN = "looping-pendulum run repaired.yaml"
 COMPARE = "looping-pendulum compare repaired.yaml --engine mujoco:capstan --out compared"
 LOOK_FOR = {
@@ -94,8 +92,11 @@ def _after_ambiguous(result: Identification) -> list[str]:
     how = f"release `{best.release}` at {number(math.degrees(best.release_angle))} deg"
     if best.mass_ratio is not None:
         how += f", with a heavy mass of {number(best.mass_ratio)} times the light one"
-    if best.distance > MIN_SEPARATION:
-        return [f"Film this trial: {how}. It separates the explanations by {amount(best.distance)} times the noise.", rest]
+    if best.separated_pairs:
+        what = "the explanations by"
+        if best.separated_pairs < best.pairs:
+            what = f"{best.separated_pairs} of {best.pairs} pairs of explanations by at least"
+        return [f"Film this trial: {how}. It separates {what} {amount(best.distance)} times the noise.", rest]
     return [
         "Measure one of the explanations directly, for example with a scale, a rule or a clock: no trial within the study's "
         "limits separates them.",
