@@ -6,7 +6,7 @@ First the verdict in one sentence, with one picture; then what to do next; then 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.record_start_summary import record_starts_in_words
@@ -83,33 +83,28 @@ def _effects(result: Identification) -> str:
     if not result.effects:
         return ""
     note = "At its null value an effect is absent.\n\n"
-    return f"## What was added\n\n{note}{_effect_table(result.effects)}"
+    return f"## What was added\n\n{note}{_effect_table([result.effects])}"
 
 
-def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
-    head = [
-        "effect",
-        "kind",
-        "acts on",
-        "depends on",
-        "formula",
-        "value",
-        "standard error",
-        "95 % interval",
-        "null value",
-        "unit",
-    ]
+def _effect_table(explanations: Sequence[tuple[IdentifiedEffect, ...]]) -> str:
+    """Return one table of the effects of one explanation, or of several with the number of each."""
+    head = ["effect", "kind", "acts on", "depends on", "formula", "value", "standard error", "95 % interval", "null value",
+            "unit"]  # fmt: skip
     rows = [
-        [e.name, e.kind, e.acts_on, ", ".join(e.depends_on) or GAP, f"`{e.formula}`", number(e.value, digits=5),
+        [str(i), e.name, e.kind, e.acts_on, ", ".join(e.depends_on) or GAP, f"`{e.formula}`", number(e.value, digits=5),
          number(e.error, digits=2), limits_in_words(*e.interval_95, number) or GAP, number(e.null_value),
          unit_in_words(e.unit) or GAP]
+        for i, effects in enumerate(explanations, start=1)
         for e in effects
     ]  # fmt: skip
-    # Not where it would say that a parameter is itself
-    note = "".join(f"\nThe value of {e.name} {e.meaning} {e.parameter}.\n" for e in effects if e.name != e.parameter)
-    for e in effects:
+    note = ""
+    for e in dict.fromkeys(e for effects in explanations for e in effects):
+        # Not where it would say that a parameter is itself
+        note += f"\nThe value of {e.name} {e.meaning} {e.parameter}.\n" if e.name != e.parameter else ""
         note += "".join(f"\nFitted with {e.name}: {n} = {uncertain(v, s)} [SI].\n" for n, v, s in e.companions)
-    return table(head, rows, left=5) + note
+    if len(explanations) > 1:
+        return table(["explanation", *head], rows, left=6) + note
+    return table(head, [row[1:] for row in rows], left=5) + note
 
 
 def _errors(result: Identification) -> str:
@@ -154,7 +149,7 @@ def _ties(result: Identification) -> str:
     if not result.ties:
         return ""
     text = "## Explanations that these data cannot tell apart\n\n"
-    text += "\n".join(_effect_table(tie) for tie in result.ties)
+    text += _effect_table(result.ties)
     if not result.next_experiments:
         return text + "\nNo trial within the limits could be simulated to separate them.\n"
     head = ["release", "angle [deg]", "free length [cm]", "M2/M1", "separated pairs", "of", "distance [units of noise]",
