@@ -6,7 +6,7 @@ First the verdict in one sentence, with one picture; then what to do next; then 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from looping_pendulum.compare.tables import GAP, number, signed, table
 from looping_pendulum.discrepancy.record_start_summary import record_starts_in_words
@@ -83,28 +83,46 @@ def _effects(result: Identification) -> str:
     if not result.effects:
         return ""
     note = "At its null value an effect is absent.\n\n"
-    return f"## What was added\n\n{note}{_effect_table([result.effects])}"
+    return f"## What was added\n\n{note}{_effect_table(result.effects)}"
 
 
-def _effect_table(explanations: Sequence[tuple[IdentifiedEffect, ...]]) -> str:
-    """Return one table of the effects of one explanation, or of several with the number of each."""
+def _effect_table(effects: tuple[IdentifiedEffect, ...]) -> str:
     head = ["effect", "kind", "acts on", "depends on", "formula", "value", "standard error", "95 % interval", "null value",
             "unit"]  # fmt: skip
     rows = [
-        [str(i), e.name, e.kind, e.acts_on, ", ".join(e.depends_on) or GAP, f"`{e.formula}`", number(e.value, digits=5),
-         number(e.error, digits=2), limits_in_words(*e.interval_95, number) or GAP, number(e.null_value),
+        [e.name, e.kind, e.acts_on, ", ".join(e.depends_on) or GAP, f"`{e.formula}`", number(e.value, digits=5),
+         number(e.error, digits=2), limits_in_words(*e.interval_95, _to_four_digits) or GAP, number(e.null_value),
          unit_in_words(e.unit) or GAP]
+        for e in effects
+    ]  # fmt: skip
+    return table(head, rows, left=5) + _notes(effects)
+
+
+def _explanations_table(explanations: Sequence[tuple[IdentifiedEffect, ...]]) -> str:
+    """Return one table of the effects of several explanations, with the number of each."""
+    head = ["explanation", "effect", "acts on", "formula", "value", "95 % interval", "null value"]
+    rows = [
+        [str(i), e.name, e.acts_on, f"`{e.formula}`", uncertain(e.value, e.error, e.unit),
+         limits_in_words(*e.interval_95, _to_four_digits) or GAP, number(e.null_value)]
         for i, effects in enumerate(explanations, start=1)
         for e in effects
     ]  # fmt: skip
+    return table(head, rows, left=4) + _notes(e for effects in explanations for e in effects)
+
+
+def _to_four_digits(value: float) -> str:
+    """Write an end of an interval: to three digits, those about a ratio of 1 would mostly be 1."""
+    return number(value, digits=4)
+
+
+def _notes(effects: Iterable[IdentifiedEffect]) -> str:
+    """Return what the numbers of effects mean, and what was fitted with them."""
     note = ""
-    for e in dict.fromkeys(e for effects in explanations for e in effects):
+    for e in dict.fromkeys(effects):
         # Not where it would say that a parameter is itself
         note += f"\nThe value of {e.name} {e.meaning} {e.parameter}.\n" if e.name != e.parameter else ""
         note += "".join(f"\nFitted with {e.name}: {n} = {uncertain(v, s)} [SI].\n" for n, v, s in e.companions)
-    if len(explanations) > 1:
-        return table(["explanation", *head], rows, left=6) + note
-    return table(head, [row[1:] for row in rows], left=5) + note
+    return note
 
 
 def _errors(result: Identification) -> str:
@@ -149,7 +167,7 @@ def _ties(result: Identification) -> str:
     if not result.ties:
         return ""
     text = "## Explanations that these data cannot tell apart\n\n"
-    text += _effect_table(result.ties)
+    text += _explanations_table(result.ties)
     if not result.next_experiments:
         return text + "\nNo trial within the limits could be simulated to separate them.\n"
     head = ["release", "angle [deg]", "free length [cm]", "M2/M1", "separated pairs", "of", "distance [units of noise]",
