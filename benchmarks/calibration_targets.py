@@ -139,9 +139,8 @@ TARGETS = (
         low=0.93,
         high=0.97,
         why_not=(
-            "8 of 30 intervals of static friction, of a rod that turns and of a push sideways miss the value, 12 of 210 of all "
-            "others: the motion is far from linear in the former. Since then an interval's end is sought where the cost jumps, "
-            "and a push sideways has one sign: four of the eight now contain it; the whole set was not measured again"
+            "183 of 194 intervals of effects above their smallest visible size hold the value (94 %), 5 of 10 of smaller ones: "
+            "these are named only where noise enlarges them"
         ),
     ),
 )
