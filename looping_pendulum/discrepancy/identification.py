@@ -14,8 +14,9 @@ from looping_pendulum.discrepancy.data.study import Study
 from looping_pendulum.discrepancy.fit.calibration import Fit
 from looping_pendulum.discrepancy.fit.correlated_noise_fit import noises_of
 from looping_pendulum.discrepancy.fit.event_tests import event_rms_by_unit
-from looping_pendulum.discrepancy.fit.likelihood import is_nearly_linear, likelihood_interval
+from looping_pendulum.discrepancy.fit.likelihood import stated_interval
 from looping_pendulum.discrepancy.fit.problem import TrialData
+from looping_pendulum.discrepancy.listed.attribution import min_distance
 from looping_pendulum.discrepancy.listed.candidates import Candidate
 from looping_pendulum.discrepancy.listed.held_out import position_slices, rms
 from looping_pendulum.discrepancy.listed.screening import MAX_NULL_SCORE
@@ -107,9 +108,9 @@ def identification(
 def _effects(model: CandidateModel) -> tuple[IdentifiedEffect, ...]:
     values, errors = model.fit.values, model.fit.errors
     # Where the model is far from linear in an effect, a standard error misleads: of static friction that holds all is known
-    # but that it is large enough
-    intervals = {c.name: likelihood_interval(model.fit, c.name) for c in model.added if not is_nearly_linear(model.fit, c.name)}
-    return tuple(_identified_effect(c, values, errors, intervals.get(c.name)) for c in model.added)
+    # but that it is large enough. It misleads, too, where only the evidence of a value that noise enlarges suffices.
+    intervals = {c.name: stated_interval(model.fit, c.name, c.null, min_distance(c, model.fit)) for c in model.added}
+    return tuple(_identified_effect(c, values, errors, intervals[c.name]) for c in model.added)
 
 
 def _identified_effect(

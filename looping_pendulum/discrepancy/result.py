@@ -64,8 +64,11 @@ class IdentifiedEffect:
     error: float
     """Standard error [unit]."""
     interval: tuple[float | None, float | None] | None
-    """Where the value lies with 95 % probability [unit], by its profile likelihood; an end that is None: the data set no limit
-    on that side. None in its place: the model is nearly linear in the value, so that it is 1.96 standard errors on either side.
+    """Where the value lies with 95 % probability [unit]; an end that is None: the data set no limit on that side.
+
+    By its profile likelihood where the model is far from linear in the value, and with an end farther towards the null value
+    where the effect is just large enough to be named (`likelihood.stated_interval`). None in its place: 1.96 standard errors on
+    either side.
     """
     null_value: float
     """Value at which the effect is absent [unit]."""

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+from scipy.stats import norm
 
 from benchmarks.blind_sample import draw, planted_values, write_files
 from looping_pendulum.discrepancy.data.study_io import load
 from looping_pendulum.discrepancy.fit import likelihood
 from looping_pendulum.discrepancy.fit.calibration import FitError, calibrate
-from looping_pendulum.discrepancy.fit.likelihood import cost_rise, is_nearly_linear, likelihood_interval
+from looping_pendulum.discrepancy.fit.likelihood import (
+    COST_RISE_95,
+    cost_rise,
+    interval_end,
+    is_nearly_linear,
+    rise_after_selection,
+    stated_interval,
+)
 from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.discrepancy.inputs import read_inputs
@@ -28,7 +38,7 @@ def fit(tmp_path_factory):
 @pytest.mark.parametrize("name", ["ten_a.origin_x", "ten_a.release_angle"])
 def test_it_is_two_standard_errors_of_a_nearly_linear_number(fit, name):
     assert is_nearly_linear(fit, name)
-    low, high = likelihood_interval(fit, name)
+    low, high = interval_end(fit, name, -1), interval_end(fit, name, 1)
     value, error = fit.values[name], fit.errors[name]
     assert (low, high) == pytest.approx((value - 1.96 * error, value + 1.96 * error), abs=0.1 * error)
     assert cost_rise(fit, name, high) == pytest.approx(3.84, rel=0.02)
@@ -37,9 +47,47 @@ def test_it_is_two_standard_errors_of_a_nearly_linear_number(fit, name):
 def test_it_is_open_where_the_data_set_no_limit(fit):
     # one trial hardly sees the drag on the heavy mass, which cannot be negative
     assert not is_nearly_linear(fit, "heavy_drag")
-    low, high = likelihood_interval(fit, "heavy_drag")
+    low, high = interval_end(fit, "heavy_drag", -1), interval_end(fit, "heavy_drag", 1)
     assert low is None
     assert high > fit.values["heavy_drag"]
+
+
+@pytest.mark.parametrize("truth", [0.0, 2.0, 4.0, 5.0, 6.0, 8.0])
+def test_of_values_that_are_only_stated_where_they_are_large_95_percent_of_the_intervals_have_the_truth(truth):
+    """By 1.96 standard errors on either side none of those at 2 and 60 % of those at 4 have it, of values above 4.1."""
+    least, draws = 4.1, 4000
+    rng = np.random.default_rng(7)
+    measured = truth + norm.isf(norm.sf(least - truth) * rng.random(draws))
+    assert measured.min() >= least
+    rises = [rise_after_selection(z, least) for z in measured]
+    low = np.array([0.0 if r is None else z - math.sqrt(r) for z, r in zip(measured, rises, strict=True)])
+    assert np.all(low <= measured - 1.959)
+    share = np.mean((low <= truth) & (truth <= measured + 1.96))
+    assert share >= 0.95 - 3 * math.sqrt(0.05 * 0.95 / draws)
+
+
+def test_far_beyond_the_least_value_or_below_it_a_selection_changes_nothing():
+    for distance in (3.0, 8.2, 100.0, math.inf):
+        assert rise_after_selection(distance, 4.1) == COST_RISE_95
+    assert rise_after_selection(8.0, 4.1) == pytest.approx(COST_RISE_95, rel=0.02)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_the_end_towards_the_null_value_is_the_farther_one(fit, side):
+    """Whether the value was found above or below the value of no effect."""
+    name = "ten_a.release_angle"
+    value, error = fit.values[name], fit.errors[name]
+    for distance, least in ((6.0, 5.0), (5.1, 5.0)):
+        null = value - side * distance * error
+        low, high = stated_interval(fit, name, null, least)
+        near, far = (low, high) if side > 0 else (high, low)
+        assert far == pytest.approx(value + side * 1.96 * error, abs=1e-3 * error)
+        rise = rise_after_selection(distance, least)
+        if rise is None:
+            assert near == null
+        else:
+            assert 1.96 < abs(near - value) / error < distance
+    assert stated_interval(fit, name, value - side * 20 * error, 5.0) is None
 
 
 @pytest.mark.parametrize(("side", "end"), [(-1, 1.612), (1, 4.7)])
@@ -55,7 +103,7 @@ def test_where_the_cost_jumps_it_ends_at_the_jump(monkeypatch, side, end):
         return SimpleNamespace(cost=2000.0 if 1.612 < value < 4.7 else 1e6)
 
     monkeypatch.setattr(likelihood, "refit_with_fixed_value", refit)
-    found = likelihood_interval(fit, "static_friction")[side > 0]
+    found = interval_end(fit, "static_friction", side)
     assert found == pytest.approx(end, abs=0.03 * 6)
     assert abs(found - end) <= 0.1 * abs(end - 1.62) + 0.002
     assert len(tried) <= 25

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.special import log_ndtr
 
 from looping_pendulum.discrepancy.fit.calibration import Fit, FitError, minimise
 from looping_pendulum.discrepancy.fit.problem import Problem
@@ -30,6 +31,8 @@ END_TOLERANCE = 0.03
 """Error of an end of the interval, as a share of its distance from the fitted value."""
 MIN_RISE_OF_STEP = 0.25
 """Rise of the cost's root in a step below which the next one is twice as long."""
+MAX_SELECTION_MARGIN = 4.0
+"""Standard errors beyond the least distance at which a value is stated, from which on that selection moves no end by 1 %."""
 MAX_RISE_RATIO = 1.25
 """Largest ratio of the cost's rise to that of a linear model, or its inverse, with which a standard error is good enough."""
 
@@ -51,12 +54,61 @@ def cost_rise(fit: Fit, name: str, value: float) -> float:
     return conditional.cost - fit.cost
 
 
-def likelihood_interval(fit: Fit, name: str, max_rise: float = COST_RISE_95) -> tuple[float | None, float | None]:
-    """Return the values [SI] between which the cost rises by at most ``max_rise``, all other parameters refitted.
+def stated_interval(fit: Fit, name: str, null: float, min_distance: float) -> tuple[float | None, float | None] | None:
+    """Return where a value [SI] lies with 95 % probability that is only stated if it is far enough from its null value.
 
-    None: on that side it rises less up to the parameter's bound, or after `MAX_STEPS` steps, so that the data set no limit.
+    None: it is 1.96 standard errors on either side, since the model is nearly linear and the value far beyond what is needed.
+
+    Parameters
+    ----------
+    null
+        Value [SI] at which the effect is absent.
+    min_distance
+        Distance from it, in standard errors, from which on the value is stated.
     """
-    return _interval_end(fit, name, -1, max_rise), _interval_end(fit, name, 1, max_rise)
+    linear = is_nearly_linear(fit, name)
+    value, error = fit.values[name], fit.errors[name]
+    distance = abs(value - null) / error if linear else _distance(fit, name, null)
+    rise = rise_after_selection(distance, min_distance)
+    if linear and rise == COST_RISE_95:
+        return None
+    sides = (-1, 1) if value > null else (1, -1)
+    ends = [
+        null if r is None else value + side * math.sqrt(r) * error if linear else interval_end(fit, name, side, r)
+        for side, r in zip(sides, (rise, COST_RISE_95), strict=True)
+    ]
+    return (ends[0], ends[1]) if value > null else (ends[1], ends[0])
+
+
+def rise_after_selection(distance: float, min_distance: float) -> float | None:
+    """Return the rise of the cost at that end of a stated value's 95 % interval that is nearer to its null value.
+
+    Of values near the least that is stated, those are stated which noise has enlarged. So the end is where a value as large as
+    this one has a probability of 2.5 % among those that are stated (conditional likelihood: Zhong and Prentice, Biostatistics 9
+    (2008) 621). None: it would be beyond the null value, which is the end then. The other end, which that would bring nearer,
+    keeps the usual rise.
+
+    Parameters
+    ----------
+    distance, min_distance
+        Distances from the null value, in standard errors: of this value, and from which on values are stated.
+    """
+    # Nearer, it is stated for another reason
+    if not min_distance <= distance <= min_distance + MAX_SELECTION_MARGIN:
+        return COST_RISE_95
+
+    def log_excess(end: float) -> float:
+        return float(log_ndtr(end - distance) - log_ndtr(end - min_distance)) - math.log(0.025)
+
+    if log_excess(0.0) >= 0:
+        return None
+    return float((distance - brentq(log_excess, 0.0, distance)) ** 2)
+
+
+def _distance(fit: Fit, name: str, null: float) -> float:
+    """Return the distance of a fitted value from its null value [SI] in standard errors, all other parameters refitted."""
+    conditional = refit_with_fixed_value(fit, fit, name, null)
+    return math.inf if conditional is None else _root_of_rise(fit, conditional)
 
 
 def is_nearly_linear(fit: Fit, name: str) -> bool:
@@ -77,8 +129,16 @@ def is_nearly_linear(fit: Fit, name: str) -> bool:
     return True
 
 
-def _interval_end(fit: Fit, name: str, side: int, max_rise: float) -> float | None:
-    """Return the end of the interval on one side (-1: below, 1: above) of the fitted value [SI]; None: there is none."""
+def interval_end(fit: Fit, name: str, side: int, max_rise: float = COST_RISE_95) -> float | None:
+    """Return up to which value [SI] the cost rises by at most ``max_rise``, all other parameters refitted.
+
+    None: it rises less up to the parameter's bound, or after `MAX_STEPS` steps, so that the data set no limit.
+
+    Parameters
+    ----------
+    side
+        -1: below the fitted value; 1: above it.
+    """
     best, limit = fit.values[name], fit.problem.free_parameters[fit.problem.names.index(name)].bounds[side > 0]
     # Of a value that the data hardly limit the error may be any number
     step = min(fit.errors[name], MAX_FIRST_STEP * abs(limit - best))

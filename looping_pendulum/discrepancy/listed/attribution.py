@@ -176,6 +176,11 @@ def bic_penalty(candidate: Candidate, fit: Fit) -> float:
     return (1 + len(candidate.companions)) * math.log(fit.problem.count)
 
 
+def min_distance(candidate: Candidate, fit: Fit) -> float:
+    """Return the distance from its null value, in standard errors, from which on a candidate's evidence suffices."""
+    return math.sqrt(MIN_DELTA_BIC + bic_penalty(candidate, fit))
+
+
 def with_own_noise(base: Fit, r: Refit) -> Refit:
     """Return a refit with the noise that its own residuals show, compared with ``base`` by the likelihoods of both.
 
