@@ -119,7 +119,8 @@ class Rounds:
             and s.candidate.name not in names
             and abs(s.score) >= MIN_SHARE_OF_BEST_SCORE * abs(current.remaining[0].score)
         ]
-        wider = [*known, *refits(current.fit, further[:MAX_FURTHER_REFITS], {}, self.workers)]
+        to_beat = max((r.delta_bic for r in known), default=0.0)
+        wider = [*known, *refits(current.fit, further[:MAX_FURTHER_REFITS], {}, self.workers, delta_bic_to_beat=to_beat)]
         best = max(wider, key=lambda r: r.delta_bic, default=None)
         if best is None or best in known:
             return None

@@ -80,7 +80,7 @@ class Driver:
         # An integrator returns samples after its start only, so that those at t = 0 come from the release itself
         at_release = np.repeat(np.array(self.motion.y, dtype=float)[:, None], np.count_nonzero(times == 0), axis=1)
         # The series step that leaves rest, if there is one, yields the samples within it
-        early = times[: np.searchsorted(times, rules.REST_SERIES_DURATION, side="right")]
+        early = times[: times.searchsorted(rules.REST_SERIES_DURATION, side="right")]
         first_segment = self._start_run()
         if first_segment is not None and early.any():
             parts = [first_segment.sample(early)]
@@ -89,7 +89,7 @@ class Driver:
             parts = [SegmentSamples(mode=mode, signs=signs, t=early[early == 0], values=at_release)]
         for _ in range(MAX_EVENTS):
             # As a float: the time may be a dual number. "right": the part before has the sample at the very time of the event
-            remaining_times = times[np.searchsorted(times, float(self.motion.t), side="right") :]
+            remaining_times = times[times.searchsorted(float(self.motion.t), side="right") :]
             if self.motion.mode is Mode.CLAMPED and type(self.integrator) is HeyokaIntegrator:
                 event, t, y, part = self._pass_turns(self.integrator, remaining_times)
             else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
+from operator import itemgetter
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -104,6 +105,8 @@ class _IntegratorOfMode:
         self.state, self.pars = self.integrator.state, self.integrator.pars
         self.success, self.time_limit = hy.taylor_outcome.success, hy.taylor_outcome.time_limit
         self.powers = np.arange(self.integrator.order + 1)
+        self.variables_of = itemgetter(*self.rows.tolist())
+        """Returns the variables of the mode from a whole state."""
 
     def _on_turn(self) -> bool:
         """Return whether the integrator goes on past a turning point; heyoka calls this at each, hundreds of times a swing."""
@@ -118,7 +121,7 @@ class _IntegratorOfMode:
 
     def whole_state(self) -> State:
         """Return the state at which the integrator stands."""
-        return full_state(self.mode, **dict(zip(self.names, self.integrator.state.tolist(), strict=True)))
+        return full_state(self.mode, **dict(zip(self.names, self.state.tolist(), strict=True)))
 
 
 @lru_cache(maxsize=64)
@@ -231,12 +234,11 @@ class HeyokaIntegrator:
     def _start(self, mode: Mode, t: float, y: State, signs: Signs) -> _IntegratorOfMode:
         """Return the compiled integrator of ``mode``, set to this time, state and these parameters."""
         run = _compiled(mode, self._effects, self._tolerance, self._names)
-        taylor = run.integrator
-        taylor.time = t
-        taylor.state[:] = [y[i] for i in run.rows]
+        run.integrator.time = t
+        run.state[:] = run.variables_of(y)
         # heyoka knows no parameters beyond the last one that occurs in the equations
-        taylor.pars[:] = [*signs, *self._numbers][: len(taylor.pars)]
-        taylor.reset_cooldowns()  # else heyoka would ignore events just after those of an earlier run
+        run.pars[:] = [*signs, *self._numbers][: len(run.pars)]
+        run.integrator.reset_cooldowns()  # else heyoka would ignore events just after those of an earlier run
         return run
 
     def _event(self, run: _IntegratorOfMode, outcome: Any, signs: Signs) -> Event:

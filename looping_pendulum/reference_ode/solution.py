@@ -105,13 +105,14 @@ class Samples:
 
     def and_end(self) -> Samples:
         """Return these samples and, as the last one, the end of the run."""
-        end = self.run.end
+        end, signs = self.run.end, np.array(self.signs)
+        # All entries at once: a fit asks for this thousands of times
         return Samples(
             run=self.run,
             t=np.append(self.t, end.time),
-            state=State(*(np.append(values, at_end) for values, at_end in zip(self.state, end.state, strict=True))),
+            state=State(*np.column_stack([np.array(self.state), end.state])),
             mode=np.append(self.mode, self.mode.dtype.type(end.mode_after)),
-            signs=Signs(*(np.append(values, values[-1:]) for values in self.signs)),
+            signs=Signs(*np.column_stack([signs, signs[:, -1:]])),
         )
 
     @cached_property
