@@ -131,7 +131,7 @@ def test_pairs_are_counted_by_visibility_and_unlisted_forces_by_size():
 )
 def test_a_law_is_as_planted_if_body_and_coordinate_are(hidden, acts_on, depends_on, right):
     """Whatever the direction in which it acts."""
-    force = SimpleNamespace(acts_on=acts_on, depends_on=depends_on, other_closures=())
+    force = SimpleNamespace(acts_on=acts_on, depends_on=depends_on, probability=0.5, other_closures=())
     study = dataclasses.replace(draw("rates", "unlisted", 1, 0)[0], hidden=(hidden,))
     result = summary([(study, outcome("right", law=law_of(force))), (study, outcome("none", law=law_of(None)))])
     assert (result["unlisted_law"]["count"], result["unlisted_law"]["of"]) == (right, 2)

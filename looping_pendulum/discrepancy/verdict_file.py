@@ -7,7 +7,8 @@ renamed fields of version 2 without a change of meaning; `RENAMED` lists them. V
 older files. In version 5 an effect's ``interval`` is one of 95 % and may be open (null) on a side; before, its ends were those
 of three standard errors, or the value's bounds. From version 6 on ``other_closures`` has laws that were screened only, whose
 ``held_out_chi2`` is null. From version 7 on the ``distance`` of an experiment is that of the closest explanations which it
-separates, and two fields count these; before, it was that of any two.
+separates, and two fields count these; before, it was that of any two. From version 8 on an unlisted force has a ``probability``,
+and the interval of an effect that is just large enough to be named reaches farther towards its null value.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from looping_pendulum.errors import ResultError
 from looping_pendulum.scenarios.document import quote
 
 SCHEMA_ID = "looping-pendulum/identification"
-SCHEMA_VERSION = 7
+SCHEMA_VERSION = 8
 OLDEST_VERSION = 2
 """Oldest version of verdict.json that `load` reads."""
 _EFFECT = {"null": "null_value"}
@@ -71,7 +72,7 @@ def dump(result: Identification) -> str:
 
 
 def load(text: str) -> dict[str, Any]:
-    """Read the text of a verdict.json of version 2 to 7 as plain data, under the field names of its `Identification`.
+    """Read the text of a verdict.json of version 2 to 8 as plain data, under the field names of its `Identification`.
 
     Raises
     ------
