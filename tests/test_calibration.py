@@ -100,6 +100,7 @@ def test_pairs_are_counted_by_visibility_and_unlisted_forces_by_size():
     law = {
         "acts_on": "light mass",
         "depends_on": "free_length",
+        "probability": 0.6,
         "not_excluded": [["light mass, away from a point", "distance"]],
     }
     outcomes = [
@@ -116,6 +117,8 @@ def test_pairs_are_counted_by_visibility_and_unlisted_forces_by_size():
     assert (visible["below 0.5"]["part"]["count"], visible["below 0.5"]["part"]["of"]) == (1, 1)
     large = result["large"]
     assert (large["unlisted_law_of_found"]["count"], large["unlisted_law_not_excluded"]["count"]) == (0, 1)
+    assert large["unlisted_law_probability"] == 0.6
+    assert large["unlisted_law_of_probable"]["of"] == 0
     sizes = result["unlisted_by_size"]["0.016"]
     assert (sizes["named"]["count"], sizes["wrong"]["count"], sizes["named"]["of"]) == (1, 1, 2)
 

@@ -311,9 +311,9 @@ class Unlisted:
     other_closures: tuple[OtherClosure, ...]
     """Other closures that were refitted, and those that were not, though as likely by the screening."""
     probability: float
-    """Probability that it acts on this body, or on the string, as a function of this coordinate, among the laws that were refitted.
+    """Probability that it acts on this body, or on the string, as a function of this coordinate.
 
-    By the likelihood of all data, and by what a law costs beside simpler ones.
+    Among the laws that were refitted, by the likelihood of all data and by what a law costs beside simpler ones.
     """
     point: tuple[float, float] | None = None
     """Point (x, y) from which the coordinate "distance" is measured [m]; None for other coordinates."""

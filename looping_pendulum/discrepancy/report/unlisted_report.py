@@ -60,7 +60,10 @@ def section(result: Identification) -> str:
 def _not_excluded(force: Unlisted) -> str:
     """Say which other laws these data do not exclude, with a blank behind it; empty if they exclude all others."""
     others = dict.fromkeys(law_in_words(o.acts_on, o.depends_on) for o in force.other_closures if not o.excluded)
-    return f"These data do not exclude, in its place, a {'; a '.join(others)}. " if others else ""
+    if not others:
+        return ""
+    sure = f"Among the laws that were fitted it has a probability of {100 * force.probability:.0f} %. "
+    return f"{sure}These data do not exclude, in its place, a {'; a '.join(others)}. "
 
 
 def tests(force: Unlisted) -> str:

@@ -232,7 +232,7 @@ def by_preference(forces: Sequence[RecoveredForce]) -> list[RecoveredForce]:
 
 
 def probability_of_law(forces: Sequence[RecoveredForce]) -> float:
-    """Return the probability of the first closure's body and coordinate, among those of all closures that pass held-out data."""
+    """Return the probability of the first closure's body and coordinate among those that pass held-out data."""
     preference: dict[tuple[str, str], float] = {}
     for force in forces:
         if force is forces[0] or force.held_out.passes:
