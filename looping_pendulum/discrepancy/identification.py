@@ -82,7 +82,7 @@ def identification(
             failures=before.failed_tests,
             own_effects=bool(before.fit.problem.study.own_effects),
         ),
-        notes=verdict_notes(verdict, conclusion.rounds, noise, outliers),
+        notes=verdict_notes(verdict, conclusion.rounds, conclusion.unlisted, noise, outliers),
         effects=effects,
         ties=ties,
         unlisted=conclusion.unlisted,

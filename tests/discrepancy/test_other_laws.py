@@ -9,9 +9,10 @@ from types import SimpleNamespace
 import pytest
 
 from looping_pendulum.discrepancy.report import unlisted_report
-from looping_pendulum.discrepancy.result import STRING_ON_ROD, OtherClosure
+from looping_pendulum.discrepancy.result import STRING_ON_ROD, OtherClosure, Verdict
 from looping_pendulum.discrepancy.unlisted import description, discovery
 from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN, RecoveredForce
+from looping_pendulum.discrepancy.verdict_sentence import verdict_notes
 from tests.pages.made_up import identification
 
 
@@ -129,5 +130,9 @@ def test_the_report_names_in_words_what_is_not_excluded():
         "These data do not exclude, in its place, a force on the heavy mass as a function of the time; "
         "a change of the friction of the string on the rod as a function of the wrap angle. *Significant*"
     ) in section
+    assert verdict_notes(Verdict.UNLISTED, (), force, (), ()) == (
+        "It is this law with a probability of 70 %: the data do not exclude 2 others.",
+    )
     assert "exclude" not in unlisted_report.section(result)
+    assert verdict_notes(Verdict.UNLISTED, (), result.unlisted, (), ()) == ()
     assert "| heavy mass | time | constant | 90 | \N{EN DASH} | no |" in unlisted_report.tests(force)

@@ -55,7 +55,7 @@ def made_up(verdict):
         ties=ties if verdict is Verdict.AMBIGUOUS else (),
         unlisted=unlisted,
         sentence=verdict_sentence(verdict, effects, ties, unlisted, (held_out,), failures=(), own_effects=False),
-        notes=verdict_notes(verdict, rounds, noise, result.outliers),
+        notes=verdict_notes(verdict, rounds, unlisted, noise, result.outliers),
         errors=(held_out,),
         correlated_noise=noise,
         smallest_visible=visible,

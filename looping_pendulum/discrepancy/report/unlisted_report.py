@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from looping_pendulum.compare.tables import GAP, number, table
-from looping_pendulum.discrepancy.result import ForceProfile, Formula, Identification, Unlisted, Verdict, law_in_words
+from looping_pendulum.discrepancy.result import ForceProfile, Formula, Identification, Unlisted, Verdict
 from looping_pendulum.pages.drawing import new_figure
 from looping_pendulum.pages.palette import COLOURS
 
@@ -59,11 +59,10 @@ def section(result: Identification) -> str:
 
 def _not_excluded(force: Unlisted) -> str:
     """Say which other laws these data do not exclude, with a blank behind it; empty if they exclude all others."""
-    others = dict.fromkeys(law_in_words(o.acts_on, o.depends_on) for o in force.other_closures if not o.excluded)
-    if not others:
+    if not force.laws_not_excluded:
         return ""
     sure = f"Among the laws that were fitted it has a probability of {100 * force.probability:.0f} %. "
-    return f"{sure}These data do not exclude, in its place, a {'; a '.join(others)}. "
+    return f"{sure}These data do not exclude, in its place, a {'; a '.join(force.laws_not_excluded)}. "
 
 
 def tests(force: Unlisted) -> str:
