@@ -50,10 +50,12 @@ def screened(name, score):
 def test_where_none_passes_further_candidates_are_refitted_whose_score_is_not_far_below_the_best(monkeypatch, score, found):
     search = one_round([150.0, 100.0], failed=("a", "b"))
     assert not search.accepted_models
-    monkeypatch.setattr(
-        "looping_pendulum.discrepancy.rounds.refits",
-        lambda fit, chosen, known, workers: [a_refit(s.candidate.name, 750.0) for s in chosen],
-    )
+
+    def refits(fit, chosen, known, workers, delta_bic_to_beat):
+        assert delta_bic_to_beat == 150.0, "what cannot beat the best so far gets no second start"
+        return [a_refit(s.candidate.name, 750.0) for s in chosen]
+
+    monkeypatch.setattr("looping_pendulum.discrepancy.rounds.refits", refits)
     remaining = [screened("a", 20.0), screened("b", 19.0), screened("late", score)]
     model = search.run_wider_round(SimpleNamespace(**vars(DECLARED) | {"remaining": remaining}), 0.0)
     assert (model is not None) is found
