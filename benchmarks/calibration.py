@@ -202,7 +202,6 @@ def law_of(force: Unlisted | None) -> dict[str, Any] | None:
     return {
         "acts_on": force.acts_on,
         "depends_on": force.depends_on,
-        "probability": force.probability,
         "not_excluded": others,
     }
 

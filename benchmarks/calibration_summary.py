@@ -24,8 +24,6 @@ LARGE = 0.016
 """Size of what is hidden [m] from which on targets are set."""
 MANY_TRIALS, MODERATE_NOISE = 3, 1e-3
 """Trials from which on, and noise [m] up to which, a study is one as docs/identify.md recommends."""
-PROBABLE = 0.9
-"""Stated probability of an unlisted law from which on it is counted as probable."""
 JUDGEMENTS = ("right", "tied", "part", "wrong", "none")
 TIME_QUANTILES = (0.5, 0.9, 0.99)
 STATISTIC_QUANTILES = (0.5, 0.95, 0.99)
@@ -92,9 +90,7 @@ def _large(of_kind: dict[str, list[Pair]]) -> dict[str, Any]:
         "unlisted": _named_or_tied(unlisted),
         "unlisted_law": _laws_as_planted(unlisted),
         "unlisted_law_of_found": _laws_as_planted(found),
-        "unlisted_law_of_probable": _laws_as_planted([p for p in found if p[1]["law"]["probability"] >= PROBABLE]),
         "unlisted_law_not_excluded": proportion(sum(_is_not_excluded(*pair) for pair in found), len(found)),
-        "unlisted_law_probability": float(np.mean([o["law"]["probability"] for _, o in found])) if found else None,
         "unlisted_held_out_error": _quantiles([outcome["held_out_error"] for _, outcome in found], TIME_QUANTILES),
     }
 

@@ -100,7 +100,6 @@ def test_pairs_are_counted_by_visibility_and_unlisted_forces_by_size():
     law = {
         "acts_on": "light mass",
         "depends_on": "free_length",
-        "probability": 0.6,
         "not_excluded": [["light mass, away from a point", "distance"]],
     }
     outcomes = [
@@ -117,8 +116,6 @@ def test_pairs_are_counted_by_visibility_and_unlisted_forces_by_size():
     assert (visible["below 0.5"]["part"]["count"], visible["below 0.5"]["part"]["of"]) == (1, 1)
     large = result["large"]
     assert (large["unlisted_law_of_found"]["count"], large["unlisted_law_not_excluded"]["count"]) == (0, 1)
-    assert large["unlisted_law_probability"] == 0.6
-    assert large["unlisted_law_of_probable"]["of"] == 0
     sizes = result["unlisted_by_size"]["0.016"]
     assert (sizes["named"]["count"], sizes["wrong"]["count"], sizes["named"]["of"]) == (1, 1, 2)
 
@@ -134,7 +131,7 @@ def test_pairs_are_counted_by_visibility_and_unlisted_forces_by_size():
 )
 def test_a_law_is_as_planted_if_body_and_coordinate_are(hidden, acts_on, depends_on, right):
     """Whatever the direction in which it acts."""
-    force = SimpleNamespace(acts_on=acts_on, depends_on=depends_on, probability=0.5, other_closures=())
+    force = SimpleNamespace(acts_on=acts_on, depends_on=depends_on, other_closures=())
     study = dataclasses.replace(draw("rates", "unlisted", 1, 0)[0], hidden=(hidden,))
     result = summary([(study, outcome("right", law=law_of(force))), (study, outcome("none", law=law_of(None)))])
     assert (result["unlisted_law"]["count"], result["unlisted_law"]["of"]) == (right, 2)

@@ -310,11 +310,6 @@ class Unlisted:
     """The same of the repaired model."""
     other_closures: tuple[OtherClosure, ...]
     """Other closures that were refitted, and those that were not, though as likely by the screening."""
-    probability: float
-    """Probability that it acts on this body, or on the string, as a function of this coordinate.
-
-    Among the laws that were refitted, by the likelihood of all data and by what a law costs beside simpler ones.
-    """
     point: tuple[float, float] | None = None
     """Point (x, y) from which the coordinate "distance" is measured [m]; None for other coordinates."""
 

@@ -7,8 +7,8 @@ renamed fields of version 2 without a change of meaning; `RENAMED` lists them. V
 older files. In version 5 an effect's ``interval`` is one of 95 % and may be open (null) on a side; before, its ends were those
 of three standard errors, or the value's bounds. From version 6 on ``other_closures`` has laws that were screened only, whose
 ``held_out_chi2`` is null. From version 7 on the ``distance`` of an experiment is that of the closest explanations which it
-separates, and two fields count these; before, it was that of any two. From version 8 on an unlisted force has a
-``probability``, and the interval of an effect that is just large enough to be named reaches farther towards its null value.
+separates, and two fields count these; before, it was that of any two. From version 8 on the interval of an effect
+that is just large enough to be named reaches farther towards its null value.
 """
 
 from __future__ import annotations

@@ -116,9 +116,7 @@ def verdict_notes(
     if verdict is Verdict.UNLISTED and unlisted and unlisted.laws_not_excluded:
         count = len(unlisted.laws_not_excluded)
         others = f"{count} others" if count > 1 else "another one"
-        notes.append(
-            f"It is this law with a probability of {100 * unlisted.probability:.0f} %: the data do not exclude {others}."
-        )
+        notes.append(f"Which law it is, is less sure than that there is one: the data do not exclude {others}.")
     if verdict is Verdict.IDENTIFIED:
         notes += [f"{c.name} was ruled out, as {c.held_by}." for c in rounds[-1].ranking if c.held_by]
     if rounds and (verdict is Verdict.UNEXPLAINED or (verdict is Verdict.NO_MISSING_EFFECT and not errors)):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from types import SimpleNamespace
 
 import pytest
@@ -81,20 +80,6 @@ def test_what_is_refitted_is_one_closure_of_each_body_and_coordinate_and_the_bes
 
 
 @pytest.mark.parametrize(
-    ("others", "probability"),
-    [
-        ([], 1.0),
-        ([recovered(100.0, True, SPEED)], math.e / (1 + math.e)),  # as likely, but less simple
-        ([recovered(80.0, True, SPEED), recovered(102.0, True, SPEED)], 0.5),  # the better of two forms
-        ([recovered(99.0, True, PLACE), recovered(104.0, True, TIME), recovered(100.0, True, FRICTION)], 1 / (2 + math.exp(5))),
-        ([recovered(1000.0, False, SPEED)], 1.0),  # held-out data refuse it
-    ],
-)
-def test_a_law_has_the_probability_that_likelihood_and_simplicity_give_it_among_those_that_were_refitted(others, probability):
-    assert discovery.probability_of_law([recovered(100.0, True, PLACE), *others]) == pytest.approx(probability)
-
-
-@pytest.mark.parametrize(
     ("evidence", "passes", "excluded"),
     [
         (100.0 - LIKELIHOOD_MARGIN, True, False),
@@ -126,12 +111,11 @@ def test_the_report_names_in_words_what_is_not_excluded():
     force = dataclasses.replace(result.unlisted, other_closures=others)
     section = unlisted_report.section(dataclasses.replace(result, unlisted=force))
     assert (
-        "Among the laws that were fitted it has a probability of 70 %. "
         "These data do not exclude, in its place, a force on the heavy mass as a function of the time; "
         "a change of the friction of the string on the rod as a function of the wrap angle. *Significant*"
     ) in section
     assert verdict_notes(Verdict.UNLISTED, (), force, (), ()) == (
-        "It is this law with a probability of 70 %: the data do not exclude 2 others.",
+        "Which law it is, is less sure than that there is one: the data do not exclude 2 others.",
     )
     assert "exclude" not in unlisted_report.section(result)
     assert verdict_notes(Verdict.UNLISTED, (), result.unlisted, (), ()) == ()

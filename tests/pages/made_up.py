@@ -48,7 +48,7 @@ def identification(name: str) -> Identification:
     force = Unlisted(
         acts_on="light mass", depends_on="free_length", multiplied_by="constant", unit="m", profiles=(profile,), formula=None,
         formulas=(), phase="while sliding", twice_log_bayes_factor=100.0, held_out_chi2_before=3.0, held_out_chi2_after=1.0,
-        other_closures=(), probability=0.7,
+        other_closures=(),
     )  # fmt: skip
     picture = TrialFigure(
         trial=name,

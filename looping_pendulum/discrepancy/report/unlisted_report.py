@@ -61,8 +61,7 @@ def _not_excluded(force: Unlisted) -> str:
     """Say which other laws these data do not exclude, with a blank behind it; empty if they exclude all others."""
     if not force.laws_not_excluded:
         return ""
-    sure = f"Among the laws that were fitted it has a probability of {100 * force.probability:.0f} %. "
-    return f"{sure}These data do not exclude, in its place, a {'; a '.join(force.laws_not_excluded)}. "
+    return f"These data do not exclude, in its place, a {'; a '.join(force.laws_not_excluded)}. "
 
 
 def tests(force: Unlisted) -> str:

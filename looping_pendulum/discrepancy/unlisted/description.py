@@ -8,12 +8,7 @@ import numpy as np
 
 from looping_pendulum.discrepancy.result import ForceProfile, Formula, FormulaParameter, OtherClosure, Unlisted, value_unit
 from looping_pendulum.discrepancy.unlisted.closures import STRING, TARGETS, Closure
-from looping_pendulum.discrepancy.unlisted.discovery import (
-    LIKELIHOOD_MARGIN,
-    SIGNIFICANT_ERRORS,
-    RecoveredForce,
-    probability_of_law,
-)
+from looping_pendulum.discrepancy.unlisted.discovery import LIKELIHOOD_MARGIN, SIGNIFICANT_ERRORS, RecoveredForce
 from looping_pendulum.discrepancy.unlisted.formula import FittedFormula
 from looping_pendulum.discrepancy.unlisted.screening import ScreenedClosure, motions
 from looping_pendulum.discrepancy.unlisted.simplify import FormulaTerm
@@ -84,7 +79,6 @@ def describe_unlisted_force(
         held_out_chi2_before=held_out_chi2_before,
         held_out_chi2_after=held_out.worst,
         point=best.closure.point,
-        probability=probability_of_law(forces),
         other_closures=(
             *(_other_closure(f, best) for f in forces if f is not best),
             *(_other_closure(s, best) for s in not_refitted),

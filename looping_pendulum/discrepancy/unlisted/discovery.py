@@ -231,17 +231,6 @@ def by_preference(forces: Sequence[RecoveredForce]) -> list[RecoveredForce]:
     return sorted(forces, key=lambda f: (not f.held_out.passes, -f.preference))
 
 
-def probability_of_law(forces: Sequence[RecoveredForce]) -> float:
-    """Return the probability of the first closure's body and coordinate among those that pass held-out data."""
-    preference: dict[tuple[str, str], float] = {}
-    for force in forces:
-        if force is forces[0] or force.held_out.passes:
-            law = _law(force.closure)
-            preference[law] = max(preference.get(law, -math.inf), force.preference)
-    of_first = preference[_law(forces[0].closure)]
-    return 1 / sum(math.exp(min(0.5 * (p - of_first), 500.0)) for p in preference.values())
-
-
 def _problem(problem: Problem, closure: Closure, scale: float, prior: float) -> Problem:
     """Return ``problem`` with a closure's point and weights as further parameters; the prior is of the weights.
 
