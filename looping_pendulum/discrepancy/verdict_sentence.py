@@ -26,7 +26,8 @@ def effect_in_words(effect: IdentifiedEffect) -> str:
     low, high = effect.interval
 
     def write(value: float) -> str:
-        return quantity(value, effect.unit, 3)
+        # To three digits those about a ratio of 1 would mostly be 1
+        return quantity(value, effect.unit, 4 if abs(value - effect.null_value) < 0.1 * abs(effect.null_value) else 3)
 
     limits = limits_in_words(low, high, write)
     if (low is None) != (high is None):

@@ -129,7 +129,7 @@ def test_of_static_friction_that_holds_the_interval_has_the_planted_value(tmp_pa
 
 
 def effect(interval):
-    return SimpleNamespace(name="static_friction", value=1.2345, error=1e-3, unit="", interval=interval)
+    return SimpleNamespace(name="static_friction", value=1.2345, error=1e-3, unit="", null_value=1.0, interval=interval)
 
 
 @pytest.mark.parametrize(
@@ -137,6 +137,8 @@ def effect(interval):
     [
         (None, "static_friction = 1.2345 +/- 0.0010"),
         ((1.18, 3.1), "static_friction = 1.23 (probably 1.18 to 3.1)"),
+        ((1.0, 3.1), "static_friction = 1.23 (probably 1 to 3.1)"),
+        ((1.0012, 1.0123), "static_friction = 1.23 (probably 1.001 to 1.012)"),
         ((1.18, None), "static_friction of at least 1.18"),
         ((None, 3.1), "static_friction of at most 3.1"),
         ((None, None), "static_friction = 1.23 (the data set it no limits)"),
