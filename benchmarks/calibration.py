@@ -199,11 +199,7 @@ def law_of(force: Unlisted | None) -> dict[str, Any] | None:
     if force is None:
         return None
     others = [[o.acts_on, o.depends_on] for o in force.other_closures if not o.excluded]
-    return {
-        "acts_on": force.acts_on,
-        "depends_on": force.depends_on,
-        "not_excluded": others,
-    }
+    return {"acts_on": force.acts_on, "depends_on": force.depends_on, "not_excluded": others}
 
 
 def _on_same_body(force: Unlisted | None, planted: Iterable[str]) -> set[str]:
