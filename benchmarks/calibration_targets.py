@@ -138,9 +138,5 @@ TARGETS = (
         measured=lambda s: s["coverage"],
         low=0.93,
         high=0.97,
-        why_not=(
-            "183 of 194 intervals of effects above their smallest visible size hold the value (94 %), 5 of 10 of smaller ones: "
-            "these are named only where noise enlarges them"
-        ),
     ),
 )
