@@ -172,10 +172,13 @@ def test_a_model_that_passes_all_tests_fails_if_an_unlisted_force_explains_more(
 @pytest.mark.accurate  # half a minute
 @pytest.mark.skipif("heyoka" not in available_integrators(), reason="these fits would take many minutes with SciPy")
 def test_a_force_that_the_fitted_parameters_hide_is_found_where_the_declared_model_passes(tmp_path):
-    """Oracle: a thrust of 16 mm in the separate simulator; that nothing was missing had been the verdict."""
+    """Oracle: a thrust of 16 mm in the separate simulator; that nothing was missing had been the verdict.
+
+    Across the string, or in both directions, which are preferred where they are about as likely.
+    """
     result = identify(load(write_files(draw("rates", "unlisted", 48, 8)[47], tmp_path)))
     assert result.verdict is Verdict.AMBIGUOUS
-    assert result.unlisted.acts_on == "light mass, across the string"
+    assert result.unlisted.acts_on in ("light mass", "light mass, across the string")
     assert "an unlisted force explains the data better" in result.before.failed_tests
 
 
