@@ -108,7 +108,8 @@ def identification(
 def _effects(model: CandidateModel) -> tuple[IdentifiedEffect, ...]:
     values, errors = model.fit.values, model.fit.errors
     # Where the model is far from linear in an effect, a standard error misleads: of static friction that holds all is known
-    # but that it is large enough. It misleads, too, where only the evidence of a value that noise enlarges suffices.
+    # but that it is large enough. It misleads, too, where the evidence only just suffices: noise has enlarged
+    # most of these values.
     intervals = {c.name: stated_interval(model.fit, c.name, c.null, min_distance(c, model.fit)) for c in model.added}
     return tuple(_identified_effect(c, values, errors, intervals[c.name]) for c in model.added)
 
