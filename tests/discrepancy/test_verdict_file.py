@@ -105,7 +105,7 @@ def test_every_new_name_is_a_field_of_today():
         ("{", "verdict.json: Expecting property name"),
         ("[]", "schema: found 'None', needed the id 'looping-pendulum/identification'"),
         ('{"schema": {"id": "looping-pendulum/result", "version": 3}}', "needed the id 'looping-pendulum/identification'"),
-        ('{"schema": {"id": "looping-pendulum/identification", "version": 8}}', "found version '8', needed 2 to 7"),
+        ('{"schema": {"id": "looping-pendulum/identification", "version": 9}}', "found version '9', needed 2 to 8"),
     ],
 )
 def test_what_is_no_verdict_file_is_refused(text, message):
