@@ -110,19 +110,18 @@ class Rounds:
 
     def run_wider_round(self, current: CandidateModel, share: float) -> CandidateModel | None:
         """Refit further candidates where none of the last round passed; return the best model, or None if it is the same."""
-        known = self.white_rounds[len(self.rounds) - 1][1]
-        names = {r.candidate.name for r in known}
+        known = {r.candidate.name: r for r in self.white_rounds[len(self.rounds) - 1][1]}
         further = [
             s
             for s in current.remaining
             if s.amplitude
-            and s.candidate.name not in names
+            and s.candidate.name not in known
             and abs(s.score) >= MIN_SHARE_OF_BEST_SCORE * abs(current.remaining[0].score)
         ]
-        to_beat = max((r.delta_bic for r in known), default=0.0)
-        wider = [*known, *refits(current.fit, further[:MAX_FURTHER_REFITS], {}, self.workers, delta_bic_to_beat=to_beat)]
+        # With the known ones, so that what cannot beat the best of them gets no second start
+        wider = [*known.values(), *refits(current.fit, further[:MAX_FURTHER_REFITS], known, self.workers)]
         best = max(wider, key=lambda r: r.delta_bic, default=None)
-        if best is None or best in known:
+        if best is None or best.candidate.name in known:
             return None
         self.rounds.pop()  # the round is part of this one
         return self.judge_round(current, sorted(wider, key=lambda r: -r.delta_bic), share)

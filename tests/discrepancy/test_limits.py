@@ -51,8 +51,8 @@ def test_where_none_passes_further_candidates_are_refitted_whose_score_is_not_fa
     search = one_round([150.0, 100.0], failed=("a", "b"))
     assert not search.accepted_models
 
-    def refits(fit, chosen, known, workers, delta_bic_to_beat):
-        assert delta_bic_to_beat == 150.0, "what cannot beat the best so far gets no second start"
+    def refits(fit, chosen, known, workers):
+        assert max(r.delta_bic for r in known.values()) == 150.0, "what cannot beat the best so far gets no second start"
         return [a_refit(s.candidate.name, 750.0) for s in chosen]
 
     monkeypatch.setattr("looping_pendulum.discrepancy.rounds.refits", refits)
