@@ -319,12 +319,6 @@ class Unlisted:
         return value_unit(self.acts_on, self.multiplied_by)
 
     @property
-    def laws_not_excluded(self) -> tuple[str, ...]:
-        """Other laws that the data do not exclude, as parts of a sentence."""
-        others = dict.fromkeys(law_in_words(o.acts_on, o.depends_on) for o in self.other_closures if not o.excluded)
-        return tuple(law for law in others if law != law_in_words(self.acts_on, self.depends_on))
-
-    @property
     def in_words(self) -> str:
         """What it is and what it depends on, as part of a sentence."""
         place = "" if self.point is None else f" from x = {self.point[0]:.3f} m, y = {self.point[1]:.3f} m"

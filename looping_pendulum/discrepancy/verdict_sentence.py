@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from operator import attrgetter
 
 from looping_pendulum.discrepancy.outlier_summary import outliers_in_words
-from looping_pendulum.discrepancy.result import IdentifiedEffect, Round, Unlisted, Verdict
+from looping_pendulum.discrepancy.result import IdentifiedEffect, Round, Unlisted, Verdict, law_in_words
 from looping_pendulum.discrepancy.trial_results import CorrelatedError, Outliers, TrialError
 from looping_pendulum.pages.numbers import amount, quantity, uncertain
 
@@ -114,8 +114,8 @@ def verdict_notes(
 ) -> tuple[str, ...]:
     """Return further sentences on the verdict."""
     notes = []
-    if verdict is Verdict.UNLISTED and unlisted and unlisted.laws_not_excluded:
-        count = len(unlisted.laws_not_excluded)
+    if verdict is Verdict.UNLISTED and unlisted and (laws := laws_not_excluded(unlisted)):
+        count = len(laws)
         others = f"{count} others" if count > 1 else "another one"
         notes.append(f"Which law it is, is less sure than that there is one: the data do not exclude {others}.")
     if verdict is Verdict.IDENTIFIED:
@@ -127,6 +127,12 @@ def verdict_notes(
     notes += [_correlated_noise_in_words(errors)] if errors else []
     notes += [outliers_in_words(outliers)] if outliers else []
     return tuple(notes)
+
+
+def laws_not_excluded(force: Unlisted) -> tuple[str, ...]:
+    """Return the laws that the data do not exclude in place of an unlisted force's, as parts of a sentence."""
+    others = dict.fromkeys(law_in_words(o.acts_on, o.depends_on) for o in force.other_closures if not o.excluded)
+    return tuple(law for law in others if law != law_in_words(force.acts_on, force.depends_on))
 
 
 def worst_trial(errors: Sequence[TrialError]) -> TrialError:

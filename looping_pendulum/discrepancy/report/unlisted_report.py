@@ -8,6 +8,7 @@ import numpy as np
 
 from looping_pendulum.compare.tables import GAP, number, table
 from looping_pendulum.discrepancy.result import ForceProfile, Formula, Identification, Unlisted, Verdict
+from looping_pendulum.discrepancy.verdict_sentence import laws_not_excluded
 from looping_pendulum.pages.drawing import new_figure
 from looping_pendulum.pages.palette import COLOURS
 
@@ -59,9 +60,8 @@ def section(result: Identification) -> str:
 
 def _not_excluded(force: Unlisted) -> str:
     """Say which other laws these data do not exclude, with a blank behind it; empty if they exclude all others."""
-    if not force.laws_not_excluded:
-        return ""
-    return f"These data do not exclude, in its place, a {'; a '.join(force.laws_not_excluded)}. "
+    others = laws_not_excluded(force)
+    return f"These data do not exclude, in its place, a {'; a '.join(others)}. " if others else ""
 
 
 def tests(force: Unlisted) -> str:
