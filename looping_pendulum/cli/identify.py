@@ -46,6 +46,9 @@ def look(
     folder = out or Path("report") / loaded.name
     prepare_output_folder(folder, files=(picture.NAME,))  # refuse an unusable folder before the work, not after it
     check = take_first_look(loaded)
+    for sentence in dict.fromkeys(sentence for trial in check.trials for sentence in trial.reading):
+        trials = ", ".join(f"'{trial.trial}'" for trial in check.trials if sentence in trial.reading)
+        say(f"read {trials}: {sentence}")
     for trial in check.trials:
         say(trial.text)
     for warning in check.warnings:

@@ -10,7 +10,13 @@ from looping_pendulum.discrepancy.result import IdentifiedEffect, Round, Unliste
 from looping_pendulum.discrepancy.trial_results import CorrelatedError, Outliers, TrialError
 from looping_pendulum.pages.numbers import amount, quantity, uncertain
 
-BODY_IN_WORDS = {"light": "light mass", "heavy": "heavy mass", "angle": "angle", "height": "height"}
+BODY_IN_WORDS = {
+    "light": "light mass",
+    "heavy": "heavy mass",
+    "angle": "angle",
+    "angle_rate": "angular velocity",
+    "height": "height",
+}
 """Body, of `observations.BODIES`, in words."""
 MIN_VISIBLE_SHARE = 0.1
 """Share of its distance by which a model must come nearer for the sentence to call it nearer."""

@@ -21,7 +21,14 @@ class DisplayUnit(NamedTuple):
     """Number of these units in one SI unit."""
 
 
-DISPLAY_UNITS = MappingProxyType({"m": DisplayUnit("mm", 1e3), "s": DisplayUnit("ms", 1e3), "rad": DisplayUnit("mrad", 1e3)})
+DISPLAY_UNITS = MappingProxyType(
+    {
+        "m": DisplayUnit("mm", 1e3),
+        "s": DisplayUnit("ms", 1e3),
+        "rad": DisplayUnit("mrad", 1e3),
+        "rad/s": DisplayUnit("mrad/s", 1e3),
+    }
+)
 """SI unit -> unit in which errors and deviations are shown."""
 
 PERCENT = DisplayUnit("%", 1e2)

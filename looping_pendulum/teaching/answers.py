@@ -162,7 +162,9 @@ def yaml_text(tree: Tree, order: tuple[str, ...]) -> str:
 def _plain(value: Any) -> Any:
     """Convert texts of numbers and flags to numbers and flags, as YAML would put the texts in quotes."""
     if isinstance(value, dict):
-        return {key: inner if key in ("title", "name", "file", "tracks") else _plain(inner) for key, inner in value.items()}
+        return {
+            key: inner if key in ("title", "name", "file", "tracks", "run") else _plain(inner) for key, inner in value.items()
+        }
     if isinstance(value, list):
         return [_plain(inner) for inner in value]
     if value in ("true", "false"):

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from looping_pendulum.discrepancy.data import readers
+from looping_pendulum.discrepancy.data.clock import RATE_TOLERANCE
 from looping_pendulum.discrepancy.data.observations import DataError
-from looping_pendulum.discrepancy.data.readers import MASSES, RATE_TOLERANCE, mass_in_name
+from looping_pendulum.discrepancy.data.readers import MASSES, mass_in_name
 from looping_pendulum.discrepancy.data.survey import LENGTH_UNITS, FileSurvey, survey
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.document import quote, shorten
@@ -24,7 +25,7 @@ TRIAL_KEYS = (
     "units.length",
     "units.time",
     "frame_rate",
-    "drop",
+    "run",
     "mirrored",
     "release.kind",
 )
@@ -66,11 +67,11 @@ def trial_file(answer: Answers, index: int, file: str, before: Sequence[Tree]) -
     answer.tell(f"{path}: {_summary(found)}")
     tree: Tree = {"name": Path(path).stem, "file": path}
     _ask_release(answer, at, lead, found, tree)
-    if len(found.drops) > 1:
-        taken = [trial.get("drop") for trial in before if trial["file"] == path]
-        default = next((str(n) for n in found.drops if n not in taken), str(found.drops[0]))
-        drop = answer(f"{at}.drop", f"{lead}number of the drop", default, lambda a: check_choice(a, map(str, found.drops)))
-        tree |= {"name": f"{tree['name']}-{drop}", "drop": int(drop)}
+    if len(found.runs) > 1:
+        taken = [trial.get("run") for trial in before if trial["file"] == path]
+        default = next((n for n in found.runs if n not in taken), found.runs[0])
+        run = answer(f"{at}.run", f"{lead}number of the run", default, lambda a: check_choice(a, found.runs))
+        tree |= {"name": f"{tree['name']}-{run}", "run": run}
     tree["name"] = _name(tree["name"], before)
     if found.tracks:
         _ask_tracks(answer, at, lead, found, tree)
@@ -208,14 +209,14 @@ def _check_reading(at: str, path: str, tree: Tree, *, asked: bool) -> None:
     AnswerError
         If it cannot be read so.
     """
-    options: dict[str, Any] = {key: tree[key] for key in ("tracks", "units", "drop") if key in tree}
+    options: dict[str, Any] = {key: tree[key] for key in ("tracks", "units", "run") if key in tree}
     if "frame_rate" in tree:
         options["frame_rate"] = _RATE.read(tree["frame_rate"])
     try:
         readers.read(path, **options)
     except DataError as error:
         # A file that was not asked for cannot be asked for again, but what was said about it can
-        about = ("units", "frame_rate", "light_track", "heavy_track", "drop", *(("file",) if asked else ()))
+        about = ("units", "frame_rate", "light_track", "heavy_track", "run", *(("file",) if asked else ()))
         raise AnswerError(str(error), keys=tuple(f"{at}.{key}" for key in about)) from None
 
 

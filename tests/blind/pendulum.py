@@ -48,13 +48,18 @@ class Pendulum:
 
 def swing(p: Pendulum, t: Array) -> Array:
     """Return the angle at times ``t`` [s], ascending from 0 or later [rad], shape (n,)."""
-    angles = np.zeros(len(t))
+    return motion(p, t)[0]
+
+
+def motion(p: Pendulum, t: Array) -> Array:
+    """Return angle [rad] and angular velocity [rad/s] at times ``t`` [s], ascending from 0 or later, shape (2, n)."""
+    found = np.zeros((2, len(t)))
     now, y = 0.0, np.array([p.angle, p.rate])
     while now < t[-1]:
         weight = -p.mass * p.gravity * p.length * math.sin(y[0])
         direction = math.copysign(1.0, y[1] or weight)
         if y[1] == 0 and abs(weight) <= p.axle_torque:
-            angles[t >= now] = y[0]
+            found[0, t >= now] = y[0]
             break
 
         def rates(_: float, y: Array, direction: float = direction) -> list[float]:
@@ -69,9 +74,9 @@ def swing(p: Pendulum, t: Array) -> Array:
         turns.terminal, turns.direction = True, -1  # type: ignore[attr-defined]
         run = solve_ivp(rates, (now, t[-1]), y, "DOP853", events=turns, dense_output=True, rtol=1e-10, atol=1e-12)
         here = (t >= now) & (t <= run.t[-1])
-        angles[here] = run.sol(t[here])[0]
+        found[:, here] = run.sol(t[here])
         now, y = float(run.t[-1]), np.array([run.y[0, -1], 0.0])
-    return angles
+    return found
 
 
 def record(
@@ -90,3 +95,43 @@ def record(
 def write_record(path: Path, p: Pendulum, **film: float) -> None:
     """Write the table of `record` to a file."""
     path.write_text(record(p, **film), encoding="utf-8")  # type: ignore[arg-type]
+
+
+def write_gyroscope(
+    path: Path,
+    p: Pendulum,
+    *,
+    duration: float,
+    rate: float = 60.0,
+    jitter: float = 0.2,
+    noise: float = 0.015,
+    offset: float = 0.0,
+    rest: float = 0.0,
+    seed: int = 0,
+) -> None:
+    """Write the angular velocities that a phone measures which is the bob, about its three axes [rad/s].
+
+    Parameters
+    ----------
+    rate
+        Samples per second.
+    jitter
+        Standard deviation of a time step, as a part of it.
+    noise
+        Standard deviation about each axis [rad/s].
+    offset
+        Angular velocity that is measured at rest, about the axis of the swing, towards the light mass's side [rad/s].
+    rest
+        Time for which the bob is held still before it is let go [s].
+    """
+    rng = np.random.default_rng(seed)
+    count = int((rest + duration) * rate)
+    t = np.cumsum(np.maximum(1 + jitter * rng.standard_normal(count), 0.1)) / rate
+    t -= t[0]
+    turning = np.zeros(count)
+    turning[t >= rest] = motion(p, t[t >= rest] - rest)[1]
+    axis = np.array([0.2, 0.9, 0.4]) / math.sqrt(1.01)
+    values = (turning + offset)[:, None] * axis + noise * rng.standard_normal((count, 3))
+    head = '"Time (s)","Gyroscope x (rad/s)","Gyroscope y (rad/s)","Gyroscope z (rad/s)"'
+    rows = [",".join(f"{v:.9E}" for v in row) for row in np.column_stack([t, values])]
+    path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")

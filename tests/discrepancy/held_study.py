@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ def write_held_study(
     held_out: int | None = None,
     declared: tuple[str, ...] = ("light_drag",),
     stated_angle: bool = False,
+    write: Callable[..., None] = write_record,
     **film: float,
 ) -> Path:
     """Write records of ``pendulums`` and a study of them.
@@ -34,14 +36,16 @@ def write_held_study(
         Effects that the study declares, their coefficients free.
     stated_angle
         Whether the study states the angle of each record's start, as of a release.
+    write
+        Function that writes a record to a file.
     film
-        Arguments of `tests.blind.pendulum.record`.
+        Arguments of ``write``.
     """
     trials: list[dict[str, Any]] = []
     for i, p in enumerate(pendulums):
         name = f"swing_{i}"
         duration = turning_points * math.pi * math.sqrt(p.length / p.gravity)
-        write_record(folder / f"{name}.csv", p, **({"duration": duration, "seed": i} | film))
+        write(folder / f"{name}.csv", p, **({"duration": duration, "seed": i} | film))
         release = {"kind": "held", "free_length": f"{p.length} m +/- 1 mm"}
         if stated_angle:
             release["angle"] = f"{180 - math.degrees(p.angle)} deg +/- 0.5 deg"

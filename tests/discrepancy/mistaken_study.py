@@ -34,9 +34,28 @@ def _scaled(factor: float, *columns: int) -> Callable[[Row], Row]:
     return lambda row: [v if v is None or i not in columns else factor * v for i, v in enumerate(row)]
 
 
-def _picture(row: Row) -> Row:
-    """Pixels of a picture of 700 pixels a metre, y downwards, its corner the origin."""
-    return [row[0], *(None if v is None else 900 + (-700 if i % 2 else 700) * v for i, v in enumerate(row[1:]))]
+def pictured(change: Callable[[float, float], tuple[float, float]]) -> Callable[[Row], Row]:
+    """Return what a picture that shows (x, y) elsewhere does to the points of both masses."""
+
+    def edit(row: Row) -> Row:
+        edited: Row = row[:1]
+        for x, y in (row[1:3], row[3:5]):
+            edited += (None, None) if x is None or y is None else change(x, y)
+        return edited
+
+    return edit
+
+
+SYMMETRIES = {
+    "mirrored": (lambda x, y: (-x, y), "mirrored: true"),
+    "y downwards": (lambda x, y: (x, -y), "mirrored: true' and 'camera: {tilt: 180 deg}"),
+    "half a turn": (lambda x, y: (-x, -y), "camera: {tilt: 180 deg}"),
+    "a quarter turn to the left": (lambda x, y: (-y, x), "camera: {tilt: 90 deg}"),
+    "a quarter turn to the right": (lambda x, y: (y, -x), "camera: {tilt: -90 deg}"),
+    "x and y exchanged": (lambda x, y: (y, x), "mirrored: true' and 'camera: {tilt: 90 deg}"),
+    "x and y exchanged and reversed": (lambda x, y: (-y, -x), "mirrored: true' and 'camera: {tilt: -90 deg}"),
+}
+"""All symmetries of the square but the identity, each with the keys that undo it."""
 
 
 def _every_value(group: str, key: str, change: Callable[[str], str]) -> Callable[[Tree], None]:
@@ -106,7 +125,13 @@ MISTAKES = {
 }
 """Five mistakes of filming, then five of declaration."""
 FURTHER = {
-    "pixels of a picture": Mistake(keys=frozenset({"units", "mirrored", "camera"}), row=_picture),
+    # 700 pixels a metre, the picture's corner the origin
+    "pixels, y downwards": Mistake(
+        keys=frozenset({"units", "mirrored", "camera"}), row=pictured(lambda x, y: (900 + 700 * x, 900 - 700 * y))
+    ),
+    "pixels of a film on its side": Mistake(
+        keys=frozenset({"units", "camera"}), row=pictured(lambda x, y: (900 - 700 * y, 400 + 700 * x))
+    ),
     "centimetres": Mistake(keys=frozenset({"units"}), row=_scaled(100, 1, 2, 3, 4)),
     "30 for 240 and mirrored": Mistake(
         keys=frozenset({"frame_rate", "mirrored"}), row=lambda row: _scaled(8, 0)(_scaled(-1, 1, 3)(row))

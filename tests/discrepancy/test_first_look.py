@@ -7,8 +7,11 @@ masses once ran for minutes and ended as `unexplained`.
 from __future__ import annotations
 
 import dataclasses
+import re
 
+import numpy as np
 import pytest
+import yaml
 
 from benchmarks.blind_sample import draw, write_files
 from looping_pendulum.discrepancy.data import study_io
@@ -20,17 +23,23 @@ from looping_pendulum.discrepancy.first_look.declared_trial import declared_tria
 from looping_pendulum.discrepancy.first_look.misfit import measured_distance
 from looping_pendulum.discrepancy.first_look.result import DeclarationError
 from looping_pendulum.discrepancy.first_look.trial_search import MAX_GOOD_MISFIT, TrialSearch
+from looping_pendulum.discrepancy.fit.calibration import calibrate
+from looping_pendulum.discrepancy.fit.problem import Problem
 from looping_pendulum.discrepancy.identify import identify
+from looping_pendulum.discrepancy.inputs import read_inputs
 from looping_pendulum.discrepancy.report.writing import write
 from looping_pendulum.discrepancy.result import Verdict
 from looping_pendulum.teaching.example_folder import write_example
+from tests.blind import Apparatus
+from tests.blind.camera import Camera, film, tracker_csv
 from tests.blind.cases import CASES, CLEAN, CLEAN_VARIED
 from tests.blind.pendulum import Pendulum
+from tests.blind.simulator import simulate
 from tests.command_line import here
 from tests.compare.conftest import quick_figures  # noqa: F401, a fixture
 from tests.discrepancy.blind_study import only_candidates, write_study
 from tests.discrepancy.held_study import write_held_study
-from tests.discrepancy.mistaken_study import FURTHER, MISTAKES, Mistake, mended, mistaken, named_keys
+from tests.discrepancy.mistaken_study import FURTHER, MISTAKES, SYMMETRIES, Mistake, mended, mistaken, named_keys, pictured
 
 NO_MISTAKE = Mistake(keys=frozenset())
 
@@ -66,10 +75,169 @@ def test_a_mistake_is_named_with_the_key_that_mends_it(example, tmp_path, name):
     assert named_keys(found.keys) == mistake.keys
     assert "\n" not in found.text
     after = look(mended(path, found.keys))
-    if name == "pixels of a picture":  # only in the right unit is it seen where the origin is
+    if name.startswith("pixels,") or name.startswith("pixels of"):  # only in the right unit is it seen where the origin is
         after = look(mended(path.with_name("mended.yaml"), the_only(after).keys))
     assert not after.mistakes
     assert not after.warnings
+
+
+@pytest.fixture(scope="module")
+def blind(tmp_path_factory):
+    """A blind study of one trial without anything hidden, and the cost of its fit."""
+    path = write_study(tmp_path_factory.mktemp("blind"), CLEAN_VARIED, 5, trials=["ten_a"])
+    return path, cost_of_fit(path)
+
+
+def cost_of_fit(path):
+    inputs = read_inputs(study_io.load(path))
+    return calibrate(Problem(inputs.study, inputs.training, inputs.free_parameters)).cost
+
+
+@pytest.mark.parametrize("name", SYMMETRIES)
+def test_the_keys_that_are_named_undo_every_symmetry_of_the_picture(blind, tmp_path, name):
+    """The fit of the points behind a turned picture is that of the same points as they were tracked."""
+    path, cost = blind
+    change, keys = SYMMETRIES[name]
+    wrong = mistaken(path, tmp_path, Mistake(keys=frozenset(), row=pictured(change)))
+    assert the_only(look(wrong)).keys == keys
+    right = mended(wrong, keys)
+    check = look(right)
+    assert not check.mistakes
+    assert not check.warnings
+    assert cost_of_fit(right) == pytest.approx(cost, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["a quarter turn to the left", "a quarter turn to the right"])
+def test_after_a_quarter_turn_the_origin_is_named_as_the_file_has_it(blind, tmp_path, name):
+    path, cost = blind
+    change, keys = SYMMETRIES[name]
+
+    def with_corner(x, y):
+        along, up = change(x, y)
+        return along + 0.9, up + 0.4
+
+    wrong = mistaken(path, tmp_path, Mistake(keys=frozenset(), row=pictured(with_corner)))
+    assert the_only(look(wrong)).keys == keys
+    turned = mended(wrong, keys)
+    origin = the_only(look(turned))
+    assert origin.names == ("origin",)
+    right = mended(turned, origin.keys)
+    assert not look(right).mistakes
+    camera = study_io.load(right).trials[0].camera
+    assert (camera["origin_x"].value, camera["origin_y"].value) == pytest.approx((0.9, 0.4), abs=0.02)
+    assert abs(cost_of_fit(right) - cost) < 4  # two priors less
+
+
+def test_a_turn_is_told_from_what_the_trial_says_of_it(blind, tmp_path):
+    """The picture is as it should be, and the study says that it is mirrored and turned."""
+
+    def say(tree):
+        tree["trials"][0] |= {"mirrored": "true", "camera": {"tilt": "88 deg +/- 2 deg"}}
+
+    wrong = mistaken(blind[0], tmp_path, Mistake(keys=frozenset(), study=say))
+    found = the_only(look(wrong))
+    assert found.keys == "mirrored: false' and 'camera: {tilt: -2 deg +/- 2 deg}"
+    assert not look(mended(wrong, found.keys)).mistakes
+
+
+def write_vertical(folder, *, heavy):
+    """Write a film of both masses hanging, the light one on the left; ``heavy``: whether the heavy one is read, too."""
+    apparatus = Apparatus(release="vertical", free_length=0.5, hanging_length=0.1, heavy_mass=0.04)
+    text = tracker_csv(film(simulate(apparatus), Camera(), np.random.default_rng(0)))
+    (folder / "vertical.csv").write_text(text, encoding="utf-8")
+    study = {
+        "title": "Both masses hang",
+        "apparatus": {"light": {"mass": "10 g +/- 0.5 %"}, "heavy": {"mass": "40 g +/- 0.5 %"}, "rod": {"radius": "6.25 mm"}},
+        "effects": {"gravity": "9.81 m/s^2", "capstan": "free", "light_drag": "free"},
+        "trials": [
+            {
+                "file": "vertical.csv",
+                "tracks": {"light": "mass A"} | ({"heavy": "mass B"} if heavy else {}),
+                "release": {"kind": "vertical", "free_length": "50 cm +/- 1 mm", "hanging_length": "10 cm +/- 1 mm"},
+            }
+        ],
+    }
+    path = folder / "vertical.yaml"
+    path.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
+    return path
+
+
+Y_DOWNWARDS = SYMMETRIES["y downwards"][1]
+VERTICAL = {
+    "nothing": (None, None),
+    "mirrored": ("mirrored: true", None),
+    "y downwards": (f"light: {{mass: 40 g}}' and 'heavy: {{mass: 10 g}}' or '{Y_DOWNWARDS}", Y_DOWNWARDS),
+    "half a turn": ("tracks: {light: mass B, heavy: mass A}' or 'camera: {tilt: 180 deg}", Y_DOWNWARDS),
+    "a quarter turn to the left": ("camera: {tilt: 90 deg}", "camera: {tilt: 90 deg}"),
+    "a quarter turn to the right": ("camera: {tilt: -90 deg}", "camera: {tilt: -90 deg}"),
+    "x and y exchanged": ("mirrored: true' and 'camera: {tilt: 90 deg}", "camera: {tilt: -90 deg}"),
+    "x and y exchanged and reversed": ("mirrored: true' and 'camera: {tilt: -90 deg}", "camera: {tilt: 90 deg}"),
+}
+"""Symmetry of the picture -> keys that undo it after a vertical release, with both masses tracked and with the light one alone.
+
+Two masses show which of them hangs on the left, 12.5 mm from the other; one alone shows nothing of a mirror image.
+"""
+
+
+@pytest.mark.parametrize("heavy", [True, False])
+@pytest.mark.parametrize("name", VERTICAL)
+def test_a_vertical_release_shows_all_but_a_mirror_image_of_one_mass(tmp_path, name, heavy):
+    change = SYMMETRIES[name][0] if name in SYMMETRIES else lambda x, y: (x, y)
+    path = mistaken(write_vertical(tmp_path, heavy=heavy), tmp_path / "wrong", Mistake(keys=frozenset(), row=pictured(change)))
+    check, keys = look(path), VERTICAL[name][0 if heavy else 1]
+    assert [m.keys for m in check.mistakes] == ([] if keys is None else [keys])
+    assert not check.warnings
+
+
+@pytest.mark.parametrize(
+    ("change", "keys"),
+    [
+        pytest.param(lambda x, y: (x, y), None, id="nothing"),
+        pytest.param(lambda x, y: (-x, y), None, id="mirrored"),
+        pytest.param(lambda x, y: (x, -y), Y_DOWNWARDS, id="y downwards"),
+        pytest.param(lambda x, y: (-y, x), "camera: {tilt: 90 deg}", id="a quarter turn"),
+    ],
+)
+def test_a_turned_film_of_a_drop(tmp_path, change, keys):
+    places = [change(0.02, 2 - 9.81 * (i / 60) ** 2 / 2) for i in range(38)]
+    rows = [f"{i / 60!r},{x!r},{y!r}" for i, (x, y) in enumerate(places)]
+    (tmp_path / "drop.csv").write_text("\n".join(["t,heavy_x,heavy_y", *rows]) + "\n")
+    text = "title: A drop\napparatus: {heavy: {mass: 1 kg}}\neffects: {gravity: 9.81 m/s^2}\n"
+    study = study_io.load_text(text + "trials: [{file: drop.csv, release: {kind: drop}}]\n", "study.yaml", tmp_path)
+    assert [m.keys for m in take_first_look(study).mistakes if m.names != ("origin",)] == ([] if keys is None else [keys])
+
+
+def test_tracks_that_the_file_itself_names_are_exchanged_by_these_names(example, tmp_path):
+    """The names were three dots where the study does not give them."""
+    for names, keys in (
+        (("light", "heavy"), "tracks: {light: heavy, heavy: light}"),
+        (("light ball", "heavy, of steel"), 'tracks: {light: "heavy, of steel", heavy: light ball}'),
+    ):
+        path = mistaken(example, tmp_path, NO_MISTAKE, trials=1)
+        file = tmp_path / "trials" / "first.csv"
+        header = f";{names[1]};;{names[0]};;\n"
+        file.write_text(file.read_text().replace(",", ";").replace(";light;;heavy;;\n", header))
+        tree = yaml.safe_load(path.read_text())
+        del tree["trials"][0]["tracks"]
+        path.write_text(yaml.safe_dump(tree))
+        found = the_only(look(path))
+        assert found.keys == keys
+        assert not look(mended(path, found.keys)).mistakes
+
+
+def test_files_of_the_two_masses_are_exchanged_by_their_names(example, tmp_path):
+    path = mistaken(example, tmp_path, NO_MISTAKE, trials=1)
+    lines = (tmp_path / "trials" / "first.csv").read_text().splitlines()[3:]
+    for name, first in (("a", 1), ("b", 3)):
+        rows = [",".join([cells[0], *cells[first : first + 2]]) for cells in (line.split(",") for line in lines)]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["t,x,y", *(r for r in rows if not r.endswith(","))]) + "\n")
+    tree = yaml.safe_load(path.read_text())
+    tree["trials"][0] |= {"files": {"light": "b.csv", "heavy": "a.csv"}}
+    del tree["trials"][0]["tracks"], tree["trials"][0]["file"]
+    path.write_text(yaml.safe_dump(tree))
+    found = the_only(look(path))
+    assert found.keys == "files: {light: a.csv, heavy: b.csv}"
+    assert not look(mended(path, found.keys)).mistakes
 
 
 def test_radians_beyond_a_turn_are_refused_when_the_study_is_read(example, tmp_path):
@@ -119,6 +287,60 @@ def test_a_trial_without_a_mistake_is_fitted_no_further_than_needed(tmp_path):
     assert search.is_near
     assert "as_declared" not in vars(search)
     assert search.as_declared.misfits[0] < search.quickly_fitted.misfits[0] <= MAX_GOOD_MISFIT
+
+
+def all_texts(check):
+    return [*(t.text for t in check.trials), *check.notes]
+
+
+def test_a_trial_of_few_points_is_said_not_to_be_compared(example, tmp_path):
+    """It was "inf mm" from the declared motion."""
+    path = mistaken(example, tmp_path, NO_MISTAKE, trials=1)
+    file = tmp_path / "trials" / "first.csv"
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join([*lines[:3], *lines[3::30]]) + "\n")  # 8 pictures a second, five of them in the first window
+    check = look(path)
+    few = "as fewer than 6 points lie in the first 516 ms of the declared motion"
+    assert all_texts(check) == [
+        f"trial 'first': not looked at, {few}",
+        f"At first look: trial 'first': cannot be compared, {few}; check this trial's frame_rate, unit of time and camera.",
+    ]
+    assert picture.draw(check) is None
+
+
+def test_a_trial_whose_declared_motion_cannot_be_computed_says_why(example, tmp_path):
+    path = mistaken(example, tmp_path, NO_MISTAKE, trials=1)
+    path.write_text(path.read_text().replace("58 cm +/- 1 mm", "1.2 m +/- 1 mm"))
+    study = study_io.load(path)
+    trial = dataclasses.replace(study.trials[0], camera={"perspective_x": Estimate(value=1.0)})
+    check = take_first_look(dataclasses.replace(study, trials=(trial,)))
+    assert check.trials[0].text.startswith(
+        "trial 'first': not looked at, as the declared motion could not be computed (camera perspective: found 1 1/m and 0 1/m"
+    )
+    assert not any("inf" in text for text in all_texts(check))
+
+
+def test_a_mistake_before_which_no_point_could_be_compared_is_named_without_a_distance(example, tmp_path):
+    mistake = Mistake(keys=frozenset(), row=lambda row: [40 * row[0], *row[1:]])  # three pictures in the first window
+    found = the_only(look(mistaken(example, tmp_path, mistake, trials=1)))
+    assert found.keys == "frame_rate: 240 Hz"
+    few = "fewer than 6 points lie in the first 516 ms of the declared motion"
+    assert f"({few}; with the change, the points are " in found.text
+    assert "inf" not in found.text
+
+
+def test_points_all_over_the_place_are_said_to_be_at_least_so_far_away(example, tmp_path):
+    """Their distance counts up to half the free length: "285 mm from the declared motion" was said of metres."""
+    rng = np.random.default_rng(0)
+
+    def anywhere(x, y):
+        return tuple(rng.uniform(-8, 8, 2))
+
+    check = look(mistaken(example, tmp_path, Mistake(keys=frozenset(), row=pictured(anywhere)), trials=1))
+    assert not check.mistakes
+    assert len(check.warnings) == 1
+    for text in all_texts(check):
+        assert re.search(r" the points are 2[78]\d mm or more from the declared motion, ", text), text
 
 
 def test_an_unknown_event_beside_tracked_points_is_refused_in_one_line(example, tmp_path):
@@ -178,6 +400,25 @@ def test_a_factor_that_the_study_leaves_open_is_left_to_the_fit(example, tmp_pat
     assert not check.mistakes
     left_open = next(iter(sorted(camera, key="scale".__ne__)))
     assert [t.text for t in check.trials] == [f"trial 'first': not looked at, as its camera's {left_open} may be far from 1"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("10 g +/- 0.05 g", "10 g +/- 10 kg"),
+        ("6.25 mm +/- 1 %", "6.25 mm +/- 1 m"),
+        ("112 deg +/- 0.5 deg", "112 deg +/- 360 deg"),
+    ],
+)
+def test_a_value_of_which_hardly_anything_is_known_looks_right(example, tmp_path, old, new):
+    """The fit began a tenth of the error away: "found the motion of a rod radius of 0.1 times what is declared"."""
+    path = mistaken(example, tmp_path, NO_MISTAKE, trials=1)
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    check = look(path)
+    assert not check.mistakes
+    assert not check.warnings
 
 
 def test_a_value_of_unusual_size_is_a_warning(example, tmp_path):

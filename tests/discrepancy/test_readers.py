@@ -54,7 +54,41 @@ FORMS = {
     "tidy": ("t,light_x,light_y\n0,1.2,2.1\n.01,-1.4,.5\n", {}),
     "tidy, units in brackets": ("t [ms],light_x [cm],light_y (mm)\n0,120,2100\n10,-140,500\n", {}),
     "tidy, units as suffix": ("time_s,light_x_cm,light_y_m\n0,120,2.1\n.01,-140,.5\n", {}),
-    "tidy, paper's names": ("t,x1,y1\n0,1.2,2.1\n.01,-1.4,.5\n", {}),
+    "numbers in the order of clicking": ("t,x1,y1\n0,1.2,2.1\n.01,-1.4,.5\n", {"tracks": {"light": "1"}}),
+    "time in the last column": ("light x (m),light y (m),t (s)\n1.2,2.1,0\n-1.4,.5,.01\n", {}),
+    "names in slashes": (
+        '"Time";"Light 1/0/X";"Light 1/0/Y"\n"0,0";"1,2";"2,1"\n"0,01";"-1,4";"0,5"\n',
+        {"tracks": {"light": "Light 1/0"}},
+    ),
+    "units behind slashes": ("t/ms;light x/cm;light y / mm\n0;120;2100\n10;-140;500\n", {}),
+    "units in the row below": ("t;light x;light y\n(ms);(cm);(mm)\n0;120;2100\n10;-140;500\n", {}),
+    "a program's name before the colon": (
+        "Latest: Time (s),Latest: X (m),Latest: Y (m)\n0,1.2,2.1\n.01,-1.4,.5\n",
+        {"tracks": LIGHT},
+    ),
+    "words around the axis": ("Video time [s],light position x [m],Y of light [m]\n0,1.2,2.1\n.01,-1.4,.5\n", {}),
+    "camel case": ("Time,lightX,lightY\n0,1.2,2.1\n.01,-1.4,.5\n", {}),
+    "a line for spreadsheets": ("sep=;\nt;light_x;light_y\n0,0;1,2;2,1\n0,01;-1,4;0,5\n", {}),
+    "quoted decimal commas between commas": ('"t","light_x","light_y"\n"0,0","1,2","2,1"\n"0,01","-1,4","0,5"\n', {}),
+    "names in a comment": ("# written by hand\n# t light_x light_y\n0 1.2 2.1\n.01 -1.4 .5\n", {}),
+    "an index column": (",light_y,light_x,t\n0,2.1,1.2,0\n1,.5,-1.4,.01\n", {}),
+    "a row for each object": (
+        "frame,x,y,mass,particle\n7,1.2,2.1,14378.45,0\n7,9.0,9.0,9021.7,1\n9,-1.4,.5,14378.45,0\n9,9.0,9.0,9021.7,1\n",
+        {"tracks": {"light": "0"}, "frame_rate": 200.0},
+    ),
+    "one of two runs": (
+        "Time (s) Run #1,x (m) Run #1,y (m) Run #1,Time (s) Run #2,x (m) Run #2,y (m) Run #2\n"
+        "0,9,9,0,1.2,2.1\n.02,9,9,.01,-1.4,.5\n",
+        {"tracks": {"light": ""}, "run": "2"},
+    ),
+    "the second of two tables": (
+        "t,x,y\n0,9,9\n.02,9,9\n\nt,x,y\n0,1.2,2.1\n.01,-1.4,.5\n",
+        {"tracks": {"light": ""}, "run": "2"},
+    ),
+    "a table for each object": (
+        "Ball A\nt,x,y\n0,9,9\n.01,9,9\nBall B\nt,x,y\n0,1.2,2.1\n.01,-1.4,.5\n",
+        {"tracks": {"light": "Ball B"}},
+    ),
     "units given": ("t,light_x,light_y\n0,120,210\n10,-140,50\n", {"units": {"length": "cm", "time": "ms"}}),
     "slow motion, true rate given": ("t,light_x,light_y\n0,1.2,2.1\n.0333,-1.4,.5\n", {"frame_rate": 100.0}),
     "slow motion, every second frame": (
@@ -76,7 +110,60 @@ def test_every_form_gives_the_same_table(clip, form):
     rounding = 2e-3 * 0.01 if "slow" in form else 1e-12  # the clip's own times are printed to three or four digits
     for channel in observations.channels:
         assert channel.t == pytest.approx([0.0, 0.01], abs=rounding)
-    assert sum(d.count for d in observations.unused) == 0
+    # Only whole columns that are no positions, or not asked for
+    assert all("column" in d.reason for d in observations.unused)
+
+
+def test_rows_with_numbers_that_have_no_name(clip):
+    """R writes one name less than there are columns."""
+    rows = "".join(f"{i + 1},{i / 100},{i * i / 7:.4f},{-i / 3:.4f}\n" for i in range(12))
+    observations = read(clip("t,light_x,light_y\n" + rows))
+    assert observations.channel("light_y").value == pytest.approx(-np.arange(12) / 3, abs=1e-4)
+
+
+def test_settings_in_the_table_are_named(clip):
+    text = '"time [s]";"x position [m]";"y position [m]";"x velocity [m/s]";"Frame rate [Hz]";"Scale [px/m]"\n'
+    text += '"";"";"";"";"240,0";"655,1"\n"0";"1,2";"2,1";"";"";""\n"0,01";"-1,4";"0,5";"3,3";"";""\n'
+    observations = read(clip(text), tracks={"light": ""})
+    assert observations.channel("light_x").value.tolist() == [1.2, -1.4]
+    assert observations.assumptions == (
+        "setting in the table left out: Frame rate [Hz] = 240,0",
+        "setting in the table left out: Scale [px/m] = 655,1",
+    )
+    assert [(d.count, d.reason) for d in observations.unused] == [(1, "column 'x velocity [m/s]': not a time or a position")]
+
+
+def test_rows_whose_missing_cells_were_left_out(clip):
+    """pymecavideo leaves the cells of a missing point out, so that the second object's stand in the first one's columns."""
+    rows = [f"{i / 100:.2f}\t{-0.5 + i / 50:.2f}\t-0.20\t0.01\t{-i / 40:.3f}" for i in range(6)]
+    rows[2] = "0.02\t0.01\t-0.050"
+    text = "# version = pymecavideo 8.0\nt\tx1\ty1\tx2\ty2\n" + "\n".join(rows).replace(".", ",") + "\n"
+    observations = read(clip(text), tracks={"light": "1", "heavy": "2"})
+    assert observations.channel("light_x").value == pytest.approx([-0.5, -0.48, -0.44, -0.42, -0.4])
+    assert any("left out 1 of 6 rows (line 5)" in said for said in observations.assumptions)
+    # At the end of the table the second object's track may have ended, and an editor cut the empty cells off
+    ended = (
+        text.replace("# version = pymecavideo 8.0\n", "").replace("\t0,01\t-0,125\n", "\n").replace("0,02\t0,01\t-0,050\n", "")
+    )
+    assert len(read(clip(ended), tracks={"light": "1", "heavy": "2"}).channel("light_x")) == 5
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t,x1,y1,x2,y2\n" + "".join(f"{i / 10},0.006,{-i / 20},{i / 30 - 0.5},-0.2\n" for i in range(12)),
+         "found the tracks '1', '2', needed to know which mass each is; by their motion, write 'tracks: {light: 2, heavy: 1}'"),
+        ("X Y X' Y'\n" + "".join(f"{i * 0.083:.3f} {i % 3} 0.1 0.1\n" for i in range(12)),
+         "found no column of times among 'X, Y, X', Y'', needed one; 'X' grows by equal steps: if it is the time, name it 't'"),
+        ("t,x,y\n" + "".join(f"{i % 4},{i / 100},{i % 5}\n" for i in range(12)),
+         "column x: found values that grow by equal steps from 0.0, as times or numbers of rows do, needed positions"),
+        ("m1,m2,a,md\n" + "".join(f"60.{i},59.{i},0.{i},1\n" for i in range(12)), "if each row is a trial"),
+    ],
+)  # fmt: skip
+def test_names_that_do_not_say_enough_or_contradict_the_values(clip, text, message):
+    with pytest.raises(DataError) as caught:
+        read(clip(text))
+    assert message in str(caught.value)
 
 
 def test_two_tracks_with_the_same_column_names(clip):
@@ -99,7 +186,7 @@ def test_frame_numbers_of_each_track_are_its_own(clip):
     observations = read(clip(head + rows), tracks=BOTH, frame_rate=200.0)
     assert observations.channel("light_x").t.tolist() == [0, 0.02]
     assert observations.channel("heavy_x").t.tolist() == [0.01, 0.02]
-    assert {d.count for d in observations.unused if "pixel" in d.reason} == {2}
+    assert {d.count for d in observations.unused if "pixel" in d.reason} == {8}
 
 
 def test_columns_of_the_tool_that_imports_them(clip):
@@ -133,13 +220,12 @@ BAD = {
     "text": ("t,light_x,light_y\n0,1,2\n.01,abc,3\n", {}, r"clip.csv:3: column light_x: found 'abc', needed a number .*; "),
     "infinite": ("t,light_x,light_y\n0,1e999,2\n.01,1,3\n", {}, r"clip.csv:2: column light_x: found '1e999'"),
     "ragged": ("t,light_x,light_y\n0,1,2\n.01,1,2,5\n", {}, r"clip.csv:3: found 4 cells, needed 3; if .*decimal commas"),
-    "cut off": ("t,light_x,light_y\n0,1,2\n.01,1\n", {}, r"clip.csv:3: found 2 cells, needed 3; complete or delete"),
+    "cut off": ("t,light_x,light_y\n0,1,2\n.01,1\n.02,1\n", {}, r"clip.csv:3: found 2 cells, needed 3; complete or delete"),
     "times go back": (
         "t,light_x,light_y\n0,1,2\n.02,1,2\n.01,1,3\n",
         {},
         r"clip.csv:4: column t: found 0.01 after 0.02 \(line 3\)",
     ),
-    "two values at once": ("t,light_x,light_y\n0,1,2\n0,1.5,2\n", {}, r"clip.csv:3: column t: found 0 after 0"),
     "pixels": (
         "t,light_x,light_y\n0,300,200\n.01,534,2\n",
         {},
@@ -152,12 +238,12 @@ BAD = {
         r"clip.csv:2: column t: found a row every 4.* s.*time: ms",
     ),
     "no unit of length": ("t,light_x [kg],light_y\n0,1,2\n", {}, r"clip.csv:1: column light_x \[kg\]: found the unit 'kg'"),
-    "unknown unit": (
+    "pixels without a size": (
         "t,light_x [px],light_y\n0,1,2\n",
         {},
-        r"clip.csv:1: column light_x \[px\]: found the unit 'px' \('px' is no",
+        r"clip.csv: column light_x \[px\]: found lengths in pixels, needed the size of one; say so by 'units: {length: ",
     ),
-    "mixed decimals": ("t;x;y\n0,1;1.5;2,2\n", {"tracks": LIGHT}, r"clip.csv:2: column 2: found '1.5' among .*decimal comma"),
+    "mixed decimals": ("t;x;y\n0,1;1.5;2,2\n", {"tracks": LIGHT}, r"clip.csv:2: column x: found '1.5' among .*decimal comma"),
     "decimal commas": (
         "t,x,y\n0,00,1,5,2,3\n",
         {"tracks": LIGHT},
@@ -166,12 +252,12 @@ BAD = {
     "which mass": (
         "#multi:\n,mass A,,mass B,,\nt,x,y,x,y,\n0,1,2,3,4,\n",
         {},
-        r"found the tracks 'mass A', 'mass B', .*\{light: mass A\}",
+        r"found the tracks 'mass A', 'mass B', .*\{light: mass B, heavy: mass A\}",
     ),
     "another track": (
         ",mass B,,\nt,x,y,\n0,1,2,\n",
         {"tracks": LIGHT},
-        r"found the tracks 'mass B', needed 'mass A'; correct 'tracks'",
+        r"found the tracks 'mass B', needed 'mass A'; by their motion, write 'tracks: {light: mass B}'",
     ),
     "no such mass": (
         ",mass B,,\nt,x,y,\n0,1,2,\n",
@@ -180,15 +266,16 @@ BAD = {
     ),
     "one column twice": ("t,light_x,light_x\n0,1,2\n", {}, r"column light_x: found light_x a second time"),
     "no marks": ("t,light_x,light_y\n0,,2\n.01,,3\n", {}, r"column light_x: found no values at all"),
-    "misspelt": ("t,ligth_x,ligth_y\n0,1,2\n", {}, r"clip.csv:1: found columns .*did you mean 'light_x' by 'ligth_x'\?"),
-    "no times": ("x,y\n0,1\n", {}, r"clip.csv:1: found 2 columns without names|clip.csv:2: found 2 columns without names"),
+    "misspelt": ("t,heigth\n0,1\n", {}, r"clip.csv:1: found columns .*did you mean 'height' by 'heigth'\?"),
+    "misspelt mass": ("t,ligth_x,ligth_y\n0,1,2\n", {}, r"clip.csv: found the tracks 'ligth', .*\{light: ligth\}"),
+    "no times": ("x,y\n0,1\n", {}, r"clip.csv:1: found no column of times among 'x, y', needed one; name it 't'"),
     "six columns": ("0,1,2,3,4,5\n", {}, r"clip.csv:1: found 6 columns without names, needed a line of names above"),
     "frames without rate": ("frame,light_x,light_y\n7,1,2\n9,1,2\n", {}, r"found frame numbers but no times, .*'frame_rate'"),
     "frames go back": ("t,frame,light_x\n0,9,1\n.1,7,2\n", {"frame_rate": 30.0}, r"clip.csv:3: column frame: found 7 after 9"),
     "empty": ("", {}, r"clip.csv: found no rows"),
     "only names": ("t,light_x,light_y\n", {}, r"clip.csv:1: found no row of numbers"),
     "spreadsheet": (b"PK\x03\x04rest", {}, r"clip.csv: found a zip archive .*File > Export > Data"),
-    "Tracker project": (b"<?xml version='1.0'?>", {}, r"clip.csv: found XML \(a Tracker project\?\)"),
+    "XML": (b"<?xml version='1.0'?>", {}, r"clip.csv: found XML, needed a text table"),
     "binary": (b"\x00\x01\x02", {}, r"clip.csv: found binary data"),
     "rate": ("t,light_x\n0,1\n", {"frame_rate": 0.0}, r"clip.csv: frame_rate: found 0 Hz"),
     "one track for both": (
@@ -200,10 +287,15 @@ BAD = {
     "which drop": (
         "drop,time,height\n1,0,9\n2,0,9\n",
         {},
-        r"column drop: found drops 1, 2, needed one trial; choose by 'drop: 1'",
+        r"clip.csv: found the runs 1, 2, needed one trial; choose by 'run: 1'",
     ),
-    "no such drop": ("drop,time,height\n1,0,9\n2,0,9\n", {"drop": 3}, r"column drop: found drops 1, 2, needed drop 3"),
-    "no drops": ("t,height\n0,9\n", {"drop": 1}, r"found no column 'drop'"),
+    "no such drop": ("drop,time,height\n1,0,9\n2,0,9\n", {"run": "3"}, r"clip.csv: found the runs 1, 2, needed run '3'"),
+    "no drops": ("t,height\n0,9\n", {"run": "1"}, r"found a single run without a number, needed run '1'"),
+    "one time for two rows": (
+        "t,light_x,light_y\n0,1,2\n0,1.5,2\n",
+        {},
+        r"clip.csv:3: column t: found 0 after 0 \(line 2\), needed times that grow; export them with more decimals",
+    ),
     "event twice": (
         "quantity,index,value,sigma,unit\nstop,1,1,1,s\nstop,1,2,1,s\n",
         {},

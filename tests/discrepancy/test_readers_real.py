@@ -17,7 +17,7 @@ from tests.discrepancy.real_data import real
 def test_the_falling_balls(file, drops):
     path = real(f"falling_balls/{file}.csv")
     for drop, count in enumerate(drops, start=1):
-        observations = read(path, drop=drop)
+        observations = read(path, run=str(drop))
         height = observations.channel("height")
         assert len(height) == count
         assert 45 < height.value[0] < 49

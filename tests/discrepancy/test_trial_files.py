@@ -112,8 +112,16 @@ def test_a_trial_of_a_study():
 @pytest.mark.parametrize(
     ("tracks", "settings", "message"),
     [
-        (("a", "b"), [], "needed to know which mass each is; say so by --marks-set 'tracks.light=a'"),
-        (("a", "b"), ["tracks.light=c"], "found the tracks 'a', 'b', needed 'c'; correct --marks-set 'tracks.light=NAME'"),
+        (
+            ("a", "b"),
+            [],
+            "which mass each is; by their motion, write --marks-set 'tracks.light=a' --marks-set 'tracks.heavy=b'",
+        ),
+        (
+            ("a", "b"),
+            ["tracks.light=c"],
+            "the tracks 'a', 'b', needed 'c'; by their motion, write --marks-set 'tracks.light=a' --marks-set 'tracks.heavy=b'",
+        ),
         (("light", "heavy"), ["frame_rate=240"], "--marks-set: frame_rate: expected a quantity in Hz, got '240'"),
         (("light", "heavy"), ["frame_rat=1 Hz"], "did you mean 'frame_rate'?"),
         (("light", "heavy"), ["camera.orign_x=1 m"], "did you mean 'origin_x'?"),

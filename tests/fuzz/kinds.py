@@ -258,7 +258,7 @@ READER_OPTIONS: tuple[dict[str, object], ...] = (
     {"tracks": {"light": ""}, "frame_rate": 240.0},
     {"tracks": {"light": "light"}, "frame_rate": 240.0, "clip_rate": 30.0, "units": {"length": "cm", "time": "ms"}},
     {"kind": "angle"},
-    {"kind": "drop", "drop": 1},
+    {"kind": "drop", "run": "1"},
 )
 
 

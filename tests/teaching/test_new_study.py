@@ -170,9 +170,9 @@ def test_a_file_of_heights_or_angles_is_a_drop_or_a_held_pendulum(here):
     done = run("mine.yaml", "-y", "--trial", "ball.csv", "--trial", "ball.csv")
     assert done.exit_code == 0, done.output
     study = study_io.load("mine.yaml")
-    assert [(t.name, t.drop, t.release, t.held_out) for t in study.trials] == [
-        ("ball-1", 1, Release.DROP, False),
-        ("ball-2", 2, Release.DROP, True),
+    assert [(t.name, t.run, t.release, t.held_out) for t in study.trials] == [
+        ("ball-1", "1", Release.DROP, False),
+        ("ball-2", "2", Release.DROP, True),
     ]
     assert not study.apparatus
     done = run("swing.yaml", "-y", "--trial", "swing.csv", "--set", "release.kind=held")
@@ -215,7 +215,7 @@ def test_a_file_that_is_no_table_is_said_in_one_line(here):
     Path("clip.trk").write_bytes(b"<?xml version='1.0'?>")
     done = run("mine.yaml", "-y", "--trial", "clip.trk")
     assert isinstance(done.exception, AnswerError)
-    assert "found XML (a Tracker project?)" in str(done.exception)
+    assert "clip.trk: found damaged XML" in str(done.exception)
 
 
 @pytest.mark.parametrize(

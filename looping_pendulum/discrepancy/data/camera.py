@@ -11,6 +11,8 @@ and the lens moves it along the line from the picture's centre c, at the distanc
 
 where the last term keeps the rod's centre where it was. It is measured at scale Rot(tilt) v + (origin_x, origin_y). The page on
 the derivation of the equations shows how these follow from the camera's place and direction.
+
+An angular velocity is measured per second of the file's clock, plus rate_offset.
 """
 
 from __future__ import annotations
@@ -91,6 +93,8 @@ CAMERA = MappingProxyType(
                 error=4e-3, reach=0.1,
             ),
             _coefficient("clock_ratio", "", 1.0, (0.01, 100.0), "true time per measured time", error=0.002, reach=0.3),
+            # No candidate either: every fit of angular velocities has it
+            _coefficient("rate_offset", "rad/s", 0.0, (-1.0, 1.0), "angular velocity that is measured at rest", error=0.02),
         )
     }
 )  # fmt: skip
@@ -118,6 +122,7 @@ class Camera:
     centre_y: float = CAMERA["centre_y"].null
     clock_offset: float = CAMERA["clock_offset"].null
     clock_ratio: float = CAMERA["clock_ratio"].null
+    rate_offset: float = CAMERA["rate_offset"].null
 
     def __post_init__(self) -> None:
         """Refuse values out of their bounds."""

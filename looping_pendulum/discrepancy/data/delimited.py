@@ -1,14 +1,14 @@
-"""Read text tables, as spreadsheets and video analysis programs write them, into rows of cells.
+"""Read text tables, as spreadsheets and video analysis programs write them, into lines of cells.
 
-Encoding, delimiter, decimal comma and header are recognised. Nothing here knows physics. Every fault is a `DataError` of one
-line that names file, line and column.
+Encoding, comments, delimiter and decimal comma are told by content. Nothing here knows physics. Every fault is a `DataError` of
+one line that names file, line and column.
 """
 
 from __future__ import annotations
 
 import math
-import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,14 +18,20 @@ from looping_pendulum.scenarios.document import one_line, quote
 
 LARGEST_FILE = 20 * 1024 * 1024
 """Largest size of a file that is read [bytes]: an hour of tracked points at 240 fps."""
-MISSING = frozenset({"", "-", "--", "nan", "na", "n/a", "null", "none"})
+MISSING = frozenset({"", "-", "--", "nan", "na", "n/a", "#n/a", "null", "none", "1.#qnan", "-1.#ind"})
 """Cells that say that there is no value, in lower case."""
+DELIMITERS = ("\t", ";", "|", ",", " ")
+"""Delimiters, the likelier first where several divide a table equally well; ' ' stands for any white space."""
+SAMPLE_LINES = 100
+"""Number of lines at either end of a table by which its delimiter is told."""
 _DECIMAL_POINT = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
-_DECIMAL_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]{1,4})?")
+_DECIMAL_COMMA = re.compile(r"[+-]?(?:[0-9]+(?:,[0-9]+)?|,[0-9]+)(?:[eE][+-]?[0-9]{1,4})?")
+_DIGITS = re.compile(r"[+-]?([0-9]*)[.,]?([0-9]*)(?:[eE]([+-]?[0-9]+))?")
+_SEPARATOR_LINE = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
 _OTHER_FORMATS = {
-    b"PK\x03\x04": "a zip archive (a spreadsheet or a Tracker project)",
+    b"PK\x03\x04": "a zip archive (a spreadsheet?)",
     b"\xd0\xcf\x11\xe0": "an old spreadsheet",
-    b"<?xml": "XML (a Tracker project?)",
+    b"<?xml": "XML",
     b"%PDF": "a PDF",
 }
 
@@ -38,20 +44,23 @@ class TableLine:
     """Number of the line in the file, from 1."""
     cells: tuple[str, ...]
 
+    def cell(self, index: int) -> str:
+        """Return a cell, '' where the line has no such one."""
+        return self.cells[index] if index < len(self.cells) else ""
+
 
 @dataclass(frozen=True, kw_only=True)
-class DelimitedTable:
-    """A text table: lines of a header, then rows of numbers."""
+class DelimitedText:
+    """Lines of cells of a text table."""
 
     file: str
     delimiter: str
-    """Tab, semicolon or comma; ' ' stands for any white space."""
+    """One of `DELIMITERS`."""
     decimal_comma: bool
-    head: tuple[TableLine, ...]
-    """Lines above the first row of numbers."""
-    rows: tuple[TableLine, ...]
-    multi: bool
-    """Whether the file begins with Tracker's line for several tracks."""
+    comments: tuple[TableLine, ...]
+    """Lines that began with "#", without it."""
+    lines: tuple[TableLine, ...]
+    """All other lines that are not empty."""
 
     def error(self, line: int | None, column: str, message: str) -> DataError:
         """Return an error about a place in the file."""
@@ -65,14 +74,17 @@ class DelimitedTable:
         DataError
             If the cell holds anything else.
         """
-        text = row.cells[index] if index < len(row.cells) else ""
+        text = row.cell(index)
         if text.lower() in MISSING:
             return None
-        with_point = text.replace(",", ".") if self.decimal_comma and _DECIMAL_COMMA.fullmatch(text) else text
-        if not _DECIMAL_POINT.fullmatch(with_point):
+        if self.decimal_comma and "." in text and (_DECIMAL_POINT.fullmatch(text) or "," in text):
+            # The point could as well separate thousands
+            message = f"found {quote(text)} among numbers with a decimal comma, needed one kind; replace one by the other"
+            raise self.error(row.line, column, message)
+        if not is_number(text, self.decimal_comma):
             message = f"found {quote(text)}, needed a number or an empty cell; correct the cell, or empty it"
             raise self.error(row.line, column, message)
-        value = float(with_point)
+        value = float(text.replace(",", "."))
         if not math.isfinite(value):
             raise self.error(row.line, column, f"found {quote(text)}, needed a finite number; correct the cell, or empty it")
         return value
@@ -84,67 +96,85 @@ def data_error(file: str, line: int | None, column: str, message: str) -> DataEr
     return DataError(one_line(f"{where}: {'column ' + column + ': ' if column else ''}{message}"))
 
 
-def read_table(path: str | Path, text_column: str = "") -> DelimitedTable:
-    """Read a text table.
-
-    Parameters
-    ----------
-    text_column
-        Name of a first column that holds text. If the header begins with it, all rows below are data although their first cell
-        is no number.
+def read_bytes(path: str | Path, file: str, largest: int = LARGEST_FILE) -> bytes:
+    """Return the content of a file.
 
     Raises
     ------
     DataError
-        If the file cannot be read or is no text table.
+        If it cannot be read or has more than ``largest`` bytes.
     """
-    file = os.fspath(path)
-    text = _decode(_bytes(Path(path), file), file)
-    lines = text_table.lines(text)
-    # Before lines with "#" are left out as comments
-    multi = any(line.lstrip().lower().startswith("#multi") for _, line in lines[:3])
-    lines = [(n, line) for n, line in lines if line.strip() and not line.lstrip().startswith("#")]
-    if not lines:
-        raise data_error(file, None, "", "found no rows, needed a table of numbers; export the data again")
-    for number, line in lines:
-        if len(line) > text_table.MAX_LINE_LENGTH:
-            message = f"found a line of {len(line)} characters, needed rows of at most {text_table.MAX_LINE_LENGTH}"
-            raise data_error(file, number, "", f"{message}; export the data again")
-    delimiter, decimal_comma = _dialect([line for _, line in lines])
-    rows = [TableLine(line=n, cells=text_table.cells(line, delimiter)) for n, line in lines]
-    named = next((i + 1 for i, row in enumerate(rows) if text_column and row.cells[0].lower() == text_column), None)
-    first = named or next((i for i, row in enumerate(rows) if _is_data(row.cells, decimal_comma)), len(rows))
-    if first == len(rows):
-        raise data_error(
-            file, rows[-1].line, "", f"found no row of numbers (last row {quote(lines[-1][1].strip())}), needed rows such as "
-            "'0.0042,0.51,-0.22'; export the data again, as numbers without units",
-        )  # fmt: skip
-    table = DelimitedTable(
-        file=file,
-        delimiter=delimiter,
-        decimal_comma=decimal_comma,
-        head=tuple(rows[:first]),
-        rows=tuple(rows[first:]),
-        multi=multi,
-    )
-    if decimal_comma:
-        _refuse_mixed_decimals(table)
-    return table
-
-
-def _bytes(path: Path, file: str) -> bytes:
     try:
-        with path.open("rb") as stream:
+        with Path(path).open("rb") as stream:
             # One byte more than is allowed tells that a file is too large, however large it is
-            raw = stream.read(LARGEST_FILE + 1)
+            raw = stream.read(largest + 1)
     except OSError as error:
         raise data_error(file, None, "", f"cannot be read: {error.strerror}") from None
     except ValueError:
         raise data_error(file, None, "", "cannot be read: this is not a valid file name") from None
-    if len(raw) > LARGEST_FILE:
-        size = f"{LARGEST_FILE // 1024**2} MiB"
+    if len(raw) > largest:
+        size = f"{largest // 1024**2} MiB"
         raise data_error(file, None, "", f"found more than {size}, needed one trial; cut the file to the trial's frames")
     return raw
+
+
+def read_text(raw: bytes, file: str) -> DelimitedText:
+    """Split the content of a text table into lines of cells.
+
+    Raises
+    ------
+    DataError
+        If it is no text table.
+    """
+    numbered = [(n, line.strip("\ufeff")) for n, line in text_table.lines(_decode(raw, file)) if line.strip("\ufeff \t\f\v")]
+    comments = [(n, line.lstrip().lstrip("#")) for n, line in numbered if line.lstrip().startswith("#")]
+    lines = [(n, line) for n, line in numbered if not line.lstrip().startswith("#")]
+    for number, line in numbered:
+        if len(line) > text_table.MAX_LINE_LENGTH:
+            message = f"found a line of {len(line)} characters, needed rows of at most {text_table.MAX_LINE_LENGTH}"
+            raise data_error(file, number, "", f"{message}; export the data again")
+    # A line for spreadsheets that names the delimiter
+    separator = _SEPARATOR_LINE.fullmatch(lines[0][1].strip()) if lines else None
+    if separator:
+        lines = lines[1:]
+    if not lines:
+        raise data_error(file, None, "", "found no rows, needed a table of numbers; export the data again")
+    named = separator[1] if separator else ""
+    delimiter, decimal_comma = _dialect([line for _, line in lines], (named,) if named in DELIMITERS else DELIMITERS)
+    return DelimitedText(
+        file=file,
+        delimiter=delimiter,
+        decimal_comma=decimal_comma,
+        comments=tuple(TableLine(line=n, cells=text_table.cells(line, delimiter)) for n, line in comments),
+        lines=tuple(TableLine(line=n, cells=text_table.cells(line, delimiter)) for n, line in lines),
+    )
+
+
+def is_number(text: str, decimal_comma: bool) -> bool:
+    """Return whether a cell is a number in the file's writing."""
+    return bool((_DECIMAL_COMMA if decimal_comma else _DECIMAL_POINT).fullmatch(text))
+
+
+def last_digits(texts: Sequence[str]) -> list[float]:
+    """Return what one unit of the last digit that tells anything is worth, of each number of a column.
+
+    Programs write a column with so many decimals or with so many digits, and some add or leave out zeros at the end. So these
+    do not count, and the number with the most digits tells for all: of "0", "0.00416667" and "0.5" the last digit of the third
+    is worth 1e-6, and of "4.000000E-03" and "8.000000E-03" that of both 0.001.
+    """
+    parts = []
+    for text in texts:
+        match = _DIGITS.fullmatch(text)
+        whole, printed, power = (match[1], match[2], int(match[3] or 0)) if match else ("", "", 0)
+        decimals = printed.rstrip("0")
+        digits = (whole + decimals).lstrip("0")
+        # 12.50e-3: three digits, the first at 10^-2, the last at 10^-4, and printed to 10^-5
+        last = power - len(decimals)
+        parts.append((len(digits), last, last + len(digits) - 1, power - len(printed)))
+    most = max((n for n, *_ in parts), default=0)
+    lowest = min((last for n, last, *_ in parts if n), default=0)
+    # As text, since 10.0**power raises OverflowError for large powers
+    return [float(f"1e{max(lowest, min(first + 1 - most, printed)) if n else lowest}") for n, _, first, printed in parts]
 
 
 def _decode(raw: bytes, file: str) -> str:
@@ -165,36 +195,14 @@ def _decode(raw: bytes, file: str) -> str:
     return text
 
 
-def _dialect(lines: list[str]) -> tuple[str, bool]:
-    """Return the delimiter, and whether numbers have a decimal comma.
-
-    A comma is taken for the delimiter only if neither tab nor semicolon is in most lines: beside those it is a decimal comma.
-    """
-    for delimiter in ("\t", ";"):
-        if sum(delimiter in line for line in lines) * 2 > len(lines):
-            cells = [cell for line in lines for cell in text_table.cells(line, delimiter)]
-            return delimiter, any(_DECIMAL_COMMA.fullmatch(c) for c in cells)
-    # The last line holds numbers, whatever the lines of the header look like
-    last = lines[-1].split()
-    if len(last) > 1 and all(_DECIMAL_POINT.fullmatch(c) or _DECIMAL_COMMA.fullmatch(c) for c in last):
-        return " ", any(_DECIMAL_COMMA.fullmatch(c) for line in lines for c in line.split())
-    return ("," if any("," in line for line in lines) else " "), False
-
-
-def _is_data(cells: tuple[str, ...], decimal_comma: bool) -> bool:
-    """Return whether a line is a row of numbers: its first cell, the time, is a number, or most of its cells are.
-
-    A line whose first cell is empty has the names of tracks, even if these are numbers.
-    """
-    filled = [c for c in cells if c]
-    numbers = [bool(_DECIMAL_POINT.fullmatch(c) or (decimal_comma and _DECIMAL_COMMA.fullmatch(c))) for c in filled]
-    return bool(cells[0]) and (numbers[0] or 2 * sum(numbers) > len(filled))
-
-
-def _refuse_mixed_decimals(table: DelimitedTable) -> None:
-    """Refuse a decimal point among decimal commas: the point could as well separate thousands."""
-    for row in table.rows:
-        for index, cell in enumerate(row.cells):
-            if "." in cell and (_DECIMAL_POINT.fullmatch(cell) or "," in cell):
-                message = f"found {quote(cell)} among numbers with a decimal comma, needed one kind; replace one by the other"
-                raise table.error(row.line, str(index + 1), message)
+def _dialect(lines: Sequence[str], delimiters: Sequence[str]) -> tuple[str, bool]:
+    """Return the delimiter and whether numbers have a decimal comma: those with which most cells are numbers or empty."""
+    sample = lines if len(lines) <= 2 * SAMPLE_LINES else [*lines[:SAMPLE_LINES], *lines[-SAMPLE_LINES:]]
+    best, most = (delimiters[0], False), -1
+    for delimiter in delimiters:
+        rows = [text_table.cells(line, delimiter) for line in sample]
+        for decimal_comma in (False, True):
+            count = sum(not c or is_number(c, decimal_comma) for cells in rows if len(cells) > 1 for c in cells)
+            if count > most:
+                best, most = (delimiter, decimal_comma), count
+    return best

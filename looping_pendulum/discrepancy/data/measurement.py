@@ -92,11 +92,11 @@ def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel],
             raise DataError("found no point during the run, needed some; check the times and the clock offset")
         if name == "angle_rate":
             # before its release the mass is at rest, but the run's first sample may have the speed of a push
-            values[name][: sample_times.before_release[name]] = 0.0
+            values[name][: sample_times.before_release[name]] = camera.rate_offset
     return Prediction(values=values, after_end=after, before_release=sample_times.before_release)
 
 
-DIFFERENTIABLE_CHANNELS = frozenset({"light_x", "light_y", "heavy_x", "heavy_y", "angle"})
+DIFFERENTIABLE_CHANNELS = frozenset({"light_x", "light_y", "heavy_x", "heavy_y", "angle", "angle_rate"})
 """Channels whose derivatives `predicted_derivatives` returns."""
 
 
@@ -126,7 +126,14 @@ def predicted_derivatives(
             series[f"{mass}_x"], series[f"{mass}_y"] = measured[..., 0], measured[..., 1]
     if "angle" in sample_times.index:
         series["angle"] = s.state.wrap_angle.T
-    return {name: series[name][np.minimum(index, known)] for name, index in sample_times.index.items()}
+    if "angle_rate" in sample_times.index:
+        run = s.samples.state
+        change = s.state.across_speed - run.across_speed / run.free_length * s.state.free_length
+        series["angle_rate"] = (change / run.free_length).T * camera.clock_ratio
+    found = {name: series[name][np.minimum(index, known)] for name, index in sample_times.index.items()}
+    if "angle_rate" in found:
+        found["angle_rate"][: sample_times.before_release["angle_rate"]] = 0.0  # as in `predict`
+    return found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -165,7 +172,8 @@ def _series(samples: Samples, camera: Camera, dropped: str, names: set[str]) -> 
         series["angle"] = samples.state.wrap_angle - math.pi + camera.tilt
     if "angle_rate" in names:
         angle_rate = samples.state.across_speed / samples.state.free_length
-        series["angle_rate"] = angle_rate * camera.clock_ratio  # the file's rates are per second of its own clock
+        # The file's rates are per second of its own clock
+        series["angle_rate"] = angle_rate * camera.clock_ratio + camera.rate_offset
     if "height" in names:
         path = samples.heavy_position if dropped == "heavy" else samples.light_position
         series["height"] = camera.scale * (path[:, 1] - path[0, 1]) + camera.origin_y

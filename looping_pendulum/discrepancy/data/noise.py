@@ -121,6 +121,11 @@ def speed_at(channels: Sequence[Channel], t: Array, sigma: float = 0.0) -> Array
     return np.sqrt(np.maximum(square, 0.0))
 
 
+def scatter(channel: Channel) -> float:
+    """Return the typical size of a channel's differences of fourth order: of noise, and of times that are not the points'."""
+    return _robust_standard_deviation(_differences(channel, ORDER)[1]) if len(channel) > ORDER else 0.0
+
+
 def _differences(channel: Channel, order: int) -> tuple[Array, Array]:
     """Return mean times [s] and scaled differences of ``order``, which have unit variance for white noise of unit variance."""
     if len(channel) < order + 1:

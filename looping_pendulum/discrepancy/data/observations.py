@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections import Counter
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -29,11 +30,17 @@ loops, so it is the wrap angle less pi. "height" is that of the mass that falls,
 """
 
 BODIES = MappingProxyType(
-    {"light": ("light_x", "light_y"), "heavy": ("heavy_x", "heavy_y"), "angle": ("angle",), "height": ("height",)}
+    {
+        "light": ("light_x", "light_y"),
+        "heavy": ("heavy_x", "heavy_y"),
+        "angle": ("angle",),
+        "angle_rate": ("angle_rate",),
+        "height": ("height",),
+    }
 )
 """Moving body -> the channels that show its motion. They share one noise law.
 
-"angle_rate" is in none: it was computed from the angles, so it carries no noise of its own.
+An "angle_rate" beside other channels was computed from them, so that only one that stands alone is fitted.
 """
 
 
@@ -65,6 +72,10 @@ class Channel:
     """Measured values [SI], shape (n,)."""
     column: str = ""
     """Name of its column in the file."""
+    last_digit: float = 0.0
+    """What one unit of the values' last digit is worth in the file [SI]; 0: not known."""
+    time_error: float = 0.0
+    """Standard error of each time by rounding [s]."""
 
     def __post_init__(self) -> None:
         """Refuse unknown names, unequal shapes, and times or values that are not finite and ascending."""
@@ -80,6 +91,10 @@ class Channel:
         """Return the SI unit of the values."""
         return UNITS[self.name]
 
+    def least_sigma(self, speed: Array) -> Array:
+        """Return the error that the file's own rounding of values and times gives each point at least [SI]."""
+        return np.hypot(self.last_digit / math.sqrt(12), self.time_error * speed)
+
     @property
     def time_step(self) -> float:
         """Return the median time from one sample to the next [s]; 0 with fewer than two samples."""
@@ -88,6 +103,16 @@ class Channel:
     def __len__(self) -> int:
         """Return the number of samples."""
         return len(self.t)
+
+
+@dataclass(kw_only=True)
+class ReadingNotes:
+    """Values left out and assumptions made while a file is read."""
+
+    unused: Counter[str] = field(default_factory=Counter)
+    """Reason -> number of values that were left out for it."""
+    assumptions: list[str] = field(default_factory=list)
+    """What was assumed, put right or left out, one after the other."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +143,9 @@ class Observations:
     unused: tuple[UnusedValues, ...] = ()
     """Values that were left out, and why."""
     assumptions: tuple[str, ...] = ()
-    """What the reader assumed because the file does not say it."""
+    """What the reader assumed because the file does not say it, and what it put right."""
+    faults: tuple[str, ...] = ()
+    """What the points say against their own times, which nothing but another export puts right."""
 
     @property
     def used(self) -> int:
@@ -148,7 +175,8 @@ class Observations:
         """Say in one line how many values were used, how many not, and why."""
         parts = [f"{c.name} {len(c)}" for c in self.channels] + ([f"events {len(self.events)}"] if self.events else [])
         unused = "; ".join(f"{u.count} not used: {u.reason}" for u in self.unused)
-        return f"{self.name}: used {', '.join(parts) or 'nothing'}" + (f"; {unused}" if unused else "")
+        used = f"{self.name}: used {', '.join(parts) or 'nothing'}"
+        return "; ".join(filter(None, (used, unused, *self.assumptions)))
 
 
 def merge(name: str, parts: tuple[Observations, ...]) -> Observations:
@@ -175,6 +203,7 @@ def merge(name: str, parts: tuple[Observations, ...]) -> Observations:
         events=tuple(e for p in parts for e in p.events),
         unused=tuple(u for p in parts for u in p.unused),
         assumptions=tuple(dict.fromkeys(a for p in parts for a in p.assumptions)),
+        faults=tuple(dict.fromkeys(f for p in parts for f in p.faults)),
     )
 
 

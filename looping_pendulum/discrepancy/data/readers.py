@@ -1,4 +1,4 @@
-"""Read files of measured data into `Observations`: Tracker exports, tidy tables, angles, drops and event tables.
+"""Read files of measured data into `Observations`: tables of tracked points, angles, drops or events, and Tracker's projects.
 
 Only times and positions are read: velocities and accelerations in such files are computed from them, so they tell nothing more.
 An empty cell is a missing point, never zero. Values that are not used are counted with the reason.
@@ -8,23 +8,35 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from looping_pendulum.discrepancy.data.columns import Column, ReadingNotes, read_columns
-from looping_pendulum.discrepancy.data.delimited import DelimitedTable, TableLine, data_error, read_table
+from looping_pendulum.discrepancy.data import step_durations
+from looping_pendulum.discrepancy.data.clock import Series, Sheet, timed_channels
+from looping_pendulum.discrepancy.data.columns import PIXELS, POSITION_ROLES, Column, read_columns
+from looping_pendulum.discrepancy.data.delimited import (
+    LARGEST_FILE,
+    DelimitedText,
+    data_error,
+    last_digits,
+    read_bytes,
+    read_text,
+)
 from looping_pendulum.discrepancy.data.events import is_event_table, read_events
+from looping_pendulum.discrepancy.data.noise import scatter
 from looping_pendulum.discrepancy.data.observations import (
     UNITS,
     Channel,
     DataError,
     ImplausibleLengthError,
     Observations,
+    ReadingNotes,
     UnusedValues,
 )
+from looping_pendulum.discrepancy.data.tracker_project import LARGEST_ARCHIVE, is_named_project, is_project, read_project
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.units import UnitError, to_si
@@ -32,20 +44,20 @@ from looping_pendulum.scenarios.units import UnitError, to_si
 __all__ = ["KINDS", "DataError", "read"]
 
 KINDS = ("auto", "positions", "angle", "drop", "events")
-"""Kinds of files; "positions" stands for Tracker exports and tidy tables alike, "auto" tells the kind by the header."""
+"""Kinds of files; "positions" stands for tracked points of every form, "auto" tells the kind by the names of the columns."""
 MASSES = ("light", "heavy")
 MAX_VALUE = {"m": 1000.0, "light": 20.0, "heavy": 20.0, "rad": 4 * np.pi, "rad/s": 1000.0}
 """Largest plausible heights [m], positions of the light and heavy mass [m], angles [rad] and angular rates [rad/s].
 
 A larger value must be in another unit than the file or the study says.
 """
-MAX_TIME_STEP = 0.5
-"""Largest plausible median time between rows [s]; beyond it, times must be frames or milliseconds.
+MAX_START_ACCELERATION = {"m": 9.81, "rad": 98.1}
+"""Twice the largest acceleration of a mass after its release [m/s^2], and of a pendulum of 20 cm [rad/s^2].
 
-The slowest real data set has 15 rows a second.
+A record whose masses are faster in its first two steps begins later.
 """
-RATE_TOLERANCE = 0.01
-"""Relative difference of two frame rates that rounding of printed times can explain."""
+MAX_START_SIGMAS = 4.0
+"""The same by noise, in its standard deviations."""
 _DEFAULT_UNITS = {"length": "m", "time": "s", "angle": "rad"}
 _KIND_OF_UNIT = {"t": "time", "x": "length", "y": "length", "height": "length", "angle": "angle"}
 
@@ -58,8 +70,9 @@ def read(
     tracks: Mapping[str, str] | None = None,
     kind: str = "auto",
     units: Mapping[str, str] | None = None,
-    drop: int | None = None,
+    run: str | None = None,
     name: str | None = None,
+    starts_at_release: bool = True,
 ) -> Observations:
     """Read one file of measured data.
 
@@ -77,10 +90,12 @@ def read(
     units
         Units of columns whose header names none, for example ``{"length": "cm", "angle": "deg", "time": "ms"}``; a length of
         ``"1.4 mm"`` is that of a pixel.
-    drop
-        Number of the drop to read, if the file has several.
+    run
+        Number of the run or drop to read, if the file has several.
     name
         Name of the trial; by default that of the file without its ending.
+    starts_at_release
+        Whether a record whose clock begins elsewhere and whose masses are at rest at first begins at time 0.
 
     Raises
     ------
@@ -94,118 +109,190 @@ def read(
     for key, rate in (("frame_rate", frame_rate), ("clip_rate", clip_rate)):
         if rate is not None and not (np.isfinite(rate) and rate > 0):
             raise data_error(file, None, "", f"{key}: found {rate:g} Hz, needed a number above 0")
-    table = read_table(path, text_column="quantity")
-    if kind == "events" or (kind == "auto" and is_event_table(table)):
-        return read_events(path, table, name)
     notes = ReadingNotes()
-    columns = read_columns(table, kind, tracks, notes)
-    _refuse_incomplete_rows(table, columns)
-    rows = _rows_of_one_drop(table, columns, drop)
-    units = _DEFAULT_UNITS | dict(units or {})
-    channels_with_rows = _read_channels(table, rows, columns, tracks, units, notes)
-    if not channels_with_rows:
-        raise table.error(
-            None, "", "found no positions, angles or heights, needed one column of them; check 'tracks' and 'kind'"
-        )
-    # Before the frame rate is corrected, so that messages have the values of the file
-    _refuse_implausible_values(
-        table, channels_with_rows, check_times=any(c.role == "t" for c in columns) and frame_rate is None
-    )
-    timed = _with_true_frame_rate(table, columns, channels_with_rows, frame_rate, clip_rate, notes)
-    channels = _without_inconsistent_rate(timed, notes)
+    raw = read_content(path, file)
+    if is_named_project(file) or is_project(raw):
+        sheets = _project_sheets(raw, file, tracks, units or {}, notes)
+    else:
+        text = read_text(raw, file)
+        if kind == "events" or (kind == "auto" and is_event_table(text)):
+            return read_events(text, name)
+        columns = _of_one_run(text, read_columns(text, kind, list((tracks or {}).values()), notes), run, notes)
+        sheets = _sheets(text, columns, tracks, _DEFAULT_UNITS | dict(units or {}), notes)
+    for sheet in sheets:
+        _refuse_implausible_values(file, sheet)
+
+    def refuse(line: int | None, column: str, message: str) -> DataError:
+        return data_error(file, line, column, message)
+
+    channels = timed_channels(sheets, frame_rate, clip_rate, refuse, notes)
+    if starts_at_release:
+        channels = _from_release(channels, notes)
+    channels = step_durations.without_copies(_without_inconsistent_rate(channels, notes), notes)
     return Observations(
         name=name,
         file=file,
         channels=tuple(channels),
-        unused=tuple(UnusedValues(count=count, reason=reason) for reason, count in notes.unused.items()),
+        unused=tuple(UnusedValues(count=count, reason=reason) for reason, count in notes.unused.items() if count),
         assumptions=tuple(dict.fromkeys(notes.assumptions)),
+        faults=tuple(step_durations.clock_faults(channels)),
     )
 
 
-def _rows_of_one_drop(table: DelimitedTable, columns: list[Column], drop: int | None) -> list[TableLine]:
-    """Return the rows of the chosen drop; all rows if the file has no column of drops."""
-    column = next((c for c in columns if c.role == "drop"), None)
-    if column is None:
-        if drop is not None:
-            raise table.error(None, "", f"found no column 'drop', so drop {drop} cannot be chosen; leave 'drop' out")
-        return list(table.rows)
-    numbers = [table.number(row, column.index, column.label) for row in table.rows]
-    have = sorted({n for n in numbers if n is not None})
-    shown = ", ".join(f"{n:g}" for n in have)
-    if drop is None and len(have) > 1:
-        raise table.error(None, column.label, f"found drops {shown}, needed one trial; choose by 'drop: {have[0]:g}'")
-    wanted = have[0] if drop is None else drop
-    if wanted not in have:
-        raise table.error(None, column.label, f"found drops {shown}, needed drop {wanted:g}; choose one that is there")
-    return [row for row, number in zip(table.rows, numbers, strict=True) if number == wanted]
+def read_content(path: str | Path, file: str) -> bytes:
+    """Return the content of a file; a project of Tracker may be large, as it may hold the film."""
+    return read_bytes(path, file, LARGEST_ARCHIVE if is_named_project(file) else LARGEST_FILE)
 
 
-def _refuse_incomplete_rows(table: DelimitedTable, columns: list[Column]) -> None:
-    """Refuse rows with more or fewer cells than the header; empty cells at the end are Tracker's trailing delimiter."""
-    width = columns[-1].index + 1
-    for row in table.rows:
-        filled = max((i + 1 for i, cell in enumerate(row.cells) if cell), default=0)
-        # Editors trim tabs at the end of a line, so that a short row there only lacks its last points.
-        short = len(row.cells) < width and table.delimiter != "\t"
-        if filled > width or short:
-            too_many = table.delimiter == "," and filled > width
-            hint = "if these are decimal commas, export with semicolons" if too_many else "complete or delete the row"
-            raise table.error(row.line, "", f"found {len(row.cells)} cells, needed {width}; {hint}")
+def _of_one_run(text: DelimitedText, columns: list[Column], run: str | None, notes: ReadingNotes) -> list[Column]:
+    """Return the columns of the chosen run, and those of no run, that are times or positions."""
+    runs = list(dict.fromkeys(c.run for c in columns if c.role in POSITION_ROLES))
+    shown = ", ".join(runs)
+    if run is None and len(runs) > 1:
+        raise text.error(None, "", f"found the runs {shown}, needed one trial; choose by 'run: {runs[0]}'")
+    if run is not None and run not in runs:
+        found = f"found the runs {shown}" if any(runs) else "found a single run without a number"
+        raise text.error(
+            None, "", f"{found}, needed run {quote(run)}; {'choose one that is there' if any(runs) else 'leave it out'}"
+        )
+    columns = [c for c in columns if run is None or c.run in (run, "")]
+    rest = [c for c in columns if not c.role]
+    names = list(dict.fromkeys(f"{c.label!r}" for c in rest))
+    if names:
+        what = "not a time or a position" if len(names) == 1 else "not times or positions"
+        reason = f"column{'s' if len(names) > 1 else ''} {', '.join(names)}: {what}"
+        notes.unused[reason] += sum(bool(row.cell(c.index)) for c in rest for row in c.rows)
+    return [c for c in columns if c.role]
 
 
-def _read_channels(
-    table: DelimitedTable,
-    rows: list[TableLine],
+def _sheets(
+    text: DelimitedText,
     columns: list[Column],
     tracks: Mapping[str, str] | None,
     units: Mapping[str, str],
     notes: ReadingNotes,
-) -> list[tuple[Channel, list[TableLine]]]:
-    """Read the channels, timed by the file's clock, each with the rows of its points."""
-    masses = _mass_of_track(table, columns, tracks)
+) -> list[Sheet]:
+    """Return the channels of a table, by the columns of times or frames that belong to them."""
+    masses = _mass_of_track(text.file, tracks_of(text, columns), tracks)
+    rates = [c for c in columns if c.role == "angle_rate"]
     clocks = [c for c in columns if c.role == "t"] or [c for c in columns if c.role == "frame"]
-    channels: dict[str, tuple[Channel, list[TableLine]]] = {}
-    for column in columns:
-        role = column.role
-        if role in ("t", "frame", "drop"):
-            continue
-        channel = f"{masses.get(column.track, '')}_{role}" if role in ("x", "y") else role
+    frames = [c for c in columns if c.role == "frame"]
+    timed: dict[tuple[int, int], tuple[Column, Column | None, dict[str, Series]]] = {}
+    left_out: dict[str, int] = {}
+    for column in (c for c in columns if c.role in POSITION_ROLES and c not in rates[1:]):
+        channel = f"{masses.get(column.track, '')}_{column.role}" if column.role in ("x", "y") else column.role
         if channel not in UNITS:
-            reason = f"column {column.label!r}: " + ("track not asked for" if role else "not a time or a position")
-            notes.unused[reason] += sum(bool(row.cells[column.index]) for row in rows if column.index < len(row.cells))
+            left_out[column.label] = sum(bool(row.cell(column.index)) for row in column.rows)
             continue
-        if channel in channels:
+        if any(channel in channels for *_, channels in timed.values()):
             message = f"found {channel} a second time, needed one column for it; say by 'tracks' which is meant"
-            raise table.error(None, column.label, message)
+            raise text.error(None, column.label, message)
         # Tracker repeats the column of times for each track; the one that belongs to a column stands left of it
-        clock = next((c for c in reversed(clocks) if c.index < column.index), clocks[0])
-        channels[channel] = _read_channel(table, rows, clock, column, channel, units, notes)
-    return list(channels.values())
-
-
-def _mass_of_track(table: DelimitedTable, columns: list[Column], tracks: Mapping[str, str] | None) -> dict[str, str]:
-    """Return the mass of each track, as asked for or by the track's own name."""
-    have = list(dict.fromkeys(c.track for c in columns if c.role in ("x", "y")))
-    shown = ", ".join(f"'{t}'" if t else "one without a name" for t in have)
-    if tracks:
-        unknown = [m for m in tracks if m not in MASSES]
-        if unknown:
-            raise table.error(None, "", f"tracks: found {quote(unknown[0])}, needed 'light' or 'heavy'")
-        if len(set(tracks.values())) < len(tracks):
-            raise table.error(
-                None, "", f"tracks: found {quote(next(iter(tracks.values())))} for both masses, needed one for each"
+        own = [c for c in clocks if c.rows is column.rows]
+        clock = next((c for c in reversed(own) if c.index < column.index), own[0])
+        own_frames = [f for f in frames if f.rows is column.rows]
+        frame = next((f for f in own_frames if f.track == column.track), own_frames[0] if own_frames else None)
+        parts = [_series(text, c, channel, units, notes) for c in (rates if column in rates else [column])]
+        timed.setdefault((id(clock), id(frame)), (clock, frame, {}))[2][channel] = (
+            _about_one_axis(parts, notes) if len(parts) > 1 else parts[0]
+        )
+    if left_out:
+        names = ", ".join(f"{label!r}" for label in left_out)
+        notes.unused[f"column{'s' if len(left_out) > 1 else ''} {names}: track not asked for"] += sum(left_out.values())
+    if not timed:
+        raise text.error(
+            None, "", "found no positions, angles or heights, needed one column of them; check 'tracks' and 'kind'"
+        )
+    sheets = []
+    for clock, frame, channels in timed.values():
+        time, rounding = (None, np.zeros(len(clock.rows))) if clock.role == "frame" else numbers(text, clock)
+        factor = _to_si(text, clock, "s", units) if time is not None else 1.0
+        number = None if frame is None else numbers(text, frame)[0]
+        if frame is not None and number is not None and np.any(np.nan_to_num(number) % 1):
+            line = clock.rows[int(np.argmax(np.nan_to_num(number) % 1 > 0))].line
+            raise text.error(
+                line, frame.label, "found no whole number, needed a frame's; if these are times, name the column 't'"
             )
-        missing = [t for t in tracks.values() if t not in have]
-        if len(have) == 1 and (have == [""] or list(tracks.values()) == [""]) and len(tracks) == 1:
-            return {have[0]: next(iter(tracks))}
-        if missing:
-            raise table.error(None, "", f"found the tracks {shown}, needed {quote(missing[0])}; correct 'tracks'")
-        return {track: mass for mass, track in tracks.items()}
-    known = {t: m for t in have if (m := mass_in_name(t))}
-    if have and not known:
-        way_out = f"'tracks: {{light: {have[0] or Path(table.file).stem}}}'"
-        raise table.error(None, "", f"found the tracks {shown}, needed to know which mass each is; say so by {way_out}")
-    return known
+        sheets.append(
+            Sheet(
+                clock=clock.label,
+                lines=np.array([row.line for row in clock.rows]),
+                time=None if time is None else time * factor,
+                rounding=0.5 * rounding * factor,
+                frame=number,
+                channels=channels,
+            )
+        )
+        for channel, series in channels.items():
+            has_time = np.isfinite(time) if time is not None else np.ones(len(clock.rows), dtype=bool)
+            notes.unused[f"{channel}: empty cell"] += int(np.sum(~np.isfinite(series.value) & has_time))
+            notes.unused[f"{channel}: a value without a time"] += int(np.sum(np.isfinite(series.value) & ~has_time))
+    return sheets
+
+
+def numbers(text: DelimitedText, column: Column) -> tuple[Array, Array]:
+    """Return the values of a column, not a number where there is none, and what the last digit of each is worth."""
+    values = [text.number(row, column.index, column.label) for row in column.rows]
+    digits = last_digits([row.cell(column.index) for row in column.rows])
+    return np.array([np.nan if v is None else v for v in values]), np.array(digits)
+
+
+def _series(text: DelimitedText, column: Column, channel: str, units: Mapping[str, str], notes: ReadingNotes) -> Series:
+    """Read one channel in SI units."""
+    factor = _to_si(text, column, UNITS[channel], units)
+    value, digit = numbers(text, column)
+    if not np.isfinite(value).any():
+        raise text.error(None, column.label, f"found no values at all, needed {channel}; export that track again")
+    if not column.unit and _KIND_OF_UNIT.get(column.role) == "length":
+        notes.assumptions.append(f"lengths without a unit taken in {units['length']}")
+    return Series(column=column.label, value=value * factor, last_digit=digit * factor)
+
+
+def _to_si(text: DelimitedText, column: Column, si: str, units: Mapping[str, str]) -> float:
+    """Return the factor from the column's unit to SI."""
+    unit_text = column.unit or units.get(_KIND_OF_UNIT.get(column.role, ""), si)
+    if unit_text.lower() in PIXELS and si == "m":
+        unit_text = units["length"]
+        if unit_text == _DEFAULT_UNITS["length"] or unit_text.lower() in PIXELS:
+            raise ImplausibleLengthError(str(text.error(None, column.label, _NO_PIXEL)))
+    try:
+        # A unit may have a size of its own: "1.4 mm" for the pixels of a picture
+        return to_si(unit_text if unit_text[:1].isdigit() else f"1 {unit_text}", si)
+    except UnitError as error:
+        line = min((row.line for row in column.rows), default=1) - 1 if column.unit else None
+        detail = f" ({error})" if str(error) else ""
+        message = f"found the unit {quote(unit_text)}{detail}, needed one that converts to {si}; write for example '[{si}]'"
+        raise text.error(line, column.label, message) from None
+
+
+_NO_PIXEL = "found lengths in pixels, needed the size of one; say so by 'units: {length: 1.4 mm}'"
+
+
+def tracks_of(text: DelimitedText, columns: list[Column]) -> dict[str, tuple[Array, Array]]:
+    """Return name -> x and y of every track of a table of positions, in the file's units, without missing points."""
+    tracks: dict[str, tuple[Array, Array]] = {}
+    empty = np.empty(0)
+    for c in columns:
+        if c.role in ("x", "y"):
+            value = numbers(text, c)[0]
+            value = value[np.isfinite(value)]
+            x, y = tracks.get(c.track, (empty, empty))
+            tracks[c.track] = (value, y) if c.role == "x" else (x, value)
+    return tracks
+
+
+def _about_one_axis(axes: Sequence[Series], notes: ReadingNotes) -> Series:
+    """Return the rate about the axis about which a body turns, of rates about three axes of its own."""
+    values = np.stack([a.value for a in axes], axis=1)
+    known = np.all(np.isfinite(values), axis=1)
+    axis = np.linalg.svd(values[known], full_matrices=False)[2][0]
+    axis *= np.sign(axis[np.argmax(np.abs(axis))])
+    share = float(np.sum((values[known] @ axis) ** 2) / np.sum(values[known] ** 2))
+    named = ", ".join(f"{a:.2f}" for a in axis)
+    notes.assumptions.append(
+        f"rates about {len(axes)} axes: taken about the one ({named}) that has {100 * share:.3g} % of them"
+    )
+    return Series(column=axes[int(np.argmax(np.abs(axis)))].column, value=values @ axis, last_digit=axes[0].last_digit)
 
 
 def mass_in_name(track: str) -> str:
@@ -215,108 +302,133 @@ def mass_in_name(track: str) -> str:
     return said[0] if len(said) == 1 else ""
 
 
-def _read_channel(
-    table: DelimitedTable,
-    rows: list[TableLine],
-    clock: Column,
-    column: Column,
-    channel: str,
-    units: Mapping[str, str],
-    notes: ReadingNotes,
-) -> tuple[Channel, list[TableLine]]:
-    """Read one channel in SI units, and return it with the rows of its points."""
-    time_factor = 1.0 if clock.role == "frame" else _to_si(table, clock, "s", units)
-    value_factor = _to_si(table, column, UNITS[channel], units)
-    times: list[float] = []
-    values: list[float] = []
-    kept: list[TableLine] = []
-    for row in rows:
-        value, time = table.number(row, column.index, column.label), table.number(row, clock.index, clock.label)
-        if value is None:
-            notes.unused[f"{channel}: empty cell"] += 1
-            continue
-        if time is None:
-            notes.unused[f"{channel}: a value without a time"] += 1
-            continue
-        if times and time <= times[-1]:
-            # A row that is repeated whole says nothing else; two values at one time contradict each other
-            if time == times[-1] and value == values[-1]:
-                notes.unused[f"{channel}: the row before repeated"] += 1
-                continue
-            message = f"found {time:g} after {times[-1]:g} (line {kept[-1].line}), needed times that grow; sort or delete rows"
-            raise table.error(row.line, clock.label, message)
-        times.append(time)
-        values.append(value)
-        kept.append(row)
-    if not times:
-        raise table.error(None, column.label, f"found no values at all, needed {channel}; export that track again")
-    if not column.unit and _KIND_OF_UNIT.get(column.role) == "length":
-        notes.assumptions.append(f"lengths without a unit taken in {units['length']}")
-    t, v = np.array(times) * time_factor, np.array(values) * value_factor
-    return Channel(name=channel, t=t, value=v, column=column.label), kept
+def propose_masses(tracks: Mapping[str, tuple[Array, Array]]) -> dict[str, str]:
+    """Return mass -> name of its track: by the names of the tracks, or by their motion.
+
+    The heavy mass falls along a vertical line, the light one swings: of two tracks, the narrower one is the heavy mass's. If
+    neither is clearly narrower, as in a vertical release, it is the one that falls farther.
+    """
+    named = {mass: name for name in tracks if (mass := mass_in_name(name))}
+    rest = [name for name in tracks if name not in named.values()]
+    missing = [mass for mass in MASSES if mass not in named]
+    if not rest or not missing:
+        return named
+    by_width = sorted(rest, key=lambda name: value_range(tracks[name][0]))
+    narrow, wide = by_width[0], by_width[-1]
+    if len(rest) > 1 and 2 * value_range(tracks[narrow][0]) > value_range(tracks[wide][0]):
+        by_fall = sorted(rest, key=lambda name: fall(tracks[name][1]))
+        narrow, wide = by_fall[-1], by_fall[0]
+    if len(rest) == 1 and len(missing) > 1:
+        missing = ["heavy" if 2 * value_range(tracks[wide][0]) < fall(tracks[wide][1]) else "light"]
+    return named | {mass: {"light": wide, "heavy": narrow}[mass] for mass in missing}
 
 
-def _to_si(table: DelimitedTable, column: Column, si: str, units: Mapping[str, str]) -> float:
-    """Return the factor from the column's unit to SI."""
-    unit_text = column.unit or units.get(_KIND_OF_UNIT.get(column.role, ""), si)
+OUTLIER_SHARE = 5.0
+"""Percentage of the points at either end of a range that do not count, as an autotracker slips."""
+
+
+def value_range(values: Array) -> float:
+    """Return the range of values without outliers."""
+    return float(np.subtract(*np.percentile(values, [100 - OUTLIER_SHARE, OUTLIER_SHARE]))) if len(values) else 0.0
+
+
+def fall(y: Array) -> float:
+    """Return how much lower a track ends than it begins."""
+    return float(y[0] - y[-1]) if len(y) else 0.0
+
+
+def _mass_of_track(file: str, have: Mapping[str, tuple[Array, Array]], tracks: Mapping[str, str] | None) -> dict[str, str]:
+    """Return the mass of each track, as asked for or by the track's own name."""
+    shown = ", ".join(f"'{t}'" if t else "one without a name" for t in have)
+    proposed = ", ".join(f"{mass}: {name or Path(file).stem}" for mass, name in propose_masses(have).items())
+    way_out = f"by their motion, write 'tracks: {{{proposed}}}'"
+    if tracks:
+        unknown = [m for m in tracks if m not in MASSES]
+        if unknown:
+            raise data_error(file, None, "", f"tracks: found {quote(unknown[0])}, needed 'light' or 'heavy'")
+        if len(set(tracks.values())) < len(tracks):
+            name = quote(next(iter(tracks.values())))
+            raise data_error(file, None, "", f"tracks: found {name} for both masses, needed one for each")
+        if len(have) == 1 and len(tracks) == 1 and "" in (*have, *tracks.values()):
+            return {next(iter(have)): next(iter(tracks))}
+        missing = [t for t in tracks.values() if t not in have]
+        if missing and have:
+            raise data_error(file, None, "", f"found the tracks {shown}, needed {quote(missing[0])}; {way_out}")
+        return {track: mass for mass, track in tracks.items()}
+    known = {t: m for t in have if (m := mass_in_name(t))}
+    if have and not known:
+        raise data_error(file, None, "", f"found the tracks {shown}, needed to know which mass each is; {way_out}")
+    return known
+
+
+def _project_sheets(
+    raw: bytes, file: str, tracks: Mapping[str, str] | None, units: Mapping[str, str], notes: ReadingNotes
+) -> list[Sheet]:
+    """Return the channels of a project of Tracker."""
+    project = read_project(raw, file)
+    notes.assumptions += project.notes
+    unit = project.length_unit
+    if unit in PIXELS:
+        if "length" not in units:
+            raise ImplausibleLengthError(str(data_error(file, None, "", _NO_PIXEL)))
+        unit = units["length"]
     try:
-        # A unit may have a size of its own: "1.4 mm" for the pixels of a picture
-        return to_si(unit_text if unit_text[:1].isdigit() else f"1 {unit_text}", si)
-    except UnitError as error:
-        line = table.head[-1].line if table.head and column.unit else None
-        detail = f" ({error})" if str(error) else ""
-        message = f"found the unit {quote(unit_text)}{detail}, needed one that converts to {si}; write for example '[{si}]'"
-        raise table.error(line, column.label, message) from None
+        factor = to_si(unit if unit[:1].isdigit() else f"1 {unit}", "m")
+    except UnitError:
+        raise data_error(file, None, "", f"found the unit of length {quote(unit)}, needed one such as m or cm") from None
+    masses = _mass_of_track(file, {t.name: (t.x, t.y) for t in project.tracks}, tracks)
+    sheets = []
+    for track in (t for t in project.tracks if t.name in masses):
+        none = np.zeros(len(track.frame))
+        mass = masses[track.name]
+        sheets.append(
+            Sheet(
+                clock="t",
+                lines=track.frame,
+                time=project.frame_time[track.frame],
+                rounding=none,
+                frame=track.frame.astype(float),
+                channels={
+                    f"{mass}_{axis}": Series(column=f"{axis} ({track.name})", value=value * factor, last_digit=none)
+                    for axis, value in (("x", track.x), ("y", track.y))
+                },
+            )
+        )
+    left_out = [t for t in project.tracks if t.name not in masses]
+    if left_out:
+        names = ", ".join(f"{t.name!r}" for t in left_out)
+        notes.unused[f"track {names}: not asked for"] += 2 * sum(len(t.frame) for t in left_out)
+    return sheets
 
 
-def _with_true_frame_rate(
-    table: DelimitedTable,
-    columns: list[Column],
-    channels_with_rows: list[tuple[Channel, list[TableLine]]],
-    frame_rate: float | None,
-    clip_rate: float | None,
-    notes: ReadingNotes,
-) -> list[Channel]:
-    """Replace the frame rate that the file's times were computed with by the true one."""
-    frames = [c for c in columns if c.role == "frame"]
-    if frame_rate is None:
-        if not any(c.role == "t" for c in columns):
-            raise table.error(None, "", "found frame numbers but no times, needed the camera's frame rate; give 'frame_rate'")
-        return [channel for channel, _ in channels_with_rows]
-    if frames:
-        return _with_times_from_frames(table, frames, columns, channels_with_rows, frame_rate)
-    steps = np.diff(np.unique(np.concatenate([channel.t for channel, _ in channels_with_rows])))
-    file_rate = clip_rate or (1 / float(np.median(steps)) if steps.size else frame_rate)
-    if abs(file_rate / frame_rate - 1) < RATE_TOLERANCE:
-        return [channel for channel, _ in channels_with_rows]
-    assumption = "" if clip_rate else ", taking one row as one frame"
-    notes.assumptions.append(f"times made for {file_rate:.4g} frames a second were put to {frame_rate:.4g}{assumption}")
-    return [replace(c, t=c.t * file_rate / frame_rate) for c, _ in channels_with_rows]
+def _refuse_implausible_values(file: str, sheet: Sheet) -> None:
+    """Refuse values that must be in another unit than was said."""
+    for name, series in sheet.channels.items():
+        unit = UNITS[name]
+        limit = MAX_VALUE.get(name.partition("_")[0], MAX_VALUE[unit]) if unit != "rad/s" else MAX_VALUE[unit]
+        worst = int(np.nanargmax(np.abs(series.value)))
+        if abs(series.value[worst]) > limit:
+            kind, other = ("angle", "deg") if unit.startswith("rad") else ("length", "cm")
+            values = f"found {series.value[worst]:g} {unit}, needed at most {limit:.4g}"
+            message = f"{values}; if the file is in another unit, say so: 'units: {{{kind}: {other}}}'"
+            error = data_error(file, int(sheet.lines[worst]), series.column, message)
+            raise ImplausibleLengthError(str(error)) if kind == "length" else error
 
 
-def _with_times_from_frames(
-    table: DelimitedTable,
-    frames: list[Column],
-    columns: list[Column],
-    channels_with_rows: list[tuple[Channel, list[TableLine]]],
-    frame_rate: float,
-) -> list[Channel]:
-    """Compute times from frame numbers; all tracks count from the first frame in which any of them has a point."""
-    tracks = {c.label: c.track for c in columns}
-    frame_numbers = []
-    for channel, kept in channels_with_rows:
-        frame_column = next((f for f in frames if f.track == tracks[channel.column]), frames[0])
-        counts: list[float] = []
-        for row in kept:
-            count = table.number(row, frame_column.index, frame_column.label)
-            if count is None or (counts and count <= counts[-1]):
-                text = "nothing" if count is None else f"{count:g} after {counts[-1]:g}"
-                message = f"found {text}, needed frame numbers that grow; export them again"
-                raise table.error(row.line, frame_column.label, message)
-            counts.append(count)
-        frame_numbers.append(np.array(counts))
-    first = min(float(n[0]) for n in frame_numbers)
-    return [replace(c, t=(n - first) / frame_rate) for (c, _), n in zip(channels_with_rows, frame_numbers, strict=True)]
+def _from_release(channels: list[Channel], notes: ReadingNotes) -> list[Channel]:
+    """Return the channels with their clock from the first point on, where it begins elsewhere and the masses rest at first."""
+    start = min(float(c.t[0]) for c in channels)
+    step = min((c.time_step for c in channels if c.time_step > 0), default=0.0)
+    if abs(start) <= 3 * step or step == 0:
+        return channels
+    for c in channels:
+        if len(c) < 5 or c.name == "angle_rate":
+            return channels
+        acceleration = MAX_START_ACCELERATION[c.unit]
+        if abs(c.value[2] - c.value[0]) > acceleration * (c.t[2] - c.t[0]) ** 2 + MAX_START_SIGMAS * scatter(c):
+            return channels
+    notes.assumptions.append(f"the first time, {start:.4g} s, was taken as 0: the masses rest there")
+    return [replace(c, t=c.t - start) for c in channels]
 
 
 def _without_inconsistent_rate(channels: list[Channel], notes: ReadingNotes) -> list[Channel]:
@@ -334,22 +446,3 @@ def _without_inconsistent_rate(channels: list[Channel], notes: ReadingNotes) -> 
     reason = f"column {rate.column!r}: not the rate of the angle (best multiple {ratio:.2g}, correlation {correlation:.2f})"
     notes.unused[reason] += len(rate)
     return [c for c in channels if c is not rate]
-
-
-def _refuse_implausible_values(
-    table: DelimitedTable, channels_with_rows: list[tuple[Channel, list[TableLine]]], *, check_times: bool
-) -> None:
-    """Refuse values and times that must be in another unit than was said."""
-    for channel, rows in channels_with_rows:
-        limit = MAX_VALUE.get(channel.name.partition("_")[0], MAX_VALUE[channel.unit])
-        worst = int(np.argmax(np.abs(channel.value)))
-        if abs(channel.value[worst]) > limit:
-            kind, unit = ("angle", "deg") if channel.unit.startswith("rad") else ("length", "cm")
-            values = f"found {channel.value[worst]:g} {channel.unit}, needed at most {limit:.4g}"
-            message = f"{values}; if the file is in another unit, say so: 'units: {{{kind}: {unit}}}'"
-            error = table.error(rows[worst].line, channel.column, message)
-            raise ImplausibleLengthError(str(error)) if kind == "length" else error
-        if check_times and channel.time_step > MAX_TIME_STEP:
-            steps = f"found a row every {channel.time_step:g} s, needed many a second"
-            message = f"{steps}; if times are in ms, say so: 'units: {{time: ms}}'"
-            raise table.error(rows[0].line, "t", message)

@@ -1,4 +1,11 @@
-"""Start of a held pendulum's record: its angle and speed at the first tracked point, where the record begins in mid-swing."""
+"""Start of a held pendulum's record: its angle and speed at the first tracked point, where the record begins in mid-swing.
+
+Of angular velocities alone, the angle phi from the vertical follows from torque and energy of a pendulum without losses,
+
+    sin(phi) = -phi'' l / g        cos(phi) = 1 - (w^2 - phi'^2) l / (2 g)
+
+with the largest angular velocity w of its first period.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +25,8 @@ from looping_pendulum.reference_ode.parameters import Release
 
 PART_OF_A_PERIOD = 0.12
 """Length of the part of the record that shows its start, in periods of a small swing: a parabola is within 1 % of it."""
+ANGLE_DEGREE, RATE_DEGREE = 2, 3
+"""Degree of the polynomial through the first angles or angular velocities: of these the slope counts, not only the value."""
 MIN_POINTS, MAX_POINTS = 5, 60
 """Fewest and most points of that part."""
 MIN_SPEED_SIGMAS = 4.0
@@ -25,7 +34,7 @@ MIN_SPEED_SIGMAS = 4.0
 FRAMES_AFTER_RELEASE = 2
 """Number of frames after the release at which a record may begin: it is then that of a release from rest."""
 PRIOR_WIDENING = 10.0
-"""Standard error of the prior, in those of the parabola, so that the few points that also enter the fit hardly count twice."""
+"""Standard error of the prior, in those of the polynomial, so that few points, which also enter the fit, hardly count twice."""
 MIN_ANGLE_ERROR, MIN_SPEED_ERROR = 0.05, 0.05
 """Smallest standard error of the prior of the angle [rad] and of the speed, as a part of sqrt(g l)."""
 MAX_ANGLE_SIGMAS = 4.0
@@ -34,7 +43,7 @@ MAX_ANGLE_SIGMAS = 4.0
 
 @dataclass(frozen=True, kw_only=True)
 class _Start:
-    """Parabola through the first points, at the first one."""
+    """Angle and angular velocity at the first point, by a polynomial through the first ones."""
 
     t: float
     """Time of the first point by the file's clock [s]."""
@@ -51,13 +60,13 @@ class _Start:
 def with_free_start(study: Study, trial: Trial, observations: Observations) -> Trial:
     """Return a trial whose angle and speed at the first point are free, if it is a held one whose record begins in mid-swing.
 
-    The record is one if it moves at its first point faster than two frames after a release from rest, or if no angle of
-    release is stated. Then its motion begins at the first point. A stated angle is kept if the first point has it, a stated
-    speed in any case. Without a free start, the trial is returned as it is.
+    The record is one if it moves at its first point faster than two frames after a release from rest, if that point is later
+    than these by its clock, or if no angle of release is stated. Then its motion begins at the first point. A stated angle is
+    kept if the first point has it, a stated speed in any case. Without a free start, the trial is returned as it is.
     """
     if trial.release is not Release.HELD:
         return trial
-    clock = trial.camera.get("clock_offset")
+    clock, camera = trial.camera.get("clock_offset"), Camera(**{n: e.value for n, e in trial.camera.items()})
     stated_angle, stated_speed = study.estimate("release_angle", trial), study.estimate("push_across", trial)
     start = _start(study, trial, observations)
     if start is None or (clock is not None and clock.free):  # then the study looks for the release itself
@@ -66,7 +75,8 @@ def with_free_start(study: Study, trial: Trial, observations: Observations) -> T
     if stated_angle is not None:
         late = FRAMES_AFTER_RELEASE * start.step + 2 * ((clock and clock.sigma) or 0.0)
         from_rest = gravity / length * max(abs(math.sin(stated_angle.value)), abs(math.sin(start.angle))) * late
-        if abs(start.rate) <= max(from_rest, MIN_SPEED_SIGMAS * start.rate_error):
+        is_slow = abs(start.rate) <= max(from_rest, MIN_SPEED_SIGMAS * start.rate_error)
+        if is_slow and camera.clock_offset + camera.clock_ratio * start.t <= late:
             return trial
     estimates = dict(trial.estimates)
     if stated_angle is None or not _agrees(stated_angle, start):
@@ -75,9 +85,8 @@ def with_free_start(study: Study, trial: Trial, observations: Observations) -> T
     if stated_speed is None:
         sigma = max(PRIOR_WIDENING * start.rate_error * length, MIN_SPEED_ERROR * math.sqrt(gravity * length))
         estimates["push_across"] = Estimate(value=start.rate * length, sigma=sigma)
-    ratio = trial.camera["clock_ratio"].value if "clock_ratio" in trial.camera else 1.0
-    camera = {**trial.camera, "clock_offset": Estimate(value=-start.t * ratio)}
-    return dataclasses.replace(trial, estimates=estimates, camera=camera, in_mid_swing=True)
+    clock_of_start = {"clock_offset": Estimate(value=-start.t * camera.clock_ratio)}
+    return dataclasses.replace(trial, estimates=estimates, camera={**trial.camera, **clock_of_start}, in_mid_swing=True)
 
 
 def _value(study: Study, trial: Trial, name: str) -> float:
@@ -95,27 +104,43 @@ def _agrees(stated: Estimate, start: _Start) -> bool:
 
 
 def _start(study: Study, trial: Trial, observations: Observations) -> _Start | None:
-    """Return the parabola through the first points; None: there are too few, or they show no angle."""
+    """Return the start by the first points; None: there are too few, or they show no angle."""
     length, gravity = _value(study, trial, "free_length"), _value(study, trial, "gravity")
-    t, angle, noise = _angles(study, trial, observations, length)
+    is_rate = [c.name for c in observations.channels] == ["angle_rate"]
+    t, value, noise = _rates(trial, observations) if is_rate else _angles(study, trial, observations, length)
     if len(t) < MIN_POINTS:
         return None
-    part = PART_OF_A_PERIOD * 2 * math.pi * math.sqrt(length / gravity)
-    count = int(np.clip(np.searchsorted(t, t[0] + part, side="right"), MIN_POINTS, MAX_POINTS))
-    t, angle = t[:count], angle[:count]
-    powers = np.vander(t - t[0], 3, increasing=True)
-    coefficients, *_ = np.linalg.lstsq(powers, angle, rcond=None)
-    residual = angle - powers @ coefficients
-    scatter = max(math.sqrt(float(residual @ residual) / (len(t) - 3)), noise)
-    errors = scatter * np.sqrt(np.diag(np.linalg.inv(powers.T @ powers)))
-    return _Start(
-        t=float(t[0]),
-        step=float(np.median(np.diff(t))),
-        angle=float(coefficients[0]),
-        angle_error=float(errors[0]),
-        rate=float(coefficients[1]),
-        rate_error=float(errors[1]),
+    period = 2 * math.pi * math.sqrt(length / gravity)
+    (first, slope), (error, slope_error) = _value_and_slope(
+        t, value, noise, PART_OF_A_PERIOD * period, RATE_DEGREE if is_rate else ANGLE_DEGREE
     )
+    angle, angle_error, rate, rate_error = first, error, slope, slope_error
+    if is_rate:
+        largest = float(np.max(np.abs(value[t <= t[0] + period])))
+        sine, cosine = -slope * length / gravity, 1 - (largest**2 - first**2) * length / (2 * gravity)
+        angle, angle_error, rate, rate_error = math.pi + math.atan2(sine, cosine), slope_error * length / gravity, first, error
+    return _Start(
+        t=float(t[0]), step=float(np.median(np.diff(t))),
+        angle=angle, angle_error=angle_error, rate=rate, rate_error=rate_error,
+    )  # fmt: skip
+
+
+def _value_and_slope(t: Array, value: Array, noise: float, part: float, degree: int) -> tuple[list[float], list[float]]:
+    """Return value and slope at the first point, and their errors, by a polynomial through the first ``part`` [s]."""
+    count = int(np.clip(np.searchsorted(t, t[0] + part, side="right"), MIN_POINTS, MAX_POINTS))
+    powers = np.vander(t[:count] - t[0], degree + 1, increasing=True)
+    coefficients, *_ = np.linalg.lstsq(powers, value[:count], rcond=None)
+    residual = value[:count] - powers @ coefficients
+    scatter = max(math.sqrt(float(residual @ residual) / (len(residual) - degree - 1)), noise)
+    errors = scatter * np.sqrt(np.diag(np.linalg.inv(powers.T @ powers)))
+    return coefficients[:2].tolist(), errors[:2].tolist()
+
+
+def _rates(trial: Trial, observations: Observations) -> tuple[Array, Array, float]:
+    """Return the times of angular velocities by the file's clock [s], their values [rad/s] and their noise [rad/s]."""
+    (rates,) = observations.channels
+    known = trial.camera.get("rate_offset")
+    return rates.t, rates.value - (known.value if known else 0.0), estimate_noise((rates,)).a
 
 
 def _angles(study: Study, trial: Trial, observations: Observations, length: float) -> tuple[Array, Array, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -12,9 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from looping_pendulum.discrepancy.data.angular_velocity import rates_from_release
 from looping_pendulum.discrepancy.data.camera import CAMERA
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter
 from looping_pendulum.discrepancy.data.observations import Observations, merge, mirrored, with_event_errors
+from looping_pendulum.discrepancy.data.step_durations import clock_faults
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects import Coefficient, Effect
 from looping_pendulum.reference_ode.effects.own import OwnEffect
@@ -85,8 +87,8 @@ class Trial:
     """Frame rate that the file's times were computed with [Hz]."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Units of columns whose header names none, by "length", "time" and "angle"."""
-    drop: int | None = None
-    """Number of the drop, if the file has several."""
+    run: str | None = None
+    """Number of the run or drop, if the file has several."""
     dropped: str = "heavy"
     """Mass that a channel "height" shows."""
     mirrored: bool = False
@@ -278,6 +280,7 @@ class Study:
         acting += ["scale", "tilt"] if observations.events else []
         acting += ["tilt"] if "angle" in named else []
         acting += ["origin_y", "scale"] if "height" in named else []
+        acting += ["rate_offset"] if named.keys() == {"angle_rate"} else []
         priors = {n: Estimate(value=CAMERA[n].null, sigma=CAMERA[n].error) for n in dict.fromkeys(acting)}
         if named:
             step = max(c.time_step for c in named.values())
@@ -353,12 +356,20 @@ def read_files(folder: Path, trial: Trial) -> Observations:
             tracks=tracks or None,
             kind=trial.kind,
             units=trial.units,
-            drop=trial.drop,
+            run=trial.run,
             name=trial.name,
+            starts_at_release="clock_offset" not in trial.camera and trial.events is None,
         )
         for path, tracks in trial.files
     )
     if trial.events is not None:
         parts = (*parts, read(folder / trial.events, kind="events", name=trial.name))
     observations = with_event_errors(merge(trial.name, parts), dict(trial.event_errors))
-    return mirrored(observations) if trial.mirrored else observations
+    if len(trial.files) > 1:  # what one mass alone seems to show, both do not
+        observations = replace(observations, faults=tuple(clock_faults(observations.channels)))
+    observations = mirrored(observations) if trial.mirrored else observations
+    length, angle = (trial.estimates.get(name) for name in ("free_length", "release_angle"))
+    if trial.release is not Release.HELD or length is None:
+        return observations
+    period = 2 * math.pi * math.sqrt(length.value / effect_library.GRAVITY.coefficients[0].default)
+    return rates_from_release(observations, period, None if angle is None else angle.value)

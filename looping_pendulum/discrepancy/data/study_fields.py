@@ -29,6 +29,8 @@ FREE_STARTS = {"kinetic_friction": 0.3, "static_friction": 0.3, "light_drag": 1e
 
 Other coefficients start at their default.
 """
+MAX_RELATIVE_ERROR = 1000
+"""Largest standard error of a value of a range without an end, in units of the value."""
 _PLUS_MINUS = re.compile(r"\+/-|\+-|±")
 
 
@@ -52,7 +54,7 @@ class MeasuredField(QuantityField):
         if len(parts) > 2:
             raise input_error(f"expected one '+/-', got {quote(raw)}; write for example '{self.way_out}'")
         value = self.read(parts[0] if isinstance(raw, str) else raw)
-        return Estimate(value=value, sigma=self._error(parts[1], value) if len(parts) == 2 else None)
+        return Estimate(value=value, sigma=self._error(parts[1], value, parts[0]) if len(parts) == 2 else None)
 
     @property
     def way_out(self) -> str:
@@ -68,7 +70,7 @@ class MeasuredField(QuantityField):
             )
         return Estimate(value=self.start, free=True)
 
-    def _error(self, text: str, value: float) -> float:
+    def _error(self, text: str, value: float, value_text: str) -> float:
         try:
             if text.endswith("%"):
                 sigma = abs(value) * to_si(text[:-1], "") / 100
@@ -78,10 +80,16 @@ class MeasuredField(QuantityField):
             detail = f" ({error})" if str(error) else ""
             message = f"found {quote(text)} after '+/-'{detail}, needed a standard error in the same kind of unit or in %"
             raise input_error(f"{message}; write for example '{self.way_out}'") from None
-        if not (math.isfinite(sigma) and sigma > 0):
+        if sigma <= 0:
             raise input_error(
                 f"found a standard error of {quote(text)}, needed one above 0; leave '+/-' out if the value is exact"
             )
+        whole = self.kind.high - self.kind.low
+        is_bounded = math.isfinite(whole)
+        if not math.isfinite(sigma) or sigma > (whole if is_bounded else MAX_RELATIVE_ERROR * abs(value)):
+            most = f"{show(whole, self.kind.unit)}, its whole range" if is_bounded else f"{MAX_RELATIVE_ERROR} times the value"
+            message = f"found a standard error of {quote(text)}, needed at most {most}"
+            raise input_error(f"{message}; if nothing is known of the value, write 'free from {value_text}'")
         return sigma
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:

@@ -27,7 +27,7 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import file_schema
 from looping_pendulum.scenarios import own_effects as own_effects_of_file
 from looping_pendulum.scenarios.document import Document, Path, quote
-from looping_pendulum.scenarios.fields import Flag, Group, OneOf, QuantityField, Text, WholeNumber, quantity_kind, suggest
+from looping_pendulum.scenarios.fields import Flag, Group, OneOf, QuantityField, Text, quantity_kind, suggest
 from looping_pendulum.scenarios.own_effects import KEY, KEY_IN_STUDY, OwnEffects
 from looping_pendulum.scenarios.units import QuantityKind
 
@@ -143,8 +143,8 @@ class TrialGroup(Group):
         | None
     ) = None
     """Units of the columns whose header has none."""
-    drop: Annotated[int, WholeNumber("1")] | None = None
-    """Number of the drop, in a file of several."""
+    run: Text | None = None
+    """Number of the run or drop, in a file of several."""
     dropped: Annotated[str, OneOf("light", "heavy")] = "heavy"
     """Mass whose height the file has, or that a drop lets fall."""
     mirrored: Annotated[bool, Flag()] = False

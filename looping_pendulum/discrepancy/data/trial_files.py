@@ -27,17 +27,16 @@ from looping_pendulum.scenarios.measured import MeasuredEventRow
 
 OPTION = "--marks-set"
 """Option of the command line by which a user gives the keys of a trial."""
-KEYS = ("name", "kind", "frame_rate", "clip_rate", "tracks", "units", "drop", "dropped", "mirrored", "camera", "event_errors")
+KEYS = ("name", "kind", "frame_rate", "clip_rate", "tracks", "units", "run", "dropped", "mirrored", "camera", "event_errors")
 """Keys of a study's trial that say how its files are read."""
 STUDY_SUFFIXES = (".yaml", ".yml")
 _WAYS_OUT = (
+    (re.compile(r"'tracks: \{(\w+): ([^}]*), (light|heavy): ([^}]*)\}'"), rf"{OPTION} 'tracks.\1=\2' {OPTION} 'tracks.\3=\4'"),
     (re.compile(r"'(tracks|units): \{(\w+): ([^}]*)\}'"), rf"{OPTION} '\1.\2=\3'"),
-    (re.compile(r"'drop: (\S+)'"), rf"{OPTION} drop=\1"),
+    (re.compile(r"'run: (\S+)'"), rf"{OPTION} run=\1"),
     (re.compile(r"give 'frame_rate'"), f"give {OPTION} 'frame_rate=240 Hz'"),
-    (re.compile(r"correct 'tracks'"), f"correct {OPTION} 'tracks.light=NAME'"),
     (re.compile(r"say by 'tracks'"), f"say by {OPTION} 'tracks.light=NAME'"),
     (re.compile(r"check 'tracks' and 'kind'"), f"check {OPTION} tracks.light and kind"),
-    (re.compile(r"leave 'drop' out"), f"leave {OPTION} drop out"),
 )
 """Way out that an error offers to the author of a study -> the same on the command line."""
 

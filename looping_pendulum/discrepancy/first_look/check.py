@@ -95,33 +95,48 @@ def check_declaration(study: Study, observed: Iterable[tuple[Trial, Observations
     observed
         Every trial with its observations as they were read.
     """
+    observed = tuple(observed)
     checks, searches = [], []
     for trial, observations in observed:
         if not observations.channels:
-            checks.append(TrialCheck(trial=trial.name, distance=None, reason="it has events only"))
+            checks.append(
+                TrialCheck(trial=trial.name, reading=observations.assumptions, distance=None, reason="it has events only")
+            )
             continue
         left_open = next((name for name in ("scale", "clock_ratio") if is_left_open(trial, name)), None)
         if left_open is not None:
             reason = f"as its camera's {left_open} may be far from 1"
-            checks.append(TrialCheck(trial=trial.name, distance=None, reason=reason))
+            checks.append(TrialCheck(trial=trial.name, reading=observations.assumptions, distance=None, reason=reason))
             continue
         declared = declared_trial(study, trial, observations)
         distance = measured_distance(declared)
         searches.append(TrialSearch(declared=declared, distance=distance))
         if math.isfinite(distance.rms):
-            checks.append(TrialCheck(trial=trial.name, distance=distance))
+            checks.append(TrialCheck(trial=trial.name, reading=observations.assumptions, distance=distance))
         else:
             checks.append(
-                TrialCheck(trial=trial.name, distance=None, reason="too few points lie in the first part of the motion")
+                TrialCheck(trial=trial.name, reading=observations.assumptions, distance=None, reason=f"as {distance.reason}")
             )
-    mistakes = _named(searches)
+    mistakes = (*_clock_faults(observed), *_named(searches))
     named = {trial for mistake in mistakes for trial in mistake.trials}
-    far = (_far_text(s) for s in searches if s.name not in named and not s.is_near and s.as_declared.largest > FAR)
+    far = (_far_text(s) for s in searches if s.name not in named and _is_far(s))
     return DeclarationCheck(
         trials=tuple(checks),
         mistakes=mistakes,
         warnings=(*implausible_values([s.declared for s in searches]), *far),
     )
+
+
+def _clock_faults(observed: Sequence[tuple[Trial, Observations]]) -> list[NamedMistake]:
+    """Return what the points say against their own times; what several trials share is named once."""
+    trials: dict[str, list[str]] = {}
+    for trial, observations in observed:
+        for fault in observations.faults:
+            trials.setdefault(fault, []).append(trial.name)
+    return [
+        NamedMistake(trials=tuple(names), names=("clock",), keys="", text=f"{_where(names)}: {fault}")
+        for fault, names in trials.items()
+    ]
 
 
 def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
@@ -184,27 +199,36 @@ def _mistake(names: tuple[str, ...], members: Sequence[tuple[TrialSearch, list[E
     search, explanations = members[0]
     trials = tuple(s.name for s, _ in members)
     found = " or ".join(e.mistake.found(e.undone) for e in explanations)
-    keys = "' or '".join(dict.fromkeys(e.mistake.keys(e.undone) for e in explanations))
-    before = search.distance.rms
-    # In the units of the declared apparatus, as the distance before
-    after = explanations[0].distance.rms
-    if not math.isfinite(before):
-        size = f"hardly any point lies in the declared motion, and with the change they are {quantity(after, 'm')} from it"
-    elif after < before:
-        size = f"the points are {quantity(before, 'm')} from the declared motion and {quantity(after, 'm')} with the change"
+    keys = "' or '".join(dict.fromkeys(key for e in explanations if (key := e.mistake.keys(e.undone))))
+    ways_out = dict.fromkeys(e.mistake.way_out for e in explanations if e.mistake.way_out)
+    needed = " or ".join([*([f"'{keys}'"] if keys else []), *ways_out])
+    before, after = search.distance, explanations[0].distance  # both in the units of the declared apparatus
+    if not math.isfinite(before.rms):
+        size = f"{before.reason}; with the change, the points are {after.text} from it"
+    elif after.rms < before.rms:
+        size = f"the points are {before.text} from the declared motion and {after.text} with the change"
     else:  # a shorter string moves less
-        size = f"with the change, the points are {quantity(after, 'm')} from the declared motion"
+        size = f"with the change, the points are {after.text} from the declared motion"
     # Only the first trial's values are shown, where others need other ones
     others = {"' or '".join(dict.fromkeys(e.mistake.keys(e.undone) for e in each)) for _, each in members}
     of_first = f" in '{trials[0]}'" if len(others) > 1 else ""
-    text = f"{_where(trials)}: found {found}; needed '{keys}'{of_first} ({size})"
+    text = f"{_where(trials)}: found {found}; needed {needed}{of_first} ({size})"
     return NamedMistake(trials=trials, names=names, keys=keys, text=text, corrected={s.name: e[0].distance for s, e in members})
+
+
+def _is_far(search: TrialSearch) -> bool:
+    """Return whether a trial is farther from what was declared than an effect may move it."""
+    # Points that are scattered by metres fit everything within their noise
+    return search.distance.is_cut_off or (not search.is_near and search.as_declared.largest > FAR)
 
 
 def _far_text(search: TrialSearch) -> str:
     """Return that a trial is far from what was declared, though no one mistake mends it."""
+    if not math.isfinite(search.distance.rms):
+        reason = search.distance.reason
+        return f"trial '{search.name}': cannot be compared, as {reason}; check this trial's frame_rate, unit of time and camera"
     return (
-        f"trial '{search.name}': the points are {quantity(search.distance.rms, 'm')} from the declared motion, more than an "
+        f"trial '{search.name}': the points are {search.distance.text} from the declared motion, more than an "
         "effect moves them, and no single usual mistake explains it; check this trial's masses, free length, angle and file"
     )
 
@@ -217,7 +241,7 @@ def _where(trials: Sequence[str]) -> str:
 
 def _origin_is_wrong(search: TrialSearch) -> bool:
     """Return whether the rod's centre is far from where it was declared, in a trial that agrees otherwise."""
-    if search.is_near and not _has_other_origin(search, search.quickly_fitted):
+    if search.distance.is_cut_off or (search.is_near and not _has_other_origin(search, search.quickly_fitted)):
         return False
     return search.as_declared.largest <= MAX_MENDED_MISFIT and _has_other_origin(search, search.as_declared)
 
@@ -225,8 +249,9 @@ def _origin_is_wrong(search: TrialSearch) -> bool:
 def _has_other_origin(search: TrialSearch, fit: FittedMisfit) -> bool:
     if not fit.values.keys() >= set(ORIGIN):
         return False
-    priors = search.declared.study.camera_priors(search.declared.trial, search.declared.observations)
-    least = MIN_ORIGIN_SHIFT * search.declared.study.parameters({}, search.declared.trial).free_length
+    upright = search.declared.upright()  # as the fit has it
+    priors = upright.study.camera_priors(upright.trial, upright.observations)
+    least = MIN_ORIGIN_SHIFT * upright.study.parameters({}, upright.trial).free_length
     return any(
         not priors[name].free
         and abs(fit.values[name] - priors[name].value) > max(least, MIN_ORIGIN_SIGMAS * (priors[name].sigma or 0))
@@ -237,7 +262,9 @@ def _has_other_origin(search: TrialSearch, fit: FittedMisfit) -> bool:
 def _origin_mistake(searches: Sequence[TrialSearch]) -> NamedMistake:
     """Return an origin that is not at the rod, in words."""
     trials = tuple(s.name for s in searches)
-    x, y = (quantity(searches[0].as_declared.values[name], "m") for name in ORIGIN)
+    upright = complex(*(searches[0].as_declared.values[name] for name in ORIGIN))
+    origin = upright * 1j ** (searches[0].declared.quarter_turns % 4)  # as the file has it
+    x, y = quantity(origin.real, "m"), quantity(origin.imag, "m")
     keys = f"camera: {{origin_x: free from {x}, origin_y: free from {y}}}"
     return NamedMistake(
         trials=trials,

@@ -14,7 +14,9 @@ from looping_pendulum.discrepancy.data.camera import Camera
 from looping_pendulum.discrepancy.data.observations import Channel, Observations
 from looping_pendulum.discrepancy.data.study import Estimate, Study, Trial
 from looping_pendulum.reference_ode.geometry import next_string_coordinates
+from looping_pendulum.reference_ode.parameters import Release
 
+QUARTER_TURN = math.pi / 2
 OTHER_MASS = {"light": "heavy", "heavy": "light"}
 MIN_UNIT_FACTOR = 1.4
 """Smallest factor on lengths or times, or inverse of one, that is no error of measurement; a scale's may be smaller."""
@@ -48,6 +50,38 @@ class DeclaredTrial:
         channels = tuple(change(c) for c in self.observations.channels)
         return dataclasses.replace(self, observations=dataclasses.replace(self.observations, channels=channels))
 
+    @property
+    def quarter_turns(self) -> int:
+        """Return by how many quarter turns, counterclockwise, the picture is declared to be turned; a small tilt is none."""
+        tilt = self.trial.camera.get("tilt")
+        return 0 if tilt is None else round(tilt.value / QUARTER_TURN)
+
+    def upright(self) -> DeclaredTrial:
+        """Return the trial with points and camera turned back by quarter turns, so that y is up but for a small tilt."""
+        turns = self.quarter_turns
+        if not turns:
+            return self
+        camera = {}
+        for name, known in self.trial.camera.items():
+            origin, _, direction = name.rpartition("_")
+            if origin == "origin":
+                direction, sign = _turned_back(direction, turns)
+                camera[f"origin_{direction}"] = dataclasses.replace(known, value=sign * known.value)
+            else:
+                camera[name] = known
+        camera["tilt"] = dataclasses.replace(camera["tilt"], value=camera["tilt"].value - turns * QUARTER_TURN)
+
+        def turn_back(channel: Channel) -> Channel:
+            if channel.name == "angle":
+                return dataclasses.replace(channel, value=channel.value - turns * QUARTER_TURN)
+            body, _, direction = channel.name.partition("_")
+            if direction not in ("x", "y"):
+                return channel
+            direction, sign = _turned_back(direction, turns)
+            return dataclasses.replace(channel, name=f"{body}_{direction}", value=sign * channel.value)
+
+        return self.with_trial(dataclasses.replace(self.trial, camera=camera)).with_channels(turn_back)
+
     def with_values(self, values: dict[str, float]) -> DeclaredTrial | None:
         """Return the same points with other declared values [SI]; None: the study does not state them, or leaves them open."""
         estimates = dict(self.trial.estimates)
@@ -60,6 +94,12 @@ class DeclaredTrial:
             sigma = None if known.sigma is None else known.sigma * ratio
             estimates[parameter] = Estimate(value=value, sigma=sigma)
         return self.with_trial(dataclasses.replace(self.trial, estimates=estimates))
+
+
+def _turned_back(direction: str, quarter_turns: int) -> tuple[str, float]:
+    """Return the axis, "x" or "y", onto which clockwise quarter turns bring an axis, and the sign of its direction there."""
+    axis = {"x": 1, "y": 1j}[direction] * (-1j) ** (quarter_turns % 4)
+    return ("x", axis.real) if axis.real else ("y", axis.imag)
 
 
 def declared_trial(study: Study, trial: Trial, observations: Observations) -> DeclaredTrial:
@@ -78,16 +118,50 @@ def with_lengths(declared: DeclaredTrial, factor: float) -> DeclaredTrial:
     return declared.with_channels(lambda c: dataclasses.replace(c, value=c.value * factor) if c.unit == "m" else c)
 
 
-def mirrored(declared: DeclaredTrial) -> DeclaredTrial:
-    """Return the trial as seen from the other side."""
-    return dataclasses.replace(declared, observations=measured.mirrored(declared.observations))
+def pictured_otherwise(declared: DeclaredTrial, *, mirror: bool, quarter_turns: int) -> DeclaredTrial | None:
+    """Return the trial with a picture that is mirrored, turned or both, beside what the study says of it.
 
+    None: its points do not show whether it is.
 
-def upside_down(declared: DeclaredTrial) -> DeclaredTrial | None:
-    """Return the trial with heights measured downwards; None: no heights were measured."""
-    if not any(c.name.endswith("_y") for c in declared.observations.channels):
+    Parameters
+    ----------
+    mirror
+        Whether `Trial.mirrored` is the other one.
+    quarter_turns
+        Quarter turns that are added to the declared tilt.
+    """
+    trial = declared.trial
+    if not _shows_picture(declared, mirror=mirror, quarter_turns=quarter_turns):
         return None
-    return declared.with_channels(lambda c: dataclasses.replace(c, value=-c.value) if c.name.endswith("_y") else c)
+    camera = dict(trial.camera)
+    if quarter_turns:
+        tilt = camera.get("tilt", Estimate(value=0.0))
+        turned = math.remainder(tilt.value + quarter_turns * QUARTER_TURN, 4 * QUARTER_TURN)
+        camera["tilt"] = dataclasses.replace(tilt, value=turned)
+    otherwise = declared.with_trial(dataclasses.replace(trial, mirrored=trial.mirrored != mirror, camera=camera))
+    return dataclasses.replace(otherwise, observations=measured.mirrored(declared.observations)) if mirror else otherwise
+
+
+def _shows_picture(declared: DeclaredTrial, *, mirror: bool, quarter_turns: int) -> bool:
+    """Return whether points would show that their picture is mirrored or turned so.
+
+    Where they do not show the side on which the light mass begins, a mirrored picture looks as the other one does. Of two that
+    look alike, the commoner one is taken: y downwards rather than half a turn, a quarter turn rather than x and y exchanged.
+    """
+    directions = {c.name.rpartition("_")[2] for c in declared.observations.channels}
+    if quarter_turns and not directions >= ({"x", "y"} if quarter_turns % 2 else {"y"}):
+        return False
+    return _shows_side(declared) or (quarter_turns != 0 and mirror == (quarter_turns % 2 == 0))
+
+
+def _shows_side(declared: DeclaredTrial) -> bool:
+    """Return whether points show on which side of the rod the light mass begins."""
+    release, names = declared.trial.release, {c.name for c in declared.observations.channels}
+    if release is Release.DROP or (release is Release.HELD and declared.estimate("release_angle") is None):
+        return False
+    if release is Release.VERTICAL:
+        return names >= {"light_x", "heavy_x"}  # the masses hang a rod's diameter apart
+    return bool(names & {"light_x", "angle", "angle_rate"})
 
 
 def with_tracks_exchanged(declared: DeclaredTrial) -> DeclaredTrial | None:

@@ -23,6 +23,8 @@ from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial
 from looping_pendulum.discrepancy.fit.problem import Problem, TrialData, free_parameters_of
 from looping_pendulum.discrepancy.fit.residual import trial_data
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.pages.numbers import quantity
+from looping_pendulum.reference_ode.effects import GRAVITY
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solution import Samples, Solution
@@ -57,10 +59,15 @@ _SHIFTS = {"light_x": "x", "heavy_x": "x", "light_y": "y", "heavy_y": "height of
 class Distance:
     """Distance of the points from the motion as declared, nothing fitted but shifts."""
 
-    rms: float
-    """Root mean square over all coordinates [m]; that of an angle is multiplied by the free length."""
-    relative: float
+    rms: float = math.inf
+    """Root mean square over all coordinates [m]; that of an angle is multiplied by the free length.
+
+    Infinite: no points could be compared.
+    """
+    relative: float = 1.0
     """The same in free lengths; 1: no points could be compared."""
+    reason: str = ""
+    """Why no points could be compared."""
     length_factor: float = 1.0
     """Factor on the points' lengths with which it was found."""
     points: tuple[tuple[Channel, Array], ...] = ()
@@ -69,6 +76,16 @@ class Distance:
     """Length of the first window [s]."""
     shifts: Mapping[str, float] = field(default_factory=dict)
     """Channel -> shift of its points from the motion about the rod's centre, which is left out of the distance [m]."""
+
+    @property
+    def is_cut_off(self) -> bool:
+        """Return whether most points are farther away than the weight of a point reaches: it is no less than said."""
+        return math.isfinite(self.rms) and self.relative > 0.9 * MAX_DISTANCE
+
+    @property
+    def text(self) -> str:
+        """Return the root mean square in words."""
+        return f"{quantity(self.rms, 'm')}{' or more' if self.is_cut_off else ''}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,20 +111,21 @@ def measured_distance(declared: DeclaredTrial, *, with_length_factor: bool = Fal
     with_length_factor
         Whether the points' lengths are first multiplied by the factor that suits the motion best.
     """
-    nothing = Distance(rms=math.inf, relative=1.0)
     try:
         declared = _with_start(declared)
         parameters, window, solution = _solved(declared)
         shifts = _clock_shifts(declared)
         found = [_distance(declared, parameters, window, solution, shift, with_length_factor) for shift in shifts]
-    except CANNOT_RUN:
-        return nothing
-    return min((d for d in found if d is not None), key=lambda d: d.relative, default=nothing)
+    except CANNOT_RUN as error:
+        return Distance(reason=f"the declared motion could not be computed ({error})")
+    few = f"fewer than {MIN_POINTS} points lie in the first {quantity(window, 's')} of the declared motion"
+    return min((d for d in found if d is not None), key=lambda d: d.relative, default=Distance(reason=few))
 
 
 def _with_start(declared: DeclaredTrial) -> DeclaredTrial:
-    """Return the trial with its start in mid-swing, if it has one."""
-    return declared.with_trial(with_free_start(declared.study, declared.trial, declared.observations))
+    """Return the trial with y up, as shifts are told from motion by it, and with its start in mid-swing, if it has one."""
+    upright = declared.upright()
+    return upright.with_trial(with_free_start(upright.study, upright.trial, upright.observations))
 
 
 def _clock_shifts(declared: DeclaredTrial) -> tuple[float, ...]:
@@ -162,7 +180,7 @@ def _distance(
     for c in declared.observations.channels:
         count = int(np.searchsorted(camera.true_time(c.t), window, side="right"))
         # A rate was computed from the angles, and a factor on the times would change it, too
-        if count >= MIN_POINTS and c.name != "angle_rate":
+        if count >= MIN_POINTS and (c.name != "angle_rate" or len(declared.observations.channels) == 1):
             channels.append(dataclasses.replace(c, t=c.t[:count], value=c.value[:count]))
     if not channels or (with_factor and any(c.unit != "m" for c in channels)):
         return None
@@ -182,12 +200,18 @@ def _distance(
         residuals = [factor * c.value - predicted[c.name] if c.unit == "m" else c.value - predicted[c.name] for c in members]
         common = float(np.median(np.concatenate(residuals))) if name else 0.0
         for c, residual in zip(members, residuals, strict=True):
-            unit = 1.0 if c.unit == "m" else length
+            unit = _length_per_unit(c, length)
             shifts[c.name] = common
-            squares.append(np.minimum((unit * (residual - common)) ** 2, (MAX_DISTANCE * length) ** 2))
+            squares.append(np.minimum(np.abs(unit * (residual - common)), MAX_DISTANCE * length) ** 2)
             shown.append((c, _as_seen(predicted[c.name] + (common if c.name == "height" else 0.0), c, declared, factor)))
     rms = math.sqrt(float(np.mean(np.concatenate(squares))))
     return Distance(rms=rms, relative=rms / length, length_factor=factor, points=tuple(shown), window=window, shifts=shifts)
+
+
+def _length_per_unit(channel: Channel, free_length: float) -> float:
+    """Return the length [m] that one unit of a channel is worth: of an angle at the string's end, of a rate in a swing."""
+    swing = math.sqrt(free_length / GRAVITY.coefficients[0].default)
+    return {"m": 1.0, "rad": free_length, "rad/s": free_length * swing}[channel.unit]
 
 
 def _as_seen(predicted: Array, channel: Channel, declared: DeclaredTrial, factor: float) -> Array:
@@ -240,7 +264,7 @@ def _free_parameters(declared: DeclaredTrial, shifts: Mapping[str, float], also_
     length = declared.study.parameters({}, trial).free_length
     places = _shown_places(declared, shifts)
     free = []
-    for known in free_parameters_of(declared.study, [(trial, declared.observations)]):
+    for known in map(_scaled_by_bound, free_parameters_of(declared.study, [(trial, declared.observations)])):
         if known.parameter in places:
             value, scale = places[known.parameter], max(known.scale, UNKNOWN_PLACE * length)
             bounds = (0.0, math.inf) if known.parameter == "hanging_length" else (-math.inf, math.inf)
@@ -260,6 +284,17 @@ def _free_parameters(declared: DeclaredTrial, shifts: Mapping[str, float], also_
     return free
 
 
+def _scaled_by_bound(known: FreeParameter) -> FreeParameter:
+    """Return a parameter whose unit is no larger than its distance from its lower bound, with the same prior.
+
+    A mass of 10 g +/- 1 kg would begin its fit at 100 g, a tenth of its unit from the bound.
+    """
+    distance = known.init_value - known.bounds[0]
+    if not 0 < distance < known.scale:
+        return known
+    return dataclasses.replace(known, scale=distance, prior=known.prior_sigma * known.scale / distance)
+
+
 def _soft(residuals: Array) -> Array:
     """Return residuals whose squares grow with the size of large ones, not with its square (SciPy's loss "soft_l1")."""
     return np.asarray(np.sign(residuals) * np.sqrt(2 * (np.sqrt(1 + residuals**2) - 1)))
@@ -268,9 +303,10 @@ def _soft(residuals: Array) -> Array:
 def _shown_places(declared: DeclaredTrial, shifts: Mapping[str, float]) -> dict[str, float]:
     """Return the origin and the hanging length that the shifts of the points show [m]."""
     places = {}
-    for direction in ("x", "y"):
-        if f"light_{direction}" in shifts:
-            places[f"origin_{direction}"] = shifts[f"light_{direction}"]
+    # Of both masses the light one shows the origin, as a length of string that is not known moves the other
+    for name in ("heavy_x", "heavy_y", "light_x", "light_y"):
+        if name in shifts:
+            places[f"origin_{name[-1]}"] = shifts[name]
     known = declared.estimate("hanging_length")
     if known is not None and {"light_y", "heavy_y"} <= shifts.keys():
         # A longer string below the rod shows the heavy mass lower
@@ -303,7 +339,7 @@ def _fit_windows(problem: Problem, data: TrialData, parameters: Parameters, good
             continue
         fitted_count = len(part.value)
         here = problem.with_data([part])
-        units = [np.full(len(c), 1.0 if c.unit == "m" else length) for c in part.channels]
+        units = [np.full(len(c), _length_per_unit(c, length)) for c in part.channels]
         unit = np.concatenate([*units, np.ones(len(part.events))])
         sigma = np.hypot(part.sigma * unit, MODEL_ERROR * length)
 

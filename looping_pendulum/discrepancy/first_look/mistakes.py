@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
+from looping_pendulum.discrepancy.data.readers import mass_in_name
 from looping_pendulum.discrepancy.data.study import Trial
+from looping_pendulum.discrepancy.data.survey import survey
+from looping_pendulum.discrepancy.first_look.clock_mistakes import (
+    MAX_CLOCK_CANDIDATES,
+    clock_change_text,
+    row_shift,
+    with_one_clock,
+    with_rows_together,
+)
 from looping_pendulum.discrepancy.first_look.declared_trial import (
     MIN_UNIT_FACTOR,
     OTHER_MASS,
     DeclaredTrial,
-    mirrored,
+    pictured_otherwise,
     released_where_first_seen,
-    upside_down,
     with_masses_exchanged,
     with_times,
     with_tracks_exchanged,
@@ -45,6 +56,8 @@ NEARNESS = 0.05
 CAUSES = {1 / 2: ", as where a diameter was given for the radius", 1e-3: ", as where kg was written for g",
           1e3: ", as where g was written for kg"}  # fmt: skip
 """Factor that a declared value must be multiplied by -> its likely cause in words."""
+_PLAIN_NAME = re.compile(r"\w(?:[\w ./()+-]*[\w.()+-])?")
+"""Name that YAML reads as it stands, also within braces."""
 WITH_BOTH_MASSES = (Release.LOOPING, Release.VERTICAL)
 """Releases in whose motion both masses and the rod's radius take part."""
 
@@ -59,7 +72,9 @@ class Mistake:
     found: Callable[[Undone], str]
     """What is wrong with the points or the declaration, in words."""
     keys: Callable[[Undone], str]
-    """Keys of the study that mend it, with their values."""
+    """Keys of the study that correct it, with their values; '' if none does."""
+    way_out: str = ""
+    """What else corrects it, where no key does."""
     releases: tuple[Release, ...] = tuple(Release)
     of_apparatus: bool = False
     """Whether the mended key may stand in `apparatus`, so that all trials together say whether it is wrong."""
@@ -133,15 +148,33 @@ def _length_unit(undone: Undone) -> str:
     return f"units: {{length: {number(1e3 * unit)} mm}}"
 
 
+def _picture_keys(undone: Undone) -> str:
+    """Return the keys of a picture that is mirrored, turned or both."""
+    before, after = undone.trial, undone.corrected.trial
+    keys = [f"mirrored: {str(after.mirrored).lower()}"] if after.mirrored != before.mirrored else []
+    tilt = after.camera.get("tilt")
+    if tilt is not None and tilt != before.camera.get("tilt"):
+        free = "free from " if tilt.free else ""
+        error = f" +/- {number(math.degrees(tilt.sigma))} deg" if tilt.sigma else ""
+        keys.append(f"camera: {{tilt: {free}{number(math.degrees(tilt.value), digits=6)} deg{error}}}")
+    return "' and '".join(keys)
+
+
 def _tracks(undone: Undone) -> str:
-    """Return the key that exchanges the tracks."""
-    files = undone.trial.files
-    tracks = {OTHER_MASS[mass]: track for _, named in files for mass, track in named.items()}
-    if len(files) > 1:
-        return "files: {light: the heavy mass's file, heavy: the light mass's file}"
-    if set(tracks) == set(OTHER_MASS):
-        return f"tracks: {{light: {tracks['light']}, heavy: {tracks['heavy']}}}"
-    return "tracks: {light: ..., heavy: ...}"
+    """Return the key that exchanges the tracks, or the files of the two masses."""
+    trial = undone.trial
+    if len(trial.files) > 1:
+        return f"files: {_by_other_mass({mass: path for path, named in trial.files for mass in named})}"
+    ((path, tracks),) = trial.files
+    # Where the study names no tracks, the file's own names say which mass each is
+    named = tracks or {mass_in_name(track.name): track.name for track in survey(undone.declared.study.folder / path).tracks}
+    return f"tracks: {_by_other_mass(named)}"
+
+
+def _by_other_mass(names: Mapping[str, str]) -> str:
+    """Write the names of the masses' tracks or files as a study file has them, each for the other mass."""
+    written = {m: n if _PLAIN_NAME.fullmatch(n) else json.dumps(n, ensure_ascii=False) for m, n in names.items()}
+    return f"{{{', '.join(f'{mass}: {written[other]}' for mass, other in OTHER_MASS.items())}}}"
 
 
 def _changes_of_place(undone: Undone, *, key: bool) -> list[str]:
@@ -209,17 +242,50 @@ def _joined(first: Mistake, second: Mistake) -> Mistake:
     )
 
 
-MIRRORED = Mistake(
-    name="mirrored",
-    undo=mirrored,
-    found=lambda undone: "a mirrored motion",
-    keys=lambda undone: f"mirrored: {'false' if undone.trial.mirrored else 'true'}",
+def _picture(name: str, mirror: bool, quarter_turns: int, found: str) -> Mistake:
+    """Return the mistake that a picture is mirrored, turned or both."""
+    return Mistake(
+        name=name,
+        undo=lambda declared: pictured_otherwise(declared, mirror=mirror, quarter_turns=quarter_turns),
+        found=lambda undone: found,
+        keys=_picture_keys,
+    )
+
+
+PICTURES = tuple(
+    _picture(*row)
+    for row in (
+        ("mirrored", True, 0, "a mirrored motion"),
+        ("upside down", True, 2, "a motion that is upside down, as where y grows downwards"),
+        ("half turn", False, 2, "a motion that is turned by 180 deg, as by a camera upside down"),
+        ("quarter turn to the left", False, 1, "a motion that is turned counterclockwise by 90 deg, as by a sideways camera"),
+        ("quarter turn to the right", False, -1, "a motion that is turned clockwise by 90 deg, as by a sideways camera"),
+        ("axes exchanged", True, 1, "a motion with x and y exchanged"),
+        ("axes exchanged and reversed", True, -1, "a motion with x and y exchanged, and both reversed"),
+    )
 )
-UPSIDE_DOWN = Mistake(
-    name="upside down",
-    undo=upside_down,
-    found=lambda undone: "a motion that is upside down, as where y grows downwards",
-    keys=lambda undone: f"mirrored: {'false' if undone.trial.mirrored else 'true'}' and 'camera: {{tilt: 180 deg}}",
+"""All symmetries of the square, each by whether it is undone by a mirror image and by how many quarter turns of the tilt."""
+MIRRORED = PICTURES[0]
+ONE_CLOCK = (
+    "one clock for the whole film: share the film as the camera took it, without a part in slow motion, and mark it again, or "
+    "mark one part and state its 'frame_rate'"
+)
+CLOCK_CHANGES = tuple(
+    Mistake(
+        name="clock that changes",
+        undo=partial(with_one_clock, candidate=candidate),
+        found=lambda undone: f"a clock that changes: {clock_change_text(undone.declared, undone.corrected)}",
+        keys=lambda undone: "",
+        way_out=ONE_CLOCK,
+    )
+    for candidate in range(MAX_CLOCK_CANDIDATES)
+)
+ROWS_SHIFTED = Mistake(
+    name="rows shifted",
+    undo=with_rows_together,
+    found=lambda undone: shift.text if (shift := row_shift(undone.declared)) else "",
+    keys=lambda undone: "",
+    way_out="each row to show both masses at one time; correct the rows of these columns",
 )
 TRACKS_EXCHANGED = Mistake(
     name="tracks exchanged",
@@ -295,13 +361,15 @@ def _value(name: str, group: str, parameters: Mapping[str, str], factor: float) 
 
 EXCHANGED = _joined(TRACKS_EXCHANGED, MASSES_EXCHANGED)
 MISTAKES = (
-    MIRRORED,
-    UPSIDE_DOWN,
+    *PICTURES,
     TRACKS_EXCHANGED,
     MASSES_EXCHANGED,
-    dataclasses.replace(EXCHANGED, name="light and heavy exchanged", releases=WITH_BOTH_MASSES, steps=1),
+    # After a vertical release, a mirrored picture looks as if both were exchanged
+    dataclasses.replace(EXCHANGED, name="light and heavy exchanged", releases=(Release.LOOPING,), steps=1),
+    ROWS_SHIFTED,
+    *CLOCK_CHANGES,
     LENGTHS,
-    *(_joined(first, LENGTHS) for first in (MIRRORED, UPSIDE_DOWN, TRACKS_EXCHANGED)),
+    *(_joined(first, LENGTHS) for first in (*PICTURES, TRACKS_EXCHANGED)),
     *(mistake for factor in TIME_FACTORS for mistake in (_times(factor), _joined(MIRRORED, _times(factor)),
                                                          _joined(TRACKS_EXCHANGED, _times(factor)))),
     _joined(MIRRORED, TRACKS_EXCHANGED),

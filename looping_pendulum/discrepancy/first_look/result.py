@@ -42,6 +42,8 @@ class TrialCheck:
     """Distance of its points from the declared motion; None: the trial was not looked at."""
     reason: str = ""
     """Why it was not looked at."""
+    reading: tuple[str, ...] = ()
+    """What was assumed or put right when its files were read."""
 
     @property
     def text(self) -> str:
@@ -50,7 +52,7 @@ class TrialCheck:
             return f"trial '{self.trial}': not looked at, {self.reason}"
         return (
             f"trial '{self.trial}': in the first {quantity(self.distance.window, 's')} the points are "
-            f"{quantity(self.distance.rms, 'm')} from the declared motion, before anything is fitted"
+            f"{self.distance.text} from the declared motion, before anything is fitted"
         )
 
 

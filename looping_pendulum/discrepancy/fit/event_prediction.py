@@ -156,8 +156,9 @@ def _as_measured(value: float | None, quantity: str, camera: Camera) -> float:
         return (value - camera.clock_offset) / camera.clock_ratio
     if kind == "angle":
         return value + camera.tilt
-    # A height is read along the picture's vertical, where a tilted camera shows only its cosine
-    return value * camera.scale * (math.cos(camera.tilt) if kind in ("height", "drop") else 1.0)
+    # A height is read along the picture's vertical, where a tilted camera shows only its cosine; quarter turns are undone
+    tilt = math.remainder(camera.tilt, math.pi / 2)
+    return value * camera.scale * (math.cos(tilt) if kind in ("height", "drop") else 1.0)
 
 
 def _extrema(samples: Samples, camera: Camera) -> tuple[tuple[Extremum, ...], tuple[Extremum, ...]]:

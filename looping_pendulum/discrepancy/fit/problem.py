@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.discrepancy.data.camera import Camera
+from looping_pendulum.discrepancy.data.camera import CAMERA, Camera
 from looping_pendulum.discrepancy.data.free_parameter import FreeParameter, ParameterRole
 from looping_pendulum.discrepancy.data.measurement import (
     DIFFERENTIABLE_CHANNELS,
@@ -124,8 +124,8 @@ class TrialData:
 def free_parameters_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tuple[FreeParameter, ...]:
     """Return the free parameters of the declared model.
 
-    These are uncertain values of the apparatus and the releases, each camera's origin, and other camera errors that are
-    declared.
+    These are uncertain values of the apparatus and the releases, the offsets of each camera or gyroscope, and other camera
+    errors that are declared.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def free_parameters_of(study: Study, trials: Sequence[tuple[Trial, Any]]) -> tup
     parameters = list(study.free_parameters(tuple(t for t, _ in trials)))
     for trial, observations in trials:
         for name, known in study.camera_priors(trial, observations).items():
-            if name in ("origin_x", "origin_y") or (name in trial.camera and known.uncertain):
+            if name in ("origin_x", "origin_y", "rate_offset") or (name in trial.camera and known.uncertain):
                 parameters.append(_camera_parameter(name, trial, known.value, known.sigma))
     return tuple(parameters)
 
@@ -231,7 +231,9 @@ class Problem:
             low, high = n.bounds
             value = min(max(n.init_value + n.scale * x_list[i], low), high)
             if n.role is _CAMERA:
-                camera[n.parameter] = value
+                # A parameter of all cameras alike is an error beside what each trial states of its own
+                stated = self._camera[k].get(n.parameter) if n.shared else None
+                camera[n.parameter] = value if stated is None else stated + value - CAMERA[n.parameter].null
             elif n.role is _TIMES:
                 factors.append((n.parameter, value))
             else:

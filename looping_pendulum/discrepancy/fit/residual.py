@@ -8,6 +8,7 @@ that were measured with other studies (``rates``).
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -64,18 +65,16 @@ MIN_GROUP_SIZE = 20
 
 def trial_data(trial: Trial, observations: Observations) -> TrialData:
     """Return a trial's data: channels with noise estimated from the points alone, and events with their stated errors."""
+    channels = observations.channels
+    if len(channels) > 1:
+        channels = tuple(c for c in channels if c.name != "angle_rate")  # computed from the angles: no new information
     parts = {}
-    for channels in observations.bodies().values():
-        noise = estimate_noise(channels)
-        for c in channels:
+    for body in dataclasses.replace(observations, channels=channels).bodies().values():
+        noise = estimate_noise(body)
+        for c in body:
+            speed = speed_at(body, c.t, noise.a)
             # A nanometre at least: data without noise would divide by zero
-            parts[c.name] = np.maximum(noise.sigma(speed_at(channels, c.t, noise.a)), 1e-9)
-    if "angle_rate" in {c.name for c in observations.channels}:
-        channels = tuple(
-            c for c in observations.channels if c.name != "angle_rate"
-        )  # computed from the angles: no new information
-    else:
-        channels = observations.channels
+            parts[c.name] = np.maximum(np.maximum(noise.sigma(speed), c.least_sigma(speed)), 1e-9)
     stated = np.array([e.sigma for e in observations.events], dtype=float)
     sigma = np.concatenate([*(parts[c.name] for c in channels), stated])
     return TrialData(trial=trial, channels=channels, events=observations.events, sigma=sigma)

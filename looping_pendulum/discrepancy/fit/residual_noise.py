@@ -141,9 +141,16 @@ def _noise_of_body(fit: Fit, k: int, residual: Array, names: Sequence[str], data
         differences.append((np.diff(residual[part]) / math.sqrt(2))[kept])
         mean_speeds.append(0.5 * (speeds[n][1:] + speeds[n][:-1])[kept])
     if not differences or sum(map(len, differences)) < MIN_DIFFERENCES:
-        return {n: d.sigma[d.slices[n]] for n in names}
+        sigma = {n: d.sigma[d.slices[n]] for n in names}
+        # Points that were left out have the error of the others
+        typical = {n: np.median(s[np.isfinite(s)]) for n, s in sigma.items() if np.isfinite(s).any()}
+        return {n: np.where(np.isfinite(s), s, typical.get(n, np.inf)) for n, s in sigma.items()}
     a, b = _fit_noise_law(np.concatenate(differences), np.concatenate(mean_speeds))
-    return {n: np.maximum(a + b * speeds[n], MIN_SIGMA_RATIO * (a + b * float(np.median(speeds[n])))) for n in names}
+    least = {c.name: c.least_sigma(speeds[c.name]) for c in d.channels if c.name in speeds}
+    return {
+        n: np.maximum(np.maximum(a + b * speeds[n], least[n]), MIN_SIGMA_RATIO * (a + b * float(np.median(speeds[n]))))
+        for n in names
+    }
 
 
 def _fit_noise_law(difference: Array, v: Array) -> tuple[float, float]:
@@ -179,10 +186,12 @@ def modes(fit: Fit, k: int) -> NDArray[np.int8]:
 
 def _speed(fit: Fit, k: int, channel: str) -> Array:
     """Return the speed [unit/s] of the body that a channel shows, at its points, by the model."""
-    samples = fit.problem.run(fit.x, k)
-    at = sample_index(fit, k)[fit.problem.data[k].slices[channel]]
+    samples, part = fit.problem.run(fit.x, k), fit.problem.data[k].slices[channel]
+    at = sample_index(fit, k)[part]
     state = samples.state
-    if channel.startswith("angle"):
+    if channel == "angle_rate":
+        return np.asarray(np.abs(np.gradient(fit.problem.predict(fit.x, k)[part], fit.problem.data[k].t[part])))
+    if channel == "angle":
         return np.asarray(np.abs(state.across_speed / state.free_length)[at])
     heavy = channel.startswith("heavy") or (channel == "height" and fit.problem.data[k].trial.dropped == "heavy")
     return np.asarray(np.linalg.norm(samples.heavy_velocity if heavy else samples.light_velocity, axis=1)[at])

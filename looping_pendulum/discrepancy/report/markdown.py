@@ -135,9 +135,9 @@ def _errors(result: Identification) -> str:
         for e in result.errors
     ]  # fmt: skip
     note = (
-        "RMS of the distance from the light mass's tracked points to the model, as a length or an angle, and in units of the "
-        "noise, of which 1 is the best possible. *Before*: the declared model, calibrated; *after*: the repaired model. The "
-        f"verdict rests on {result.judged_on}.\n\n"
+        "RMS of the distance from the light mass's tracked points to the model, as a length, an angle or an angular velocity, "
+        "and in units of the noise, of which 1 is the best possible. *Before*: the declared model, calibrated; *after*: the "
+        f"repaired model. The verdict rests on {result.judged_on}.\n\n"
     )
     return note + table(head, rows, left=2)
 

@@ -1,0 +1,416 @@
+"""Read project files of Tracker, the video analysis program of Open Source Physics (OSP), into tracked points.
+
+A `.trk` is XML in which OSP's `XMLControlElement` wrote objects with named properties. A `.trz` is a zip archive with one
+`.trk`, beside films and pages. What the numbers mean was read in the Java sources of Tracker and OSP, whose classes are
+named below.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from looping_pendulum.discrepancy.data.delimited import data_error
+from looping_pendulum.discrepancy.data.observations import DataError
+from looping_pendulum.reference_ode.geometry import Array
+from looping_pendulum.scenarios.document import quote
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+    from zipfile import ZipFile, ZipInfo
+
+LARGEST_PROJECT = 20 * 1024 * 1024
+"""Largest size of a `.trk` that is read [bytes]: some fifty thousand tracked points."""
+LARGEST_ARCHIVE = 256 * 1024 * 1024
+"""Largest size of a `.trz` that is read [bytes]. Most of it is the film, which is not unpacked."""
+MAX_TAGS = 1_000_000
+"""Largest number of tags in a `.trk`: each takes some 300 bytes of memory, so that a small file could take very much."""
+MAX_FRAMES = 300_000
+"""Largest number of frames of a film, as in Tracker (`VideoClip`)."""
+MAX_PIXEL = 1e6
+"""Largest plausible distance from the picture's corner [pixels]."""
+MAX_NUMBER = 1e12
+"""Largest plausible value of any other number, whatever its unit."""
+MIN_SCALE = 1e-9
+"""Smallest plausible scale [pixels per unit of length]."""
+MIN_DURATION = 1e-6
+"""Shortest plausible duration of a frame [ms]."""
+STRETCH_TOLERANCE = 1e-3
+"""Relative difference of two frame durations that are the same; the film's frame times are rounded to 1 us."""
+
+_TRACKER = "org.opensourcephysics.cabrillo.tracker."
+# Bytes at the start of a file by which it is told; the root's class is in the second line
+_SNIFFED = 4096
+_ZIP_START = b"PK\x03\x04"
+# What `zipfile` raises for a damaged archive, beside `BadZipFile`
+_ZIP_FAULTS = (zlib.error, RuntimeError, EOFError, OSError, ValueError)
+_INDEX = re.compile(r"\[([0-9]{1,9})\]")
+_RESAVE = "save the project again in Tracker"
+# Tracks that a user may take for point masses. All others are axes and measuring tools.
+_OTHER_TRACKS = {
+    "Vector": "vector",
+    "VectorSum": "vector",
+    "CenterOfMass": "centre of mass",
+    "AnalyticParticle": "particle model",
+    "DynamicParticle": "particle model",
+    "DynamicParticlePolar": "particle model",
+    "DynamicSystem": "particle model",
+    "ParticleDataTrack": "imported data",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ProjectTrack:
+    """One tracked point mass."""
+
+    name: str
+    frame: NDArray[np.intp]
+    """Numbers of the film's frames, from 0, ascending, shape (n,)."""
+    x: Array
+    """Positions in the project's axes [`TrackerProject.length_unit`], shape (n,)."""
+    y: Array
+    """The same for y, which points up unless the axes are rotated, shape (n,)."""
+    mass: float | None
+    """Mass [`TrackerProject.mass_unit`]; None if it is Tracker's default of 1, which nobody stated."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrackerProject:
+    """What a project says about the motion in its film."""
+
+    tracks: tuple[ProjectTrack, ...]
+    """Point masses that have points, in the order of the file."""
+    frame_time: Array
+    """Times of the film's frames 0 ... N by the project's clock, as Tracker shows them [s], shape (N + 1,).
+
+    Every tracked frame has one. The clip's first frame has the clip's start time, 0 unless the user changed it.
+    """
+    frame_time_source: str
+    """"film": frame times of the film, which the project holds; "rate": equal steps."""
+    frame_rate: float
+    """Mean frame rate by the project's clock [Hz]."""
+    length_unit: str
+    """Unit of the positions as the project names it, "m" if it names none; "px" if the project is not calibrated."""
+    mass_unit: str
+    """Unit of the masses as the project names it, "kg" if it names none."""
+    notes: tuple[str, ...]
+    """Sentences about what was used and what was left out."""
+
+
+def is_named_project(file: str) -> bool:
+    """Return whether a file's name says that it is a project."""
+    return file.lower().endswith((".trk", ".trz"))
+
+
+def is_project(raw: bytes) -> bool:
+    """Return whether the content of a file looks like XML of OSP or like a zip archive with a `.trk`."""
+    if raw.startswith(_ZIP_START):
+        # Imported where it is needed, as the program should start fast
+        import zipfile
+
+        try:
+            with zipfile.ZipFile(io.BytesIO(raw)) as archive:
+                return bool(_members(archive))
+        except (zipfile.BadZipFile, *_ZIP_FAULTS):
+            return False
+    start = raw[:_SNIFFED].removeprefix(b"\xef\xbb\xbf").lstrip()
+    return start.startswith(b"<") and b"org.opensourcephysics" in start
+
+
+def read_project(raw: bytes, file: str) -> TrackerProject:
+    """Read the content of a `.trk` or a `.trz`.
+
+    Raises
+    ------
+    DataError
+        If it is no project, damaged, too large or without points of a point mass.
+    """
+    panel = _panel(_unpack(raw, file) if raw.startswith(_ZIP_START) else raw, file)
+    clip, axes = _Clip.read(panel), _Axes.read(panel)
+    tracks, notes = _tracks(panel, clip, axes)
+    used = np.unique(np.concatenate([track.frame for track in tracks]))
+    settings = np.unique(axes.at(used), axis=0)
+    if len(settings) > 1:
+        notes.append(f"The axes change with the frame ({len(settings)} settings): each point is in those of its own frame.")
+    reference = panel.text("referenceframe")
+    if reference:
+        notes.append(f"The project shows positions relative to {quote(reference)}; they are read in fixed axes instead.")
+    calibrated = bool(np.any(settings[:, 3:] != 1))
+    if not calibrated:
+        notes.append("The project is not calibrated: positions are in pixels.")
+    if clip.step > 1:
+        notes.append(f"The project's step size is {clip.step} frames.")
+    time, source, rate = _frame_times(panel, clip, int(used[-1]), notes)
+    return TrackerProject(
+        tracks=tuple(tracks),
+        frame_time=time,
+        frame_time_source=source,
+        frame_rate=rate,
+        length_unit=(panel.text("length_unit") or "m") if calibrated else "px",
+        mass_unit=panel.text("mass_unit") or "kg",
+        notes=tuple(notes),
+    )
+
+
+def _unpack(raw: bytes, file: str) -> bytes:
+    """Return the only `.trk` of an archive, at most one byte longer than is allowed."""
+    import zipfile
+
+    problem = "found a damaged archive, needed a .trz; export it again from Tracker"
+    try:
+        with zipfile.ZipFile(io.BytesIO(raw)) as archive:
+            members = _members(archive)
+            names = ", ".join(quote(member.filename) for member in members[:5])
+            if len(raw) > LARGEST_ARCHIVE:
+                problem = f"found more than {LARGEST_ARCHIVE // 1024**2} MiB, needed less; give the .trk file of the archive"
+            elif not members:
+                problem = "found an archive without a .trk file, needed one; save the project in Tracker"
+            elif len(members) > 1:
+                problem = f"found {len(members)} .trk files ({names}), needed one; give one of them, or export one tab"
+            elif members[0].flag_bits & 1:
+                problem = "found an encrypted archive, needed one without a password; give the .trk file of it"
+            # The other methods unpack a whole block, however large
+            elif members[0].compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                problem = "found an unusual compression, needed a .trz of Tracker; give the .trk file of the archive"
+            else:
+                with archive.open(members[0]) as stream:
+                    return stream.read(LARGEST_PROJECT + 1)
+    except (zipfile.BadZipFile, *_ZIP_FAULTS):
+        pass
+    raise data_error(file, None, "", problem)
+
+
+def _members(archive: ZipFile) -> list[ZipInfo]:
+    """Return the `.trk` files of an archive, without the shadows that macOS adds."""
+    return [m for m in archive.infolist() if m.filename.lower().endswith(".trk") and not m.filename.startswith("__MACOSX/")]
+
+
+def _panel(raw: bytes, file: str) -> _Object:
+    """Return the main object of a project, a `TrackerPanel`."""
+    from xml.etree.ElementTree import ParseError
+
+    from defusedxml import DefusedXmlException, ElementTree  # type: ignore[import-untyped]
+
+    if len(raw) > LARGEST_PROJECT or raw.count(b"<") > MAX_TAGS:
+        size = f"{LARGEST_PROJECT // 1024**2} MiB or {MAX_TAGS} tags"
+        raise data_error(file, None, "", f"found a project of more than {size}, needed less; delete other tracks in Tracker")
+    try:
+        root: Element = ElementTree.fromstring(raw)
+    except DefusedXmlException:
+        message = f"found XML that defines entities, needed a project as Tracker writes it; {_RESAVE}"
+        raise data_error(file, None, "", message) from None
+    except (ParseError, LookupError, ValueError) as fault:
+        raise data_error(file, None, "", f"found damaged XML ({fault}), needed a project; {_RESAVE}") from None
+    panels = [element for element in root.iter("object") if element.get("class") == _TRACKER + "TrackerPanel"]
+    if len(panels) == 1:
+        return _Object(element=panels[0], file=file)
+    found = f"{len(panels)} projects" if panels else "XML that is no project of Tracker"
+    if root.get("class") == _TRACKER + "TFrame":
+        # Entry 0 of a tab is its absolute path, entry 1 the relative one
+        paths = root.findall("property[@name='tabs']/property/property[@name='[1]']")
+        found = f"a set of tabs, which only names files ({', '.join(quote(path.text) for path in paths[:5])})"
+    raise data_error(file, None, "", f"found {found}, needed one project; save its tab in Tracker as a .trk file of its own")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Object:
+    """An object in the XML, whose properties have names."""
+
+    element: Element
+    file: str
+
+    def error(self, message: str) -> DataError:
+        """Return an error about the file."""
+        return data_error(self.file, None, "", message)
+
+    def text(self, name: str) -> str:
+        """Return a text, '' if there is none."""
+        return (self.element.findtext(f"property[@name='{name}']") or "").strip()
+
+    def number(self, name: str, default: float | None = None) -> float:
+        """Return a number, which may be not a number. One without a default must be there."""
+        text = self.text(name) or default
+        try:
+            return float("" if text is None else text)
+        except ValueError:
+            raise self.error(f"{name}: found {quote(text or '')}, needed a number; {_RESAVE}") from None
+
+    def plausible(self, name: str, default: float | None = None) -> float:
+        """Return a number that is at most `MAX_NUMBER` in size."""
+        value = self.number(name, default)
+        if not abs(value) <= MAX_NUMBER:
+            raise self.error(f"{name}: found {quote(self.text(name))}, needed a plausible number; {_RESAVE}")
+        return value
+
+    def child(self, name: str) -> _Object | None:
+        """Return an object, None if there is none."""
+        element = self.element.find(f"property[@name='{name}']/object")
+        return None if element is None else _Object(element=element, file=self.file)
+
+    def array(self, name: str) -> dict[int, _Object]:
+        """Return the objects of an array by their index, ascending.
+
+        A null is an index that is left out, or the text "null" at the end (`XMLPropertyElement`).
+        """
+        found = {}
+        for entry in self.element.findall(f"property[@name='{name}']/property"):
+            index, element = _INDEX.fullmatch(entry.get("name", "")), entry.find("object")
+            if index and element is not None:
+                found[int(index[1])] = _Object(element=element, file=self.file)
+        return dict(sorted(found.items()))
+
+    def numbers(self, name: str) -> Array:
+        """Return an array of numbers, which is one text "{0.0,33.333}" or has entries (`XMLPropertyElement`)."""
+        entries = self.element.findall(f"property[@name='{name}']/property")
+        text = ",".join((entry.text or "").strip(" {}\n\r\t") for entry in entries)
+        try:
+            return np.array([float(cell) for cell in text.split(",")] if text else [])
+        except ValueError:
+            raise self.error(f"{name}: found {quote(text)}, needed numbers; {_RESAVE}") from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Clip:
+    """The part of the film that the project uses (`VideoClip`)."""
+
+    start: int
+    end: int
+    """First and last frame.
+
+    The "frameshift" of some versions about 2014 moves the numbers of clip and points alike, so that no time depends on it.
+    """
+    step: int
+    """Frames from one step to the next."""
+    start_time: float
+    """Time at the first frame [ms]."""
+    video: _Object | None
+    """The film; None if the project has none."""
+
+    @classmethod
+    def read(cls, panel: _Object) -> _Clip:
+        """Read the clip of a project; what is not written has Tracker's default."""
+        clip = panel.child("videoclip")
+        if clip is None:
+            raise panel.error(f"found no video clip, needed one; {_RESAVE}")
+        start = max(round(clip.plausible("startframe", 0)), 0)
+        step = abs(round(clip.plausible("stepsize", 1))) or 1
+        end = start + step * (abs(round(clip.plausible("stepcount", MAX_FRAMES))) - 1)
+        start_time, video = clip.plausible("starttime", 0), clip.child("video")
+        return cls(start=start, end=min(end, MAX_FRAMES - 1), step=step, start_time=start_time, video=video)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Axes:
+    """Axes in the picture, which may change from frame to frame (`ImageCoordSystem`)."""
+
+    frame: NDArray[np.intp]
+    """Frames at which they are set, each until the next, shape (m,)."""
+    setting: Array
+    """Origin x and y [pixels from the upper left corner, y down], angle of the x axis, counterclockwise [deg], and scale in the
+    picture's x and y [pixels per unit], shape (m, 5)."""
+
+    @classmethod
+    def read(cls, panel: _Object) -> _Axes:
+        """Read the axes of a project."""
+        coords = panel.child("coords")
+        entries = coords.array("framedata") if coords else {}
+        if not entries:
+            raise panel.error("found no axes, needed origin and scale of the picture; set them in Tracker and save again")
+        names = ("xorigin", "yorigin", "angle", "xscale", "yscale")
+        setting = np.array([[entry.plausible(name) for name in names] for entry in entries.values()])
+        smallest = np.min(np.abs(setting[:, 3:]))
+        if smallest < MIN_SCALE:
+            raise panel.error(f"found a scale of {smallest:g} pixels per unit, needed a plausible one; calibrate again")
+        return cls(frame=np.array(list(entries), dtype=np.intp), setting=setting)
+
+    def at(self, frame: NDArray[np.intp]) -> Array:
+        """Return the settings for frames, shape (n, 5)."""
+        return self.setting[np.maximum(np.searchsorted(self.frame, frame, side="right") - 1, 0)]
+
+    def positions(self, frame: NDArray[np.intp], pixel: Array) -> Array:
+        """Return positions in the axes, shape (2, n), of points in the picture, shape (2, n)."""
+        origin_x, origin_y, angle, scale_x, scale_y = self.at(frame).T
+        right, up = (pixel[0] - origin_x) / scale_x, (origin_y - pixel[1]) / scale_y
+        cos, sin = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+        return np.array([cos * right + sin * up, cos * up - sin * right])
+
+
+def _tracks(panel: _Object, clip: _Clip, axes: _Axes) -> tuple[list[ProjectTrack], list[str]]:
+    """Return the point masses that have points in the clip, and notes about what was left out."""
+    tracks: list[ProjectTrack] = []
+    others, notes = [], []
+    for element in panel.element.findall("property[@name='tracks']/property/object"):
+        track = _Object(element=element, file=panel.file)
+        name = track.text("name") or "mass"
+        kind = element.get("class", "").removeprefix(_TRACKER)
+        if kind in _OTHER_TRACKS:
+            others.append(f"{quote(name)} ({_OTHER_TRACKS[kind]})")
+        if kind != "PointMass":
+            continue
+        points = track.array("framedata")
+        pixel = np.array([[point.number("x"), point.number("y")] for point in points.values()]).reshape(-1, 2)
+        frame = np.array(list(points), dtype=np.intp)
+        # Not a number: this frame has no mark
+        marked = ~np.isnan(pixel).any(axis=1)
+        inside = marked & (frame >= clip.start) & (frame <= clip.end)
+        if np.any(inside < marked):
+            where = f"outside the project's clip (frames {clip.start} to {clip.end})"
+            notes.append(f"Points of {quote(name)} {where} were left out: {np.count_nonzero(inside < marked)}.")
+        frame, pixel = frame[inside], pixel[inside]
+        for far in frame[np.any(np.abs(pixel) > MAX_PIXEL, axis=1)]:
+            where = f"beyond {MAX_PIXEL:g} pixels at frame {far}"
+            raise panel.error(f"found a point of {quote(name)} {where}, needed one near the picture; mark it again")
+        if not frame.size:
+            others.append(f"{quote(name)} (no points in the clip)")
+            continue
+        if any(name == known.name for known in tracks):
+            raise panel.error(f"found two tracks named {quote(name)}, needed different names; rename one in Tracker")
+        x, y = axes.positions(frame, pixel.T)
+        mass = track.plausible("mass", 1)
+        tracks.append(ProjectTrack(name=name, frame=frame, x=x, y=y, mass=None if mass == 1 else mass))
+    if not tracks:
+        instead = f" but {', '.join(others[:5])}" if others else ""
+        raise panel.error(f"found no point mass with points{instead}, needed one; track it in Tracker and save again")
+    if others:
+        notes.append(f"Tracks that were left out: {', '.join(others)}.")
+    return tracks, notes
+
+
+def _frame_times(panel: _Object, clip: _Clip, last: int, notes: list[str]) -> tuple[Array, str, float]:
+    """Return the times of all frames up to ``last`` or the film's end [s], their source and their mean rate [Hz]; add notes.
+
+    As in `StepperClipControl.getStepTime` and `VideoPlayer.getStepTime`: the film's own times count from the clip's start,
+    and are stretched until the mean frame of the clip lasts "delta_t". So a film in slow motion has the clock of its user.
+    """
+    # The second is that of a film that is a folder of pictures (`ImageVideo`)
+    durations = [abs(holder.plausible("delta_t", 0)) for holder in (panel.child("clipcontrol"), clip.video) if holder]
+    duration = next((d for d in durations if d), 0.0)
+    film = clip.video.numbers("start_times") if clip.video else np.zeros(0)
+    if not (np.all(np.abs(film) <= MAX_NUMBER) and np.all(np.diff(film) >= MIN_DURATION)):
+        notes.append("The frame times of the film do not rise, so that its frames are taken at equal steps.")
+        film = np.zeros(0)
+    end = min(clip.end, film.size - 1)
+    film_duration = float(film[end] - film[clip.start]) / (end - clip.start) if end > clip.start else 0.0
+    duration = duration or film_duration
+    if duration < MIN_DURATION:
+        raise panel.error(f"found a frame duration (delta_t) of {duration:g} ms, needed a plausible one; {_RESAVE}")
+    stretch = duration / film_duration if film_duration else 1.0
+    if abs(stretch - 1) > STRETCH_TOLERANCE:
+        clocks = f"{duration:.4g} ms by the project's clock, which is used, and {film_duration:.4g} ms by the film's"
+        notes.append(f"A frame lasts {clocks}.")
+    if 1 < film.size <= last:
+        notes.append(f"Frames after {film.size - 1}, the last that has a time in the project, are taken at equal steps.")
+    if clip.start_time:
+        notes.append(f"The project's clock reads {clip.start_time / 1000:g} s at frame {clip.start}.")
+    source = "film" if film.size > 1 else "rate"
+    film = film if film.size else np.zeros(1)
+    frame = np.arange(max(last + 1, film.size))
+    known = np.minimum(frame, film.size - 1)
+    time = film[known] * stretch + (frame - known) * duration
+    return (time - time[clip.start] + clip.start_time) / 1000, source, 1000 / duration

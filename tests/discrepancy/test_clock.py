@@ -1,0 +1,233 @@
+"""The account of time: the oracle is the clock that the printed times were made from."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from looping_pendulum.discrepancy.data import step_durations
+from looping_pendulum.discrepancy.data.clock import frame_grid
+from looping_pendulum.discrepancy.data.delimited import last_digits
+from looping_pendulum.discrepancy.data.observations import Channel, DataError, ReadingNotes
+from looping_pendulum.discrepancy.data.readers import read
+
+NOISE = 1e-3
+
+
+def motion(t):
+    """A light mass that swings down and whips round, and a heavy one that falls and slows down; columns x, y, x, y [m]."""
+    angle = 0.3 + 6 * t**2
+    length = 0.55 - 0.3 * t**2
+    return np.stack([-length * np.cos(angle), -length * np.sin(angle), 0.006 + 0 * t, -0.05 - 0.4 * t**2 / (0.4 + t)], axis=1)
+
+
+def points(t, seed=1, noise=NOISE):
+    values = motion(t) + noise * np.random.default_rng(seed).standard_normal((len(t), 4))
+    return [Channel(name=n, t=t, value=v) for n, v in zip(("light_x", "light_y", "heavy_x", "heavy_y"), values.T, strict=True)]
+
+
+@pytest.fixture
+def table(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def write(times, values, digits=6):
+        rows = (",".join([t, *(f"{v:.{digits}f}" for v in row)]) for t, row in zip(times, values, strict=True))
+        Path("clip.csv").write_text("t,light_x,light_y,heavy_x,heavy_y\n" + "\n".join(rows) + "\n", encoding="utf-8")
+        return "clip.csv"
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("texts", "digits"),
+    [
+        (["0.000", "0.004", "1.000"], [1e-3] * 3),
+        (["0", "0.00416667", "0.5", "0.991667", "1"], [1e-8, 1e-8, 1e-6, 1e-6, 1e-5]),
+        (["5.46E+00", "5.50E+00"], [1e-2] * 2),
+        (["4.000000E-03", "8.000000E-03", "1.200000E-02"], [1e-3] * 3),
+        (["-0,5401", "0,00592"], [1e-4, 1e-5]),
+        (["0", "33", "-12"], [1.0] * 3),
+    ],
+)
+def test_the_last_digit_that_tells_anything(texts, digits):
+    assert last_digits(texts) == pytest.approx(digits)
+
+
+@pytest.mark.parametrize(
+    ("rate", "decimals"),
+    [c for c in itertools.product((25, 30, 60, 120, 240, 480), (2, 3, 4)) if c[0] * 10.0 ** -c[1] < 5],
+)
+@pytest.mark.parametrize("start", [0.0, 0.357])
+def test_rounded_times_are_put_back_on_their_frames(table, rate, decimals, start):
+    """With two decimals at 240 frames a second, three rows have one time."""
+    t = start + np.arange(rate) / rate
+    observations = read(table([f"{v:.{decimals}f}" for v in t], motion(t - start)), frame_rate=float(rate))
+    steps = np.diff(observations.channels[0].t)
+    assert steps == pytest.approx(1 / rate, rel=1e-6)
+    # Nothing tells where in its last digit a whole row of times lies
+    assert abs(observations.channels[0].t[0]) <= 0.5 * 10.0**-decimals + 1e-9
+    assert not observations.faults
+
+
+@pytest.mark.parametrize("rate", [30.0, 240.0])
+def test_rounded_times_with_missing_rows(table, rate):
+    t = np.arange(240) / rate
+    kept = np.random.default_rng(3).random(240) > 0.1
+    kept[0] = True
+    observations = read(table([f"{v:.3f}" for v in t[kept]], motion(t[kept] * rate / 240)))
+    assert observations.channels[0].t == pytest.approx(t[kept], abs=1e-6)
+
+
+def test_slow_motion_by_rounded_times_has_the_rate_of_the_span(table):
+    """Of steps of 4, 4 and 5 ms, the median step has another rate than the film."""
+    t = np.arange(241) / 240
+    observations = read(table([f"{v:.3f}" for v in t], motion(t)), frame_rate=960.0)
+    assert observations.channels[0].t == pytest.approx(t / 4, abs=1e-9)
+    assert any("times made for 240 frames a second were put to 960" in said for said in observations.assumptions)
+
+
+def test_exact_times_are_left_alone(table):
+    t = np.arange(200) / 240
+    observations = read(table([repr(float(v)) for v in t], motion(t)))
+    assert observations.channels[0].t.tolist() == t.tolist()
+    assert not observations.assumptions or observations.assumptions == ("lengths without a unit taken in m",)
+
+
+def test_times_that_are_on_no_frames_have_their_rounding_as_an_error(table):
+    t = np.cumsum(np.random.default_rng(2).uniform(0.02, 0.05, 100))
+    observations = read(table([f"{v:.3f}" for v in t], motion(t / 3), digits=7))
+    channel = observations.channels[0]
+    assert channel.time_error == pytest.approx(0.5e-3 / np.sqrt(3))
+    # What a stated error of a time gives a point that moves at 2 m/s
+    assert channel.least_sigma(np.array([2.0])) == pytest.approx([np.hypot(1e-7 / np.sqrt(12), 2 * channel.time_error)])
+
+
+def test_uneven_times_of_a_recorder_are_not_the_cameras(table):
+    """A recorder writes 31 to 33 ms with 48 ms now and then, while the camera took 30 even frames a second."""
+    even = np.arange(150) / 30
+    recorded = even + np.random.default_rng(4).uniform(-0.006, 0.006, 150)
+    values = motion(even / 5) + 1e-4 * np.random.default_rng(5).standard_normal((150, 4))
+    taken = read(table([f"{v:.6f}" for v in recorded], values))
+    assert np.diff(taken.channels[0].t) == pytest.approx(1 / 30, rel=1e-9)
+    assert any("the masses move as in equal ones" in said for said in taken.assumptions)
+    uneven = motion(recorded / 5) + 1e-4 * np.random.default_rng(5).standard_normal((150, 4))
+    kept = read(table([f"{v:.6f}" for v in recorded], uneven))
+    assert kept.channels[0].t == pytest.approx(recorded, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("times", "message"),
+    [
+        (range(12), "if times count frames, give the camera's 'frame_rate'"),
+        ([k * 4.1667 for k in range(12)], "if times are in ms, say so: 'units: {time: ms}'"),
+        ([k * 4166.7 for k in range(12)], "if times are in us, say so: 'units: {time: us}'"),
+    ],
+)
+def test_times_that_are_no_seconds(table, times, message):
+    values = motion(np.arange(12) / 240)
+    with pytest.raises(DataError, match="found a row every") as caught:
+        read(table([f"{v:g}" for v in times], values))
+    assert message in str(caught.value)
+    observations = read(table([f"{v:g}" for v in times], values), frame_rate=240.0)
+    assert observations.channels[0].t == pytest.approx(np.arange(12) / 240, abs=1e-6)
+
+
+def test_a_clock_that_begins_elsewhere_begins_at_the_release(table):
+    t = np.arange(120) / 120
+    observations = read(table([f"{v + 5.4:.4f}" for v in t], motion(t)))
+    assert observations.channels[0].t == pytest.approx(t, abs=1e-4)
+    assert any("was taken as 0: the masses rest there" in said for said in observations.assumptions)
+    # In mid-motion it is the first points that are missing
+    late = read(table([f"{v:.4f}" for v in t[60:]], motion(t[60:])))
+    assert late.channels[0].t[0] == pytest.approx(0.5, abs=1e-4)
+
+
+@pytest.mark.parametrize(("pattern", "noise"), list(itertools.product([(1, 0), (1, 0, 0), (1, 0, 0, 0)], [0.0, 0.3])))
+def test_repeated_pictures_are_kept_once(pattern, noise):
+    t = np.arange(240) / 240
+    shown = np.maximum.accumulate(np.where(np.resize(pattern, 240), np.arange(240), 0))
+    rng = np.random.default_rng(7)
+    copied = [replace(c, value=c.value[shown] + noise * NOISE * rng.standard_normal(240)) for c in points(t)]
+    notes = ReadingNotes()
+    kept = step_durations.without_copies(copied, notes)
+    assert [len(c) for c in kept] == [240 // len(pattern)] * 4
+    assert kept[0].t == pytest.approx(t[:: len(pattern)])
+    said = f"every picture is stored {len(pattern)} times: one row of each is kept, {len(kept[0])} of 240"
+    assert notes.assumptions == [said] or notes.unused["light_x: a copy of the point before"] == 240 - len(kept[0])
+    assert not step_durations.clock_faults(kept)
+
+
+@pytest.mark.parametrize(("taken", "shown"), [(24, 60), (25, 30), (24, 30)])
+def test_a_film_that_is_shown_at_another_rate_than_it_was_taken_at(taken, shown):
+    rows = np.arange(3 * shown)
+    picture = rows * taken // shown
+    whole = points(np.arange(3 * taken) / taken / 3, noise=2e-4)
+    channels = [replace(c, t=rows / shown, value=c.value[picture]) for c in whole]
+    kept = step_durations.without_copies(channels, ReadingNotes())
+    assert len(kept[0]) == 3 * taken
+    assert np.diff(kept[0].t) == pytest.approx(1 / taken)
+
+
+def test_a_resting_mass_whose_points_a_codec_copies():
+    """The blocks of a picture in which nothing moves are skipped, so that marks there are equal in every digit."""
+    t = np.arange(240) / 240
+    channels = points(t)
+    rest = t < 0.1
+    copied = [replace(c, value=np.where(rest, c.value[0], c.value)) for c in channels]
+    notes = ReadingNotes()
+    kept = step_durations.without_copies(copied, notes)
+    assert [len(c) for c in kept] == [240 - rest.sum() + 1] * 4
+    assert notes.unused["light_x: a copy of the point before"] == rest.sum() - 1
+
+
+def test_points_rounded_to_centimetres_are_no_copies():
+    t = np.arange(240) / 240
+    channels = [replace(c, value=np.round(c.value, 2), last_digit=1e-2) for c in points(t)]
+    assert [len(c) for c in step_durations.without_copies(channels, ReadingNotes())] == [240] * 4
+    assert not step_durations.clock_faults(channels)
+
+
+def test_equal_points_on_a_raster_are_no_copies():
+    """A resting mass between two pixels of 2 mm has one place, again and again."""
+    t = np.arange(240) / 240
+    channels = [replace(c, value=np.round(c.value / 2e-3) * 2e-3, last_digit=1e-9) for c in points(t)]
+    assert [len(c) for c in step_durations.without_copies(channels, ReadingNotes())] == [240] * 4
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_an_even_film_has_no_fault(seed):
+    rate = (30, 60, 120, 240)[seed % 4]
+    channels = points(np.arange(rate) / rate, seed=seed)
+    assert not step_durations.clock_faults(channels)
+    assert [len(c) for c in step_durations.without_copies(channels, ReadingNotes())] == [rate] * 4
+
+
+def test_lost_repeated_and_uneven_pictures_are_named():
+    t = np.arange(240) / 240
+    lost = np.delete(np.arange(240), 150)
+    late = [replace(c, t=t[:-1], value=c.value[lost]) for c in points(t)]
+    [fault] = step_durations.clock_faults(late)
+    assert fault.startswith("after 0.6208 s the masses move as far as in ")  # 149 / 240
+    assert "pictures are lost there" in fault
+    again = [replace(c, value=np.insert(c.value, 150, c.value[149])[:-1]) for c in points(t)]
+    [fault] = step_durations.clock_faults(again)
+    assert fault.startswith("after 0.6208 s the masses do not move")
+    in_turn = t + np.where(np.arange(240) % 2, 0.2, -0.2) / 240
+    uneven = [replace(c, t=t) for c in points(in_turn)]
+    [fault] = step_durations.clock_faults(uneven)
+    assert "frames in turn last" in fault
+
+
+def test_a_grid_is_none_where_nothing_tells_it():
+    rng = np.random.default_rng(0)
+    t = np.cumsum(rng.uniform(0.01, 0.05, 50))
+    assert frame_grid(t, np.full(50, 1e-6)) is None
+    assert frame_grid(np.zeros(5), np.full(5, 1e-3)) is None
+    grid = frame_grid(np.array([0.0, 0.004, 0.008, 0.013, 0.021]), np.full(5, 5e-4))
+    assert grid is not None
+    assert grid.number.tolist() == [0, 1, 2, 3, 5]
+    assert grid.rate == pytest.approx(240, rel=0.03)

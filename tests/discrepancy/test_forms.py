@@ -1,0 +1,129 @@
+"""One study in the forms in which trackers, spreadsheets and phones deliver points: each gives what the table of forms asks.
+
+The oracle is the form whose times have all digits, `10-time-in-the-last-column`; all were made from the same points.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from looping_pendulum.discrepancy.data import study_io
+from looping_pendulum.discrepancy.data.observations import DataError
+from looping_pendulum.discrepancy.data.study import read_files, read_trial
+from tests.discrepancy.real_data import real
+
+CLICKED = {"light": "1", "heavy": "2"}
+PIXEL = {"length": "1.52642 mm"}
+"""Of the made-up picture with 655.125 pixels a metre."""
+
+
+def trials(form, file="study.yaml"):
+    study = study_io.load(real(f"forms/{form}/{file}"))
+    return study, study.trials
+
+
+def read(form, **changes):
+    """Return what is read of both trials of a form, whose declaration is corrected by ``changes``."""
+    study, both = trials(form)
+    tracks = changes.pop("tracks", None)
+    read_trials = []
+    for trial in both:
+        files = tuple((path, tracks or known) for path, known in trial.files)
+        read_trials.append(read_trial(study, dataclasses.replace(trial, files=files, **changes)))
+    return read_trials
+
+
+@pytest.mark.parametrize(
+    ("form", "changes", "digits", "said"),
+    [
+        ("01-times-rounded-to-milliseconds", {}, 1e-4, "times printed to 0.001 s, which is coarse: put back on 240 frames"),
+        ("03-browser-tracker-objects-1-and-2", {"tracks": {"light": "2", "heavy": "1"}}, 1e-3, "put back on 240 frames"),
+        ("04-quoted-cells-and-a-row-of-settings", {}, 1e-5, "setting in the table left out: Frame rate [Hz] = 240,000"),
+        ("06-missing-point-shifts-the-row", {"tracks": CLICKED}, 1e-5, "they have fewer cells than there are names"),
+        ("07-slashes-in-names-nan-and-milliseconds", {}, 1e-5, "lengths without a unit taken in cm"),
+        ("08-names-with-a-run-before-the-colon", {"tracks": CLICKED}, 1e-5, ""),
+        ("10-time-in-the-last-column", {}, 1e-5, ""),
+        ("15-sep-line-and-quoted-decimal-commas", {}, 1e-5, ""),
+        ("18-tracker-project-file", {}, 1e-5, ""),
+    ],
+)  # fmt: skip
+def test_a_form_gives_the_points_of_the_example(form, changes, digits, said):
+    for exact, found in zip(read("10-time-in-the-last-column"), read(form, **changes), strict=True):
+        assert {c.name for c in found.channels} == {c.name for c in exact.channels}
+        for channel in found.channels:
+            known = exact.channel(channel.name)
+            at = np.searchsorted(known.t, channel.t - 1e-3)
+            assert len(channel) > 0.8 * len(known)
+            assert channel.t == pytest.approx(known.t[at], abs=1e-5)
+            assert np.max(np.abs(channel.value - known.value[at])) < 1.1 * digits
+        assert said in found.summary()
+        assert not found.faults
+
+
+def test_three_significant_digits():
+    """Times far from 0, to 10 ms: they are put back on the 30 frames of which every eighth of the example's is one."""
+    for exact, found in zip(read("10-time-in-the-last-column"), read("02-bom-three-significant-digits"), strict=True):
+        known = exact.channel("light_y")
+        channel = found.channel("light_y")
+        at = np.searchsorted(known.t, channel.t - 1e-3)
+        assert channel.t == pytest.approx(known.t[at], abs=1e-5)
+        assert "times printed to 0.01 s, which is coarse" in found.summary()
+        assert "an export with more decimals" in found.summary()
+        # Its own rounding is the least error of a value
+        assert channel.least_sigma(np.zeros(1)) == pytest.approx([1e-3 / np.sqrt(12)])
+
+
+def test_a_long_table_with_pixels():
+    for exact, found in zip(
+        read("10-time-in-the-last-column"),
+        read("11-long-table-with-particle-numbers", tracks={"light": "0", "heavy": "1"}, units=PIXEL),
+        strict=True,
+    ):
+        known, channel = exact.channel("light_x"), found.channel("light_x")
+        assert channel.t == pytest.approx(known.t, abs=1e-5)
+        assert np.ptp(channel.value - known.value) < 2e-5
+
+
+@pytest.mark.parametrize(
+    ("form", "message"),
+    [
+        ("03-browser-tracker-objects-1-and-2",
+         "found the tracks '1', '2', needed to know which mass each is; by their motion, write 'tracks: {light: 2, heavy: 1}'"),
+        ("06-missing-point-shifts-the-row", "by their motion, write 'tracks: {light: 1, heavy: 2}'"),
+        ("08-names-with-a-run-before-the-colon", "found the tracks '1', '2', needed 'light'; by their motion, write 'tracks:"),
+        ("11-long-table-with-particle-numbers", "found the tracks '0', '1', needed 'light'; by their motion, write 'tracks:"),
+    ],
+)  # fmt: skip
+def test_what_a_file_does_not_say_is_asked_with_the_names_that_it_has(form, message):
+    for trial in trials(form)[1]:
+        with pytest.raises(DataError) as caught:
+            read_trial(trials(form)[0], trial)
+        assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("form", ["12-every-third-frame-is-new", "controls/triple"])
+def test_pictures_that_are_stored_three_times_are_kept_once(form):
+    for found in read(form):
+        assert "every picture is stored 3 times: one row of each is kept" in found.summary()
+        assert np.diff(found.channels[0].t).min() == pytest.approx(1 / 80, rel=1e-5)
+
+
+def test_times_to_milliseconds_of_a_clean_study():
+    for exact, found in zip(read("controls/plain"), read("controls/ms"), strict=True):
+        assert found.channels[0].t == pytest.approx(exact.channels[0].t, abs=1e-6)
+
+
+def test_the_rates_of_a_phone_that_swings():
+    [found] = read("20-gyroscope-of-a-phone")
+    assert [c.name for c in found.channels] == ["angle_rate"]
+    assert "rates about 3 axes: taken about the one (1.00" in found.summary()
+
+
+def test_a_table_of_one_trial_in_each_row_says_so():
+    path = real("forms/22-atwood-accelerations/atwood.csv")
+    _, both = trials("10-time-in-the-last-column")
+    with pytest.raises(DataError, match="if each row is a trial, as in a table of masses and accelerations"):
+        read_files(path.parent, dataclasses.replace(both[0], files=((path.name, {}),)))
