@@ -97,13 +97,21 @@ def test_exact_times_are_left_alone(table):
     assert not observations.assumptions or observations.assumptions == ("lengths without a unit taken in m",)
 
 
+def test_values_that_rounding_makes_equal_count_once():
+    """The x of a heavy mass that hangs at 6 mm, to whole centimetres: a hundred times the same error, and no information."""
+    t = np.arange(100) / 100
+    channel = Channel(name="heavy_x", t=t, value=np.full(100, 0.01), last_digit=0.01)
+    assert 1 / np.sum(channel.least_sigma(np.zeros(100)) ** -2.0) == pytest.approx(0.01**2 / 12)
+
+
 def test_times_that_are_on_no_frames_have_their_rounding_as_an_error(table):
     t = np.cumsum(np.random.default_rng(2).uniform(0.02, 0.05, 100))
     observations = read(table([f"{v:.3f}" for v in t], motion(t / 3), digits=7))
     channel = observations.channels[0]
     assert channel.time_error == pytest.approx(0.5e-3 / np.sqrt(3))
     # What a stated error of a time gives a point that moves at 2 m/s
-    assert channel.least_sigma(np.array([2.0])) == pytest.approx([np.hypot(1e-7 / np.sqrt(12), 2 * channel.time_error)])
+    least = channel.least_sigma(np.full(len(channel), 2.0))
+    assert least == pytest.approx(np.hypot(1e-7 / np.sqrt(12), 2 * channel.time_error), rel=1e-6)
 
 
 def test_uneven_times_of_a_recorder_are_not_the_cameras(table):

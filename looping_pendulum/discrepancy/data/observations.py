@@ -92,8 +92,13 @@ class Channel:
         return UNITS[self.name]
 
     def least_sigma(self, speed: Array) -> Array:
-        """Return the error that the file's own rounding of values and times gives each point at least [SI]."""
-        return np.hypot(self.last_digit / math.sqrt(12), self.time_error * speed)
+        """Return the error that the file's own rounding of values and times gives each point at least [SI].
+
+        Values that rounding makes equal have one error of rounding, so that they count once.
+        """
+        begins = np.append(True, np.diff(self.value) != 0)
+        length = np.bincount(np.cumsum(begins) - 1)[np.cumsum(begins) - 1]
+        return np.asarray(np.hypot(self.last_digit / math.sqrt(12) * np.sqrt(length), self.time_error * speed))
 
     @property
     def time_step(self) -> float:

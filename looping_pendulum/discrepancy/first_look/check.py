@@ -200,7 +200,7 @@ def _mistake(names: tuple[str, ...], members: Sequence[tuple[TrialSearch, list[E
     trials = tuple(s.name for s, _ in members)
     found = " or ".join(e.mistake.found(e.undone) for e in explanations)
     keys = "' or '".join(dict.fromkeys(key for e in explanations if (key := e.mistake.keys(e.undone))))
-    ways_out = dict.fromkeys(e.mistake.way_out for e in explanations if e.mistake.way_out)
+    ways_out = dict.fromkeys(way for e in explanations if (way := e.mistake.way_out(e.undone)))
     needed = " or ".join([*([f"'{keys}'"] if keys else []), *ways_out])
     before, after = search.distance, explanations[0].distance  # both in the units of the declared apparatus
     if not math.isfinite(before.rms):

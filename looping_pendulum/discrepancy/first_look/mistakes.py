@@ -73,7 +73,7 @@ class Mistake:
     """What is wrong with the points or the declaration, in words."""
     keys: Callable[[Undone], str]
     """Keys of the study that correct it, with their values; '' if none does."""
-    way_out: str = ""
+    way_out: Callable[[Undone], str] = lambda undone: ""
     """What else corrects it, where no key does."""
     releases: tuple[Release, ...] = tuple(Release)
     of_apparatus: bool = False
@@ -135,8 +135,21 @@ def _frame_rate(undone: Undone) -> str:
     return f"frame_rate: {number(rate)} Hz"
 
 
+def _header_unit(undone: Undone) -> str:
+    """Return the unit of length that the trial's file names itself; '' if it names none, so that the study may."""
+    return survey(undone.declared.study.folder / undone.trial.files[0][0]).length_unit
+
+
+def _length_way_out(undone: Undone) -> str:
+    """Return what to do where the header names another unit than the points have."""
+    unit = _header_unit(undone)
+    return f"the header to name the unit of the points; it says {unit}" if unit else ""
+
+
 def _length_unit(undone: Undone) -> str:
     """Return the key of the unit of length: a usual unit, or how long one unit of the file is, as of a pixel."""
+    if _header_unit(undone):
+        return ""
     declared_unit = undone.trial.units.get("length", "m")
     try:
         unit = to_si(declared_unit if declared_unit[:1].isdigit() else f"1 {declared_unit}", "m") * undone.factors["lengths"]
@@ -236,7 +249,8 @@ def _joined(first: Mistake, second: Mistake) -> Mistake:
         name=f"{first.name} and {second.name}",
         undo=undo,
         found=lambda undone: f"{first.found(undone)} and {second.found(undone)}",
-        keys=lambda undone: f"{first.keys(undone)}' and '{second.keys(undone)}",
+        keys=lambda undone: "' and '".join(filter(None, (first.keys(undone), second.keys(undone)))),
+        way_out=lambda undone: " and ".join(filter(None, (first.way_out(undone), second.way_out(undone)))),
         fits=first.fits + second.fits,
         steps=first.steps + second.steps,
     )
@@ -276,7 +290,7 @@ CLOCK_CHANGES = tuple(
         undo=partial(with_one_clock, candidate=candidate),
         found=lambda undone: f"a clock that changes: {clock_change_text(undone.declared, undone.corrected)}",
         keys=lambda undone: "",
-        way_out=ONE_CLOCK,
+        way_out=lambda undone: ONE_CLOCK,
     )
     for candidate in range(MAX_CLOCK_CANDIDATES)
 )
@@ -285,7 +299,7 @@ ROWS_SHIFTED = Mistake(
     undo=with_rows_together,
     found=lambda undone: shift.text if (shift := row_shift(undone.declared)) else "",
     keys=lambda undone: "",
-    way_out="each row to show both masses at one time; correct the rows of these columns",
+    way_out=lambda undone: "each row to show both masses at one time; correct the rows of these columns",
 )
 TRACKS_EXCHANGED = Mistake(
     name="tracks exchanged",
@@ -307,6 +321,7 @@ LENGTHS = Mistake(
     undo=lambda declared: declared,
     found=lambda undone: f"lengths that are {_times_text(1 / undone.factors['lengths'])} what the declared apparatus allows",
     keys=_length_unit,
+    way_out=_length_way_out,
     fits=("scale",),
 )
 
