@@ -6,6 +6,7 @@ import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from looping_pendulum.discrepancy.data.study import Estimate
@@ -19,6 +20,7 @@ from looping_pendulum.live.write import render
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load, shipped
 from looping_pendulum.teaching.example_folder import write_example
+from tests.discrepancy.test_clock import motion
 from tests.discrepancy.test_readers import BAD
 from tests.live.test_trial_reader import FILE, NOT_ON_THE_PAGE, by_identify
 from tests.pages.conftest import until
@@ -75,8 +77,8 @@ def test_a_trial_with_german_commas_named_tracks_and_centimetres(opened):
     )
     until(page, "document.getElementById('trial-error').textContent !== ''")
     assert page.inner_text("#trial-error") == (
-        "versuch.csv: found the tracks 'Kugel', needed to know which mass each is; say so by 'tracks: {light: Kugel}'"
-        " (here: Track of M1)"
+        "versuch.csv: found the tracks 'Kugel', needed to know which mass each is; "
+        "by their motion, write 'tracks: {light: Kugel}' (here: Track of M1)"
     )
     page.select_option("#trial-light", label="Kugel")
     assert "found 55 m, needed at most 20" in page.inner_text("#trial-error")
@@ -89,6 +91,36 @@ def test_a_trial_with_german_commas_named_tracks_and_centimetres(opened):
     page.fill("#trial-release", "0,05")
     page.keyboard.press("Tab")
     assert page.evaluate("live.trial.points('light')[0][0]") == pytest.approx(-0.05)
+
+
+def test_pixels_runs_and_faults_of_the_clock_are_told_and_put_right_by_fields(opened):
+    page = opened.page
+    t = np.delete(np.arange(60), 30) / 120  # one picture is lost, and the times do not show it
+    rows = "".join(
+        f"{run},{i / 120 + 5:.4f},{100 * x:.3f},{100 * y:.3f}\n"
+        for run in (1, 2)
+        for i, (x, y) in enumerate(zip(*motion(t).T[:2], strict=True))
+    )
+    drop_file(page, "film.csv", f"run,t [s],light_x [px],light_y [px]\n{rows}")
+    until(page, "document.getElementById('trial-error').textContent !== ''")
+    assert page.inner_text("#trial-error").endswith("choose by 'run: 1' (here: Number of the run)")
+    page.fill("#trial-run", "2")
+    page.keyboard.press("Tab")
+    assert page.inner_text("#trial-error").endswith("'units: {length: 1.4 mm}' (here: Size of a pixel [mm])")
+    page.fill("#trial-pixel", "10")
+    page.keyboard.press("Tab")
+    settled(page)
+    assert page.evaluate("live.trial.points('light')[0]") == pytest.approx([0, *motion(t)[0, :2]], abs=1e-4)
+    assert "the first time, 5 s, was taken as 0" in page.inner_text("#trial-message")
+    assert page.inner_text("#trial-faults").startswith(
+        "This file's times are not those of its points: after 0.2417 s the masses move as far as in "
+    )
+    study = page.evaluate("live.fit.study()")
+    assert "units: {length: 10 mm, time: s}" in study
+    assert 'run: "2"' in study
+    assert "clock_offset: free from -5 s" in study
+    page.click("#trial-remove")
+    assert page.inner_text("#trial-faults") == ""
 
 
 def test_a_bad_file_cannot_write_into_the_page(opened):
@@ -110,9 +142,9 @@ def test_a_bad_file_is_refused_in_one_line_as_by_identify(opened, tmp_path, monk
         until(page, "document.getElementById('trial-error').textContent !== ''")
         shown = page.text_content("#trial-error")
         expected = by_identify(raw, {})["message"]
-        assert shown == expected or re.fullmatch(re.escape(expected) + r" \(here: [\w' ]+\)", shown)
+        assert shown == expected or re.fullmatch(re.escape(expected) + r" \(here: [\w' \[\]]+\)", shown)
         # A key of a study file is of no use here, where there is none
-        assert ("(here: " in shown) == bool(re.search(r"'(tracks|units: \{length|units: \{time|frame_rate)", expected))
+        assert ("(here: " in shown) == bool(re.search(r"'(tracks|units: \{length|units: \{time|frame_rate|run: )", expected))
         assert "\n" not in shown
         assert page.evaluate("live.trial.trial") is None
         page.click("#trial-remove")

@@ -326,7 +326,7 @@ def _even_times(sheets: Sequence[Sheet], times: list[Array], stated: Sequence[fl
     steps = np.diff(t)
     row = np.arange(len(t)) - 0.5 * (len(t) - 1)
     mean = float(row @ t / (row @ row))
-    if len(t) < len(times[0]) or steps.max() > MAX_UNEVEN * mean:
+    if len(t) < len(times[0]) or not EXACT * mean < steps.min() <= steps.max() <= MAX_UNEVEN * mean:
         return times
     unrest = float(np.std(t - t.mean() - mean * row)) / float(np.sqrt(row @ row))
     rates = (r for r in (*stated, *USUAL_RATES) if abs(1 / r - mean) <= max(USUAL_SIGMAS * unrest, EXACT * mean))

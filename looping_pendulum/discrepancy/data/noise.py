@@ -134,10 +134,12 @@ def _differences(channel: Channel, order: int) -> tuple[Array, Array]:
     x = (t - t.mean(axis=1, keepdims=True)) / (t[:, -1:] - t[:, :1])
     # Ones on the diagonal, where a point's distance from itself would make the product zero
     gaps = x[:, :, None] - x[:, None, :] + np.eye(order + 1)
-    weights = 1 / np.prod(gaps, axis=2)  # of a divided difference: valid for uneven steps, too
+    products = np.prod(gaps, axis=2)
+    apart = products != 0  # of times that are nearly one, the product vanishes
+    weights = 1 / np.where(apart, products, 1.0)  # of a divided difference: valid for uneven steps, too
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
     length = t[:, -1] - t[:, 0]
-    kept = length < MAX_WINDOW_RATIO * np.median(length)
+    kept = (length < MAX_WINDOW_RATIO * np.median(length)) & apart.all(axis=1)
     scaled = np.sum(weights * sliding_window_view(channel.value, order + 1), axis=1)
     return t.mean(axis=1)[kept], scaled[kept]
 

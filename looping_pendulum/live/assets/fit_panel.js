@@ -57,7 +57,7 @@ export class FitPanel {
   study() {
     const { settings, trial } = this;
     const { file, options, camera } = trial;
-    return studyYaml(settings, { file: file?.name ?? "", ...options, camera, known: trial.errorsOf(settings) });
+    return studyYaml(settings, { file: file?.name ?? "", ...options, start: trial.trial?.start, camera, known: trial.errorsOf(settings) });
   }
 
   start() {

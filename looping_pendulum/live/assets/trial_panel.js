@@ -17,8 +17,8 @@ export const COLOURS = { light_x: "orange", light_y: "pink", heavy_x: "sky", hea
 
 /** What is taken of a file of which nothing is said yet: id of a field -> its value. */
 const DEFAULTS = {
-  "trial-length": "m", "trial-clock": "s", "trial-rate": "", "trial-release": "0", "trial-origin-x": "0", "trial-origin-y": "0",
-  "trial-mass-error": "0.5", "trial-radius-error": "1",
+  "trial-length": "m", "trial-pixel": "", "trial-clock": "s", "trial-rate": "", "trial-run": "", "trial-release": "0",
+  "trial-origin-x": "0", "trial-origin-y": "0", "trial-mass-error": "0.5", "trial-radius-error": "1",
 };
 /** What is measured before the trial -> the field that has its relative standard error. */
 export const MEASURED = { light_mass: "trial-mass-error", heavy_mass: "trial-mass-error", rod_radius: "trial-radius-error" };
@@ -26,7 +26,8 @@ export const MEASURED = { light_mass: "trial-mass-error", heavy_mass: "trial-mas
 /** Key of a study that a message tells one to write -> the field that stands for it here. @type {[RegExp, string][]} */
 const FIELD_OF_KEY = [
   [/'tracks: \{light/, "trial-light"], [/'tracks: \{heavy/, "trial-heavy"], [/'tracks'/, "trial-light"],
-  [/'units: \{length/, "trial-length"], [/'units: \{time/, "trial-clock"], [/'frame_rate'/, "trial-rate"],
+  [/'units: \{length: \d/, "trial-pixel"], [/'units: \{length/, "trial-length"], [/'units: \{time/, "trial-clock"],
+  [/'frame_rate'/, "trial-rate"], [/'run: /, "trial-run"],
 ];
 
 /** Reads the file again whenever what is said about it changes. */
@@ -47,7 +48,7 @@ export class TrialPanel {
       file.value = "";
     });
     element("trial-remove").addEventListener("click", () => this.remove());
-    for (const id of ["trial-light", "trial-heavy", "trial-length", "trial-clock", "trial-rate"]) {
+    for (const id of ["trial-light", "trial-heavy", "trial-length", "trial-pixel", "trial-clock", "trial-rate", "trial-run"]) {
       element(id).addEventListener("change", () => this.read());
     }
     for (const id of ["trial-release", "trial-mirror", "trial-origin-x", "trial-origin-y"]) {
@@ -86,6 +87,7 @@ export class TrialPanel {
     for (const [id, value] of Object.entries(DEFAULTS)) {
       /** @type {HTMLInputElement | HTMLSelectElement} */ (this.element(id)).value = value;
     }
+    /** @type {HTMLInputElement} */ (this.element("trial-mirror")).checked = false;
     this.element("fit-message").textContent = "";
     this.element("fit-table").replaceChildren();
   }
@@ -118,9 +120,8 @@ export class TrialPanel {
 
   remove() {
     this.unreadable = "";
-    this.file = this.trial = null;
-    this.element("trial-message").textContent = "";
-    this.element("trial-error").textContent = "";
+    this.file = null;
+    this.fail("");
     this.reset();
     this.element("trial-options").hidden = true;
     this.onChange();
@@ -139,22 +140,33 @@ export class TrialPanel {
       const value = this.chosen(`trial-${mass}`);
       if (value.startsWith("=")) tracks[mass] = value.slice(1);
     }
-    const rate = this.chosen("trial-rate").trim();
+    const [rate, run] = [this.chosen("trial-rate").trim(), this.chosen("trial-run").trim()];
+    const pixel = parsed(this.chosen("trial-pixel"));
     const { checked: mirrored } = /** @type {HTMLInputElement} */ (this.element("trial-mirror"));
-    return { tracks, length: this.chosen("trial-length"), time: this.chosen("trial-clock"), rate: rate ? parsed(rate) : null, mirrored };
+    return {
+      tracks,
+      length: pixel > 0 ? `${pixel} mm` : this.chosen("trial-length"),
+      time: this.chosen("trial-clock"),
+      rate: rate ? parsed(rate) : null,
+      run: run || null,
+      mirrored,
+    };
   }
 
   read() {
     if (!this.file) return;
-    const { tracks, length, time, rate } = this.options;
+    const { tracks, length, time, rate, run } = this.options;
     this.element("trial-options").hidden = false;
     try {
       this.trial = readTrial(this.file.name, this.file.bytes, {
         tracks,
         units: { length, time },
         frame_rate: rate,
+        run,
       });
+      const { faults } = this.trial;
       this.element("trial-error").textContent = "";
+      this.element("trial-faults").textContent = faults.length ? text("trialFaults", { faults: faults.join("; ") }) : "";
     } catch (error) {
       if (!(error instanceof DataError)) throw error;
       const field = FIELD_OF_KEY.find(([key]) => key.test(error.message))?.[1];
@@ -167,7 +179,7 @@ export class TrialPanel {
   /** @param {string} message */
   fail(message) {
     this.trial = null;
-    this.element("trial-message").textContent = "";
+    for (const id of ["trial-message", "trial-faults"]) this.element(id).textContent = "";
     this.element("trial-error").textContent = message;
   }
 

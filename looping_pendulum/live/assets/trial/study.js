@@ -14,10 +14,11 @@ const FURTHER_EFFECTS = {
 /**
  * Return a study whose calibration is the page's fit: it believes the same numbers, and what the page fits is free in it.
  * @param {Record<string, any>} settings
- * @param {{file: string, tracks: Record<string, string>, length: string, time: string, rate: number | null, mirrored: boolean,
- *   camera: import("./prediction.js").Camera, known: Record<string, number>}} trial `known`: as of a `FitTask`
+ * @param {{file: string, tracks: Record<string, string>, length: string, time: string, rate: number | null, run?: string | null,
+ *   mirrored: boolean, start?: number, camera: import("./prediction.js").Camera, known: Record<string, number>}} trial `start`: as of a
+ *   `Trial`; `known`: as of a `FitTask`
  */
-export function studyYaml(settings, { file, tracks, length, time, rate, mirrored, camera, known }) {
+export function studyYaml(settings, { file, tracks, length, time, rate, run = null, mirrored, start: clockStart = 0, camera, known }) {
   const quoted = (/** @type {string} */ words) => JSON.stringify(words);
   const si = (/** @type {string} */ name) => tidy(settings[name]);
   const measured = (/** @type {string} */ name, /** @type {string} */ unit) =>
@@ -28,11 +29,13 @@ export function studyYaml(settings, { file, tracks, length, time, rate, mirrored
   const free = Object.entries(camera)
     // A record of a swing may begin in its midst, which identify sees if it may believe the clock
     .filter(([name, value]) => looping || (name === "clock_offset" && value))
-    .map(([name, value]) => `${name}: free from ${tidy(value)} ${name === "clock_offset" ? "s" : "m"}`);
+    // Stated, it is that of the file's own clock
+    .map(([name, value]) => `${name}: free from ${name === "clock_offset" ? `${tidy(value - clockStart)} s` : `${tidy(value)} m`}`);
   const options = [
     ...(named.length ? [`tracks: {${named.join(", ")}}`] : []),
     ...(length !== "m" || time !== "s" ? [`units: {length: ${length}, time: ${time}}`] : []),
     ...(rate ? [`frame_rate: ${rate} Hz`] : []),
+    ...(run ? [`run: ${quoted(run)}`] : []),
     ...(mirrored ? ["mirrored: true"] : []),
     ...(free.length ? [`camera: {${free.join(", ")}}`] : []),
   ];

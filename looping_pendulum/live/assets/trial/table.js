@@ -1,17 +1,24 @@
-/** Reads a text table as `identify` does (`discrepancy/data/delimited.py`): encoding, delimiter, decimal comma, header. */
+/** Reads a text table as `identify` does (`discrepancy/data/delimited.py`): encoding, comments, delimiter, decimal comma. */
 
 import { text } from "../texts.js";
+import { largest } from "./arrays.js";
+import { begins, textOf, UTF_8_MARK } from "./encoding.js";
+import { dataError, quote } from "./messages.js";
 
-/** A file that cannot be used; the message is one line. */
-export class DataError extends Error {}
-
-/** @typedef {{line: number, cells: string[]}} TableLine */
+/** @typedef {{line: number, cells: string[]}} Row with its number in the file, from 1 */
 
 const LARGEST_FILE = 20 * 1024 * 1024;
 const MAX_LINE_LENGTH = 100_000;
-const MISSING = new Set(["", "-", "--", "nan", "na", "n/a", "null", "none"]);
+const MISSING = new Set(["", "-", "--", "nan", "na", "n/a", "#n/a", "null", "none", "1.#qnan", "-1.#ind"]);
+/** The likelier first, where several divide a table equally well; " " stands for any white space. */
+const DELIMITERS = ["\t", ";", "|", ",", " "];
+/** Number of lines at either end of a table by which its delimiter is told. */
+const SAMPLE_LINES = 100;
 const DECIMAL_POINT = /^[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?$/;
-const DECIMAL_COMMA = /^[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]{1,4})?$/;
+const DECIMAL_COMMA = /^[+-]?(?:[0-9]+(?:,[0-9]+)?|,[0-9]+)(?:[eE][+-]?[0-9]{1,4})?$/;
+const DIGITS = /^[+-]?([0-9]*)[.,]?([0-9]*)(?:[eE]([+-]?[0-9]+))?$/;
+const WORDS = /"([^"]*)"|([^\s"]+)/g;
+const SEPARATOR_LINE = /^"?sep=(.)"?\s*$/i;
 /** First bytes -> what the file is. @type {[number[], import("../texts.js").TextKey][]} */
 const OTHER_FORMATS = [
   [[0x50, 0x4b, 3, 4], "file.zip"],
@@ -19,63 +26,25 @@ const OTHER_FORMATS = [
   [[0x3c, 0x3f, 0x78, 0x6d, 0x6c], "file.xml"],
   [[0x25, 0x50, 0x44, 0x46], "file.pdf"],
 ];
-const MAX_QUOTED = 60;
 
-const UNPRINTABLE = /(?! )[\p{C}\p{Z}]/gu;
+/** Whether a cell is a number in the file's writing. @param {string} cell @param {boolean} decimalComma */
+export const isNumber = (cell, decimalComma) => (decimalComma ? DECIMAL_COMMA : DECIMAL_POINT).test(cell);
 
-/** An unprintable character as Python escapes it. @param {string} character */
-function escaped(character) {
-  /** @type {Record<string, string>} */
-  const short = { "\t": "\\t", "\n": "\\n", "\r": "\\r" };
-  const code = character.codePointAt(0) ?? 0;
-  const [letter, digits] = code < 0x100 ? ["x", 2] : code < 0x10000 ? ["u", 4] : ["U", 8];
-  return short[character] ?? `\\${letter}${code.toString(16).padStart(digits, "0")}`;
-}
+/** The number in a cell that is one. @param {string} cell */
+export const numberIn = (cell) => Number(cell.replace(",", "."));
 
-/** A text in quotation marks, as Python writes it. @param {string} value */
-export function inQuotes(value) {
-  const mark = value.includes("'") && !value.includes('"') ? '"' : "'";
-  const plain = value.replaceAll("\\", "\\\\").replace(UNPRINTABLE, escaped);
-  return `${mark}${mark === "'" ? plain.replaceAll("'", "\\'") : plain}${mark}`;
-}
-
-/** A value of a file as messages name it. @param {string} value */
-export function quote(value) {
-  const characters = [...value];
-  return `'${characters.length <= MAX_QUOTED ? value : `${characters.slice(0, MAX_QUOTED - 3).join("")}...`}'`;
-}
-
-/** A number with six digits, as Python's format "g" writes it. @param {number} x @param {number} digits */
-export function general(x, digits = 6) {
-  if (x === 0) return "0";
-  const [mantissa, exponent] = x.toExponential(digits - 1).split("e");
-  const power = Number(exponent);
-  if (power >= -4 && power < digits) return String(Number(x.toPrecision(digits)));
-  return `${Number(mantissa)}e${power < 0 ? "-" : "+"}${String(Math.abs(power)).padStart(2, "0")}`;
-}
-
-/**
- * @param {string} file
- * @param {number | null} line
- * @param {string} column
- * @param {string} message
- */
-export function dataError(file, line, column, message) {
-  const whole = `${line ? `${file}:${line}` : file}: ${column ? text("file.inColumn", { column, message }) : message}`;
-  return new DataError(whole.replace(UNPRINTABLE, escaped));
-}
-
-/** A text table: lines of a header, then rows of numbers. */
+/** Lines of cells of a text table. */
 export class Table {
   /**
-   * @param {{file: string, delimiter: string, decimalComma: boolean, head: TableLine[], rows: TableLine[]}} parts
+   * @param {{file: string, delimiter: string, decimalComma: boolean, comments: Row[], lines: Row[]}} parts `comments`: lines that
+   *   began with "#", without it; `lines`: all others that are not empty
    */
-  constructor({ file, delimiter, decimalComma, head, rows }) {
+  constructor({ file, delimiter, decimalComma, comments, lines }) {
     this.file = file;
     this.delimiter = delimiter;
     this.decimalComma = decimalComma;
-    this.head = head;
-    this.rows = rows;
+    this.comments = comments;
+    this.lines = lines;
   }
 
   /** @param {number | null} line @param {string} column @param {string} message */
@@ -83,74 +52,59 @@ export class Table {
     return dataError(this.file, line, column, message);
   }
 
-  /**
-   * Value of a cell; null if it is empty or says that there is none.
-   * @param {TableLine} row
-   * @param {number} index
-   * @param {string} column
-   */
-  number(row, index, column) {
-    const cell = row.cells[index] ?? "";
-    if (MISSING.has(cell.toLowerCase())) return null;
-    const withPoint = this.decimalComma && DECIMAL_COMMA.test(cell) ? cell.replace(",", ".") : cell;
-    if (!DECIMAL_POINT.test(withPoint)) throw this.error(row.line, column, text("file.number", { cell: quote(cell) }));
-    const value = Number(withPoint);
-    if (!Number.isFinite(value)) throw this.error(row.line, column, text("file.finite", { cell: quote(cell) }));
+  /** Value of a cell; not a number if it is empty or says that there is none.
+   * @param {Row} row @param {number} index @param {string} column its name, for messages */
+  number({ line, cells }, index, column) {
+    const cell = cells[index] ?? "";
+    if (MISSING.has(cell.toLowerCase())) return NaN;
+    const found = { cell: quote(cell) };
+    if (this.decimalComma && cell.includes(".") && (DECIMAL_POINT.test(cell) || cell.includes(","))) {
+      throw this.error(line, column, text("file.mixedDecimals", found)); // the point could as well separate thousands
+    }
+    if (!isNumber(cell, this.decimalComma)) throw this.error(line, column, text("file.number", found));
+    const value = numberIn(cell);
+    if (!Number.isFinite(value)) throw this.error(line, column, text("file.finite", found));
     return value;
   }
 }
 
-/**
- * Read the bytes of a file.
- * @param {string} file its name
- * @param {Uint8Array} bytes
- * @returns {Table}
- */
+/** @param {string} file its name @param {Uint8Array} bytes @returns {Table} */
 export function readTable(file, bytes) {
-  const numbered = decoded(file, bytes).split(/\r\n|\r|\n/).map((line, i) => ({ line, number: i + 1 }));
-  const lines = numbered.filter(({ line }) => line.trim() && !line.trimStart().startsWith("#"));
-  if (!lines.length) throw dataError(file, null, "", text("file.noRows"));
-  for (const { line, number } of lines) {
+  const numbered = decoded(file, bytes).split(/\r\n|\r|\n/)
+    .map((line, i) => ({ line: line.replace(/^\ufeff+|\ufeff+$/g, ""), number: i + 1 }))
+    .filter(({ line }) => /[^\ufeff \t\f\v]/.test(line));
+  for (const { line, number } of numbered) {
     if (line.length > MAX_LINE_LENGTH) {
       throw dataError(file, number, "", text("file.longLine", { length: line.length, limit: MAX_LINE_LENGTH }));
     }
   }
-  const { delimiter, decimalComma } = dialect(lines.map(({ line }) => line));
-  const rows = lines.map(({ line, number }) => ({ line: number, cells: cellsOf(line, delimiter) }));
-  const named = rows.findIndex(({ cells }) => cells[0].toLowerCase() === "quantity");
-  const first = named >= 0 ? named + 1 : rows.findIndex(({ cells }) => isData(cells, decimalComma));
-  if (first < 0 || first === rows.length) {
-    const row = quote(lines[lines.length - 1].line.trim());
-    throw dataError(file, rows[rows.length - 1].line, "", text("file.noNumbers", { row }));
-  }
-  const table = new Table({ file, delimiter, decimalComma, head: rows.slice(0, first), rows: rows.slice(first) });
-  if (decimalComma) refuseMixedDecimals(table);
-  return table;
+  const isComment = (/** @type {{line: string}} */ { line }) => line.trimStart().startsWith("#");
+  let lines = numbered.filter((one) => !isComment(one));
+  // A line for spreadsheets that names the delimiter
+  const separator = lines.length ? SEPARATOR_LINE.exec(lines[0].line.trim()) : null;
+  if (separator) lines = lines.slice(1);
+  if (!lines.length) throw dataError(file, null, "", text("file.noRows"));
+  const named = separator && DELIMITERS.includes(separator[1]) ? [separator[1]] : DELIMITERS;
+  const { delimiter, decimalComma } = dialect(lines.map(({ line }) => line), named);
+  const rowOf = (/** @type {string} */ line, /** @type {number} */ number) => ({ line: number, cells: cellsOf(line, delimiter) });
+  return new Table({
+    file,
+    delimiter,
+    decimalComma,
+    comments: numbered.filter(isComment).map(({ line, number }) => rowOf(line.trimStart().replace(/^#+/, ""), number)),
+    lines: lines.map(({ line, number }) => rowOf(line, number)),
+  });
 }
 
 /** @param {string} file @param {Uint8Array} bytes */
 function decoded(file, bytes) {
   if (bytes.length > LARGEST_FILE) throw dataError(file, null, "", text("file.large"));
-  const begins = (/** @type {number[]} */ start, from = 0) => start.every((byte, i) => bytes[from + i] === byte);
-  const afterMark = begins([0xef, 0xbb, 0xbf]) ? 3 : 0;
-  for (const [start, what] of OTHER_FORMATS) {
-    if (begins(start, afterMark)) throw dataError(file, null, "", text("file.notText", { what: text(what) }));
-  }
-  const whole = textOf(bytes, begins);
+  const afterMark = bytes.slice(begins(bytes, UTF_8_MARK) ? UTF_8_MARK.length : 0);
+  const other = OTHER_FORMATS.find(([start]) => begins(afterMark, start));
+  if (other) throw dataError(file, null, "", text("file.notText", { what: text(other[1]) }));
+  const whole = textOf(bytes);
   if (whole.includes("\0")) throw dataError(file, null, "", text("file.notText", { what: text("file.binary") }));
   return whole;
-}
-
-/** @param {Uint8Array} bytes @param {(start: number[]) => boolean} begins */
-function textOf(bytes, begins) {
-  try {
-    if (begins([0xff, 0xfe])) return new TextDecoder("utf-16le", { fatal: true }).decode(bytes);
-    if (begins([0xfe, 0xff])) return new TextDecoder("utf-16be", { fatal: true }).decode(bytes);
-    return new TextDecoder("utf-8", { fatal: true }).decode(bytes);
-  } catch {
-    // Older programs on Windows write names in their own code page; the numbers are the same in all
-    return Array.from(bytes, (byte) => String.fromCharCode(byte)).join("");
-  }
 }
 
 /**
@@ -159,7 +113,7 @@ function textOf(bytes, begins) {
  * @param {string} delimiter " " means any white space
  */
 function cellsOf(line, delimiter) {
-  if (delimiter === " ") return line.trim().split(/\s+/);
+  if (delimiter === " ") return Array.from(line.matchAll(WORDS), ([, quoted, bare]) => quoted || bare || "");
   if (!line.includes('"')) return line.split(delimiter).map((cell) => cell.trim());
   const cells = [];
   let [cell, quoted, start] = ["", false, true];
@@ -181,35 +135,38 @@ function cellsOf(line, delimiter) {
   return [...cells, cell.trim()];
 }
 
-/** @param {string[]} lines @returns {{delimiter: string, decimalComma: boolean}} */
-function dialect(lines) {
-  for (const delimiter of ["\t", ";"]) {
-    if (lines.filter((line) => line.includes(delimiter)).length * 2 > lines.length) {
-      return { delimiter, decimalComma: lines.some((line) => cellsOf(line, delimiter).some((cell) => DECIMAL_COMMA.test(cell))) };
+/** The delimiter and the decimal sign with which most cells are numbers or empty. @param {string[]} lines @param {string[]} delimiters */
+function dialect(lines, delimiters) {
+  const sample = lines.length <= 2 * SAMPLE_LINES ? lines : [...lines.slice(0, SAMPLE_LINES), ...lines.slice(-SAMPLE_LINES)];
+  let [best, most] = [{ delimiter: delimiters[0], decimalComma: false }, -1];
+  for (const delimiter of delimiters) {
+    const cells = sample.map((line) => cellsOf(line, delimiter)).filter((row) => row.length > 1).flat();
+    for (const decimalComma of [false, true]) {
+      const count = cells.filter((cell) => !cell || isNumber(cell, decimalComma)).length;
+      if (count > most) [best, most] = [{ delimiter, decimalComma }, count];
     }
   }
-  // The last line holds numbers, whatever the lines of the header look like
-  const last = cellsOf(lines[lines.length - 1], " ");
-  if (last.length > 1 && last.every((cell) => DECIMAL_POINT.test(cell) || DECIMAL_COMMA.test(cell))) {
-    return { delimiter: " ", decimalComma: lines.some((line) => cellsOf(line, " ").some((cell) => DECIMAL_COMMA.test(cell))) };
-  }
-  return { delimiter: lines.some((line) => line.includes(",")) ? "," : " ", decimalComma: false };
+  return best;
 }
 
-/** Whether a line is a row of numbers: its first cell is one, or most of its cells are. @param {string[]} cells @param {boolean} comma */
-function isData(cells, comma) {
-  const filled = cells.filter((cell) => cell);
-  const numbers = filled.map((cell) => DECIMAL_POINT.test(cell) || (comma && DECIMAL_COMMA.test(cell)));
-  return Boolean(cells[0]) && (numbers[0] || 2 * numbers.filter(Boolean).length > filled.length);
-}
-
-/** A point among decimal commas could as well separate thousands. @param {Table} table */
-function refuseMixedDecimals(table) {
-  for (const row of table.rows) {
-    row.cells.forEach((cell, i) => {
-      if (cell.includes(".") && (DECIMAL_POINT.test(cell) || cell.includes(","))) {
-        throw table.error(row.line, String(i + 1), text("file.mixedDecimals", { cell: quote(cell) }));
-      }
-    });
-  }
+/**
+ * What one unit of the last digit that tells anything is worth, of each number of a column. Zeros at the end do not count, as
+ * some programs add them, and the number with the most digits tells for all.
+ * @param {string[]} cells
+ */
+export function lastDigits(cells) {
+  const parts = cells.map((cell) => {
+    const [, whole = "", printed = "", power = "0"] = DIGITS.exec(cell) ?? [];
+    const decimals = printed.replace(/(?<!0)0+$/, "");
+    const count = (whole + decimals).replace(/^0+/, "").length;
+    // 12.50e-3: three digits, the first at 10^-2, the last at 10^-4, and printed to 10^-5
+    const last = Number(power) - decimals.length;
+    return { count, last, first: last + count - 1, printed: Number(power) - printed.length };
+  });
+  const told = parts.filter(({ count }) => count);
+  const most = largest(told.map(({ count }) => count));
+  const lowest = told.length ? -largest(told.map(({ last }) => -last)) : 0;
+  return parts.map(({ count, first, printed }) => {
+    return Number(`1e${count ? Math.max(lowest, Math.min(first + 1 - most, printed)) : lowest}`);
+  });
 }

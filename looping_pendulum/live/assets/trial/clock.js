@@ -1,0 +1,287 @@
+/**
+ * One account of time, as `identify` gives it (`discrepancy/data/clock.py`): a film's frames follow each other at equal steps, so
+ * that its times are whole numbers of frames, perhaps rounded by the program that wrote them.
+ */
+
+import { text } from "../texts.js";
+import { at, largest, percentile, rounded, scatter, smallest, steps, where } from "./arrays.js";
+import { dataError, inSentence } from "./messages.js";
+import { dot, mean, median, range, sumOfSquares } from "./statistics.js";
+
+/**
+ * Values of one channel [SI], one for each row, and what the last digit of each is worth; not a number: none.
+ * @typedef {{name: string, column: string, value: number[], digit: number[]}} Series
+ */
+/** @typedef {{name: string, column: string, t: number[], value: number[], lastDigit: number}} Channel SI, without missing samples */
+/** @typedef {{channel: string, reason: string, count: number}} Unused values of a channel, or of a column that is none */
+/** @typedef {{unused: Unused[], assumptions: string[]}} Notes */
+/**
+ * Rows with one column of times, its name, the lines of the rows, their times [s] (null: the file has frames only), the largest
+ * error of each by rounding, and the numbers of the frames (null: the file does not say).
+ * @typedef {{clock: string, lines: number[], time: number[] | null, rounding: number[], frame: number[] | null, channels: Series[]}} Sheet
+ */
+/** @typedef {Sheet & {time: number[]}} TimedSheet */
+/** @typedef {{start: number, rate: number, number: number[], largestError: number}} Grid number of steps of each time */
+/** @typedef {{file: string, frameRate: number | null, clipRate: number | null, notes: Notes}} How */
+
+/** Relative difference of two frame rates that are the same. */
+const RATE_TOLERANCE = 0.01;
+/** Frame rates of cameras [Hz]. */
+const USUAL_RATES = [
+  15, 20, 24, 25, 30, 48, 50, 60, 90, 100, 120, 200, 240, 250, 300, 400, 480, 500, 600, 960, 1000,
+];
+/** Rounding of times, in steps from row to row, that needs no account. */
+const EXACT = 1e-3;
+/** Largest plausible time between rows [s]. */
+const MAX_TIME_STEP = 0.5;
+/** Smallest number of rows whose times are looked at for rounding. */
+const MIN_ROUNDED = 10;
+/** Share of the scatter that is left with equal steps, below which the frames were even and the file's times are not theirs. */
+const MIN_EVEN_GAIN = 0.8;
+/** Standard errors of an uneven clock's mean step within which a usual rate is taken. */
+const USUAL_SIGMAS = 3;
+/** Smallest number of rows by which the points tell even frames from uneven ones. */
+const MIN_ROWS = 24;
+/** Longest step, in mean steps, that may be the unrest of a recorder and not a missing row. */
+const MAX_UNEVEN = 2.5;
+/** Twice the largest acceleration of a mass after its release [m/s^2], and of an angle [rad/s^2]: a record that is faster begins later. */
+const [MAX_START_ACCELERATION, MAX_ANGULAR_ACCELERATION] = [9.81, 98.1];
+/** The same by noise, in its standard deviations. */
+const MAX_START_SIGMAS = 4;
+/** Keeps comparisons of decimal times from their last bit [s]. */
+const TINY = 1e-9;
+
+/** @param {Notes} notes @param {string} channel @param {string} reason @param {number} more */
+export function count(notes, channel, reason, more) {
+  const known = notes.unused.find((one) => one.channel === channel && one.reason === reason);
+  if (known) known.count += more;
+  else if (more) notes.unused.push({ channel, reason, count: more });
+}
+
+/** The channels with the times of their points. @param {Sheet[]} sheets @param {How} how @returns {Channel[]} */
+export function timedChannels(sheets, how) {
+  const { file, frameRate } = how;
+  if (frameRate !== null && sheets.every(({ frame }) => frame)) return channelsOf(sheets, timesOfFrames(sheets, frameRate, file));
+  if (sheets.some(({ time }) => !time)) throw dataError(file, null, "", text("file.needsRate"));
+  const timed = sheets.map((sheet) => growing(/** @type {TimedSheet} */ (sheet), file));
+  return channelsOf(timed, timesOfClock(timed, how));
+}
+
+/** @param {Sheet[]} sheets @param {number[][]} times of the rows of each @returns {Channel[]} */
+function channelsOf(sheets, times) {
+  return sheets.flatMap(({ channels }, i) => channels.map(({ name, column, value, digit }) => {
+    const kept = where(value, (one, k) => Number.isFinite(one) && Number.isFinite(times[i][k]));
+    return { name, column, t: at(times[i], kept), value: at(value, kept), lastDigit: Math.max(0, largest(at(digit, kept))) };
+  }));
+}
+
+/** Whether any channel has a value in each row. @param {Sheet} sheet */
+const withPoint = ({ lines, channels }) => lines.map((_, i) => channels.some(({ value }) => Number.isFinite(value[i])));
+
+/** Times by frame numbers; all tracks count from the first frame in which any of them has a point.
+ * @param {Sheet[]} sheets @param {number} rate @param {string} file */
+function timesOfFrames(sheets, rate, file) {
+  const numbers = sheets.map((sheet) => {
+    const hasPoint = withPoint(sheet);
+    const frame = (sheet.frame ?? []).map((number, i) => (hasPoint[i] ? number : NaN));
+    const points = where(hasPoint, (has) => has);
+    const absent = points.find((i) => !Number.isFinite(frame[i]));
+    if (absent !== undefined) throw dataError(file, sheet.lines[absent], "frame", text("file.noFrame"));
+    points.slice(1).forEach((i, k) => {
+      const [now, before] = [frame[i], frame[points[k]]];
+      if (now > before) return;
+      const found = { frame: inSentence(now), before: inSentence(before) };
+      throw dataError(file, sheet.lines[i], "frame", text("file.framesGrow", found));
+    });
+    return frame;
+  });
+  const first = smallest(numbers.flat().filter(Number.isFinite));
+  return numbers.map((frame) => frame.map((number) => (number - first) / rate));
+}
+
+/** The rows that have a time and a point. @param {TimedSheet} sheet @param {string} file @returns {TimedSheet} */
+function growing(sheet, file) {
+  const hasPoint = withPoint(sheet);
+  const kept = where(sheet.time, (t, i) => Number.isFinite(t) && hasPoint[i]);
+  const [time, lines] = [at(sheet.time, kept), at(sheet.lines, kept)];
+  const back = steps(time).findIndex((step) => step < 0);
+  if (back >= 0) {
+    const found = { time: inSentence(time[back + 1]), before: inSentence(time[back]), line: lines[back] };
+    throw dataError(file, lines[back + 1], sheet.clock, text("file.timesGrow", found));
+  }
+  return {
+    ...sheet,
+    lines,
+    time,
+    rounding: at(sheet.rounding, kept),
+    channels: sheet.channels.map((one) => ({ ...one, value: at(one.value, kept), digit: at(one.digit, kept) })),
+  };
+}
+
+/** The times of the rows of each sheet [s]; not a number: none. @param {TimedSheet[]} sheets @param {How} how @returns {number[][]} */
+function timesOfClock(sheets, { file, frameRate, clipRate, notes }) {
+  const longest = sheets.reduce((most, sheet) => (sheet.lines.length > most.lines.length ? sheet : most));
+  const rounding = longest.time.length >= MIN_ROUNDED ? largest(longest.rounding) : 0;
+  const stated = [clipRate, frameRate].filter((rate) => rate !== null);
+  const grid = rounding ? frameGrid(longest.time, longest.rounding, stated) : null;
+  const step = grid ? 1 / grid.rate : typicalStep(longest.time);
+  if (frameRate === null && step > MAX_TIME_STEP) throw dataError(file, longest.lines[0], longest.clock, slowClock(step));
+  let fileRate = step ? 1 / step : frameRate;
+  /** @type {number[][] | null} */
+  let times = null;
+  if (grid && grid.largestError > EXACT * step) {
+    // On the declared rate, if the rounded times do not tell the difference
+    const usual = atUsualRate(grid, longest, stated.filter((rate) => Math.abs(rate * step - 1) < RATE_TOLERANCE));
+    const onGrid = sheets.map((sheet) => timesOnGrid(usual, sheet)).filter((found) => found !== null);
+    if (onGrid.length === sheets.length) {
+      times = onGrid;
+      fileRate = usual.rate;
+      const printed = { digit: inSentence(2 * rounding, 2), rate: inSentence(usual.rate, 4) };
+      notes.assumptions.push(text(rounding > 0.1 * step ? "assumed.coarseGrid" : "assumed.grid", printed));
+    }
+  }
+  if (!times) {
+    const unique = sheets.map((sheet) => withoutRepeatedRows(sheet, file, notes));
+    times = grid ? unique : evenTimes(sheets, unique, stated, notes);
+    if (!grid && rounding > EXACT * step) notes.assumptions.push(text("assumed.timeErrors", { digit: inSentence(2 * rounding, 2) }));
+  }
+  const madeFor = clipRate ?? fileRate;
+  if (frameRate === null || madeFor === null || !(Math.abs(madeFor / frameRate - 1) >= RATE_TOLERANCE)) return times;
+  const rates = { from: inSentence(madeFor, 4), to: inSentence(frameRate, 4) };
+  notes.assumptions.push(text(clipRate ? "assumed.rate" : "assumed.rateByRows", rates));
+  return times.map((t) => t.map((one) => one * (madeFor / frameRate)));
+}
+
+/** What to say of times that are in no seconds. @param {number} step [s] */
+function slowClock(step) {
+  const found = { step: inSentence(step), unit: step > 1000 ? "us" : "ms" };
+  return text(Math.abs(step - 1) < TINY ? "file.slowFrames" : "file.slow", found);
+}
+
+/** Mean of the steps that are no gaps [s]; 0 with fewer than two rows. @param {number[]} time */
+function typicalStep(time) {
+  const growing = steps(time).filter((step) => step > 0);
+  return growing.length ? meanNear(growing, median(growing)) : 0;
+}
+
+/** Mean of the steps that are about as long as one of them. @param {number[]} all @param {number} usual */
+const meanNear = (all, usual) => mean(all.filter((step) => step > 0.5 * usual && step < 1.5 * usual));
+
+/** The times of a sheet's rows on a grid [s]; null: they are not on it.
+ * @param {Grid} grid @param {TimedSheet} sheet @returns {number[] | null} */
+function timesOnGrid({ start, rate }, { time, rounding }) {
+  const own = frameGrid(time, rounding, [rate]);
+  if (!own) return null;
+  const first = rounded((own.start - start) * rate);
+  const t = own.number.map((number) => start + (first + number * rounded(rate / own.rate)) / rate);
+  return t.every((one, i) => Math.abs(one - time[i]) <= 2 * rounding[i] + TINY) ? t : null;
+}
+
+/** The first of the rates with the smallest distance; nothing if there are none. @param {number[]} rates
+ * @param {(rate: number) => number} distance @returns {number | undefined} */
+const nearest = (rates, distance) => [...rates].sort((a, b) => distance(a) - distance(b))[0];
+
+/** The grid with one of the wanted rates, or the nearest usual one, if the rounded times allow it.
+ * @param {Grid} grid @param {TimedSheet} sheet @param {number[]} wanted @returns {Grid} */
+function atUsualRate(grid, { time, rounding }, wanted) {
+  const usual = nearest(USUAL_RATES, (rate) => Math.abs(rate - grid.rate)) ?? grid.rate;
+  for (const rate of [...wanted, usual]) {
+    const low = largest(time.map((t, i) => t - rounding[i] - grid.number[i] / rate));
+    const high = smallest(time.map((t, i) => t + rounding[i] - grid.number[i] / rate));
+    if (low <= high + TINY) return { ...grid, rate, start: low - TINY <= 0 && 0 <= high + TINY ? 0 : 0.5 * (low + high) };
+  }
+  return grid;
+}
+
+/**
+ * The equal steps of which rounded times are whole numbers; null: they are not, or are too coarse to tell.
+ * @param {number[]} time that does not fall [s]
+ * @param {number[]} rounding
+ * @param {number[]} rates that are likely [Hz]
+ * @returns {Grid | null}
+ */
+function frameGrid(time, rounding, rates) {
+  const last = time[time.length - 1];
+  if (time.length < 3 || last <= time[0]) return null;
+  // Each row a frame; then, where rows may be missing, steps rounded to whole numbers of the smaller ones
+  const numbers = [range(0, time.length)];
+  const all = steps(time);
+  const small = percentile(all, 10);
+  const most = largest(rounding);
+  if (small > 4 * most) {
+    const one = meanNear(all, small);
+    let sum = 0;
+    numbers.push([0, ...all.map((step) => (sum += rounded(step / one)))]);
+  }
+  numbers.push(...rates.map((rate) => time.map((t) => rounded((t - time[0]) * rate))));
+  for (const number of numbers) {
+    if (!steps(number).every((step) => step > 0)) continue;
+    const { start, slope } = line(number, time);
+    const largestError = largest(time.map((t, i) => Math.abs(t - start - slope * number[i])));
+    if (slope > 0 && largestError <= 1.5 * most + TINY * (1 + Math.abs(last))) return { start, rate: 1 / slope, number, largestError };
+  }
+  return null;
+}
+
+/** The straight line of least squares. @param {number[]} x @param {number[]} y */
+function line(x, y) {
+  const [meanX, meanY] = [mean(x), mean(y)];
+  const centred = x.map((one) => one - meanX);
+  const slope = dot(centred, y.map((one) => one - meanY)) / dot(centred, centred);
+  return { slope, start: meanY - slope * meanX };
+}
+
+/** The times of a sheet's rows [s], not a number for a row that repeats the one before whole.
+ * @param {TimedSheet} sheet @param {string} file @param {Notes} notes */
+function withoutRepeatedRows({ time, lines, clock, channels }, file, notes) {
+  return time.map((t, i) => {
+    if (i === 0 || t !== time[i - 1]) return t;
+    for (const { name, value } of channels) {
+      count(notes, name, text("unused.repeated"), Number(Number.isFinite(value[i])));
+      if (Number.isFinite(value[i - 1]) && Number.isFinite(value[i]) && value[i] !== value[i - 1]) {
+        const found = { time: inSentence(t), before: inSentence(t), line: lines[i - 1] };
+        throw dataError(file, lines[i], clock, text("file.sameTime", found));
+      }
+    }
+    return NaN;
+  });
+}
+
+/**
+ * Equal steps in place of uneven ones where the points say that the frames were even: a program that records a screen writes
+ * times that are not the camera's.
+ * @param {TimedSheet[]} sheets @param {number[][]} times @param {number[]} stated likely frame rates [Hz] @param {Notes} notes
+ */
+function evenTimes(sheets, times, stated, notes) {
+  const [t] = times;
+  if (sheets.length > 1 || t.length < MIN_ROWS || !t.every(Number.isFinite)) return times;
+  const all = steps(t);
+  const row = range(0, t.length).map((i) => i - 0.5 * (t.length - 1));
+  const slope = dot(row, t) / sumOfSquares(row);
+  if (!(smallest(all) > EXACT * slope) || largest(all) > MAX_UNEVEN * slope) return times;
+  const middle = mean(t);
+  const unrest = Math.sqrt(sumOfSquares(t.map((one, i) => one - middle - slope * row[i])) / t.length / sumOfSquares(row));
+  const distance = (/** @type {number} */ rate) => Math.abs(1 / rate - slope);
+  const likely = [...stated, ...USUAL_RATES].filter((rate) => distance(rate) <= Math.max(USUAL_SIGMAS * unrest, EXACT * slope));
+  const rate = nearest(likely, distance) ?? 1 / slope;
+  const even = row.map((i) => middle + i / rate);
+  const total = (/** @type {number[]} */ clock) => channelsOf(sheets, [clock]).reduce((sum, channel) => sum + scatter(channel), 0);
+  const [low, high] = [5, 95].map((percent) => inSentence(1e3 * percentile(all, percent), 3));
+  const isEven = !(total(even) > MIN_EVEN_GAIN * total(t));
+  notes.assumptions.push(text(isEven ? "assumed.evenTimes" : "assumed.unevenTimes", { low, high, rate: inSentence(rate, 4) }));
+  return isEven ? [even] : times;
+}
+
+/** Time at which a clock begins elsewhere while the masses are at rest [s]; 0: it does not. @param {Channel[]} channels */
+export function startOf(channels) {
+  const start = smallest(channels.map(({ t }) => t[0]));
+  const usual = channels.map(({ t }) => (t.length > 1 ? median(steps(t)) : 0)).filter((step) => step > 0);
+  if (!usual.length || Math.abs(start) <= 3 * smallest(usual)) return 0;
+  const isMoving = channels.some((channel) => {
+    const { name, t, value } = channel;
+    if (t.length < 5 || name === "angle_rate") return true;
+    const acceleration = name === "angle" ? MAX_ANGULAR_ACCELERATION : MAX_START_ACCELERATION;
+    return Math.abs(value[2] - value[0]) > acceleration * (t[2] - t[0]) ** 2 + MAX_START_SIGMAS * scatter(channel);
+  });
+  return isMoving ? 0 : start;
+}

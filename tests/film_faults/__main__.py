@@ -1,0 +1,133 @@
+"""The command ``python -m tests.film_faults``."""
+
+from __future__ import annotations
+
+import multiprocessing
+import shutil
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from looping_pendulum.cli.terminal import new_table, show_table
+from tests.film_faults.faults import KINDS, NONE
+from tests.film_faults.films import APPARATUS
+from tests.film_faults.judging import MOVED_BY, Judgement, Outcome, judge
+
+MIN_SHARE_NOTICED = 0.95
+"""Smallest share of the faults that move a point by more than the noise that must be named or put right."""
+SHOWN = 400
+"""Longest message that is shown [characters]; the whole one is kept with the study."""
+
+Task = tuple[int, str, Path, bool]
+
+
+def tasks(count: int, seed: int, kinds: Sequence[str], folder: Path, *, with_identify: bool) -> list[list[Task]]:
+    """Return all studies, those of one apparatus together, as its motions are simulated once."""
+    groups: dict[int, list[Task]] = {}
+    for i in range(count):
+        number = 100_000 * seed + i
+        kind = kinds[i % len(kinds)]
+        name = f"{number}-{kind.replace(': ', '-').replace(' ', '_')}"
+        groups.setdefault(number % APPARATUS, []).append((number, kind, folder / name, with_identify))
+    return list(groups.values())
+
+
+def judge_group(group: list[Task]) -> list[Judgement]:
+    """Judge the studies of one apparatus; the folders of failures are kept."""
+    judged = []
+    for number, kind, folder, with_identify in group:
+        judgement = judge(number, kind, folder, with_identify=with_identify)
+        if judgement.outcome.is_failure:
+            text = "\n".join([_line(judgement, folder), judgement.message, judgement.report])
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "failure.txt").write_text(text + "\n", encoding="utf-8")
+        else:
+            shutil.rmtree(folder)
+        judged.append(judgement)
+    return judged
+
+
+def judge_all(groups: list[list[Task]], jobs: int) -> Iterator[list[Judgement]]:
+    """Judge groups of studies in so many processes."""
+    if jobs == 1:
+        yield from map(judge_group, groups)
+        return
+    with multiprocessing.get_context("spawn").Pool(jobs) as pool:
+        yield from pool.imap_unordered(judge_group, groups)
+
+
+def _line(judgement: Judgement, folder: Path | str) -> str:
+    also = " (also without the fault)" if judgement.also_without else ""
+    return f"{judgement.number} {judgement.kind}: {judgement.outcome}{also}; {judgement.detail}; {folder}"
+
+
+def main(
+    count: Annotated[int, typer.Option(metavar="N", min=1, help="Studies of all kinds together.")] = 500,
+    seed: Annotated[int, typer.Option(metavar="N", help="Each study follows from it and from its number.")] = 1,
+    kinds: Annotated[
+        list[str] | None, typer.Option(metavar="KIND", help=f"Repeatable, or a beginning; of: {NONE}, {', '.join(KINDS)}.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(metavar="N", min=1, help="Processes.")] = 2,
+    identify: Annotated[bool, typer.Option(help="Whether studies in which nothing looks wrong are identified.")] = True,
+    failures: Annotated[Path | None, typer.Option(metavar="DIR", help="Where failing studies go.")] = None,
+    every: Annotated[bool, typer.Option("--every", help="Show every study, and not failures alone.")] = False,
+    number: Annotated[int | None, typer.Option(metavar="N", help="This study alone, with every kind asked for.")] = None,
+) -> None:
+    """Put faults into clean films. Exit status 1 if a fault is neither put right nor named, or anything is added."""
+    asked = (
+        [k for k in (NONE, *KINDS) if any(k == a or (a != NONE and k.startswith(a)) for a in kinds)] if kinds else list(KINDS)
+    )
+    if not asked:
+        raise typer.BadParameter(f"found {kinds}, needed some of: {NONE}, {', '.join(KINDS)}", param_hint="--kinds")
+    folder = failures or Path(tempfile.mkdtemp(prefix="film-faults-"))
+    start = time.perf_counter()
+    if number is None:
+        groups = tasks(count, seed, asked, folder, with_identify=identify)
+    else:
+        groups = [
+            [(number, kind, folder / f"{number}-{kind.replace(': ', '-').replace(' ', '_')}", identify) for kind in asked]
+        ]
+    judged: list[Judgement] = []
+    for group in judge_all(groups, jobs):
+        judged += group
+        for j in group:
+            if j.outcome.is_failure or every:
+                typer.echo(_line(j, "kept"))
+                typer.echo(f"    {j.message[:SHOWN]}")
+    show(judged, asked)
+    failed = [j for j in judged if j.outcome.is_failure]
+    moving = [j for j in judged if j.moved > MOVED_BY]
+    noticed = sum(not j.outcome.is_failure for j in moving)
+    added = sum(j.outcome is Outcome.ADDED for j in judged)
+    wall = time.perf_counter() - start
+    typer.echo(f"{len(judged)} studies in {wall:.0f} s; {len(failed)} failures, {added} with an addition or a tie")
+    if moving:
+        share = noticed / len(moving)
+        typer.echo(f"of {len(moving)} faults that move a point by more than the noise, {share:.1%} were named or put right")
+    spent = Counter[str]()
+    for j in judged:
+        spent.update(j.seconds)
+    typer.echo("seconds a study: " + ", ".join(f"{name} {total / len(judged):.2f}" for name, total in spent.items()))
+    if failed:
+        typer.echo(f"the failing studies are in {folder}")
+    raise typer.Exit(1 if failed else 0)
+
+
+def show(judged: Sequence[Judgement], kinds: Sequence[str]) -> None:
+    """Print a table of outcomes by kind."""
+    ways = [o for o in Outcome if not o.is_failure or any(j.outcome is o for j in judged)]
+    table = new_table("kind", "tried", *ways, "FAILED")
+    for kind in (*kinds, "all"):
+        of_kind = [j for j in judged if kind in (j.kind, "all")]
+        outcomes = Counter(j.outcome for j in of_kind)
+        table.add_row(kind, len(of_kind), *(outcomes[o] or "" for o in ways), sum(j.outcome.is_failure for j in of_kind) or "")
+    show_table(table)
+
+
+if __name__ == "__main__":
+    typer.run(main)

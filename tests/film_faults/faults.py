@@ -1,0 +1,593 @@
+"""Faults of films and of tables: each is put into a clean study at random, and says by which words it may be named."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.film_faults.films import Array, CleanStudy, Film, Tree
+from tests.film_faults.forms import (
+    AROUND,
+    COMMENTS,
+    DELIMITERS,
+    ENCODINGS,
+    INDICES,
+    MISSING,
+    NAMES,
+    OBJECTS,
+    TIMES,
+    UNIT_STYLES,
+    Form,
+)
+
+T = TypeVar("T")
+PLAIN = Form()
+TRACKER = Form(layout="Tracker", number="exponent", objects=("mass A", "mass B"), comments=("multi:",))
+ANY_REFUSAL = r"found .*needed "
+"""What every refusal of a file says: a table whose form leaves something open may be refused for any reason."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Faulty:
+    """A study with one fault."""
+
+    films: tuple[Film, ...]
+    form: Form = PLAIN
+    detail: str = ""
+    """What was done, with its numbers."""
+    words: str = "$^"
+    """Regular expression of what a message must say that names the fault; by default nothing is right."""
+    clock_offset: float = 0.0
+    """Largest constant error of the times that nothing in the file tells [s]."""
+    entry: Tree = dataclasses.field(default_factory=dict)
+    """What the study says of every trial."""
+    names: tuple[str, ...] = ()
+    """Names of columns in place of the right ones, of a table in the plain form."""
+    is_form: bool = False
+    """Whether the points are as they were, and only the form of the table is another one."""
+
+
+Put = Callable[[np.random.Generator, CleanStudy], Faulty]
+
+
+def pick(rng: np.random.Generator, values: Sequence[T]) -> T:
+    """Return one of some values."""
+    return values[int(rng.integers(len(values)))]
+
+
+def plain_form(rng: np.random.Generator) -> Form:
+    """Return one of the two commonest forms."""
+    return pick(rng, (PLAIN, TRACKER))
+
+
+def _stated_rate(rng: np.random.Generator, study: CleanStudy, share: float = 0.3) -> Tree:
+    """Return the true frame rate as some studies state it."""
+    return {"frame_rate": f"{study.films[0].rate:g} Hz"} if rng.random() < share else {}
+
+
+def nothing(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    return Faulty(films=study.films, form=plain_form(rng), detail="as it is")
+
+
+# ------------------------------------------------------------------------------------------------- rounding
+
+
+def rounded_times(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    rate = study.films[0].rate
+    decimals = pick(rng, [d for d in (2, 3, 4) if rate * 10.0**-d < 5])
+    truncated = bool(rng.random() < 0.2)
+    entry = _stated_rate(rng, study, 0.5)
+    form = dataclasses.replace(plain_form(rng), number="fixed", time_decimals=decimals, truncated=truncated)
+    cut = "cut off after" if truncated else "rounded to"
+    return Faulty(
+        films=study.films, form=form, entry=entry,
+        detail=f"times {cut} {decimals} decimals at {rate:g}/s, frame_rate {'stated' if entry else 'not stated'}",
+        words="decimals|frame numbers|numbers of the frames", clock_offset=10.0**-decimals,
+    )  # fmt: skip
+
+
+def rounded_points(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    decimals = int(rng.integers(2, 5))
+    form = dataclasses.replace(plain_form(rng), number=pick(rng, ("fixed", "short")), length_decimals=decimals)
+    return Faulty(
+        films=study.films, form=form, detail=f"points rounded to {decimals} decimals of a metre", words="decimals|digits|coarse"
+    )
+
+
+def few_digits(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    digits = int(rng.integers(3, 5))
+    entry = _stated_rate(rng, study, 0.5)
+    form = dataclasses.replace(PLAIN, significant=digits)
+    return Faulty(
+        films=study.films, form=form, entry=entry, detail=f"every number to {digits} digits at {study.films[0].rate:g}/s",
+        words="decimals|digits|coarse|numbers of the frames", clock_offset=0.5 * 10.0**-digits,
+    )  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------------- pictures
+
+
+def _frames(film: Film) -> NDArray[np.intp]:
+    """Return the number of each row's picture."""
+    return np.asarray(np.round(film.t * film.rate).astype(np.intp))
+
+
+def _showing(film: Film, picture: NDArray[np.intp], t: Array, jitter: float, rng: np.random.Generator) -> Film:
+    """Return a film whose row k shows a picture at a time of its own; rows whose picture has no points are left out.
+
+    Parameters
+    ----------
+    jitter
+        Error of a point that is tracked again in a copy, as a share of the noise.
+    """
+    row_of = {int(frame): row for row, frame in enumerate(_frames(film))}
+    kept = np.array([k for k, p in enumerate(picture) if int(p) in row_of], dtype=np.intp)
+    shown = film.rows(np.array([row_of[int(picture[k])] for k in kept], dtype=np.intp))
+    again = np.append(False, picture[kept][1:] == picture[kept][:-1])
+    points = shown.points + again[:, None] * jitter * film.noise * rng.standard_normal(shown.points.shape)
+    return dataclasses.replace(shown, t=t[kept], points=points, written=points.copy())
+
+
+def every_picture_repeated(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    times = int(rng.integers(2, 5))
+    jitter = float(pick(rng, (0.0, 0.0, 0.1, 0.3)))
+    films = []
+    for film in study.films:
+        row = np.arange(_frames(film)[-1] + 1)
+        films.append(_showing(film, times * (row // times), row / film.rate, jitter, rng))
+    return Faulty(
+        films=tuple(films), form=plain_form(rng), words="stored again|stored .* times|repeated|copy",
+        detail=f"every picture stored {times} times at {study.films[0].rate:g}/s, tracked again to {jitter:g} of the noise",
+    )  # fmt: skip
+
+
+def pulled_down(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    """As films of 24 pictures are shown at 30 or 60 a second."""
+    new, shown = pick(rng, ((2, 5), (4, 5), (5, 6), (1, 2), (2, 3), (3, 4)))
+    jitter = float(pick(rng, (0.0, 0.0, 0.1, 0.3)))
+    films = []
+    for film in study.films:
+        row = np.arange((_frames(film)[-1] + 1) * shown // new)
+        films.append(_showing(film, row * new // shown, row * new / shown / film.rate, jitter, rng))
+    return Faulty(
+        films=tuple(films), form=plain_form(rng), words="stored again|stored .* times|show|repeated|copy|frames in turn last",
+        detail=f"{new} pictures of {study.films[0].rate:g}/s in {shown} rows, tracked again to {jitter:g} of the noise",
+    )  # fmt: skip
+
+
+def pictures_repeated_once(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    count = int(rng.integers(1, 5))
+    jitter = float(pick(rng, (0.0, 0.1, 0.3)))
+    films, places = [], []
+    for film in study.films:
+        row = np.arange(_frames(film)[-1] + 1)
+        at = np.sort(rng.choice(row[2:-2], count, replace=False))
+        picture = row.copy()
+        picture[at] = at - 1
+        places.append(", ".join(f"{k / film.rate:.3f}" for k in at))
+        films.append(_showing(film, picture, row / film.rate, jitter, rng))
+    return Faulty(
+        films=tuple(films), form=plain_form(rng), words="stored again|repeated|copy|lost",
+        detail=f"at {study.films[0].rate:g}/s the picture before again at {'; '.join(places)} s, {jitter:g} of the noise",
+    )  # fmt: skip
+
+
+def pictures_lost(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    """The rows are numbered on, as if nothing were missing."""
+    gaps = int(rng.integers(1, 4))
+    films, places = [], []
+    for film in study.films:
+        frame = _frames(film)
+        gone = np.zeros(len(frame), dtype=bool)
+        at = np.sort(rng.choice(np.arange(3, len(frame) - 3), gaps, replace=False))
+        for k in at:
+            gone[k : k + int(rng.integers(1, 4))] = True
+        places.append(", ".join(f"{film.t[k]:.3f}" for k in at))
+        kept = np.flatnonzero(~gone)
+        t = film.t - np.cumsum(gone) / film.rate
+        films.append(dataclasses.replace(film.rows(kept), t=t[kept]))
+    return Faulty(
+        films=tuple(films), form=plain_form(rng), words="lost",
+        detail=f"at {study.films[0].rate:g}/s pictures lost at {'; '.join(places)} s and numbered on",
+    )  # fmt: skip
+
+
+def rows_missing(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    share = float(rng.uniform(0.05, 0.3))
+    films = []
+    for film in study.films:
+        kept = rng.random(len(film.t)) > share
+        kept[:2] = True
+        films.append(film.rows(np.flatnonzero(kept)))
+    return Faulty(
+        films=tuple(films), form=plain_form(rng), entry=_stated_rate(rng, study), detail=f"{share:.0%} of the rows not tracked"
+    )
+
+
+# ------------------------------------------------------------------------------------------------- clock
+
+
+def _retaken(film: Film, taken: Array, t: Array, rng: np.random.Generator) -> Film:
+    """Return the trial as a camera films it that takes its pictures at other times."""
+    times = np.tile(taken[:, None], (1, 4))
+    points = film.motion(taken) + film.sigma(times) * rng.standard_normal((len(taken), 4))
+    return dataclasses.replace(film, taken=times, points=points, t=t, written=points.copy())
+
+
+def uneven_in_turn(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    period = int(rng.integers(2, 4))
+    uneven = float(rng.uniform(0.1, 0.4))
+    films = []
+    for film in study.films:
+        row = np.arange(_frames(film)[-1] + 1)
+        shift = np.where(row % period == 1, uneven, 0.0)
+        films.append(_retaken(film, (row + shift) / film.rate, row / film.rate, rng))
+    return Faulty(
+        films=tuple(films), form=plain_form(rng), words="frames in turn last|uneven",
+        detail=f"at {study.films[0].rate:g}/s every frame of {period} late by {uneven:.2f} of a frame, times even",
+    )  # fmt: skip
+
+
+def uneven_at_random(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    unrest = float(rng.uniform(0.1, 0.45))
+    films = []
+    for film in study.films:
+        row = np.arange(_frames(film)[-1] + 1)
+        taken = row + np.where(row > 0, rng.uniform(-unrest, unrest, len(row)), 0.0)
+        films.append(_retaken(film, taken / film.rate, row / film.rate, rng))
+    return Faulty(
+        films=tuple(films), form=plain_form(rng), words="frames .*last|uneven|lost|stored again",
+        detail=f"at {study.films[0].rate:g}/s frames off by up to {unrest:.2f} of a frame, times even",
+    )  # fmt: skip
+
+
+def times_of_a_recorder(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    unrest = float(rng.uniform(0.1, 0.45))
+    films = []
+    for film in study.films:
+        jitter = np.where(film.t > 0, rng.uniform(-unrest, unrest, len(film.t)), 0.0) / film.rate
+        films.append(dataclasses.replace(film, t=film.t + jitter))
+    return Faulty(
+        films=tuple(films), form=plain_form(rng), words="frames .*last|uneven", clock_offset=0.1 / study.films[0].rate,
+        detail=f"at {study.films[0].rate:g}/s even frames, times off by up to {unrest:.2f} of a frame",
+    )  # fmt: skip
+
+
+def true_uneven_times(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    unrest = float(rng.uniform(0.1, 0.45))
+    films = []
+    for film in study.films:
+        row = np.arange(_frames(film)[-1] + 1)
+        taken = (row + np.where(row > 0, rng.uniform(-unrest, unrest, len(row)), 0.0)) / film.rate
+        films.append(_retaken(film, taken, taken, rng))
+    return Faulty(
+        films=tuple(films), form=plain_form(rng),
+        detail=f"at {study.films[0].rate:g}/s frames off by up to {unrest:.2f} of a frame, with their own times",
+    )  # fmt: skip
+
+
+def slow_in_the_middle(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    rate = float(pick(rng, (25.0, 30.0, 30.0, 60.0)))
+    slower = int(pick(rng, (2, 4, 4, 8)))
+    start = float(rng.uniform(0.1, 0.4))
+    end = float(pick(rng, (2.0, start + float(rng.uniform(0.15, 0.4)))))
+    declared = bool(rng.random() < 0.4)
+    films = []
+    for film in study.films:
+        taken, now = [], 0.0
+        while now <= film.t[-1]:
+            taken.append(now)
+            now += 1 / (rate * slower) if start <= now < end else 1 / rate
+        films.append(_retaken(film, np.array(taken), np.arange(len(taken)) / rate, rng))
+    until = f"to {end:.2f} s" if end < 1 else "to the end"
+    return Faulty(
+        films=tuple(films), form=plain_form(rng), words="clock",
+        entry={"frame_rate": f"{rate * slower:g} Hz"} if declared else {},
+        detail=f"{slower} times slower from {start:.2f} s {until}, {rate:g} rows/s, frame_rate "
+        + (f"stated as {rate * slower:g} Hz" if declared else "not stated"),
+    )  # fmt: skip
+
+
+def late_rows(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    which = pick(rng, ("heavy", "heavy", "light", "light", "light_x", "light_y", "heavy_y"))
+    shift = int(rng.integers(1, 21)) * int(pick(rng, (-1, 1)))
+    columns = {"light": [0, 1], "heavy": [2, 3], "light_x": [0], "light_y": [1], "heavy_y": [3]}[which]
+    films = []
+    for film in study.films:
+        points, written, taken = film.points.copy(), film.written.copy(), film.taken.copy()
+        source = np.arange(len(film.t)) - shift
+        inside = (source >= 0) & (source < len(source))
+        for c in columns:
+            points[:, c] = np.where(inside, film.points[np.clip(source, 0, len(source) - 1), c], np.nan)
+            written[:, c] = points[:, c]
+            taken[:, c] = np.where(inside, film.taken[np.clip(source, 0, len(source) - 1), c], film.taken[:, c])
+        films.append(dataclasses.replace(film, points=points, written=written, taken=taken))
+    return Faulty(
+        films=tuple(films), form=plain_form(rng), words="rows|shifted|later|earlier",
+        detail=f"{which} {abs(shift)} rows too {'late' if shift > 0 else 'early'} at {study.films[0].rate:g}/s",
+    )  # fmt: skip
+
+
+def wrong_unit_of_time(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    kind = pick(rng, ("ms without a unit", "ms called s", "s called ms", "numbers of frames", "slow playback", "minutes"))
+    rate = study.films[0].rate
+    factor = {
+        "ms without a unit": 1e3,
+        "ms called s": 1e3,
+        "s called ms": 1e-3,
+        "numbers of frames": rate,
+        "slow playback": rate / 30 if rate > 50 else 1 / 8,
+        "minutes": 1 / 60,
+    }[kind]
+    # All digits, as these faults are not those of rounding
+    form = dataclasses.replace(PLAIN, time_decimals=9)
+    if kind.startswith(("ms called", "s called")):
+        form = dataclasses.replace(form, units="(m)", time="s" if kind == "ms called s" else "ms", names="object axis")
+        form = dataclasses.replace(form, time_decimals=9 if form.time == "s" else 12)
+    films = tuple(dataclasses.replace(film, t=film.t * factor) for film in study.films)
+    return Faulty(
+        films=films, form=form, words="frame_rate|units: {time|if times are in|they are in ms",
+        detail=f"{kind} at {rate:g}/s (times {factor:g} times what they are)",
+    )  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------------- picture and columns
+
+
+def _pictured(study: CleanStudy, turn: Callable[[Array, Array], tuple[Array, Array]]) -> tuple[Film, ...]:
+    films = []
+    for film in study.films:
+        written = film.written.copy()
+        for i in (0, 2):
+            written[:, i], written[:, i + 1] = turn(film.written[:, i], film.written[:, i + 1])
+        films.append(dataclasses.replace(film, written=written))
+    return tuple(films)
+
+
+def turned(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    turns = int(rng.integers(1, 4))
+    films = study.films
+    for _ in range(turns):
+        films = _pictured(dataclasses.replace(study, films=films), lambda x, y: (-y, x))
+    return Faulty(
+        films=films, form=plain_form(rng), words="turned|upside down|exchanged", detail=f"turned by {90 * turns} degrees"
+    )
+
+
+def mirrored(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    how = pick(rng, ("left and right", "up and down", "x and y", "x and y, and both reversed"))
+    turn = {
+        "left and right": lambda x, y: (-x, y),
+        "up and down": lambda x, y: (x, -y),
+        "x and y": lambda x, y: (y, x),
+        "x and y, and both reversed": lambda x, y: (-y, -x),
+    }[how]
+    return Faulty(
+        films=_pictured(study, turn),
+        form=plain_form(rng),
+        words="mirrored|upside down|exchanged|turned",
+        detail=f"{how} exchanged",
+    )
+
+
+EXCHANGES = {
+    "the objects": (2, 3, 0, 1),
+    "x and y of the light mass": (1, 0, 2, 3),
+    "x and y of the heavy mass": (0, 1, 3, 2),
+    "x of both": (2, 1, 0, 3),
+    "y of both": (0, 3, 2, 1),
+}
+
+
+def exchanged_columns(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    which = pick(rng, [*EXCHANGES, "time and x of the light mass", "time and y of the heavy mass"])
+    words = "exchanged|tracks|column|turned|heavy mass's motion|times that grow"
+    if which in EXCHANGES:
+        order = list(EXCHANGES[which])
+        films = tuple(dataclasses.replace(film, written=film.written[:, order]) for film in study.films)
+        return Faulty(films=films, form=plain_form(rng), words=words, detail=f"{which} exchanged")
+    names = ["t", "light_x", "light_y", "heavy_x", "heavy_y"]
+    at = 1 if "light" in which else 4
+    names[0], names[at] = names[at], names[0]
+    # Under the names that the table has, the times are the values of another column
+    return Faulty(films=study.films, form=PLAIN, names=tuple(names), words=words, detail=f"{which} exchanged")
+
+
+# ------------------------------------------------------------------------------------------------- forms
+
+
+def _form_fault(rng: np.random.Generator, study: CleanStudy, form: Form, detail: str, words: str = ANY_REFUSAL) -> Faulty:
+    return Faulty(
+        films=study.films, form=form, words=words, entry=_stated_rate(rng, study), detail=f"{detail}: {form_text(form)}",
+        is_form=True, clock_offset=0.5 * 10.0**-form.time_decimals,
+    )  # fmt: skip
+
+
+def form_text(form: Form) -> str:
+    """Return how a form differs from the plain one."""
+    changes = {f.name: getattr(form, f.name) for f in dataclasses.fields(form)}
+    return ", ".join(f"{name}={value!r}" for name, value in changes.items() if value != getattr(PLAIN, name)) or "plain"
+
+
+def _names(rng: np.random.Generator, **more: object) -> Form:
+    """Return a form with names of any kind."""
+    form = Form(names=pick(rng, list(NAMES)), objects=pick(rng, OBJECTS), time_name=pick(rng, TIMES))
+    return dataclasses.replace(form, **more)  # type: ignore[arg-type]
+
+
+def _units(rng: np.random.Generator) -> dict[str, object]:
+    return {
+        "units": pick(rng, list(UNIT_STYLES)), "length": pick(rng, ("m", "cm", "mm")), "time": pick(rng, ("s", "s", "ms")),
+    }  # fmt: skip
+
+
+def any_names(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    return _form_fault(rng, study, _names(rng, heavy_first=bool(rng.random() < 0.3)), "names")
+
+
+def any_units(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    return _form_fault(rng, study, _names(rng, **_units(rng)), "units")
+
+
+def programs_words(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    return _form_fault(rng, study, _names(rng, **_units(rng), around=pick(rng, list(AROUND)[1:])), "words around names")
+
+
+def index_column(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    return _form_fault(rng, study, _names(rng, index=pick(rng, INDICES)), "index column")
+
+
+def time_anywhere(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    return _form_fault(rng, study, _names(rng, **_units(rng), time_place=int(rng.integers(1, 5))), "time elsewhere")
+
+
+def separator_line(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    delimiter = pick(rng, (",", ";", "\t", "|"))
+    comma = bool(rng.random() < 0.5)
+    form = _names(rng, separator_line=True, delimiter=delimiter, decimal_comma=comma, quoted=pick(rng, ("", "names", "all")))
+    return _form_fault(rng, study, form, "sep line")
+
+
+def quotes(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    form = _names(rng, quoted=pick(rng, ("names", "all")), delimiter=pick(rng, DELIMITERS), **_units(rng))
+    return _form_fault(rng, study, form, "quotes")
+
+
+def encodings(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    form = _names(rng, encoding=pick(rng, ENCODINGS), newline=pick(rng, ("\n", "\r\n", "\r")))
+    return _form_fault(rng, study, form, "encoding")
+
+
+def decimal_commas(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    form = _names(
+        rng,
+        decimal_comma=True,
+        delimiter=pick(rng, DELIMITERS),
+        number=pick(rng, ("fixed", "short", "exponent")),
+        **_units(rng),
+    )
+    return _form_fault(rng, study, form, "decimal commas")
+
+
+def comments(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    form = _names(rng, comments=pick(rng, COMMENTS), delimiter=pick(rng, DELIMITERS), newline=pick(rng, ("\n", "\r\n")))
+    return _form_fault(rng, study, form, "comments")
+
+
+def settings(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    form = _names(
+        rng, settings=pick(rng, ("own row", "first row")), units=pick(rng, ("[m]", "(m)")), quoted=pick(rng, ("", "all")),
+        delimiter=pick(rng, (",", ";", "\t")), decimal_comma=bool(rng.random() < 0.5),
+        velocities=pick(rng, ("", "empty", "filled")),
+    )  # fmt: skip
+    return _form_fault(rng, study, form, "settings in the table")
+
+
+def second_tables(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    layout = pick(rng, ("each object beside", "force beside", "each object below", "statistics below", "second run below"))
+    form = _names(rng, layout=layout, delimiter=pick(rng, (",", ";", "\t")), units=pick(rng, ("", "(m)", "[m]")))
+    return _form_fault(rng, study, form, "second table")
+
+
+def long_tables(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    layout = pick(rng, ("long by frame", "long by object", "long with frames"))
+    objects = pick(rng, (*OBJECTS, ("0", "1"), ("1", "2")))
+    form = Form(layout=layout, objects=objects, units=pick(rng, ("", "(m)")), heavy_first=bool(rng.random() < 0.3))
+    return _form_fault(rng, study, form, "long table")
+
+
+def no_value(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    form = _names(rng, missing=pick(rng, MISSING), delimiter=pick(rng, DELIMITERS))
+    return _form_fault(rng, study, form, "no value")
+
+
+def short_rows(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    delimiter = pick(rng, (",", ";", "\t"))
+    form = _names(rng, layout="short rows", delimiter=delimiter, decimal_comma=bool(delimiter != "," and rng.random() < 0.5))
+    return _form_fault(rng, study, form, "short rows")
+
+
+def no_names(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    form = Form(layout="no names", delimiter=pick(rng, DELIMITERS), missing=pick(rng, ("", "nan")))
+    return _form_fault(rng, study, form, "no names")
+
+
+def contradicting_names(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    right = ("t", "light_x", "light_y", "heavy_x", "heavy_y")
+    wrong = {
+        "names moved by one column": ("heavy_y", "t", "light_x", "light_y", "heavy_x"),
+        "frame over times": ("frame", *right[1:]),
+        "x over times, no time": ("light_x", "light_y", "t", "heavy_x", "heavy_y"),
+        "cm over metres": ("t", *(f"{n} [cm]" for n in right[1:])),
+        "mm over metres": ("t", *(f"{n} (mm)" for n in right[1:])),
+        "inch over metres": ("t", *(f"{n}/inch" for n in right[1:])),
+        "velocity over positions": ("t", "light_vx", "light_vy", "heavy_vx", "heavy_vy"),
+    }
+    which = pick(rng, list(wrong))
+    return Faulty(
+        films=study.films, form=PLAIN, names=wrong[which], words="column|frame|units|times that grow|needed positions",
+        detail=which, is_form=True,
+    )  # fmt: skip
+
+
+def any_form(rng: np.random.Generator, study: CleanStudy) -> Faulty:
+    """Many of these at once."""
+    delimiter = pick(rng, DELIMITERS)
+    sure = delimiter != " "
+    form = _names(
+        rng, delimiter=delimiter, **_units(rng), around=pick(rng, ("", "", *AROUND)), quoted=pick(rng, ("", "names", "all")),
+        encoding=pick(rng, ENCODINGS), newline=pick(rng, ("\n", "\r\n")), separator_line=bool(sure and rng.random() < 0.2),
+        decimal_comma=bool(rng.random() < 0.4), comments=pick(rng, ((), (), *COMMENTS)), missing=pick(rng, ("", *MISSING)),
+        index=pick(rng, (None, None, None, *INDICES)), time_place=int(pick(rng, (0, 0, 0, 1, 2, 4))),
+        heavy_first=bool(rng.random() < 0.3), velocities=pick(rng, ("", "", "empty", "filled")),
+        number=pick(rng, ("fixed", "short", "exponent")), settings=pick(rng, ("", "", "", "", "own row")),
+    )  # fmt: skip
+    return _form_fault(rng, study, form, "many at once")
+
+
+KINDS: dict[str, Put] = {
+    "rounded times": rounded_times,
+    "rounded points": rounded_points,
+    "few digits": few_digits,
+    "every picture repeated": every_picture_repeated,
+    "pulled down": pulled_down,
+    "pictures repeated once": pictures_repeated_once,
+    "pictures lost": pictures_lost,
+    "rows missing": rows_missing,
+    "uneven in turn": uneven_in_turn,
+    "uneven at random": uneven_at_random,
+    "times of a recorder": times_of_a_recorder,
+    "true uneven times": true_uneven_times,
+    "slow in the middle": slow_in_the_middle,
+    "turned": turned,
+    "mirrored": mirrored,
+    "late rows": late_rows,
+    "wrong unit of time": wrong_unit_of_time,
+    "exchanged columns": exchanged_columns,
+    "form: names": any_names,
+    "form: units": any_units,
+    "form: program's words": programs_words,
+    "form: index": index_column,
+    "form: time": time_anywhere,
+    "form: sep line": separator_line,
+    "form: quotes": quotes,
+    "form: encoding": encodings,
+    "form: decimal commas": decimal_commas,
+    "form: comments": comments,
+    "form: settings": settings,
+    "form: second table": second_tables,
+    "form: long table": long_tables,
+    "form: no value": no_value,
+    "form: short rows": short_rows,
+    "form: no names": no_names,
+    "form: contradiction": contradicting_names,
+    "form: many at once": any_form,
+}
+"""Name of each kind of fault -> the function that puts one into a study."""
+NONE = "none"
+"""Name of the kind that leaves a study as it is."""
