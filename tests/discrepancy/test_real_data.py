@@ -53,7 +53,7 @@ def falling(folder, ball):
             "apparatus": {"heavy": {"mass": f"{BALLS[ball][0] * OUNCE} kg"}},
             "effects": {"gravity": "9.81 m/s^2 +/- 0.01 m/s^2"},
             "trials": [
-                {"name": f"drop_{i}", "file": file, "drop": i, "dropped": "heavy", "held_out": i == 2,
+                {"name": f"drop_{i}", "file": file, "run": str(i), "dropped": "heavy", "held_out": i == 2,
                  "release": {"kind": "drop"}, "camera": dict(camera)}
                 for i in (1, 2)
             ],

@@ -63,7 +63,8 @@ def judge_all(groups: list[list[Task]], jobs: int) -> Iterator[list[Judgement]]:
 
 def _line(judgement: Judgement, folder: Path | str) -> str:
     also = " (also without the fault)" if judgement.also_without else ""
-    return f"{judgement.number} {judgement.kind}: {judgement.outcome}{also}; {judgement.detail}; {folder}"
+    took = f"{sum(judgement.seconds.values()):.1f} s"
+    return f"{judgement.number} {judgement.kind}: {judgement.outcome}{also}; {judgement.detail}; {took}; {folder}"
 
 
 def main(
@@ -112,7 +113,7 @@ def main(
     spent = Counter[str]()
     for j in judged:
         spent.update(j.seconds)
-    typer.echo("seconds a study: " + ", ".join(f"{name} {total / len(judged):.2f}" for name, total in spent.items()))
+    typer.echo("processor seconds a study: " + ", ".join(f"{name} {total / len(judged):.2f}" for name, total in spent.items()))
     if failed:
         typer.echo(f"the failing studies are in {folder}")
     raise typer.Exit(1 if failed else 0)

@@ -116,7 +116,7 @@ def clean_study(seed: int) -> CleanStudy:
     rng = np.random.default_rng([seed, 1])
     apparatus = seed % APPARATUS
     case, trials = _apparatus(apparatus)
-    count = int(rng.choice([1, 2, 3], p=[0.2, 0.6, 0.2]))
+    count = int(rng.choice([1, 2, 3], p=[0.5, 0.4, 0.1]))
     rate = float(rng.choice(RATES))
     camera = Camera(
         frame_rate=rate,

@@ -29,6 +29,8 @@ MIN_SIGMAS = 5.0
 """Standard errors by which the duration of a single step, or that at a place of a pattern, must differ from the mean."""
 COPY, LOST = 0.35, 1.7
 """Duration of a step below which a picture is stored again, and above which pictures are lost before it."""
+MIN_ALONG = 0.95
+"""Smallest cosine of the angle between a long way and those around it: a tracker that slips goes another way than the mass."""
 REST = 0.15
 """Duration of a step below which both masses rest, whatever the steps around are, and twice its largest error."""
 MAX_USUAL = 0.2
@@ -86,7 +88,10 @@ def clock_faults(channels: Sequence[Channel]) -> list[str]:
     rests[1:-1] &= (usual.ratio[:-2] > 0.5) & (usual.ratio[2:] > 0.5)
     copied = rests & ({c.name.partition("_")[0] for c in channels} >= {"light", "heavy"})
     for jump, what in (
-        (usual.ratio > LOST, "the masses move as far as in {} steps, so that pictures are lost there"),
+        (
+            (usual.ratio > LOST) & (usual.along > MIN_ALONG),
+            "the masses move as far as in {} steps, so that pictures are lost there",
+        ),
         (usual.ratio < COPY, "the masses do not move, so that a picture is stored again there"),
     ):
         clear = np.abs(usual.ratio - 1) > MIN_SIGMAS * widening * usual.error
@@ -114,6 +119,8 @@ class _Durations:
     """Durations, in what they should be by the times, shape (n - 1,); not a number where the motion does not show them."""
     error: Array
     """Standard error of each by the noise, shape (n - 1,)."""
+    along: Array
+    """Cosine of the angle between each way and the mean of those around it, shape (n - 1,)."""
 
     def number_of(self, t: Array) -> NDArray[np.intp]:
         """Return the number of the frame at each time, from the first row."""
@@ -214,11 +221,15 @@ def _durations(channels: Sequence[Channel], window: int, typical: Callable[..., 
     own[~shown] = 1.0
     ratio, error = np.full(len(speed), np.nan), np.full(len(speed), np.inf)
     ratio[inner] = np.where(shown, speed[inner] / own, np.nan)
+    along = np.full(len(speed), np.nan)
+    mean_way = np.nanmean(np.where(shown[:, None, None], way[inner[:, None] + around], 0.0), axis=1)
+    lengths = np.linalg.norm(way[inner], axis=1) * np.linalg.norm(mean_way, axis=1)
+    along[inner] = np.where(shown, np.sum(way[inner] * mean_way, axis=1) / np.maximum(lengths, 1e-300), np.nan)
     step = float(np.median(time))
     # By the usual step where a longer one is a gap, over which noise makes a way no longer
     scale = _noise(moving, way) / (own * np.minimum(time[inner], step))
     error[inner] = np.where(shown, np.sqrt(2) * scale, np.inf)
-    return _Durations(t=t, step=step, ratio=ratio, error=error)
+    return _Durations(t=t, step=step, ratio=ratio, error=error, along=along)
 
 
 def _noise(channels: Sequence[Channel], ways: Array) -> float:

@@ -14,9 +14,10 @@ from collections.abc import Iterable, Sequence
 
 from looping_pendulum.discrepancy.data.observations import DataError, ImplausibleLengthError, Observations
 from looping_pendulum.discrepancy.data.study import Study, Trial, read_trial
+from looping_pendulum.discrepancy.first_look.clock_mistakes import CLEAR_SHIFT_RATIO, row_shift
 from looping_pendulum.discrepancy.first_look.declared_trial import declared_trial
 from looping_pendulum.discrepancy.first_look.misfit import FittedMisfit, measured_distance
-from looping_pendulum.discrepancy.first_look.mistakes import LENGTHS, is_left_open
+from looping_pendulum.discrepancy.first_look.mistakes import LENGTHS, SAME_ROWS, is_left_open
 from looping_pendulum.discrepancy.first_look.plausible import implausible_values
 from looping_pendulum.discrepancy.first_look.result import DeclarationCheck, NamedMistake, TrialCheck
 from looping_pendulum.discrepancy.first_look.trial_search import (
@@ -155,6 +156,11 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
     misplaced = [s for s in searches if s.name not in mended and _origin_is_wrong(s)]
     if misplaced:
         mistakes.append(_origin_mistake(misplaced))
+    for search in searches:
+        shift = row_shift(search.declared, CLEAR_SHIFT_RATIO) if search.name not in mended and search.is_near else None
+        if shift:
+            text = f"{_where([search.name])}: found {shift.text}; needed {SAME_ROWS}"
+            mistakes.append(NamedMistake(trials=(search.name,), names=("rows shifted",), keys="", text=text))
     return tuple(mistakes)
 
 

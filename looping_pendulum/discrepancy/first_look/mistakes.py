@@ -294,12 +294,13 @@ CLOCK_CHANGES = tuple(
     )
     for candidate in range(MAX_CLOCK_CANDIDATES)
 )
+SAME_ROWS = "each row to show both masses at one time; correct the rows of these columns"
 ROWS_SHIFTED = Mistake(
     name="rows shifted",
     undo=with_rows_together,
     found=lambda undone: shift.text if (shift := row_shift(undone.declared)) else "",
     keys=lambda undone: "",
-    way_out=lambda undone: "each row to show both masses at one time; correct the rows of these columns",
+    way_out=lambda undone: SAME_ROWS,
 )
 TRACKS_EXCHANGED = Mistake(
     name="tracks exchanged",

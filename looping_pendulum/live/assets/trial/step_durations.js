@@ -7,14 +7,14 @@ import { text } from "../texts.js";
 import { at, largest, percentile, rounded, scatter, spanOf, steps, where } from "./arrays.js";
 import { count } from "./clock.js";
 import { inSentence } from "./messages.js";
-import { mean, median, range, robustDeviation } from "./statistics.js";
+import { dot, mean, median, range, robustDeviation } from "./statistics.js";
 
 /** @typedef {import("./clock.js").Channel} Channel */
 /** @typedef {import("./clock.js").Notes} Notes */
 /**
  * Times of the rows, the time from row to row, and of each step its duration in what it should be by the times (not a number where
- * the motion does not show it) and the standard error of that.
- * @typedef {{t: number[], step: number, ratio: number[], error: number[]}} Durations
+ * the motion does not show it), the standard error of that, and the cosine of the angle between its way and the mean of those around.
+ * @typedef {{t: number[], step: number, ratio: number[], error: number[], along: number[]}} Durations
  */
 
 /** Numbers of steps before and after a step with which it is compared. */
@@ -29,6 +29,8 @@ const MIN_SIGMAS = 5;
 const [COPY, LOST] = [0.35, 1.7];
 /** Duration of a step below which both masses rest, whatever the steps around are, and twice its largest error. */
 const REST = 0.15;
+/** Smallest cosine of the angle between a long way and those around it: a tracker that slips goes another way than the mass. */
+const MIN_ALONG = 0.95;
 /** Largest distance from 1 of the durations of the steps beside such a one: where masses turn fast, all are uneven. */
 const MAX_USUAL = 0.2;
 /** Longest pattern of repeated or uneven frames. */
@@ -81,7 +83,7 @@ function withoutPattern(channels, durations, pattern, notes) {
 export function clockFaults(channels) {
   const [durations, usual] = [mean, median].map((typical) => durationsOf(channels, WINDOWS[0], typical));
   if (!durations || !usual) return [];
-  const { t, ratio, error } = usual;
+  const { t, ratio, error, along } = usual;
   const distance = ratio.map((one) => Math.abs(one - 1));
   // Points of fast masses scatter more than others
   const scores = where(error, (one) => one < MAX_ERROR).map((i) => distance[i] / error[i]);
@@ -94,10 +96,10 @@ export function clockFaults(channels) {
   });
   const faults = [];
   for (const [key, isJump] of /** @type {const} */ ([
-    ["fault.lost", (/** @type {number} */ duration) => duration > LOST],
-    ["fault.repeated", (/** @type {number} */ duration) => duration < COPY],
+    ["fault.lost", (/** @type {number} */ i) => ratio[i] > LOST && along[i] > MIN_ALONG],
+    ["fault.repeated", (/** @type {number} */ i) => ratio[i] < COPY],
   ])) {
-    const jumps = where(ratio, (r, i) => isJump(r) && distance[i] > least * error[i] && alone[i]);
+    const jumps = where(ratio, (_, i) => isJump(i) && distance[i] > least * error[i] && alone[i]);
     if (!jumps.length) continue;
     const shown = at(t, jumps.slice(0, MAX_SHOWN)).map((time) => `${inSentence(time, 4)} s`).join(", ");
     const times = jumps.length > MAX_SHOWN ? text("fault.more", { shown, count: jumps.length - MAX_SHOWN }) : shown;
@@ -196,12 +198,15 @@ function durationsOf(channels, window, typical = mean) {
   const speed = time.map((one, i) => Math.sqrt(ways.reduce((sum, way) => sum + way[i] ** 2, 0)) / one);
   const noise = noiseOf(moving, ways.flat());
   const step = median(time);
-  const durations = { t, step, ratio: time.map(() => NaN), error: time.map(() => Infinity) };
+  const durations = { t, step, ratio: time.map(() => NaN), error: time.map(() => Infinity), along: time.map(() => NaN) };
   for (let i = window; i < time.length - window; i++) {
     const others = [...speed.slice(i - window, i), ...speed.slice(i + 1, i + window + 1)].filter(Number.isFinite);
     const own = others.length > window ? typical(others) : 0;
     if (!Number.isFinite(speed[i]) || !(own > 0)) continue;
     durations.ratio[i] = speed[i] / own;
+    const around = ways.map((way) => mean([...way.slice(i - window, i), ...way.slice(i + 1, i + window + 1)].filter(Number.isFinite)));
+    const here = ways.map((way) => way[i]);
+    durations.along[i] = dot(here, around) / Math.max(Math.sqrt(dot(here, here)) * Math.sqrt(dot(around, around)), 1e-300);
     // By the usual step where a longer one is a gap, over which noise makes a way no longer
     durations.error[i] = (Math.SQRT2 * noise) / (own * Math.min(time[i], step));
   }
