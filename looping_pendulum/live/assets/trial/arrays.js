@@ -51,7 +51,8 @@ export function scatter({ t, value }) {
   const longest = MAX_WINDOW_RATIO * median(lengths);
   const whole = where(lengths, (length) => length < longest);
   const differences = whole.map((i) => difference(t.slice(i, i + ORDER + 1), value.slice(i, i + ORDER + 1)));
-  return Math.max(robustDeviation(differences), MIN_SCALE);
+  // Times that are nearly one give no number
+  return Math.max(robustDeviation(differences.filter(Number.isFinite)), MIN_SCALE);
 }
 
 /** Divided difference of some points, scaled so that white noise of variance 1 gives variance 1.
