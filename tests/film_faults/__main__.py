@@ -8,6 +8,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Annotated
 
@@ -57,8 +58,10 @@ def judge_all(groups: list[list[Task]], jobs: int) -> Iterator[list[Judgement]]:
     if jobs == 1:
         yield from map(judge_group, groups)
         return
-    with multiprocessing.get_context("spawn").Pool(jobs) as pool:
-        yield from pool.imap_unordered(judge_group, groups)
+    # Not multiprocessing.Pool, which waits for ever for a worker that was killed
+    with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(judge_group, group) for group in groups]):
+            yield future.result()
 
 
 def _line(judgement: Judgement, folder: Path | str) -> str:

@@ -530,7 +530,7 @@ def contradicting_names(rng: np.random.Generator, study: CleanStudy) -> Faulty:
     }
     which = pick(rng, list(wrong))
     return Faulty(
-        films=study.films, form=PLAIN, names=wrong[which], words="column|frame|units|times that grow|needed positions",
+        films=study.films, form=PLAIN, names=wrong[which], words="column|frame|unit|times that grow|needed positions",
         detail=which, is_form=True,
     )  # fmt: skip
 

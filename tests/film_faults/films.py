@@ -124,7 +124,7 @@ def clean_study(seed: int) -> CleanStudy:
         missing=float(rng.choice([0.0, 0.02, 0.05])),
         bursts=int(rng.integers(0, 3)) if rate > 60 else 0,
     )
-    films = []
+    films: list[Film] = []
     for trial in (trials[0], trials[2], trials[1])[:count]:
         # Of two or three trials, the second one is held out
         trial = dataclasses.replace(trial, held_out=len(films) == 1)

@@ -333,7 +333,7 @@ def _long(film: Film, form: Form, order: Sequence[int], times: Sequence[str], po
 
 
 def _frames(film: Film) -> list[int]:
-    return np.round(np.nanmin(film.taken, axis=1) * film.rate).astype(int).tolist()
+    return [round(t * film.rate) for t in np.nanmin(film.taken, axis=1)]
 
 
 def _of_one(film: Film, form: Form, i: int, times: Sequence[str], points: Sequence[Sequence[str]]) -> Block:

@@ -41,6 +41,8 @@ MAX_FOLLOWED = 4
 """Largest number of refusals of one trial whose way out is followed."""
 FORMS_IDENTIFIED = 4
 """One in so many studies of which the form alone is another one is identified: its points are those of the clean study."""
+IDENTIFY_LIMIT = 60.0
+"""Longest search [s]: that for an unlisted force, in a fault that nobody named, takes minutes."""
 USUAL_ASSUMPTION = "lengths without a unit taken in "
 """What is said of every table without units."""
 _KEYS = re.compile(r"'((?:tracks|units|run|frame_rate|clip_rate|mirrored|camera|release|light|heavy|rod): ?[^']*)'")
@@ -348,7 +350,7 @@ def _matched(t: Array, value: Array, taken: Array, points: Array, error: float) 
 def _identified(study: CleanStudy, path: Path, result: dict[str, Any]) -> dict[str, Any]:
     """Return the verdict on a study in which nothing looks wrong, and a failure if anything is added."""
     verdict, names = _verdict(path)
-    if verdict in ("", Verdict.NO_MISSING_EFFECT, Verdict.UNEXPLAINED):
+    if verdict in ("", Verdict.NO_MISSING_EFFECT, Verdict.UNEXPLAINED, Verdict.INTERRUPTED):
         return {"verdict": verdict or names}
     clean = write(study, Faulty(films=study.films), path.parent / "without")
     without, _ = _verdict(clean)
@@ -363,7 +365,7 @@ def _identified(study: CleanStudy, path: Path, result: dict[str, Any]) -> dict[s
 def _verdict(path: Path) -> tuple[str, str]:
     """Return verdict and names of what was added; an empty one and the reason if the study is refused."""
     try:
-        found = identify(study_io.load(path), workers=1)
+        found = identify(study_io.load(path), workers=1, time_limit=IDENTIFY_LIMIT)
     except HarnessError as error:
         return "", f"refused: {error}"
     tied = " or ".join("+".join(e.name for e in tie) for tie in found.ties)
