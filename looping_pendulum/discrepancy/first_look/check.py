@@ -157,7 +157,7 @@ def _named(searches: Sequence[TrialSearch]) -> tuple[NamedMistake, ...]:
     if misplaced:
         mistakes.append(_origin_mistake(misplaced))
     for search in searches:
-        shift = row_shift(search.declared, CLEAR_SHIFT_RATIO) if search.name not in mended and search.is_near else None
+        shift = row_shift(search.declared, CLEAR_SHIFT_RATIO) if search.name not in mended else None
         if shift:
             text = f"{_where([search.name])}: found {shift.text}; needed {SAME_ROWS}"
             mistakes.append(NamedMistake(trials=(search.name,), names=("rows shifted",), keys="", text=text))

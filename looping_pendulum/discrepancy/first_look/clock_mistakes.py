@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from looping_pendulum.discrepancy.data.camera import Camera
+from looping_pendulum.discrepancy.data.noise import scatter
 from looping_pendulum.discrepancy.data.observations import Channel
 from looping_pendulum.discrepancy.first_look.declared_trial import DeclaredTrial
 from looping_pendulum.reference_ode.geometry import Array, string_coordinates
@@ -142,15 +144,15 @@ def row_shift(declared: DeclaredTrial, least_ratio: float = 1.0) -> RowShift | N
     channels = {c.name: c for c in declared.observations.channels}
     if not {"light_x", "light_y", "heavy_y"} <= channels.keys() or min(map(len, channels.values())) < 4 * SPEED_STEPS:
         return None
-    before = _string_misfit(declared)
+    before, noise = _string_misfit(declared), _string_noise(channels)
     best, least = None, math.inf
     limit = min(MAX_SHIFT, len(channels["light_x"]) // 10)
     for columns, usual_ratio in MIN_SHIFT_RATIOS.items():
         shifts = [RowShift(columns=columns, rows=n) for n in range(-limit, limit + 1)]
         misfits = [before if not s.rows else _string_misfit(_shifted(declared, s)) for s in shifts]
         at = int(np.argmin(misfits))
-        # At the ends, fewest rows are compared
-        clear = before > max(usual_ratio, least_ratio) * misfits[at]
+        # Far shifts leave few rows, which the terms of the picture fit better than their noise allows
+        clear = before > max(usual_ratio, least_ratio) * max(misfits[at], noise)
         if shifts[at].rows and 0 < at < len(shifts) - 1 and clear and misfits[at] < least:
             best, least = shifts[at], misfits[at]
     free_length = declared.study.parameters({}, declared.trial).free_length
@@ -167,6 +169,12 @@ def _shifted(declared: DeclaredTrial, shift: RowShift) -> DeclaredTrial:
         return dataclasses.replace(channel, t=channel.t - shift.rows * channel.time_step) if is_shifted else channel
 
     return declared.with_channels(earlier)
+
+
+def _string_noise(channels: Mapping[str, Channel]) -> float:
+    """Return the mean square by which noise alone makes the string's two ends differ [m^2]."""
+    x, y, heavy = (scatter(channels[name]) ** 2 for name in ("light_x", "light_y", "heavy_y"))
+    return (x + y) / 2 + heavy
 
 
 def _string_misfit(declared: DeclaredTrial) -> float:
